@@ -9,6 +9,7 @@ Usage: .venv/bin/python tools/mujoco_robot.py collect --policy policy.onnx --rob
 """
 
 import argparse
+import dataclasses
 import difflib
 import json
 import math
@@ -20,6 +21,7 @@ import tomllib
 import mujoco
 import numpy as np
 
+from mujoco_effects import Effects
 from mujoco_sim import (
     COMMAND, LOG_SHIFT, Group, Policy, Refused, World, check, estimate, groups, parallel, random_commands, share, show,
     stream, trials,
@@ -29,8 +31,10 @@ TIMESTEP = 0.001
 # Drift trials: time of standing before and after a command, and of the command, s.
 STAND, HOLD = 1.0, 4.0
 KEYS = {"model": str, "timestep": float, "delay": float, "torque_noise": float, "strength": float, "friction": float,
-        "frictionloss": dict, "armature": dict, "damping": dict, "spring": list, "payload": dict}
+        "frictionloss": dict, "armature": dict, "damping": dict, "spring": list, "payload": dict, "effects": dict}
 PAYLOAD = {"mass": float, "x": float, "y": float, "z": float}
+EFFECT_TABLES = ("backlash", "elasticity", "load_friction", "stiction")
+EFFECT_LISTS = ("imu_tilt", "gyro_bias")
 SPRING = {"joint": str, "stiffness": float, "angle": float}
 
 
@@ -67,7 +71,12 @@ def read_robot(policy, path, seed):
         if spring["stiffness"] < 0:
             raise Refused(f"{path}: a spring's stiffness is {spring['stiffness']}; it cannot be negative")
         springs.append((spring["joint"], spring["stiffness"], spring["angle"]))
-    rest = {key: value for key, value in table.items() if key not in ("model", "spring", "payload")}
+    rest = {key: value for key, value in table.items() if key not in ("model", "spring", "payload", "effects")}
+    kinds = {field.name: (dict if field.name in EFFECT_TABLES else list if field.name in EFFECT_LISTS else float)
+             for field in dataclasses.fields(Effects)}
+    rest["effects"] = Effects(**typed(table.get("effects", {}), kinds, f"{path}: [effects]"))
+    if why := rest["effects"].check():
+        raise Refused(f"{path}: [effects]: {why}")
     if payload := typed(table.get("payload", {}), PAYLOAD, f"{path}: [payload]"):
         if not payload.get("mass", 0.0) > 0:
             raise Refused(f"{path}: [payload] needs a mass above 0, kg, and its place in the base's frame: x, y, z, m")
@@ -78,18 +87,13 @@ def read_robot(policy, path, seed):
     return World(policy, springs=tuple(springs), seed=seed, **({"timestep": TIMESTEP} | model | rest))
 
 
-def imu(data):
-    """Orientation, wxyz, and rates in the body frame, rad/s."""
-    return np.concatenate([data.qpos[3:7], data.qvel[3:6]])
-
-
 IMU = ["base_quat_w", "base_quat_x", "base_quat_y", "base_quat_z", "wx", "wy", "wz"]
 PLACE = [f"base_{what}_{axis}" for what in ("pos", "vel") for axis in "xyz"]
 # What a log says of the base: columns and their values.
 BASE = {
-    "none": ([], lambda data: []),
-    "imu": (IMU, imu),
-    "all": (IMU + PLACE, lambda data: np.concatenate([imu(data), data.qpos[:3], data.qvel[:3]])),
+    "none": ([], lambda data, feelings: []),
+    "imu": (IMU, lambda data, feelings: feelings.imu(data)),
+    "all": (IMU + PLACE, lambda data, feelings: np.concatenate([feelings.imu(data), data.qpos[:3], data.qvel[:3]])),
 }
 
 
@@ -137,8 +141,9 @@ def record(job):
             commands = np.stack([now(played[number], step * policy.dt) for number in numbers])
         elif step % hold == 0:
             commands = np.stack([draw_command(policy.command, rng) for rng in draws])
-        seen = [np.concatenate([data.qpos[robot.position], data.qvel[robot.velocity]]) for data in group.data]
-        bases = [BASE[base][1](data) for data in group.data]
+        pairs = list(zip(group.feelings, group.data))
+        seen = [np.concatenate([feelings.positions(data), feelings.velocities(data)]) for feelings, data in pairs]
+        bases = [BASE[base][1](data, feelings) for feelings, data in pairs]
         for index in group.step(commands):
             if begins[index] <= step < begins[index] + steps:
                 sent = group.sent[0][index], group.actions[index], commands[index], bases[index]

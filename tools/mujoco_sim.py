@@ -21,6 +21,8 @@ import mujoco
 import numpy as np
 import onnxruntime
 
+from mujoco_effects import Effects, Feelings
+
 GO2 = pathlib.Path(__file__).parent.parent / "assets/go2.xml"
 DIVERGED = [mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC]
 # What random numbers are for; each trajectory has its own stream for each.
@@ -64,6 +66,7 @@ class World:
     height: float | None = None  # of the base at the start, m; else the feet hang `clearance` above the ground
     clearance: float = 0.002  # m
     joint_noise: float = 0.0  # half range of the starting joint angles, rad
+    effects: Effects = dataclasses.field(default_factory=Effects)  # what simulators lack
     fall: dict = dataclasses.field(default_factory=dict)  # replaces parts of the task's rule
     seed: int = 0
 
@@ -198,8 +201,10 @@ class Robot:
             for geom in spec.geoms:
                 ground = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
                 geom.contype, geom.conaffinity = (1, 0) if ground else (0, int(bool(geom.contype or geom.conaffinity)))
+        world.effects.build(spec, hinges)
         undecorate(spec)
         self.model = model = spec.compile()
+        world.effects.ground(model)
         model.opt.timestep = world.timestep
         # Files made for MJX ask for one step of the solver, which leaves friction far from what it should be.
         model.opt.iterations, model.opt.ls_iterations, model.opt.tolerance = 100, 50, 1e-12
@@ -306,6 +311,9 @@ class Group:
         self.world, self.policy = world, Policy(world.policy)
         self.robot = Robot(world, self.policy)
         self.data = [self.robot.start(world, self.policy, number) for number in numbers]
+        robot = self.robot
+        places = robot.position, robot.velocity, robot.motors, self.policy.joints
+        self.feelings = [Feelings(world.effects, robot.model, *places) for _ in numbers]
         self.noise = [stream(world.seed, TORQUE_NOISE, number) for number in numbers]
         self.fallen, self.diverged = np.zeros(len(numbers), bool), np.zeros(len(numbers), bool)
         self.actions = np.zeros((len(numbers), len(self.policy.joints)))
@@ -328,7 +336,7 @@ class Group:
 
     def _frame(self, commands):
         """The present frame: rows of the interface's terms, scaled, term by term."""
-        rows = [self._observe(*each) for each in zip(self.data, commands, self.actions)]
+        rows = [self._observe(*each) for each in zip(self.data, commands, self.actions, self.feelings)]
         return [np.stack(column).astype(np.float32) for column in zip(*rows)]
 
     def _with_past(self, frame):
@@ -344,16 +352,18 @@ class Group:
             parts = [part for each in (ordered if history["order"] == "frames" else ordered[::-1]) for part in each]
         return np.concatenate(parts, axis=1)
 
-    def _observe(self, data, command, action):
-        robot, interface = self.robot, self.policy.interface
-        rotation = data.xmat[1].reshape(3, 3)
+    def _observe(self, data, command, action, feelings):
+        interface = self.policy.interface
+        imu, rotation = feelings.imu(data), np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, imu[:4])
+        rotation = rotation.reshape(3, 3)
         phase = 2 * math.pi * self.periods * self.policy.dt * (interface.get("gait_frequency") or 0.0)
         quantities = {
-            "base_angular_velocity": lambda: data.qvel[3:6],
+            "base_angular_velocity": lambda: imu[4:],
             "projected_gravity": lambda: -rotation[2],
             "command": lambda: command,
-            "joint_position": lambda: data.qpos[robot.position] - self.policy.pose,
-            "joint_velocity": lambda: data.qvel[robot.velocity],
+            "joint_position": lambda: feelings.positions(data) - self.policy.pose,
+            "joint_velocity": lambda: feelings.velocities(data),
             "last_action": lambda: action,
             "base_linear_velocity": lambda: rotation.T @ data.qvel[:3],
             "gait_phase": lambda: (math.sin(phase), math.cos(phase)),
@@ -391,13 +401,16 @@ class Group:
         robot, data, sigma = self.robot, self.data[index], self.world.torque_noise
         data.ctrl[robot.motors] = targets
         data.ctrl[robot.held_motors] = robot.held_pose
-        if sigma == 0.0:
+        feelings = self.feelings[index]
+        if sigma == 0.0 and not self.world.effects.at_every_step:
             mujoco.mj_step(robot.model, data, steps)
             return
         # Beside the motors, so outside their limits.
         for torques in self.noise[index].normal(0.0, sigma, (steps, len(robot.velocity))):
             data.qfrc_applied[robot.velocity] = torques
+            feelings.before(data)
             mujoco.mj_step(robot.model, data)
+            feelings.after(data)
 
     def velocity(self, index):
         """Forward and left, m/s, and yaw rate, rad/s."""

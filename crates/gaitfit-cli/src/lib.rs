@@ -75,6 +75,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Config(args) => commands::config::run(args),
         Command::Doctor(args) => commands::doctor::run(args),
         Command::Inspect(args) => commands::inspect::run(args),
+        Command::Explain(args) => commands::explain::run(args),
         Command::Import(args) => commands::import::run(args),
         Command::New(args) => commands::new::run(args),
         Command::Runs(args) => commands::runs::run(args),

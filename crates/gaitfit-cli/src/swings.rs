@@ -1,6 +1,7 @@
 //! What logs say of joints and sensors without a simulation, as tables.
 
 use crate::table::table;
+use gaitfit::walk::explain::{self, Cause};
 use gaitfit::walk::swing::{Beside, Estimate, FrictionLaw, SwingFindings, SwingReport, prior_toml};
 use std::fmt::Write;
 
@@ -20,7 +21,25 @@ pub fn text(found: &SwingFindings, beside: &[Beside]) -> String {
         }
         (None, None) => {}
     }
+    let causes = explain::causes(found);
+    if !causes.is_empty() {
+        let _ = write!(text, "\n{}", self::causes(&causes));
+    }
     text.trim_end().to_owned()
+}
+
+/// What the robot has that its model lacks, one line a cause.
+pub fn causes(causes: &[Cause]) -> String {
+    if causes.is_empty() {
+        return "Nothing that gaitfit knows is missing in the model: joints, ground and sensors are as these logs show \
+                them.\n"
+            .to_owned();
+    }
+    let mut text = "The logs show what the model lacks, the weightiest first:\n".to_owned();
+    for (number, cause) in causes.iter().enumerate() {
+        let _ = writeln!(text, "{}. {}", number + 1, cause.text);
+    }
+    text
 }
 
 /// A value and its error with as many decimals as `decimals`, in `unit` times `scale`.

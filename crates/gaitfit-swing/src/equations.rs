@@ -38,6 +38,8 @@ pub(crate) struct Window {
     pub rates: [f64; 2],
     /// Position gain, N·m/rad.
     pub stiffness: f64,
+    /// Motor torque without the target's part, N·m.
+    pub motor: f64,
     /// How an error of the base's acceleration changes the torque, kg·m, world axes.
     pub lever: [f64; 3],
     /// Torque without the target's part, less what inertia and gravity need, N·m.
@@ -47,6 +49,11 @@ pub(crate) struct Window {
 }
 
 impl Window {
+    /// The target's part of the torque at a delay, in steps from the shortest one, N·m.
+    pub fn driven_at(&self, delay: f64) -> f64 {
+        self.torque(delay) - self.known
+    }
+
     /// The side of the equation that is known at a delay, in steps from the shortest one.
     pub fn torque(&self, delay: f64) -> f64 {
         let last = self.driven.len() - 1;
@@ -115,6 +122,7 @@ pub(crate) fn windows(
                     signs: [0.0; 2],
                     rates: [0.0; 2],
                     stiffness: kp,
+                    motor: 0.0,
                     lever: levers.of(centre)[joint],
                     known: 0.0,
                     driven: Vec::new(),
@@ -127,6 +135,7 @@ pub(crate) fn windows(
                     moves += weight * sign.abs();
                     window.signs[0] += weight * sign;
                     window.signs[1] += weight * walk.sign(joint, point, lead);
+                    window.motor += weight * (-kp * q - kd * dq);
                     window.rates[0] += weight * dq;
                     window.rates[1] -= change * dq;
                     window.known += weight * (-kp * q - kd * dq - needed.rest[index(point)])

@@ -43,6 +43,8 @@ pub struct Ground {
 /// The end of a limb at one moment.
 #[derive(Clone, Copy, Debug)]
 pub struct Foot {
+    /// Its body.
+    pub body: usize,
     /// Its lowest point, m, world axes, from the base's origin.
     pub point: Vec3,
     /// Velocity of the base's origin with which that point stands, m/s, world axes.
@@ -79,7 +81,8 @@ fn ends(model: &Model) -> Vec<(usize, Vec<usize>)> {
         .collect()
 }
 
-fn is_below(model: &Model, mut body: usize, ancestor: usize) -> bool {
+/// Whether `body` is `ancestor` or hangs on it.
+pub(crate) fn is_below(model: &Model, mut body: usize, ancestor: usize) -> bool {
     loop {
         if body == ancestor {
             return true;
@@ -144,6 +147,7 @@ impl Ground {
                     let force =
                         force(chain.iter().filter(|&&joint| walk.gains[joint][0].is_finite()).map(left));
                     Foot {
+                        body: *body,
                         point: lowest,
                         velocity: motion.link(*body).velocity_at(lowest).map(|x| -x),
                         force: force.map(|f| f / mass),

@@ -10,17 +10,20 @@
 //! inertial unit. Rates of 50 Hz do, higher ones are better.
 
 pub mod dynamics;
+mod effects;
 mod equations;
 mod error;
 mod estimate;
 mod feet;
 mod regression;
 mod report;
+mod stance;
 mod standing;
 mod together;
 mod torques;
 mod walk;
 
+pub use effects::{Effect, EffectKind, effects};
 pub use error::SwingError;
 pub use estimate::estimate;
 pub use feet::{Foot, Ground};

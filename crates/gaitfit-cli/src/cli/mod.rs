@@ -48,6 +48,8 @@ pub enum Command {
     Inspect(Inspect),
     /// Convert a recording (MCAP, ROS bag, HDF5, npz, ...) to a log
     Import(Import),
+    /// Rank what a robot has that its model lacks, by its walks
+    Explain(Explain),
     /// List runs with their results
     Runs(Runs),
     /// Show what this machine offers
@@ -118,6 +120,22 @@ pub struct Inspect {
     /// Log: open the picture
     #[arg(long, requires = "plot")]
     pub open: bool,
+}
+
+/// Arguments of `explain`.
+#[derive(Debug, Args)]
+pub struct Explain {
+    /// Log of a walk (.csv), or folder of logs of one robot
+    pub logs: PathBuf,
+    /// Robot file (.xml, .mjcf, .urdf)
+    #[arg(long, value_name = "FILE")]
+    pub robot: PathBuf,
+    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    #[arg(long)]
+    pub lenient: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Arguments of `init`.

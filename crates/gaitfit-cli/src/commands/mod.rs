@@ -8,6 +8,7 @@ pub mod doctor;
 pub mod drift;
 pub mod evaluate;
 pub mod excite;
+pub mod explain;
 pub mod export;
 pub mod finetune;
 pub mod forward;

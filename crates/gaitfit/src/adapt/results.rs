@@ -16,13 +16,14 @@ use super::swing;
 use super::trust::identified;
 use crate::Error;
 use crate::run::RunFolder;
+use crate::walk::explain::{self, Cause};
 use crate::walk::swing::{Beside, SwingFindings, doubt};
 use crate::watch::Watch;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
     Agreement, Correction, CostOutcome, Regression, RunGeneration, RunOutcome, Uncertainty,
 };
-use gaitfit_view::Doubt;
+use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -79,6 +80,9 @@ pub struct AdaptResults {
     /// Walking logs: what they say of joints and sensors without a simulation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub swings: Option<SwingFindings>,
+    /// What the robot has that its model lacks, as the fitted logs show it without a simulation, the weightiest first.
+    #[serde(default)]
+    pub causes: Vec<Cause>,
     /// The values beside what legs in the air say of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub beside_swings: Vec<Beside>,
@@ -265,8 +269,12 @@ pub(super) fn results(
         held_out: held.as_ref(),
         effort: efforts.filter(|effort| effort.is_finite()).reduce(f64::min),
     };
-    let doubts = standing::doubts(&first, &evidence);
+    let mut doubts = standing::doubts(&first, &evidence);
     let swings = setup.swings.clone().or_else(|| swing::findings(&setup.method, &setup.fit.logs));
+    let causes = swings.as_ref().map_or_else(Vec::new, explain::causes);
+    doubts
+        .extend(explain::missing(&causes, &setup.theta).map(|text| Doubt::new(DoubtKind::Unexplained, text)));
+    doubts.sort_by_key(|doubt| doubt.kind);
     let beside_swings = swings
         .as_ref()
         .map_or_else(Vec::new, |findings| swing::compared(setup, findings, &setup.theta, &first.parameters));
@@ -293,6 +301,7 @@ pub(super) fn results(
         validation: first.validation.clone(),
         held_out: held,
         swings,
+        causes,
         beside_swings,
         fits,
         warnings,

@@ -3,6 +3,7 @@
 pub mod coverage;
 pub mod cuts;
 pub mod doubts;
+pub mod explain;
 pub mod imu_search;
 pub mod log_files;
 pub mod logs;

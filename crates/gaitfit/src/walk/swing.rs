@@ -9,11 +9,12 @@ use std::collections::BTreeMap;
 
 pub use gaitfit_log::Estimate;
 pub use gaitfit_swing::{
-    FrictionLaw, GroupEstimate, Standing, SwingError, SwingReport, SwingSettings, estimate, usual_groups,
+    Effect, EffectKind, FrictionLaw, GroupEstimate, Standing, SwingError, SwingReport, SwingSettings,
+    effects, estimate, usual_groups,
 };
 
 /// What the logs of one robot say without a simulation.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SwingFindings {
     /// Lags, biases and noise of sensors.
     pub sensors: Sensors,
@@ -21,6 +22,9 @@ pub struct SwingFindings {
     pub standing: Standing,
     /// What was taken out of the logs before legs in the air were looked at, each in a sentence.
     pub taken_out: Vec<String>,
+    /// What joints and ground have beyond the model, each alone, see [`super::explain`].
+    #[serde(default)]
+    pub effects: Vec<Effect>,
     /// What legs in the air say; absent where they say nothing.
     pub swings: Option<SwingReport>,
     /// Why they say nothing.
@@ -46,14 +50,19 @@ impl SwingFindings {
         let steady: Vec<&Trajectory> = steady.iter().collect();
         let standing = Standing::of(model, &steady).unwrap_or_default();
         let level = better(&|log| standing.corrected(log), &steady);
-        let swings = estimate(model, &level.iter().collect::<Vec<_>>(), settings);
+        let level: Vec<&Trajectory> = level.iter().collect();
+        let swings = estimate(model, &level, settings);
+        let effects = match &swings {
+            Ok(report) => effects(model, &level, report, settings).unwrap_or_default(),
+            Err(_) => Vec::new(),
+        };
         taken_out.sort();
         taken_out.dedup();
         let (swings, why_not) = match swings {
             Ok(report) => (Some(report), None),
             Err(error) => (None, Some(error.to_string())),
         };
-        Self { sensors, standing, taken_out, swings, why_not }
+        Self { sensors, standing, taken_out, effects, swings, why_not }
     }
 
     /// Of the logs of a fit of a robot that walked: as they were recorded, where the whole log counts. `gains` of logs that

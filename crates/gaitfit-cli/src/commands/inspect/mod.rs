@@ -4,7 +4,7 @@ mod folder;
 mod log;
 mod plot;
 mod robot;
-mod swings;
+pub(super) mod swings;
 
 use super::policy::{document, text};
 use crate::cli::Inspect;

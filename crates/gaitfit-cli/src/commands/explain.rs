@@ -1,0 +1,62 @@
+//! `gaitfit explain`: what a robot has that its model lacks, by its walks.
+
+use crate::cli::{Explain, Inspect};
+use crate::commands::inspect::swings;
+use crate::exit::Failure;
+use crate::{output, swings as tables};
+use gaitfit::walk::explain::{Cause, causes};
+use gaitfit::walk::swing::SwingFindings;
+use gaitfit_log::{CheckSpec, ReadOptions, read_csv, summarise_folder};
+use serde::Serialize;
+use std::ops::ControlFlow;
+
+#[derive(Serialize)]
+struct Document<'a> {
+    logs: String,
+    robot: String,
+    causes: &'a [Cause],
+    without_simulation: &'a SwingFindings,
+}
+
+/// Prints the causes that the logs show, the weightiest first.
+pub fn run(args: &Explain) -> Result<(), Failure> {
+    let inspect = Inspect {
+        file: args.logs.clone(),
+        json: args.json,
+        lenient: args.lenient,
+        robot: Some(args.robot.clone()),
+        plot: None,
+        open: false,
+    };
+    let found = if args.logs.is_dir() {
+        let spec = |_: &gaitfit_log::Trajectory| CheckSpec::default();
+        let mut progress = |_, _| ControlFlow::Continue(());
+        let summary = summarise_folder(&args.logs, &ReadOptions::default(), &spec, &mut progress)
+            .map_err(Failure::failed)?;
+        swings::of_folder(&inspect, &summary)?
+    } else {
+        let log = read_csv(&args.logs, &ReadOptions::default()).map_err(Failure::failed)?;
+        swings::look(&inspect, &[&log])?
+    };
+    let found = found.ok_or_else(|| {
+        Failure::failed(format!(
+            "{}: no log of a walk of this robot that can be explained: it takes position targets, orientation and body rates \
+             of the base, and joints that {} has",
+            args.logs.display(),
+            args.robot.display()
+        ))
+    })?;
+    if let (None, Some(why)) = (&found.swings, &found.why_not) {
+        return Err(Failure::failed(format!("{}: {why}", args.logs.display())));
+    }
+    let causes = causes(&found);
+    if args.json {
+        return output::print_json(&Document {
+            logs: args.logs.display().to_string(),
+            robot: args.robot.display().to_string(),
+            causes: &causes,
+            without_simulation: &found,
+        });
+    }
+    output::print(&tables::causes(&causes))
+}

@@ -1,0 +1,245 @@
+//! What joints, ground and inertial unit have beyond the model, one effect at a time.
+//!
+//! Legs in the air obey the equations of `equations`, and heights of feet that stand together agree. An effect adds a column
+//! to these equations. What the column explains of what is left, after all that a model has anyway, is the effect's estimate
+//! (the added-variable regression of Frisch and Waugh 1933, "Partial time regressions as compared with individual trends",
+//! Econometrica 1), with an error by the scatter among blocks of time.
+
+use crate::SwingError;
+use crate::equations::{Window, windows};
+use crate::feet::Ground;
+use crate::regression::{Group, SHARED, solve};
+use crate::report::{SwingReport, SwingSettings, usual_groups};
+use crate::stance;
+use crate::torques::Drag;
+use crate::walk::Walk;
+use gaitfit_log::{Estimate, Trajectory};
+use gaitfit_model::Model;
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Samples nearer than this are not independent, s.
+const BLOCK_S: f64 = 0.5;
+/// Fewer blocks say nothing of an error.
+const BLOCKS: usize = 8;
+
+/// What an effect is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EffectKind {
+    /// Dry friction grows with the motor's torque; N·m for each N·m.
+    LoadFriction,
+    /// A joint has other dry friction than the same joints of other legs, N·m.
+    OddFriction,
+    /// Links answer to their motors more (positive) or less than their masses say; share. Play and twist look so too.
+    Strength,
+    /// The joint twists between motor and link, rad for each N·m.
+    Elasticity,
+    /// The joint has play between motor and link, rad.
+    Backlash,
+    /// Feet that stand together are not at one height, m, root mean square: ground that gives way, steps.
+    UnevenGround,
+}
+
+/// An effect as the logs show it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Effect {
+    /// What it is.
+    pub kind: EffectKind,
+    /// The joint group or joint that has it; empty of the ground.
+    pub of: String,
+    /// Its size, and its standard error.
+    pub size: Estimate,
+    /// The part of what is left unexplained, in the signal that shows it, that goes with it, 0 to 1.
+    pub share: f64,
+}
+
+impl Effect {
+    /// How many standard errors the size is from nothing.
+    pub fn sure(&self) -> f64 {
+        if self.size.error > 0.0 { self.size.value.abs() / self.size.error } else { 0.0 }
+    }
+}
+
+/// All effects of the logs of one robot, as large as they come out, each alone. `swings`: what [`crate::estimate`] found in
+/// the same logs.
+///
+/// # Errors
+/// Logs without what is needed, see [`SwingError`].
+pub fn effects(
+    model: &Model,
+    logs: &[&Trajectory],
+    swings: &SwingReport,
+    settings: &SwingSettings,
+) -> Result<Vec<Effect>, SwingError> {
+    let groups = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
+    let walks = logs.iter().map(|log| Walk::new(model, log)).collect::<Result<Vec<_>, _>>()?;
+    let delay = swings.delay.value;
+    let mut drag = vec![Drag::default(); model.joints.len()];
+    for (name, joints) in &groups {
+        if let Some(group) = swings.groups.iter().find(|group| group.group == *name) {
+            joints.iter().for_each(|&joint| drag[joint] = group.drag());
+        }
+    }
+    let grounds: Vec<Ground> = walks
+        .iter()
+        .map(|walk| {
+            let first = Ground::new(model, walk, delay, &drag, None);
+            Ground::new(model, walk, delay, &drag, Some(&first))
+        })
+        .collect();
+    let mut seen = Vec::new();
+    for (log, (walk, ground)) in walks.iter().zip(&grounds).enumerate() {
+        seen.extend(windows(model, walk, ground, settings, settings.window_s, delay, log));
+    }
+    let law = crate::FrictionLaw::ALL.iter().position(|law| *law == swings.law).unwrap_or_default();
+    let steps = (delay - settings.delay_range_s[0]) / settings.delay_step_s;
+    let mut found = Vec::new();
+    for (name, joints) in &groups {
+        let own = |window: &&Window| window.clearance > swings.clearance_m && joints.contains(&window.joint);
+        let group = Group::new(seen.iter().filter(own).collect(), law);
+        found.extend(of_swings(model, name, joints, &group, steps, law));
+    }
+    found.extend(stance::effects(model, &walks, &grounds, &groups, delay, &drag));
+    Ok(found)
+}
+
+/// What swings of one group show. `steps`: the delay in steps.
+fn of_swings(
+    model: &Model,
+    name: &str,
+    joints: &[usize],
+    group: &Group<'_>,
+    steps: f64,
+    law: usize,
+) -> Vec<Effect> {
+    let Some(solution) = solve(group, steps) else { return Vec::new() };
+    // The delay is a number of the model too.
+    let rows: Vec<Vec<f64>> = group
+        .windows
+        .iter()
+        .map(|window| {
+            let mut row = group.row(window);
+            row.push(window.torque(steps + 0.5) - window.torque(steps - 0.5));
+            row
+        })
+        .collect();
+    let left: Vec<f64> = group.windows.iter().map(|window| window.torque(steps)).collect();
+    let blocks: Vec<u64> = group.windows.iter().map(|window| block(window.log, window.at)).collect();
+    let Some(base) = Base::new(&rows, &left, &solution.weights, &blocks) else { return Vec::new() };
+    let motor = |window: &Window| window.motor + window.driven_at(steps);
+    let column =
+        |of: &dyn Fn(&Window) -> f64| -> Vec<f64> { group.windows.iter().map(|window| of(window)).collect() };
+    let mut found = Vec::new();
+    let mut add = |kind: EffectKind, of: &str, column: &[f64], scale: f64| {
+        if let Some((size, share)) = base.added(column) {
+            let size = Estimate { value: scale * size.value, error: scale.abs() * size.error };
+            found.push(Effect { kind, of: of.to_owned(), size, share });
+        }
+    };
+    add(EffectKind::LoadFriction, name, &column(&|one| one.signs[law] * motor(one).abs()), 1.0);
+    // More torque than asked for stands on the known side.
+    add(EffectKind::Strength, name, &column(&motor), -1.0);
+    if joints.len() > 1 {
+        let odd = |joint: usize| {
+            let of = column(&|one: &Window| if one.joint == joint { one.signs[law] } else { 0.0 });
+            let (size, share) = base.added(&of)?;
+            Some(Effect { kind: EffectKind::OddFriction, of: model.joints[joint].name.clone(), size, share })
+        };
+        let surest =
+            joints.iter().filter_map(|&joint| odd(joint)).max_by(|a, b| a.sure().total_cmp(&b.sure()));
+        found.extend(surest);
+    }
+    found
+}
+
+/// A block of time of a log.
+pub(crate) fn block(log: usize, at: f64) -> u64 {
+    ((log as u64) << 32) + (at.max(0.0) / BLOCK_S) as u64
+}
+
+/// Equations that a model has anyway, solved, to which one column more is added.
+pub(crate) struct Base<'a> {
+    rows: &'a [Vec<f64>],
+    weights: &'a [f64],
+    blocks: &'a [u64],
+    /// Inverse of the normal matrix.
+    inverse: DMatrix<f64>,
+    /// What the equations leave.
+    left: Vec<f64>,
+}
+
+impl<'a> Base<'a> {
+    /// `None` where the equations do not determine their unknowns, or are of too few blocks.
+    pub fn new(rows: &'a [Vec<f64>], known: &[f64], weights: &'a [f64], blocks: &'a [u64]) -> Option<Self> {
+        let columns = rows.first()?.len();
+        let distinct: std::collections::BTreeSet<u64> = blocks.iter().copied().collect();
+        if distinct.len() < BLOCKS || rows.len() < 3 * (columns + SHARED) {
+            return None;
+        }
+        let mut normal = DMatrix::zeros(columns, columns);
+        for (row, weight) in rows.iter().zip(weights) {
+            let row = DVector::from_column_slice(row);
+            normal.ger(*weight, &row, &row, 1.0);
+        }
+        let inverse = normal.cholesky()?.inverse();
+        let mut base = Self { rows, weights, blocks, inverse, left: Vec::new() };
+        base.left = base.without(known);
+        Some(base)
+    }
+
+    /// A column less what the rows explain of it.
+    fn without(&self, column: &[f64]) -> Vec<f64> {
+        let mut right = DVector::zeros(self.inverse.nrows());
+        for ((row, value), weight) in self.rows.iter().zip(column).zip(self.weights) {
+            right.axpy(weight * value, &DVector::from_column_slice(row), 1.0);
+        }
+        let values = &self.inverse * right;
+        let explained = |row: &Vec<f64>| row.iter().zip(values.iter()).map(|(a, b)| a * b).sum::<f64>();
+        self.rows.iter().zip(column).map(|(row, value)| value - explained(row)).collect()
+    }
+
+    /// Root mean square of what the equations leave, with its error by the scatter of blocks.
+    pub fn scatter(&self) -> Estimate {
+        let mut sums: BTreeMap<u64, [f64; 2]> = BTreeMap::new();
+        for ((left, weight), block) in self.left.iter().zip(self.weights).zip(self.blocks) {
+            let sum = sums.entry(*block).or_default();
+            sum[0] += weight * left * left;
+            sum[1] += weight;
+        }
+        let total: f64 = sums.values().map(|[_, weight]| weight).sum();
+        let mean = sums.values().map(|[square, _]| square).sum::<f64>() / total;
+        let variance: f64 =
+            sums.values().map(|[square, weight]| (square - mean * weight).powi(2)).sum::<f64>()
+                / total.powi(2);
+        let value = mean.max(0.0).sqrt();
+        Estimate { value, error: 0.5 * variance.sqrt() / value.max(1e-12) }
+    }
+
+    /// The unknown of `column` in the equations, and the part of what they leave that it explains.
+    pub fn added(&self, column: &[f64]) -> Option<(Estimate, f64)> {
+        let own = self.without(column);
+        let sum =
+            |of: &dyn Fn(usize) -> f64| -> f64 { (0..own.len()).map(|k| self.weights[k] * of(k)).sum() };
+        let square = sum(&|k| own[k] * own[k]);
+        let before = sum(&|k| self.left[k] * self.left[k]);
+        let whole: f64 = column.iter().zip(self.weights).map(|(x, w)| w * x * x).sum();
+        // What the rows explain already, but for rounding, says nothing.
+        if !(square > 1e-6 * whole && before > 0.0) {
+            return None;
+        }
+        let value = sum(&|k| own[k] * self.left[k]) / square;
+        let mut scores: BTreeMap<u64, f64> = BTreeMap::new();
+        for k in 0..own.len() {
+            let left = self.left[k] - value * own[k];
+            *scores.entry(self.blocks[k]).or_default() += self.weights[k] * own[k] * left;
+        }
+        let count = scores.len() as f64;
+        let variance =
+            scores.values().map(|score| score * score).sum::<f64>() / square.powi(2) * count / (count - 1.0);
+        let after = sum(&|k| (self.left[k] - value * own[k]).powi(2));
+        let size = Estimate { value, error: variance.sqrt() };
+        size.value.is_finite().then_some((size, (1.0 - after / before).clamp(0.0, 1.0)))
+    }
+}

@@ -1,0 +1,130 @@
+//! What feet that stand together show: play and twist of joints, ground that gives way.
+//!
+//! Feet that stand on level ground are at one height. Angles of the motors and the base's orientation say at which height
+//! each is. What they disagree by goes with the torques of the joints (a joint that twists or has play), or stays (ground
+//! that gives way, steps). A tilted inertial unit or a sloping floor are taken out first.
+
+use crate::dynamics::{BaseMotion, Motion};
+use crate::effects::{Base, Effect, EffectKind, block};
+use crate::feet::{Foot, Ground, is_below};
+use crate::torques::{Bump, Drag, Needed};
+use crate::walk::Walk;
+use gaitfit_log::Estimate;
+use gaitfit_model::rotation::{cross, rotate_back, sub, up};
+use gaitfit_model::{Model, Root};
+
+/// Feet that stand this much count.
+const STANDS: f64 = 0.5;
+/// Time over which a joint's torque is averaged, s.
+const TORQUE_S: f64 = 0.03;
+/// Torque at which a joint with play surely lies on one side of it, N·m.
+const SIDE_NM: f64 = 0.5;
+
+/// One pair of standing feet: what each effect adds to the difference of their heights.
+struct Pair {
+    block: u64,
+    between: f64,
+    tilt: [f64; 2],
+    /// One a group: twist under 1 N·m, and half the play.
+    twist: Vec<f64>,
+    play: Vec<f64>,
+}
+
+/// See [`crate::effects()`].
+pub(crate) fn effects(
+    model: &Model,
+    walks: &[Walk],
+    grounds: &[Ground],
+    groups: &[(String, Vec<usize>)],
+    delay: f64,
+    drag: &[Drag],
+) -> Vec<Effect> {
+    if model.root == Root::Fixed {
+        return Vec::new();
+    }
+    let mut pairs = Vec::new();
+    for (log, (walk, ground)) in walks.iter().zip(grounds).enumerate() {
+        of_walk(model, walk, ground, groups, delay, drag, log, &mut pairs);
+    }
+    let weights = vec![1.0; pairs.len()];
+    let blocks: Vec<u64> = pairs.iter().map(|pair| pair.block).collect();
+    let heights: Vec<f64> = pairs.iter().map(|pair| pair.between).collect();
+    let tilts: Vec<Vec<f64>> = pairs.iter().map(|pair| pair.tilt.to_vec()).collect();
+    let mut found = Vec::new();
+    if let Some(base) = Base::new(&tilts, &heights, &weights, &blocks) {
+        found.push(Effect {
+            kind: EffectKind::UnevenGround,
+            of: String::new(),
+            size: base.scatter(),
+            share: 1.0,
+        });
+        let mut add = |kind: EffectKind, of: &str, scale: f64, column: Vec<f64>| {
+            if let Some((size, share)) = base.added(&column) {
+                let size = Estimate { value: scale * size.value, error: scale * size.error };
+                found.push(Effect { kind, of: of.to_owned(), size, share });
+            }
+        };
+        for (place, (name, _)) in groups.iter().enumerate() {
+            add(EffectKind::Elasticity, name, 1.0, pairs.iter().map(|pair| pair.twist[place]).collect());
+            add(EffectKind::Backlash, name, 2.0, pairs.iter().map(|pair| pair.play[place]).collect());
+        }
+    }
+    found
+}
+
+#[allow(clippy::too_many_arguments, reason = "all of it is of one walk")]
+fn of_walk(
+    model: &Model,
+    walk: &Walk,
+    ground: &Ground,
+    groups: &[(String, Vec<usize>)],
+    delay: f64,
+    drag: &[Drag],
+    log: usize,
+    pairs: &mut Vec<Pair>,
+) {
+    let needed = Needed::new(model, walk, &ground.velocity, drag);
+    let bump = Bump::new(TORQUE_S, walk.step);
+    let zeros = vec![0.0; walk.joints];
+    for point in (0..walk.points()).filter(|&point| walk.valid[point]) {
+        let feet: Vec<_> =
+            ground.feet[point].iter().filter(|foot| foot.stands > STANDS && foot.load.is_finite()).collect();
+        if feet.len() < 2 {
+            continue;
+        }
+        let turn = walk.quaternion[point];
+        let base = BaseMotion { angular_velocity: walk.rates[point], ..BaseMotion::at_rest(turn) };
+        let motion = Motion::new(model, &base, walk.q_at(point), walk.dq_at(point), &zeros);
+        let torque: Vec<f64> = (0..walk.joints)
+            .map(|joint| needed.left(walk, &bump, joint, point, delay))
+            .map(|torque| if torque.is_finite() { torque } else { 0.0 })
+            .collect();
+        // How far an effect lowers a foot.
+        let lowered = |foot: &Foot, joints: &[usize], by: &dyn Fn(f64) -> f64| -> f64 {
+            joints
+                .iter()
+                .filter(|&&joint| is_below(model, foot.body, model.joints[joint].body))
+                .map(|&joint| motion.lever(joint, foot.point)[2] * by(torque[joint]))
+                .sum()
+        };
+        for (k, one) in feet.iter().enumerate() {
+            for other in &feet[k + 1..] {
+                let between = sub(one.point, other.point);
+                let lever = cross(rotate_back(turn, between), up(turn));
+                let apart = |joints: &[usize], by: &dyn Fn(f64) -> f64| {
+                    lowered(one, joints, by) - lowered(other, joints, by)
+                };
+                pairs.push(Pair {
+                    block: block(log, point as f64 * walk.step),
+                    between: between[2],
+                    tilt: [lever[0], lever[1]],
+                    twist: groups.iter().map(|(_, joints)| apart(joints, &|torque| torque)).collect(),
+                    play: groups
+                        .iter()
+                        .map(|(_, joints)| apart(joints, &|torque| (torque / SIDE_NM).tanh()))
+                        .collect(),
+                });
+            }
+        }
+    }
+}

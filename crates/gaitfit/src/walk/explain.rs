@@ -1,0 +1,287 @@
+//! What a robot has that its model lacks, as walks show it without a simulation: a ranked list with evidence.
+//!
+//! A cause is named if the logs show it surely, if it explains a good part of the signal that shows it, and if it is large
+//! enough to change how a robot walks. Causes are ranked by their size over the smallest one that does. The limits were set
+//! with robots in MuJoCo that have one cause each (`tools/mujoco_effects.py`), and such that a robot without any has none.
+
+use super::swing::{Estimate, SwingFindings};
+use gaitfit_adapt::Theta;
+use gaitfit_swing::{Effect, EffectKind};
+use serde::{Deserialize, Serialize};
+
+/// What a cause is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CauseKind {
+    /// Joint velocities are read late or through a filter.
+    VelocityLag,
+    /// The gyro reads a rate at rest.
+    GyroBias,
+    /// The inertial unit is tilted, or the floor slopes.
+    Tilt,
+    /// Joint positions come in steps.
+    EncoderStep,
+    /// Dry friction grows with the motor's torque.
+    LoadFriction,
+    /// Joints twist between motor and link.
+    Elasticity,
+    /// Joints have play between motor and link.
+    Backlash,
+    /// One joint has other friction than the same joint of other legs.
+    OddFriction,
+    /// The ground gives way, or is uneven.
+    Ground,
+}
+
+/// Something that the robot has and its model lacks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cause {
+    /// What it is.
+    pub kind: CauseKind,
+    /// The joint group or joint that has it; empty where it is of the whole robot.
+    pub of: String,
+    /// Its size, in `unit`, and the standard error.
+    pub size: Estimate,
+    /// Unit of the size.
+    pub unit: String,
+    /// The size over the smallest one that changes how a robot walks; the list is ordered by it.
+    pub weight: f64,
+    /// All of it in a sentence.
+    pub text: String,
+}
+
+/// Smallest sizes that change how a robot walks.
+mod matters {
+    /// s
+    pub const LAG: f64 = 1e-3;
+    /// rad/s
+    pub const GYRO: f64 = 0.003;
+    /// rad
+    pub const TILT: f64 = 0.005;
+    /// rad
+    pub const STEP: f64 = 0.0015;
+    /// N·m for each N·m
+    pub const LOAD: f64 = 0.03;
+    /// rad for each N·m
+    pub const TWIST: f64 = 0.002;
+    /// rad
+    pub const PLAY: f64 = 0.006;
+    /// N·m
+    pub const FRICTION: f64 = 0.05;
+    /// m
+    pub const HEIGHT: f64 = 0.006;
+}
+
+/// Standard errors from which on a size is sure. Effects of joints are many, so theirs must be surer.
+const SURE: f64 = 4.0;
+const SURER: f64 = 8.0;
+/// A tilt must be surer still: on soft ground standing feet show one of a few errors.
+const SUREST: f64 = 10.0;
+/// Parts of what is left that an effect must explain.
+const OF_SWINGS: f64 = 0.1;
+const OF_ONE_JOINT: f64 = 0.08;
+const OF_HEIGHTS: f64 = 0.3;
+/// Play explains little of the heights, and makes swinging links answer less than their masses say: by this share of the
+/// torque, which explains this part of what swings leave.
+const SLACK: [f64; 2] = [-0.15, 0.15];
+/// A joint whose friction is said to differ by more than this many times its group's is not understood.
+const TOO_ODD: f64 = 3.0;
+
+/// The causes that `found` shows, the weightiest first.
+pub fn causes(found: &SwingFindings) -> Vec<Cause> {
+    let mut causes = sensors(found);
+    let effects = &found.effects;
+    for effect in effects {
+        causes.extend(of_effect(effect, found, effects));
+    }
+    causes.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+    causes
+}
+
+/// What is not in the model that is fitted, in a sentence; absent where nothing is.
+pub fn missing(causes: &[Cause], theta: &Theta) -> Option<String> {
+    let has = |kind: &str, alone: bool| {
+        theta.entries().iter().any(|entry| entry.kind == kind && (!alone || entry.joints.len() == 1))
+    };
+    let lacks = |cause: &&Cause| match cause.kind {
+        // These do not change joints.
+        CauseKind::GyroBias | CauseKind::EncoderStep => false,
+        CauseKind::LoadFriction => !has("load_friction", false),
+        CauseKind::OddFriction => !has("frictionloss", true),
+        _ => true,
+    };
+    let listed: Vec<&str> =
+        causes.iter().filter(lacks).take(NAMED).map(|cause| cause.text.as_str()).collect();
+    (!listed.is_empty()).then(|| {
+        format!(
+            "The logs show what the fitted simulator does not have: {}. Its values stand in for that.",
+            listed.join("; ")
+        )
+    })
+}
+
+/// Causes that a doubt names.
+const NAMED: usize = 3;
+
+fn sensors(found: &SwingFindings) -> Vec<Cause> {
+    let mut causes = Vec::new();
+    let mut add = |kind, size: Estimate, unit: &str, matters: f64, text: String| {
+        let weight = size.value.abs() / matters;
+        causes.push(Cause { kind, of: String::new(), size, unit: unit.to_owned(), weight, text });
+    };
+    let sensors = &found.sensors;
+    if let Some(lag) = sensors.velocity_lag.filter(|lag| lag.matters(matters::LAG)) {
+        let text = format!(
+            "joint velocities are {:.1} ms behind positions (a filter, or read late)",
+            1e3 * lag.value
+        );
+        add(CauseKind::VelocityLag, lag, "s", matters::LAG, text);
+    }
+    let largest =
+        |axes: [Estimate; 2]| if axes[0].value.abs() > axes[1].value.abs() { axes[0] } else { axes[1] };
+    if let Some(bias) = sensors.gyro_bias {
+        let most = largest([largest([bias[0], bias[1]]), bias[2]]);
+        if most.matters(matters::GYRO) {
+            let text = format!("the gyro reads {:.3} rad/s at rest on one axis", most.value);
+            add(CauseKind::GyroBias, most, "rad/s", matters::GYRO, text);
+        }
+    }
+    if let Some(tilt) = found.standing.tilt {
+        let most = largest(tilt);
+        if most.value.abs() > matters::TILT && most.value.abs() > SUREST * most.error {
+            let [roll, pitch] = tilt.map(|axis| axis.value.to_degrees());
+            let text = format!(
+                "the inertial unit is tilted by {roll:.1}° of roll and {pitch:.1}° of pitch against the standing feet, or \
+                 the floor slopes"
+            );
+            add(CauseKind::Tilt, most, "rad", matters::TILT, text);
+        }
+    }
+    if let Some(step) = sensors.position_step.filter(|step| *step >= matters::STEP) {
+        let size = Estimate { value: step, error: 0.0 };
+        let text = format!("joint positions come in steps of {step:.4} rad");
+        add(CauseKind::EncoderStep, size, "rad", matters::STEP, text);
+    }
+    causes
+}
+
+fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<Cause> {
+    let Estimate { value, error } = effect.size;
+    let (of, part) = (&effect.of, 100.0 * effect.share);
+    let enough =
+        |least: f64, sure: f64, share: f64| value > least && effect.sure() > sure && effect.share > share;
+    let group_friction = || {
+        let groups = &found.swings.as_ref()?.groups;
+        groups.iter().find(|group| group.joints.contains(of)).map(|group| group.friction.value)
+    };
+    let (kind, unit, least, text) = match effect.kind {
+        EffectKind::LoadFriction if enough(matters::LOAD, SURER, OF_SWINGS) => (
+            CauseKind::LoadFriction,
+            "-",
+            matters::LOAD,
+            format!(
+                "dry friction of {of} grows by {value:.3} ± {error:.3} N·m for each N·m of the motor's torque, which explains \
+                 {part:.0} % of what legs in the air leave (fit it: load_friction)"
+            ),
+        ),
+        EffectKind::Elasticity if enough(matters::TWIST, SURER, OF_HEIGHTS) => (
+            CauseKind::Elasticity,
+            "rad/(N·m)",
+            matters::TWIST,
+            format!(
+                "{of} joints twist between motor and link by {value:.4} ± {error:.4} rad for each N·m ({:.0} N·m/rad), which \
+                 explains {part:.0} % of what heights of standing feet leave",
+                1.0 / value
+            ),
+        ),
+        EffectKind::Backlash if enough(matters::PLAY, SURE, 0.0) && slack(of, all) => (
+            CauseKind::Backlash,
+            "rad",
+            matters::PLAY,
+            format!(
+                "{of} joints have about {value:.3} ± {error:.3} rad of play between motor and link: standing feet show it, and \
+                 swinging links answer less than their masses say"
+            ),
+        ),
+        EffectKind::OddFriction
+            if value.abs() > matters::FRICTION
+                && effect.sure() > SURER
+                && effect.share > OF_ONE_JOINT
+                && value.abs() < TOO_ODD * group_friction()?.max(matters::FRICTION) =>
+        {
+            let than = if value > 0.0 { "more" } else { "less" };
+            (
+                CauseKind::OddFriction,
+                "N·m",
+                matters::FRICTION,
+                format!(
+                    "{of} has {:.2} ± {error:.2} N·m {than} dry friction than the same joint of the other legs (fit it: \
+                     frictionloss with per = \"joint\")",
+                    value.abs()
+                ),
+            )
+        }
+        EffectKind::UnevenGround if enough(matters::HEIGHT, SURER, 0.0) => (
+            CauseKind::Ground,
+            "m",
+            matters::HEIGHT,
+            format!(
+                "feet that stand together are {:.0} mm apart in height: the ground gives way, or is uneven",
+                1e3 * value
+            ),
+        ),
+        _ => return None,
+    };
+    let weight = value.abs() / least;
+    Some(Cause { kind, of: of.clone(), size: effect.size, unit: unit.to_owned(), weight, text })
+}
+
+/// Whether swinging links of a group answer to their motors as those with play do.
+fn slack(group: &str, effects: &[Effect]) -> bool {
+    let [strength, share] = SLACK;
+    effects.iter().any(|one| {
+        one.kind == EffectKind::Strength && one.of == group && one.size.value < strength && one.share > share
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn findings(effects: &[(EffectKind, &str, f64, f64, f64)]) -> SwingFindings {
+        let effect = |&(kind, of, value, error, share): &(EffectKind, &str, f64, f64, f64)| Effect {
+            kind,
+            of: of.to_owned(),
+            size: Estimate { value, error },
+            share,
+        };
+        SwingFindings { effects: effects.iter().map(effect).collect(), ..SwingFindings::default() }
+    }
+
+    #[test]
+    fn a_cause_is_sure_large_and_explains_something() {
+        let kinds = |effects: &[_]| -> Vec<CauseKind> {
+            causes(&findings(effects)).iter().map(|cause| cause.kind).collect()
+        };
+        let load = |value, error, share| (EffectKind::LoadFriction, "calf", value, error, share);
+        assert_eq!(kinds(&[load(0.09, 0.003, 0.7)]), [CauseKind::LoadFriction]);
+        assert_eq!(kinds(&[load(0.09, 0.02, 0.7), load(0.02, 0.001, 0.7), load(0.09, 0.003, 0.05)]), []);
+        let play = (EffectKind::Backlash, "thigh", 0.015, 0.002, 0.03);
+        let strength = |value| (EffectKind::Strength, "thigh", value, 0.03, 0.4);
+        assert_eq!(kinds(&[play, strength(-0.05)]), [], "links answer as they should");
+        assert_eq!(kinds(&[play, strength(-0.38)]), [CauseKind::Backlash]);
+        let ground = (EffectKind::UnevenGround, "", 0.009, 0.0003, 1.0);
+        assert_eq!(kinds(&[ground, load(0.3, 0.003, 0.7)]), [CauseKind::LoadFriction, CauseKind::Ground]);
+    }
+
+    #[test]
+    fn what_is_fitted_is_not_missing() {
+        let found = causes(&findings(&[
+            (EffectKind::LoadFriction, "calf", 0.09, 0.003, 0.7),
+            (EffectKind::UnevenGround, "", 0.009, 0.0003, 1.0),
+        ]));
+        let text = missing(&found, &Theta::default()).unwrap_or_default();
+        assert!(text.contains("grows by 0.090") && text.contains("9 mm apart"), "{text}");
+        assert_eq!(missing(&[], &Theta::default()), None);
+    }
+}
