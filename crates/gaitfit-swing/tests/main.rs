@@ -1,5 +1,6 @@
 //! All integration tests of this crate.
 
 mod clamped;
+mod effects;
 mod recorded;
 mod walks;

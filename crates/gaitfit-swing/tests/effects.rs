@@ -1,0 +1,92 @@
+//! Effects that are put into recorded walks come out of them.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+use gaitfit_log::{ReadOptions, Trajectory, read_csv};
+use gaitfit_model::Model;
+use gaitfit_swing::{Effect, EffectKind, SwingSettings, effects, estimate, usual_groups};
+use std::path::Path;
+
+/// The example's walks, without the calf that has a spring; 50 Hz.
+fn logs() -> Vec<Trajectory> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/go2-ground/logs");
+    let log = |k: usize| read_csv(&folder.join(format!("trajectory_{k:02}.csv")), &ReadOptions::default());
+    (0..8).map(|k| log(k).unwrap()).collect()
+}
+
+fn found(model: &Model, logs: &[Trajectory]) -> Vec<Effect> {
+    let mut groups = usual_groups(model);
+    groups[2].1.retain(|&joint| model.joints[joint].name != "RR_calf_joint");
+    let settings = SwingSettings { clearances_m: vec![0.03], groups, ..SwingSettings::default() };
+    let logs: Vec<&Trajectory> = logs.iter().collect();
+    let report = estimate(model, &logs, &settings).unwrap();
+    effects(model, &logs, &report, &settings).unwrap()
+}
+
+fn of(effects: &[Effect], kind: EffectKind, of: &str) -> Effect {
+    effects.iter().find(|effect| effect.kind == kind && effect.of == of).unwrap().clone()
+}
+
+/// Torque of the PD law at a sample, with the targets that act then, half a period late.
+fn torque(log: &Trajectory, sample: usize, joint: usize) -> f64 {
+    let width = log.joints.len();
+    let gains = log.gains.as_ref().unwrap();
+    let target = log.target.as_ref().unwrap();
+    let at = |row: usize| target[row * width + joint];
+    let acts = 0.5 * (at(sample.saturating_sub(1)) + at(sample));
+    let place = sample * width + joint;
+    gains.kp[joint] * (acts - log.position[place]) - gains.kd[joint] * log.velocity[place]
+}
+
+#[test]
+fn friction_under_load_is_measured() {
+    let model = gaitfit_model::builtin::go2().unwrap();
+    let mut logs = logs();
+    let before = of(&found(&model, &logs), EffectKind::LoadFriction, "calf");
+    for log in &mut logs {
+        let width = log.joints.len();
+        let kp = log.gains.as_ref().unwrap().kp.clone();
+        // The motion is as it was, and takes more torque.
+        let more: Vec<f64> = (0..log.len() * width)
+            .map(|place| {
+                let (sample, joint) = (place / width, place % width);
+                let rate = log.velocity[place];
+                0.15 * torque(log, sample, joint).abs() * rate / rate.hypot(0.05) / kp[joint]
+            })
+            .collect();
+        log.target.as_mut().unwrap().iter_mut().zip(more).for_each(|(target, more)| *target += more);
+    }
+    let after = of(&found(&model, &logs), EffectKind::LoadFriction, "calf");
+    let change = after.size.value - before.size.value;
+    // A torque that is put in at 50 Hz is a part of one that a joint takes at every moment.
+    assert!((0.04..0.2).contains(&change), "{before:?} and {after:?}");
+    assert!(after.sure() > 8.0 && before.sure() < 4.0, "{before:?} and {after:?}");
+    assert!(after.share > 0.08 && before.share < 0.02, "{before:?} and {after:?}");
+}
+
+#[test]
+fn joints_that_twist_are_seen_where_feet_stand() {
+    let model = gaitfit_model::builtin::go2().unwrap();
+    let mut logs = logs();
+    let before = of(&found(&model, &logs), EffectKind::Elasticity, "calf");
+    for log in &mut logs {
+        let width = log.joints.len();
+        let twist = |place: usize| {
+            let (sample, joint) = (place / width, place % width);
+            if log.joints[joint].contains("calf") { 0.006 * torque(log, sample, joint) } else { 0.0 }
+        };
+        let twists: Vec<f64> = (0..log.position.len()).map(twist).collect();
+        log.position.iter_mut().zip(&twists).for_each(|(angle, twist)| *angle += twist);
+        // The same torque from a motor that is further round.
+        log.target.as_mut().unwrap().iter_mut().zip(&twists).for_each(|(target, twist)| *target += twist);
+    }
+    let after = of(&found(&model, &logs), EffectKind::Elasticity, "calf");
+    assert!((0.002..0.008).contains(&(after.size.value - before.size.value)), "{before:?} and {after:?}");
+    assert!(after.share > 0.3 && before.share < 0.05, "{before:?} and {after:?}");
+}
+
+#[test]
+fn ground_that_gives_way_and_steps_show_in_the_heights() {
+    let model = gaitfit_model::builtin::go2().unwrap();
+    let level = of(&found(&model, &logs()), EffectKind::UnevenGround, "");
+    assert!(level.size.value < 0.006 && level.sure() > 8.0, "{level:?}");
+}
