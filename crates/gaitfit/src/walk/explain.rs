@@ -83,7 +83,9 @@ const OF_ONE_JOINT: f64 = 0.08;
 const OF_HEIGHTS: f64 = 0.3;
 /// Play explains little of the heights, and makes swinging links answer less than their masses say: by this share of the
 /// torque, which explains this part of what swings leave.
-const SLACK: [f64; 2] = [-0.15, 0.15];
+const SLACK: [f64; 2] = [-0.25, 0.25];
+/// Play above this is no play, rad.
+const MAX_PLAY: f64 = 0.1;
 /// A joint whose friction is said to differ by more than this many times its group's is not understood.
 const TOO_ODD: f64 = 3.0;
 
@@ -94,6 +96,13 @@ pub fn causes(found: &SwingFindings) -> Vec<Cause> {
     for effect in effects {
         causes.extend(of_effect(effect, found, effects));
     }
+    // A joint that twists or rubs under load looks as if it had play, too.
+    let others: Vec<String> = causes
+        .iter()
+        .filter(|cause| matches!(cause.kind, CauseKind::Elasticity | CauseKind::LoadFriction))
+        .map(|cause| cause.of.clone())
+        .collect();
+    causes.retain(|cause| cause.kind != CauseKind::Backlash || !others.contains(&cause.of));
     causes.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     causes
 }
@@ -194,7 +203,7 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
                 1.0 / value
             ),
         ),
-        EffectKind::Backlash if enough(matters::PLAY, SURE, 0.0) && slack(of, all) => (
+        EffectKind::Backlash if enough(matters::PLAY, SURE, 0.0) && value < MAX_PLAY && slack(of, all) => (
             CauseKind::Backlash,
             "rad",
             matters::PLAY,
@@ -270,6 +279,8 @@ mod tests {
         let strength = |value| (EffectKind::Strength, "thigh", value, 0.03, 0.4);
         assert_eq!(kinds(&[play, strength(-0.05)]), [], "links answer as they should");
         assert_eq!(kinds(&[play, strength(-0.38)]), [CauseKind::Backlash]);
+        let twist = (EffectKind::Elasticity, "thigh", 0.005, 0.0001, 0.9);
+        assert_eq!(kinds(&[play, strength(-0.38), twist]), [CauseKind::Elasticity]);
         let ground = (EffectKind::UnevenGround, "", 0.009, 0.0003, 1.0);
         assert_eq!(kinds(&[ground, load(0.3, 0.003, 0.7)]), [CauseKind::LoadFriction, CauseKind::Ground]);
     }
