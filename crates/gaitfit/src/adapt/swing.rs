@@ -17,8 +17,14 @@ pub fn findings(method: &Method, logs: &[Log]) -> Option<SwingFindings> {
 
 /// The numbers of legs in the air as the fit's simulation has them; none where they show nothing.
 pub fn numbers_of(method: &Method, findings: &SwingFindings) -> Vec<SwingNumber> {
-    let found = findings.swings.as_ref().zip(method.physics_step());
+    let found = findings.swings.as_ref().zip(targets_step(method));
     found.map_or_else(Vec::new, |(report, step)| numbers(report, step))
+}
+
+/// Step by whose half targets act early in the fit's simulation, s: that of the robot which it stands for, or its own.
+fn targets_step(method: &Method) -> Option<f64> {
+    let stands_for = method.walking().and_then(|walking| walking.task.walker.batch.options().emulated_step);
+    stands_for.or(method.physics_step())
 }
 
 /// The fit's values beside what swings say of them.
@@ -28,7 +34,7 @@ pub fn compared(
     theta: &Theta,
     parameters: &[Parameter],
 ) -> Vec<Beside> {
-    let found = findings.swings.as_ref().zip(setup.method.physics_step());
+    let found = findings.swings.as_ref().zip(targets_step(&setup.method));
     let Some((report, step)) = found else { return Vec::new() };
     let fitted = |parameter: &Parameter| {
         let entry = theta.entries().iter().find(|entry| entry.name == parameter.found.name)?;
