@@ -77,6 +77,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Inspect(args) => commands::inspect::run(args),
         Command::Import(args) => commands::import::run(args),
         Command::New(args) => commands::new::run(args),
+        Command::View(args) => commands::view::run(args),
         Command::Runs(args) => commands::runs::run(args),
         Command::Init(args) => commands::init::run(args),
         Command::Fit(args) => commands::adapt::run(args),

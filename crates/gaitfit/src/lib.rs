@@ -44,6 +44,7 @@ pub mod target;
 mod tensorboard;
 mod theta;
 pub mod train;
+pub mod view;
 pub mod walk;
 pub mod watch;
 pub mod weight;

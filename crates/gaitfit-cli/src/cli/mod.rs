@@ -11,6 +11,7 @@ mod logs;
 mod parse;
 mod robot;
 mod run;
+mod view;
 mod world;
 
 pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms, OwnParts};
@@ -22,6 +23,7 @@ pub use groups::command;
 pub use logs::{Import, New, Runs};
 pub use robot::{Drift, LinkArgs, PATIENCE, RobotKind, Run};
 pub use run::{Finetune, Fit, Loop, Reproduce, RunArgs, Sensitivity, Train, Validate};
+pub use view::View;
 pub use world::{Collect, Evaluate};
 
 use clap::{Args, Parser, Subcommand};
@@ -48,6 +50,8 @@ pub enum Command {
     Inspect(Inspect),
     /// Convert a recording (MCAP, ROS bag, HDF5, npz, ...) to a log
     Import(Import),
+    /// Show a log beside its simulation: two robots on one clock, and all joints
+    View(View),
     /// List runs with their results
     Runs(Runs),
     /// Show what this machine offers

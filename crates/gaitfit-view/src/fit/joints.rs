@@ -64,7 +64,7 @@ fn card(trace: &JointTrace, points: usize) -> Option<(f64, TraceCard)> {
 }
 
 /// NaN without any finite value.
-fn root_mean_square(values: &[f64]) -> f64 {
+pub(crate) fn root_mean_square(values: &[f64]) -> f64 {
     let finite = || values.iter().filter(|x| x.is_finite());
     (finite().map(|x| x * x).sum::<f64>() / finite().count() as f64).sqrt()
 }

@@ -4,7 +4,7 @@ mod commands;
 mod cumulative;
 mod data;
 pub(crate) mod distributions;
-mod joints;
+pub(crate) mod joints;
 pub(crate) mod log;
 mod page;
 mod parameters;
@@ -13,7 +13,7 @@ mod scores;
 pub(crate) mod sections;
 mod signals;
 mod standing;
-mod traces;
+pub(crate) mod traces;
 mod validation;
 
 pub use data::{
