@@ -7,6 +7,7 @@
 
 pub mod adapt;
 pub mod air;
+pub mod arrangement;
 mod brief;
 pub mod collect;
 mod crew;

@@ -116,6 +116,9 @@ pub struct Inspect {
     /// Log: check it against this robot's joints and limits
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
+    /// Log: check that its actions follow from this policy; if not, joint orders, signs and scales are tried
+    #[arg(long, value_name = "POLICY")]
+    pub policy: Option<PathBuf>,
     /// Log: write a picture of the joint signals
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,

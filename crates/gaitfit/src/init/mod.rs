@@ -20,6 +20,7 @@ use gaitfit_sim::Candidate;
 use serde::Serialize;
 
 use anatomy::Anatomy;
+pub(crate) use anatomy::path;
 use gains::Gains;
 pub(crate) use gains::servo;
 use pose::Pose;

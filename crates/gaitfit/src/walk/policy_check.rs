@@ -72,6 +72,18 @@ pub fn mismatch(policy: &Policy, logs: &[&Trajectory]) -> Option<f64> {
     (here.samples.len() >= LEAST_SAMPLES && mismatch.is_finite()).then_some(mismatch)
 }
 
+/// As [`mismatch`], over about so many samples.
+pub(crate) fn mismatch_of(policy: &Policy, logs: &[&Trajectory], samples: usize) -> Option<f64> {
+    let here = Comparison::over(policy, logs, 0, samples);
+    let mismatch = here.mismatch(None);
+    (here.samples.len() >= LEAST_SAMPLES && mismatch.is_finite()).then_some(mismatch)
+}
+
+/// [`PolicyMatch::slope`] alone, over about so many samples.
+pub(crate) fn slope_of(policy: &Policy, logs: &[&Trajectory], samples: usize) -> f64 {
+    Comparison::over(policy, logs, 0, samples).slope()
+}
+
 /// Logged actions beside the policy's.
 struct Comparison {
     joints: usize,
@@ -87,10 +99,15 @@ struct Comparison {
 impl Comparison {
     /// `shift`: samples by which the logged actions are taken later than the row they stand in.
     fn new(policy: &Policy, logs: &[&Trajectory], shift: isize) -> Self {
+        Self::over(policy, logs, shift, MOST_SAMPLES)
+    }
+
+    /// The same over about `most` samples.
+    fn over(policy: &Policy, logs: &[&Trajectory], shift: isize, most: usize) -> Self {
         let interface = &policy.interface;
         let joints = interface.joints.len();
         let all: usize = logs.iter().map(|log| log.len()).sum();
-        let every = all.div_ceil(MOST_SAMPLES).max(1);
+        let every = all.div_ceil(most).max(1);
         let spread = spread(logs, joints);
         let mut this =
             Self { joints, samples: Vec::new(), logged: Vec::new(), predicted: Vec::new(), exact: true };

@@ -9,6 +9,7 @@ use crate::progress::Lines;
 use crate::watcher::watched;
 use crate::{output, viewer};
 use gaitfit::EvaluateSettings;
+use gaitfit::arrangement::Diagnosis;
 use gaitfit::evaluate::{Evaluated, Evaluation, GroundChoice, OnGround};
 use gaitfit::files::{self, Output};
 use gaitfit::world::World;
@@ -26,6 +27,9 @@ struct Document<'a> {
     /// Whether it walks, in a sentence.
     #[serde(skip_serializing_if = "Option::is_none")]
     verdict: Option<&'a str>,
+    /// What makes it walk, where most robots fall.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    diagnosis: Option<&'a Diagnosis>,
     wall_seconds: f64,
 }
 
@@ -60,17 +64,21 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     };
     output::note(&settings.device.line());
     let found = watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
-    let Evaluated { measured, verdict, world, ground, wall_seconds } = found;
+    let Evaluated { measured, verdict, world, ground, diagnosis, wall_seconds } = found;
     let evaluation = &measured.evaluation;
     let verdict = verdict.as_ref();
     if args.json {
         output::print_json(&Document {
             evaluation,
             verdict: verdict.map(|one| one.text.as_str()),
+            diagnosis: diagnosis.as_ref(),
             wall_seconds,
         })?;
     } else {
         output::print(&text::text(evaluation, verdict, wall_seconds))?;
+        if let Some(diagnosis) = &diagnosis {
+            output::print(&format!("\nThis policy would walk otherwise arranged. {}.\n", diagnosis.text()))?;
+        }
     }
     // A page that cannot be written costs no numbers.
     let replay = match (&args.report, &args.replay) {
