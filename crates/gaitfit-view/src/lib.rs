@@ -2,7 +2,7 @@
 //!
 //! The crate knows nothing of simulators, optimisers or learning. Callers fill in plain data ([`FitReport`],
 //! [`TrainingReport`], [`EvaluationReport`], [`LoopReport`], [`GaitPicture`], [`LogPicture`], [`Replay`],
-//! [`SideBySide`]) and get text
+//! [`SideBySide`], [`RunsReport`]) and get text
 //! back; writing it to disk is theirs. All drawing is done with the kit in [`chart`].
 //!
 //! Conventions of all data: an unknown number is NaN (shown as "–", written to JSON as `null`); an empty list or `None`
@@ -19,6 +19,7 @@ pub mod loop_report;
 mod nullable;
 mod page;
 pub mod replay;
+pub mod runs;
 pub mod side_by_side;
 pub mod training;
 
@@ -29,5 +30,6 @@ pub use log_picture::{LogPicture, log_picture_svg};
 pub use loop_report::{LoopReport, loop_html};
 pub use page::{Doubt, DoubtKind, Link, ReportError, Setting};
 pub use replay::{Replay, ReplayError, replay_html};
+pub use runs::{RunsReport, runs_html};
 pub use side_by_side::{SideBySide, side_by_side_html};
 pub use training::{TrainingReport, training_report};

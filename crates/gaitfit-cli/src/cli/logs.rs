@@ -83,6 +83,12 @@ pub struct Runs {
     /// Folder of the run folders
     #[arg(default_value = "runs", value_name = "FOLDER")]
     pub folder: PathBuf,
+    /// Write a page: parameters of the fits side by side, learning curves of the trainings in common charts
+    #[arg(long, value_name = "FILE.html")]
+    pub html: Option<PathBuf>,
+    /// Open the page
+    #[arg(long, requires = "html")]
+    pub open: bool,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,

@@ -7,7 +7,7 @@ pub(crate) mod distributions;
 pub(crate) mod joints;
 pub(crate) mod log;
 mod page;
-mod parameters;
+pub(crate) mod parameters;
 mod runs;
 mod scores;
 pub(crate) mod sections;
