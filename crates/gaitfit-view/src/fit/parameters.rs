@@ -7,7 +7,7 @@ use crate::format::{UNKNOWN, clean, clean_prose, round_number, with_spread};
 use serde::Serialize;
 
 /// Parameters shown at most; networks have thousands.
-const MOST_PARAMETERS: usize = 200;
+const MAX_PARAMETERS: usize = 200;
 
 #[derive(Serialize)]
 pub(crate) struct ParameterTable {
@@ -85,7 +85,7 @@ struct ComparisonRow {
 
 /// Tables and pictures; `None` without parameters.
 pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
-    let shown = &parameters[..parameters.len().min(MOST_PARAMETERS)];
+    let shown = &parameters[..parameters.len().min(MAX_PARAMETERS)];
     if shown.is_empty() {
         return None;
     }
@@ -231,7 +231,7 @@ pub(crate) fn group(entries: Vec<Entry>) -> Vec<Group> {
 }
 
 pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
-    let entries = &comparison.entries[..comparison.entries.len().min(MOST_PARAMETERS)];
+    let entries = &comparison.entries[..comparison.entries.len().min(MAX_PARAMETERS)];
     if entries.is_empty() {
         return None;
     }

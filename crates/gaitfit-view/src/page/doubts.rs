@@ -5,7 +5,7 @@ use crate::format::clean_prose;
 use serde::Serialize;
 
 /// Doubts a page shows at most.
-const MOST_DOUBTS: usize = 12;
+const MAX_DOUBTS: usize = 12;
 
 /// A doubt as the template sees it.
 #[derive(Serialize)]
@@ -17,7 +17,7 @@ pub(crate) struct ShownDoubt {
 
 /// The doubts, the worst first.
 pub(crate) fn doubts(list: &[Doubt]) -> Vec<ShownDoubt> {
-    let mut sorted: Vec<&Doubt> = list.iter().take(MOST_DOUBTS).collect();
+    let mut sorted: Vec<&Doubt> = list.iter().take(MAX_DOUBTS).collect();
     sorted.sort_by_key(|doubt| doubt.kind);
     let shown = |doubt: &Doubt| ShownDoubt {
         headline: doubt.kind.headline(),

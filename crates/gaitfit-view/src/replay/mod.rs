@@ -91,8 +91,8 @@ fn pane(robot: &ReplayRobot) -> Pane {
 }
 
 /// Robots and frames of a replay within a report at most: two minutes at 50 Hz.
-const MOST_ROBOTS: usize = 4;
-const MOST_FRAMES: usize = 6000;
+const MAX_ROBOTS: usize = 4;
+const MAX_FRAMES: usize = 6000;
 
 /// A replay within a report, as the template sees it.
 #[derive(Serialize)]
@@ -116,8 +116,8 @@ impl Motion {
 }
 
 fn embedded(replay: &Replay) -> Result<Player, ReplayError> {
-    let robots = replay.robots.iter().take(MOST_ROBOTS).map(|robot| {
-        let frames = robot.frames.iter().take(MOST_FRAMES).cloned().collect();
+    let robots = replay.robots.iter().take(MAX_ROBOTS).map(|robot| {
+        let frames = robot.frames.iter().take(MAX_FRAMES).cloned().collect();
         ReplayRobot {
             name: robot.name.clone(),
             bodies: robot.bodies.clone(),

@@ -79,7 +79,7 @@ pub enum InitError {
     #[error("{0}")]
     Robot(String),
     /// What was written cannot be read.
-    #[error("the task that was found for {robot} is none: {why}")]
+    #[error("gaitfit cannot make a task for {robot}: {why}")]
     Task {
         /// The robot.
         robot: String,
@@ -120,7 +120,7 @@ impl Look {
     /// A configuration of a training. `robot`: the file as the configuration names it; `lenient`: how it was read.
     pub fn configuration(&self, robot: &str, lenient: bool) -> String {
         let mut text = String::from(
-            "# Written by `gaitfit init`: what its comments call a guess is worth a look.\n\
+            "# Written by `gaitfit init`: check what its comments call a guess.\n\
              # Train with `gaitfit train FILE`; `gaitfit config train` prints all other settings.\n\n",
         );
         text.push_str(&format!("robot = {}\n", text::quoted(robot)));

@@ -109,11 +109,11 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
         }
         Better::Neither => match less_of(found) {
             Some(which) => format!(
-                "The fit bought less {which} error than {than}, but of both errors added nothing that can be told from \
+                "The fit bought less {which} error than {than}, but the sum of both errors does not differ from \
                  chance: {numbers}."
             ),
             None => {
-                format!("The fit bought nothing over {than} that can be told from chance: {numbers}.")
+                format!("The fit's gain over {than} does not differ from chance: {numbers}.")
             }
         },
         Better::Other => format!(
@@ -191,7 +191,7 @@ mod tests {
         );
         assert!(text.unwrap().contains("linear error -0.0500 ± 0.0008 m/s") && warnings.is_empty());
         let (text, warnings) = said(0.0001);
-        assert!(text.unwrap().contains("nothing over domain randomisation that can be told from chance"));
+        assert!(text.unwrap().contains("gain over domain randomisation does not differ from chance"));
         assert_eq!(warnings.len(), 1);
         let mixed = Comparison {
             linear_velocity_error: Estimate { mean: -0.012, ci95: 0.003 },

@@ -206,7 +206,7 @@ impl LoopConfig {
                 .as_ref()
                 .is_some_and(|target| target.kind == TargetKind::Command && !target.probe.is_empty())
         {
-            "`target.probe` lets a loop go on without the robot, which needs `logs` to fit; leave it out if the \
+            "`target.probe` lets a loop continue without the robot, which needs `logs` to fit; leave it out if the \
              robot must be there"
                 .to_owned()
         } else if self.held_out == 1 || self.held_out > 1000 {

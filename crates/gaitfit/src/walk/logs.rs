@@ -369,7 +369,7 @@ fn long_enough(logs: Vec<Log>, config: &AdaptConfig, warnings: &mut Vec<String>)
     for log in short {
         let seconds = log.trajectory.duration();
         warnings.push(format!(
-            "{}: {seconds:.2} s of data are too short to count; {least} s are the least",
+            "{}: {seconds:.2} s of data are too short to count; the minimum is {least} s",
             log.name
         ));
     }

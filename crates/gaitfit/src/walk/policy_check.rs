@@ -282,7 +282,7 @@ impl PolicyMatch {
     pub fn judge(&self, policy: &str, logs: &[&str]) -> Result<Vec<String>, Error> {
         if self.samples < LEAST_SAMPLES || !self.mismatch.is_finite() {
             return Ok(vec![format!(
-                "whether the logs' actions are those of {policy} cannot be told: {} samples that say something",
+                "the logs do not show whether their actions are those of {policy}: only {} samples can be compared",
                 self.samples
             )]);
         }
@@ -428,7 +428,7 @@ mod tests {
         assert!(verdict.unwrap().is_empty());
         assert!(judged(&other, &whole).1.is_err());
         let (_, verdict) = judged(&walked, &logs(&scene, &walked, false));
-        assert!(verdict.unwrap()[0].contains("cannot be told"));
+        assert!(verdict.unwrap()[0].contains("do not show whether"));
     }
 
     #[test]
@@ -446,7 +446,7 @@ mod tests {
         assert!(verdict.unwrap().is_empty());
         assert!(judged(&other, &whole).1.is_err());
         let (_, verdict) = judged(&walked, &logs(&scene, &walked, false));
-        assert!(verdict.unwrap()[0].contains("cannot be told"));
+        assert!(verdict.unwrap()[0].contains("do not show whether"));
     }
 
     #[test]
@@ -455,6 +455,6 @@ mod tests {
         let policy = policy(&scene, 3);
         let short = logs(&scene, &policy, true)[0].slice(0..10).unwrap();
         let (_, verdict) = judged(&policy, &[short]);
-        assert!(verdict.unwrap()[0].contains("cannot be told"));
+        assert!(verdict.unwrap()[0].contains("do not show whether"));
     }
 }
