@@ -26,7 +26,7 @@ pub mod training;
 pub use evaluation::{EvaluationReport, evaluation_html};
 pub use fit::{FitReport, fit_html};
 pub use gait::GaitPicture;
-pub use log_picture::{LogPicture, log_picture_svg};
+pub use log_picture::{LogPicture, log_picture_html, log_picture_svg};
 pub use loop_report::{LoopReport, loop_html};
 pub use page::{Doubt, DoubtKind, Link, ReportError, Setting};
 pub use replay::{Replay, ReplayError, replay_html};

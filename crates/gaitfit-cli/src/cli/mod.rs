@@ -50,7 +50,7 @@ pub enum Command {
     Inspect(Inspect),
     /// Convert a recording (MCAP, ROS bag, HDF5, npz, ...) to a log
     Import(Import),
-    /// Show a log beside its simulation: two robots on one clock, and all joints
+    /// Show a log beside its simulation, as two robots on one clock
     View(View),
     /// List runs with their results
     Runs(Runs),
@@ -119,8 +119,8 @@ pub struct Inspect {
     /// Log: check that its actions follow from this policy; if not, joint orders, signs and scales are tried
     #[arg(long, value_name = "POLICY")]
     pub policy: Option<PathBuf>,
-    /// Log: write a picture of the joint signals
-    #[arg(long, value_name = "FILE.svg")]
+    /// Log: write a picture of the joint signals (.svg), or a page (.html) that fits a phone
+    #[arg(long, value_name = "FILE")]
     pub plot: Option<PathBuf>,
     /// Log: open the picture
     #[arg(long, requires = "plot")]

@@ -12,6 +12,7 @@ const MAX_DOUBTS: usize = 12;
 pub(crate) struct ShownDoubt {
     headline: &'static str,
     text: String,
+    details: String,
     severe: bool,
 }
 
@@ -22,6 +23,7 @@ pub(crate) fn doubts(list: &[Doubt]) -> Vec<ShownDoubt> {
     let shown = |doubt: &Doubt| ShownDoubt {
         headline: doubt.kind.headline(),
         text: if doubt.text.is_empty() { doubt.kind.meaning().to_string() } else { clean_prose(&doubt.text) },
+        details: clean_prose(&doubt.details),
         severe: doubt.kind.is_severe(),
     };
     sorted.into_iter().map(shown).collect()

@@ -13,7 +13,7 @@ use gaitfit::arrangement::Diagnosis;
 use gaitfit::evaluate::{Evaluated, Evaluation, GroundChoice, OnGround};
 use gaitfit::files::{self, Output};
 use gaitfit::world::World;
-use gaitfit::{gait, replay};
+use gaitfit::{gait, policy_file, replay};
 use gaitfit_learn::evaluate::{record_gait, record_gait_on};
 use gaitfit_view::Replay;
 use serde::Serialize;
@@ -79,6 +79,9 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
         if let Some(diagnosis) = &diagnosis {
             output::print(&format!("\nThis policy would walk otherwise arranged. {}.\n", diagnosis.text()))?;
         }
+        if verdict.is_some_and(|one| one.walks) {
+            output::next(&[format!("gaitfit collect {} --out logs", args.world.policy.display())])?;
+        }
     }
     // A page that cannot be written costs no numbers.
     let replay = match (&args.report, &args.replay) {
@@ -120,7 +123,7 @@ fn replay(args: &cli::Evaluate, world: &World, ground: Option<&OnGround>) -> Res
     let record = record.map_err(Failure::failed)?;
     let world = ground.map_or(world, |ground| &ground.world);
     Ok(Replay {
-        title: args.world.policy.display().to_string(),
+        title: policy_file::title(&args.world.policy),
         note: world.description(),
         dt: record.dt,
         robots: vec![replay::robot_on("", &world.scene.walker, &record)],

@@ -31,7 +31,8 @@ struct Document<'a> {
 
 /// Prints what the log holds and what is wrong with it; a log that must not be used ends with exit code 3.
 pub fn run(args: &Inspect) -> Result<(), Failure> {
-    let plot = args.plot.as_deref().map(|path| Output { path, option: "--plot", ending: Some("svg") });
+    args.plot.as_deref().map(plot::check).transpose()?;
+    let plot = args.plot.as_deref().map(|path| Output { path, option: "--plot", ending: None });
     files::check(
         plot.as_slice(),
         [Some(&args.file), args.robot.as_ref(), args.policy.as_ref()]
