@@ -17,6 +17,9 @@ use std::path::Path;
 /// Samples that the search compares: first all arrangements on few, as what a log lacks is searched for each.
 const SAMPLES: usize = 45;
 const SAMPLES_WITH_IMU: usize = 150;
+/// Logs that are looked at, evenly over all, and rows of each from its beginning on: arrangements are copied with them.
+const MAX_LOGS: usize = 6;
+const MAX_ROWS: usize = 250;
 /// Mismatch up to which an arrangement is the right one; one that is left by a right one is far larger.
 const FITS: f64 = 0.15;
 /// Mismatch that needs no further change.
@@ -31,6 +34,12 @@ pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<D
     if matches!(policy.front, Some(Front::Function(_))) {
         return None;
     }
+    let parts: Vec<Trajectory> = logs
+        .iter()
+        .step_by(logs.len().div_ceil(MAX_LOGS).max(1))
+        .filter_map(|log| log.slice(0..log.len().min(MAX_ROWS)).ok())
+        .collect();
+    let logs: &[&Trajectory] = &parts.iter().collect::<Vec<_>>();
     let joints = policy.interface.resolve(model).ok()?;
     let limbs = Limbs::of(model, &joints);
     let derived = logs.iter().all(|log| is_derived(policy, log));

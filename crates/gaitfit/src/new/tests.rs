@@ -72,6 +72,30 @@ fn a_policy_gives_a_loop_and_is_checked_against_the_logs() {
 }
 
 #[test]
+fn the_robot_of_the_policys_training_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut policy = gaitfit_policy::read(&root("assets/go2-walk.safetensors")).unwrap();
+    let robot = root("assets/go2.xml").canonicalize().unwrap();
+    policy.provenance.robot_file = Some(crate::robot_file::record(&robot, false).unwrap());
+    let seed = folder.path().join("walk/seed-1");
+    std::fs::create_dir_all(&seed).unwrap();
+    std::fs::write(seed.join("policy.safetensors"), gaitfit_policy::weights::write(&policy).unwrap())
+        .unwrap();
+    let settings = NewSettings {
+        policy: Some(seed),
+        logs: vec![root("examples/go2-ground/logs")],
+        out: Some(folder.path().join("new.toml")),
+        ..NewSettings::default()
+    };
+    let written = write(&settings).unwrap();
+    assert_eq!(written.problem, None);
+    let config: LoopConfig = load(settings.out.as_deref(), &[]).unwrap();
+    assert_eq!(Path::new(&config.robot), robot);
+    let delay = written.assumed.iter().find(|one| one.what == "delay").unwrap();
+    assert!(delay.value.contains("ms from targets to swinging legs"), "{}", delay.value);
+}
+
+#[test]
 fn what_is_missing_is_asked_for_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let all = refused(&NewSettings::default());
