@@ -20,6 +20,11 @@ fn air(folder: &Path) -> NewSettings {
     }
 }
 
+/// Some of the example's walks: all of them take a minute in a test.
+fn walks() -> Vec<PathBuf> {
+    (0..8).map(|number| root(&format!("examples/go2-ground/logs/trajectory_0{number}.csv"))).collect()
+}
+
 /// The error of settings that lack something, which is wrong usage.
 fn refused(settings: &NewSettings) -> String {
     let error = write(settings).unwrap_err();
@@ -52,7 +57,7 @@ fn a_policy_gives_a_loop_and_is_checked_against_the_logs() {
     let folder = tempfile::tempdir().unwrap();
     let settings = NewSettings {
         policy: Some(root("assets/go2-walk.safetensors")),
-        logs: vec![root("examples/go2-ground/logs")],
+        logs: walks(),
         out: Some(folder.path().join("new.toml")),
         ..NewSettings::default()
     };
@@ -83,7 +88,7 @@ fn the_robot_of_the_policys_training_is_taken() {
         .unwrap();
     let settings = NewSettings {
         policy: Some(seed),
-        logs: vec![root("examples/go2-ground/logs")],
+        logs: walks(),
         out: Some(folder.path().join("new.toml")),
         ..NewSettings::default()
     };
