@@ -70,9 +70,18 @@ class InMujoco(Robot):
                 spec.delete(joint)
         for key in list(spec.keys):
             spec.delete(key)
+        # Nothing touches here, so meshes count for masses alone, and their files need not be there.
+        for geom in [g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_MESH and g.parent.explicitinertial]:
+            spec.delete(geom)
+        for thing in [*spec.geoms, *spec.sites]:
+            thing.material = ""
+        used = {geom.meshname for geom in spec.geoms}
+        for asset in [*spec.materials, *spec.textures, *(mesh for mesh in spec.meshes if mesh.name not in used)]:
+            spec.delete(asset)
         self.model = spec.compile()
         self.model.opt.timestep = self.STEP
-        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        # The controller is below: the file's own motors would hold the joints at their zero.
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_ACTUATION
         joints = [self.model.joint(name) for name in CHIRP["joints"]]
         self.places = [int(joint.qposadr[0]) for joint in joints]
         self.dofs = [int(joint.dofadr[0]) for joint in joints]
