@@ -3,9 +3,9 @@
 use gaitfit_model::Model;
 use gaitfit_view::replay::{Geom, Shape};
 
-/// Radius of a bone as a share of its length, and at most, m.
+/// Radius of a bone as a share of its length, and its maximum, m.
 const THIN: f64 = 0.1;
-const THICKEST: f64 = 0.02;
+const THICKEST: f64 = 0.05;
 /// Bones shorter than this are not drawn, m.
 const SHORTEST: f64 = 1e-3;
 

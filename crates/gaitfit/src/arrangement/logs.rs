@@ -65,7 +65,7 @@ pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<D
         return None;
     }
     let [before, after] = [&Arrangement::of(&policy.interface), &best].map(|one| measure(one, 10 * samples));
-    (after < FITS && after < CLEARLY * before).then(|| Diagnosis {
+    (after < FITS && after < CLEARLY * before).then_some(Diagnosis {
         changes: best.changes,
         settings: best.settings,
         measure: [before, after],
