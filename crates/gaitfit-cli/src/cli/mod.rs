@@ -110,7 +110,7 @@ pub struct Inspect {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
-    /// Robot: drop what the engine does not honour and list it, instead of refusing the file
+    /// Robot: drop what the engine cannot simulate and list it, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
     /// Log: check it against this robot's joints and limits
@@ -138,7 +138,7 @@ pub struct Init {
     /// Write over a file that is there
     #[arg(long)]
     pub force: bool,
-    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
     #[arg(long)]
     pub lenient: bool,
     /// Print one JSON document
@@ -158,7 +158,7 @@ pub struct Forward {
     /// Solver effort
     #[arg(long, value_enum, default_value_t = Preset::Converged)]
     pub preset: Preset,
-    /// Drop what the engine does not honour, instead of refusing the file
+    /// Drop what the engine cannot simulate, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
 }

@@ -126,7 +126,7 @@ impl Look {
         text.push_str(&format!("robot = {}\n", text::quoted(robot)));
         if lenient {
             text.push_str(
-                "lenient = true                  # drop what the engine does not honour in the robot file\n",
+                "lenient = true                  # drop what the engine cannot simulate in the robot file\n",
             );
         }
         if self.elliptic {

@@ -34,7 +34,7 @@ pub struct NewSettings {
     pub kp: Option<PerJoint>,
     /// Velocity gains, N·m·s/rad.
     pub kd: Option<PerJoint>,
-    /// Drop what the engine does not honour in the robot file.
+    /// Drop what the engine cannot simulate in the robot file.
     pub lenient: bool,
 }
 

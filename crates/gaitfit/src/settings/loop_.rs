@@ -31,7 +31,7 @@ pub struct LoopConfig {
     pub policy: String,
     /// Robot file (MJCF or URDF); the built-in Go2 when empty.
     pub robot: String,
-    /// Drop what the engine does not honour in the robot file instead of refusing it.
+    /// Drop what the engine cannot simulate in the robot file instead of refusing it.
     pub lenient: bool,
     /// Folder that holds the run folders.
     pub runs: String,

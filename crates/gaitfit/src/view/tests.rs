@@ -91,6 +91,13 @@ fn a_walk_is_simulated_by_its_policy_and_shown_alone_without() {
     let robots = frames(&both.html);
     assert_eq!(robots.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["log", "robot file"]);
     assert_eq!(robots[0].1, robots[1].1, "one clock");
+    // A policy that remembers its robot's file.
+    let robot = root().join("assets/go2.xml").canonicalize().unwrap();
+    let mut named = policy.clone();
+    named.provenance.robot_file = Some(crate::robot_file::record(&robot, false).unwrap());
+    fs::write(path("named.safetensors"), gaitfit_policy::weights::write(&named).unwrap()).unwrap();
+    let again = view(&ViewSettings { policy: Some(path("named.safetensors")), ..settings.clone() }).unwrap();
+    assert_eq!(again.distance_rad, both.distance_rad);
     let late = ViewSettings { from_s: 50.0, ..with };
     assert!(view(&late).unwrap_err().to_string().contains("--from"));
 }
