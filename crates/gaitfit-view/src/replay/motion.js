@@ -34,19 +34,15 @@ class Robot {
     this.follow = [0, 1, 2].map((c) => this.smoothed(c, Math.round(0.4 / dt)));
     this.ground = data.ground ? new Ground(data.ground) : null;
     this.reach = this.extent();
-    const heights = this.motion.subarray(2 * this.frames, 3 * this.frames);
-    this.height = 0.9 * heights.reduce((sum, z) => sum + z, 0) / this.frames;
+    this.height = 0.9 * this.motion.subarray(2 * this.frames, 3 * this.frames).reduce((sum, z) => sum + z, 0) / this.frames;
   }
 
-  /** Distance from the base to the farthest end of what is drawn, in the first frame; at least a few centimetres. */
+  /** Distance from the base to the farthest geom's centre, m. */
   extent() {
     const state = this.at(0), poses = this.poses(state);
-    return this.geoms.reduce((far, g) => {
-      const centre = add(poses[g.body].position, rotate(poses[g.body].quaternion, g.position));
-      const size = g.shape === "box" ? Math.hypot(...g.size) : Math.max(g.size[0], g.size[2]);
-      const end = Math.hypot(...subtract(centre, state.position)) + size;
-      return Number.isFinite(end) ? Math.max(far, end) : far;
-    }, 0.05);
+    const far = ({ body, position }) =>
+      Math.hypot(...subtract(add(poses[body].position, rotate(poses[body].quaternion, position)), state.position));
+    return Math.max(0.05, ...this.geoms.map(far).filter(Number.isFinite));
   }
 
   get duration() { return (this.frames - 1) * this.dt; }
@@ -156,11 +152,11 @@ function shapes(robot, state, colors) {
       put(g.shape, position, quaternion, g.size, color, true);
     }
   });
-  velocityArrows(state, colors, put, robot.reach / 0.55);
+  velocityArrows(state, colors, put, robot.reach / 0.5);
   return list;
 }
 
-/** Command and measured velocity above the base, `size` times as large as beside a Go2: straight arrows for m/s, arcs for the yaw rate. */
+/** Command and measured velocity above the base, `size` times a Go2's: straight arrows for m/s, arcs for the yaw rate. */
 function velocityArrows(state, colors, put, size) {
   const yaw = turn([0, 0, 1], heading(state.quaternion));
   const above = add(state.position, [0, 0, 0.24 * size]);

@@ -10,9 +10,9 @@ const player = element("player"), embedded = player.classList.contains("embedded
 const play = element("play"), clock = element("clock"), speed = element("speed");
 const panes = Array.from(document.querySelectorAll(".pane"));
 const still = window.matchMedia("(prefers-reduced-motion: reduce)");
-// How far the largest robot reaches from its base: small robots are seen from nearer.
+// Small robots are seen from nearer.
 const reach = Math.max(...robots.map((r) => r.reach));
-const home = { azimuth: -2.15, elevation: 0.38, distance: 3.4 * reach };
+const home = { azimuth: -2.15, elevation: 0.38, distance: 3.7 * reach };
 const camera = { ...home };
 let colors = palette();
 let time = 0, playing = !still.matches, visible = true, dirty = true, last = null, renderer = null;
@@ -202,7 +202,6 @@ function start() {
   slider.max = duration;
   slider.step = data.dt;
   strip.style.height = robots.reduce((sum, r) => sum + 15 * (r.feet.length + (robots.length === 1 ? 0 : 1)) + 8, -8) + "px";
-  // Robots without feet have no contacts to show.
   strip.hidden = robots.every((r) => r.feet.length === 0);
   document.addEventListener("gaitfit-seek", (e) => { setPlaying(false); seek(e.detail); });
   slider.addEventListener("input", () => { setPlaying(false); seek(Number(slider.value)); });

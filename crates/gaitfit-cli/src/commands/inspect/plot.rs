@@ -12,7 +12,10 @@ pub fn check(path: &Path) -> Result<(), Failure> {
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
     match ending.as_deref() {
         Some("svg" | "html") => Ok(()),
-        _ => Err(Failure::usage(format!("--plot {}: name a .svg file or an .html page", path.display()))),
+        _ => Err(Failure::usage(format!(
+            "--plot writes a file whose name ends in .svg (a picture) or .html (a page); {} does not",
+            path.display()
+        ))),
     }
 }
 
