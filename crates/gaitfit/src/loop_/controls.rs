@@ -105,11 +105,11 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
     let numbers = found.numbers();
     Some(match found.better() {
         Better::Policy => {
-            format!("The fit bought {}less tracking error than {than}: {numbers}.", less(own, other))
+            format!("The fit gave {}less tracking error than {than}: {numbers}.", less(own, other))
         }
         Better::Neither => match less_of(found) {
             Some(which) => format!(
-                "The fit bought less {which} error than {than}, but the sum of both errors does not differ from \
+                "The fit gave less {which} error than {than}, but the sum of both errors does not differ from \
                  chance: {numbers}."
             ),
             None => {
@@ -117,7 +117,7 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
             }
         },
         Better::Other => format!(
-            "The fit bought nothing: a policy trained with {than} and no logs has {}less tracking error. Fitted minus \
+            "The fit gave nothing: a policy trained with {than} and no logs has {}less tracking error. Fitted minus \
              other: {numbers}.",
             less(other, own)
         ),
@@ -186,7 +186,7 @@ mod tests {
     fn what_the_fit_bought_is_said_as_it_is() {
         let (text, warnings) = said(-0.05);
         assert!(
-            text.as_ref().unwrap().starts_with("The fit bought 10 % less tracking error than domain"),
+            text.as_ref().unwrap().starts_with("The fit gave 10 % less tracking error than domain"),
             "{text:?}"
         );
         assert!(text.unwrap().contains("linear error -0.0500 ± 0.0008 m/s") && warnings.is_empty());
