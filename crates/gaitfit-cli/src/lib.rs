@@ -78,6 +78,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Explain(args) => commands::explain::run(args),
         Command::Import(args) => commands::import::run(args),
         Command::New(args) => commands::new::run(args),
+        Command::View(args) => commands::view::run(args),
         Command::Runs(args) => commands::runs::run(args),
         Command::Init(args) => commands::init::run(args),
         Command::Fit(args) => commands::adapt::run(args),

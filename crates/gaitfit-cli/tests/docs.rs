@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 
 /// Pages of the repository: those at its root, of docs and of the examples.
 fn pages() -> Vec<PathBuf> {
-    let folders = ["", "docs", "examples", "examples/go2-ground", "examples/go2-demo", "examples/go2-stairs"];
+    let examples = ["examples", "examples/go2-ground", "examples/go2-demo", "examples/go2-stairs"];
+    let folders = ["", "docs", "docs/results"].into_iter().chain(examples);
     let mut pages: Vec<PathBuf> = folders
-        .iter()
         .flat_map(|folder| std::fs::read_dir(root().join(folder)).unwrap())
         .map(|entry| entry.unwrap().path())
         .filter(|path| path.extension().is_some_and(|ending| ending == "md"))
@@ -81,12 +81,32 @@ fn every_link_leads_somewhere() {
 fn the_book_has_every_page() {
     let summary = std::fs::read_to_string(root().join("docs/SUMMARY.md")).unwrap();
     let listed: BTreeSet<&str> = summary.lines().flat_map(targets).collect();
+    let docs = root().join("docs");
     let there: BTreeSet<String> = pages()
         .iter()
-        .filter(|page| page.parent() == Some(root().join("docs").as_path()))
-        .map(|page| page.file_name().unwrap().to_string_lossy().into_owned())
+        .filter_map(|page| Some(page.strip_prefix(&docs).ok()?.to_string_lossy().into_owned()))
         .filter(|name| name != "SUMMARY.md")
         .collect();
     let listed: BTreeSet<String> = listed.into_iter().map(str::to_owned).collect();
     assert_eq!(listed, there);
+}
+
+#[test]
+fn links_of_the_book_stay_in_it() {
+    let docs = root().join("docs");
+    let mut outside = Vec::new();
+    for page in pages().iter().filter(|page| page.starts_with(&docs)) {
+        let text = std::fs::read_to_string(page).unwrap();
+        for line in prose(&text) {
+            for target in targets(&line).filter(|target| !target.contains("://") && !target.starts_with('#'))
+            {
+                let file = target.split('#').next().unwrap_or(target);
+                let path = page.parent().unwrap().join(file).canonicalize().unwrap();
+                if !path.starts_with(docs.canonicalize().unwrap()) {
+                    outside.push(format!("{}: {target}", page.display()));
+                }
+            }
+        }
+    }
+    assert!(outside.is_empty(), "the book has no page for {outside:#?}");
 }

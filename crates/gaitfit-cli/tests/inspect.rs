@@ -44,6 +44,11 @@ fn a_healthy_log_is_summarised_and_drawn() {
     assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
     assert!(errors(&output).contains("--plot writes a file whose name ends in .svg"), "{}", errors(&output));
     assert!(std::fs::read(&log).unwrap() == before);
+    let page = folder.path().join("log.html");
+    let output = run(&["inspect", log.to_str().unwrap(), "--plot", page.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
+    let html = std::fs::read_to_string(page).unwrap();
+    assert!(html.starts_with("<!DOCTYPE html>") && html.matches("<figure>").count() == 12);
 }
 
 #[test]

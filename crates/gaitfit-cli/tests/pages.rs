@@ -60,8 +60,16 @@ fn pages(folder: &Path) -> Vec<Page> {
         text("loop/round-1/logs")
     );
     let alone = loops("absent", &absent);
+    let log = "examples/go2-demo/validate.csv";
+    let viewed =
+        done(&["view", log, "--theta", &text("adapt/theta.toml"), "--out", &text("view.html"), "--json"]);
+    let drawn = done(&["inspect", log, "--plot", &text("plot.html"), "--json"]);
+    let compared = done(&["runs", &folder.display().to_string(), "--html", &text("runs.html"), "--json"]);
     let kept = |name, file, result| Page { name, file, result };
     vec![
+        kept("view", path("view.html"), viewed),
+        kept("plot", path("plot.html"), drawn),
+        kept("runs", path("runs.html"), compared),
         kept("train", path("train/report.html"), trained.clone()),
         kept("train-replay", path("train/seed-1/replay.html"), trained),
         kept("adapt", path("adapt/report.html"), fitted),
@@ -93,6 +101,8 @@ fn chromium_shows_every_page_as_it_was_meant() {
         }
         let rows = browser.value(ROWS);
         match page.name {
+            "runs" => shows_runs(&rows, &page.result),
+            "view" => clock_and_curves_are_joined(&mut browser),
             "train" => shows_training(&rows, &page.result),
             "adapt" => shows_fit(&rows, &page.result),
             "evaluate" | "uneven" => shows_evaluation(&rows, &page.result),
@@ -235,6 +245,28 @@ fn shows(cell: &str, value: &Value, what: &str) {
 
 fn percent(share: &Value) -> Value {
     (100.0 * share.as_f64().unwrap()).into()
+}
+
+/// A click on a curve sets the clock, and every curve shows its time.
+fn clock_and_curves_are_joined(browser: &mut Browser) {
+    browser.value(
+        "(() => { const svg = document.querySelector('#curves svg[role=img]'); const b = svg.getBoundingClientRect(); \
+         svg.dispatchEvent(new PointerEvent('pointerdown', { clientX: b.left + 0.5 * b.width, clientY: b.top + 20 })); })()",
+    );
+    browser.until(&format!("{TIME} > 3 && {TIME} < 5"));
+    let lines =
+        "new Set([...document.querySelectorAll('#curves .now')].map(line => line.getAttribute('x1'))).size";
+    assert_eq!(browser.value(lines), 1, "all curves show one time");
+    assert_eq!(browser.value("document.querySelectorAll('#curves .now').length"), 24, "two panels a joint");
+}
+
+fn shows_runs(rows: &Value, result: &Value) {
+    let fit = result.as_array().unwrap().iter().find(|run| run["kind"] == "fit").unwrap();
+    for parameter in fit["parameters"].as_array().unwrap() {
+        let name = parameter["name"].as_str().unwrap();
+        let cells = row(rows, &[name]);
+        assert!(cells[2..].iter().any(|cell| *cell != "–"), "{name}: {cells:?}");
+    }
 }
 
 fn shows_training(rows: &Value, result: &Value) {

@@ -151,7 +151,7 @@ fn a_log_says_which_parameters_it_can_tell() {
     assert!((ratio - 2.0).abs() < 1e-6, "{ratio}");
     let output = run(&[&demo[..], &coarse].concat());
     let text = String::from_utf8(output.stdout.clone()).unwrap();
-    assert!(text.contains("armature_calf") && text.contains("told"), "{text}{}", errors(&output));
+    assert!(text.contains("armature_calf") && text.contains("identified"), "{text}{}", errors(&output));
     let output = run(&[&demo[..], &["--set", "costs=[\"wass\"]"]].concat());
     assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
     let said = errors(&output);

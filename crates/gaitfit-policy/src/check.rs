@@ -1,7 +1,7 @@
 //! Whether the parts of a policy fit each other.
 
 use crate::error::invalid;
-use crate::network::{Activation, MOST_PARAMETERS, Network, Normaliser};
+use crate::network::{Activation, MAX_PARAMETERS, Network, Normaliser};
 use crate::{Encoder, Front, Policy, PolicyError, Term};
 
 impl Policy {
@@ -75,8 +75,8 @@ impl Policy {
 fn check_network(name: &str, network: &Network) -> Result<(), PolicyError> {
     network.shape.check()?;
     let expected = checked_parameters(network)
-        .filter(|&count| count <= MOST_PARAMETERS)
-        .ok_or_else(|| invalid(format!("the {name} has more than {MOST_PARAMETERS} parameters")))?;
+        .filter(|&count| count <= MAX_PARAMETERS)
+        .ok_or_else(|| invalid(format!("the {name} has more than {MAX_PARAMETERS} parameters")))?;
     if network.parameters.len() != expected {
         let (shape, found) = (&network.shape, network.parameters.len());
         return Err(invalid(format!("the {name} ({shape}) has {found} parameters, it needs {expected}")));

@@ -143,10 +143,10 @@ pub struct Interface {
 pub struct InterfaceError(pub String);
 
 /// Most joints, and most terms of an observation.
-const MOST_JOINTS: usize = 256;
+const MAX_JOINTS: usize = 256;
 /// Most frames of a term, and most numbers of an observation.
-const MOST_FRAMES: usize = 256;
-const MOST_NUMBERS: usize = 1 << 16;
+const MAX_FRAMES: usize = 256;
+const MAX_NUMBERS: usize = 1 << 16;
 /// Longest name of a robot or a joint, bytes.
 const LONGEST_NAME: usize = 200;
 /// Largest magnitude of any number of an interface; beyond it lies no robot, and single precision overflows.
@@ -252,9 +252,9 @@ impl Interface {
     }
 
     fn check_held(&self) -> Result<(), InterfaceError> {
-        if self.held.len() > MOST_JOINTS {
+        if self.held.len() > MAX_JOINTS {
             let found = self.held.len();
-            return Err(InterfaceError(format!("held has {found} joints; at most {MOST_JOINTS}")));
+            return Err(InterfaceError(format!("held has {found} joints; at most {MAX_JOINTS}")));
         }
         for (index, Held { joint, position, kp, kd }) in self.held.iter().enumerate() {
             check_name("held", joint)?;
@@ -277,9 +277,9 @@ impl Interface {
 
     fn check_names(&self) -> Result<(), InterfaceError> {
         let joints = self.joints.len();
-        if joints == 0 || joints > MOST_JOINTS {
+        if joints == 0 || joints > MAX_JOINTS {
             return Err(InterfaceError(format!(
-                "joints names {joints} joints; give between 1 and {MOST_JOINTS}"
+                "joints names {joints} joints; give between 1 and {MAX_JOINTS}"
             )));
         }
         if !self.robot.is_empty() {
@@ -294,8 +294,8 @@ impl Interface {
     }
 
     fn check_terms(&self, name: &str, terms: &[Term]) -> Result<(), InterfaceError> {
-        if terms.len() > MOST_JOINTS {
-            return Err(InterfaceError(format!("{name} has {} terms; at most {MOST_JOINTS}", terms.len())));
+        if terms.len() > MAX_JOINTS {
+            return Err(InterfaceError(format!("{name} has {} terms; at most {MAX_JOINTS}", terms.len())));
         }
         for term in terms {
             let quantity = term.quantity.name();
@@ -325,9 +325,9 @@ impl Interface {
     fn check_history(&self, name: &str, terms: &[Term]) -> Result<(), InterfaceError> {
         for term in terms {
             let (quantity, frames) = (term.quantity.name(), term.history);
-            if !(1..=MOST_FRAMES).contains(&frames) {
+            if !(1..=MAX_FRAMES).contains(&frames) {
                 return Err(InterfaceError(format!(
-                    "history of {quantity} in {name} is {frames}; give 1 to {MOST_FRAMES} frames"
+                    "history of {quantity} in {name} is {frames}; give 1 to {MAX_FRAMES} frames"
                 )));
             }
             if self.history.order != FrameOrder::Terms && frames != terms[0].history {
@@ -339,8 +339,8 @@ impl Interface {
             }
         }
         let numbers = width(terms, self.joints.len());
-        if numbers > MOST_NUMBERS {
-            return Err(InterfaceError(format!("{name} has {numbers} numbers; at most {MOST_NUMBERS}")));
+        if numbers > MAX_NUMBERS {
+            return Err(InterfaceError(format!("{name} has {numbers} numbers; at most {MAX_NUMBERS}")));
         }
         Ok(())
     }

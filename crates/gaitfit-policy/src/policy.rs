@@ -64,7 +64,7 @@ pub struct RobotFile {
     pub path: String,
     /// SHA-256 of it and of what it includes, hexadecimal.
     pub sha256: String,
-    /// Whether what the engine does not honour was dropped from it.
+    /// Whether what the engine cannot simulate was dropped from it.
     pub lenient: bool,
 }
 

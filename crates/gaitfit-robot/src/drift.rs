@@ -10,7 +10,7 @@ use crate::run::{COMMAND, DIRECTIONS, Trial};
 /// Furthest that a robot may have come, m: what is beyond is likely centimetres.
 const FURTHEST: f64 = 30.0;
 /// Furthest that it may have turned, rad: what is beyond is likely degrees.
-const MOST_TURNED: f64 = 7.0;
+const MAX_TURNED: f64 = 7.0;
 /// Columns that a form must have, and those that say where the robot ended, with their factor to m and rad.
 const NEEDED: [&str; 6] = ["trial", "direction", "vx", "vy", "wz", "seconds"];
 const ENDS: [[(&str, f64); 2]; 3] = [
@@ -20,7 +20,7 @@ const ENDS: [[(&str, f64); 2]; 3] = [
 ];
 const OTHERS: [&str; 2] = ["fell", "note"];
 /// Largest form, bytes: hundreds of trials with long notes.
-const MOST_BYTES: u64 = 1 << 20;
+const MAX_BYTES: u64 = 1 << 20;
 
 /// Why a form cannot be read: one line, with file and line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -84,7 +84,7 @@ impl Form {
     /// A file that is none, rows that are half filled, cells that are no numbers or have another unit, no filled row.
     pub fn read(path: &Path) -> Result<Self, FormError> {
         let refuse = |problem: String| FormError { path: path.to_owned(), problem };
-        let text = gaitfit_log::regular_file::read_text(path, MOST_BYTES).map_err(|error| {
+        let text = gaitfit_log::regular_file::read_text(path, MAX_BYTES).map_err(|error| {
             refuse(match error.kind() {
                 std::io::ErrorKind::InvalidInput => {
                     format!("this is no form ({error}): name the CSV file that `gaitfit run --drift` wrote")
@@ -230,7 +230,7 @@ impl Columns {
         let mut error = [0.0; 3];
         for (part, (column, name, factor)) in self.ends.into_iter().enumerate() {
             let end = factor * number(column, name)?;
-            let most = if part < 2 { FURTHEST } else { MOST_TURNED };
+            let most = if part < 2 { FURTHEST } else { MAX_TURNED };
             if end.abs() > most {
                 let other =
                     ENDS[part].iter().find(|(other, _)| *other != name).map_or("", |(other, _)| other);

@@ -1,7 +1,10 @@
-//! A picture of a log: a panel a joint with its target and its measured position over time.
+//! A picture of a log: a panel a joint with its target and its measured position over time; as one SVG, or as a page whose
+//! panels stand below one another on a phone.
 
 use crate::chart::{Anchor, Axis, Corners, Figure, Frame, Look, Plot, Series, extent};
-use crate::format::clean;
+use crate::format::{clean, clean_prose};
+use crate::page::{self, ReportError};
+use serde::Serialize;
 
 /// Joints drawn at most; more make no picture anybody reads.
 const JOINTS: usize = 64;
@@ -71,6 +74,37 @@ pub fn log_picture_svg(log: &LogPicture) -> String {
         panel(&mut figure, log, joint, left, top);
     }
     figure.standalone()
+}
+
+/// The page as the template sees it.
+#[derive(Serialize)]
+struct Page {
+    title: String,
+    facts: String,
+    panels: Vec<String>,
+    /// Joints that are not drawn.
+    left_out: usize,
+    marked: bool,
+}
+
+/// The same as a page: one HTML file that opens offline, with as many panels a row as its window has room for.
+///
+/// # Errors
+/// [`ReportError::Template`] if the embedded template cannot be filled in.
+pub fn log_picture_html(log: &LogPicture) -> Result<String, ReportError> {
+    let draw = |joint: &LogJoint| {
+        let mut figure = Figure::new(&clean(&joint.name), PANEL.0, PANEL.1);
+        panel(&mut figure, log, joint, 0.0, 0.0);
+        figure.inline()
+    };
+    let page = Page {
+        title: clean(&log.title),
+        facts: clean_prose(&log.facts),
+        panels: log.joints.iter().take(JOINTS).map(draw).collect(),
+        left_out: log.joints.len().saturating_sub(JOINTS),
+        marked: !log.marks.is_empty(),
+    };
+    page::render(include_str!("log_picture.html"), page)
 }
 
 fn panel(figure: &mut Figure, log: &LogPicture, joint: &LogJoint, left: f64, top: f64) {

@@ -55,7 +55,7 @@ fn the_page_holds_the_numbers_given() {
         "3 falls cut out, 6.40\u{a0}s with their margins",
         "backward walking with a turn to the right",
         "W₁ 0.47 → 0.038 rad/s",
-        "The fit bought 39 % less tracking error than domain randomisation.",
+        "The fit gave 39 % less tracking error than domain randomisation.",
         "−0.0927 ± 0.0021",
         "−3.23 ± 0.41",
         "0.0121 against 0.0118 ± 0.0009",

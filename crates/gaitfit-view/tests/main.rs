@@ -8,6 +8,7 @@ mod invented;
 #[path = "common/invented_loop.rs"]
 mod invented_loop;
 mod learning_pages;
+mod look_pages;
 mod loop_page;
 #[path = "common/page.rs"]
 mod page;

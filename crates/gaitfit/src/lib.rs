@@ -7,6 +7,7 @@
 
 pub mod adapt;
 pub mod air;
+pub mod arrangement;
 mod brief;
 pub mod collect;
 mod crew;
@@ -44,6 +45,7 @@ pub mod target;
 mod tensorboard;
 mod theta;
 pub mod train;
+pub mod view;
 pub mod walk;
 pub mod watch;
 pub mod weight;

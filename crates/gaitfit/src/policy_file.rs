@@ -40,6 +40,18 @@ struct Seed {
     linear_velocity_error: f64,
 }
 
+/// A policy's name for people: its file's stem, or in a run folder those of the run and the seed (`walk, seed-1`).
+pub fn title(path: &Path) -> String {
+    let part = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    if stem.as_deref() != Path::new(POLICY).file_stem().map(|stem| stem.to_string_lossy()).as_deref() {
+        return stem.unwrap_or_else(|| path.display().to_string());
+    }
+    let above = path.parent().into_iter().flat_map(|seed| [seed.parent(), Some(seed)]);
+    let named: Vec<String> = above.flatten().filter_map(part).collect();
+    if named.is_empty() { "policy".to_owned() } else { named.join(", ") }
+}
+
 /// The policy's file that `path` names: itself, or if it is the folder of a seed, a training, a fine-tuning or a loop, the
 /// policy that came out of it. Of several seeds it is the one whose policy followed commands best at the end of its training.
 ///
@@ -166,6 +178,15 @@ mod tests {
         assert!(
             found.path.ends_with("seed-1/policy.safetensors") && found.note.unwrap().contains("not finished")
         );
+    }
+
+    #[test]
+    fn a_policy_has_a_name() {
+        let title = |path: &str| super::title(Path::new(path));
+        assert_eq!(title("assets/go2-walk.safetensors"), "go2-walk");
+        assert_eq!(title("runs/walk/seed-1/policy.safetensors"), "walk, seed-1");
+        assert_eq!(title("runs/walk"), "walk");
+        assert_eq!(title("policy.safetensors"), "policy");
     }
 
     #[test]

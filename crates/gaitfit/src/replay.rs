@@ -8,6 +8,12 @@ use gaitfit_view::replay::{Body, Frame, Geom, Ground, Joint, ReplayRobot, Shape 
 
 /// The robot called `name`, moving as recorded.
 pub fn robot(name: &str, model: &Model, record: &GaitRecord) -> ReplayRobot {
+    let frames = (0..record.steps()).map(|step| frame(model, record, step)).collect();
+    ReplayRobot { frames, ..shape(name, model, &record.feet) }
+}
+
+/// The robot called `name` without a motion. `feet`: names of the geoms whose contacts are shown.
+pub fn shape(name: &str, model: &Model, feet: &[String]) -> ReplayRobot {
     let mut bodies: Vec<Body> = Vec::with_capacity(model.bodies.len());
     // The drawn body that carries a model body's geoms and children.
     let mut carrier = Vec::with_capacity(model.bodies.len());
@@ -45,15 +51,15 @@ pub fn robot(name: &str, model: &Model, record: &GaitRecord) -> ReplayRobot {
         },
         position: geom.pos,
         quaternion: geom.quat,
-        foot: record.feet.iter().position(|foot| *foot == geom.name),
+        foot: feet.iter().position(|foot| *foot == geom.name),
     });
     ReplayRobot {
         name: name.to_owned(),
         geoms: geoms.chain(bones(model, &carrier)).collect(),
         bodies,
-        feet: record.feet.iter().map(|foot| foot_name(foot).to_owned()).collect(),
+        feet: feet.iter().map(|foot| foot_name(foot).to_owned()).collect(),
         ground: None,
-        frames: (0..record.steps()).map(|step| frame(model, record, step)).collect(),
+        frames: Vec::new(),
     }
 }
 
@@ -65,9 +71,9 @@ pub fn robot_on(name: &str, walker: &Walker, record: &GaitRecord) -> ReplayRobot
 
 /// How far the ground is drawn beside a robot's way, m.
 const BESIDE: f64 = 2.5;
-/// Distance of drawn heights, m, and most of them along an edge.
+/// Distance of drawn heights, m, and the largest number of them along an edge.
 const FINE: f64 = 0.05;
-const MOST: f64 = 400.0;
+const MAX_HEIGHTS: f64 = 400.0;
 
 /// The ground about a robot's way.
 fn patch(ground: &Surface, record: &GaitRecord) -> Option<Ground> {
@@ -80,7 +86,7 @@ fn patch(ground: &Surface, record: &GaitRecord) -> Option<Ground> {
     if !longest.is_finite() || longest <= 0.0 {
         return None;
     }
-    let step = FINE.max(longest / MOST);
+    let step = FINE.max(longest / MAX_HEIGHTS);
     // Heights lie on whole steps of the world, where generated ground has its vertices.
     let corner = spans.map(|[low, _]| (low / step).floor() * step);
     let [columns, rows] = [0, 1].map(|k| ((spans[k][1] - corner[k]) / step).ceil() as usize + 1);

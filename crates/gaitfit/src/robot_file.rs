@@ -1,9 +1,10 @@
 //! The robot file that a policy was trained on: kept in the policy, and found again where none is named.
 
+use crate::robot::Hold;
 use crate::run::inputs::{hash, hash_file};
 use crate::world::WorldSettings;
 use crate::{Error, robot};
-use gaitfit_model::shown;
+use gaitfit_model::{Model, shown};
 use gaitfit_policy::{Policy, RobotFile};
 use std::path::{Path, PathBuf};
 
@@ -52,6 +53,25 @@ pub fn settled(asked: &WorldSettings, policy: &Policy) -> Result<(WorldSettings,
         }
     }
     Ok((settings, notes))
+}
+
+/// The robot of the policy at `path`: the file `asked`, or else that of the policy's training, or the built-in Go2.
+///
+/// # Errors
+/// A file that cannot be read; that of the training is not there any more, or is another now.
+pub fn model(policy: &Policy, path: &Path, asked: Option<&Path>, lenient: bool) -> Result<Model, Error> {
+    let recorded = policy.provenance.robot_file.as_ref();
+    match (asked, recorded) {
+        (Some(asked), _) => {
+            let lenient = lenient || recorded.is_some_and(|recorded| as_leniently(asked, recorded));
+            robot::read(asked, lenient, Hold::File)
+        }
+        (None, Some(recorded)) => {
+            let (found, _) = find(path, recorded, &policy.interface.robot)?;
+            robot::read(&found, lenient || recorded.lenient, Hold::File)
+        }
+        (None, None) => robot::go2(),
+    }
 }
 
 /// Whether `path` is the robot file of a training that read it leniently. A file that cannot be read is not; it is

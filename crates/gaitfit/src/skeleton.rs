@@ -3,16 +3,18 @@
 use gaitfit_model::Model;
 use gaitfit_view::replay::{Geom, Shape};
 
-/// Radius of a bone as a share of its length, and at most, m.
+/// Radius of a bone as a share of its length, and its maximum, m.
 const THIN: f64 = 0.1;
-const THICKEST: f64 = 0.02;
+const THICKEST: f64 = 0.05;
 /// Bones shorter than this are not drawn, m.
 const SHORTEST: f64 = 1e-3;
 
-/// Bones of all bodies without a geom. A body at the end of a limb gets one to its centre of mass. `carrier`: the drawn
-/// body of each body of the model.
+/// Bones of all bodies without a geom, or with balls alone, as feet are in files whose links are meshes. A body at the end of
+/// a limb gets one to its ball, or else to its centre of mass. `carrier`: the drawn body of each body of the model.
 pub(crate) fn bones(model: &Model, carrier: &[usize]) -> Vec<Geom> {
-    let bare = |body: usize| !model.geoms.iter().any(|geom| geom.body == body);
+    let geoms = |body: usize| model.geoms.iter().filter(move |geom| geom.body == body);
+    let ball = |geom: &gaitfit_model::Geom| matches!(geom.shape, gaitfit_model::Shape::Sphere { .. });
+    let bare = |body: usize| geoms(body).all(ball);
     let mut bones = Vec::new();
     for (index, body) in model.bodies.iter().enumerate() {
         if let Some(parent) = body.parent.filter(|&parent| bare(parent)) {
@@ -20,7 +22,8 @@ pub(crate) fn bones(model: &Model, carrier: &[usize]) -> Vec<Geom> {
         }
         let end = !model.bodies.iter().any(|other| other.parent == Some(index));
         if end && bare(index) {
-            bones.extend(bone(carrier[index], body.ipos));
+            let to = geoms(index).next().map_or(body.ipos, |ball| ball.pos);
+            bones.extend(bone(carrier[index], to));
         }
     }
     bones

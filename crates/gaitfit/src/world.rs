@@ -22,7 +22,7 @@ pub struct WorldSettings {
     pub policy: PathBuf,
     /// Robot file; that of the policy's training without one, or else the built-in Go2.
     pub robot: Option<PathBuf>,
-    /// Drop what the engine does not honour in the robot file, instead of refusing it.
+    /// Drop what the engine cannot simulate in the robot file, instead of refusing it.
     pub lenient: bool,
     /// Task: `velocity`, `biped`, or a file with a task's settings; the policy's own without one.
     pub task: Option<String>,

@@ -145,6 +145,16 @@ fn links_without_geoms_are_drawn_as_bones() {
     model.geoms.retain(|geom| !legs.contains(&geom.body));
     let drawn = robot("go2", &model, &GaitRecord::default());
     let bones = &drawn.geoms[model.geoms.len()..];
+    // Links that are meshes but for the foot's ball: the last bone leads to the ball.
+    let mut feet = gaitfit::robot::go2().unwrap();
+    feet.geoms.retain(|geom| matches!(geom.shape, gaitfit_model::Shape::Sphere { .. }));
+    let calf = feet.bodies.iter().position(|body| body.name == "FL_calf").unwrap();
+    let ball = feet.geoms.iter().find(|geom| geom.body == calf).unwrap().pos;
+    let drawn_feet = robot("go2", &feet, &GaitRecord::default());
+    let to_ball = drawn_feet.geoms[feet.geoms.len()..]
+        .iter()
+        .any(|bone| (0..3).all(|k| (bone.position[k] - 0.5 * ball[k]).abs() < 1e-9));
+    assert!(to_ball, "{:?}", drawn_feet.geoms);
     // Hip to thigh, thigh to calf, and the calf to its centre of mass.
     assert_eq!(bones.len(), 3);
     for (bone, wanted) in

@@ -18,7 +18,7 @@ pub struct Excite {
     /// Folder for the files, which is made if it is not there; with --policy the file of commands (.csv)
     #[arg(long, value_name = "PATH")]
     pub out: PathBuf,
-    /// Choose commands for this walking policy instead: those under which its logs tell the fit's parameters best
+    /// Choose commands for this walking policy instead: those under which its logs identify the fit's parameters best
     #[arg(long, value_name = "POLICY")]
     pub policy: Option<PathBuf>,
     /// With --policy: sequences to choose
@@ -91,7 +91,7 @@ pub struct Excite {
     /// How much the fitted simulator will differ from the log, where a joint's range is 2
     #[arg(long, value_name = "X", default_value_t = 2e-3, conflicts_with = "policy", hide = true)]
     pub difference: f64,
-    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
     #[arg(long, conflicts_with = "policy")]
     pub lenient: bool,
     /// Seed of the joints' phases and of the robots that are tried

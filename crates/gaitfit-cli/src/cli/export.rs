@@ -33,7 +33,7 @@ pub struct Export {
     /// policy's training, or the built-in Go2]
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
     #[arg(long)]
     pub lenient: bool,
     /// Parameters: position gain of the controller on every joint, N·m/rad

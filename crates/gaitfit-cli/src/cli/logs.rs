@@ -13,13 +13,13 @@ pub struct Import {
     /// Log to write
     #[arg(long, value_name = "FILE.csv")]
     pub out: PathBuf,
-    /// What the recording does not say: joints, units, columns (docs/logs.md)
+    /// Joints, units and columns that the recording does not state (docs/logs.md)
     #[arg(long, value_name = "FILE.toml")]
     pub mapping: Option<PathBuf>,
     /// Robot whose joints' order numbered joints have
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Robot: drop what the engine does not honour, instead of refusing the file
+    /// Robot: drop what the engine cannot simulate, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
     /// Policy whose observations the recording holds: they are unpacked by its interface, and numbered joints are its own
@@ -28,7 +28,7 @@ pub struct Import {
     /// Read only these topics, columns or arrays, by the beginning of their names, separated by commas
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub take: Vec<String>,
-    /// Add this to the times of what holds no joint positions, s [default: what the recorder's clock shows]
+    /// Add this to the times of messages without joint positions, s [default: from the recorder's clock]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub clock_offset: Option<f64>,
     /// Samples a second of a file without times, or whose times lost their digits
@@ -57,7 +57,7 @@ pub struct New {
     /// Configuration to write
     #[arg(long, value_name = "FILE.toml")]
     pub out: Option<PathBuf>,
-    /// What recordings do not say: joints, units, columns (see `gaitfit import --mapping`)
+    /// Joints, units and columns that recordings do not state (see `gaitfit import --mapping`)
     #[arg(long, value_name = "FILE.toml")]
     pub mapping: Option<PathBuf>,
     /// Position gains, N·m/rad, if the logs do not state them: a number, or a table such as '{ "*_hip" = 20, "*" = 40 }'
@@ -66,7 +66,7 @@ pub struct New {
     /// Velocity gains, N·m·s/rad, if the logs do not state them
     #[arg(long, value_name = "KD")]
     pub kd: Option<Gain>,
-    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
     #[arg(long)]
     pub lenient: bool,
     /// Write over a file that is there
@@ -83,6 +83,12 @@ pub struct Runs {
     /// Folder of the run folders
     #[arg(default_value = "runs", value_name = "FOLDER")]
     pub folder: PathBuf,
+    /// Write a page: parameters of the fits side by side, learning curves of the trainings in common charts
+    #[arg(long, value_name = "FILE.html")]
+    pub html: Option<PathBuf>,
+    /// Open the page
+    #[arg(long, requires = "html")]
+    pub open: bool,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,

@@ -11,6 +11,7 @@ mod logs;
 mod parse;
 mod robot;
 mod run;
+mod view;
 mod world;
 
 pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms, OwnParts};
@@ -22,6 +23,7 @@ pub use groups::command;
 pub use logs::{Import, New, Runs};
 pub use robot::{Drift, LinkArgs, PATIENCE, RobotKind, Run};
 pub use run::{Finetune, Fit, Loop, Reproduce, RunArgs, Sensitivity, Train, Validate};
+pub use view::View;
 pub use world::{Collect, Evaluate};
 
 use clap::{Args, Parser, Subcommand};
@@ -50,6 +52,8 @@ pub enum Command {
     Import(Import),
     /// Rank what a robot has that its model lacks, by its walks
     Explain(Explain),
+    /// Show a log beside its simulation, as two robots on one clock
+    View(View),
     /// List runs with their results
     Runs(Runs),
     /// Show what this machine offers
@@ -108,14 +112,17 @@ pub struct Inspect {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
-    /// Robot: drop what the engine does not honour and list it, instead of refusing the file
+    /// Robot: drop what the engine cannot simulate and list it, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
     /// Log: check it against this robot's joints and limits
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Log: write a picture of the joint signals
-    #[arg(long, value_name = "FILE.svg")]
+    /// Log: check that its actions follow from this policy; if not, joint orders, signs and scales are tried
+    #[arg(long, value_name = "POLICY")]
+    pub policy: Option<PathBuf>,
+    /// Log: write a picture of the joint signals (.svg), or a page (.html) that fits a phone
+    #[arg(long, value_name = "FILE")]
     pub plot: Option<PathBuf>,
     /// Log: open the picture
     #[arg(long, requires = "plot")]
@@ -149,7 +156,7 @@ pub struct Init {
     /// Write over a file that is there
     #[arg(long)]
     pub force: bool,
-    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
     #[arg(long)]
     pub lenient: bool,
     /// Print one JSON document
@@ -169,7 +176,7 @@ pub struct Forward {
     /// Solver effort
     #[arg(long, value_enum, default_value_t = Preset::Converged)]
     pub preset: Preset,
-    /// Drop what the engine does not honour, instead of refusing the file
+    /// Drop what the engine cannot simulate, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
 }

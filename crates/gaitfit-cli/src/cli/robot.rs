@@ -56,7 +56,7 @@ pub struct Run {
     /// The robot
     #[arg(long, value_enum)]
     pub robot: RobotKind,
-    /// Commands from a file with the columns t,vx,vy,wz (s, m/s, m/s, rad/s), whose last row says when the walk ends; or
+    /// Commands from a file with the columns t,vx,vy,wz (s, m/s, m/s, rad/s), whose last row is the end of the walk; or
     /// from one of `excite --policy` with several trajectories, each a walk of --seconds with a log of its own
     #[arg(long, value_name = "FILE.csv")]
     pub commands: Option<PathBuf>,
@@ -73,7 +73,7 @@ pub struct Run {
     #[arg(long)]
     pub keyboard: bool,
     /// Drift trials, so many of each direction: stand, a constant command for 4 s, stand. Between two the robot waits for
-    /// Enter; a form for what a tape measure says is written into --out, for `gaitfit drift`
+    /// Enter; a form for measurements by tape is written into --out, for `gaitfit drift`
     #[arg(long, value_name = "N")]
     pub drift: Option<usize>,
     /// Speeds of the drift trials: ahead and aside, m/s, and turning, rad/s; 0 leaves a direction out [default: the

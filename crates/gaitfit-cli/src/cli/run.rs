@@ -52,7 +52,7 @@ pub struct Fit {
     /// Configuration (TOML); `gaitfit config` prints one with every default
     pub config: PathBuf,
     /// What simulates: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the candidates), or auto (a
-    /// GPU if one can be used); a run may go on on another device [default: auto; with --resume the run's]
+    /// GPU if one can be used); a run may resume on another device [default: auto; with --resume the run's]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<super::Devices>,
     /// How it runs.
@@ -117,7 +117,7 @@ pub struct Train {
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
     /// What computes: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the seeds), or auto (a GPU if
-    /// one can be used); a run may go on on another device [default: auto; with --resume the run's]
+    /// one can be used); a run may resume on another device [default: auto; with --resume the run's]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<super::Devices>,
     /// How it runs.
@@ -138,7 +138,7 @@ pub struct Finetune {
     /// Robot (.xml, .mjcf, .urdf) [default: the configuration's, that of the policy's training, or the built-in Go2]
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
     #[arg(long)]
     pub lenient: bool,
     /// A spring on a joint, N·m/rad, about its default angle or REST, rad (repeatable)
@@ -157,7 +157,7 @@ pub struct Finetune {
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
     /// What computes: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the seeds), or auto (a GPU if
-    /// one can be used); a run may go on on another device [default: auto; with --resume the run's]
+    /// one can be used); a run may resume on another device [default: auto; with --resume the run's]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<super::Devices>,
     /// How it runs.
@@ -183,7 +183,7 @@ pub struct Loop {
 /// Arguments of `reproduce`.
 #[derive(Debug, Args)]
 pub struct Reproduce {
-    /// Which table; `list` names them and says what each takes
+    /// Which table; `list` names them with their times
     pub table: String,
     /// The paper's scale instead of one for two cores
     #[arg(long)]

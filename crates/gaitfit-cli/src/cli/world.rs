@@ -13,7 +13,7 @@ pub struct WorldArgs {
     /// Robot (.xml, .mjcf, .urdf) [default: that of the policy's training, or the built-in Go2]
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
     #[arg(long, hide = true)]
     pub lenient: bool,
     /// Task: velocity, biped, or a file with a task's settings [default: the policy's own]

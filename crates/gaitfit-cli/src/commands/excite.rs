@@ -82,7 +82,12 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
         let _ = writeln!(text, "note: {note}");
     }
     let _ = writeln!(text, "{}", args.out.display());
-    output::print(&text)
+    output::print(&text)?;
+    output::next(&[format!(
+        "gaitfit collect {} --commands {} --out logs",
+        policy.display(),
+        args.out.display()
+    )])
 }
 
 fn chirp(args: &cli::Excite) -> Result<(), Failure> {
@@ -92,7 +97,12 @@ fn chirp(args: &cli::Excite) -> Result<(), Failure> {
     if args.json {
         return output::print_json(&Document { chirp, written });
     }
-    output::print(&text(&chirp, &written))
+    output::print(&text(&chirp, &written))?;
+    let out = args.out.display();
+    output::next(&[
+        format!("python3 {out}/play.py, once it knows your robot; it writes {out}/log.csv"),
+        format!("gaitfit fit {out}/fit.toml"),
+    ])
 }
 
 fn text(chirp: &Chirp, written: &[String]) -> String {
@@ -133,14 +143,14 @@ fn text(chirp: &Chirp, written: &[String]) -> String {
     let limited: Vec<&Swept> = chirp.joints.iter().filter(|joint| joint.limited_by.is_some()).collect();
     match limited.is_empty() {
         true => text.push_str("No limit made it smaller than asked for.\n"),
-        false => text.push_str("What made it smaller or slower than asked for:\n"),
+        false => text.push_str("These limits made it smaller or slower than asked for:\n"),
     }
     for Swept { name, limited_by, .. } in limited {
         let _ = writeln!(text, "  {}: {}", shown(name), limited_by.as_deref().unwrap_or_default());
     }
     let _ = writeln!(
         text,
-        "\nWhat a fit of its log can tell, if the fitted simulator differs from the log by {:.2e} of half the joints' range:\n\n{}",
+        "\nExpected precision of a fit of its log, if the fitted simulator differs from the log by {:.2e} of half the joints' range:\n\n{}",
         chirp.difference,
         parameters(&chirp.parameters)
     );

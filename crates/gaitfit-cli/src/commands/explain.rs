@@ -1,6 +1,6 @@
 //! `gaitfit explain`: what a robot has that its model lacks, by its walks.
 
-use crate::cli::{Explain, Inspect};
+use crate::cli::Explain;
 use crate::commands::inspect::swings;
 use crate::exit::Failure;
 use crate::{output, swings as tables};
@@ -20,23 +20,16 @@ struct Document<'a> {
 
 /// Prints the causes that the logs show, the weightiest first.
 pub fn run(args: &Explain) -> Result<(), Failure> {
-    let inspect = Inspect {
-        file: args.logs.clone(),
-        json: args.json,
-        lenient: args.lenient,
-        robot: Some(args.robot.clone()),
-        plot: None,
-        open: false,
-    };
+    let robot = Some(args.robot.as_path());
     let found = if args.logs.is_dir() {
         let spec = |_: &gaitfit_log::Trajectory| CheckSpec::default();
         let mut progress = |_, _| ControlFlow::Continue(());
         let summary = summarise_folder(&args.logs, &ReadOptions::default(), &spec, &mut progress)
             .map_err(Failure::failed)?;
-        swings::of_folder(&inspect, &summary)?
+        swings::of_folder(robot, args.lenient, &summary)?
     } else {
         let log = read_csv(&args.logs, &ReadOptions::default()).map_err(Failure::failed)?;
-        swings::look(&inspect, &[&log])?
+        swings::look(robot, args.lenient, &[&log])?
     };
     let found = found.ok_or_else(|| {
         Failure::failed(format!(

@@ -1,4 +1,4 @@
-//! `gaitfit finetune`: goes on training a policy by PPO in an adapted simulator.
+//! `gaitfit finetune`: trains a policy further by PPO in a fitted simulator.
 
 use super::{run_name, train};
 use crate::cli;

@@ -62,6 +62,6 @@ fn shown(document: &Document) -> String {
     for warning in &document.warnings {
         text.push_str(&format!("note: {warning}\n"));
     }
-    text.push_str(&format!("train it with: gaitfit train {}\n", document.written));
+    text.push_str(&format!("next: gaitfit train {}\n", document.written));
     text
 }

@@ -28,6 +28,7 @@ pub mod shell;
 pub mod train;
 mod trial;
 pub mod validate;
+pub mod view;
 mod walks;
 
 use crate::exit::Failure;

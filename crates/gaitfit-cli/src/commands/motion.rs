@@ -26,7 +26,7 @@ pub fn released(interface: &str, link: &LinkArgs) -> Result<(), Failure> {
         }
         MotionMode::Silent => {
             note(&format!(
-                "no motion service answered within {} s; the run goes on unless another program's commands to the motors \
+                "no motion service answered within {} s; the run continues unless another program's commands to the motors \
                  are heard",
                 ANSWER.as_secs()
             ));

@@ -252,7 +252,17 @@ fn finish(args: &Run, who: &Who, summary: Result<Summary, RobotError>) -> Result
     if let (Who::Trials(_), false) = (who, args.link.dry_run) {
         note(&format!("fill in {0}, then: gaitfit drift {0}", trial::form_path(args).display()));
     }
-    let Some(reason) = &summary.reason else { return kept };
+    let Some(reason) = &summary.reason else {
+        kept?;
+        return match args.json || args.link.dry_run {
+            true => Ok(()),
+            false => output::next(&[format!(
+                "gaitfit new --policy {} --logs {} --out my-robot.toml",
+                args.policy.display(),
+                args.out.display()
+            )]),
+        };
+    };
     if let Err(problem) = kept {
         note(&problem.message);
     }

@@ -2,14 +2,20 @@
 
 use crate::cli::Runs;
 use crate::exit::Failure;
-use crate::output;
 use crate::table::table;
+use crate::{output, viewer};
+use gaitfit::files::{self, Output};
 use gaitfit::runs;
 use gaitfit_model::shown;
 
 /// Lists the run folders and their results.
 pub fn run(args: &Runs) -> Result<(), Failure> {
     let runs = runs::list(&args.folder)?;
+    if let Some(path) = &args.html {
+        files::check(&[Output { path, option: "--html", ending: Some("html") }], [])?;
+        files::write(path, runs::page(&args.folder, path, &runs)?.as_bytes())?;
+        viewer::show(args.open, path);
+    }
     if args.json {
         return output::print_json(&runs);
     }
@@ -33,6 +39,10 @@ pub fn run(args: &Runs) -> Result<(), Failure> {
         ]);
     }
     output::print(&format!(
-        "{rows}\n\nNext: open a run's report.html, or `gaitfit runs RUN --json` for its parameters.\n"
-    ))
+        "{rows}\n\nA run's report.html shows it; `gaitfit runs RUN --json` prints its parameters.\n"
+    ))?;
+    match &args.html {
+        Some(page) => output::print(&format!("page: {}\n", page.display())),
+        None => output::next(&[format!("gaitfit runs {} --html runs.html", args.folder.display())]),
+    }
 }

@@ -45,7 +45,7 @@ fn text(results: &SensitivityResults) -> String {
 
 /// What logs can tell of each parameter, as a table.
 pub fn parameters(all: &[Told]) -> Table {
-    let header = ["parameter", "at", "deviation", "if others known", "unit", "told", "goes with"];
+    let header = ["parameter", "at", "deviation", "if others known", "unit", "identified", "correlates with"];
     let mut rows = table(&header, &[1, 2, 3]);
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2e}"));
     for Told { name, unit, value, deviation, alone, told, like } in all {

@@ -14,7 +14,7 @@ use std::path::Path;
 /// Longest run, s.
 const LONGEST: f64 = 3600.0;
 /// Most bytes of a file of commands.
-const MOST_BYTES: u64 = 64 << 20;
+const MAX_BYTES: u64 = 64 << 20;
 /// Room for the rounding of decimal numbers, m/s or rad/s.
 const ROUNDING: f64 = 1e-6;
 
@@ -131,7 +131,7 @@ fn is_playlist(path: &Path) -> bool {
         rows.take(1).any(|header| header.split(',').any(|cell| cell.trim() == "trajectory"))
     };
     // What cannot be read is said by the reader.
-    gaitfit::files::read_text(path, MOST_BYTES).is_ok_and(header)
+    gaitfit::files::read_text(path, MAX_BYTES).is_ok_and(header)
 }
 
 /// The walks of such a file, each of `--seconds`.

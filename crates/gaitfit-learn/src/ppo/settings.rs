@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use gaitfit_policy::network::{Activation, MOST_PARAMETERS, Shape};
+use gaitfit_policy::network::{Activation, MAX_PARAMETERS, Shape};
 
 /// How the learning rate moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -197,12 +197,11 @@ impl Settings {
         self.check()?;
         let shape = |name, inputs, hidden: &[usize], outputs| {
             let shape = Shape { inputs, hidden: hidden.to_vec(), outputs, activation: self.activation };
-            if shape.parameters() <= MOST_PARAMETERS {
+            if shape.parameters() <= MAX_PARAMETERS {
                 return Ok(shape);
             }
             let count = shape.parameters();
-            let value =
-                format!("{hidden:?}, {count} parameters where a policy has at most {MOST_PARAMETERS}");
+            let value = format!("{hidden:?}, {count} parameters where a policy has at most {MAX_PARAMETERS}");
             Err(SettingsError { name, value, remedy: "make it narrower" })
         };
         Ok((

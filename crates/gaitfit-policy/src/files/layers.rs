@@ -5,7 +5,7 @@ use crate::error::invalid;
 use crate::network::{Activation, LayerNorm, Network, Shape};
 
 /// Most layers of a network from a file.
-pub(super) const MOST_LAYERS: usize = 64;
+pub(super) const MAX_LAYERS: usize = 64;
 
 /// One layer y = x W + b, with W `inputs × outputs`, row-major.
 #[derive(Clone, Debug, PartialEq)]

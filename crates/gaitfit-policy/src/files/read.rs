@@ -11,7 +11,7 @@ use std::io::{Error, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 /// Largest policy file.
-const MOST_BYTES: u64 = 32 << 20;
+const MAX_BYTES: u64 = 32 << 20;
 
 /// Reads a policy: `.safetensors` and `.onnx` written by this program, an `.onnx` with the metadata of mjlab or with
 /// unitree_rl_lab's `deploy.yaml` beside it, or a `.toml` that describes a policy trained elsewhere ([`Description`]).
@@ -194,8 +194,8 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, PolicyError> {
             return Err(Error::new(ErrorKind::InvalidInput, "not a regular file"));
         }
         let mut bytes = Vec::new();
-        File::open(path)?.take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
-        if bytes.len() as u64 > MOST_BYTES {
+        File::open(path)?.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
+        if bytes.len() as u64 > MAX_BYTES {
             return Err(Error::new(
                 ErrorKind::InvalidInput,
                 "larger than 32 MiB, no policy of a legged robot",

@@ -1,6 +1,6 @@
 //! Tensors by name in a safetensors file, with errors that name the tensor.
 
-use super::layers::{Affine, MOST_LAYERS, assemble, transpose};
+use super::layers::{Affine, MAX_LAYERS, assemble, transpose};
 use crate::PolicyError;
 use crate::error::invalid;
 use crate::network::{Activation, Cell, LayerNorm, Network, Recurrent, RecurrentLayer};
@@ -92,8 +92,8 @@ impl<'a> Tensors<'a> {
             let error = self.view(&format!("{prefix}.0.weight")).err();
             return Err(error.unwrap_or_else(|| invalid("it holds no layers")));
         }
-        if numbers.len() > MOST_LAYERS {
-            return Err(invalid(format!("{prefix} has {} layers; at most {MOST_LAYERS}", numbers.len())));
+        if numbers.len() > MAX_LAYERS {
+            return Err(invalid(format!("{prefix} has {} layers; at most {MAX_LAYERS}", numbers.len())));
         }
         let (mut layers, mut norms) = (Vec::new(), Vec::new());
         for name in numbers.into_iter().map(|number| format!("{prefix}.{number}")) {
@@ -120,8 +120,8 @@ impl<'a> Tensors<'a> {
         let mut layers = Vec::new();
         while layers.is_empty() || self.has(&format!("{prefix}.weight_ih_l{}", layers.len())) {
             let number = layers.len();
-            if number == MOST_LAYERS {
-                return Err(invalid(format!("{prefix} has more than {MOST_LAYERS} layers")));
+            if number == MAX_LAYERS {
+                return Err(invalid(format!("{prefix} has more than {MAX_LAYERS} layers")));
             }
             let mut matrix = |part: &str| -> Result<(usize, usize, Vec<f32>), PolicyError> {
                 let name = format!("{prefix}.{part}_l{number}");

@@ -22,6 +22,6 @@ pub use network::{Network, Scratch};
 pub use normaliser::{Normaliser, normalise_row};
 pub use recurrent::{Cell, Memory, Recurrent, RecurrentLayer};
 pub use scalar::Scalar;
-pub use shape::{Layer, MOST_PARAMETERS, Shape, ShapeError};
+pub use shape::{Layer, MAX_PARAMETERS, Shape, ShapeError};
 pub use tape::Tape;
 pub use weights::Weights;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::Activation;
 
 /// Most parameters of one network.
-pub const MOST_PARAMETERS: usize = 16 << 20;
+pub const MAX_PARAMETERS: usize = 16 << 20;
 
 /// Sizes of a fully connected network: inputs, hidden layers, outputs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -56,7 +56,7 @@ const SIMULATED_SPEED_FACTOR: f32 = 3.0;
 /// What a joint may seem to jump, beside its speed, rad: noise and delayed messages.
 const JUMP: f32 = 0.25;
 /// Longest time between two states that the robot's counter may tell, ms.
-const MOST_COUNTED: u32 = 20;
+const MAX_COUNTED: u32 = 20;
 /// How far the length of the orientation's quaternion may be from 1.
 const OFF_UNIT: f32 = 0.05;
 
@@ -164,8 +164,8 @@ impl Watch {
                 // Messages that were held up come in a heap: the robot's own counter tells how far apart they are.
                 // A simulator that does not count may have been held up for as long as that.
                 let counted = match state.tick {
-                    0 if self.settings.simulator => MOST_COUNTED,
-                    tick => tick.wrapping_sub(before.tick).min(MOST_COUNTED),
+                    0 if self.settings.simulator => MAX_COUNTED,
+                    tick => tick.wrapping_sub(before.tick).min(MAX_COUNTED),
                 };
                 let apart = now.saturating_sub(*came).max(Duration::from_millis(counted.into()));
                 if jump.abs() > JUMP + fastest * apart.as_secs_f32() {

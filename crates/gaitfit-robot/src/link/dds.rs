@@ -28,7 +28,7 @@ const DEPTH: i32 = 16;
 /// States that wait for the next call at most; older ones are let go.
 const WAITING: usize = 64;
 /// Largest domain that DDS has ports for.
-const MOST_DOMAIN: u16 = 232;
+const MAX_DOMAIN: u16 = 232;
 
 /// What has arrived.
 #[derive(Default)]
@@ -53,7 +53,7 @@ impl Dds {
     /// # Errors
     /// An interface that is not there or has no IPv4 address; a domain beyond 232.
     pub fn check(interface: &str, domain: u16) -> Result<Ipv4Addr, RobotError> {
-        if domain > MOST_DOMAIN {
+        if domain > MAX_DOMAIN {
             return Err(RobotError::Domain { domain });
         }
         address_of(interface)

@@ -19,7 +19,7 @@ use crate::unitree::{MOTOR_NAMES, MOTORS, Remote};
 /// Physics step and time between two looks of the motors' controllers, s.
 const STEP: f64 = 0.001;
 /// Most physics steps to catch up with in one call; a caller that was away longer finds the robot where it was.
-const MOST_STEPS: u64 = 200;
+const MAX_STEPS: u64 = 200;
 /// Gravity, m/s².
 const GRAVITY: f32 = 9.81;
 
@@ -134,7 +134,7 @@ impl<'a> Simulated<'a> {
 impl Link for Simulated<'_> {
     fn receive(&mut self, now: Duration, each: &mut dyn FnMut(Duration, &Reading)) -> Result<u64, String> {
         let due = now.as_millis() as u64;
-        self.ms = self.ms.max(due.saturating_sub(MOST_STEPS));
+        self.ms = self.ms.max(due.saturating_sub(MAX_STEPS));
         while self.ms < due {
             self.step();
             // Every second millisecond, as a Go2.

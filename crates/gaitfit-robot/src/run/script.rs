@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::RobotError;
 
 /// Most rows of a script.
-const MOST_ROWS: usize = 100_000;
+const MAX_ROWS: usize = 100_000;
 /// Largest script, bytes: 160 a row.
 const MAX_BYTES: u64 = 16 << 20;
 /// Longest walk, s.
@@ -31,9 +31,9 @@ impl Script {
     /// Fewer than two rows, times that do not begin at 0 and grow, numbers out of range.
     pub fn new(rows: Vec<(f64, [f32; 3])>) -> Result<Self, RobotError> {
         let refuse = |problem: String| Err(RobotError::Script(problem));
-        if rows.len() < 2 || rows.len() > MOST_ROWS {
+        if rows.len() < 2 || rows.len() > MAX_ROWS {
             return refuse(format!(
-                "{} rows; give 2 to {MOST_ROWS}, the last one says when the walk ends",
+                "{} rows; give 2 to {MAX_ROWS}, the last one says when the walk ends",
                 rows.len()
             ));
         }
@@ -112,7 +112,7 @@ impl Script {
             }
             let [time, vx, vy, wz] = numbers;
             rows.push((time, [vx as f32, vy as f32, wz as f32]));
-            if rows.len() > MOST_ROWS {
+            if rows.len() > MAX_ROWS {
                 break;
             }
         }

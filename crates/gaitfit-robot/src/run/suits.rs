@@ -21,7 +21,7 @@ pub fn suits(policy: &Policy, limits: &Limits) -> Result<(), RobotError> {
     if !interface.robot.is_empty() && !interface.robot.to_lowercase().contains("go2") {
         return unfit(
             format!("is of the robot `{}`, and this is a Go2", interface.robot.escape_debug()),
-            "take a policy of the Go2; if it is one by another name, say so in a .toml beside it: robot = \"go2\"",
+            "take a policy of the Go2; if it is one by another name, name the robot in a .toml beside it: robot = \"go2\"",
         );
     }
     if interface.control_dt > SLOWEST {

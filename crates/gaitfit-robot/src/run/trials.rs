@@ -13,7 +13,7 @@ pub const SPEEDS: [f32; 3] = [1.0, 1.0, 0.3925];
 /// Names of a trial's directions: ahead, to the left, turning to the left, each and its opposite.
 pub const DIRECTIONS: [[&str; 2]; 3] = [["+x", "-x"], ["+y", "-y"], ["+yaw", "-yaw"]];
 /// Most repetitions.
-const MOST_REPEATS: usize = 50;
+const MAX_REPEATS: usize = 50;
 
 /// A trial.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,8 +36,8 @@ pub fn trials(repeats: usize, speeds: [f32; 3]) -> Result<Vec<Trial>, RobotError
     if speeds == [0.0; 3] {
         return refuse("drift trials without speed; give one above 0".to_owned());
     }
-    if !(1..=MOST_REPEATS).contains(&repeats) {
-        return refuse(format!("{repeats} drift trials of each direction; give 1 to {MOST_REPEATS}"));
+    if !(1..=MAX_REPEATS).contains(&repeats) {
+        return refuse(format!("{repeats} drift trials of each direction; give 1 to {MAX_REPEATS}"));
     }
     let directions = (0..3).filter(|&part| speeds[part] > 0.0).flat_map(|part| {
         [1.0, -1.0].into_iter().zip(DIRECTIONS[part]).map(move |(sign, direction)| {

@@ -73,7 +73,7 @@ fn wide((low, high): (f64, f64)) -> (f64, f64) {
 /// One row's picture on the shared axis.
 pub(crate) fn row(row: &Row, scale: &Scale) -> String {
     let (low, high) = scale.domain();
-    let height = if row.marks.len() > 1 { 30.0 } else { 24.0 };
+    let height = if row.marks.len() > 1 { 6.0 + 12.0 * row.marks.len() as f64 } else { 24.0 };
     let middle = height / 2.0;
     let mut svg = format!(r#"<svg class="strip" width="100%" height="{height}" aria-hidden="true">"#);
     for tick in scale.ticks(6) {

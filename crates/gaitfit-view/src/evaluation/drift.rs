@@ -7,7 +7,7 @@ use crate::format::{UNKNOWN, clean, fixed, with_spread};
 use serde::Serialize;
 
 /// Trials shown at most.
-pub(crate) const MOST_TRIALS: usize = 64;
+pub(crate) const MAX_TRIALS: usize = 64;
 
 /// Table and picture.
 #[derive(Serialize)]
@@ -31,7 +31,7 @@ struct Row {
 }
 
 pub(crate) fn build(drift: &[Drift]) -> Option<DriftTable> {
-    let shown = &drift[..drift.len().min(MOST_TRIALS)];
+    let shown = &drift[..drift.len().min(MAX_TRIALS)];
     let rows = shown.iter().enumerate().map(|(i, d)| Row {
         name: clean(&d.name),
         color: i % 8,

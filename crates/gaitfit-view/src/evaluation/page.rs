@@ -12,9 +12,9 @@ use crate::replay::Motion;
 use serde::Serialize;
 
 /// Measures shown at most.
-const MOST_MEASURES: usize = 40;
+const MAX_MEASURES: usize = 40;
 /// Levels of uneven ground shown at most, over all kinds.
-const MOST_GROUND: usize = 400;
+const MAX_GROUND: usize = 400;
 
 /// The whole page.
 #[derive(Serialize)]
@@ -79,7 +79,7 @@ struct Card {
 
 impl Page {
     pub fn new(report: &EvaluationReport) -> Page {
-        let measures = &report.measures[..report.measures.len().min(MOST_MEASURES)];
+        let measures = &report.measures[..report.measures.len().min(MAX_MEASURES)];
         let rows: Vec<Row> = measures.iter().map(row).collect();
         let (motion, problem) = Motion::new(report.replay.as_ref());
         Page {
@@ -97,8 +97,8 @@ impl Page {
             measures: rows,
             histograms: measures.iter().filter_map(card).collect(),
             drift: drift::build(&report.drift),
-            ground: report.ground.iter().take(MOST_GROUND).map(ground).collect(),
-            ground_left_out: report.ground.len().saturating_sub(MOST_GROUND),
+            ground: report.ground.iter().take(MAX_GROUND).map(ground).collect(),
+            ground_left_out: report.ground.len().saturating_sub(MAX_GROUND),
             motion,
             gait: report.gait.as_ref().map(gait::inline).unwrap_or_default(),
             gait_caption: clean_prose(&report.gait_caption),

@@ -7,7 +7,7 @@ use crate::format::{clean, significant};
 use serde::Serialize;
 
 /// Joints drawn at most.
-const MOST_JOINTS: usize = 48;
+const MAX_JOINTS: usize = 48;
 
 #[derive(Serialize)]
 pub(crate) struct DistributionGroup {
@@ -40,8 +40,8 @@ pub(crate) fn build(all: &[SignalDistribution]) -> Vec<DistributionGroup> {
             DistributionGroup {
                 title,
                 unit: signal.unit(),
-                cards: of_signal().take(MOST_JOINTS).filter_map(|d| card(d, title)).collect(),
-                left_out: of_signal().count().saturating_sub(MOST_JOINTS),
+                cards: of_signal().take(MAX_JOINTS).filter_map(|d| card(d, title)).collect(),
+                left_out: of_signal().count().saturating_sub(MAX_JOINTS),
             }
         })
         .filter(|group| !group.cards.is_empty())

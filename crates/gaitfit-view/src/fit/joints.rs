@@ -6,7 +6,7 @@ use crate::format::{clean, significant};
 use serde::Serialize;
 
 /// Joints drawn at most.
-const MOST_JOINTS: usize = 64;
+const MAX_JOINTS: usize = 64;
 /// Points of all lines of all traces together, which keeps the page's size in bounds.
 const POINT_BUDGET: usize = 110_000;
 /// Lines of a joint: four traces and two residuals, in two charts.
@@ -32,7 +32,7 @@ struct TraceCard {
 }
 
 pub(super) fn build(all: &[JointTrace]) -> Traces {
-    let shown = &all[..all.len().min(MOST_JOINTS)];
+    let shown = &all[..all.len().min(MAX_JOINTS)];
     let points = (POINT_BUDGET / (LINES_A_JOINT * shown.len().max(1))).clamp(60, 400);
     let mut cards: Vec<(f64, TraceCard)> = shown.iter().filter_map(|t| card(t, points)).collect();
     // The close look opens on the joint that is fitted worst.
@@ -64,7 +64,7 @@ fn card(trace: &JointTrace, points: usize) -> Option<(f64, TraceCard)> {
 }
 
 /// NaN without any finite value.
-fn root_mean_square(values: &[f64]) -> f64 {
+pub(crate) fn root_mean_square(values: &[f64]) -> f64 {
     let finite = || values.iter().filter(|x| x.is_finite());
     (finite().map(|x| x * x).sum::<f64>() / finite().count() as f64).sqrt()
 }

@@ -6,7 +6,7 @@ use crate::nullable;
 use serde::{Deserialize, Serialize};
 
 /// Parts of the command space listed at most.
-const MOST_UNCOVERED: usize = 20;
+const MAX_UNCOVERED: usize = 20;
 
 /// What was recorded and what of it was used.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -52,7 +52,7 @@ pub(crate) fn view(log: &LogSummary) -> LogView {
         falls: log.falls,
         cut: duration(log.cut_seconds),
         commands: commands::picture(log),
-        uncovered: log.uncovered.iter().take(MOST_UNCOVERED).map(|part| clean_prose(part)).collect(),
+        uncovered: log.uncovered.iter().take(MAX_UNCOVERED).map(|part| clean_prose(part)).collect(),
     }
 }
 

@@ -4,16 +4,16 @@ mod commands;
 mod cumulative;
 mod data;
 pub(crate) mod distributions;
-mod joints;
+pub(crate) mod joints;
 pub(crate) mod log;
 mod page;
-mod parameters;
+pub(crate) mod parameters;
 mod runs;
 mod scores;
 pub(crate) mod sections;
 mod signals;
 mod standing;
-mod traces;
+pub(crate) mod traces;
 mod validation;
 
 pub use data::{

@@ -14,7 +14,7 @@ use crate::page::{Doubt, DoubtKind, Setting, ShownDoubt, doubts, is_severe, line
 use serde::Serialize;
 
 /// Comparisons shown at most.
-const MOST_COMPARISONS: usize = 6;
+const MAX_COMPARISONS: usize = 6;
 
 /// The whole page.
 #[derive(Serialize)]
@@ -59,7 +59,7 @@ impl Page {
             comparisons: report
                 .comparisons
                 .iter()
-                .take(MOST_COMPARISONS)
+                .take(MAX_COMPARISONS)
                 .filter_map(parameters::compare)
                 .collect(),
             traces: joints::build(&report.traces),

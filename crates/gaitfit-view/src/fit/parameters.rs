@@ -7,7 +7,7 @@ use crate::format::{UNKNOWN, clean, clean_prose, round_number, with_spread};
 use serde::Serialize;
 
 /// Parameters shown at most; networks have thousands.
-const MOST_PARAMETERS: usize = 200;
+const MAX_PARAMETERS: usize = 200;
 
 #[derive(Serialize)]
 pub(crate) struct ParameterTable {
@@ -29,7 +29,7 @@ pub(crate) struct ParameterTable {
 }
 
 #[derive(Serialize)]
-struct Group {
+pub(crate) struct Group {
     unit: String,
     rows: Vec<Picture>,
     axis: String,
@@ -85,7 +85,7 @@ struct ComparisonRow {
 
 /// Tables and pictures; `None` without parameters.
 pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
-    let shown = &parameters[..parameters.len().min(MOST_PARAMETERS)];
+    let shown = &parameters[..parameters.len().min(MAX_PARAMETERS)];
     if shown.is_empty() {
         return None;
     }
@@ -113,13 +113,15 @@ pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
 }
 
 /// A parameter before it has an axis.
-struct Entry {
-    unit: String,
-    name: String,
-    text: String,
-    truth: String,
-    flagged: bool,
-    row: Row,
+pub(crate) struct Entry {
+    pub unit: String,
+    pub name: String,
+    /// What stands beside the picture.
+    pub text: String,
+    /// The true value, where it is known.
+    pub truth: String,
+    pub flagged: bool,
+    pub row: Row,
 }
 
 fn entry(parameter: &Parameter) -> Entry {
@@ -204,7 +206,7 @@ fn table_row(parameter: &Parameter) -> ParameterRow {
 }
 
 /// Pictures of one unit share an axis; units come in order of appearance.
-fn group(entries: Vec<Entry>) -> Vec<Group> {
+pub(crate) fn group(entries: Vec<Entry>) -> Vec<Group> {
     let mut by_unit: Vec<Vec<Entry>> = Vec::new();
     for entry in entries {
         match by_unit.iter_mut().find(|known| known[0].unit == entry.unit) {
@@ -229,7 +231,7 @@ fn group(entries: Vec<Entry>) -> Vec<Group> {
 }
 
 pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
-    let entries = &comparison.entries[..comparison.entries.len().min(MOST_PARAMETERS)];
+    let entries = &comparison.entries[..comparison.entries.len().min(MAX_PARAMETERS)];
     if entries.is_empty() {
         return None;
     }

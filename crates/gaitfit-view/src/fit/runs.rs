@@ -6,7 +6,7 @@ use crate::format::{clean, significant};
 use serde::Serialize;
 
 /// Runs drawn at most.
-const MOST_RUNS: usize = 40;
+const MAX_RUNS: usize = 40;
 
 #[derive(Serialize)]
 pub(crate) struct Runs {
@@ -29,7 +29,7 @@ struct RunRow {
 
 /// Charts of all runs with the cost before the fit as a line across, if it is known.
 pub(super) fn build(all: &[OptimizerRun], nominal_cost: f64) -> Option<Runs> {
-    let runs = &all[..all.len().min(MOST_RUNS)];
+    let runs = &all[..all.len().min(MAX_RUNS)];
     if runs.is_empty() {
         return None;
     }

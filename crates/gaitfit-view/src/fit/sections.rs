@@ -7,7 +7,7 @@ use crate::format::clean;
 use serde::Serialize;
 
 /// Fits shown at most.
-const MOST_FITS: usize = 6;
+const MAX_FITS: usize = 6;
 
 /// A fit as the template sees it.
 #[derive(Serialize)]
@@ -19,7 +19,7 @@ pub(crate) struct FitView {
 
 /// The first fits in full.
 pub(crate) fn build(fits: &[Fit]) -> Vec<FitView> {
-    fits.iter().take(MOST_FITS).map(view).collect()
+    fits.iter().take(MAX_FITS).map(view).collect()
 }
 
 fn view(fit: &Fit) -> FitView {

@@ -5,7 +5,7 @@ use crate::chart::{Axis, Figure, Frame, Look, Plot, Series, extent};
 use std::ops::Range;
 
 /// How large a joint is drawn.
-pub(super) struct Size {
+pub(crate) struct Size {
     pub width: f64,
     pub height: f64,
     /// Height of the residual panel, user units.
@@ -17,12 +17,12 @@ pub(super) struct Size {
 }
 
 /// Simulated minus measured, rad, over the samples both have.
-pub(super) fn residual(simulated: &[f64], measured: &[f64]) -> Vec<f64> {
+pub(crate) fn residual(simulated: &[f64], measured: &[f64]) -> Vec<f64> {
     simulated.iter().zip(measured).map(|(s, m)| s - m).collect()
 }
 
 /// Samples of `seconds` around the worst fitted residual; all of them if the log is shorter.
-pub(super) fn worst_window(trace: &JointTrace, seconds: f64) -> Range<usize> {
+pub(crate) fn worst_window(trace: &JointTrace, seconds: f64) -> Range<usize> {
     let count = trace.time_s.len();
     let missed = residual(&trace.fitted, &trace.measured);
     let finite = missed.iter().enumerate().filter(|(i, r)| *i < count && r.is_finite());
@@ -38,7 +38,7 @@ pub(super) fn worst_window(trace: &JointTrace, seconds: f64) -> Range<usize> {
 }
 
 /// The chart of the samples in `range`; `None` without times or any series.
-pub(super) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Option<String> {
+pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Option<String> {
     let cut = |series: &[f64]| -> Vec<f64> {
         series.get(range.start.min(series.len())..range.end.min(series.len())).unwrap_or(&[]).to_vec()
     };
@@ -53,9 +53,11 @@ pub(super) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Opt
     let residual_bottom = size.height - 36.0;
     let residual_top = residual_bottom - size.residual;
     let x_ticks = (size.width / 70.0) as usize;
+    let simulated = !fitted.is_empty() || !nominal.is_empty();
+    let time_axis = |ticks| Axis { title: "time (s)", range: Some(times), ticks, ..Axis::default() };
     let upper = Plot {
         // The numbers stand below the lower panel, which shares the axis.
-        x: Axis { range: Some(times), ticks: 0, ..Axis::default() },
+        x: if simulated { Axis { title: "", ..time_axis(0) } } else { time_axis(x_ticks) },
         y: Axis { title: "position (rad)", range: Some(values), pad: 0.05, ticks: 4, ..Axis::default() },
         series: vec![
             Series::Step { name: "target", look: Look::TARGET, x: &time, y: &target },
@@ -66,7 +68,11 @@ pub(super) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Opt
         points: size.points,
     };
     let mut figure = Figure::new(&format!("{} over time", trace.joint), size.width, size.height);
-    figure.plot(&upper, Frame { left, top: 24.0, right, bottom: residual_top - 30.0 });
+    let bottom = if simulated { residual_top - 30.0 } else { residual_bottom };
+    figure.plot(&upper, Frame { left, top: 24.0, right, bottom });
+    if !simulated {
+        return Some(figure.inline());
+    }
 
     let missed = residual(&fitted, &measured);
     let missed_before = residual(&nominal, &measured);
@@ -78,7 +84,7 @@ pub(super) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Opt
     }
     series.push(Series::Line { name: "fitted", look: Look::FITTED, x: &time, y: &missed });
     let lower = Plot {
-        x: Axis { title: "time (s)", range: Some(times), ticks: x_ticks, ..Axis::default() },
+        x: time_axis(x_ticks),
         y: Axis {
             title: "simulated − measured (rad)",
             range: Some((-largest, largest)),

@@ -6,8 +6,8 @@ use crate::format::{clean, significant};
 use serde::Serialize;
 
 /// Logs and joints shown at most.
-const MOST_FILES: usize = 30;
-const MOST_JOINTS: usize = 100;
+const MAX_FILES: usize = 30;
+const MAX_JOINTS: usize = 100;
 /// Shades of the table.
 const SHADES: f64 = 9.0;
 
@@ -37,7 +37,7 @@ struct Cell {
 }
 
 pub(super) fn build(validation: &[Validation]) -> Option<ValidationTable> {
-    let shown = &validation[..validation.len().min(MOST_FILES)];
+    let shown = &validation[..validation.len().min(MAX_FILES)];
     if shown.is_empty() {
         return None;
     }
@@ -48,7 +48,7 @@ pub(super) fn build(validation: &[Validation]) -> Option<ValidationTable> {
         if names.contains(&name.as_str()) {
             continue;
         }
-        if names.len() < MOST_JOINTS {
+        if names.len() < MAX_JOINTS {
             names.push(name);
         } else {
             joints_left_out += 1;

@@ -5,12 +5,12 @@ use super::{DriftTrials, LoopReport};
 use crate::chart::Look;
 use crate::chart::plan::{Track, plan};
 use crate::evaluation::Drift;
-use crate::evaluation::drift::{MOST_TRIALS, error};
+use crate::evaluation::drift::{MAX_TRIALS, error};
 use crate::format::{UNKNOWN, fixed};
 use serde::Serialize;
 
 /// Policies side by side at most.
-const MOST_POLICIES: usize = 6;
+const MAX_POLICIES: usize = 6;
 
 /// What happened on one simulator.
 #[derive(Serialize)]
@@ -51,11 +51,11 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Vec<DriftSection> {
 
 fn section(report: &LoopReport, cast: &Cast, simulator: &str) -> Option<DriftSection> {
     let here = |d: &&DriftTrials| d.simulator == simulator && !d.trials.is_empty();
-    let sets: Vec<&DriftTrials> = report.drift.iter().filter(here).take(MOST_POLICIES).collect();
+    let sets: Vec<&DriftTrials> = report.drift.iter().filter(here).take(MAX_POLICIES).collect();
     // Policies may have run different commands: the union, in order of appearance.
     let mut commands: Vec<&str> = Vec::new();
     for trial in sets.iter().flat_map(|s| &s.trials) {
-        if commands.len() < MOST_TRIALS && !commands.contains(&trial.name.as_str()) {
+        if commands.len() < MAX_TRIALS && !commands.contains(&trial.name.as_str()) {
             commands.push(&trial.name);
         }
     }

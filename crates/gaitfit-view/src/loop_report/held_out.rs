@@ -6,7 +6,7 @@ use crate::format::{clean, clean_prose, significant};
 use serde::Serialize;
 
 /// Joints shown at most.
-const MOST_JOINTS: usize = 100;
+const MAX_JOINTS: usize = 100;
 const SIGNALS: [(Signal, &str); 3] =
     [(Signal::Position, "Position"), (Signal::Velocity, "Velocity"), (Signal::Action, "Action")];
 
@@ -77,8 +77,8 @@ pub(crate) fn view(held: &HeldOut) -> HeldOutView {
     HeldOutView {
         sentence: clean_prose(&held.sentence),
         signals: known.iter().map(heading).collect(),
-        rows: joints.iter().take(MOST_JOINTS).map(row).collect(),
-        left_out: joints.len().saturating_sub(MOST_JOINTS),
+        rows: joints.iter().take(MAX_JOINTS).map(row).collect(),
+        left_out: joints.len().saturating_sub(MAX_JOINTS),
     }
 }
 

@@ -7,12 +7,12 @@ use crate::fit::distributions::{self, DistributionGroup};
 use crate::fit::log::{self, LogView};
 use crate::fit::sections::{self, FitView};
 use crate::format::{UNKNOWN, clean, duration, grouped, significant};
-use crate::training::curves::{self, Card, LegendEntry, MOST_SEEDS};
+use crate::training::curves::{self, Card, LegendEntry, MAX_SEEDS};
 use serde::Serialize;
 
 /// Rounds shown in full at most, the last ones; and in the table.
-const MOST_ROUNDS: usize = 6;
-const MOST_LINES: usize = 100;
+const MAX_ROUNDS: usize = 6;
+const MAX_LINES: usize = 100;
 
 /// A line of the table of rounds.
 #[derive(Serialize)]
@@ -46,7 +46,7 @@ fn title(round: &Round, index: usize) -> String {
 }
 
 pub(super) fn lines(report: &LoopReport) -> Vec<RoundLine> {
-    report.rounds.iter().enumerate().take(MOST_LINES).map(|(i, round)| line(round, i)).collect()
+    report.rounds.iter().enumerate().take(MAX_LINES).map(|(i, round)| line(round, i)).collect()
 }
 
 fn line(round: &Round, index: usize) -> RoundLine {
@@ -74,12 +74,12 @@ fn line(round: &Round, index: usize) -> RoundLine {
 
 /// The last rounds in full, the newest first.
 pub(super) fn sections(report: &LoopReport) -> Vec<RoundSection> {
-    let newest = report.rounds.iter().enumerate().rev().take(MOST_ROUNDS);
+    let newest = report.rounds.iter().enumerate().rev().take(MAX_ROUNDS);
     newest.map(|(i, round)| section(round, i)).collect()
 }
 
 fn section(round: &Round, index: usize) -> RoundSection {
-    let seeds = &round.fine_tuning[..round.fine_tuning.len().min(MOST_SEEDS)];
+    let seeds = &round.fine_tuning[..round.fine_tuning.len().min(MAX_SEEDS)];
     let small = (300.0, 170.0);
     let rewards = curves::cards(seeds, |s| &s.rewards, small);
     RoundSection {

@@ -8,7 +8,7 @@ use crate::format::{UNKNOWN, grouped, with_spread};
 use serde::Serialize;
 
 /// Policies on simulators shown at most.
-const MOST_ROWS: usize = 64;
+const MAX_ROWS: usize = 64;
 #[derive(Serialize)]
 pub(super) struct TrackingSection {
     cards: Vec<Card>,
@@ -118,11 +118,11 @@ fn differences(report: &LoopReport) -> Vec<DifferenceRow> {
         cells: COLUMNS.iter().filter(|q| q.is_error).map(|q| text((q.difference)(one))).collect(),
         paired: one.paired,
     };
-    report.differences.iter().take(MOST_ROWS).map(row).collect()
+    report.differences.iter().take(MAX_ROWS).map(row).collect()
 }
 
 pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<TrackingSection> {
-    let shown = &report.tracking[..report.tracking.len().min(MOST_ROWS)];
+    let shown = &report.tracking[..report.tracking.len().min(MAX_ROWS)];
     let known: Vec<&Column> =
         COLUMNS.iter().filter(|q| shown.iter().any(|t| (q.of)(t).mean.is_finite())).collect();
     if known.is_empty() {

@@ -38,6 +38,9 @@ pub struct Doubt {
     /// The evidence, in a sentence or two; empty: what the kind means in general.
     #[serde(default)]
     pub text: String,
+    /// What only those want to read who mend it, e.g. a program's error message; a page folds it away.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub details: String,
 }
 
 /// What can be wrong with a result, in the order in which pages say it: what it was measured on, then the worst first.
@@ -75,7 +78,13 @@ pub enum DoubtKind {
 impl Doubt {
     /// A doubt with its evidence.
     pub fn new(kind: DoubtKind, text: impl Into<String>) -> Doubt {
-        Doubt { kind, text: text.into() }
+        Doubt { kind, text: text.into(), details: String::new() }
+    }
+
+    /// With details that a page folds away.
+    #[must_use]
+    pub fn with_details(self, details: impl Into<String>) -> Doubt {
+        Doubt { details: details.into(), ..self }
     }
 }
 

@@ -5,7 +5,7 @@ use crate::format::clean;
 use serde::Serialize;
 
 /// Links a page shows at most.
-const MOST_LINKS: usize = 100;
+const MAX_LINKS: usize = 100;
 
 /// A link as the template sees it.
 #[derive(Serialize)]
@@ -21,7 +21,7 @@ pub(crate) fn links(list: &[Link]) -> Vec<ShownLink> {
         text: clean(if link.text.is_empty() { &link.path } else { &link.text }),
         href: beside(&link.path),
     };
-    list.iter().take(MOST_LINKS).map(shown).collect()
+    list.iter().take(MAX_LINKS).map(shown).collect()
 }
 
 /// The path as a URL reference if all its parts are plain names. A fragment (`#t=2`) may follow.

@@ -15,7 +15,7 @@ use minijinja::{AutoEscape, Environment, UndefinedBehavior};
 use serde::Serialize;
 
 /// Settings and warnings listed at most.
-const MOST_LINES: usize = 500;
+const MAX_LINES: usize = 500;
 
 /// Fills in a template that extends `base.html`.
 pub(crate) fn render(template: &str, page: impl Serialize) -> Result<String, ReportError> {
@@ -44,13 +44,13 @@ pub(crate) struct Number {
 
 /// Sentences fit to print, not too many of them.
 pub(crate) fn lines(list: &[String]) -> Vec<String> {
-    list.iter().take(MOST_LINES).map(|s| clean_prose(s)).collect()
+    list.iter().take(MAX_LINES).map(|s| clean_prose(s)).collect()
 }
 
 /// Settings fit to print, not too many of them.
 pub(crate) fn settings(list: &[Setting]) -> Vec<Setting> {
     let cleaned = |s: &Setting| Setting { name: clean(&s.name), value: clean_prose(&s.value) };
-    list.iter().take(MOST_LINES).map(cleaned).collect()
+    list.iter().take(MAX_LINES).map(cleaned).collect()
 }
 
 /// What the head of a page says in short: the time of the whole run, s, then the caller's facts.

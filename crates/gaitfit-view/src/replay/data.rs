@@ -139,7 +139,8 @@ pub struct Frame {
     pub contacts: Vec<bool>,
     /// Commanded velocity: forward and left (m/s), yaw rate (rad/s), in the base's heading frame.
     pub command: [f64; 3],
-    /// Measured velocity, same frame and units.
+    /// Measured velocity, same frame and units. A robot without a finite velocity in any frame is shown without its
+    /// command and velocity.
     pub velocity: [f64; 3],
 }
 

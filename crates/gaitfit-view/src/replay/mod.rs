@@ -43,10 +43,18 @@ pub enum ReplayError {
     Page(#[from] ReportError),
 }
 
+/// The heading of a robot's pane.
+#[derive(Serialize)]
+struct Pane {
+    name: String,
+    /// Whether it has a velocity that can be compared with a command: a clamped robot has none.
+    moves: bool,
+}
+
 /// The player as `player.html` sees it, on a page of its own or within a report.
 #[derive(Serialize)]
 pub(crate) struct Player {
-    robots: Vec<String>,
+    robots: Vec<Pane>,
     data: String,
     style: &'static str,
     script: String,
@@ -60,7 +68,7 @@ impl Player {
         check::check(replay)?;
         let json = serde_json::to_string(&pack::pack(replay))?;
         Ok(Player {
-            robots: replay.robots.iter().map(|r| clean(&r.name)).collect(),
+            robots: replay.robots.iter().map(pane).collect(),
             data: within_script(&json),
             style: include_str!("replay.css"),
             script: [
@@ -77,9 +85,14 @@ impl Player {
     }
 }
 
+fn pane(robot: &ReplayRobot) -> Pane {
+    let moves = |frame: &Frame| frame.velocity.iter().any(|x| x.is_finite());
+    Pane { name: clean(&robot.name), moves: robot.frames.iter().any(moves) }
+}
+
 /// Robots and frames of a replay within a report at most: two minutes at 50 Hz.
-const MOST_ROBOTS: usize = 4;
-const MOST_FRAMES: usize = 6000;
+const MAX_ROBOTS: usize = 4;
+const MAX_FRAMES: usize = 6000;
 
 /// A replay within a report, as the template sees it.
 #[derive(Serialize)]
@@ -103,8 +116,8 @@ impl Motion {
 }
 
 fn embedded(replay: &Replay) -> Result<Player, ReplayError> {
-    let robots = replay.robots.iter().take(MOST_ROBOTS).map(|robot| {
-        let frames = robot.frames.iter().take(MOST_FRAMES).cloned().collect();
+    let robots = replay.robots.iter().take(MAX_ROBOTS).map(|robot| {
+        let frames = robot.frames.iter().take(MAX_FRAMES).cloned().collect();
         ReplayRobot {
             name: robot.name.clone(),
             bodies: robot.bodies.clone(),

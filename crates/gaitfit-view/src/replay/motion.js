@@ -33,6 +33,16 @@ class Robot {
     this.stretches = this.feet.map((_, foot) => this.touching(foot));
     this.follow = [0, 1, 2].map((c) => this.smoothed(c, Math.round(0.4 / dt)));
     this.ground = data.ground ? new Ground(data.ground) : null;
+    this.reach = this.extent();
+    this.height = 0.9 * this.motion.subarray(2 * this.frames, 3 * this.frames).reduce((sum, z) => sum + z, 0) / this.frames;
+  }
+
+  /** Distance from the base to the farthest geom's centre, m. */
+  extent() {
+    const state = this.at(0), poses = this.poses(state);
+    const far = ({ body, position }) =>
+      Math.hypot(...subtract(add(poses[body].position, rotate(poses[body].quaternion, position)), state.position));
+    return Math.max(0.05, ...this.geoms.map(far).filter(Number.isFinite));
   }
 
   get duration() { return (this.frames - 1) * this.dt; }
@@ -78,6 +88,7 @@ class Robot {
       command: value.slice(velocities, velocities + 3),
       velocity: value.slice(velocities + 3, velocities + 6),
       follow: this.follow.map((list) => blend(list, 0)),
+      height: this.height,
       contacts: this.contacts.subarray(frame * feet, (frame + 1) * feet),
     };
   }
@@ -141,36 +152,36 @@ function shapes(robot, state, colors) {
       put(g.shape, position, quaternion, g.size, color, true);
     }
   });
-  velocityArrows(state, colors, put);
+  velocityArrows(state, colors, put, robot.reach / 0.5);
   return list;
 }
 
-/** Command and measured velocity above the base: straight arrows for m/s, arcs for the yaw rate. */
-function velocityArrows(state, colors, put) {
+/** Command and measured velocity above the base, `size` times a Go2's: straight arrows for m/s, arcs for the yaw rate. */
+function velocityArrows(state, colors, put, size) {
   const yaw = turn([0, 0, 1], heading(state.quaternion));
-  const above = add(state.position, [0, 0, 0.24]);
+  const above = add(state.position, [0, 0, 0.24 * size]);
   const arrow = (from, along, radius, color) => {
     const length = Math.hypot(...along);
-    if (length > 0.02) {
+    if (length > 0.02 * size) {
       const direction = unit(along), q = pointing(direction);
       const head = Math.min(6 * radius, length), shaft = length - head;
       put("cylinder", add(from, scaled(direction, shaft / 2)), q, [radius, radius, shaft / 2], color, false);
       put("cone", add(from, scaled(direction, shaft + head / 2)), q, [2.6 * radius, 2.6 * radius, head / 2], color, false);
     }
   };
-  [[state.command, colors.command, 0], [state.velocity, colors.measured, 0.045]].forEach(([v, color, lift]) => {
+  [[state.command, colors.command, 0], [state.velocity, colors.measured, 0.045 * size]].forEach(([v, color, lift]) => {
     const centre = add(above, [0, 0, lift]);
-    arrow(centre, rotate(yaw, scaled([v[0], v[1], 0], 0.35)), 0.009, color);
+    arrow(centre, rotate(yaw, scaled([v[0], v[1], 0], 0.35 * size)), 0.009 * size, color);
     // An arc of the angle turned in one second, its middle ahead.
     const angle = Math.max(-2.6, Math.min(2.6, v[2]));
     if (Math.abs(angle) > 0.05) {
-      const pieces = 14, radius = 0.42;
+      const pieces = 14, radius = 0.42 * size;
       const point = (share) => add(centre, rotate(yaw, [radius * Math.cos(angle * share), radius * Math.sin(angle * share), 0]));
       for (let i = 0; i !== pieces; i += 1) {
         const a = point(i / pieces), b = point((i + 1) / pieces), along = subtract(b, a);
-        if (i + 1 === pieces) { arrow(a, scaled(unit(along), 0.05), 0.008, color); break; }
+        if (i + 1 === pieces) { arrow(a, scaled(unit(along), 0.05 * size), 0.008 * size, color); break; }
         const q = pointing(unit(along));
-        put("cylinder", scaled(add(a, b), 0.5), q, [0.007, 0.007, Math.hypot(...along) * 0.55], color, false);
+        put("cylinder", scaled(add(a, b), 0.5), q, [0.007 * size, 0.007 * size, Math.hypot(...along) * 0.55], color, false);
       }
     }
   });

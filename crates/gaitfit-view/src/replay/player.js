@@ -10,7 +10,9 @@ const player = element("player"), embedded = player.classList.contains("embedded
 const play = element("play"), clock = element("clock"), speed = element("speed");
 const panes = Array.from(document.querySelectorAll(".pane"));
 const still = window.matchMedia("(prefers-reduced-motion: reduce)");
-const home = { azimuth: -2.15, elevation: 0.38, distance: 1.8 };
+// Small robots are seen from nearer.
+const reach = Math.max(...robots.map((r) => r.reach));
+const home = { azimuth: -2.15, elevation: 0.38, distance: 3.7 * reach };
 const camera = { ...home };
 let colors = palette();
 let time = 0, playing = !still.matches, visible = true, dirty = true, last = null, renderer = null;
@@ -43,7 +45,7 @@ function boxes() {
 
 function viewOf(state, aspect, ground) {
   // On uneven ground the camera climbs with the robot.
-  const target = [state.follow[0], state.follow[1], ground ? state.follow[2] : 0.27];
+  const target = [state.follow[0], state.follow[1], ground ? state.follow[2] : state.height];
   const { azimuth, elevation } = camera;
   // Narrow panes step back so that the robot's length still fits.
   const distance = camera.distance * Math.max(1, 1.25 / aspect);
@@ -53,7 +55,7 @@ function viewOf(state, aspect, ground) {
     distance * Math.sin(elevation),
   ]);
   if (!ground) { eye[2] = Math.max(eye[2], 0.03); }
-  return { eye, target, matrix: cameraMatrix(eye, target, 0.62, aspect, 0.05, 60) };
+  return { eye, target, matrix: cameraMatrix(eye, target, 0.62, aspect, Math.min(0.05, 0.1 * camera.distance), 60) };
 }
 
 function signed(x) {
@@ -76,7 +78,8 @@ function draw() {
       row.cells[2].textContent = signed(state.velocity[k]);
     });
   });
-  drawStrip(ratio);
+  if (!strip.hidden) { drawStrip(ratio); }
+  document.dispatchEvent(new CustomEvent("gaitfit-time", { detail: time }));
   clock.textContent = time.toFixed(2) + " / " + duration.toFixed(2) + " s";
   slider.value = time;
 }
@@ -148,7 +151,7 @@ function orbit() {
     return Math.hypot(a.x - b.x, a.y - b.y);
   };
   const zoom = (factor) => {
-    camera.distance = Math.max(0.5, Math.min(12, camera.distance * factor));
+    camera.distance = Math.max(0.9 * reach, Math.min(22 * reach, camera.distance * factor));
     dirty = true;
   };
   const stage = element("stage");
@@ -199,6 +202,8 @@ function start() {
   slider.max = duration;
   slider.step = data.dt;
   strip.style.height = robots.reduce((sum, r) => sum + 15 * (r.feet.length + (robots.length === 1 ? 0 : 1)) + 8, -8) + "px";
+  strip.hidden = robots.every((r) => r.feet.length === 0);
+  document.addEventListener("gaitfit-seek", (e) => { setPlaying(false); seek(e.detail); });
   slider.addEventListener("input", () => { setPlaying(false); seek(Number(slider.value)); });
   const scrub = (e) => {
     const width = strip.clientWidth - 64 - 16;

@@ -6,10 +6,10 @@ use crate::format::{clean, significant};
 use serde::Serialize;
 
 /// Charts of one kind at most, and seeds drawn at most.
-const MOST_CHARTS: usize = 60;
-pub(crate) const MOST_SEEDS: usize = 40;
+const MAX_CHARTS: usize = 60;
+pub(crate) const MAX_SEEDS: usize = 40;
 /// Iterations kept at most; longer runs are drawn from every nth.
-const MOST_ITERATIONS: usize = 4000;
+const MAX_ITERATIONS: usize = 4000;
 
 /// A chart with its caption.
 #[derive(Serialize)]
@@ -29,7 +29,7 @@ pub(crate) struct LegendEntry {
 
 /// A line a seed, and their mean where there are several.
 pub(crate) fn legend(seeds: &[SeedCurve]) -> Vec<LegendEntry> {
-    let shown = seeds.iter().take(MOST_SEEDS).enumerate();
+    let shown = seeds.iter().take(MAX_SEEDS).enumerate();
     let mut legend: Vec<LegendEntry> =
         shown.map(|(i, s)| LegendEntry { look: Look::color(i), text: format!("seed {}", s.seed) }).collect();
     if legend.len() > 1 {
@@ -40,10 +40,10 @@ pub(crate) fn legend(seeds: &[SeedCurve]) -> Vec<LegendEntry> {
 
 /// The charts of one kind of series, in the order in which names first appear.
 pub(crate) fn cards(seeds: &[SeedCurve], kind: fn(&SeedCurve) -> &[Series], size: (f64, f64)) -> Vec<Card> {
-    let seeds = &seeds[..seeds.len().min(MOST_SEEDS)];
+    let seeds = &seeds[..seeds.len().min(MAX_SEEDS)];
     let mut names: Vec<&str> = Vec::new();
     for series in seeds.iter().flat_map(kind) {
-        if names.len() < MOST_CHARTS && !names.contains(&series.name.as_str()) {
+        if names.len() < MAX_CHARTS && !names.contains(&series.name.as_str()) {
             names.push(&series.name);
         }
     }
@@ -64,7 +64,7 @@ fn card(
         .filter_map(|(i, seed)| {
             let series = named(seed)?;
             let count = seed.iteration.len().min(series.values.len());
-            let step = count.div_ceil(MOST_ITERATIONS).max(1);
+            let step = count.div_ceil(MAX_ITERATIONS).max(1);
             let x = seed.iteration[..count].iter().step_by(step).map(|n| f64::from(*n)).collect();
             let y = series.values[..count].iter().step_by(step).copied().collect();
             Some((i, format!("seed {}", seed.seed), x, y))

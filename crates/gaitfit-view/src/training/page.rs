@@ -1,6 +1,6 @@
 //! The page as the template sees it: text and pictures, ready to be placed.
 
-use super::curves::{self, Card, LegendEntry, MOST_SEEDS};
+use super::curves::{self, Card, LegendEntry, MAX_SEEDS};
 use super::{SeedResult, TrainingReport};
 use crate::format::{UNKNOWN, clean, clean_prose, duration, fixed, round_number, significant};
 use crate::gait;
@@ -9,7 +9,7 @@ use crate::replay::Motion;
 use serde::Serialize;
 
 /// Characters of the configuration shown at most.
-const MOST_CONFIGURATION: usize = 200_000;
+const MAX_CONFIGURATION: usize = 200_000;
 
 /// The whole page.
 #[derive(Serialize)]
@@ -52,7 +52,7 @@ struct Row {
 
 impl Page {
     pub fn new(report: &TrainingReport) -> Page {
-        let seeds = &report.seeds[..report.seeds.len().min(MOST_SEEDS)];
+        let seeds = &report.seeds[..report.seeds.len().min(MAX_SEEDS)];
         let rows = seeds.iter().enumerate().map(|(i, s)| row(s.seed.to_string(), i % 8, &s.result)).collect();
         let results: Vec<&SeedResult> = report.seeds.iter().map(|s| &s.result).collect();
         let (motion, problem) = Motion::new(report.replay.as_ref());
@@ -152,7 +152,7 @@ fn thousands(x: f64) -> String {
 
 /// The configuration line by line, without what hides or a page cannot hold.
 fn configuration(text: &str) -> String {
-    let kept: String = text.chars().take(MOST_CONFIGURATION).collect();
+    let kept: String = text.chars().take(MAX_CONFIGURATION).collect();
     let mut lines: Vec<String> = kept.lines().map(clean_prose).collect();
     if kept.len() < text.len() {
         lines.push("…".into());

@@ -49,7 +49,7 @@ pub fn two_rounds(seeds: usize, generations: usize, frames: usize) -> LoopReport
             angular_velocity_error: Estimate { mean: -0.1337, ci95: 0.0033 },
             fall_rate: Estimate { mean: -0.0323, ci95: 0.0041 },
         }],
-        bought: "The fit bought 39 % less tracking error than domain randomisation.".into(),
+        bought: "The fit gave 39 % less tracking error than domain randomisation.".into(),
         drift: drift(),
         replay: Some(Replay {
             note: "π₀ and π₂ under the same commands on the target.".into(),

@@ -50,7 +50,7 @@ pub use search::{METRICS, metrics};
 pub use sensitivity::{SensitivityResults, Told, sensitivity};
 pub(crate) use sensitivity::{identifies, known_values, tell};
 pub use setup::Setup;
-pub(crate) use setup::{Robot, method as simulated};
+pub(crate) use setup::{Robot, method as simulated, validation as read_logs};
 pub use share::{Crew, Done, Helper, Shares};
 pub use springs::FoundSpring;
 pub use standing::{CONTRADICTED, Standing};

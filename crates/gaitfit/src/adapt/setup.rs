@@ -415,7 +415,7 @@ impl Logs {
 }
 
 /// The logs `named` for validation, in sets that are compared together, and doubts about them.
-pub(super) fn validation(
+pub(crate) fn validation(
     named: &[String],
     config: &AdaptConfig,
     config_path: &Path,

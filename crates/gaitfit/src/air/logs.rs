@@ -107,7 +107,7 @@ pub fn recording(trajectory: &Trajectory, path: &Path) -> Result<Recording, Erro
     let shown = path.display();
     let Some(target) = trajectory.target.clone() else {
         return Err(Error::failed(format!(
-            "{shown}: the log has no position targets (columns qdes_…); a replay needs what the robot was told."
+            "{shown}: the log has no position targets (columns qdes_…); a replay needs the targets that the robot was sent."
         )));
     };
     let Some(gains) = trajectory.gains.clone() else {

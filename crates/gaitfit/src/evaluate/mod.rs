@@ -11,6 +11,7 @@ pub use measure::{DriftResult, Evaluation, Measured, Plan, measure};
 pub use verdict::{MANY_FALLS, Verdict, goes_nowhere, standing_error, verdict};
 
 use crate::Error;
+use crate::arrangement::{self, Diagnosis};
 use crate::device::Device;
 use crate::settings::MOST_DRIFT;
 use crate::watch::Watch;
@@ -55,6 +56,8 @@ pub struct Evaluated {
     pub world: World,
     /// Uneven ground, if there was any.
     pub ground: Option<OnGround>,
+    /// An arrangement of joints, signs and scales with which it walks, where most robots fall.
+    pub diagnosis: Option<Diagnosis>,
     /// How long it took, s.
     pub wall_seconds: f64,
 }
@@ -108,7 +111,12 @@ pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>)
         measured.evaluation.ground.clone_from(&ground.results);
     }
     let verdict = verdict(&measured.evaluation, &world.scene.settings.command);
-    Ok(Evaluated { measured, verdict, world, ground, wall_seconds: begun.elapsed().as_secs_f64() })
+    let diagnosis = match measured.evaluation.fall_rate.mean > MANY_FALLS {
+        true => arrangement::of_walk(&world, plan.seed, plan.threads),
+        false => None,
+    };
+    let wall_seconds = begun.elapsed().as_secs_f64();
+    Ok(Evaluated { measured, verdict, world, ground, diagnosis, wall_seconds })
 }
 
 /// Fastest command of a drift trial, m/s and rad/s.

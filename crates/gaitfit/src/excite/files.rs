@@ -102,6 +102,8 @@ fn fit(settings: &ChirpSettings, body: &Body) -> String {
             let _ = writeln!(out, "upper = {upper:?}");
         }
     }
+    // A value a joint: too many for a search by draws, and exact derivatives need tens of simulations each.
+    out.push_str("\n[optimizer]\nmethod = \"least-squares\"\nseeds = 2\n");
     let _ = writeln!(out, "\n[simulation]\ntimestep = {:?}", body.config.simulation.timestep);
     out
 }

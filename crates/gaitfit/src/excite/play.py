@@ -60,7 +60,7 @@ class InMujoco(Robot):
 
     STEP = 0.0005
 
-    def __init__(self, path, friction, armature):
+    def __init__(self, path, friction, armature, delay):
         import mujoco
 
         self.mujoco = mujoco
@@ -70,9 +70,18 @@ class InMujoco(Robot):
                 spec.delete(joint)
         for key in list(spec.keys):
             spec.delete(key)
+        # Nothing touches here, so meshes count for masses alone, and their files need not be there.
+        for geom in [g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_MESH and g.parent.explicitinertial]:
+            spec.delete(geom)
+        for thing in [*spec.geoms, *spec.sites]:
+            thing.material = ""
+        used = {geom.meshname for geom in spec.geoms}
+        for asset in [*spec.materials, *spec.textures, *(mesh for mesh in spec.meshes if mesh.name not in used)]:
+            spec.delete(asset)
         self.model = spec.compile()
         self.model.opt.timestep = self.STEP
-        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        # The controller is below: the file's own motors would hold the joints at their zero.
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_ACTUATION
         joints = [self.model.joint(name) for name in CHIRP["joints"]]
         self.places = [int(joint.qposadr[0]) for joint in joints]
         self.dofs = [int(joint.dofadr[0]) for joint in joints]
@@ -85,19 +94,24 @@ class InMujoco(Robot):
         # A robot that holds its pose already.
         self.data.qpos[self.places] = first_target()
         self.target = first_target()
+        # Targets on their way to the motors, with the times at which they arrive.
+        self.delay, self.sent = delay, []
         self.largest = [0.0] * len(joints)
 
     def read(self):
         return list(self.data.qpos[self.places]), list(self.data.qvel[self.dofs])
 
     def send(self, target):
-        self.target = target
+        self.sent.append((self.data.time + self.delay, target))
 
     def start(self):
+        self.sent = [(time - self.data.time, target) for time, target in self.sent]
         self.data.time = 0.0
 
     def wait(self, seconds):
         while self.data.time < seconds - 1e-9:
+            while self.sent and self.sent[0][0] < self.data.time + 1e-9:
+                self.target = self.sent.pop(0)[1]
             q, dq = self.read()
             asked = torques(self.target, q, dq)
             for k, (torque, most) in enumerate(zip(asked, CHIRP["torque"])):
@@ -197,12 +211,13 @@ def main():
     parser.add_argument("--mujoco", metavar="ROBOT", help="play in MuJoCo on this robot file")
     parser.add_argument("--frictionloss", type=float, help="friction of all joints in MuJoCo, N·m [the file's]")
     parser.add_argument("--armature", type=float, help="rotor inertia of all joints in MuJoCo, kg·m² [the file's]")
+    parser.add_argument("--delay", type=float, default=0.0, help="from a target to the motors in MuJoCo, s [0]")
     parser.add_argument("--out", type=pathlib.Path, default=HERE / "log.csv", help="log to write [log.csv beside this file]")
     args = parser.parse_args()
     if args.dry_run:
         return dry_run()
     if args.mujoco:
-        robot = InMujoco(args.mujoco, args.frictionloss, args.armature)
+        robot = InMujoco(args.mujoco, args.frictionloss, args.armature, args.delay)
         play(robot, args.out)
         used = [torque / most for torque, most in zip(robot.largest, CHIRP["torque"]) if most]
         print(f"largest torque: {100 * max(used, default=0.0):.0f} % of a joint's limit")

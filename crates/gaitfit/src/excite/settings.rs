@@ -27,7 +27,7 @@ pub enum Turns {
 pub struct ChirpSettings {
     /// Robot file.
     pub robot: PathBuf,
-    /// Whether what the engine does not honour in it is dropped.
+    /// Whether what the engine cannot simulate in it is dropped.
     pub lenient: bool,
     /// Configuration of a fit, whose parameters, bounds and gains count; none: usual ones.
     pub fit: Option<PathBuf>,

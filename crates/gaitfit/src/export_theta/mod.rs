@@ -31,7 +31,7 @@ pub struct ExportSettings {
     pub theta: PathBuf,
     /// Robot file; the built-in Go2 without one.
     pub robot: Option<PathBuf>,
-    /// Drop what the engine does not honour in the robot file, instead of refusing it.
+    /// Drop what the engine cannot simulate in the robot file, instead of refusing it.
     pub lenient: bool,
     /// Position gains of the controller, N·m/rad; with them the exported robot has its PD controllers.
     pub kp: Option<PerJoint>,

@@ -228,7 +228,7 @@ impl Found {
             };
         let policy = find(&asked.policy, &mut config.policy, "policy")?.ok_or_else(|| {
             Error::settings(
-                "no policy to go on from; give one, for example `gaitfit finetune runs/velocity --theta \
+                "no policy to train further; give one, for example `gaitfit finetune runs/velocity --theta \
                  runs/fit/theta.toml`",
             )
         })?;

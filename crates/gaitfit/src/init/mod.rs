@@ -20,6 +20,7 @@ use gaitfit_sim::Candidate;
 use serde::Serialize;
 
 use anatomy::Anatomy;
+pub(crate) use anatomy::path;
 use gains::Gains;
 pub(crate) use gains::servo;
 use pose::Pose;
@@ -78,7 +79,7 @@ pub enum InitError {
     #[error("{0}")]
     Robot(String),
     /// What was written cannot be read.
-    #[error("the task that was found for {robot} is none: {why}")]
+    #[error("gaitfit cannot make a task for {robot}: {why}")]
     Task {
         /// The robot.
         robot: String,
@@ -119,13 +120,13 @@ impl Look {
     /// A configuration of a training. `robot`: the file as the configuration names it; `lenient`: how it was read.
     pub fn configuration(&self, robot: &str, lenient: bool) -> String {
         let mut text = String::from(
-            "# Written by `gaitfit init`: what its comments call a guess is worth a look.\n\
+            "# Written by `gaitfit init`: check what its comments call a guess.\n\
              # Train with `gaitfit train FILE`; `gaitfit config train` prints all other settings.\n\n",
         );
         text.push_str(&format!("robot = {}\n", text::quoted(robot)));
         if lenient {
             text.push_str(
-                "lenient = true                  # drop what the engine does not honour in the robot file\n",
+                "lenient = true                  # drop what the engine cannot simulate in the robot file\n",
             );
         }
         if self.elliptic {

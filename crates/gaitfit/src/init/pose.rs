@@ -29,7 +29,7 @@ impl Pose {
     pub fn how(&self) -> String {
         match &self.keyframe {
             Some(name) => format!("keyframe `{}`", shown(name)),
-            None => "found: feet under the hips, knees bent, base level (a guess)".to_owned(),
+            None => "a guess: feet under the hips, knees bent, base level".to_owned(),
         }
     }
 }

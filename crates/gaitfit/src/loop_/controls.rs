@@ -105,19 +105,19 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
     let numbers = found.numbers();
     Some(match found.better() {
         Better::Policy => {
-            format!("The fit bought {}less tracking error than {than}: {numbers}.", less(own, other))
+            format!("The fit gave {}less tracking error than {than}: {numbers}.", less(own, other))
         }
         Better::Neither => match less_of(found) {
             Some(which) => format!(
-                "The fit bought less {which} error than {than}, but of both errors added nothing that can be told from \
+                "The fit gave less {which} error than {than}, but the sum of both errors does not differ from \
                  chance: {numbers}."
             ),
             None => {
-                format!("The fit bought nothing over {than} that can be told from chance: {numbers}.")
+                format!("The fit's gain over {than} does not differ from chance: {numbers}.")
             }
         },
         Better::Other => format!(
-            "The fit bought nothing: a policy trained with {than} and no logs has {}less tracking error. Fitted minus \
+            "The fit gave nothing: a policy trained with {than} and no logs has {}less tracking error. Fitted minus \
              other: {numbers}.",
             less(other, own)
         ),
@@ -186,12 +186,12 @@ mod tests {
     fn what_the_fit_bought_is_said_as_it_is() {
         let (text, warnings) = said(-0.05);
         assert!(
-            text.as_ref().unwrap().starts_with("The fit bought 10 % less tracking error than domain"),
+            text.as_ref().unwrap().starts_with("The fit gave 10 % less tracking error than domain"),
             "{text:?}"
         );
         assert!(text.unwrap().contains("linear error -0.0500 ± 0.0008 m/s") && warnings.is_empty());
         let (text, warnings) = said(0.0001);
-        assert!(text.unwrap().contains("nothing over domain randomisation that can be told from chance"));
+        assert!(text.unwrap().contains("gain over domain randomisation does not differ from chance"));
         assert_eq!(warnings.len(), 1);
         let mixed = Comparison {
             linear_velocity_error: Estimate { mean: -0.012, ci95: 0.003 },

@@ -43,6 +43,9 @@ pub struct Results {
     /// What to do next, where the loop cannot.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub next: Option<String>,
+    /// Why the robot was not there, as the programs reported it that were to find it; absent if it was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub absent_because: Option<String>,
     /// Why the fit that the last policy was trained in must not be taken as it stands, the worst first.
     #[serde(default)]
     pub doubts: Vec<Doubt>,
@@ -147,7 +150,8 @@ impl Results {
             self.after,
             self.next.as_deref().unwrap_or_default()
         );
-        Some(Doubt::new(DoubtKind::RobotAbsent, text.trim_end()))
+        let details = self.absent_because.as_deref().unwrap_or_default();
+        Some(Doubt::new(DoubtKind::RobotAbsent, text.trim_end()).with_details(details))
     }
 
     /// What was measured of a policy in a simulator.

@@ -88,7 +88,8 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
         onnx: after.onnx.display().to_string(),
         stopped_because,
         walked: walked(&stages, &policies)?,
-        next: next(stages.target.as_ref(), absent.as_deref(), after),
+        next: next(stages.target.as_ref(), absent.is_some(), after),
+        absent_because: absent,
         doubts: rounds.last().map(|round| round.adapt.doubts.clone()).unwrap_or_default(),
         warnings: warnings(&rounds, &fits, &evaluations, &comparisons),
         bought: controls::bought(&comparisons, &evaluations),
@@ -304,15 +305,16 @@ fn best(policies: &[PolicyFiles], evaluations: &[Measurement]) -> usize {
 }
 
 /// What only the user can do.
-fn next(target: Option<&Target>, absent: Option<&str>, after: &PolicyFiles) -> Option<String> {
+fn next(target: Option<&Target>, absent: bool, after: &PolicyFiles) -> Option<String> {
     match (target, absent) {
         (Some(Target::Robot(_)), _) => Some(NOT_MEASURED.to_owned()),
         (Some(_), _) => None,
-        (None, Some(why)) => Some(format!(
-            "The robot was not there ({why}), so what the policies do on it is not known. Once it is, start this loop \
-             afresh to measure them on it."
-        )),
-        (None, None) => Some(format!(
+        (None, true) => Some(
+            "The robot was not there, so it is not known how the policies walk on it. Once it is, start this loop afresh \
+             to measure them on it."
+                .to_owned(),
+        ),
+        (None, false) => Some(format!(
             "Run {} (or {}) on the robot under commands over its whole range, record joint positions, velocities, \
              actions and commands, and give these logs and this policy to the next loop.",
             after.onnx.display(),

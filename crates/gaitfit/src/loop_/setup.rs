@@ -95,7 +95,7 @@ impl Setup {
         if let Some(why) = policy.untrainable() {
             // Said now, not after the fit.
             return Err(Error::failed(format!(
-                "{}: the policy has {why}, which is not trained here, so a loop cannot go on from it",
+                "{}: the policy has {why}, which is not trained here, so a loop cannot train it further",
                 policy_path.display()
             )));
         }

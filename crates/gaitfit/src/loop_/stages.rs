@@ -215,7 +215,7 @@ impl<'a> Stages<'a> {
             devices: self.setup.devices.for_tasks(config.seeds.len()),
         })?;
         self.announce(&format!(
-            "{stage}: {} goes on training for {} iterations with {} robots",
+            "{stage}: {} is trained further for {} iterations with {} robots",
             policy.name, config.train.iterations, config.train.environments
         ));
         let folder = RunFolder::only(&self.path(round), "finetune")?;

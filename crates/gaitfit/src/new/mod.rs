@@ -8,7 +8,7 @@ mod text;
 use crate::adapt::Setup;
 use crate::robot::{self, Hold};
 use crate::settings::{self, AdaptConfig, LoopConfig};
-use crate::{Error, files, init, paths};
+use crate::{Error, files, init, paths, policy_file, robot_file};
 use gaitfit_log::PerJoint;
 use gaitfit_model::{Model, shown};
 use gaitfit_policy::Policy;
@@ -22,7 +22,7 @@ const BOARD_SECONDS: f64 = 0.001;
 /// What is known at the start.
 #[derive(Clone, Debug, Default)]
 pub struct NewSettings {
-    /// Robot file (MJCF or URDF); without one the built-in Go2, if the policy is of that robot.
+    /// Robot file (MJCF or URDF); without one that of the policy's training, or the built-in Go2 if the policy is of it.
     pub robot: Option<PathBuf>,
     /// The policy that walked; without one the logs are of legs in the air.
     pub policy: Option<PathBuf>,
@@ -34,7 +34,7 @@ pub struct NewSettings {
     pub kp: Option<PerJoint>,
     /// Velocity gains, N·m·s/rad.
     pub kd: Option<PerJoint>,
-    /// Drop what the engine does not honour in the robot file.
+    /// Drop what the engine cannot simulate in the robot file.
     pub lenient: bool,
 }
 
@@ -85,7 +85,22 @@ struct Gains {
 /// # Errors
 /// What is missing, by name; robot, policy or logs that cannot be read; a file that cannot be written.
 pub fn write(settings: &NewSettings) -> Result<Written, Error> {
+    let mut settings = settings.clone();
+    if let Some(path) = &settings.policy {
+        settings.policy = Some(policy_file::find(path)?.path);
+    }
     let policy = settings.policy.as_deref().map(gaitfit_policy::read).transpose().map_err(Error::failed)?;
+    let remembered = policy.as_ref().and_then(|policy| policy.provenance.robot_file.as_ref());
+    let mut moved = None;
+    if let (None, Some(recorded), Some(policy), Some(file)) =
+        (&settings.robot, remembered, &policy, &settings.policy)
+    {
+        let (path, note) = robot_file::find(file, recorded, &policy.interface.robot)?;
+        settings.robot = Some(path);
+        settings.lenient |= recorded.lenient;
+        moved = note;
+    }
+    let settings = &settings;
     let out = complete(settings, policy.as_ref())?;
     let hold = if policy.is_some() { Hold::File } else { Hold::Clamped };
     let model = match &settings.robot {
@@ -110,7 +125,9 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
     let groups = groups::of(&model);
     let found = Found { settings, out, model, policy, logs, gains, groups };
     files::write(out, found.text().as_bytes())?;
-    Ok(found.checked())
+    let mut written = found.checked();
+    written.warnings.splice(0..0, moved);
+    Ok(written)
 }
 
 /// Whether `file` would be read as the file that describes `log`.
@@ -244,12 +261,28 @@ impl Found<'_> {
         let all: Vec<&str> = parameters.into_iter().chain(numbers).collect();
         let delay = if all.contains(&"delay") { "" } else { "; the delay is taken as 0" };
         add("fitted", format!("{}{delay}", all.join(", ")));
+        if let Some(delay) = self::delay(setup) {
+            add("delay", delay);
+        }
         let simulation = &setup.config.simulation;
         let robot =
             simulation.robot_timestep.map(|step| format!(", the robot's boards {:.1} ms", 1e3 * step));
         add("physics", format!("steps of {:.1} ms{}", 1e3 * simulation.timestep, robot.unwrap_or_default()));
         lines
     }
+}
+
+/// What the logs show of the delay without a fit: of swinging legs, and from rows to the stamps of their targets.
+fn delay(setup: &Setup) -> Option<String> {
+    let swings = setup.swings.as_ref().and(setup.config.prior.get("delay"));
+    let swings = swings.map(|delay| {
+        format!("{:.1} ± {:.1} ms from targets to swinging legs", 1e3 * delay.value, 2e3 * delay.deviation)
+    });
+    let logs = setup.fit.logs.iter().map(|log| &log.trajectory);
+    let lead = Some(crate::log::lead(logs)).filter(|lead| *lead != 0.0);
+    let lead = lead.map(|lead| format!("targets are stamped {:.1} ms after their rows", 1e3 * lead));
+    let parts: Vec<String> = swings.into_iter().chain(lead).collect();
+    (!parts.is_empty()).then(|| format!("{}; the fit estimates it anew", parts.join("; ")))
 }
 
 /// `path` as the configuration `out` names it, as a TOML string.

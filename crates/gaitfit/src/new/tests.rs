@@ -20,6 +20,11 @@ fn air(folder: &Path) -> NewSettings {
     }
 }
 
+/// Some of the example's walks: all of them take a minute in a test.
+fn walks() -> Vec<PathBuf> {
+    (0..8).map(|number| root(&format!("examples/go2-ground/logs/trajectory_0{number}.csv"))).collect()
+}
+
 /// The error of settings that lack something, which is wrong usage.
 fn refused(settings: &NewSettings) -> String {
     let error = write(settings).unwrap_err();
@@ -52,7 +57,7 @@ fn a_policy_gives_a_loop_and_is_checked_against_the_logs() {
     let folder = tempfile::tempdir().unwrap();
     let settings = NewSettings {
         policy: Some(root("assets/go2-walk.safetensors")),
-        logs: vec![root("examples/go2-ground/logs")],
+        logs: walks(),
         out: Some(folder.path().join("new.toml")),
         ..NewSettings::default()
     };
@@ -69,6 +74,30 @@ fn a_policy_gives_a_loop_and_is_checked_against_the_logs() {
     let written = write(&other).unwrap();
     assert!(written.problem.is_some(), "{written:?}");
     assert!(other.out.unwrap().exists());
+}
+
+#[test]
+fn the_robot_of_the_policys_training_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut policy = gaitfit_policy::read(&root("assets/go2-walk.safetensors")).unwrap();
+    let robot = root("assets/go2.xml").canonicalize().unwrap();
+    policy.provenance.robot_file = Some(crate::robot_file::record(&robot, false).unwrap());
+    let seed = folder.path().join("walk/seed-1");
+    std::fs::create_dir_all(&seed).unwrap();
+    std::fs::write(seed.join("policy.safetensors"), gaitfit_policy::weights::write(&policy).unwrap())
+        .unwrap();
+    let settings = NewSettings {
+        policy: Some(seed),
+        logs: walks(),
+        out: Some(folder.path().join("new.toml")),
+        ..NewSettings::default()
+    };
+    let written = write(&settings).unwrap();
+    assert_eq!(written.problem, None);
+    let config: LoopConfig = load(settings.out.as_deref(), &[]).unwrap();
+    assert_eq!(Path::new(&config.robot), robot);
+    let delay = written.assumed.iter().find(|one| one.what == "delay").unwrap();
+    assert!(delay.value.contains("ms from targets to swinging legs"), "{}", delay.value);
 }
 
 #[test]

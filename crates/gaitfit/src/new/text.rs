@@ -13,6 +13,9 @@ const IN_THE_AIR: [(&str, &str, &str); 4] = [
     ("delay", "all", "from target to motor, s"),
 ];
 
+/// Generations of a fit of legs in the air: the default leaves the demonstration's ten numbers just before they settle.
+const GENERATIONS: u32 = 400;
+
 impl Found<'_> {
     /// The whole file.
     pub(super) fn text(&self) -> String {
@@ -83,10 +86,31 @@ impl Found<'_> {
             if kind == "frictionloss" {
                 let bound = format!("{:?}", self.max_friction());
                 line(text, "upper", &bound, "the search's bound: 5 % of the largest torque limit");
+            } else if let Some(bound) = self.wider(kind) {
+                line(
+                    text,
+                    "upper",
+                    &format!("{bound:?}"),
+                    "the search's bound: twice the robot file's value",
+                );
             }
         }
+        text.push_str("\n[optimizer]\n");
+        let generations = GENERATIONS.to_string();
+        line(text, "generations", &generations, "at most; a search that no longer gains ends before");
         text.push_str("\n[check]\n");
         line(text, "converged", "true", "exit code 3 if the search has not converged");
+    }
+
+    /// The search's bound where the robot file's value is more than half of the usual one.
+    fn wider(&self, kind: &str) -> Option<f64> {
+        let (usual, values): (f64, Vec<f64>) = match kind {
+            "armature" => (0.5, self.model.joints.iter().map(|joint| joint.armature).collect()),
+            "damping" => (2.0, self.model.joints.iter().map(|joint| joint.damping).collect()),
+            _ => return None,
+        };
+        let twice = 2.0 * values.into_iter().fold(0.0, f64::max);
+        (twice.is_finite() && twice > usual).then_some(twice)
     }
 
     /// Upper bound of dry friction, N·m, to one digit; that of a real Go2 is 1 % of its torque limits.

@@ -34,7 +34,7 @@ pub struct FinetuneConfig {
     /// Robot file (MJCF or URDF); the built-in Go2 when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub robot: Option<String>,
-    /// Drop what the engine does not honour in the robot file instead of refusing it.
+    /// Drop what the engine cannot simulate in the robot file instead of refusing it.
     pub lenient: bool,
     /// Findings that a training may pass over, by name: `contradicted`, that walks contradict the fit.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -31,7 +31,7 @@ pub struct LoopConfig {
     pub policy: String,
     /// Robot file (MJCF or URDF); the built-in Go2 when empty.
     pub robot: String,
-    /// Drop what the engine does not honour in the robot file instead of refusing it.
+    /// Drop what the engine cannot simulate in the robot file instead of refusing it.
     pub lenient: bool,
     /// Folder that holds the run folders.
     pub runs: String,
@@ -206,7 +206,7 @@ impl LoopConfig {
                 .as_ref()
                 .is_some_and(|target| target.kind == TargetKind::Command && !target.probe.is_empty())
         {
-            "`target.probe` lets a loop go on without the robot, which needs `logs` to fit; leave it out if the \
+            "`target.probe` lets a loop continue without the robot, which needs `logs` to fit; leave it out if the \
              robot must be there"
                 .to_owned()
         } else if self.held_out == 1 || self.held_out > 1000 {

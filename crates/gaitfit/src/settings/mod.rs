@@ -45,7 +45,7 @@ pub struct AdaptConfig {
     pub name: Option<String>,
     /// Robot file (MJCF or URDF); for walking logs the built-in Go2 when empty.
     pub robot: String,
-    /// Drop what the engine does not honour in the robot file instead of refusing it.
+    /// Drop what the engine cannot simulate in the robot file instead of refusing it.
     pub lenient: bool,
     /// How the robot's base was held while recording.
     pub base: Base,

@@ -19,7 +19,7 @@ pub struct TrainConfig {
     /// Robot file (MJCF or URDF); the built-in Go2 when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub robot: Option<String>,
-    /// Drop what the engine does not honour in the robot file instead of refusing it.
+    /// Drop what the engine cannot simulate in the robot file instead of refusing it.
     pub lenient: bool,
     /// Folder that holds the run folders.
     pub runs: String,

@@ -48,7 +48,7 @@ impl Command {
         }
         if !collect.iter().any(|word| word.contains("{folder}")) {
             return Err(
-                "`target.collect` has no {folder}: the program must be told where its logs go".to_owned()
+                "`target.collect` has no {folder}: the program needs the folder for its logs".to_owned()
             );
         }
         let words =

@@ -9,6 +9,7 @@ use super::policy_check::{self, PolicyMatch};
 use super::simulator::IMU_COLUMNS;
 use super::{doubts, rate};
 use crate::Error;
+use crate::arrangement;
 use crate::log::Log;
 use crate::log_check;
 use crate::log_joints;
@@ -187,7 +188,16 @@ pub fn read(
     }
     let policy_name = config.policy.as_deref().unwrap_or("the policy");
     let names: Vec<&str> = logs.iter().map(|log| log.name.as_str()).collect();
-    warnings.extend(policy_match.judge(policy_name, &names)?);
+    let judged = policy_match.judge(policy_name, &names);
+    let diagnosis = match policy_match.agrees() {
+        true => None,
+        false => arrangement::of_logs(policy, scene.walker.batch.model(), &trajectories),
+    };
+    warnings.extend(judged.map_err(|error| match &diagnosis {
+        Some(found) => error.advised(found.text()),
+        None => error,
+    })?);
+    warnings.extend(diagnosis.map(|found| found.text()));
     if policy_match.agrees() && !policy_match.exact {
         logs = long_enough(cuts::cut_felt(policy, logs, margin, &mut removed)?, config, &mut warnings);
         enough(purpose, config, config_path, reads.len(), &logs, &removed)?;
@@ -295,7 +305,7 @@ fn is_allowed(fall: &Fall, allowed: &[FindingKind]) -> bool {
 }
 
 /// Actions that give these targets: (target − default pose) / scale; 0 where the scale is.
-fn actions_of(target: &[f64], interface: &Interface) -> Vec<f64> {
+pub(crate) fn actions_of(target: &[f64], interface: &Interface) -> Vec<f64> {
     let joints = interface.joints.len();
     let action = |(place, target): (usize, &f64)| {
         let joint = place % joints;
@@ -359,7 +369,7 @@ fn long_enough(logs: Vec<Log>, config: &AdaptConfig, warnings: &mut Vec<String>)
     for log in short {
         let seconds = log.trajectory.duration();
         warnings.push(format!(
-            "{}: {seconds:.2} s of data are too short to count; {least} s are the least",
+            "{}: {seconds:.2} s of data are too short to count; the minimum is {least} s",
             log.name
         ));
     }

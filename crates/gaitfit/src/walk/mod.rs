@@ -18,7 +18,7 @@ pub mod tilt;
 pub mod walking;
 
 #[cfg(test)]
-mod fixtures;
+pub(crate) mod fixtures;
 #[cfg(test)]
 mod logs_test;
 #[cfg(test)]

@@ -72,6 +72,18 @@ pub fn mismatch(policy: &Policy, logs: &[&Trajectory]) -> Option<f64> {
     (here.samples.len() >= LEAST_SAMPLES && mismatch.is_finite()).then_some(mismatch)
 }
 
+/// As [`mismatch`], over about so many samples.
+pub(crate) fn mismatch_of(policy: &Policy, logs: &[&Trajectory], samples: usize) -> Option<f64> {
+    let here = Comparison::over(policy, logs, 0, samples);
+    let mismatch = here.mismatch(None);
+    (here.samples.len() >= LEAST_SAMPLES && mismatch.is_finite()).then_some(mismatch)
+}
+
+/// [`PolicyMatch::slope`] alone, over about so many samples.
+pub(crate) fn slope_of(policy: &Policy, logs: &[&Trajectory], samples: usize) -> f64 {
+    Comparison::over(policy, logs, 0, samples).slope()
+}
+
 /// Logged actions beside the policy's.
 struct Comparison {
     joints: usize,
@@ -87,10 +99,15 @@ struct Comparison {
 impl Comparison {
     /// `shift`: samples by which the logged actions are taken later than the row they stand in.
     fn new(policy: &Policy, logs: &[&Trajectory], shift: isize) -> Self {
+        Self::over(policy, logs, shift, MOST_SAMPLES)
+    }
+
+    /// The same over about `most` samples.
+    fn over(policy: &Policy, logs: &[&Trajectory], shift: isize, most: usize) -> Self {
         let interface = &policy.interface;
         let joints = interface.joints.len();
         let all: usize = logs.iter().map(|log| log.len()).sum();
-        let every = all.div_ceil(MOST_SAMPLES).max(1);
+        let every = all.div_ceil(most).max(1);
         let spread = spread(logs, joints);
         let mut this =
             Self { joints, samples: Vec::new(), logged: Vec::new(), predicted: Vec::new(), exact: true };
@@ -265,7 +282,7 @@ impl PolicyMatch {
     pub fn judge(&self, policy: &str, logs: &[&str]) -> Result<Vec<String>, Error> {
         if self.samples < LEAST_SAMPLES || !self.mismatch.is_finite() {
             return Ok(vec![format!(
-                "whether the logs' actions are those of {policy} cannot be told: {} samples that say something",
+                "the logs do not show whether their actions are those of {policy}: only {} samples can be compared",
                 self.samples
             )]);
         }
@@ -411,7 +428,7 @@ mod tests {
         assert!(verdict.unwrap().is_empty());
         assert!(judged(&other, &whole).1.is_err());
         let (_, verdict) = judged(&walked, &logs(&scene, &walked, false));
-        assert!(verdict.unwrap()[0].contains("cannot be told"));
+        assert!(verdict.unwrap()[0].contains("do not show whether"));
     }
 
     #[test]
@@ -429,7 +446,7 @@ mod tests {
         assert!(verdict.unwrap().is_empty());
         assert!(judged(&other, &whole).1.is_err());
         let (_, verdict) = judged(&walked, &logs(&scene, &walked, false));
-        assert!(verdict.unwrap()[0].contains("cannot be told"));
+        assert!(verdict.unwrap()[0].contains("do not show whether"));
     }
 
     #[test]
@@ -438,6 +455,6 @@ mod tests {
         let policy = policy(&scene, 3);
         let short = logs(&scene, &policy, true)[0].slice(0..10).unwrap();
         let (_, verdict) = judged(&policy, &[short]);
-        assert!(verdict.unwrap()[0].contains("cannot be told"));
+        assert!(verdict.unwrap()[0].contains("do not show whether"));
     }
 }

@@ -61,6 +61,25 @@ impl Recorder {
         log::late(candidate, self.lead, self.walking.task.walker.batch.options().max_delay)
     }
 
+    /// One walk under each log's commands, of the robot as it is.
+    ///
+    /// # Errors
+    /// A policy's function that failed.
+    pub fn tracks(&self) -> Result<Vec<Track>, WalkerError> {
+        let Walking { policy, task, threads, .. } = self.walking.as_ref();
+        let candidate = self.candidate(&Theta::default(), &[]);
+        let job = follow::Job { candidate, reset_every: None, seed: 0 };
+        let found = Mutex::new(vec![Track::default(); self.scripts.len()]);
+        let keep = |_: usize, number: usize, track: &Track| {
+            let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(slot) = found.get_mut(number) {
+                slot.clone_from(track);
+            }
+        };
+        follow::follow(&task.walker, policy, &self.scripts, &[job], *threads, &keep, &|| false)?;
+        Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
+    }
+
     /// Sets of logs of the robot with `values` of θ and normal torques of the deviation `noise` at its joints, N·m, one set
     /// for each of `seeds`.
     ///

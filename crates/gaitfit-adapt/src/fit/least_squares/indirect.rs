@@ -50,7 +50,7 @@ const TRIALS: usize = 2;
 /// Least noise, as a part of the first trial's, from which the effect of noise is learnt.
 const TELLING: f64 = 0.3;
 /// How much more the corrected values depend on the choice of logs. It and [`SHARE`] were chosen with which nine of ten
-/// intervals or more held the truth in fits of one seed of every kind of log in docs/experiments.md.
+/// intervals or more held the truth in fits of one seed of every kind of log in docs/results.
 const STRENGTHENED: f64 = 1.2;
 /// Steps that lead to where the slope of the loss ends.
 const FURTHER: usize = 3;

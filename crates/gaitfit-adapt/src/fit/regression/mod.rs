@@ -35,7 +35,7 @@ const LEAST: f64 = 2e-3;
 const WALKING: f64 = 0.5;
 /// How much more than the standard error of a mean of independent groups their scatter counts: what the simulator lacks is
 /// the same for many of them. 2 makes three independent ones of twelve. Chosen with the fits of the first seed of `wass-5ms`
-/// in docs/experiments.md.
+/// in docs/results.
 const SHARED: f64 = 2.0;
 /// Deviations of so many errors of robots that were left out are the simulator's.
 const UNLIKE: f64 = 3.0;

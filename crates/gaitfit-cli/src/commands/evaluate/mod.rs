@@ -9,10 +9,11 @@ use crate::progress::Lines;
 use crate::watcher::watched;
 use crate::{output, viewer};
 use gaitfit::EvaluateSettings;
+use gaitfit::arrangement::Diagnosis;
 use gaitfit::evaluate::{Evaluated, Evaluation, GroundChoice, OnGround};
 use gaitfit::files::{self, Output};
 use gaitfit::world::World;
-use gaitfit::{gait, replay};
+use gaitfit::{gait, policy_file, replay};
 use gaitfit_learn::evaluate::{record_gait, record_gait_on};
 use gaitfit_view::Replay;
 use serde::Serialize;
@@ -26,6 +27,9 @@ struct Document<'a> {
     /// Whether it walks, in a sentence.
     #[serde(skip_serializing_if = "Option::is_none")]
     verdict: Option<&'a str>,
+    /// What makes it walk, where most robots fall.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    diagnosis: Option<&'a Diagnosis>,
     wall_seconds: f64,
 }
 
@@ -60,17 +64,24 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     };
     output::note(&settings.device.line());
     let found = watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
-    let Evaluated { measured, verdict, world, ground, wall_seconds } = found;
+    let Evaluated { measured, verdict, world, ground, diagnosis, wall_seconds } = found;
     let evaluation = &measured.evaluation;
     let verdict = verdict.as_ref();
     if args.json {
         output::print_json(&Document {
             evaluation,
             verdict: verdict.map(|one| one.text.as_str()),
+            diagnosis: diagnosis.as_ref(),
             wall_seconds,
         })?;
     } else {
         output::print(&text::text(evaluation, verdict, wall_seconds))?;
+        if let Some(diagnosis) = &diagnosis {
+            output::print(&format!("\nThis policy would walk otherwise arranged. {}.\n", diagnosis.text()))?;
+        }
+        if verdict.is_some_and(|one| one.walks) {
+            output::next(&[format!("gaitfit collect {} --out logs", args.world.policy.display())])?;
+        }
     }
     // A page that cannot be written costs no numbers.
     let replay = match (&args.report, &args.replay) {
@@ -112,7 +123,7 @@ fn replay(args: &cli::Evaluate, world: &World, ground: Option<&OnGround>) -> Res
     let record = record.map_err(Failure::failed)?;
     let world = ground.map_or(world, |ground| &ground.world);
     Ok(Replay {
-        title: args.world.policy.display().to_string(),
+        title: policy_file::title(&args.world.policy),
         note: world.description(),
         dt: record.dt,
         robots: vec![replay::robot_on("", &world.scene.walker, &record)],

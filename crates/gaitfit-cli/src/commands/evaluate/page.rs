@@ -5,8 +5,8 @@ use crate::cli;
 use crate::exit::Failure;
 use gaitfit::evaluate::{Measured, Verdict};
 use gaitfit::gait;
-use gaitfit::machine;
 use gaitfit::world::World;
+use gaitfit::{machine, policy_file};
 use gaitfit_learn::evaluate::Trial;
 use gaitfit_view::evaluation::{Ground, Histogram, Measure};
 use gaitfit_view::loop_report::Estimate;
@@ -58,7 +58,7 @@ pub fn page(
     let stands = verdict.filter(|one| !one.walks);
     let stands = stands.map(|one| Doubt::new(DoubtKind::NoWalk, one.text.clone()));
     let report = EvaluationReport {
-        title: document.policy.clone(),
+        title: policy_file::title(&args.world.policy),
         robot: document.simulator.clone(),
         created: machine::now(),
         wall_seconds,

@@ -43,20 +43,20 @@ pub fn run(args: &crate::cli::Forward) -> Result<(), Failure> {
 }
 
 /// Most values of all results together: 1 GiB.
-const MOST_VALUES: u64 = 1 << 27;
+const MAX_VALUES: u64 = 1 << 27;
 
 /// Refuses more states than results fit into memory.
 fn bounded(model: &Model, rows: usize, args: &crate::cli::Forward) -> Result<(), Failure> {
     let (nq, nv) = (model.nq() as u64, model.nv() as u64);
     let each = (nv * nv + 3 * nv + nq).max(1);
-    if rows as u64 <= MOST_VALUES / each {
+    if rows as u64 <= MAX_VALUES / each {
         return Ok(());
     }
     Err(Failure::failed(format!(
         "{}: {rows} states of {} would give {each} values each; give at most {} states in one file",
         args.states.display(),
         model.name,
-        MOST_VALUES / each
+        MAX_VALUES / each
     )))
 }
 

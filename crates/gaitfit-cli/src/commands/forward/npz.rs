@@ -11,7 +11,7 @@ use zip::result::ZipError;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
 /// Most values of one array read: 512 MiB.
-const MOST_VALUES: u64 = 1 << 26;
+const MAX_VALUES: u64 = 1 << 26;
 
 /// An array of numbers, row-major.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,7 +90,7 @@ fn array(entry: impl std::io::Read) -> Result<Array, Error> {
     }
     let lengths = file.shape().to_vec();
     let count = lengths.iter().try_fold(1_u64, |product, length| product.checked_mul(*length));
-    if count.is_none_or(|count| count > MOST_VALUES) {
+    if count.is_none_or(|count| count > MAX_VALUES) {
         return Err(refuse("more values than the program takes; split the file"));
     }
     let shape: Vec<usize> = lengths.iter().map(|length| *length as usize).collect();

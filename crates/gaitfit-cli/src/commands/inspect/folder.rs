@@ -38,7 +38,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     let mut progress = |_, _| ControlFlow::Continue(());
     let summary = summarise_folder(&args.file, &ReadOptions::default(), &spec, &mut progress)
         .map_err(Failure::failed)?;
-    let swings = swings::of_folder(args, &summary)?;
+    let swings = swings::of_folder(args.robot.as_deref(), args.lenient, &summary)?;
     if args.json {
         output::print_json(&Document { summary: &summary, without_simulation: swings })?
     } else {

@@ -5,9 +5,10 @@ use crate::cli::Inspect;
 use crate::exit::{Exit, Failure};
 use crate::table::table;
 use crate::{output, viewer};
+use gaitfit::arrangement::{LogMatch, match_log};
 use gaitfit::files::{self, Output};
 use gaitfit::walk::swing::SwingFindings;
-use gaitfit::{robot, weight};
+use gaitfit::{policy_file, robot, robot_file, weight};
 use gaitfit_log::{
     CheckSpec, Finding, LogSummary, ReadOptions, Severity, Signal, Trajectory, allow, check, read_csv_report,
     summary_with_report,
@@ -15,7 +16,7 @@ use gaitfit_log::{
 use gaitfit_model::shown;
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Serialize)]
 struct Document<'a> {
@@ -24,14 +25,20 @@ struct Document<'a> {
     findings: &'a [Finding],
     #[serde(skip_serializing_if = "Option::is_none")]
     without_simulation: Option<SwingFindings>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    policy: Option<LogMatch>,
 }
 
 /// Prints what the log holds and what is wrong with it; a log that must not be used ends with exit code 3.
 pub fn run(args: &Inspect) -> Result<(), Failure> {
-    let plot = args.plot.as_deref().map(|path| Output { path, option: "--plot", ending: Some("svg") });
+    args.plot.as_deref().map(plot::check).transpose()?;
+    let plot = args.plot.as_deref().map(|path| Output { path, option: "--plot", ending: None });
     files::check(
         plot.as_slice(),
-        [Some(&args.file), args.robot.as_ref()].into_iter().flatten().map(PathBuf::as_path),
+        [Some(&args.file), args.robot.as_ref(), args.policy.as_ref()]
+            .into_iter()
+            .flatten()
+            .map(PathBuf::as_path),
     )?;
     let (log, report) = read_csv_report(&args.file, &ReadOptions::default()).map_err(Failure::failed)?;
     let mut findings = report.findings();
@@ -49,14 +56,19 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     if let Some(path) = &args.plot {
         plot::write(&log, &findings, path)?;
     }
-    let swings = swings::look(args, &[&log])?;
+    let swings = swings::look(args.robot.as_deref(), args.lenient, &[&log])?;
+    let policy = args.policy.as_deref().map(|path| walked(args, path)).transpose()?;
+    let other = policy.as_ref().is_some_and(|found| !found.doubts.is_empty());
     if args.json {
         let without_simulation = swings;
-        output::print_json(&Document { summary: &summary, findings: &findings, without_simulation })?;
+        output::print_json(&Document { summary: &summary, findings: &findings, without_simulation, policy })?;
     } else {
         output::print(&text(&log, &summary, &findings))?;
         swings::print(swings.as_ref())?;
-        if findings.iter().all(|finding| finding.severity != Severity::Error) {
+        if let Some(found) = &policy {
+            output::print(&policy_text(found))?;
+        }
+        if !other && findings.iter().all(|finding| finding.severity != Severity::Error) {
             let robot = args.robot.as_ref().map_or("ROBOT".into(), |robot| robot.to_string_lossy());
             let log = args.file.display();
             output::next(&[format!("gaitfit new --robot {robot} --logs {log} --out my-robot.toml")])?;
@@ -70,7 +82,33 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         let message = format!("{}: {errors} finding(s) forbid using this log", args.file.display());
         return Err(Failure { exit: Exit::Check, message });
     }
+    if other {
+        let message = format!("{}: its actions do not follow from the policy", args.file.display());
+        return Err(Failure { exit: Exit::Check, message });
+    }
     Ok(())
+}
+
+/// The log beside a policy, on the robot that was named, or that of the policy's training.
+fn walked(args: &Inspect, path: &Path) -> Result<LogMatch, Failure> {
+    let path = policy_file::find(path)?.path;
+    let policy = gaitfit_policy::read(&path).map_err(Failure::failed)?;
+    let model = robot_file::model(&policy, &path, args.robot.as_deref(), args.lenient)?;
+    Ok(match_log(&policy, &path.display().to_string(), &model, &args.file)?)
+}
+
+fn policy_text(found: &LogMatch) -> String {
+    let mut text = format!(
+        "\npolicy: its actions differ from the logged ones by {:.3} of their spread over {} samples\n",
+        found.policy_match.mismatch, found.policy_match.samples
+    );
+    for doubt in &found.doubts {
+        let _ = writeln!(text, "  {doubt}");
+    }
+    if let Some(diagnosis) = &found.diagnosis {
+        let _ = writeln!(text, "  {}.", diagnosis.text());
+    }
+    text
 }
 
 fn text(log: &Trajectory, summary: &LogSummary, findings: &[Finding]) -> String {

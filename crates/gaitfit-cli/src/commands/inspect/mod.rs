@@ -25,10 +25,17 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         return policy(args);
     }
     if args.file.is_dir() {
+        if args.policy.is_some() {
+            return Err(Failure::usage("--policy is for one log (.csv); `gaitfit new` compares a folder"));
+        }
         if args.plot.is_some() || (args.lenient && args.robot.is_none()) {
             return Err(Failure::usage("--plot is for one log (.csv), --lenient for robot files"));
         }
         return folder::run(args);
+    }
+    let is_csv = args.file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
+    if args.policy.is_some() && !is_csv {
+        return Err(Failure::usage("--policy is for one log (.csv)"));
     }
     let ending = args.file.extension().map(|ending| ending.to_string_lossy().to_lowercase());
     match ending.as_deref() {
@@ -71,8 +78,8 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
 
 /// Prints what a policy sees and does.
 fn policy(args: &Inspect) -> Result<(), Failure> {
-    if args.plot.is_some() || args.robot.is_some() || args.lenient {
-        return Err(Failure::usage("--plot, --robot and --lenient are for robots and logs"));
+    if args.plot.is_some() || args.robot.is_some() || args.lenient || args.policy.is_some() {
+        return Err(Failure::usage("--plot, --robot, --policy and --lenient are for robots and logs"));
     }
     let PolicyFile { path, note } = policy_file::find(&args.file)?;
     note.iter().for_each(|note| output::note(note));

@@ -4,12 +4,29 @@ use crate::exit::Failure;
 use gaitfit::files;
 use gaitfit_log::{Finding, Severity, Signal, Trajectory};
 use gaitfit_view::log_picture::{LogJoint, LogMark, LogPicture};
-use gaitfit_view::log_picture_svg;
+use gaitfit_view::{log_picture_html, log_picture_svg};
 use std::path::Path;
 
-/// Writes the picture as SVG.
+/// Refuses an ending that is neither a picture's nor a page's.
+pub fn check(path: &Path) -> Result<(), Failure> {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    match ending.as_deref() {
+        Some("svg" | "html") => Ok(()),
+        _ => Err(Failure::usage(format!(
+            "--plot writes a file whose name ends in .svg (a picture) or .html (a page); {} does not",
+            path.display()
+        ))),
+    }
+}
+
+/// Writes the picture: as a page if the name ends so, or else as SVG.
 pub fn write(log: &Trajectory, findings: &[Finding], path: &Path) -> Result<(), Failure> {
-    Ok(files::write(path, log_picture_svg(&picture(log, findings)).as_bytes())?)
+    let picture = picture(log, findings);
+    let text = match path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("html")) {
+        true => log_picture_html(&picture).map_err(Failure::failed)?,
+        false => log_picture_svg(&picture),
+    };
+    Ok(files::write(path, text.as_bytes())?)
 }
 
 fn picture(log: &Trajectory, findings: &[Finding]) -> LogPicture {

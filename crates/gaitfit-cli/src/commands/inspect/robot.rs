@@ -112,14 +112,14 @@ fn text(summary: &Summary) -> String {
         let _ = writeln!(text, "  {}: {}{place}", group.what, group.why);
     }
     if !summary.changed.is_empty() {
-        text.push_str("\nadded or mended:\n");
+        text.push_str("\nadded or corrected:\n");
     }
     for change in &summary.changed {
         let place = if change.line > 0 { format!(" (line {})", change.line) } else { String::new() };
         let _ = writeln!(text, "  {}: {}{place}", change.what, change.how);
     }
     if !summary.warnings.is_empty() {
-        text.push_str("\nto know:\n");
+        text.push_str("\nwarnings:\n");
     }
     for warning in &summary.warnings {
         let _ = writeln!(text, "  {warning}");

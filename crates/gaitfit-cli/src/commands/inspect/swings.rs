@@ -1,20 +1,24 @@
 //! What walking logs say of joints and sensors without a simulation.
 
-use crate::cli::Inspect;
 use crate::exit::Failure;
 use crate::{output, swings};
 use gaitfit::robot;
 use gaitfit::walk::swing::{SwingFindings, SwingSettings};
 use gaitfit_log::{FolderSummary, LogContent, ReadOptions, Severity, Trajectory, read_csv};
 use gaitfit_model::Root;
+use std::path::Path;
 
 /// Logs of a folder that are looked at, the first ones: enough for small errors in little time.
 const LOGS: usize = 64;
 
 /// Of logs of the robot that was named, where they are of a floating robot and hold an inertial unit's signals.
-pub fn look(args: &Inspect, logs: &[&Trajectory]) -> Result<Option<SwingFindings>, Failure> {
-    let Some(path) = &args.robot else { return Ok(None) };
-    let model = robot::read(path, args.lenient, robot::Hold::File)?;
+pub fn look(
+    robot: Option<&Path>,
+    lenient: bool,
+    logs: &[&Trajectory],
+) -> Result<Option<SwingFindings>, Failure> {
+    let Some(path) = robot else { return Ok(None) };
+    let model = robot::read(path, lenient, robot::Hold::File)?;
     let walks: Vec<&Trajectory> = logs
         .iter()
         .copied()
@@ -31,8 +35,12 @@ pub fn look(args: &Inspect, logs: &[&Trajectory]) -> Result<Option<SwingFindings
 }
 
 /// Of the logs of a folder that may be used.
-pub fn of_folder(args: &Inspect, summary: &FolderSummary) -> Result<Option<SwingFindings>, Failure> {
-    if args.robot.is_none() {
+pub fn of_folder(
+    robot: Option<&Path>,
+    lenient: bool,
+    summary: &FolderSummary,
+) -> Result<Option<SwingFindings>, Failure> {
+    if robot.is_none() {
         return Ok(None);
     }
     let usable = |content: &LogContent| matches!(content, LogContent::Log { worst, .. } if *worst != Some(Severity::Error));
@@ -43,7 +51,7 @@ pub fn of_folder(args: &Inspect, summary: &FolderSummary) -> Result<Option<Swing
         .take(LOGS)
         .filter_map(|log| read_csv(&log.path, &ReadOptions::default()).ok())
         .collect();
-    look(args, &logs.iter().collect::<Vec<_>>())
+    look(robot, lenient, &logs.iter().collect::<Vec<_>>())
 }
 
 /// Prints the tables.

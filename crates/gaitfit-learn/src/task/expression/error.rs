@@ -118,15 +118,15 @@ pub(super) fn nearest(name: &str) -> Option<String> {
 }
 
 /// Most element names in a message.
-const MOST_NAMES: usize = 8;
+const MAX_NAMES: usize = 8;
 
 /// Names of elements for a message: all if they are few, else those that are most like `pattern`.
 pub(super) fn elements_like(pattern: &str, names: &[&str]) -> Vec<String> {
     let mut names: Vec<&str> = names.to_vec();
-    if names.len() > MOST_NAMES {
+    if names.len() > MAX_NAMES {
         let score = |name: &str| strsim::sorensen_dice(pattern, name);
         names.sort_by(|a, b| score(b).total_cmp(&score(a)));
-        names.truncate(MOST_NAMES - 1);
+        names.truncate(MAX_NAMES - 1);
         names.push("...");
     }
     names.into_iter().map(str::to_owned).collect()

@@ -29,7 +29,7 @@ pub use operator::{FoldKind, One, Two};
 pub use quantity::{Elements, Names, Quantity};
 
 /// Most folds of an expression.
-const MOST_FOLDS: usize = 32;
+const MAX_FOLDS: usize = 32;
 
 /// A part of an expression: a number, or one for each element of a row.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,7 +94,7 @@ impl Expression {
 
     /// Its value. What is not a number in it stays that, also through `min`, `max` and `clamp`.
     pub fn value(&self, moment: &Moment<'_>) -> f32 {
-        let mut folded = [0.0; MOST_FOLDS];
+        let mut folded = [0.0; MAX_FOLDS];
         for (k, fold) in self.folds.iter().enumerate() {
             let values = (0..fold.width).map(|place| fold.row.value(moment, place, &folded));
             let value = fold.kind.value(values, fold.width);
@@ -122,7 +122,7 @@ impl Node {
     }
 
     /// Element `place`; `folded`: what the folds before gave.
-    fn value(&self, moment: &Moment<'_>, place: usize, folded: &[f32; MOST_FOLDS]) -> f32 {
+    fn value(&self, moment: &Moment<'_>, place: usize, folded: &[f32; MAX_FOLDS]) -> f32 {
         let of = |node: &Self| node.value(moment, place, folded);
         match self {
             Self::Number(number) => *number,

@@ -6,12 +6,12 @@ use super::error::{ExpressionError, Problem, elements_like, nearest};
 use super::operator::{FoldKind, Function, One, Two};
 use super::quantity::{Elements, Names, Quantity, covered};
 use super::token::{Token, tokens, wrong};
-use super::{Fold, MOST_FOLDS, Node};
+use super::{Fold, MAX_FOLDS, Node};
 
 /// Deepest brackets and signs inside each other.
-const MOST_DEPTH: usize = 32;
+const MAX_DEPTH: usize = 32;
 /// Most operators, functions, numbers and quantities.
-const MOST_NODES: usize = 256;
+const MAX_NODES: usize = 256;
 
 /// A part, and how many numbers it has.
 struct Part {
@@ -85,8 +85,8 @@ impl Parser<'_> {
 
     fn deeper<T>(&mut self, inner: impl FnOnce(&mut Self) -> Read<T>) -> Read<T> {
         self.depth += 1;
-        if self.depth > MOST_DEPTH {
-            let what = format!("more than {MOST_DEPTH} brackets and signs inside each other");
+        if self.depth > MAX_DEPTH {
+            let what = format!("more than {MAX_DEPTH} brackets and signs inside each other");
             return self.wrong(self.at(), Problem::Size { what });
         }
         let read = inner(self)?;
@@ -97,8 +97,8 @@ impl Parser<'_> {
     /// Counts a node that begins or is joined at `at`.
     fn part(&mut self, at: usize, node: Node, width: usize) -> Read<Part> {
         self.nodes += 1;
-        if self.nodes > MOST_NODES {
-            let what = format!("more than {MOST_NODES} operators, numbers and quantities");
+        if self.nodes > MAX_NODES {
+            let what = format!("more than {MAX_NODES} operators, numbers and quantities");
             return self.wrong(at, Problem::Size { what });
         }
         Ok(Part { node, width })
@@ -123,8 +123,8 @@ impl Parser<'_> {
     }
 
     fn fold(&mut self, at: usize, kind: FoldKind, row: Part) -> Read<Part> {
-        if self.folds.len() == MOST_FOLDS {
-            let what = format!("more than {MOST_FOLDS} sums, means, norms and extremes");
+        if self.folds.len() == MAX_FOLDS {
+            let what = format!("more than {MAX_FOLDS} sums, means, norms and extremes");
             return self.wrong(at, Problem::Size { what });
         }
         self.folds.push(Fold { kind, width: row.width, row: row.node });

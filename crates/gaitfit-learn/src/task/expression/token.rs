@@ -3,7 +3,7 @@
 use super::error::{ExpressionError, Problem};
 
 /// Longest expression, bytes.
-pub(super) const MOST_BYTES: usize = 1000;
+pub(super) const MAX_BYTES: usize = 1000;
 
 /// Signs; longer ones before those that they begin with.
 const SIGNS: &[&str] = &["<=", ">=", "==", "!=", "<", ">", "+", "-", "*", "/", "^", "(", ")", "[", "]", ","];
@@ -44,8 +44,8 @@ pub(super) fn wrong<T>(text: &str, at: usize, problem: Problem) -> Result<T, Exp
 
 /// The tokens of a text with the byte at which each begins; the last is its end.
 pub(super) fn tokens(text: &str) -> Result<Vec<(usize, Token)>, ExpressionError> {
-    if text.len() > MOST_BYTES {
-        let what = format!("{} bytes, more than {MOST_BYTES}", text.len());
+    if text.len() > MAX_BYTES {
+        let what = format!("{} bytes, more than {MAX_BYTES}", text.len());
         let short: String = text.chars().take(60).collect();
         return wrong(&short, 0, Problem::Size { what });
     }

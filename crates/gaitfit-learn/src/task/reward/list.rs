@@ -9,9 +9,9 @@ use crate::task::expression::{Expression, Names};
 use crate::task::{Moment, TaskError, TaskSettings};
 
 /// Most terms of one's own.
-const MOST_OWN: usize = 64;
+const MAX_OWN: usize = 64;
 /// Longest name of a term, bytes.
-const MOST_NAME: usize = 64;
+const MAX_NAME: usize = 64;
 
 /// What gives a reward term its value.
 pub enum Value {
@@ -85,8 +85,8 @@ fn expressions<'a>(
     settings: &'a TaskSettings,
     walker: &Walker,
 ) -> Result<Vec<(&'a str, Expression)>, TaskError> {
-    if settings.terms.len() > MOST_OWN {
-        return refuse("terms", format!("has {} terms; at most {MOST_OWN}", settings.terms.len()));
+    if settings.terms.len() > MAX_OWN {
+        return refuse("terms", format!("has {} terms; at most {MAX_OWN}", settings.terms.len()));
     }
     let model = walker.model();
     let names = Names {
@@ -98,9 +98,9 @@ fn expressions<'a>(
     for (name, text) in &settings.terms {
         let letters = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
         let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
-        if !letters || !begins || name.len() > MOST_NAME {
+        if !letters || !begins || name.len() > MAX_NAME {
             let what = format!(
-                "has a term `{}`; a name begins with a letter and has letters, digits and _, at most {MOST_NAME}",
+                "has a term `{}`; a name begins with a letter and has letters, digits and _, at most {MAX_NAME}",
                 shown(name)
             );
             return refuse("terms", what);

@@ -73,9 +73,9 @@ impl Default for TerrainSettings {
 /// Least width of the border, m.
 const LEAST_BORDER: f64 = 1.0;
 /// Most vertices of the height field.
-const MOST_VERTICES: f64 = (1 << 22) as f64;
+const MAX_VERTICES: f64 = (1 << 22) as f64;
 /// Most levels and columns.
-const MOST_CELLS: usize = 200;
+const MAX_CELLS: usize = 200;
 
 impl TerrainSettings {
     /// The table with another kind of ground.
@@ -126,8 +126,8 @@ impl TerrainSettings {
             }
         }
         for (setting, count) in [("terrain.levels", self.levels), ("terrain.columns", self.columns)] {
-            if !(1..=MOST_CELLS).contains(&count) {
-                return refuse(setting, format!("is {count}; it must be from 1 to {MOST_CELLS}"));
+            if !(1..=MAX_CELLS).contains(&count) {
+                return refuse(setting, format!("is {count}; it must be from 1 to {MAX_CELLS}"));
             }
         }
         let shares = self.kind.shares();
@@ -142,9 +142,9 @@ impl TerrainSettings {
         }
         let along = |cells: usize| (cells * self.across() + 2 * self.rim() + 1) as f64;
         let vertices = along(self.levels) * along(self.columns);
-        if vertices > MOST_VERTICES {
+        if vertices > MAX_VERTICES {
             let what = format!(
-                "makes {vertices} vertices with these levels, columns, size and border; at most {MOST_VERTICES} may be: \
+                "makes {vertices} vertices with these levels, columns, size and border; at most {MAX_VERTICES} may be: \
                  take fewer or smaller cells, or a longer distance"
             );
             return refuse("terrain.cell", what);

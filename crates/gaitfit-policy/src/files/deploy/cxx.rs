@@ -8,7 +8,7 @@ use crate::{Front, HistoryStart, Latent, Policy, PolicyError, Quantity};
 use serde::Serialize;
 
 /// Most numbers of all networks: compilers take minutes and gigabytes for more.
-const MOST_NUMBERS: usize = 2 << 20;
+const MAX_NUMBERS: usize = 2 << 20;
 
 /// What the template names; lists, strings and numbers are C++ already.
 #[derive(Serialize)]
@@ -73,9 +73,9 @@ struct TwoPart {
 pub(super) fn header(policy: &Policy, efforts: Option<&[f64]>) -> Result<String, PolicyError> {
     policy.refuse_function("a header")?;
     let count = numbers_of(policy);
-    if count > MOST_NUMBERS {
+    if count > MAX_NUMBERS {
         return Err(invalid(format!(
-            "its networks have {count} numbers, and compilers take long for more than {MOST_NUMBERS} in one file; use the \
+            "its networks have {count} numbers, and compilers take long for more than {MAX_NUMBERS} in one file; use the \
              ONNX file"
         )));
     }

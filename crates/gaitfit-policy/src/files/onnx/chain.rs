@@ -4,7 +4,7 @@ use super::bounds::Bounds;
 use super::constant::Constant;
 use crate::PolicyError;
 use crate::error::invalid;
-use crate::files::layers::{Affine, MOST_LAYERS, assemble};
+use crate::files::layers::{Affine, MAX_LAYERS, assemble};
 use crate::network::{Activation, Cell, LayerNorm, Network, Normaliser, Recurrent, RecurrentLayer};
 use std::ops::Range;
 
@@ -65,8 +65,8 @@ impl Chain {
         if !self.layers.is_empty() {
             return Err("it stands behind other layers; memories are read before them only".to_owned());
         }
-        if self.remembering() == MOST_LAYERS {
-            return Err(format!("it is one layer more than {MOST_LAYERS}"));
+        if self.remembering() == MAX_LAYERS {
+            return Err(format!("it is one layer more than {MAX_LAYERS}"));
         }
         let memory = self.memory.get_or_insert(Recurrent { cell, layers: Vec::new() });
         if memory.cell != cell {
@@ -157,8 +157,8 @@ impl Chain {
         if layer.inputs == 0 || layer.outputs == 0 {
             return Err("its weight is empty".to_owned());
         }
-        if self.layers.len() == MOST_LAYERS {
-            return Err(format!("it is one layer more than {MOST_LAYERS}"));
+        if self.layers.len() == MAX_LAYERS {
+            return Err(format!("it is one layer more than {MAX_LAYERS}"));
         }
         match self.width() {
             Some(width) if width != layer.inputs => {

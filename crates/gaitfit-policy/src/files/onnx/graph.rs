@@ -20,9 +20,9 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// Most nodes and constants of a graph, entries of metadata, attributes and inputs of a node.
-const MOST_PARTS: usize = 1024;
+const MAX_PARTS: usize = 1024;
 /// Most numbers of all constants together, those computed from others included.
-const MOST_NUMBERS: usize = 32 << 20;
+const MAX_NUMBERS: usize = 32 << 20;
 
 /// What the file's operators are called in the advice of errors.
 const UNDERSTOOD: &str = "a multilayer perceptron of Gemm or MatMul, with Elu, Relu, Tanh, LeakyRelu, Selu, SiLU or GELU between the layers";
@@ -45,8 +45,8 @@ pub fn decode_message<T: Message + Default>(bytes: &[u8], what: &str) -> Result<
 }
 
 fn decode_all<T: Message + Default>(all: &[Vec<u8>], what: &str) -> Result<Vec<T>, PolicyError> {
-    if all.len() > MOST_PARTS {
-        return Err(invalid(format!("it has {} {what}s; a policy has at most {MOST_PARTS}", all.len())));
+    if all.len() > MAX_PARTS {
+        return Err(invalid(format!("it has {} {what}s; a policy has at most {MAX_PARTS}", all.len())));
     }
     all.iter().map(|bytes| decode_message(bytes, what)).collect()
 }
@@ -86,8 +86,8 @@ pub fn others(bytes: &[u8]) -> Result<Vec<PathBuf>, PolicyError> {
 /// The graph of a file, and its encoded metadata.
 fn graph_of(bytes: &[u8]) -> Result<(Graph, Vec<Vec<u8>>), PolicyError> {
     let model: Model = decode_message(bytes, "model")?;
-    if model.metadata_props.len() > MOST_PARTS {
-        return Err(invalid(format!("it has more than {MOST_PARTS} entries of metadata")));
+    if model.metadata_props.len() > MAX_PARTS {
+        return Err(invalid(format!("it has more than {MAX_PARTS} entries of metadata")));
     }
     metadata::check(bytes, &model)?;
     let graph =
@@ -181,8 +181,8 @@ impl Walk {
                 shown(&node.domain)
             ));
         }
-        if node.input.len() > MOST_PARTS || node.attribute.len() > MOST_PARTS {
-            return Err(format!("it has more than {MOST_PARTS} inputs or attributes"));
+        if node.input.len() > MAX_PARTS || node.attribute.len() > MAX_PARTS {
+            return Err(format!("it has more than {MAX_PARTS} inputs or attributes"));
         }
         let output = node.output.first().ok_or("it has no output")?.clone();
         if output == self.head || self.constants.contains_key(&output) {
@@ -236,8 +236,8 @@ impl Walk {
 
     fn keep(&mut self, name: String, constant: Constant) -> Result<(), String> {
         self.numbers += constant.values.len();
-        if self.numbers > MOST_NUMBERS {
-            return Err(format!("the graph's constants have more than {MOST_NUMBERS} numbers"));
+        if self.numbers > MAX_NUMBERS {
+            return Err(format!("the graph's constants have more than {MAX_NUMBERS} numbers"));
         }
         self.constants.insert(name, constant);
         Ok(())

@@ -1,5 +1,9 @@
 //! What was run: run folders with their results, to compare at a glance.
 
+mod page;
+
+pub use page::page;
+
 use crate::{Error, files};
 use serde::Serialize;
 use serde_json::Value;

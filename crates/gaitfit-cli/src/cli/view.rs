@@ -1,0 +1,46 @@
+//! Arguments of `view`.
+
+use clap::Args;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+/// Arguments of `view`.
+#[derive(Debug, Args)]
+pub struct View {
+    /// Log (.csv): legs in the air, or a walk
+    #[arg(value_name = "LOG")]
+    pub log: PathBuf,
+    /// theta.toml of a finished fit: the simulated robot has its parameters; without it those of the robot file
+    #[arg(long, value_name = "FILE")]
+    pub theta: Option<PathBuf>,
+    /// Configuration of the fit [default: config.toml beside theta.toml]
+    #[arg(long, value_name = "FILE.toml")]
+    pub config: Option<PathBuf>,
+    /// Robot (.xml, .mjcf, .urdf) [default: the configuration's, or the built-in Go2]
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// Policy that walked [default: the configuration's]; without one a walk is shown alone
+    #[arg(long, value_name = "POLICY")]
+    pub policy: Option<PathBuf>,
+    /// Page to write [default: the log's name with .html, in the current folder]
+    #[arg(long, value_name = "FILE.html")]
+    pub out: Option<PathBuf>,
+    /// Open the page
+    #[arg(long)]
+    pub open: bool,
+    /// Where the shown part begins, s after the log's start
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    pub from: f64,
+    /// Length of the shown part, s
+    #[arg(long, value_name = "S", default_value_t = gaitfit::view::SHOWN_S)]
+    pub seconds: f64,
+    /// Change a setting of the configuration, for example gains.kp=25; may be given again
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Threads [default: one for each core]
+    #[arg(long, value_name = "N", hide = true)]
+    pub threads: Option<NonZeroUsize>,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,56 @@
+//! The search: the best single change, then the best further one, as long as each helps much.
+
+use super::orders::Limbs;
+use super::{Arrangement, Change, changes};
+use gaitfit_policy::Interface;
+use gaitfit_sim::pool;
+
+/// Changes that are taken together at most.
+const MAX_CHANGES: usize = 3;
+/// Arrangements that are followed at once: a change alone may hardly show what it does with another one.
+const FOLLOWED: usize = 2;
+/// A further change must make the measure smaller by this factor.
+const HELPS: f64 = 0.8;
+
+/// The arrangement with the smallest `measure`, which is computed on `threads` threads, and the measures of the given one
+/// and of this. `with_logs`, `derived`: see [`changes`] and [`Arrangement::with`]. A measure below `enough` ends the search.
+/// `more`: further changes to try on an arrangement.
+pub(super) fn search(
+    interface: &Interface,
+    limbs: &Limbs,
+    [with_logs, derived]: [bool; 2],
+    enough: f64,
+    threads: usize,
+    measure: &(dyn Fn(&Arrangement) -> f64 + Sync),
+    more: &(dyn Fn(&Arrangement) -> Vec<Change> + Sync),
+) -> (Arrangement, [f64; 2]) {
+    let given = Arrangement::of(interface);
+    let before = measure(&given);
+    let mut followed = vec![(given.clone(), before)];
+    let mut best = (given, before);
+    for taken in 0..MAX_CHANGES {
+        let mut tried: Vec<Arrangement> = Vec::new();
+        for (arrangement, _) in &followed {
+            let all = changes(&arrangement.interface, limbs, with_logs).into_iter().chain(more(arrangement));
+            tried.extend(all.map(|change| arrangement.with(&change, derived)));
+        }
+        let measured = pool::map(tried.len(), threads, |number| measure(&tried[number]));
+        let mut ranked: Vec<(Arrangement, f64)> =
+            tried.into_iter().zip(measured).filter(|(_, value)| value.is_finite()).collect();
+        ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
+        ranked.truncate(FOLLOWED);
+        let Some((arrangement, value)) = ranked.first() else { break };
+        let helps = *value < HELPS * best.1;
+        if helps {
+            best = (arrangement.clone(), *value);
+        } else if taken > 0 {
+            break;
+        }
+        if best.1 < enough {
+            break;
+        }
+        followed = ranked;
+    }
+    let after = best.1;
+    (best.0, [before, after])
+}
