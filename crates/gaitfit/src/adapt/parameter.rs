@@ -43,6 +43,16 @@ impl Parameter {
         }
     }
 
+    /// Widens the interval by errors up to `reach`, as independent of those that it has.
+    pub(super) fn blur(&mut self, reach: f64) {
+        let Some([lower, upper]) = self.interval else { return };
+        let value = self.found.value;
+        self.take([
+            (value - (value - lower).hypot(reach)).max(self.found.lower),
+            (value + (upper - value).hypot(reach)).min(self.found.upper),
+        ]);
+    }
+
     /// Cuts the interval to two standard errors around what was known before, where the fit agrees with that: the logs of
     /// whole walks alone may leave open what legs in the air show.
     pub(super) fn combine(&mut self) {

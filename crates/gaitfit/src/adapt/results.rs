@@ -5,6 +5,7 @@ use super::check::{Check, checks};
 use super::cost_fit::{beside, fit};
 use super::doubts;
 use super::held_out::{HeldOut, Verdict, held_out};
+use super::leftover::Leftover;
 use super::odd::OddJoints;
 use super::outliers;
 use super::parameter::Parameter;
@@ -147,6 +148,9 @@ pub struct CostFit {
     /// What its errors go with, where it predicts single samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub audit: Option<Audit>,
+    /// What its errors leave unexplained; absent of walks, and where samples are not compared one by one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub leftover: Option<Leftover>,
     /// Each parameter beside the first cost's; empty of the first cost.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub comparison: Vec<Agreement>,
@@ -190,6 +194,11 @@ impl AdaptResults {
             "walks that were not fitted contradict the fit: {}. Trainings refuse it unless `allow` names \"{CONTRADICTED}\"",
             held.sentence()
         ))
+    }
+
+    /// Why the result must not be used, in words; absent of results that are sound, or doubtful with intervals that know it.
+    pub fn refusal(&self) -> Option<String> {
+        standing::refusal(&self.doubts).map(|why| format!("{why}. All results are in {}", self.run_folder))
     }
 
     /// What a fit must be known by elsewhere: the doubts of every cost, then the warnings.

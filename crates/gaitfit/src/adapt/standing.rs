@@ -75,6 +75,16 @@ pub(super) fn standing(doubts: &[Doubt], held_out: Option<&HeldOut>) -> Standing
     }
 }
 
+/// Why a result with these doubts must not be used, in words. One that is only doubtful may be: its intervals know it.
+pub(super) fn refusal(doubts: &[Doubt]) -> Option<String> {
+    let refused = [DoubtKind::Trivial, DoubtKind::Falls, DoubtKind::WorseThanNominal, DoubtKind::Misfit];
+    let mut kinds: Vec<DoubtKind> = doubts.iter().map(|doubt| doubt.kind).collect();
+    kinds.retain(|kind| refused.contains(kind));
+    kinds.dedup();
+    let names: Vec<String> = kinds.iter().map(|kind| kind.headline().to_lowercase()).collect();
+    (!names.is_empty()).then(|| format!("the fit must not be used as it stands: {}", names.join(", ")))
+}
+
 /// That a predictor without a simulator is nearer to the logs: by errors of logs that were not fitted, or else of those that
 /// were, or else by the cost.
 fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
@@ -299,6 +309,7 @@ mod tests {
             correction: None,
             regression: None,
             audit: None,
+            leftover: None,
             comparison: Vec::new(),
         }
     }
@@ -326,6 +337,17 @@ mod tests {
         assert!(found.is_empty(), "{found:?}");
         assert_eq!(standing(&[], None), Standing::Sound);
         assert_eq!(standing(&[Doubt::new(DoubtKind::Misfit, "")], None), Standing::Doubtful);
+    }
+
+    #[test]
+    fn fits_that_are_wrong_are_refused_and_doubtful_ones_are_not() {
+        let of = |kinds: &[DoubtKind]| {
+            refusal(&kinds.iter().map(|kind| Doubt::new(*kind, "so")).collect::<Vec<_>>()).unwrap_or_default()
+        };
+        assert!(of(&[DoubtKind::Unexplained, DoubtKind::Disagreement, DoubtKind::NotConverged]).is_empty());
+        let both = of(&[DoubtKind::Trivial, DoubtKind::Misfit, DoubtKind::Misfit, DoubtKind::NotConverged]);
+        assert!(both.ends_with(": worse than a guess, misfit"), "{both}");
+        assert!(of(&[DoubtKind::WorseThanNominal]).contains("worse than the nominal robot"));
     }
 
     #[test]

@@ -72,6 +72,20 @@ impl ValidateResults {
     pub fn failed_check(&self) -> Option<String> {
         super::check::failed(&self.checks)
     }
+
+    /// Why the fit must not be used for such logs, in words; absent of fits that explain them.
+    pub fn refusal(&self) -> Option<String> {
+        let why = match self.verdict {
+            _ if !self.better_than_nominal => "the robot before the fit is nearer to these logs",
+            Some(Verdict::Misfit) => "misfit",
+            Some(Verdict::WorseThanNominal) => {
+                "whole walks are farther off than those of the robot before the fit"
+            }
+            Some(Verdict::Falls) => "it falls where the robot walks",
+            _ => return None,
+        };
+        Some(format!("the fit must not be used as it stands: {why}"))
+    }
 }
 
 /// Simulates logs with the robot of a finished fit and with the robot before it.
