@@ -276,7 +276,10 @@ def velocities_of_zero(log): log.dq = np.zeros_like(log.dq)
 @mutation()
 def positions_filtered(log): log.q = lowpass(log.q, 0.4)
 @mutation()
-def state_filtered(log): log.q, log.dq = lowpass(log.q, 0.4), lowpass(log.dq, 0.4)
+def state_filtered(log):
+    log.q, log.dq = lowpass(log.q, 0.4), lowpass(log.dq, 0.4)
+    # Sensors that are late are a longer delay.
+    log.truth["delay"] += 0.005 * 0.6 / 0.4
 @mutation()
 def noise_of_10_mrad(log): log.q = log.q + RANDOM.normal(0, 0.01, log.q.shape)
 @mutation()

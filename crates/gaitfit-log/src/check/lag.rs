@@ -1,6 +1,6 @@
 //! Do velocities lag behind positions, as those of a filter or of differences do? [`crate::velocity_lag`] estimates it.
 
-use super::{FindingKind, Findings, Severity};
+use super::{FindingKind, Findings, Severity, replayed};
 use crate::Trajectory;
 use crate::scale::{Scales, equal, typical_step};
 use crate::sensors::{Estimate, Ratio, add_lag};
@@ -16,7 +16,7 @@ const HARMLESS_PART: f64 = 0.15;
 const SURE: f64 = 3.0;
 /// A lag beyond this makes fits of a clamped robot's logs wrong, s: they compare velocities sample by sample, and take the
 /// lag for delay, armature and damping.
-const HARMFUL_S: f64 = 3e-3;
+const HARMFUL_S: f64 = 2e-3;
 
 /// How far velocities are behind positions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -49,7 +49,7 @@ impl std::fmt::Display for VelocityLag {
         write!(
             f,
             "{behind} lag behind {ahead} by {:.1} ± {:.1} ms, as a filter or differences make them: fits take it for delay \
-             and friction; record them unfiltered",
+             and friction; record them unfiltered, or take central differences, (q[k+1] − q[k−1]) / 2Δt",
             1e3 * self.seconds.abs(),
             1e3 * self.error
         )
@@ -95,8 +95,7 @@ pub(super) fn check(findings: &mut Findings, scales: &Scales) {
     let mut sums = LagSums::default();
     sums.add(log, scales);
     let Some(lag) = sums.lag().filter(VelocityLag::matters) else { return };
-    let walks = log.base.is_some() || log.command.is_some() || log.action.is_some();
-    let severity = if !walks && lag.exceeds(HARMFUL_S) { Severity::Error } else { Severity::Warning };
+    let severity = if replayed(log) && lag.exceeds(HARMFUL_S) { Severity::Error } else { Severity::Warning };
     findings.add(FindingKind::VelocityLag, severity, &[], None, lag.to_string());
 }
 
