@@ -445,7 +445,7 @@ def judge(args, name, form, log):
         converted.unlink(missing_ok=True)
         code, output, errors = call(args.gaitfit, "import", path, "--out", converted, "--robot", "assets/go2.xml")
         if code:
-            return "refused", f"import {code}", last(errors), []
+            return "refused", f"import {code}", last(f"{output}\n{errors}"), []
         note = " ".join(line.strip() for line in output.splitlines() if line.startswith(("note", "warning")))
         path = converted
     configuration = place / "fit.toml"

@@ -2,7 +2,7 @@
 
 use super::audit::Audit;
 use super::doubts;
-use super::leftover::{self, Leftover};
+use super::leftover::Leftover;
 use super::parameter::Parameter;
 use super::results::CostFit;
 use super::score::{Robot, mean, validation};
@@ -30,7 +30,7 @@ fn evaluated(
     Ok(found.into_iter().next())
 }
 
-/// The fit by cost number `cost`; `course`: the generations of its runs.
+/// The fit by cost number `cost`; `course`: the generations of its runs; `left`: what its errors leave unexplained.
 ///
 /// # Errors
 /// A simulation that fails.
@@ -39,6 +39,7 @@ pub(super) fn fit(
     cost: usize,
     outcome: &CostOutcome,
     course: &[RunGeneration],
+    left: Option<Leftover>,
 ) -> Result<CostFit, Error> {
     let config = &setup.config;
     let values = outcome.values();
@@ -47,7 +48,6 @@ pub(super) fn fit(
     let (nominal_cost, nominal_falls) = nominal.map_or((None, 0), |nominal| (nominal.cost, nominal.falls));
     let mut doubts = doubts::doubts(outcome, nominal_cost, nominal_falls, course);
     let audit = audited(setup, cost, &values)?;
-    let left = leftover::leftover(setup, cost, &values, outcome.best_cost, outcome.uncertainty.is_some())?;
     doubts.extend(left.as_ref().and_then(Leftover::doubt));
     let has = |kind| doubts.iter().any(|doubt| doubt.kind == kind);
     let wider = audit.as_ref().map_or(1.0, widening);

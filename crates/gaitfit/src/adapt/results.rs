@@ -5,7 +5,7 @@ use super::check::{Check, checks};
 use super::cost_fit::{beside, fit};
 use super::doubts;
 use super::held_out::{HeldOut, Verdict, held_out};
-use super::leftover::Leftover;
+use super::leftover::{Leftover, leftover};
 use super::odd::OddJoints;
 use super::outliers;
 use super::parameter::Parameter;
@@ -14,14 +14,14 @@ use super::setup::Setup;
 use super::springs::FoundSpring;
 use super::standing::{self, CONTRADICTED, Evidence, Standing, standing};
 use super::swing;
-use super::trust::identified;
+use super::trust::{identified, stopped};
 use crate::Error;
 use crate::run::RunFolder;
 use crate::walk::swing::{Beside, SwingFindings, doubt};
 use crate::watch::Watch;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
-    Agreement, Correction, CostOutcome, Regression, RunGeneration, RunOutcome, Uncertainty,
+    Agreement, Correction, CostOutcome, FitError, Regression, RunGeneration, RunOutcome, Uncertainty,
 };
 use gaitfit_view::Doubt;
 use serde::{Deserialize, Serialize};
@@ -234,7 +234,14 @@ pub(super) fn results(
             outcome.best_cost -= setup.theta.prior_cost(&outcome.values());
         }
         uncorrected.extend(refused.map(|reason| doubts::uncorrected(&outcome, &reason)));
-        let mut fit = fit(setup, cost, &outcome, course)?;
+        let noise_alone = outcome.uncertainty.is_some();
+        let left = leftover(setup, cost, &outcome.values(), outcome.best_cost, noise_alone, &|| watch.stop());
+        // What was cut short is no failure.
+        let left = left.map_err(|error| match watch.stop() {
+            true => stopped(FitError::Cancelled, folder),
+            false => error,
+        })?;
+        let mut fit = fit(setup, cost, &outcome, course, left)?;
         if let Some(first) = found.first().filter(|_| setup.theta.len() <= MOST_SHOWN) {
             fit.comparison = beside(setup, first, &outcome)?;
         }

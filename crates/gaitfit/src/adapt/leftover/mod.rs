@@ -15,7 +15,7 @@ use super::score::Robot;
 use super::setup::Setup;
 use crate::Error;
 use gaitfit_adapt::fit::{Problem, descend, unexplained};
-use gaitfit_adapt::{Resets, never};
+use gaitfit_adapt::{Cancel, Resets};
 use gaitfit_view::{Doubt, DoubtKind};
 use seldom::ramped;
 use serde::{Deserialize, Serialize};
@@ -59,7 +59,7 @@ pub struct Leftover {
 
 impl Leftover {
     /// Whether the errors are no noise.
-    fn remembers(&self) -> bool {
+    pub(super) fn remembers(&self) -> bool {
         self.memory > REMEMBERS
     }
 
@@ -100,12 +100,11 @@ impl Leftover {
     /// Widens the interval of parameter number `at` for it, and to where a search that was left early would have ended.
     pub(super) fn widen(&self, at: usize, parameter: &mut Parameter) {
         let hidden = self.reach.get(at).copied().flatten().map(|reach| HIDDEN * reach);
-        let outside =
-            |end: &&f64| parameter.interval.is_some_and(|[lower, upper]| !(lower..=upper).contains(*end));
-        if let Some(end) = self.end.get(at).filter(outside) {
-            let hidden = hidden.unwrap_or(0.0);
-            parameter.reach(end - hidden);
-            parameter.reach(end + hidden);
+        let margin = hidden.unwrap_or(0.0);
+        let value = parameter.found.value;
+        if let Some(end) = self.end.get(at).filter(|end| (*end - value).abs() > margin) {
+            parameter.reach(end - margin);
+            parameter.reach(end + margin);
         }
         if let Some(hidden) = hidden.filter(|_| self.remembers() || self.noise_alone) {
             parameter.blur(hidden);
@@ -125,6 +124,7 @@ pub(super) fn leftover(
     values: &[f64],
     cost: f64,
     noise_alone: bool,
+    cancel: &Cancel<'_>,
 ) -> Result<Option<Leftover>, Error> {
     let compared = setup.costs[number].as_ref();
     let applies = setup.method.walking().is_none()
@@ -138,7 +138,7 @@ pub(super) fn leftover(
         theta: &setup.theta,
         cost: compared,
         draw: 0,
-        cancel: &never,
+        cancel,
     };
     // A search that was left early must not look like a simulator that lacks something.
     let end = descend(problem, values, STEPS, TOLERANCE).map_err(Error::failed)?;
@@ -202,7 +202,7 @@ mod tests {
         let setup =
             crate::adapt::Setup::open(&settings::load(Some(&file), &changes).unwrap(), &file, Some(2))
                 .unwrap();
-        leftover(&setup, 0, &TRUTH[..setup.theta.len()], 1.0, false).unwrap().unwrap()
+        leftover(&setup, 0, &TRUTH[..setup.theta.len()], 1.0, false, &gaitfit_adapt::never).unwrap().unwrap()
     }
 
     #[test]
