@@ -25,6 +25,8 @@ use suspects::{STEPS, TOLERANCE, better, suspicions};
 /// differ only in what is fitted it is 0.06, with encoders of 20 mrad 0.08, with rows that are lost 0.22; of a real Go2 0.76,
 /// of logs with wrong gains or filtered velocities 0.99.
 const REMEMBERS: f64 = 0.3;
+/// Errors below this, where the robot's range is 2, are what two simulators of one robot differ by: their memory is no doubt.
+const QUIET: f64 = 1e-3;
 /// Part of the reach of the unexplained errors by which intervals widen: what wrong values make of errors is hidden, and taken
 /// to be as much as what is seen. With filtered sensors values were off by up to 0.74 of the reach (`tools/mutate_logs.py`).
 const HIDDEN: f64 = 1.0;
@@ -60,7 +62,7 @@ pub struct Leftover {
 impl Leftover {
     /// Whether the errors are no noise.
     pub(super) fn remembers(&self) -> bool {
-        self.memory > REMEMBERS
+        self.memory > REMEMBERS && self.error > QUIET
     }
 
     /// That the simulator lacks something.
@@ -106,7 +108,7 @@ impl Leftover {
             parameter.reach(end - margin);
             parameter.reach(end + margin);
         }
-        if let Some(hidden) = hidden.filter(|_| self.remembers() || self.noise_alone) {
+        if let Some(hidden) = hidden.filter(|_| self.memory > REMEMBERS || self.noise_alone) {
             parameter.blur(hidden);
         }
         if let Some(moved) = self.suspect.as_ref().and_then(|suspect| suspect.moved.get(at)) {
