@@ -38,7 +38,7 @@ pub(super) fn ramped(
         log.filled.clear();
         log.trajectory = fine;
     }
-    if !seldom {
+    if !seldom || step > HELD_S {
         return Ok(None);
     }
     let set = LogSet::new(&setup.config, &setup.method, &setup.base, logs)?.scaled_as(&setup.fit);
