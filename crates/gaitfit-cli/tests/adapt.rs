@@ -93,7 +93,15 @@ fn gains_of_validation_logs_can_be_stated() {
     let runs = tempfile::tempdir().unwrap();
     let own = adapt(runs.path(), &[]);
     let gains = "validate_gains=[{ files = [\"validate.csv\"], kp = 20, kd = 2 }]";
-    let stated = adapt(runs.path(), &["--set", gains]);
+    // With gains that the robot did not have, a guess predicts the log better, which ends with 3.
+    let output = run(&quick_demo(runs.path(), &["--set", gains]));
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    let stated = json(&output);
+    assert!(
+        errors(&output).contains("must not be used as it stands: worse than a guess"),
+        "{}",
+        errors(&output)
+    );
     assert_eq!(own["parameters"], stated["parameters"], "validation takes no part in the fit");
     assert_ne!(own["validation"][0]["rmse_rad"], stated["validation"][0]["rmse_rad"]);
 }
@@ -105,6 +113,20 @@ fn a_check_that_fails_ends_with_3_after_the_result() {
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
     assert_eq!(json(&output)["checks"][0]["passed"], false);
     assert!(errors(&output).contains("rmse_rad"), "{}", errors(&output));
+}
+
+#[test]
+fn a_fit_without_the_delay_that_the_robot_has_ends_with_3_and_names_it() {
+    let runs = tempfile::tempdir().unwrap();
+    let three = "parameter=[{kind=\"frictionloss\",upper=1.5},{kind=\"armature\"},{kind=\"damping\"}]";
+    let output = run(&quick_demo(runs.path(), &["--set", three, "--set", "truth={}"]));
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    let found = json(&output);
+    assert!(found["headline"].as_str().unwrap().contains("kind \"delay\""), "{}", found["headline"]);
+    let delay = &found["fits"][0]["leftover"]["suspect"]["values"][0];
+    assert!((delay[1].as_f64().unwrap() - 0.007).abs() < 5e-4, "{delay}");
+    assert!(runs.path().join("go2-demo/theta.toml").exists(), "everything is saved");
+    assert!(errors(&output).contains("misfit. All results are in"), "{}", errors(&output));
 }
 
 #[test]

@@ -11,20 +11,15 @@ const ROWS: usize = 600;
 fn log(rate: f64) -> Trajectory {
     let time: Vec<f64> = (0..ROWS).map(|row| row as f64 / rate).collect();
     Trajectory {
-        source: None,
         robot: Some("rig".into()),
-        joints: vec!["knee".into()],
-        rate_hz: rate,
-        position: time.iter().map(|t| (3.0 * t).sin()).collect(),
-        velocity: time.iter().map(|t| 3.0 * (3.0 * t).cos()).collect(),
         target: Some((0..ROWS).map(|row| row as f64).collect()),
-        action: None,
-        command: None,
-        base: None,
-        gains: None,
-        lead: None,
-        fell: false,
-        time,
+        ..Trajectory::of_joints(
+            vec!["knee".into()],
+            rate,
+            time.clone(),
+            time.iter().map(|t| (3.0 * t).sin()).collect(),
+            time.iter().map(|t| 3.0 * (3.0 * t).cos()).collect(),
+        )
     }
 }
 

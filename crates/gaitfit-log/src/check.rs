@@ -298,6 +298,12 @@ pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
     findings.list
 }
 
+/// Whether a log is that of a clamped robot, whose fit replays the targets and compares sample by sample: it has nothing that
+/// logs of walks have.
+fn replayed(log: &Trajectory) -> bool {
+    log.base.is_none() && log.command.is_none() && log.action.is_none()
+}
+
 /// The growing list, and the log it is about.
 struct Findings<'a> {
     log: &'a Trajectory,

@@ -142,20 +142,16 @@ mod tests {
         let rows = 0..400;
         let swing = |t: f64| 0.5 * (6.0 * t).sin();
         Trajectory {
-            source: None,
-            robot: None,
-            joints: vec!["knee".into()],
-            time: rows.clone().map(&stamped).collect(),
-            rate_hz: 50.0,
-            position: rows.clone().map(|row| swing(sampled(row))).collect(),
-            velocity: rows.clone().map(|row| 3.0 * (6.0 * sampled(row)).cos()).collect(),
-            target: Some(rows.map(|row| row as f64).collect()),
-            action: None,
-            command: None,
+            target: Some(rows.clone().map(|row| row as f64).collect()),
             base: Some(BaseState::default()),
-            gains: None,
             lead: Some(Lead { seconds: 0.001, spread: 0.0 }),
-            fell: false,
+            ..Trajectory::of_joints(
+                vec!["knee".into()],
+                50.0,
+                rows.clone().map(&stamped).collect(),
+                rows.clone().map(|row| swing(sampled(row))).collect(),
+                rows.map(|row| 3.0 * (6.0 * sampled(row)).cos()).collect(),
+            )
         }
     }
 

@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Samples nearer than this are not independent, s.
-const BLOCK_S: f64 = 1.0;
+const BLOCK_S: f64 = 0.5;
+/// Fewer blocks do not say how sure an estimate is.
+const ENOUGH: usize = 6;
 /// Intervals longer than this many periods have a gap in them.
 const GAP: f64 = 1.5;
 /// A number that is less than this many errors from 0 is none.
@@ -61,23 +63,23 @@ pub struct Sensors {
 }
 
 /// Sums of a ratio's two sides by blocks of time, for its value and its error.
-#[derive(Debug, Default)]
-struct Ratio(BTreeMap<u64, [f64; 2]>);
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Ratio(BTreeMap<u64, [f64; 2]>);
 
 impl Ratio {
     fn add(&mut self, log: usize, time: f64, above: f64, below: f64) {
         if above.is_finite() && below.is_finite() {
-            let block = ((log as u64) << 32) + (time / BLOCK_S).max(0.0) as u64;
+            let block = ((log as u64) << 32) + (time / BLOCK_S).clamp(0.0, f64::from(u32::MAX)) as u64;
             let sums = self.0.entry(block).or_default();
             *sums = [sums[0] + above, sums[1] + below];
         }
     }
 
     /// Above over below; the error is that of sums of independent blocks.
-    fn estimate(&self) -> Option<Estimate> {
+    pub(crate) fn estimate(&self) -> Option<Estimate> {
         let sum = |k: usize| self.0.values().map(|sums| sums[k]).sum::<f64>();
         let (above, below) = (sum(0), sum(1));
-        if self.0.len() < 4 || below.abs() < 1e-12 {
+        if self.0.len() < ENOUGH || below.abs() < 1e-12 {
             return None;
         }
         let value = above / below;
@@ -148,25 +150,31 @@ fn whole(log: &Trajectory, first: usize, last: usize) -> bool {
 pub fn velocity_lag(logs: &[&Trajectory]) -> Option<Estimate> {
     let mut ratio = Ratio::default();
     for (number, log) in logs.iter().enumerate() {
-        let width = log.joints.len();
-        for sample in 1..log.len().saturating_sub(2) {
-            if !whole(log, sample - 1, sample + 2) {
-                continue;
-            }
-            let time = |k: usize| log.time[k];
-            let step = time(sample + 1) - time(sample);
-            for joint in 0..width {
-                let q = |k: usize| log.position[k * width + joint];
-                let dq = |k: usize| log.velocity[k * width + joint];
-                let missing = q(sample + 1) - q(sample) - step * (dq(sample) + dq(sample + 1)) / 2.0;
-                let change = dq(sample + 1) - dq(sample);
-                let bend = (q(sample + 2) - q(sample + 1)) / (time(sample + 2) - time(sample + 1))
-                    - (q(sample) - q(sample - 1)) / (time(sample) - time(sample - 1));
-                ratio.add(number, time(sample) - time(0), missing * bend, change * bend);
-            }
-        }
+        let joints: Vec<usize> = (0..log.joints.len()).collect();
+        add_lag(&mut ratio, number, log, &joints);
     }
     ratio.estimate()
+}
+
+/// Adds the lag of `joints` (columns) in log number `number` to `ratio`, see [`velocity_lag`].
+pub(crate) fn add_lag(ratio: &mut Ratio, number: usize, log: &Trajectory, joints: &[usize]) {
+    let width = log.joints.len();
+    for sample in 1..log.len().saturating_sub(2) {
+        if !whole(log, sample - 1, sample + 2) {
+            continue;
+        }
+        let time = |k: usize| log.time[k];
+        let step = time(sample + 1) - time(sample);
+        for joint in joints {
+            let q = |k: usize| log.position[k * width + joint];
+            let dq = |k: usize| log.velocity[k * width + joint];
+            let missing = q(sample + 1) - q(sample) - step * (dq(sample) + dq(sample + 1)) / 2.0;
+            let change = dq(sample + 1) - dq(sample);
+            let bend = (q(sample + 2) - q(sample + 1)) / (time(sample + 2) - time(sample + 1))
+                - (q(sample) - q(sample - 1)) / (time(sample) - time(sample - 1));
+            ratio.add(number, time(sample) - time(0), missing * bend, change * bend);
+        }
+    }
 }
 
 /// Gyro less the rate at which the orientation turns, rad/s, base frame.
@@ -294,24 +302,12 @@ mod tests {
             turn = normalize(product(turn, axis_angle(middle.map(|x| x / speed), 0.005 * speed)));
         }
         Trajectory {
-            lead: None,
-            source: None,
-            robot: None,
-            joints: vec!["hip".into(), "calf".into()],
-            rate_hz: 200.0,
-            time,
-            position,
-            velocity,
-            target: None,
-            action: None,
-            command: None,
             base: Some(BaseState {
                 quaternion: Some(quaternion),
                 angular_velocity: Some(rates),
                 ..BaseState::default()
             }),
-            gains: None,
-            fell: false,
+            ..Trajectory::of_joints(vec!["hip".into(), "calf".into()], 200.0, time, position, velocity)
         }
     }
 

@@ -71,6 +71,33 @@ pub struct BaseState {
 }
 
 impl Trajectory {
+    /// A log of joints alone: `time` in s, `position` in rad and `velocity` in rad/s, `len × joints`. All that may be absent
+    /// is absent.
+    pub fn of_joints(
+        joints: Vec<String>,
+        rate_hz: f64,
+        time: Vec<f64>,
+        position: Vec<f64>,
+        velocity: Vec<f64>,
+    ) -> Self {
+        Self {
+            source: None,
+            robot: None,
+            joints,
+            time,
+            rate_hz,
+            position,
+            velocity,
+            target: None,
+            action: None,
+            command: None,
+            base: None,
+            gains: None,
+            lead: None,
+            fell: false,
+        }
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.time.len()

@@ -19,20 +19,15 @@ fn simulate(
 ) -> Trajectory {
     let samples = (seconds * RATE) as usize;
     let mut log = Trajectory {
-        source: None,
-        robot: None,
-        joints: (0..joints).map(|joint| format!("j{joint}")).collect(),
-        time: (0..samples).map(|i| i as f64 / RATE).collect(),
-        rate_hz: RATE,
-        position: Vec::new(),
-        velocity: Vec::new(),
         target: Some(Vec::new()),
-        action: None,
-        command: None,
-        base: None,
         gains: Some(Gains { kp: vec![20.0; joints], kd: vec![1.0; joints] }),
-        lead: None,
-        fell: false,
+        ..Trajectory::of_joints(
+            (0..joints).map(|joint| format!("j{joint}")).collect(),
+            RATE,
+            (0..samples).map(|i| i as f64 / RATE).collect(),
+            Vec::new(),
+            Vec::new(),
+        )
     };
     let mut q: Vec<f64> = (0..joints).map(|joint| target(0.0, joint) - load / 20.0).collect();
     let mut dq = vec![0.0; joints];

@@ -7,22 +7,13 @@ use std::f64::consts::TAU;
 /// Two joints at 2 and 1 Hz, five seconds at `rate` Hz; `scale` times the derivative as velocity.
 fn log(rate: f64, scale: [f64; 2]) -> Trajectory {
     let samples = (5.0 * rate) as usize;
-    let mut log = Trajectory {
-        source: None,
-        robot: None,
-        joints: vec!["hip".into(), "knee".into()],
-        time: (0..samples).map(|i| i as f64 / rate).collect(),
-        rate_hz: rate,
-        position: Vec::new(),
-        velocity: Vec::new(),
-        target: None,
-        action: None,
-        command: None,
-        base: None,
-        gains: None,
-        lead: None,
-        fell: false,
-    };
+    let mut log = Trajectory::of_joints(
+        vec!["hip".into(), "knee".into()],
+        rate,
+        (0..samples).map(|i| i as f64 / rate).collect(),
+        Vec::new(),
+        Vec::new(),
+    );
     for t in &log.time {
         for (joint, hertz) in [2.0, 1.0].into_iter().enumerate() {
             // Never twice the same extreme: that would look cut off.

@@ -8,20 +8,14 @@ fn walk(stuck: f64) -> Trajectory {
     let time: Vec<f64> = (0..300).map(|k| f64::from(k) / 50.0).collect();
     let wave = |at: f64, joint: usize| 0.3 * (std::f64::consts::TAU * 2.0 * at + joint as f64).sin();
     let mut log = Trajectory {
-        source: None,
-        robot: None,
-        joints: (0..4).map(|joint| format!("joint_{joint}")).collect(),
-        rate_hz: 50.0,
-        position: Vec::new(),
-        velocity: Vec::new(),
         target: Some(Vec::new()),
-        action: None,
-        command: None,
-        base: None,
-        gains: None,
-        lead: None,
-        fell: false,
-        time,
+        ..Trajectory::of_joints(
+            (0..4).map(|joint| format!("joint_{joint}")).collect(),
+            50.0,
+            time,
+            Vec::new(),
+            Vec::new(),
+        )
     };
     for &at in &log.time {
         for joint in 0..4 {

@@ -52,20 +52,15 @@ fn log(model: &Model, phase: f64) -> Trajectory {
         }
     }
     Trajectory {
-        lead: None,
-        source: None,
-        robot: None,
-        joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
-        time: (0..samples).map(|sample| sample as f64 * STEP).collect(),
-        rate_hz: 1.0 / STEP,
-        position,
-        velocity,
         target: Some(target),
-        action: None,
-        command: None,
-        base: None,
         gains: Some(Gains { kp: vec![kp; count], kd: vec![kd; count] }),
-        fell: false,
+        ..Trajectory::of_joints(
+            model.joints.iter().map(|joint| joint.name.clone()).collect(),
+            1.0 / STEP,
+            (0..samples).map(|sample| sample as f64 * STEP).collect(),
+            position,
+            velocity,
+        )
     }
 }
 

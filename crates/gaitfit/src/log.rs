@@ -1,9 +1,7 @@
 //! A log as fits take it.
 
 use crate::Error;
-use gaitfit_adapt::{JointParameter, Theta};
 use gaitfit_log::Trajectory;
-use gaitfit_sim::Candidate;
 use std::path::PathBuf;
 
 /// A log, or a stretch of one, ready to be compared with simulations.
@@ -29,22 +27,24 @@ pub struct Log {
 const SAME_LEAD_S: f64 = 5e-4;
 
 /// How long after their rows the targets of `logs` were stamped, s: the middle one, as logs that are fitted together share
-/// one robot. A fitted delay counts from there. 0 where logs do not say it.
+/// one robot. 0 where logs do not say it.
 pub fn lead<'a>(logs: impl IntoIterator<Item = &'a Trajectory>) -> f64 {
     let mut leads: Vec<f64> = logs.into_iter().map(|log| log.lead.map_or(0.0, |lead| lead.seconds)).collect();
     leads.sort_by(f64::total_cmp);
     leads.get(leads.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// What a fit of `logs` says about their leads, if they have some.
+/// What a fit of `logs` says about their leads, if they have some. A replay is given the targets, so that a delay counts from
+/// their stamps. In a walk (`walks`) the policy computes them from the state of the row, and a delay counts from there, as in
+/// a training.
 ///
 /// # Errors
-/// Logs whose leads differ by more than half a millisecond: one delay cannot count from all of them.
-pub fn lead_note(logs: &[Log]) -> Result<Option<String>, Error> {
+/// Logs of a replay whose leads differ by more than half a millisecond: one delay cannot count from all of them.
+pub fn lead_note(logs: &[Log], walks: bool) -> Result<Option<String>, Error> {
     let of = |log: &Log| log.trajectory.lead.map_or(0.0, |lead| lead.seconds);
     let by = |a: &&Log, b: &&Log| of(a).total_cmp(&of(b));
     let (Some(first), Some(last)) = (logs.iter().min_by(by), logs.iter().max_by(by)) else { return Ok(None) };
-    if of(last) - of(first) > SAME_LEAD_S {
+    if !walks && of(last) - of(first) > SAME_LEAD_S {
         return Err(Error::failed(format!(
             "{}: its targets are stamped {:.2} ms after their rows, those of {} {:.2} ms: one delay cannot count from both. \
              Fit logs of one recorder at a time, or import them all with the same --clock-offset.",
@@ -57,31 +57,18 @@ pub fn lead_note(logs: &[Log]) -> Result<Option<String>, Error> {
     let lead = lead(logs.iter().map(|log| &log.trajectory));
     let spread =
         logs.iter().filter_map(|log| log.trajectory.lead).map(|lead| lead.spread).fold(0.0, f64::max);
+    let counts = match walks {
+        true => "a delay counts from the rows, and holds these".to_owned(),
+        false => format!(
+            "a delay counts from the stamp. From the row it is {:.2} ms longer: add that to `randomisation.delay` of a training",
+            1e3 * lead
+        ),
+    };
     Ok((lead != 0.0).then(|| {
         format!(
-            "the targets are stamped {:.2} ms (±{:.2} ms) after the rows that they answer; a delay counts from the stamp. From \
-             the row it is {:.2} ms longer: add that to `randomisation.delay` of a training",
+            "the targets are stamped {:.2} ms (±{:.2} ms) after the rows that they answer; {counts}",
             1e3 * lead,
-            1e3 * spread,
-            1e3 * lead
+            1e3 * spread
         )
     }))
-}
-
-/// `robot` with targets that are sent `lead` seconds after the samples at which the simulator has them, at most `most`
-/// seconds later altogether.
-pub fn late(mut robot: Candidate, lead: f64, most: f64) -> Candidate {
-    if lead != 0.0 {
-        robot.robot.delay.iter_mut().for_each(|delay| *delay = (*delay + lead).clamp(0.0, most));
-    }
-    robot
-}
-
-/// A robot with the longest delay that candidates have, whose targets are `lead` seconds late: what a simulator of them is
-/// made for.
-pub fn reaching(base: &Candidate, theta: &Theta, lead: f64) -> Candidate {
-    let longest = theta.largest(JointParameter::Delay).unwrap_or(0.0);
-    let mut reach = base.clone();
-    reach.robot.delay.iter_mut().for_each(|delay| *delay = delay.max(longest) + lead.max(0.0));
-    reach
 }

@@ -9,20 +9,15 @@ fn log(model: &Model) -> Trajectory {
     let width = names.len();
     let samples = 800;
     let mut log = Trajectory {
-        lead: None,
-        source: None,
-        robot: None,
-        joints: names,
-        time: (0..samples).map(|i| f64::from(i) / 100.0).collect(),
-        rate_hz: 100.0,
-        position: Vec::new(),
-        velocity: Vec::new(),
         target: Some(Vec::new()),
-        action: None,
-        command: None,
-        base: None,
         gains: Some(Gains { kp: vec![25.0; width], kd: vec![0.5; width] }),
-        fell: false,
+        ..Trajectory::of_joints(
+            names,
+            100.0,
+            (0..samples).map(|i| f64::from(i) / 100.0).collect(),
+            Vec::new(),
+            Vec::new(),
+        )
     };
     for i in 0..samples {
         let t = f64::from(i) / 100.0;

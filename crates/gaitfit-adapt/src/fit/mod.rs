@@ -32,8 +32,8 @@ pub use identification::{Identification, NoiseSource};
 pub use identify::{MOST_SCANNED, cost_error, identify};
 pub use least_squares::{
     Alternative, Comparison, Correction, Failure, GaussNewton, Problem, Question, Replicate, Round,
-    Sensitivity, Shift, Slope, Uncertainty, World, answers, correct, off_bounds, sensitivity, sets,
-    uncertainty,
+    Sensitivity, Shift, Slope, Uncertainty, Unexplained, World, answers, correct, descend, off_bounds,
+    sensitivity, sets, uncertainty, unexplained,
 };
 pub use origin::{Against, Origin, Searched};
 pub use outcome::{CostOutcome, ParameterOutcome, RunOutcome};

@@ -66,8 +66,8 @@ fn groups(program: &Command) -> StyledStr {
          Help on a command: gaitfit COMMAND --help; all its options: gaitfit COMMAND {ALL}.\n\
          Options of all commands: -h, --help; -V, --version; --isa SET (avx512, avx2 or portable).\n\
          Results go to standard output, progress to standard error. Exit codes: 0 done, 1 failed\n\
-         or broken input, 2 wrong usage or configuration, 3 a check failed, 4 hardware or library\n\
-         missing, 130 interrupted.\n",
+         or broken input, 2 wrong usage or configuration, 3 a check failed or a fit is wrong,\n\
+         4 hardware or library missing, 130 interrupted.\n",
         MORE.join(", ")
     );
     StyledStr::from(text)

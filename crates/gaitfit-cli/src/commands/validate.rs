@@ -24,11 +24,11 @@ pub fn run(args: &cli::Validate) -> Result<(), Failure> {
         output::print_json(&results)?;
     } else {
         output::print(&text(&results))?;
-        if results.failed_check().is_none() {
+        if results.failed_check().is_none() && results.refusal().is_none() {
             output::next(&[format!("gaitfit export {} --out FOLDER", args.theta.display())])?;
         }
     }
-    checked(results.failed_check())
+    checked(results.failed_check().or_else(|| results.refusal()))
 }
 
 fn text(results: &ValidateResults) -> String {

@@ -1,12 +1,9 @@
-//! Do velocities lag behind positions, as those of a filter or of differences do?
-//!
-//! If a velocity is the derivative as it was τ earlier, then over an interval h the position changes by τ·Δq̇ more than the
-//! mean of the two velocities says: Δq − h(q̇₁ + q̇₀)/2 ≈ τ·Δq̇. The slope over all joints and samples is τ. Noise of the
-//! velocities does not move the numerator: it is in q̇₁ + q̇₀ and q̇₁ − q̇₀ without correlation.
+//! Do velocities lag behind positions, as those of a filter or of differences do? [`crate::velocity_lag`] estimates it.
 
-use super::{FindingKind, Findings, Severity};
+use super::{FindingKind, Findings, Severity, replayed};
 use crate::Trajectory;
-use crate::scale::{GAP, Scales, equal, typical_step};
+use crate::scale::{Scales, equal, typical_step};
+use crate::sensors::{Estimate, Ratio, add_lag};
 use serde::Serialize;
 
 /// A lag below this is none of a sensor, s. Exact velocities of a trot at 50 Hz show 0.4 ms; those of simulators, whose
@@ -17,10 +14,9 @@ const HARMLESS_S: f64 = 1.5e-3;
 const HARMLESS_PART: f64 = 0.15;
 /// Standard errors by which a lag must be beyond it.
 const SURE: f64 = 3.0;
-/// Length of a stretch whose samples do not count as independent, s.
-const STRETCH_S: f64 = 0.5;
-/// Fewer stretches do not say how sure a lag is.
-const ENOUGH: usize = 6;
+/// A lag beyond this makes fits of a clamped robot's logs wrong, s: they compare velocities sample by sample, and take the
+/// lag for delay, armature and damping.
+const HARMFUL_S: f64 = 2e-3;
 
 /// How far velocities are behind positions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -36,7 +32,11 @@ pub struct VelocityLag {
 impl VelocityLag {
     /// Whether it is beyond doubt more than what does no harm.
     pub fn matters(&self) -> bool {
-        self.seconds.abs() - SURE * self.error > HARMLESS_S.max(HARMLESS_PART * self.interval)
+        self.exceeds(HARMLESS_S)
+    }
+
+    fn exceeds(&self, limit: f64) -> bool {
+        self.seconds.abs() - SURE * self.error > limit.max(HARMLESS_PART * self.interval)
     }
 }
 
@@ -49,18 +49,19 @@ impl std::fmt::Display for VelocityLag {
         write!(
             f,
             "{behind} lag behind {ahead} by {:.1} ± {:.1} ms, as a filter or differences make them: fits take it for delay \
-             and friction; record them unfiltered",
+             and friction; record them unfiltered, or take central differences, (q[k+1] − q[k−1]) / 2Δt",
             1e3 * self.seconds.abs(),
             1e3 * self.error
         )
     }
 }
 
-/// Sums over stretches, from one log or several.
-#[derive(Clone, Debug, Default)]
+/// Sums of one log or several.
+#[derive(Debug, Default)]
 pub(crate) struct LagSums {
-    /// Σ rest·change and Σ change² of each stretch.
-    stretches: Vec<[f64; 2]>,
+    ratio: Ratio,
+    /// Logs that were added.
+    logs: usize,
     /// Longest interval between samples, s.
     interval: f64,
 }
@@ -77,52 +78,25 @@ impl LagSums {
         let joints: Vec<usize> = (0..log.joints.len()).filter(usable).collect();
         let Some(step) = typical_step(&log.time).filter(|_| !joints.is_empty()) else { return };
         self.interval = self.interval.max(step);
-        let width = log.joints.len();
-        let rows = ((STRETCH_S / step).round() as usize).max(1);
-        let mut sums = [0.0; 2];
-        for sample in 1..log.len() {
-            let interval = log.time[sample] - log.time[sample - 1];
-            if interval > 0.0 && interval < GAP * step {
-                for joint in &joints {
-                    let (now, before) = (sample * width + joint, (sample - 1) * width + joint);
-                    let (from, to) = (log.velocity[before], log.velocity[now]);
-                    let rest = log.position[now] - log.position[before] - 0.5 * interval * (from + to);
-                    let change = to - from;
-                    if rest.is_finite() && change.is_finite() {
-                        sums[0] += rest * change;
-                        sums[1] += change * change;
-                    }
-                }
-            }
-            if sample.is_multiple_of(rows) {
-                self.stretches.push(std::mem::take(&mut sums));
-            }
-        }
+        add_lag(&mut self.ratio, self.logs, log, &joints);
+        self.logs += 1;
     }
 
     /// The lag of all that was added; `None` if that is too little.
     pub fn lag(&self) -> Option<VelocityLag> {
-        if self.stretches.len() < ENOUGH {
-            return None;
-        }
-        let total = self.stretches.iter().fold([0.0; 2], |sum, one| [sum[0] + one[0], sum[1] + one[1]]);
-        let seconds = total[0] / total[1];
-        let squares: f64 = self.stretches.iter().map(|one| (one[0] - seconds * one[1]).powi(2)).sum();
-        let error = squares.sqrt() / total[1];
-        (seconds.is_finite() && error.is_finite()).then_some(VelocityLag {
-            seconds,
-            error,
-            interval: self.interval,
-        })
+        let Estimate { value: seconds, error } = self.ratio.estimate()?;
+        let lag = VelocityLag { seconds, error, interval: self.interval };
+        (seconds.is_finite() && error.is_finite()).then_some(lag)
     }
 }
 
 pub(super) fn check(findings: &mut Findings, scales: &Scales) {
+    let log = findings.log;
     let mut sums = LagSums::default();
-    sums.add(findings.log, scales);
-    if let Some(lag) = sums.lag().filter(VelocityLag::matters) {
-        findings.add(FindingKind::VelocityLag, Severity::Warning, &[], None, lag.to_string());
-    }
+    sums.add(log, scales);
+    let Some(lag) = sums.lag().filter(VelocityLag::matters) else { return };
+    let severity = if replayed(log) && lag.exceeds(HARMFUL_S) { Severity::Error } else { Severity::Warning };
+    findings.add(FindingKind::VelocityLag, severity, &[], None, lag.to_string());
 }
 
 #[cfg(test)]
@@ -134,8 +108,8 @@ mod tests {
         2.0 * ((i as f64 * 12.9898).sin() * 43_758.547).fract().abs() - 1.0
     }
 
-    /// The lag of a chirp at `rate` whose velocities are `lag` late and disturbed by `disturbance` rad/s.
-    fn lag(rate: f64, lag: f64, disturbance: f64) -> Option<VelocityLag> {
+    /// A chirp at `rate` whose velocities are `lag` late and disturbed by `disturbance` rad/s.
+    fn swinging(rate: f64, lag: f64, disturbance: f64) -> Trajectory {
         let samples = (8.0 * rate) as usize;
         let time: Vec<f64> = (0..samples).map(|i| i as f64 / rate).collect();
         let angle = |t: f64| 0.4 * (5.0 * t + 1.5 * t * t).sin();
@@ -143,22 +117,11 @@ mod tests {
         let position: Vec<f64> = time.iter().map(|t| angle(*t)).collect();
         let velocity: Vec<f64> =
             time.iter().enumerate().map(|(i, t)| speed(t - lag) + disturbance * noise(i)).collect();
-        let log = Trajectory {
-            source: None,
-            robot: None,
-            joints: vec!["knee".into()],
-            rate_hz: rate,
-            target: None,
-            action: None,
-            command: None,
-            base: None,
-            gains: None,
-            lead: None,
-            fell: false,
-            time,
-            position,
-            velocity,
-        };
+        Trajectory::of_joints(vec!["knee".into()], rate, time, position, velocity)
+    }
+
+    fn lag(rate: f64, lag: f64, disturbance: f64) -> Option<VelocityLag> {
+        let log = swinging(rate, lag, disturbance);
         let mut sums = LagSums::default();
         sums.add(&log, &scales(&log.time, &log.position, &log.velocity, 1));
         sums.lag()
@@ -177,5 +140,19 @@ mod tests {
                 lag(rate, 0.0, 0.05).unwrap_or(VelocityLag { seconds: 9.0, error: 0.0, interval: 0.0 });
             assert!(noisy.seconds.abs() < 1e-3 && !noisy.matters(), "{rate} {noisy:?}");
         }
+    }
+
+    #[test]
+    fn a_clear_lag_forbids_the_log_of_a_clamped_robot() {
+        let severity = |late: f64, walks: bool| {
+            let mut log = swinging(200.0, late, 0.02);
+            log.command = walks.then(|| vec![0.0; 3 * log.len()]);
+            let found = crate::check(&log, &crate::CheckSpec::default());
+            found.iter().find(|one| one.kind == FindingKind::VelocityLag).map(|one| one.severity)
+        };
+        assert_eq!(severity(0.008, false), Some(Severity::Error));
+        assert_eq!(severity(0.002, false), Some(Severity::Warning));
+        assert_eq!(severity(0.008, true), Some(Severity::Warning), "walks are compared otherwise");
+        assert_eq!(severity(0.0, false), None);
     }
 }

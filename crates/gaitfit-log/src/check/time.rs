@@ -1,7 +1,7 @@
 //! Is time increasing and regular, at the stated rate, with new data in every row?
 
 use super::stats::{decimals, short};
-use super::{FindingKind, Findings, Severity};
+use super::{FindingKind, Findings, Severity, replayed};
 use crate::scale::equal;
 use crate::spacing::spacing;
 use gaitfit_model::shown_number;
@@ -122,10 +122,12 @@ fn repeated_rows(findings: &mut Findings, typical: f64) {
     if moving && share > REPEATED {
         let message = format!(
             "{:.0} % of the rows repeat positions and velocities of the row before; the robot reports at about {} Hz: \
-             record or resample at that rate",
+             record or resample at that rate, for example with `gaitfit import LOG --every {} --out LESS.csv`",
             100.0 * share,
-            decimals((1.0 - share) / typical, 0)
+            decimals((1.0 - share) / typical, 0),
+            decimals((1.0 / (1.0 - share)).max(2.0), 0)
         );
-        findings.add(FindingKind::RepeatedRows, Severity::Warning, &[], None, message);
+        let severity = if replayed(log) { Severity::Error } else { Severity::Warning };
+        findings.add(FindingKind::RepeatedRows, severity, &[], None, message);
     }
 }

@@ -51,17 +51,29 @@ pub(super) fn check(findings: &mut Findings, scales: &Scales, rate_is_said: bool
     let with_it = |scale: &Scale| shared.is_some_and(|shared| scale.may_be(shared));
     if let Some(shared) = shared.filter(|_| !rate_is_said) {
         let together = pick(&|scale| scale.same() && with_it(scale));
-        scaled(findings, &together, shared, shared, Some(shared));
+        scaled(findings, &together, [shared, shared], far(shared), Some(shared));
     }
-    let off: Vec<(usize, f64)> = joints
+    let off: Vec<(usize, &Scale)> = joints
         .iter()
         .filter(|(_, scale)| scale.same() && !with_it(scale) && !scale.may_be(1.0))
-        .map(|(joint, scale)| (*joint, nearest_to_one(scale)))
+        .map(|(joint, scale)| (*joint, scale))
         .collect();
+    // Fast motion between samples puts single joints off; what it may do does not forbid a log.
+    let sure = |scale: &Scale| match nearest_to_one(scale) {
+        low if low > 1.0 => low / scale.tolerance,
+        high => high * scale.tolerance,
+    };
+    let severe = off.iter().all(|(_, scale)| far(sure(scale)));
+    let off: Vec<(usize, f64)> = off.iter().map(|(joint, scale)| (*joint, nearest_to_one(scale))).collect();
     let (low, high) =
         off.iter().fold((f64::INFINITY, 0.0f64), |(low, high), (_, f)| (low.min(*f), high.max(*f)));
     let joints: Vec<usize> = off.into_iter().map(|(joint, _)| joint).collect();
-    scaled(findings, &joints, low, high, None);
+    scaled(findings, &joints, [low, high], severe, None);
+}
+
+/// Whether a factor is so far off that no fit is worth anything.
+fn far(factor: f64) -> bool {
+    !(1.0 / FAR_OFF..FAR_OFF).contains(&factor)
 }
 
 /// The bound of the true factor that is nearer to one.
@@ -70,9 +82,15 @@ fn nearest_to_one(scale: &Scale) -> f64 {
     if low > 1.0 { low } else { high }
 }
 
-/// Says that the velocity of `joints` is `low` to `high` times the derivative. `shared`: what most joints have, which
-/// a wrong clock would explain.
-fn scaled(findings: &mut Findings, joints: &[usize], low: f64, high: f64, shared: Option<f64>) {
+/// Says that the velocity of `joints` is `low` to `high` times the derivative, which forbids the log where it is `severe`.
+/// `shared`: what most joints have, which a wrong clock would explain.
+fn scaled(
+    findings: &mut Findings,
+    joints: &[usize],
+    [low, high]: [f64; 2],
+    severe: bool,
+    shared: Option<f64>,
+) {
     if joints.is_empty() {
         return;
     }
@@ -86,8 +104,7 @@ fn scaled(findings: &mut Findings, joints: &[usize], low: f64, high: f64, shared
         findings.names(joints),
         reading(findings, (low * high).sqrt(), equal(low, high), shared)
     );
-    let far = |factor: f64| !(1.0 / FAR_OFF..FAR_OFF).contains(&factor);
-    let severity = if far(low) && far(high) { Severity::Error } else { Severity::Warning };
+    let severity = if severe { Severity::Error } else { Severity::Warning };
     findings.add(FindingKind::VelocityMismatch, severity, joints, None, message);
 }
 

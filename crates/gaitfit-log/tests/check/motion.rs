@@ -185,20 +185,15 @@ fn checks_take_any_values() {
 #[test]
 fn summary_counts_by_hand() {
     let log = Trajectory {
-        joints: vec!["a".into()],
-        time: vec![0.0, 0.1, 0.2, 0.4],
-        rate_hz: 10.0,
-        position: vec![1.0, -1.0, f64::NAN, 2.0],
-        velocity: vec![0.0; 4],
         target: Some(vec![1.0, 0.0, 0.0, 0.0]),
         gains: Some(Gains { kp: vec![3.0], kd: vec![4.0] }),
-        lead: None,
-        fell: false,
-        source: None,
-        robot: None,
-        action: None,
-        command: None,
-        base: None,
+        ..Trajectory::of_joints(
+            vec!["a".into()],
+            10.0,
+            vec![0.0, 0.1, 0.2, 0.4],
+            vec![1.0, -1.0, f64::NAN, 2.0],
+            vec![0.0; 4],
+        )
     };
     let summary = summary(&log);
     let joint = &summary.joints[0];

@@ -2,6 +2,7 @@
 
 use super::audit::Audit;
 use super::doubts;
+use super::leftover::Leftover;
 use super::parameter::Parameter;
 use super::results::CostFit;
 use super::score::{Robot, mean, validation};
@@ -29,7 +30,7 @@ fn evaluated(
     Ok(found.into_iter().next())
 }
 
-/// The fit by cost number `cost`; `course`: the generations of its runs.
+/// The fit by cost number `cost`; `course`: the generations of its runs; `left`: what its errors leave unexplained.
 ///
 /// # Errors
 /// A simulation that fails.
@@ -38,21 +39,24 @@ pub(super) fn fit(
     cost: usize,
     outcome: &CostOutcome,
     course: &[RunGeneration],
+    left: Option<Leftover>,
 ) -> Result<CostFit, Error> {
     let config = &setup.config;
     let values = outcome.values();
     let fitted = evaluated(setup, cost, &setup.theta, values.clone())?;
     let nominal = evaluated(setup, cost, &Theta::default(), Vec::new())?;
     let (nominal_cost, nominal_falls) = nominal.map_or((None, 0), |nominal| (nominal.cost, nominal.falls));
-    let doubts = doubts::doubts(outcome, nominal_cost, nominal_falls, course);
+    let mut doubts = doubts::doubts(outcome, nominal_cost, nominal_falls, course);
     let audit = audited(setup, cost, &values)?;
+    doubts.extend(left.as_ref().and_then(Leftover::doubt));
     let has = |kind| doubts.iter().any(|doubt| doubt.kind == kind);
     let wider = audit.as_ref().map_or(1.0, widening);
     let parameters: Vec<Parameter> = outcome
         .parameters
         .iter()
         .zip(setup.theta.priors())
-        .map(|(found, prior)| {
+        .enumerate()
+        .map(|(at, (found, prior))| {
             let mut parameter = Parameter {
                 truth: config.truth.get(&found.name).copied(),
                 published: config.published.get(&found.name).copied(),
@@ -62,6 +66,9 @@ pub(super) fn fit(
                 found: found.clone(),
             };
             parameter.widen(wider);
+            if let Some(left) = &left {
+                left.widen(at, &mut parameter);
+            }
             parameter.combine();
             parameter
         })
@@ -97,6 +104,7 @@ pub(super) fn fit(
         correction: outcome.correction.clone(),
         regression: outcome.regression.clone(),
         audit,
+        leftover: left,
         comparison: Vec::new(),
     })
 }

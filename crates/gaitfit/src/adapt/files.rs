@@ -7,9 +7,10 @@ use super::score::Validation;
 use super::setup::Setup;
 use super::standing::Standing;
 use crate::Error;
-use crate::run::{Inputs, Protocol, RunFolder, Whole};
+use crate::run::{Inputs, Protocol, RunFolder};
 use gaitfit_adapt::fit::{RunGeneration, Uncertainty};
 use gaitfit_adapt::{Found, ThetaFile};
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 pub use crate::run::protocol::CONFIG;
@@ -18,13 +19,27 @@ pub use crate::run::protocol::CONFIG;
 pub const DRAWS: &str = "draws.csv";
 
 /// Settings that change nothing: where results go, how often they are saved, on how many threads they are found.
-const FREE: [&str; 5] = ["name", "runs", "checkpoint_seconds", "simulation.threads", "optimizer.max_seconds"];
+const FREE: [&str; 6] = [
+    "name",
+    "runs",
+    "checkpoint_seconds",
+    "simulation.threads",
+    "optimizer.max_seconds",
+    "optimizer.generations",
+];
+
+/// How long a fit may search. One that is resumed with more generations continues.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Extent {
+    /// `optimizer.generations`.
+    generations: usize,
+}
 
 /// The run of a fit in its folder.
 ///
 /// # Errors
 /// Inputs that cannot be read, settings that cannot be written.
-pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a>, Error> {
+pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a, Extent>, Error> {
     let settings = toml::Table::try_from(&setup.config)
         .map_err(|error| Error::failed(format!("cannot write {CONFIG}: {error}")))?;
     Ok(Protocol {
@@ -35,7 +50,7 @@ pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a>
         same_files: true,
         seeds: setup.options.seeds.clone(),
         devices: setup.devices.clone(),
-        asked: Whole::default(),
+        asked: Extent { generations: setup.config.optimizer.generations },
     })
 }
 
@@ -48,6 +63,7 @@ fn inputs(setup: &Setup) -> Result<Inputs, Error> {
     settings.checkpoint_seconds = 0.0;
     settings.simulation.threads = 0;
     settings.optimizer.max_seconds = 0.0;
+    settings.optimizer.generations = 0;
     Inputs::new(setup.files.iter().map(PathBuf::as_path), setup.method.model(), &settings)
 }
 

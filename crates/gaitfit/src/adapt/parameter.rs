@@ -43,6 +43,16 @@ impl Parameter {
         }
     }
 
+    /// Widens the interval by errors up to `reach`, as independent of those that it has.
+    pub(super) fn blur(&mut self, reach: f64) {
+        let Some([lower, upper]) = self.interval else { return };
+        let value = self.found.value;
+        self.take([
+            (value - (value - lower).hypot(reach)).max(self.found.lower),
+            (value + (upper - value).hypot(reach)).min(self.found.upper),
+        ]);
+    }
+
     /// Brings the interval to two standard errors around what was known before, where the fit agrees with that. Whole walks
     /// show one parameter at a time while the others stay, which is too sure where it is narrower; where it is wider, legs in
     /// the air know more.

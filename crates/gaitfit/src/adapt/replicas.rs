@@ -3,7 +3,7 @@
 use super::log_set::LogSet;
 use super::setup::Setup;
 use crate::Error;
-use crate::log::{self, Log};
+use crate::log::Log;
 use crate::settings::AdaptConfig;
 use crate::walk::recorder::{Recorded, Recorder};
 use crate::walk::walking::Walking;
@@ -43,8 +43,7 @@ impl Replicas {
         threads: usize,
         logs: &[Log],
     ) -> Result<Self, Error> {
-        let reach = log::reaching(base, theta, log::lead(logs.iter().map(|log| &log.trajectory)));
-        let robot = Walking::robot(config, policy, model, theta, &reach, threads)?;
+        let robot = Walking::robot(config, policy, model, theta, base, threads)?;
         let trajectories: Vec<_> = logs.iter().map(|log| &log.trajectory).collect();
         Ok(Self { recorder: Recorder::new(Arc::new(robot), base.clone(), &trajectories), base: base.clone() })
     }

@@ -5,6 +5,7 @@ use super::check::{Check, checks};
 use super::cost_fit::{beside, fit};
 use super::doubts;
 use super::held_out::{HeldOut, Verdict, held_out};
+use super::leftover::{Leftover, leftover};
 use super::odd::OddJoints;
 use super::outliers;
 use super::parameter::Parameter;
@@ -13,7 +14,7 @@ use super::setup::Setup;
 use super::springs::FoundSpring;
 use super::standing::{self, CONTRADICTED, Evidence, Standing, standing};
 use super::swing;
-use super::trust::identified;
+use super::trust::{identified, stopped};
 use crate::Error;
 use crate::run::RunFolder;
 use crate::walk::explain::{self, Cause};
@@ -21,7 +22,7 @@ use crate::walk::swing::{Beside, SwingFindings, doubt};
 use crate::watch::Watch;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
-    Agreement, Correction, CostOutcome, Regression, RunGeneration, RunOutcome, Uncertainty,
+    Agreement, Correction, CostOutcome, FitError, Regression, RunGeneration, RunOutcome, Uncertainty,
 };
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
@@ -151,6 +152,9 @@ pub struct CostFit {
     /// What its errors go with, where it predicts single samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub audit: Option<Audit>,
+    /// What its errors leave unexplained; absent of walks, and where samples are not compared one by one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub leftover: Option<Leftover>,
     /// Each parameter beside the first cost's; empty of the first cost.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub comparison: Vec<Agreement>,
@@ -196,6 +200,11 @@ impl AdaptResults {
         ))
     }
 
+    /// Why the result must not be used, in words; absent of results that are sound, or doubtful with intervals that know it.
+    pub fn refusal(&self) -> Option<String> {
+        standing::refusal(&self.doubts).map(|why| format!("{why}. All results are in {}", self.run_folder))
+    }
+
     /// What a fit must be known by elsewhere: the doubts of every cost, then the warnings.
     pub fn notes(&self) -> Vec<String> {
         let doubts = |fit: &CostFit| -> Vec<String> {
@@ -229,7 +238,14 @@ pub(super) fn results(
             outcome.best_cost -= setup.theta.prior_cost(&outcome.values());
         }
         uncorrected.extend(refused.map(|reason| doubts::uncorrected(&outcome, &reason)));
-        let mut fit = fit(setup, cost, &outcome, course)?;
+        let noise_alone = outcome.uncertainty.is_some();
+        let left = leftover(setup, cost, &outcome.values(), outcome.best_cost, noise_alone, &|| watch.stop());
+        // What was cut short is no failure.
+        let left = left.map_err(|error| match watch.stop() {
+            true => stopped(FitError::Cancelled, folder),
+            false => error,
+        })?;
+        let mut fit = fit(setup, cost, &outcome, course, left)?;
         if let Some(first) = found.first().filter(|_| setup.theta.len() <= MOST_SHOWN) {
             fit.comparison = beside(setup, first, &outcome)?;
         }

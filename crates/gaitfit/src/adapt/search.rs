@@ -233,37 +233,54 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_fit_whose_gpu_fails_goes_on_where_it_was() {
+    /// A short fit of the demo's log.
+    fn open(generations: usize) -> Setup {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/go2-demo/adapt.toml");
         let changes = [
-            "optimizer.seeds=1",
-            "optimizer.generations=6",
-            "simulation.timestep=0.005",
-            "check={}",
-            "robot=../../assets/go2.xml",
-            "logs=[\"../../examples/go2-demo/fit.csv\"]",
-            "validate=[]",
+            "optimizer.seeds=1".to_owned(),
+            format!("optimizer.generations={generations}"),
+            "simulation.timestep=0.005".to_owned(),
+            "check={}".to_owned(),
+            "robot=../../assets/go2.xml".to_owned(),
+            "logs=[\"../../examples/go2-demo/fit.csv\"]".to_owned(),
+            "validate=[]".to_owned(),
         ];
-        let open = || {
-            let changes = changes.map(str::to_owned);
-            Setup::open(&settings::load(Some(&file), &changes).unwrap(), &file, Some(2)).unwrap()
-        };
+        Setup::open(&settings::load(Some(&file), &changes).unwrap(), &file, Some(2)).unwrap()
+    }
+
+    fn values(found: &crate::adapt::AdaptResults) -> Vec<f64> {
+        found.parameters.iter().map(|one| one.found.value).collect()
+    }
+
+    #[test]
+    fn a_finished_fit_continues_where_more_generations_are_asked_for() {
         let runs = tempfile::tempdir().unwrap();
         let folder = |name: &str| RunFolder::only(runs.path(), name).unwrap();
-        let whole = fit(&mut open(), &folder("whole"), &Watch::silent()).unwrap();
-        let mut broken = open();
-        let nothing = open().fit.simulator;
+        let fitted = |generations, name: &str| fit(&mut open(generations), &folder(name), &Watch::silent());
+        let whole = fitted(6, "whole").unwrap();
+        let first = fitted(3, "more").unwrap();
+        assert_ne!(values(&first), values(&whole));
+        let more = fitted(6, "more").unwrap();
+        assert_eq!((more.cost, values(&more)), (whole.cost, values(&whole)));
+        assert_eq!(crate::adapt::metrics(&folder("more")).unwrap().len(), 6);
+        let fewer = fitted(3, "more").unwrap_err().to_string();
+        assert!(fewer.contains("6 generations"), "{fewer}");
+    }
+
+    #[test]
+    fn a_fit_whose_gpu_fails_goes_on_where_it_was() {
+        let runs = tempfile::tempdir().unwrap();
+        let folder = |name: &str| RunFolder::only(runs.path(), name).unwrap();
+        let whole = fit(&mut open(6), &folder("whole"), &Watch::silent()).unwrap();
+        let mut broken = open(6);
+        let nothing = open(6).fit.simulator;
         let inner = std::mem::replace(&mut broken.fit.simulator, nothing);
         broken.fit.simulator = Box::new(Failing { inner, left: AtomicUsize::new(4) });
         let error = fit(&mut broken, &folder("broken"), &Watch::silent()).unwrap_err().to_string();
         assert!(error.contains("cuda:1: the bus is cut") && error.contains("of generation 4"), "{error}");
         // The last checkpoint by the clock is older: `checkpoint_seconds` are not over.
-        let resumed = fit(&mut open(), &folder("broken"), &Watch::silent()).unwrap();
+        let resumed = fit(&mut open(6), &folder("broken"), &Watch::silent()).unwrap();
         assert_eq!((resumed.cost, resumed.fits.len()), (whole.cost, whole.fits.len()));
-        let values = |found: &crate::adapt::AdaptResults| -> Vec<f64> {
-            found.parameters.iter().map(|one| one.found.value).collect()
-        };
         assert_eq!(values(&resumed), values(&whole));
     }
 }

@@ -30,6 +30,8 @@ use std::sync::Arc;
 pub struct Setup {
     /// The settings, with every default of what is fitted.
     pub config: AdaptConfig,
+    /// The robot that θ changes.
+    pub base: Candidate,
     /// How the logs are simulated.
     pub method: Method,
     /// What is fitted.
@@ -146,14 +148,6 @@ impl Setup {
             warnings.extend(theta::doubts(file, path, method.model(), method.physics_step()));
         }
         let logs = Logs::read(&config, config_path, &method)?;
-        // Delays count from the targets' stamps, so the simulator has to remember targets for longer.
-        let lead = logs.longest_lead();
-        let reach = log::reaching(&base, &theta, lead);
-        let method = if lead > 0.0 {
-            self::method(&config, walker.clone(), robot.clone(), &theta, &reach, threads)?.on(gpus.clone())
-        } else {
-            method
-        };
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
         let swings = if config.swings { swing::findings(&method, &logs.fit) } else { None };
@@ -169,7 +163,7 @@ impl Setup {
         let several = LogSet::from_several_starts(&config, &method, &base, &logs.fit)?;
         let fit = LogSet::new(&config, &method, &base, logs.fit)?;
         let other = |config: &AdaptConfig| {
-            self::method(config, walker.clone(), robot.clone(), &theta, &reach, threads)
+            self::method(config, walker.clone(), robot.clone(), &theta, &base, threads)
                 .map(|method| method.on(gpus.clone()))
         };
         let alternatives = alternatives(&config, &method, &other, &base, &fit.logs)?;
@@ -195,6 +189,7 @@ impl Setup {
             alternatives,
             replicas,
             config,
+            base,
             method,
             theta,
             fit,
@@ -394,17 +389,12 @@ impl Logs {
             }
         }
         warnings.extend(doubts);
-        warnings.extend(log::lead_note(&fit)?);
+        let walks = method.walking().is_some();
+        warnings.extend(log::lead_note(&fit, walks)?);
         for logs in &validate {
-            log::lead_note(logs)?;
+            log::lead_note(logs, walks)?;
         }
         Ok(Self { fit, validate, notes, warnings })
-    }
-
-    /// The longest time from a row to the stamp of its target, s.
-    fn longest_lead(&self) -> f64 {
-        let logs = self.fit.iter().chain(self.validate.iter().flatten());
-        logs.filter_map(|log| log.trajectory.lead).map(|lead| lead.seconds).fold(0.0, f64::max)
     }
 
     /// Every file that was read.

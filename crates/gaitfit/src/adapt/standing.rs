@@ -2,6 +2,7 @@
 
 use super::audit::Audit;
 use super::held_out::HeldOut;
+use super::leftover::Leftover;
 use super::parameter::Parameter;
 use super::results::CostFit;
 use super::score::Score;
@@ -31,6 +32,8 @@ const LOUD: f64 = 0.2;
 /// something. Of simulated robots that differ only in what is fitted both are below half of this.
 const GOES_WITH: f64 = 0.1;
 const REMEMBERS: f64 = 0.3;
+/// A joint of whose errors this many times as much goes with motion as on average is not like the others.
+const ONE_JOINT: f64 = 3.0;
 /// How much wider than measured an interval is for each root of the part of the variance that goes with motion.
 const WIDER: f64 = 10.0;
 /// Standard errors between a fit and what was known before that are a disagreement.
@@ -59,7 +62,7 @@ pub(super) fn doubts(fit: &CostFit, evidence: &Evidence<'_>) -> Vec<Doubt> {
     doubts.extend(evidence.held_out.and_then(HeldOut::doubt));
     doubts.extend(unexplained(fit, evidence.effort));
     doubts.extend(known_otherwise(&fit.parameters));
-    doubts.extend(bounded(&fit.parameters));
+    doubts.extend(bounded(&fit.parameters, fit.leftover.as_ref().map(Leftover::remembers)));
     doubts.sort_by_key(|doubt| doubt.kind);
     doubts
 }
@@ -73,6 +76,16 @@ pub(super) fn standing(doubts: &[Doubt], held_out: Option<&HeldOut>) -> Standing
     } else {
         Standing::Doubtful
     }
+}
+
+/// Why a result with these doubts must not be used, in words. One that is only doubtful may be: its intervals know it.
+pub(super) fn refusal(doubts: &[Doubt]) -> Option<String> {
+    let refused = [DoubtKind::Trivial, DoubtKind::Falls, DoubtKind::WorseThanNominal, DoubtKind::Misfit];
+    let mut kinds: Vec<DoubtKind> = doubts.iter().map(|doubt| doubt.kind).collect();
+    kinds.retain(|kind| refused.contains(kind));
+    kinds.dedup();
+    let names: Vec<String> = kinds.iter().map(|kind| kind.headline().to_lowercase()).collect();
+    (!names.is_empty()).then(|| format!("the fit must not be used as it stands: {}", names.join(", ")))
 }
 
 /// That a predictor without a simulator is nearer to the logs: by errors of logs that were not fitted, or else of those that
@@ -119,6 +132,12 @@ fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
             audit.worst_joint.0,
             audit.most.0
         ));
+        if audit.worst_joint.1 > ONE_JOINT * audit.explained {
+            reasons.push(format!(
+                "{} is not like the other joints: `odd_joints = true` shows whether it has a spring.",
+                audit.worst_joint.0
+            ));
+        }
     }
     if let Some(audit) = fit.audit.as_ref().filter(|audit| audit.memory.abs() > REMEMBERS) {
         reasons.push(format!(
@@ -202,12 +221,14 @@ fn known_otherwise(parameters: &[Parameter]) -> Option<Doubt> {
 }
 
 /// That values rest on bounds of their search. 0 is an end of many quantities; a value rests there where the logs exclude
-/// all others.
-fn bounded(parameters: &[Parameter]) -> Option<Doubt> {
-    let named = |is_so: fn(&Parameter) -> bool| -> Vec<String> {
+/// all others. `remembers`: whether the errors of a clamped robot's fit are no noise. Where they are noise, a simulated robot
+/// without friction or delay may have made the log.
+fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
+    let named = |is_so: &dyn Fn(&Parameter) -> bool| -> Vec<String> {
         parameters.iter().filter(|one| is_so(one)).map(|one| one.found.name.clone()).collect()
     };
-    let (stopped, empty) = (named(stopped_by_bound), named(wants_nothing));
+    let measured = remembers == Some(true);
+    let (stopped, empty) = (named(&stopped_by_bound), named(&|one| wants_nothing(one, measured)));
     let mut reasons = Vec::new();
     if !stopped.is_empty() {
         let rest = if stopped.len() == 1 { "rests on a bound" } else { "rest on bounds" };
@@ -228,7 +249,12 @@ fn bounded(parameters: &[Parameter]) -> Option<Doubt> {
             listed(&empty)
         ));
     }
-    (!reasons.is_empty()).then(|| Doubt::new(DoubtKind::Misfit, reasons.join(" ")))
+    let kind = if stopped.is_empty() && remembers == Some(false) {
+        DoubtKind::Unexplained
+    } else {
+        DoubtKind::Misfit
+    };
+    (!reasons.is_empty()).then(|| Doubt::new(kind, reasons.join(" ")))
 }
 
 /// Whether a value would have gone on but for a bound of its search. 0 is an end of many quantities and no such bound; see
@@ -240,8 +266,8 @@ pub(super) fn stopped_by_bound(parameter: &Parameter) -> bool {
 }
 
 /// Whether friction or delay, of which every real robot has some, rests at 0 and the logs exclude more. Where it is known to be 0,
-/// nothing is wrong.
-pub(super) fn wants_nothing(parameter: &Parameter) -> bool {
+/// nothing is wrong. `measured`: by the interval as it was measured, before it was widened for what the simulator lacks.
+pub(super) fn wants_nothing(parameter: &Parameter, measured: bool) -> bool {
     let found = &parameter.found;
     let real = ["frictionloss", "delay"].iter().any(|kind| found.name.starts_with(kind));
     let narrow = |[_, upper]: [f64; 2]| upper - found.lower < TIGHT * (found.upper - found.lower);
@@ -249,7 +275,13 @@ pub(super) fn wants_nothing(parameter: &Parameter) -> bool {
         && found.lower == 0.0
         && found.value < 0.5 * found.upper
         && parameter.truth != Some(0.0)
-        && parameter.interval.is_some_and(narrow)
+        && found
+            .identification
+            .as_ref()
+            .filter(|_| measured)
+            .map(|one| [one.lower, one.upper])
+            .or(parameter.interval)
+            .is_some_and(narrow)
 }
 
 fn listed(names: &[String]) -> String {
@@ -299,6 +331,7 @@ mod tests {
             correction: None,
             regression: None,
             audit: None,
+            leftover: None,
             comparison: Vec::new(),
         }
     }
@@ -326,6 +359,17 @@ mod tests {
         assert!(found.is_empty(), "{found:?}");
         assert_eq!(standing(&[], None), Standing::Sound);
         assert_eq!(standing(&[Doubt::new(DoubtKind::Misfit, "")], None), Standing::Doubtful);
+    }
+
+    #[test]
+    fn fits_that_are_wrong_are_refused_and_doubtful_ones_are_not() {
+        let of = |kinds: &[DoubtKind]| {
+            refusal(&kinds.iter().map(|kind| Doubt::new(*kind, "so")).collect::<Vec<_>>()).unwrap_or_default()
+        };
+        assert!(of(&[DoubtKind::Unexplained, DoubtKind::Disagreement, DoubtKind::NotConverged]).is_empty());
+        let both = of(&[DoubtKind::Trivial, DoubtKind::Misfit, DoubtKind::Misfit, DoubtKind::NotConverged]);
+        assert!(both.ends_with(": worse than a guess, misfit"), "{both}");
+        assert!(of(&[DoubtKind::WorseThanNominal]).contains("worse than the nominal robot"));
     }
 
     #[test]
@@ -363,6 +407,10 @@ mod tests {
             text.contains("25 %") && text.contains("change of the target") && text.contains("\"delay\""),
             "{text}"
         );
+        assert!(!text.contains("odd_joints"), "{text}");
+        let one = Audit { worst_joint: ("RR_calf".to_owned(), 0.8), ..audit.clone() };
+        let found = kinds(&CostFit { audit: Some(one), ..fit(Vec::new()) }, &[], &score("f", 0.1, None));
+        assert!(found[0].1.contains("RR_calf is not like the other joints: `odd_joints"), "{found:?}");
         let quiet = Audit { explained: 0.03, ..audit };
         assert_eq!(widening(&quiet), 1.0);
         assert!(

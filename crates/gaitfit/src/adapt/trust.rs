@@ -32,14 +32,18 @@ pub(super) fn identified(
     };
     match measured {
         Ok(refused) => Ok((outcome, refused)),
-        Err(FitError::Cancelled) => {
-            let path = folder.path();
-            let message =
-                format!("interrupted after the search; {} has it, --resume continues", path.display());
-            Err(Error::interrupted(message, path))
-        }
-        Err(error) => Err(Error::failed(error)),
+        Err(error) => Err(stopped(error, folder)),
     }
+}
+
+/// What ended the work after a search, whose values `folder` has.
+pub(super) fn stopped(error: FitError, folder: &RunFolder) -> Error {
+    if !matches!(error, FitError::Cancelled) {
+        return Error::failed(error);
+    }
+    let path = folder.path();
+    let message = format!("interrupted after the search; {} has it, --resume continues", path.display());
+    Error::interrupted(message, path)
 }
 
 /// Corrects what CMA-ES found by simulated robots, where that can be, or else scans the cost around it. Returns why it does

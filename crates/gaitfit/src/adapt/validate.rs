@@ -72,6 +72,20 @@ impl ValidateResults {
     pub fn failed_check(&self) -> Option<String> {
         super::check::failed(&self.checks)
     }
+
+    /// Why the fit must not be used for such logs, in words; absent of fits that explain them.
+    pub fn refusal(&self) -> Option<String> {
+        let why = match self.verdict {
+            _ if !self.better_than_nominal => "the robot before the fit is nearer to these logs",
+            Some(Verdict::Misfit) => "misfit",
+            Some(Verdict::WorseThanNominal) => {
+                "whole walks are farther off than those of the robot before the fit"
+            }
+            Some(Verdict::Falls) => "it falls where the robot walks",
+            _ => return None,
+        };
+        Some(format!("the fit must not be used as it stands: {why}"))
+    }
 }
 
 /// Simulates logs with the robot of a finished fit and with the robot before it.
@@ -92,18 +106,11 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
     let fitted = theta::on(base.clone(), &file, &request.theta, &model)?;
     let nothing = Theta::default();
     let longest = if most_delay(&fitted) > most_delay(&base) { &fitted } else { &base };
-    let of_robot =
-        |reach: &Candidate| method(&config, policy.clone(), model.clone(), &nothing, reach, request.threads);
-    let mut method = of_robot(longest)?;
+    let method = method(&config, policy, model, &nothing, longest, request.threads)?;
     // Logs named on the command line are seen from the current directory.
     let (sets, mut warnings) = read_logs(&request.logs, &config, Path::new("validate"), &method)?;
     for logs in &sets {
-        log::lead_note(logs)?;
-    }
-    let leads = sets.iter().flatten().filter_map(|log| log.trajectory.lead);
-    let lead = leads.map(|lead| lead.seconds).fold(0.0, f64::max);
-    if lead > 0.0 {
-        method = of_robot(&log::reaching(longest, &nothing, lead))?;
+        log::lead_note(logs, method.walking().is_some())?;
     }
     warnings.extend(theta::doubts(&file, &request.theta, method.model(), method.physics_step()));
     let of = |robot: &Candidate| -> Result<Vec<LogSet>, Error> {

@@ -11,6 +11,9 @@ use gaitfit_sim::{Candidate, ReplayOptions};
 /// Most physics steps a sample, as the replay has it.
 const MOST_SUBSTEPS: usize = 1000;
 
+/// Longest delay of a robot whose delay is not fitted, s: a fit tries whether one would explain its errors.
+const SUSPECTED_DELAY: f64 = 0.05;
+
 /// A clamped robot.
 pub struct Clamped {
     /// The robot.
@@ -29,7 +32,7 @@ pub struct Clamped {
 impl Clamped {
     /// The robot of `model`. Candidates may have the delays of `base` and `theta`.
     pub fn new(config: &AdaptConfig, model: Model, theta: &Theta, base: &Candidate, threads: usize) -> Self {
-        let searched = theta.largest(JointParameter::Delay).unwrap_or(0.0);
+        let searched = theta.largest(JointParameter::Delay).unwrap_or(SUSPECTED_DELAY);
         let max_delay = base.robot.delay.iter().fold(searched, |most, &delay| most.max(delay));
         let (timestep, preset) = (config.simulation.timestep, config.simulation.preset);
         Self { model, timestep, preset, max_delay, threads, gpus: Vec::new() }

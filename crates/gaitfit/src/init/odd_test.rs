@@ -1,4 +1,5 @@
-//! Robots whose files are laid out oddly: a root of little mass, a base frame at the floor, feet of meshes.
+//! Robots whose files are laid out oddly: a root of little mass, a base frame at the floor, feet of meshes, a keyframe that
+//! lies.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use super::{InitError, look};
@@ -78,6 +79,24 @@ fn a_base_frame_at_the_floor_is_no_missing_foot() {
         assert!(settings.fall.height > -below, "{below}: {:?}", settings.fall);
         assert_eq!(varied(&model, &settings), Ok(300), "{below}");
     }
+}
+
+#[test]
+fn a_keyframe_with_folded_legs_is_no_standing_pose() {
+    let height = |thigh: f64, knee: f64| {
+        let mut model = robot(1.0, 0.0, BALL);
+        let mut qpos = vec![0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0];
+        (0..4).for_each(|_| qpos.extend([thigh, knee]));
+        let (qvel, ctrl) = (vec![0.0; model.nv()], Vec::new());
+        model.keyframes.push(gaitfit_model::Keyframe { name: "home".into(), qpos, qvel, ctrl });
+        let found = look(&model).unwrap();
+        (found.settings.height, found.text.contains("keyframe `home`"))
+    };
+    let (stands, own) = height(0.8, -1.6);
+    assert!(own && stands > 0.25, "{stands}");
+    // As in Unitree's own B2: feet a fifth of the legs' length below the hips.
+    let (stood_up, own) = height(1.15, -2.45);
+    assert!(!own && stood_up > 0.25, "{stood_up}");
 }
 
 #[test]

@@ -10,6 +10,8 @@ const STANDING: [&str; 5] = ["home", "stand", "standing", "default", "knees_bent
 /// Share of the straight leg's length that is between hip and foot: bent legs of four, nearly straight ones of two.
 const BENT: f64 = 0.8;
 const NEARLY_STRAIGHT: f64 = 0.95;
+/// The same share below which a keyframe has folded legs: the robot lies. Unitree's own B2 has 0.2, standing robots 0.6 or more.
+const FOLDED: f64 = 0.35;
 /// Sine of the angle at the knee from which a leg counts as bent as the file draws it.
 const DRAWN_BENT: f64 = 0.1;
 /// Steps of the search for a leg's angles.
@@ -64,9 +66,11 @@ fn within(joint: &gaitfit_model::Joint, angle: f64) -> f64 {
     joint.range.map_or(angle, |[low, high]| angle.clamp(low, high.max(low)))
 }
 
-/// The pose itself where a keyframe has it; else every leg bent such that its foot is under its hip.
+/// The pose itself where a keyframe has it; else, and where the keyframe's legs are folded, every leg bent such that its foot
+/// is under its hip.
 pub fn standing(model: &Model, start: Pose, anatomy: &Anatomy) -> Pose {
-    if start.keyframe.is_some() {
+    let folded = |leg: &Leg| share_of(model, leg, &start.angles).is_some_and(|share| share < FOLDED);
+    if start.keyframe.is_some() && !anatomy.legs.iter().any(folded) {
         return start;
     }
     let mut angles = start.angles;
@@ -77,43 +81,88 @@ pub fn standing(model: &Model, start: Pose, anatomy: &Anatomy) -> Pose {
     Pose { angles, keyframe: None }
 }
 
+/// A leg as far as it bends in the vertical plane.
+struct Chain {
+    /// Joints that turn about the sideways axis, from the hip on.
+    pitch: Vec<usize>,
+    /// Length of the straight leg, m: to the foot, or to the ankle where the foot lies flat.
+    reach: f64,
+    /// Whether the foot lies flat.
+    flat: bool,
+}
+
+impl Chain {
+    /// Of a leg with the joints at `frames`; `None` of one that does not bend, or has no length.
+    fn of(model: &Model, leg: &Leg, frames: &[Frame]) -> Option<Self> {
+        let sideways = |joint: &usize| axis(model, *joint, frames)[1].abs() > 0.7;
+        let pitch: Vec<usize> = leg.joints.iter().copied().filter(sideways).collect();
+        if pitch.len() < 2 {
+            return None;
+        }
+        let length = |a: [f64; 3], b: [f64; 3]| {
+            let d = sub(a, b);
+            dot(d, d).sqrt()
+        };
+        let joints: Vec<[f64; 3]> = pitch.iter().map(|&joint| anchor(model, joint, frames)).collect();
+        let chain: f64 = joints.windows(2).map(|pair| length(pair[0], pair[1])).sum();
+        let flat = leg.sole && pitch.len() > 2;
+        let reach =
+            if flat { chain } else { chain + length(joints[joints.len() - 1], foot(model, leg, frames)) };
+        (reach > 0.0 && reach.is_finite()).then_some(Self { pitch, reach, flat })
+    }
+
+    /// The leg's end: the foot, or the ankle where the foot lies flat.
+    fn end(&self, model: &Model, leg: &Leg, frames: &[Frame]) -> [f64; 3] {
+        match self.pitch.last() {
+            Some(&last) if self.flat => anchor(model, last, frames),
+            _ => foot(model, leg, frames),
+        }
+    }
+}
+
+/// A joint's axis, world axes.
+fn axis(model: &Model, joint: usize, frames: &[Frame]) -> [f64; 3] {
+    let hinge = &model.joints[joint];
+    rotate(frames[hinge.body].quaternion, hinge.axis)
+}
+
+/// Where a joint is, m, world axes.
+fn anchor(model: &Model, joint: usize, frames: &[Frame]) -> [f64; 3] {
+    frames[model.joints[joint].body].point(model.joints[joint].pos)
+}
+
+/// Middle of a leg's foot, m, world axes.
+fn foot(model: &Model, leg: &Leg, frames: &[Frame]) -> [f64; 3] {
+    let count = leg.geoms.len().max(1) as f64;
+    let of = |k: usize, geom: &usize| frames[model.geoms[*geom].body].point(model.geoms[*geom].pos)[k];
+    std::array::from_fn(|k| leg.geoms.iter().map(|geom| of(k, geom)).sum::<f64>() / count)
+}
+
+/// Share of a straight leg's length by which the foot is below the hip.
+fn share_of(model: &Model, leg: &Leg, angles: &[f64]) -> Option<f64> {
+    let frames = body_frames(model, &Frame::WORLD, angles);
+    let chain = Chain::of(model, leg, &frames)?;
+    let hip = anchor(model, chain.pitch[0], &frames);
+    Some((hip[2] - chain.end(model, leg, &frames)[2]) / chain.reach)
+}
+
 /// Bends a leg in the vertical plane. A leg that is bent as the file draws it is bent more, to the same side: so front and
 /// hind knees may point to each other. Other knees point backward on four legs and forward on two, where their range lets
 /// them.
 fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64]) {
     let rest = body_frames(model, &Frame::WORLD, angles);
-    let axis = |joint: usize| {
-        let hinge = &model.joints[joint];
-        rotate(rest[hinge.body].quaternion, hinge.axis)
-    };
-    let pitch: Vec<usize> = leg.joints.iter().copied().filter(|&joint| axis(joint)[1].abs() > 0.7).collect();
-    let [hip, .., last] = pitch[..] else { return };
-    let anchor =
-        |joint: usize, frames: &[Frame]| frames[model.joints[joint].body].point(model.joints[joint].pos);
-    let foot = |frames: &[Frame]| -> [f64; 3] {
-        let count = leg.geoms.len().max(1) as f64;
-        let of = |k: usize, geom: &usize| frames[model.geoms[*geom].body].point(model.geoms[*geom].pos)[k];
-        std::array::from_fn(|k| leg.geoms.iter().map(|geom| of(k, geom)).sum::<f64>() / count)
-    };
-    let length = |a: [f64; 3], b: [f64; 3]| {
-        let d = sub(a, b);
-        dot(d, d).sqrt()
-    };
-    let joints: Vec<[f64; 3]> = pitch.iter().map(|&joint| anchor(joint, &rest)).collect();
-    // The straight leg: to the foot, or to the ankle where the foot lies flat.
-    let chain: f64 = joints.windows(2).map(|pair| length(pair[0], pair[1])).sum();
-    let flat = leg.sole && pitch.len() > 2;
-    let reach = if flat { chain } else { chain + length(joints[joints.len() - 1], foot(&rest)) };
-    if !(reach > 0.0 && reach.is_finite()) {
-        return;
-    }
+    let Some(chain) = Chain::of(model, leg, &rest) else { return };
+    let (pitch, reach, flat) = (&chain.pitch, chain.reach, chain.flat);
+    let (hip, last) = (pitch[0], pitch[pitch.len() - 1]);
+    let axis = |joint: usize| axis(model, joint, &rest);
+    let anchor = |joint: usize, frames: &[Frame]| anchor(model, joint, frames);
+    let target = |frames: &[Frame]| chain.end(model, leg, frames);
     let level = |frames: &[Frame]| {
         let body = model.joints[last].body;
         let before = rotate(rest[body].quaternion, [1.0, 0.0, 0.0]);
         let now = rotate(frames[body].quaternion, [1.0, 0.0, 0.0]);
         now[2] - before[2]
     };
-    let target = |frames: &[Frame]| if flat { anchor(last, frames) } else { foot(frames) };
     let cost = |angles: &[f64]| {
         let frames = body_frames(model, &Frame::WORLD, angles);
         let (hip, end) = (anchor(hip, &frames), target(&frames));
@@ -134,7 +183,7 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
             let turn = [0.6, -1.2, 0.6][place.min(2)] * sign * axis(joint)[1].signum();
             found[joint] = within(&model.joints[joint], angles[joint] + turn);
         }
-        let reached = descend(model, &pitch, &mut found, cost);
+        let reached = descend(model, pitch, &mut found, cost);
         let wrong_way = (knee_ahead(&found) > 0.0) != forward;
         let rated = reached + if wrong_way { 1e-3 } else { 0.0 };
         if best.as_ref().is_none_or(|(other, _)| rated < *other) {

@@ -2,7 +2,6 @@
 
 use super::simulator::{in_model, script};
 use super::walking::Walking;
-use crate::log;
 use gaitfit_adapt::fit::Predicted;
 use gaitfit_adapt::{Cancel, Theta};
 use gaitfit_log::{BaseState, Trajectory};
@@ -23,8 +22,6 @@ pub struct Recorder {
     walking: Arc<Walking>,
     /// What θ changes.
     base: Candidate,
-    /// How long after the samples the robot's targets are sent, s.
-    lead: f64,
     scripts: Vec<Script>,
     /// The same, as if the logs had joints and commands alone.
     plain: Vec<Script>,
@@ -41,7 +38,6 @@ impl Recorder {
         let joints = &walker.batch.model().joints;
         Self {
             base,
-            lead: log::lead(logs.iter().copied()),
             scripts: logs.iter().map(|log| begun(walker, log)).collect(),
             plain: logs.iter().map(|log| plain(walker, log)).collect(),
             model_joints: joints.iter().map(|joint| joint.name.clone()).collect(),
@@ -58,7 +54,7 @@ impl Recorder {
     fn candidate(&self, theta: &Theta, values: &[f64]) -> Candidate {
         let mut candidate = self.base.clone();
         theta.apply(values, &self.model_joints, &mut candidate);
-        log::late(candidate, self.lead, self.walking.task.walker.batch.options().max_delay)
+        candidate
     }
 
     /// One walk under each log's commands, of the robot as it is.

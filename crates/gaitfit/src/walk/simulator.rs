@@ -1,7 +1,7 @@
 //! The policy in the simulator, under the logs' commands: what a fit of walking logs compares with them.
 
 use super::walking::Walking;
-use crate::log::{self, Log};
+use crate::log::Log;
 use gaitfit_adapt::cost::Signal;
 use gaitfit_adapt::{Cancel, Consume, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_log::Trajectory;
@@ -18,8 +18,6 @@ pub struct WalkSimulator {
     walking: Arc<Walking>,
     /// What θ changes.
     base: Candidate,
-    /// How long after the samples the robot's targets were sent, s.
-    lead: f64,
     scripts: Vec<Script>,
     /// Logs that the scripts are of, see [`Simulator::logs`].
     logs: usize,
@@ -42,7 +40,6 @@ impl WalkSimulator {
         let joints = &walking.task.walker.batch.model().joints;
         Self {
             base,
-            lead: log::lead(logs.iter().copied()),
             filled: Vec::new(),
             logs: logs.len(),
             scripts: logs.iter().map(|log| script(&walking.task.walker, log)).collect(),
@@ -109,7 +106,7 @@ impl WalkSimulator {
     pub fn candidate(&self, theta: &Theta, values: &[f64]) -> Candidate {
         let mut candidate = self.base.clone();
         theta.apply(values, &self.model_joints, &mut candidate);
-        log::late(candidate, self.lead, self.walking.task.walker.batch.options().max_delay)
+        candidate
     }
 }
 

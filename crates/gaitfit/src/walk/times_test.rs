@@ -26,11 +26,10 @@ fn as_logs(trajectories: &[Trajectory]) -> Vec<Log> {
     trajectories.iter().enumerate().map(log).collect()
 }
 
-fn walking(policy: &Policy, lead: f64) -> (Arc<Walking>, Candidate) {
+fn walking(policy: &Policy) -> (Arc<Walking>, Candidate) {
     let model = crate::robot::go2().unwrap();
     let (config, nothing, base) = (AdaptConfig::default(), Theta::default(), Candidate::nominal(&model));
-    let reach = log::reaching(&base, &nothing, lead);
-    (Arc::new(Walking::new(&config, policy.clone(), &model, &nothing, &reach, 1).unwrap()), base)
+    (Arc::new(Walking::new(&config, policy.clone(), &model, &nothing, &base, 1).unwrap()), base)
 }
 
 /// The logs from files.
@@ -95,7 +94,7 @@ fn predictions_at_lost_rows_are_what_the_log_has() {
     let policy = policy(&scene, 3);
     let mut logs = as_logs(&logs(&scene, &policy, true)[..1]);
     logs[0].filled = vec![10];
-    let (walking, base) = walking(&policy, 0.0);
+    let (walking, base) = walking(&policy);
     let track = |logs: &[Log], every: usize| {
         let simulator = walking.simulator(base.clone(), logs);
         simulate_one(&simulator, &Theta::default(), &[], Resets::Sensors(every)).unwrap().remove(0)
@@ -119,22 +118,25 @@ fn predictions_at_lost_rows_are_what_the_log_has() {
 }
 
 #[test]
-fn delays_count_from_the_targets_stamps() {
+fn delays_of_walks_count_from_the_rows_and_those_of_replays_from_the_stamps() {
     let scene = scene();
     let policy = policy(&scene, 3);
     let mut trajectories = logs(&scene, &policy, false);
     trajectories.iter_mut().for_each(|log| log.lead = Some(Lead { seconds: 0.002, spread: 1e-4 }));
     let logs = as_logs(&trajectories);
-    let note = log::lead_note(&logs).unwrap().unwrap();
-    assert!(note.contains("stamped 2.00 ms"), "{note}");
-    let (walking, base) = walking(&policy, 0.002);
-    let delay =
-        |logs: &[Log]| walking.simulator(base.clone(), logs).candidate(&Theta::default(), &[]).robot.delay;
-    assert_eq!(delay(&logs), vec![0.002; 12]);
-    // One delay cannot count from different stamps.
+    let note = |walks| log::lead_note(&logs, walks).unwrap().unwrap();
+    for walks in [true, false] {
+        let note = note(walks);
+        assert!(note.contains("stamped 2.00 ms") && note.contains("counts from the rows") == walks, "{note}");
+    }
+    let (walking, base) = walking(&policy);
+    let robot = walking.simulator(base.clone(), &logs).candidate(&Theta::default(), &[]);
+    assert_eq!(robot.robot.delay, base.robot.delay, "the policy acts on the row's state");
+    // One delay of a replay cannot count from different stamps; that of walks counts from the rows.
     let mut others = logs.clone();
     others[1].trajectory.lead = None;
-    let text = log::lead_note(&others).unwrap_err().to_string();
+    let text = log::lead_note(&others, false).unwrap_err().to_string();
     assert!(text.contains("log-1.csv") && text.contains("--clock-offset"), "{text}");
-    assert_eq!(log::lead_note(&as_logs(&[])).unwrap(), None);
+    assert!(log::lead_note(&others, true).is_ok());
+    assert_eq!(log::lead_note(&as_logs(&[]), false).unwrap(), None);
 }

@@ -15,9 +15,11 @@ mod residuals;
 mod response;
 mod sensitivity;
 mod uncertainty;
+mod unexplained;
 
 pub use indirect::{Correction, Round, correct, sets};
 pub use uncertainty::{Alternative, Shift, Uncertainty, uncertainty};
+pub use unexplained::{Unexplained, descend, unexplained};
 
 use super::FitError;
 use super::run::Stop;

@@ -83,7 +83,8 @@ impl Jacobian {
     /// From candidates moved up and down in one entry each, and the distance between the two.
     pub fn new(moved: Vec<(Residuals, Residuals, f64)>, width: usize) -> Self {
         let column = |(up, down, step): (Residuals, Residuals, f64)| {
-            let inverse = (1.0 / step) as f32;
+            // An entry without room to move has no derivative.
+            let inverse = if step == 0.0 { 0.0 } else { (1.0 / step) as f32 };
             let mut recordings = up.recordings;
             for (up, down) in recordings.iter_mut().zip(&down.recordings) {
                 up.iter_mut().zip(down).for_each(|(up, down)| *up = (*up - down) * inverse);
@@ -111,6 +112,9 @@ fn limit(recordings: &mut [Vec<f32>], width: usize) {
         column.clear();
         column.extend(recordings.iter().flat_map(|one| one.chunks_exact(width)).map(|row| row[at].abs()));
         let most = quantile(&mut column, LIMITED);
+        if most.is_nan() {
+            continue;
+        }
         for row in recordings.iter_mut().flat_map(|one| one.chunks_exact_mut(width)) {
             row[at] = row[at].clamp(-most, most);
         }

@@ -76,7 +76,7 @@ pub fn sensitivity(
 }
 
 /// Rows of the inverse; empty for entries that some combination without an effect has a part of.
-fn inverse(curvature: &DMatrix<f64>) -> Vec<Vec<f64>> {
+pub(super) fn inverse(curvature: &DMatrix<f64>) -> Vec<Vec<f64>> {
     let count = curvature.nrows();
     // Entries have units that differ by orders of magnitude.
     let scale: Vec<f64> =

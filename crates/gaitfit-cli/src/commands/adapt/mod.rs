@@ -33,12 +33,12 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
             output::print_json(&results)?;
         } else {
             output::print(&text::text(&results, &setup.warnings))?;
-            if results.failed_check().is_none() {
+            if results.failed_check().is_none() && results.refusal().is_none() {
                 output::next(&next(&results.run_folder, config.policy.as_deref()))?;
             }
         }
         viewer::report(args.run.open, &results.run_folder);
-        checked(results.failed_check().or_else(|| results.contradiction()))
+        checked(results.failed_check().or_else(|| results.contradiction()).or_else(|| results.refusal()))
     })
 }
 

@@ -1,0 +1,141 @@
+//! Parameters that were not fitted, fitted besides: do they explain what a fit leaves?
+
+use crate::Error;
+use crate::adapt::setup::Setup;
+use gaitfit_adapt::fit::{Problem, descend};
+use gaitfit_adapt::{JointParameter, ParameterRule, Sharing, Theta};
+use serde::{Deserialize, Serialize};
+
+/// Max steps of least squares for a suspect.
+pub(super) const STEPS: usize = 20;
+/// Step at which they end, in deviations.
+pub(super) const TOLERANCE: f64 = 1e-3;
+/// A suspect is named if it lowers the cost to this part. Other gains lower that of a real Go2 to 0.84.
+const NAMED: f64 = 0.7;
+/// It is named instead of a simpler one if its cost is this part of the other's.
+const BETTER: f64 = 0.8;
+/// Values that a doubt shows.
+const SHOWN: usize = 6;
+
+/// Parameters that were not fitted and explain the errors of a fit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Suspect {
+    /// What they are, in words.
+    pub what: String,
+    /// What to do about it.
+    pub remedy: String,
+    /// Their names and values.
+    pub values: Vec<(String, f64)>,
+    /// The cost with them.
+    pub cost: f64,
+    /// Values of the fitted parameters with them.
+    pub moved: Vec<f64>,
+}
+
+impl Suspect {
+    /// Names and values, for a message.
+    pub(super) fn shown(&self) -> String {
+        if self.values.is_empty() {
+            return String::new();
+        }
+        let values = self.values.iter().take(SHOWN).map(|(name, value)| format!("{name} {value:.4}"));
+        let more = if self.values.len() > SHOWN { ", …" } else { "" };
+        format!(" ({}{more})", values.collect::<Vec<_>>().join(", "))
+    }
+}
+
+/// The one that explains more, of those that explain enough of what a fit of cost `least` leaves.
+pub(super) fn better(first: Option<Suspect>, other: Suspect, least: f64) -> Option<Suspect> {
+    let limit = first.as_ref().map_or(NAMED * least, |one| BETTER * one.cost);
+    if other.cost < limit { Some(other) } else { first }
+}
+
+/// What may be wrong besides what is fitted.
+pub(super) struct Suspicion {
+    what: &'static str,
+    remedy: &'static str,
+    rules: Vec<ParameterRule>,
+}
+
+/// Those whose parameters are not fitted already, the simplest first.
+pub(super) fn suspicions(setup: &Setup) -> Vec<Suspicion> {
+    let rule = |kind, per| ParameterRule { per, ..ParameterRule::new(kind) };
+    let within = |lower, upper, rule| ParameterRule { lower: Some(lower), upper: Some(upper), ..rule };
+    let scale = |kind| within(0.1, 10.0, ParameterRule::new(kind));
+    let all = [
+        Suspicion {
+            what: "a delay",
+            remedy: "add a [[parameter]] of kind \"delay\"",
+            rules: vec![within(0.0, 0.05, rule(JointParameter::Delay, Sharing::All))],
+        },
+        Suspicion {
+            what: "what resists motion",
+            remedy: "fit frictionloss, armature and damping together",
+            rules: [JointParameter::FrictionLoss, JointParameter::Armature, JointParameter::Damping]
+                .map(ParameterRule::new)
+                .to_vec(),
+        },
+        Suspicion {
+            what: "other gains",
+            remedy: "check kp and kd in the log and in [gains]; where they are right, the motors are weaker or stronger \
+                     than they say: fit kp_scale and kd_scale",
+            rules: vec![scale(JointParameter::KpScale), scale(JointParameter::KdScale)],
+        },
+        Suspicion {
+            what: "other zeros of encoders",
+            remedy: "check the zeros of the joints' positions, or fit encoder_bias with per = \"joint\"",
+            rules: vec![within(-0.3, 0.3, rule(JointParameter::EncoderBias, Sharing::Joint))],
+        },
+    ];
+    let fitted = |kind: JointParameter| setup.config.parameter.iter().any(|rule| rule.kind == kind);
+    let open = |mut one: Suspicion| {
+        one.rules.retain(|rule| !fitted(rule.kind));
+        (!one.rules.is_empty()).then_some(one)
+    };
+    all.into_iter().filter_map(open).collect()
+}
+
+impl Suspicion {
+    /// What it would explain: its parameters are fitted besides, from `values` on. `None` if they cannot be.
+    pub(super) fn tried(
+        self,
+        setup: &Setup,
+        problem: Problem<'_>,
+        values: &[f64],
+    ) -> Result<Option<Suspect>, Error> {
+        let Ok(theta) = beside(setup, self.rules) else { return Ok(None) };
+        let fitted = setup.theta.entries();
+        let place = |name: &str| fitted.iter().position(|entry| entry.name == name);
+        let start: Vec<f64> = theta
+            .entries()
+            .iter()
+            .map(|entry| place(&entry.name).map_or(entry.start, |at| values[at]))
+            .collect();
+        let problem = Problem { theta: &theta, ..problem };
+        let found = descend(problem, &start, STEPS, TOLERANCE).map_err(Error::failed)?;
+        let Some((found, cost)) = found else { return Ok(None) };
+        let mut suspect = Suspect {
+            what: self.what.to_owned(),
+            remedy: self.remedy.to_owned(),
+            values: Vec::new(),
+            cost,
+            moved: values.to_vec(),
+        };
+        for (entry, value) in theta.entries().iter().zip(&found) {
+            match place(&entry.name) {
+                Some(at) => suspect.moved[at] = *value,
+                None => suspect.values.push((entry.name.clone(), *value)),
+            }
+        }
+        Ok(Some(suspect))
+    }
+}
+
+/// θ with further parameters.
+fn beside(setup: &Setup, more: Vec<ParameterRule>) -> Result<Theta, Error> {
+    let joints: Vec<String> = setup.method.model().joints.iter().map(|joint| joint.name.clone()).collect();
+    let mut rules = setup.config.rules();
+    rules.parameter.extend(more);
+    rules.resolve();
+    rules.theta(&setup.config.groups(), &joints, &vec![0.0; joints.len()]).map_err(Error::settings)
+}
