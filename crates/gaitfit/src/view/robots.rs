@@ -2,7 +2,7 @@
 
 use super::{AdaptConfig, Base, Error, Model, Path, ReadOptions, Shown, Simulated, Trajectory, ViewSettings};
 use crate::adapt::{Method, Robot, read_logs, simulated};
-use crate::log::{self, Log};
+use crate::log::Log;
 use crate::robot::Hold;
 use crate::walk::recorder::Recorder;
 use crate::{log_joints, policy_file, robot_file};
@@ -133,8 +133,8 @@ fn both(config: &AdaptConfig, path: &Path, settings: &ViewSettings) -> Result<Ro
     };
     let delay = |robot: &Candidate| robot.robot.delay.iter().copied().fold(0.0, f64::max);
     let longest = fitted.as_ref().filter(|fitted| delay(fitted) > delay(&base)).unwrap_or(&base);
-    let first = method(longest)?;
-    let (sets, doubts) = read_logs(&config.logs, config, Path::new("view"), &first)?;
+    let method = method(longest)?;
+    let (sets, doubts) = read_logs(&config.logs, config, Path::new("view"), &method)?;
     warnings.extend(doubts.into_iter().map(|doubt| doubt.trim_start_matches("validation: ").to_owned()));
     let mut logs: Vec<Log> = sets.into_iter().flatten().collect();
     // A log that was cut because of falls is several: the longest one is shown.
@@ -149,8 +149,6 @@ fn both(config: &AdaptConfig, path: &Path, settings: &ViewSettings) -> Result<Ro
     if pieces > 1 {
         warnings.push(format!("the log was cut into {pieces} pieces; the longest is shown: {}", log.name));
     }
-    let lead = log.trajectory.lead.map_or(0.0, |lead| lead.seconds);
-    let method = if lead > 0.0 { method(&log::reaching(longest, &nothing, lead))? } else { first };
     if let Some((file, path)) = &file {
         warnings.extend(super::theta::doubts(file, path, method.model(), method.physics_step()));
     }
