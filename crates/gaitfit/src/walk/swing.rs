@@ -32,8 +32,13 @@ pub struct SwingFindings {
 }
 
 impl SwingFindings {
-    /// Of logs as they were recorded. Faults of sensors are taken out first.
+    /// Of logs as they were recorded. Faults of sensors are taken out first. The delay counts from rows, as that of a walk's
+    /// fit does, also where the log has the targets' stamps.
     pub fn of(model: &Model, logs: &[&Trajectory], settings: &SwingSettings) -> Self {
+        let rows: Vec<Trajectory> =
+            logs.iter().map(|&log| Trajectory { lead: None, ..log.clone() }).collect();
+        let logs: Vec<&Trajectory> = rows.iter().collect();
+        let logs = logs.as_slice();
         let sensors = Sensors::of(logs);
         let mut taken_out = Vec::new();
         let mut better = |correct: &dyn Fn(&Trajectory) -> (Trajectory, Vec<String>),
