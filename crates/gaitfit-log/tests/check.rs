@@ -270,3 +270,26 @@ fn units_and_signs() {
     let finding = only(&log, &spec());
     assert!(finding.message.contains("columns mixed up"), "{finding}");
 }
+
+#[test]
+fn answers_between_samples_are_a_warning_and_a_gear_is_an_error() {
+    // The second joint answers each step within its 20 ms; its velocity at their end is a part of the mean one.
+    let noise = |row: usize| 2.0 * ((row as f64 * 12.9898).sin() * 43_758.547).fract().abs() - 1.0;
+    let severity = |part: f64, jumps: bool| {
+        let (mut position, mut velocity, mut at) = (Vec::new(), Vec::new(), 0.0);
+        let time: Vec<f64> = (0..500).map(|row| 0.02 * row as f64).collect();
+        for (row, t) in time.iter().enumerate() {
+            let speed = if jumps { 3.0 * noise(row) } else { 3.0 * (4.0 * t).cos() };
+            at += 0.02 * speed;
+            position.extend([0.5 * (5.0 * t).sin(), at]);
+            velocity.extend([2.5 * (5.0 * t).cos(), part * speed]);
+        }
+        let log = Trajectory::of_joints(vec!["a".into(), "b".into()], 50.0, time, position, velocity);
+        let found = check(&log, &CheckSpec::default());
+        found.iter().find(|one| one.kind == FindingKind::VelocityMismatch).map(|one| one.severity)
+    };
+    assert_eq!(severity(0.62, true), Some(Severity::Warning));
+    assert_eq!(severity(0.4, true), Some(Severity::Error));
+    assert_eq!(severity(1.0 / 1.9169, false), Some(Severity::Error));
+    assert_eq!(severity(1.0, false), None);
+}
