@@ -100,7 +100,7 @@ fn what_robots_keep_is_constant() {
     let settings = Settings { timestep: 0.005, ..Settings::new(&model.options, Preset::Fast) };
     let robot = Robot::nominal(&model);
     let fixed = Kept::of(&robot).numbers(&robot.params(&model).unwrap());
-    assert_eq!(fixed.len(), 12 * (10 + 2));
+    assert_eq!(fixed.len(), 12 * (10 + 3));
     let options = PeriodOptions { substeps: 3, taps: 1, lanes: 4, emit: EmitOptions::default() };
     let period = |fixed| {
         let report = Report { fixed, ..Report::default() };

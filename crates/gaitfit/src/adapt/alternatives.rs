@@ -61,8 +61,8 @@ pub fn alternatives(
     let corrected =
         config.simulation.robot_timestep.is_some() && solver.simulation.preset == Preset::Accurate;
     let mut others = vec![
-        other("half the step", of(&finer)?.simulator(base.clone(), logs)?, true),
-        other(&preset, of(&solver)?.simulator(base.clone(), logs)?, corrected),
+        other("half the step", of(&finer)?.searched(config, base.clone(), logs)?, true),
+        other(&preset, of(&solver)?.searched(config, base.clone(), logs)?, corrected),
     ];
     if config.costs.iter().any(|cost| cost.needs_imu()) {
         let feet = walking.simulator(base.clone(), logs).with_feet_trust(1.0);

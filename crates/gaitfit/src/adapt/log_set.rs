@@ -44,7 +44,7 @@ impl LogSet {
             return Ok(None);
         }
         let copies = vec![logs; starts].concat();
-        let simulator = method.simulator_from_near(base.clone(), &copies, logs.len())?;
+        let simulator = method.searched(config, base.clone(), logs)?;
         Self::simulated_by(simulator, config, method, copies).map(Some)
     }
 

@@ -5,6 +5,7 @@ use crate::air::Clamped;
 use crate::device::fit_error;
 use crate::gpu::{GpuSimulator, OnGpu};
 use crate::log::Log;
+use crate::settings::AdaptConfig;
 use crate::walk::walking::Walking;
 use gaitfit_adapt::Simulator;
 use gaitfit_model::Model;
@@ -75,11 +76,27 @@ impl Method {
         })
     }
 
+    /// Simulates `logs` as the search of `config` does: each from one start, or from several.
+    ///
+    /// # Errors
+    /// As [`Method::simulator`].
+    pub(super) fn searched(
+        &self,
+        config: &AdaptConfig,
+        base: Candidate,
+        logs: &[Log],
+    ) -> Result<Box<dyn Simulator>, Error> {
+        match config.starts() {
+            0 | 1 => self.simulator(base, logs),
+            starts => self.simulator_from_near(base, &vec![logs; starts].concat(), logs.len()),
+        }
+    }
+
     /// As [`Method::simulator`]; the first `once` of `logs` start as their robots did, the others near there.
     ///
     /// # Errors
     /// As there.
-    pub(super) fn simulator_from_near(
+    fn simulator_from_near(
         &self,
         base: Candidate,
         logs: &[Log],

@@ -18,6 +18,8 @@ const NUMBERS: &str = "number";
 const NOISE: &str = "torque_noise";
 /// Tables of how `wass` is searched.
 const SEARCH: [&str; 2] = ["optimizer", "simulation"];
+/// Settings of the simulation that go with the default parameters alone. Whoever chooses the parameters chooses these too.
+const OF_DEFAULTS: [&str; 2] = ["starts", "robot_timestep"];
 /// Whether legs in the air give priors: with the default parameters and cost alone.
 const SWINGS: &str = "swings";
 /// The cost of the defaults.
@@ -50,6 +52,9 @@ pub(super) fn trim(defaults: &mut DeTable<'_>, own: &DeTable<'_>) {
     if FITTED.iter().any(|list| own.contains_key(*list)) {
         FITTED.iter().for_each(|list| drop(defaults.remove(*list)));
         defaults.remove(SWINGS);
+        if let Some(DeValue::Table(simulation)) = defaults.get_mut(SEARCH[1]).map(Spanned::get_mut) {
+            OF_DEFAULTS.iter().for_each(|key| drop(simulation.remove(*key)));
+        }
     }
     if !searches_distributions(own) {
         SEARCH.iter().for_each(|name| drop(defaults.remove(*name)));
@@ -114,6 +119,7 @@ mod tests {
             (own.optimizer.seeds, own.optimizer.population),
             (3, read("policy = \"p\"\n").optimizer.population)
         );
+        assert_eq!((own.simulation.starts, own.simulation.robot_timestep), (1, None));
         let short = read("policy = \"p\"\ncosts = [\"matchr1\"]\n");
         assert_eq!(short.optimizer, AdaptConfig::default().optimizer, "another search");
         assert!(short.number.iter().all(|rule| rule.kind != RobotNumber::TorqueNoise), "{:?}", short.number);
