@@ -20,6 +20,9 @@ const TORQUE_S: f64 = 0.03;
 /// Torque at which a joint with play surely lies on one side of it, N·m.
 const SIDE_NM: f64 = 0.5;
 
+/// Moments that are looked at, over all logs: neighbours are alike, and more would not be surer.
+const MAX_POINTS: usize = 60_000;
+
 /// One pair of standing feet: what each effect adds to the difference of their heights.
 struct Pair {
     block: u64,
@@ -42,10 +45,10 @@ pub(crate) fn effects(
     if model.root == Root::Fixed {
         return Vec::new();
     }
-    let mut pairs = Vec::new();
-    for (log, (walk, ground)) in walks.iter().zip(grounds).enumerate() {
-        of_walk(model, walk, ground, groups, delay, drag, log, &mut pairs);
-    }
+    let every = walks.iter().map(Walk::points).sum::<usize>().div_ceil(MAX_POINTS).max(1);
+    let look = Look { model, groups, delay, drag, every };
+    let seen = walks.iter().zip(grounds).enumerate();
+    let pairs: Vec<Pair> = seen.flat_map(|(log, (walk, ground))| look.pairs(walk, ground, log)).collect();
     let weights = vec![1.0; pairs.len()];
     let blocks: Vec<u64> = pairs.iter().map(|pair| pair.block).collect();
     let heights: Vec<f64> = pairs.iter().map(|pair| pair.between).collect();
@@ -72,59 +75,69 @@ pub(crate) fn effects(
     found
 }
 
-#[allow(clippy::too_many_arguments, reason = "all of it is of one walk")]
-fn of_walk(
-    model: &Model,
-    walk: &Walk,
-    ground: &Ground,
-    groups: &[(String, Vec<usize>)],
+/// What is looked at in every walk.
+struct Look<'a> {
+    model: &'a Model,
+    groups: &'a [(String, Vec<usize>)],
+    /// Of targets, s.
     delay: f64,
-    drag: &[Drag],
-    log: usize,
-    pairs: &mut Vec<Pair>,
-) {
-    let needed = Needed::new(model, walk, &ground.velocity, drag);
-    let bump = Bump::new(TORQUE_S, walk.step);
-    let zeros = vec![0.0; walk.joints];
-    for point in (0..walk.points()).filter(|&point| walk.valid[point]) {
-        let feet: Vec<_> =
-            ground.feet[point].iter().filter(|foot| foot.stands > STANDS && foot.load.is_finite()).collect();
-        if feet.len() < 2 {
-            continue;
-        }
-        let turn = walk.quaternion[point];
-        let base = BaseMotion { angular_velocity: walk.rates[point], ..BaseMotion::at_rest(turn) };
-        let motion = Motion::new(model, &base, walk.q_at(point), walk.dq_at(point), &zeros);
-        let torque: Vec<f64> = (0..walk.joints)
-            .map(|joint| needed.left(walk, &bump, joint, point, delay))
-            .map(|torque| if torque.is_finite() { torque } else { 0.0 })
-            .collect();
-        // How far an effect lowers a foot.
-        let lowered = |foot: &Foot, joints: &[usize], by: &dyn Fn(f64) -> f64| -> f64 {
-            joints
+    /// One a joint.
+    drag: &'a [Drag],
+    /// One moment of so many counts.
+    every: usize,
+}
+
+impl Look<'_> {
+    /// Pairs of feet that stand in a walk, the log of that number.
+    fn pairs(&self, walk: &Walk, ground: &Ground, log: usize) -> Vec<Pair> {
+        let Self { model, groups, delay, drag, every } = *self;
+        let mut pairs = Vec::new();
+        let needed = Needed::new(model, walk, &ground.velocity, drag);
+        let bump = Bump::new(TORQUE_S, walk.step);
+        let zeros = vec![0.0; walk.joints];
+        for point in (0..walk.points()).step_by(every).filter(|&point| walk.valid[point]) {
+            let feet: Vec<_> = ground.feet[point]
                 .iter()
-                .filter(|&&joint| is_below(model, foot.body, model.joints[joint].body))
-                .map(|&joint| motion.lever(joint, foot.point)[2] * by(torque[joint]))
-                .sum()
-        };
-        for (k, one) in feet.iter().enumerate() {
-            for other in &feet[k + 1..] {
-                let between = sub(one.point, other.point);
-                let lever = cross(rotate_back(turn, between), up(turn));
-                let apart = |joints: &[usize], by: &dyn Fn(f64) -> f64| {
-                    lowered(one, joints, by) - lowered(other, joints, by)
-                };
-                pairs.push(Pair {
-                    block: block(log, point as f64 * walk.step),
-                    between: between[2],
-                    tilt: [lever[0], lever[1]],
-                    twist: groups.iter().map(|(_, joints)| apart(joints, &|torque| torque)).collect(),
-                    play: groups
-                        .iter()
-                        .map(|(_, joints)| apart(joints, &|torque| (torque / SIDE_NM).tanh()))
-                        .collect(),
-                });
+                .filter(|foot| foot.stands > STANDS && foot.load.is_finite())
+                .collect();
+            if feet.len() < 2 {
+                continue;
+            }
+            let turn = walk.quaternion[point];
+            let base = BaseMotion { angular_velocity: walk.rates[point], ..BaseMotion::at_rest(turn) };
+            let motion = Motion::new(model, &base, walk.q_at(point), walk.dq_at(point), &zeros);
+            let torque: Vec<f64> = (0..walk.joints)
+                .map(|joint| needed.left(walk, &bump, joint, point, delay))
+                .map(|torque| if torque.is_finite() { torque } else { 0.0 })
+                .collect();
+            // How far an effect lowers a foot.
+            let lowered = |foot: &Foot, joints: &[usize], by: &dyn Fn(f64) -> f64| -> f64 {
+                joints
+                    .iter()
+                    .filter(|&&joint| is_below(model, foot.body, model.joints[joint].body))
+                    .map(|&joint| motion.lever(joint, foot.point)[2] * by(torque[joint]))
+                    .sum()
+            };
+            for (k, one) in feet.iter().enumerate() {
+                for other in &feet[k + 1..] {
+                    let between = sub(one.point, other.point);
+                    let lever = cross(rotate_back(turn, between), up(turn));
+                    let apart = |joints: &[usize], by: &dyn Fn(f64) -> f64| {
+                        lowered(one, joints, by) - lowered(other, joints, by)
+                    };
+                    pairs.push(Pair {
+                        block: block(log, point as f64 * walk.step),
+                        between: between[2],
+                        tilt: [lever[0], lever[1]],
+                        twist: groups.iter().map(|(_, joints)| apart(joints, &|torque| torque)).collect(),
+                        play: groups
+                            .iter()
+                            .map(|(_, joints)| apart(joints, &|torque| (torque / SIDE_NM).tanh()))
+                            .collect(),
+                    });
+                }
             }
         }
+        pairs
     }
 }
