@@ -69,6 +69,24 @@ fn walks_show_joints_and_sensors_without_a_simulation() {
     assert!(groups.len() == 3 && (armature - 0.02).abs() < 0.003, "{groups:?}");
     let alone = json(&run(&["inspect", logs, "--json"]));
     assert!(alone.get("without_simulation").is_none(), "a robot is needed for it");
+
+    // The robot of these walks has nothing of what `explain` knows; a log that must not be used explains nothing.
+    let output = run(&["explain", logs, "--robot", "assets/go2.xml"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.starts_with("Nothing that gaitfit knows is missing"), "{text}");
+    let log = folder.path().join("trajectory_00.csv");
+    let degrees = |line: &str| {
+        let cell = |(column, cell): (usize, &str)| match cell.parse::<f64>() {
+            Ok(angle) if (1..=12).contains(&column) => (100.0 * angle).to_string(),
+            _ => cell.to_owned(),
+        };
+        line.split(',').enumerate().map(cell).collect::<Vec<_>>().join(",") + "\n"
+    };
+    let changed: String = std::fs::read_to_string(&log).unwrap().lines().map(degrees).collect();
+    std::fs::write(&log, changed).unwrap();
+    let output = run(&["explain", log.to_str().unwrap(), "--robot", "assets/go2.xml"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(errors(&output).contains("suspect-unit"), "{}", errors(&output));
 }
 
 #[test]

@@ -10,11 +10,11 @@ use crate::{Params, Robot};
 pub struct Kept {
     /// Masses, centres of mass and inertias of all links but the root's.
     pub links: bool,
-    /// That no joint has more friction at rest than in motion.
+    /// Whether friction at rest is that in motion, on all joints.
     pub stiction: bool,
-    /// That no joint has friction that grows with load.
+    /// Whether friction does not grow with load, on all joints.
     pub load_friction: bool,
-    /// That no motor's largest torque falls with its speed.
+    /// Whether the largest torque of every motor is the same at any speed.
     pub motors: bool,
 }
 

@@ -97,8 +97,9 @@ pub fn effects(
     let steps = (delay - settings.delay_range_s[0]) / settings.delay_step_s;
     let mut found = Vec::new();
     for (name, joints) in &groups {
-        let own = |window: &&Window| window.clearance > swings.clearance_m && joints.contains(&window.joint);
-        let group = Group::new(seen.iter().filter(own).collect(), law);
+        let in_air =
+            |window: &&Window| window.clearance > swings.clearance_m && joints.contains(&window.joint);
+        let group = Group::new(seen.iter().filter(in_air).collect(), law);
         found.extend(of_swings(model, name, joints, &group, steps, law));
     }
     found.extend(stance::effects(model, &walks, &grounds, &groups, delay, &drag));
@@ -143,8 +144,8 @@ fn of_swings(
     add(EffectKind::Strength, name, &column(&motor), -1.0);
     if joints.len() > 1 {
         let odd = |joint: usize| {
-            let of = column(&|one: &Window| if one.joint == joint { one.signs[law] } else { 0.0 });
-            let (size, share) = base.added(&of)?;
+            let friction = column(&|one: &Window| if one.joint == joint { one.signs[law] } else { 0.0 });
+            let (size, share) = base.added(&friction)?;
             Some(Effect { kind: EffectKind::OddFriction, of: model.joints[joint].name.clone(), size, share })
         };
         let surest =
@@ -219,26 +220,26 @@ impl<'a> Base<'a> {
 
     /// The unknown of `column` in the equations, and the part of what they leave that it explains.
     pub fn added(&self, column: &[f64]) -> Option<(Estimate, f64)> {
-        let own = self.without(column);
+        let rest = self.without(column);
         let sum =
-            |of: &dyn Fn(usize) -> f64| -> f64 { (0..own.len()).map(|k| self.weights[k] * of(k)).sum() };
-        let square = sum(&|k| own[k] * own[k]);
+            |of: &dyn Fn(usize) -> f64| -> f64 { (0..rest.len()).map(|k| self.weights[k] * of(k)).sum() };
+        let square = sum(&|k| rest[k] * rest[k]);
         let before = sum(&|k| self.left[k] * self.left[k]);
         let whole: f64 = column.iter().zip(self.weights).map(|(x, w)| w * x * x).sum();
         // What the rows explain already, but for rounding, says nothing.
         if !(square > 1e-6 * whole && before > 0.0) {
             return None;
         }
-        let value = sum(&|k| own[k] * self.left[k]) / square;
+        let value = sum(&|k| rest[k] * self.left[k]) / square;
         let mut scores: BTreeMap<u64, f64> = BTreeMap::new();
-        for k in 0..own.len() {
-            let left = self.left[k] - value * own[k];
-            *scores.entry(self.blocks[k]).or_default() += self.weights[k] * own[k] * left;
+        for k in 0..rest.len() {
+            let left = self.left[k] - value * rest[k];
+            *scores.entry(self.blocks[k]).or_default() += self.weights[k] * rest[k] * left;
         }
         let count = scores.len() as f64;
         let variance =
             scores.values().map(|score| score * score).sum::<f64>() / square.powi(2) * count / (count - 1.0);
-        let after = sum(&|k| (self.left[k] - value * own[k]).powi(2));
+        let after = sum(&|k| (self.left[k] - value * rest[k]).powi(2));
         let size = Estimate { value, error: variance.sqrt() };
         size.value.is_finite().then_some((size, (1.0 - after / before).clamp(0.0, 1.0)))
     }

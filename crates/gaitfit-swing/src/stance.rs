@@ -79,11 +79,11 @@ pub(crate) fn effects(
 struct Look<'a> {
     model: &'a Model,
     groups: &'a [(String, Vec<usize>)],
-    /// Of targets, s.
+    /// Delay of targets, s.
     delay: f64,
-    /// One a joint.
+    /// Friction, damping and armature, one entry a joint.
     drag: &'a [Drag],
-    /// One moment of so many counts.
+    /// Every how many grid points feet are looked at.
     every: usize,
 }
 

@@ -22,8 +22,8 @@ fn found(model: &Model, logs: &[Trajectory]) -> Vec<Effect> {
     effects(model, &logs, &report, &settings).unwrap()
 }
 
-fn of(effects: &[Effect], kind: EffectKind, of: &str) -> Effect {
-    effects.iter().find(|effect| effect.kind == kind && effect.of == of).unwrap().clone()
+fn effect(effects: &[Effect], kind: EffectKind, owner: &str) -> Effect {
+    effects.iter().find(|effect| effect.kind == kind && effect.of == owner).unwrap().clone()
 }
 
 /// Torque of the PD law at a sample, with the targets that act then, half a period late.
@@ -41,7 +41,7 @@ fn torque(log: &Trajectory, sample: usize, joint: usize) -> f64 {
 fn friction_under_load_is_measured() {
     let model = gaitfit_model::builtin::go2().unwrap();
     let mut logs = logs();
-    let before = of(&found(&model, &logs), EffectKind::LoadFriction, "calf");
+    let before = effect(&found(&model, &logs), EffectKind::LoadFriction, "calf");
     for log in &mut logs {
         let width = log.joints.len();
         let kp = log.gains.as_ref().unwrap().kp.clone();
@@ -55,7 +55,7 @@ fn friction_under_load_is_measured() {
             .collect();
         log.target.as_mut().unwrap().iter_mut().zip(more).for_each(|(target, more)| *target += more);
     }
-    let after = of(&found(&model, &logs), EffectKind::LoadFriction, "calf");
+    let after = effect(&found(&model, &logs), EffectKind::LoadFriction, "calf");
     let change = after.size.value - before.size.value;
     // A torque that is put in at 50 Hz is a part of one that a joint takes at every moment.
     assert!((0.04..0.2).contains(&change), "{before:?} and {after:?}");
@@ -67,7 +67,7 @@ fn friction_under_load_is_measured() {
 fn joints_that_twist_are_seen_where_feet_stand() {
     let model = gaitfit_model::builtin::go2().unwrap();
     let mut logs = logs();
-    let before = of(&found(&model, &logs), EffectKind::Elasticity, "calf");
+    let before = effect(&found(&model, &logs), EffectKind::Elasticity, "calf");
     for log in &mut logs {
         let width = log.joints.len();
         let twist = |place: usize| {
@@ -79,7 +79,7 @@ fn joints_that_twist_are_seen_where_feet_stand() {
         // The same torque from a motor that is further round.
         log.target.as_mut().unwrap().iter_mut().zip(&twists).for_each(|(target, twist)| *target += twist);
     }
-    let after = of(&found(&model, &logs), EffectKind::Elasticity, "calf");
+    let after = effect(&found(&model, &logs), EffectKind::Elasticity, "calf");
     assert!((0.002..0.008).contains(&(after.size.value - before.size.value)), "{before:?} and {after:?}");
     assert!(after.share > 0.3 && before.share < 0.05, "{before:?} and {after:?}");
 }
@@ -87,6 +87,6 @@ fn joints_that_twist_are_seen_where_feet_stand() {
 #[test]
 fn ground_that_gives_way_and_steps_show_in_the_heights() {
     let model = gaitfit_model::builtin::go2().unwrap();
-    let level = of(&found(&model, &logs()), EffectKind::UnevenGround, "");
+    let level = effect(&found(&model, &logs()), EffectKind::UnevenGround, "");
     assert!(level.size.value < 0.006 && level.sure() > 8.0, "{level:?}");
 }

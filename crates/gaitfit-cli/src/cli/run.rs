@@ -183,7 +183,7 @@ pub struct Loop {
 /// Arguments of `reproduce`.
 #[derive(Debug, Args)]
 pub struct Reproduce {
-    /// Which table; `list` names them with their times
+    /// Name of the table; `list` prints all names with their times
     pub table: String,
     /// The paper's scale instead of one for two cores
     #[arg(long)]

@@ -1,12 +1,13 @@
 //! `gaitfit explain`: what a robot has that its model lacks, by its walks.
 
 use crate::cli::Explain;
-use crate::commands::inspect::swings;
+use crate::commands::inspect::{log, swings};
 use crate::exit::Failure;
 use crate::{output, swings as tables};
+use gaitfit::robot;
 use gaitfit::walk::explain::{Cause, causes};
 use gaitfit::walk::swing::SwingFindings;
-use gaitfit_log::{CheckSpec, ReadOptions, read_csv, summarise_folder};
+use gaitfit_log::{CheckSpec, ReadOptions, Severity, Trajectory, read_csv_report, summarise_folder};
 use serde::Serialize;
 use std::ops::ControlFlow;
 
@@ -18,18 +19,27 @@ struct Document<'a> {
     without_simulation: &'a SwingFindings,
 }
 
-/// Prints the causes that the logs show, the weightiest first.
+/// Prints the causes that the logs show, the weightiest first. A log that must not be used is refused, and left out of a
+/// folder.
 pub fn run(args: &Explain) -> Result<(), Failure> {
-    let robot = Some(args.robot.as_path());
+    let path = Some(args.robot.as_path());
+    let model = robot::read(&args.robot, args.lenient, robot::Hold::File)?;
     let found = if args.logs.is_dir() {
-        let spec = |_: &gaitfit_log::Trajectory| CheckSpec::default();
+        let spec = |log: &Trajectory| CheckSpec::of_robot(&model, &log.joints);
         let mut progress = |_, _| ControlFlow::Continue(());
         let summary = summarise_folder(&args.logs, &ReadOptions::default(), &spec, &mut progress)
             .map_err(Failure::failed)?;
-        swings::of_folder(robot, args.lenient, &summary)?
+        swings::of_folder(path, args.lenient, &summary)?
     } else {
-        let log = read_csv(&args.logs, &ReadOptions::default()).map_err(Failure::failed)?;
-        swings::look(robot, args.lenient, &[&log])?
+        let (log, report) = read_csv_report(&args.logs, &ReadOptions::default()).map_err(Failure::failed)?;
+        let findings = log::findings(&log, &report, Some(&model));
+        if let Some(error) = findings.iter().find(|finding| finding.severity == Severity::Error) {
+            return Err(Failure::failed(format!(
+                "{}: {error}. `gaitfit inspect` shows the log",
+                args.logs.display()
+            )));
+        }
+        swings::look(path, args.lenient, &[&log])?
     };
     let found = found.ok_or_else(|| {
         Failure::failed(format!(

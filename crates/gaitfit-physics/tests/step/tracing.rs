@@ -157,7 +157,7 @@ fn regions_are_kept() {
         .collect();
     let pairs = compile::<f64>(&model, &settings).unwrap().model_pairs().len();
     let limits = model.joints.iter().filter(|joint| joint.range.is_some()).count();
-    // Of each joint also the friction at rest, that under load, and the torque that falls with speed.
+    // Three more guards a joint: friction at rest, friction under load, torque that falls with speed.
     assert_eq!(guards.len(), pairs + limits + 3 * model.joints.len());
     assert_eq!(regions.iter().filter(|region| matches!(region.kind, RegionKind::Loop { .. })).count(), 2);
     let guarded = |region: &&Region| matches!(region.kind, RegionKind::Guarded(_));

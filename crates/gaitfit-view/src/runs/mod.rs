@@ -221,8 +221,9 @@ fn parameters(fits: &[Fit]) -> (Vec<Group>, Vec<ParameterRow>) {
     }
     let (mut entries, mut rows) = (Vec::new(), Vec::new());
     for (name, unit) in names {
-        let of = |fit: &Fit| fit.parameters.iter().find(|one| one.name == name && one.unit == unit).cloned();
-        let found: Vec<Option<Parameter>> = fits.iter().map(of).collect();
+        let same =
+            |fit: &Fit| fit.parameters.iter().find(|one| one.name == name && one.unit == unit).cloned();
+        let found: Vec<Option<Parameter>> = fits.iter().map(same).collect();
         let mark = |(number, one): (usize, &Option<Parameter>)| {
             let one = one.as_ref()?;
             Some(Mark { value: one.value, spread: half(one), runs: Vec::new(), look: Look::color(number) })

@@ -282,8 +282,9 @@ pub(super) fn in_model(walker: &Walker, values: &[f64], others: &[f32]) -> Vec<f
     all
 }
 
-/// What the simulated robot follows: the log's commands, from the log's first joint angles and velocities. Its base is as
-/// the log's inertial unit says, or else in the task's posture and at rest. How fast it moves no robot knows: it does not.
+/// What the simulated robot follows: the log's commands, from the log's first joint angles and velocities. The base has the
+/// orientation and rates of the log's inertial unit; without one it is in the task's posture and does not turn. Its linear
+/// velocity is 0, because no sensor measures it.
 pub(crate) fn script(walker: &Walker, log: &Trajectory) -> Script {
     let joints = walker.joints.len();
     let samples = log.len();

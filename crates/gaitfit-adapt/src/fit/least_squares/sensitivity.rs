@@ -145,11 +145,11 @@ mod tests {
 
     #[test]
     fn alike_neighbours_count_as_one() {
-        let of = |numbers: Vec<f32>| Residuals { recordings: vec![numbers], cost: 0.0, falls: 0 };
+        let one_log = |numbers: Vec<f32>| Residuals { recordings: vec![numbers], cost: 0.0, falls: 0 };
         // Signs that do not follow each other, and runs of four of them.
         let sign = |i: u32| if (i.wrapping_mul(2_654_435_761) >> 16) & 1 == 0 { 1.0f32 } else { -1.0 };
-        let apart = together(&of((0..4000).map(sign).collect()), 1);
-        let runs = together(&of((0..4000).map(|i| sign(i / 4)).collect()), 1);
+        let apart = together(&one_log((0..4000).map(sign).collect()), 1);
+        let runs = together(&one_log((0..4000).map(|i| sign(i / 4)).collect()), 1);
         assert!(apart < 1.5, "{apart}");
         // 1 + 2 (3/4 + 2/4 + 1/4).
         assert!((runs - 4.0).abs() < 0.6, "{runs}");

@@ -89,14 +89,14 @@ mod tests {
 
     #[test]
     fn what_is_alike_from_sample_to_sample_is_no_noise() {
-        let of = |numbers: Vec<f32>| Residuals { recordings: vec![numbers], cost: 0.0, falls: 0 };
+        let one_log = |numbers: Vec<f32>| Residuals { recordings: vec![numbers], cost: 0.0, falls: 0 };
         let sign = |i: u32| if (i.wrapping_mul(2_654_435_761) >> 16) & 1 == 0 { 1.0f32 } else { -1.0 };
-        let (squares, alike) = sums(&of((0..4000).map(sign).collect()), 1);
+        let (squares, alike) = sums(&one_log((0..4000).map(sign).collect()), 1);
         assert!((squares - 4000.0).abs() < 1e-9 && alike < 200.0, "{squares} {alike}");
         // A slow wave in the first of two columns, noise in the second.
         let mixed = |i: u32| if i.is_multiple_of(2) { (0.01 * i as f32).sin() } else { sign(i / 2) };
-        let (squares, alike) = sums(&of((0..8000).map(mixed).collect()), 2);
+        let (squares, alike) = sums(&one_log((0..8000).map(mixed).collect()), 2);
         assert!((squares - 6000.0).abs() < 60.0 && (alike - 2000.0).abs() < 200.0, "{squares} {alike}");
-        assert_eq!(sums(&of(Vec::new()), 3), (0.0, 0.0));
+        assert_eq!(sums(&one_log(Vec::new()), 3), (0.0, 0.0));
     }
 }

@@ -10,10 +10,10 @@ use gaitfit::files::{self, Output};
 use gaitfit::walk::swing::SwingFindings;
 use gaitfit::{policy_file, robot, robot_file, weight};
 use gaitfit_log::{
-    CheckSpec, Finding, LogSummary, ReadOptions, Severity, Signal, Trajectory, allow, check, read_csv_report,
-    summary_with_report,
+    CheckSpec, Finding, LogSummary, ReadOptions, ReadReport, Severity, Signal, Trajectory, allow, check,
+    read_csv_report, summary_with_report,
 };
-use gaitfit_model::shown;
+use gaitfit_model::{Model, shown};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -29,6 +29,22 @@ struct Document<'a> {
     policy: Option<LogMatch>,
 }
 
+/// What is wrong with a log, the worst first, by itself or as one of this robot. Findings that its settings allow are no
+/// errors.
+pub fn findings(log: &Trajectory, report: &ReadReport, robot: Option<&Model>) -> Vec<Finding> {
+    let mut findings = report.findings();
+    match robot {
+        None => findings.extend(check(log, &CheckSpec::default())),
+        Some(model) => {
+            findings.extend(check(log, &CheckSpec::of_robot(model, &log.joints)));
+            findings.extend(weight::signs(log, model));
+        }
+    }
+    allow(&mut findings, &report.allowed);
+    findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
+    findings
+}
+
 /// Prints what the log holds and what is wrong with it; a log that must not be used ends with exit code 3.
 pub fn run(args: &Inspect) -> Result<(), Failure> {
     args.plot.as_deref().map(plot::check).transpose()?;
@@ -41,17 +57,9 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
             .map(PathBuf::as_path),
     )?;
     let (log, report) = read_csv_report(&args.file, &ReadOptions::default()).map_err(Failure::failed)?;
-    let mut findings = report.findings();
-    match &args.robot {
-        None => findings.extend(check(&log, &CheckSpec::default())),
-        Some(path) => {
-            let model = robot::read(path, args.lenient, robot::Hold::File)?;
-            findings.extend(check(&log, &CheckSpec::of_robot(&model, &log.joints)));
-            findings.extend(weight::signs(&log, &model));
-        }
-    }
-    allow(&mut findings, &report.allowed);
-    findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
+    let model =
+        args.robot.as_ref().map(|path| robot::read(path, args.lenient, robot::Hold::File)).transpose()?;
+    let findings = findings(&log, &report, model.as_ref());
     let summary = summary_with_report(&log, report);
     if let Some(path) = &args.plot {
         plot::write(&log, &findings, path)?;

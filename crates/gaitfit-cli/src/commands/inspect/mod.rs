@@ -1,7 +1,7 @@
 //! `gaitfit inspect`: what a robot file or a log holds.
 
 mod folder;
-mod log;
+pub(super) mod log;
 mod plot;
 mod robot;
 pub(super) mod swings;

@@ -21,9 +21,9 @@ use seldom::ramped;
 use serde::{Deserialize, Serialize};
 use suspects::{STEPS, TOLERANCE, better, suspicions};
 
-/// Correlation of errors with those of the next sample from which on a simulator lacks something. Of simulated robots that
-/// differ only in what is fitted it is 0.06, with encoders of 20 mrad 0.08, with rows that are lost 0.22; of a real Go2 0.76,
-/// of logs with wrong gains or filtered velocities 0.99.
+/// From this correlation between an error and that of the next sample on, a simulator lacks something. Simulated robots that
+/// differ only in what is fitted have 0.06, with encoders of 20 mrad 0.08, with lost rows 0.22; a real Go2 has 0.76, logs with
+/// wrong gains or filtered velocities have 0.99.
 const REMEMBERS: f64 = 0.3;
 /// Errors below this, where the robot's range is 2, are what two simulators of one robot differ by: their memory is no doubt.
 const QUIET: f64 = 1e-3;
