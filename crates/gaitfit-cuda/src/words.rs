@@ -102,6 +102,7 @@ pub(crate) fn input_spots(period: &Period, wanted: fn(&Input) -> bool) -> Vec<Sp
 /// The joint of each number that networks remember.
 pub(crate) fn memory_joints(period: &Period) -> Vec<usize> {
     let joint = |input: &Input| match *input {
+        Input::Memory { zero: true, .. } => Some(period.joints()),
         Input::Memory { owner: Owner::Joint(joint), .. } => Some(joint),
         Input::Memory { .. } => Some(0),
         _ => None,

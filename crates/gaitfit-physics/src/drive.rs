@@ -2,6 +2,7 @@
 
 use gaitfit_model::Model;
 
+use crate::modify::Engaged;
 use crate::robot::MOST_SPEED;
 use crate::{JointParams, Params, Real, Settings, State};
 
@@ -15,12 +16,15 @@ pub struct Drive<T> {
     /// A further such derivative, N·m·s/rad, that enters the solver's matrix under all settings, so that contacts feel
     /// it too.
     pub resistance: T,
+    /// The gear between motor and link, where a step has gears: the link then feels this and neither the rotor's inertia
+    /// nor its friction and damping.
+    pub gear: Option<Engaged<T>>,
 }
 
 impl<T: Real> Drive<T> {
     /// No torque.
     pub fn zero() -> Self {
-        Self { torque: T::zero(), damping: T::zero(), resistance: T::zero() }
+        Self { torque: T::zero(), damping: T::zero(), resistance: T::zero(), gear: None }
     }
 }
 

@@ -30,6 +30,15 @@ macro_rules! joint_parameters {
                 LoadFriction load_friction; "-"; 0.0; |_, _| 0.0;
                 Some((0.0, 0.5, 0.0, 0.05))
 
+                /// Play (backlash) between motor and link, rad: the whole width. Encoders are at the motor; so are the rotor's
+                /// inertia, dry friction and damping.
+                Play play; "rad"; 0.0; |_, _| 0.0;
+                Some((0.0, 0.1, 0.0, 0.01))
+
+                /// Compliance of the gear between motor and link, rad/(N·m): the inverse of its stiffness.
+                Compliance compliance; "rad/(N·m)"; 0.0; |_, _| 0.0;
+                Some((0.0, 0.02, 0.0, 0.002))
+
                 /// Reflected rotor inertia, kg·m².
                 Armature armature; "kg·m²"; 0.0; |model, j| model.joints[j].armature;
                 Some((0.0, 0.5, 0.0, 0.05))

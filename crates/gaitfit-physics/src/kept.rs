@@ -14,6 +14,8 @@ pub struct Kept {
     pub stiction: bool,
     /// Whether friction does not grow with load, on all joints.
     pub load_friction: bool,
+    /// Whether gears are rigid and without play, on all joints.
+    pub gears: bool,
     /// Whether the largest torque of every motor is the same at any speed.
     pub motors: bool,
 }
@@ -27,6 +29,7 @@ impl Kept {
             links: all(&robot.link_mass, 1.0) && shifts.into_iter().all(|shift| all(shift, 0.0)),
             stiction: all(&robot.stiction, 0.0),
             load_friction: all(&robot.load_friction, 0.0),
+            gears: all(&robot.play, 0.0) && all(&robot.compliance, 0.0),
             motors: robot.no_load_speed.iter().all(|&speed| speed >= MOST_SPEED),
         }
     }
@@ -37,6 +40,7 @@ impl Kept {
             links: self.links && other.links,
             stiction: self.stiction && other.stiction,
             load_friction: self.load_friction && other.load_friction,
+            gears: self.gears && other.gears,
             motors: self.motors && other.motors,
         }
     }
@@ -49,6 +53,7 @@ impl Kept {
                 (Owner::Link(link), _) => self.links && link > 0,
                 (_, "stiction") => self.stiction,
                 (_, "load_friction") => self.load_friction,
+                (_, "play" | "compliance") => self.gears,
                 (_, "no_load_speed") => self.motors,
                 _ => false,
             };

@@ -58,8 +58,8 @@ pub use joint_parameter::{JointParameter, SearchDefaults};
 pub use kept::Kept;
 pub use lanes::*;
 pub use modify::{
-    ActionDelta, JointModification, JointNetwork, Modify, NETWORK_WEIGHTS, NetworkScales, ResidAct,
-    memory_of, settle,
+    ActionDelta, Engaged, Gears, JointModification, JointNetwork, Modify, NETWORK_WEIGHTS, NetworkScales,
+    ResidAct, memory_of, settle,
 };
 pub use outline::LinkOutline;
 pub use params::{JointParams, LinkInertia, PairInvweight, Params};

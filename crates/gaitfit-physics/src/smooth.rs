@@ -307,13 +307,20 @@ fn joint_rows<T: Real>(
     let z = T::zero();
     let one = T::lit(1.0);
 
-    out.tau = p.damping.fnma(qd, drives[j].torque) + p.stiffness.fnma(q, p.spring_torque);
+    let drive = &drives[j];
+    let pull = match &drive.gear {
+        // The rotor's damping acts behind the gear.
+        Some(gear) => gear.resistance.fnma(qd, gear.torque),
+        None => p.damping.fnma(qd, drive.torque),
+    };
+    out.tau = pull + p.stiffness.fnma(q, p.spring_torque);
     if link.sprung {
         out.tau = T::k(link.stiffness).fnma(q - T::k(link.springref), out.tau);
     }
     let implicit = match tree.settings.damping {
         Damping::Explicit => z,
-        _ if tree.settings.implicit_actuators => p.damping + drives[j].damping,
+        _ if drive.gear.is_some() => z,
+        _ if tree.settings.implicit_actuators => p.damping + drive.damping,
         _ => p.damping,
     };
     let settings = &tree.settings;
@@ -321,24 +328,14 @@ fn joint_rows<T: Real>(
     let h = T::lit(if explicit { settings.timestep } else { settings.drive_lead() });
     out.implicit = h * implicit;
     let folded = if tree.settings.damping == Damping::Folded { implicit } else { z };
-    out.armature = p.armature + h * (folded + drives[j].resistance);
+    out.armature = match &drive.gear {
+        Some(gear) => T::lit(settings.timestep) * gear.resistance,
+        None => p.armature + h * (folded + drive.resistance),
+    };
 
     out.friction_d = p.weight * T::k(link.friction_weight);
     out.friction_bias = out.friction_d * (T::k(link.friction_b) * qd);
-    out.frictionloss = p.frictionloss;
-    let sticky = p.stiction.unless_zero();
-    if T::enter(sticky) {
-        let bound = friction_bound(p, qd);
-        T::leave(sticky);
-        out.frictionloss = bound.merge(sticky, p.frictionloss);
-    }
-    // Gears that carry more rub more (Hamon, Gautier and Garrec 2010): the torque is that of the motor in this step.
-    let loaded = p.load_friction.unless_zero();
-    if T::enter(loaded) {
-        let bound = p.load_friction.fma(drives[j].torque.abs(), out.frictionloss);
-        T::leave(loaded);
-        out.frictionloss = bound.merge(loaded, out.frictionloss);
-    }
+    out.frictionloss = if drive.gear.is_some() { z } else { dry_friction(p, qd, drive.torque) };
     if let Some(limit) = &link.limit {
         let (low, high) = (q - T::k(limit.lower), T::k(limit.upper) - q);
         let sign = T::select_lt(high, low, -one, one);
@@ -354,6 +351,27 @@ fn joint_rows<T: Real>(
         out.limit_bias = T::k(limit.reference.b).fma(sign * qd, T::k(limit.reference.k) * (imp * depth));
         T::leave(work.limited[j]);
     }
+}
+
+/// Largest dry friction of a joint at velocity `qd` whose motor gives `torque`, N·m.
+///
+/// Gears that carry more rub more (Hamon, Gautier and Garrec 2010): the torque is that of the motor in this step.
+#[inline(always)]
+pub(crate) fn dry_friction<T: Real>(p: &JointParams<T>, qd: T, torque: T) -> T {
+    let mut bound = p.frictionloss;
+    let sticky = p.stiction.unless_zero();
+    if T::enter(sticky) {
+        let stuck = friction_bound(p, qd);
+        T::leave(sticky);
+        bound = stuck.merge(sticky, p.frictionloss);
+    }
+    let loaded = p.load_friction.unless_zero();
+    if T::enter(loaded) {
+        let more = p.load_friction.fma(torque.abs(), bound);
+        T::leave(loaded);
+        bound = more.merge(loaded, bound);
+    }
+    bound
 }
 
 /// Largest dry friction at velocity `qd`: frictionloss + stiction · exp(−(q̇/v)²), v the Stribeck velocity

@@ -2,7 +2,8 @@
 
 use gaitfit_model::Model;
 use gaitfit_physics::{
-    ActionDelta, JointModification, JointNetwork, NETWORK_WEIGHTS, NetworkScales, Real, ResidAct, Robot,
+    ActionDelta, Gears, JointModification, JointNetwork, NETWORK_WEIGHTS, NetworkScales, Params, Real,
+    ResidAct, Robot,
 };
 
 use crate::SimError;
@@ -63,6 +64,25 @@ impl JointNetworks {
             NetworkKind::ResidAct => JointModification::ResidAct(ResidAct(networks)),
         })
     }
+}
+
+/// What changes the drives of robots with these networks, as the step of `model` takes it; the last one are the gears, if
+/// there are `gears` with play or compliance.
+///
+/// # Errors
+/// Networks that do not fit the robot.
+pub fn modifications<T: Real>(
+    model: &Model,
+    networks: &[JointNetworks],
+    gears: bool,
+) -> Result<Vec<JointModification<T::K>>, SimError> {
+    let gears = gears.then_some(JointModification::Gears(Gears { joints: model.joints.len() }));
+    networks.iter().map(|one| one.compile::<T>(model)).chain(gears.map(Ok)).collect()
+}
+
+/// Whether a robot with these parameters has gears with play or compliance.
+pub fn has_gears(params: &Params<f64>) -> bool {
+    params.joints.iter().any(|joint| joint.play != 0.0 || joint.compliance != 0.0)
 }
 
 /// Everything in which a simulated robot may differ from its file.

@@ -42,7 +42,8 @@ pub struct Identification {
     pub noise: NoiseSource,
     /// Whether the interval is less than half as wide as the bounds.
     pub identified: bool,
-    /// A value at which the cost is lower than at the best found by more than noise: the search had not ended.
+    /// A value at which the cost is lower than at the best values by three standard errors or more: the search had not
+    /// ended.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub better: Option<f64>,
 }

@@ -28,6 +28,9 @@ const DRAWS: u64 = 8;
 /// Rises below this count as rounding of single-precision signals, in units where the robot's range is 2; and parts of
 /// the cost below this as nothing worth telling apart.
 const FLOOR: (f64, f64) = (1e-6, 1e-3);
+/// Standard errors by which a lower cost beside the best values counts: dozens of parameters are looked at, and by chance
+/// one of them is lower by one or two.
+const SURE: f64 = 3.0;
 /// The part of the cost taken for its noise where it cannot be measured.
 const ASSUMED: f64 = 0.05;
 /// Memory for signals waiting for the rest of their candidate's, bytes.
@@ -208,8 +211,8 @@ fn verdict(
     };
     let ((down, rise_down), (up, rise_up)) = (side(true), side(false));
     let (lower, upper) = ((value - down).max(entry.lower), (value + up).min(entry.upper));
-    let lowest =
-        points.iter().filter_map(|(at, rise)| rise.map(|(rise, noise)| (*at, rise + noise + charged(*at))));
+    let sure = |(at, rise): &(f64, Rise)| rise.map(|(rise, noise)| (*at, rise + SURE * noise + charged(*at)));
+    let lowest = points.iter().filter_map(sure);
     let lowest = lowest.min_by(|a, b| a.1.total_cmp(&b.1));
     Identification {
         lower,

@@ -196,6 +196,7 @@ impl Plan {
                     "robot_params",
                     "robot_state",
                     "robot_targets",
+                    "robot_memory",
                     "signals",
                     "ends",
                 ];

@@ -1,15 +1,15 @@
 //! What is simulated, and where the physics keeps each number.
 
 use gaitfit_model::Model;
-use gaitfit_physics::trace::{Input, Report};
+use gaitfit_physics::trace::{Input, Report, Traced};
 use gaitfit_physics::{Kept, Params, PhysicsError};
 use gaitfit_policy::Policy;
 use gaitfit_policy::walker::Walker;
-use gaitfit_sim::{Candidate, NetworkKind, Replay};
+use gaitfit_sim::{Candidate, NetworkKind, Replay, modifications};
 
 use super::FitError;
 use crate::emit::{Class, EmitOptions};
-use crate::physics::{Period, PeriodOptions, traced};
+use crate::physics::{Period, PeriodOptions};
 use crate::words::{Spot, input_spots, is_bias, memory_joints, report_spots};
 
 /// Threads of an environment. Always as many, so that signals do not depend on how many candidates there are; four, for
@@ -104,7 +104,7 @@ impl Subject<'_> {
             return Err(FitError::Unsupported(what.to_owned()));
         }
         let options = PeriodOptions { substeps, taps, lanes: LANES, emit: EmitOptions::default() };
-        let networks = traced(model, &candidate.networks)?;
+        let networks = modifications::<Traced>(model, &candidate.networks, !structure.kept.gears)?;
         let forces = matches!(self, Self::Walk(..));
         let fixed = structure.kept.numbers(&self.params(candidate)?);
         let report = Report { disturbed: structure.disturbed, forces, tracked: Vec::new(), fixed };

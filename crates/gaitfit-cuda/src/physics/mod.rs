@@ -10,7 +10,7 @@ mod period;
 
 pub use batch::Batch;
 pub use networks::Shared;
-pub(crate) use networks::{traced, weights};
+pub(crate) use networks::weights;
 pub use period::{Period, PeriodOptions};
 
 use crate::emit::EmitError;

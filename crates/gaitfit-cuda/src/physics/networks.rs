@@ -48,6 +48,8 @@ impl Shared {
                 JointModification::ActionDelta(ActionDelta(asked)) => {
                     JointModification::ActionDelta(ActionDelta([asked.as_slice(), &further].concat()))
                 }
+                // On all joints already.
+                JointModification::Gears(gears) => JointModification::Gears(*gears),
                 JointModification::ResidAct(ResidAct(asked)) => {
                     JointModification::ResidAct(ResidAct([asked.as_slice(), &further].concat()))
                 }
@@ -59,21 +61,10 @@ impl Shared {
     }
 }
 
-/// Networks as the recording of a step takes them.
-///
-/// # Errors
-/// Networks that do not fit the robot.
-pub(crate) fn traced(
-    model: &Model,
-    networks: &[JointNetworks],
-) -> Result<Vec<JointModification<Known>>, SimError> {
-    networks.iter().map(|one| one.compile::<Traced>(model)).collect()
-}
-
 /// Weights of networks as the step visits them, scales folded in: what [`super::Batch::write_weights`] takes of a candidate.
 ///
 /// # Errors
-/// As [`traced`].
+/// Networks that do not fit the robot.
 pub(crate) fn weights(model: &Model, networks: &[JointNetworks]) -> Result<Vec<f64>, SimError> {
     let mut all = Vec::new();
     for one in networks {

@@ -4,12 +4,12 @@ use gaitfit_learn::collect::sensed_width;
 use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::{Task, TaskError, reward};
 use gaitfit_physics::Kept;
-use gaitfit_physics::trace::{Input, Report};
-use gaitfit_sim::Candidate;
+use gaitfit_physics::trace::{Input, Report, Traced};
+use gaitfit_sim::{Candidate, modifications};
 
 use super::RolloutError;
 use crate::emit::{Class, EmitOptions};
-use crate::physics::{Period, PeriodOptions, traced};
+use crate::physics::{Period, PeriodOptions};
 use crate::ppo::check_networks;
 use crate::words::{Spot, input_spots, is_bias, memory_joints, report_spots};
 
@@ -138,7 +138,8 @@ impl<'a> Scene<'a> {
             _ => Vec::new(),
         };
         let report = Report { disturbed, forces: true, tracked: batch.tracked().to_vec(), fixed };
-        let networks = traced(model, networks).map_err(TaskError::from)?;
+        let gears = kept.is_some_and(|kept| !kept.gears);
+        let networks = modifications::<Traced>(model, networks, gears).map_err(TaskError::from)?;
         let period =
             Period::for_environments(model, settings, options, &networks, &report, environments, processors)?;
         Ok(period)

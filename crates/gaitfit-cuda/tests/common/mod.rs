@@ -7,7 +7,7 @@ use gaitfit_model::{Model, ReadOptions, Shape, read};
 use gaitfit_physics::in_f64::control_period;
 use gaitfit_physics::trace::{PeriodGraph, Report, Traced, record_period_with};
 use gaitfit_physics::{
-    ActionDelta, Drive, JointModification, JointNetwork, Modify, NetworkScales, Params, Period, Real,
+    ActionDelta, Drive, Gears, JointModification, JointNetwork, Modify, NetworkScales, Params, Period, Real,
     ResidAct, Robot, Settings, State, Tree, Work, compile, memory_of, settle,
 };
 
@@ -60,10 +60,12 @@ pub fn shared(
     PeriodProgram::new(period, &seating, EmitOptions { least_guarded }).unwrap()
 }
 
-/// One ActionDelta and one ResidAct on all joints, with weights that matter.
+/// One ActionDelta and one ResidAct on all joints, with weights that matter, and gears.
 pub fn modifications<T: Real>(joints: usize) -> Vec<JointModification<T::K>> {
     let all: Vec<usize> = (0..joints).collect();
-    networks::<T>(&all, &all)
+    let mut all = networks::<T>(&all, &all);
+    all.push(JointModification::Gears(Gears { joints }));
+    all
 }
 
 /// An ActionDelta on some joints and a ResidAct on some.
@@ -165,6 +167,8 @@ pub fn samples_with(
             robot.stiction.fill(0.2);
             robot.stribeck_velocity.fill(0.5);
             robot.load_friction.fill(0.1);
+            robot.play.fill(0.01);
+            robot.compliance.fill(0.003);
             (0..joints).step_by(2).for_each(|j| robot.no_load_speed[j] = 6.0);
             robot.stall_torque.fill(15.0);
             robot.link_mass.fill(1.2);

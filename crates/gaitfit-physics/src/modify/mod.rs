@@ -4,10 +4,12 @@
 //! its part of the block's memory. A new one is a file here with a [`Modify`], and a line in [`JointModification`].
 
 mod action_delta;
+mod gears;
 mod network;
 mod resid_act;
 
 pub use action_delta::ActionDelta;
+pub use gears::{Engaged, Gears};
 pub use network::{JointNetwork, NETWORK_WEIGHTS, NetworkScales};
 pub use resid_act::ResidAct;
 
@@ -58,6 +60,8 @@ pub enum JointModification<K> {
     ActionDelta(ActionDelta<K>),
     /// Networks that add torques.
     ResidAct(ResidAct<K>),
+    /// Gears with play and compliance between motors and links.
+    Gears(Gears),
 }
 
 /// Calls the method of whichever modification it is.
@@ -66,6 +70,7 @@ macro_rules! each {
         match $self {
             JointModification::ActionDelta($one) => $call,
             JointModification::ResidAct($one) => $call,
+            JointModification::Gears($one) => $call,
         }
     };
 }
@@ -80,7 +85,7 @@ impl<K: Copy> Modify<K> for JointModification<K> {
     }
 
     fn visit_weights_mut(&mut self, visit: impl FnMut(Slot, &mut K)) {
-        each!(self, one => one.visit_weights_mut(visit));
+        each!(self, one => Modify::<K>::visit_weights_mut(one, visit));
     }
 
     #[inline(always)]
@@ -116,12 +121,13 @@ pub fn memory_of<K: Copy>(modifications: &[JointModification<K>]) -> usize {
     modifications.iter().map(Modify::memory).sum()
 }
 
-/// What each number that `modifications` remember belongs to.
-pub(crate) fn memory_owners<K: Copy>(modifications: &[JointModification<K>]) -> Vec<Owner> {
-    let own = |one: &JointModification<K>| {
-        (0..one.memory()).map(|place| one.memory_owner(place)).collect::<Vec<_>>()
+/// What each number that `modifications` remember belongs to, and whether [`settle`] makes it 0.
+pub(crate) fn memory_places<K: Copy>(modifications: &[JointModification<K>]) -> Vec<(Owner, bool)> {
+    let places = |one: &JointModification<K>| {
+        let zero = matches!(one, JointModification::Gears(_));
+        (0..one.memory()).map(|place| (one.memory_owner(place), zero)).collect::<Vec<_>>()
     };
-    modifications.iter().flat_map(own).collect()
+    modifications.iter().flat_map(places).collect()
 }
 
 /// Calls `act` on each modification with its part of `memory`.

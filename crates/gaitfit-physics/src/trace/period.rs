@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use super::graph::{Graph, TraceError};
 use super::record::{Loop, record};
 use super::scalar::{Known, Traced};
-use crate::modify::memory_owners;
+use crate::modify::memory_places;
 use crate::{Drive, JointModification, Modify, Owner, Params, Period, Real, Slot, State, Tree, Work, phase};
 
 /// What an input of a recorded control period is.
@@ -33,6 +33,8 @@ pub enum Input {
         index: usize,
         /// What it belongs to.
         owner: Owner,
+        /// Whether it is 0 for a robot that has been in a state for long; else it is of the joint's motion.
+        zero: bool,
     },
     /// A weight of a modification's network; the same for all environments of a candidate.
     Weight {
@@ -149,9 +151,9 @@ pub fn record_period_with(
             .collect();
         let disturbed = if report.disturbed { 0..joints } else { 0..0 };
         let disturbance: Vec<Traced> = disturbed.map(|joint| input(Input::Disturbance { joint })).collect();
-        let owners = memory_owners(&modifications);
+        let places = memory_places(&modifications).into_iter().enumerate();
         let mut memory: Vec<Traced> =
-            owners.iter().enumerate().map(|(index, &owner)| input(Input::Memory { index, owner })).collect();
+            places.map(|(index, (owner, zero))| input(Input::Memory { index, owner, zero })).collect();
         for (modification, one) in modifications.iter_mut().enumerate() {
             one.visit_weights_mut(|slot, weight| {
                 *weight = Known::Number(input(Input::Weight { modification, slot }));

@@ -1,6 +1,7 @@
 //! What holds whatever the numbers: energy, momentum, mirror symmetry, the equation of motion written out.
 
 mod friction;
+mod gears;
 mod links;
 mod motor;
 mod parameters;

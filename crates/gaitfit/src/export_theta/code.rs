@@ -112,6 +112,11 @@ pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candida
         "load_friction: add it times the absolute joint effort to `friction` and `dynamic_friction` at every physics step",
     );
     say(
+        joints.iter().any(|joint| joint.play != 0.0 || joint.compliance != 0.0),
+        "play, compliance: a second joint between motor and link, with a spring of stiffness 1 / compliance in a gap of that \
+         width",
+    );
+    say(
         joints.iter().any(|joint| joint.no_load_speed.is_finite()),
         "no_load_speed, stall_torque: DCMotorCfg's velocity_limit and saturation_effort; it has no delay",
     );

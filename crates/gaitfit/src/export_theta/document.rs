@@ -35,7 +35,8 @@ pub(super) fn document(
                 "stiffness": joint.stiffness, "spring_torque": joint.spring_torque, "kp_factor": joint.kp_factor,
                 "kd_factor": joint.kd_factor, "encoder_bias": joint.encoder_bias, "torque_offset": joint.torque_offset,
                 "torque_limit": finite(joint.torque_limit), "delay": joint.delay, "stiction": joint.stiction,
-                "stribeck_velocity": joint.stribeck_velocity, "load_friction": joint.load_friction, "no_load_speed": finite(joint.no_load_speed),
+                "stribeck_velocity": joint.stribeck_velocity, "load_friction": joint.load_friction,
+                "play": joint.play, "compliance": joint.compliance, "no_load_speed": finite(joint.no_load_speed),
                 "stall_torque": finite(joint.stall_torque),
             }),
         );

@@ -47,6 +47,22 @@ def stribeck(model, data, theta):
             model.dof_frictionloss[dof] = joint["frictionloss"] + joint["stiction"] * left + load
 
 
+def gears(spec, theta):
+    """Play and compliance between motors and links: adds joints NAME_play and NAME_twist behind each joint that has them, to
+    an MjSpec before it is compiled. Actuators and encoders stay at joint NAME, the motor. Keyframes get longer."""
+    for name, joint in theta["joints"].items():
+        motor = spec.joint(name)
+        between = {"type": motor.type, "axis": motor.axis, "pos": motor.pos, "armature": 1e-5}
+        if joint["play"]:
+            ends = [-joint["play"] / 2, joint["play"] / 2]
+            motor.parent.add_joint(name=f"{name}_play", range=ends, limited=True, solref_limit=[0.004, 1.0],
+                                   damping=[1e-3, 0, 0], **between)
+        if joint["compliance"]:
+            stiffness = 1 / joint["compliance"]
+            motor.parent.add_joint(name=f"{name}_twist", stiffness=[stiffness, 0, 0],
+                                   damping=[2e-3 * stiffness, 0, 0], **between)
+
+
 def friction(model, theta):
     """Friction of all contacts, which no exported robot file says."""
     model.geom_friction[:] *= theta["friction_factor"]

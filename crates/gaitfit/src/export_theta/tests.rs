@@ -15,8 +15,8 @@ const ARM: &str = include_str!("../../../gaitfit-model/tests/robots/arm.xml");
 const GO2_URDF: &str = include_str!("../../../../assets/go2.urdf");
 
 /// Kinds that a robot file has no words for.
-const BY_CODE: [&str; 5] =
-    ["stiction", "stribeck_velocity", "load_friction", "no_load_speed", "stall_torque"];
+const BY_CODE: [&str; 7] =
+    ["stiction", "stribeck_velocity", "load_friction", "play", "compliance", "no_load_speed", "stall_torque"];
 
 /// Physics step of the simulators that take the files, s.
 const STEP: f64 = 0.005;
@@ -41,6 +41,8 @@ fn theta_of(model: &Model, delay: f64) -> ThetaFile {
         ("stiction", &all, 0.3),
         ("stribeck_velocity", second, 0.5),
         ("load_friction", second, 0.05),
+        ("play", second, 0.02),
+        ("compliance", second, 0.003),
         ("no_load_speed", &all, 4.0),
         ("stall_torque", &all, 6.0),
         ("link_mass", second, 1.3),

@@ -102,8 +102,10 @@ mod tests {
         let found = read("policy = \"p.safetensors\"\nlogs = [\"a.csv\"]\n");
         assert_eq!((found.base, found.costs.as_slice()), (Base::Free, &[CostKind::Wass][..]));
         let fitted: Vec<JointParameter> = found.parameter.iter().map(|rule| rule.kind).collect();
-        use JointParameter::{Armature, Damping, Delay, FrictionLoss, LoadFriction, TorqueScale};
-        assert_eq!(fitted, [FrictionLoss, LoadFriction, Armature, Damping, Delay, TorqueScale]);
+        use JointParameter::{
+            Armature, Damping, Delay, EncoderBias, FrictionLoss, LoadFriction, TorqueScale,
+        };
+        assert_eq!(fitted, [FrictionLoss, LoadFriction, Armature, Damping, Delay, TorqueScale, EncoderBias]);
         let numbers: Vec<RobotNumber> = found.number.iter().map(|rule| rule.kind).collect();
         assert_eq!(numbers, [RobotNumber::FloorFriction, RobotNumber::BaseMass, RobotNumber::TorqueNoise]);
         assert!(found.optimizer.patience > 0 && found.optimizer.population > 0);

@@ -117,6 +117,8 @@ pub fn missing(causes: &[Cause], theta: &Theta) -> Option<String> {
         CauseKind::GyroBias | CauseKind::EncoderStep => false,
         CauseKind::LoadFriction => !has("load_friction", false),
         CauseKind::OddFriction => !has("frictionloss", true),
+        CauseKind::Backlash => !has("play", false),
+        CauseKind::Elasticity => !has("compliance", false),
         _ => true,
     };
     let listed: Vec<&str> =
@@ -199,7 +201,7 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
             matters::TWIST,
             format!(
                 "{of} joints twist between motor and link by {value:.4} ± {error:.4} rad for each N·m ({:.0} N·m/rad), which \
-                 explains {part:.0} % of what heights of standing feet leave",
+                 explains {part:.0} % of what heights of standing feet leave (fit it: compliance)",
                 1.0 / value
             ),
         ),
@@ -209,7 +211,7 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
             matters::PLAY,
             format!(
                 "{of} joints have about {value:.3} ± {error:.3} rad of play between motor and link: standing feet show it, and \
-                 swinging links answer less than their masses say"
+                 swinging links answer less than their masses say (fit it: play)"
             ),
         ),
         EffectKind::OddFriction

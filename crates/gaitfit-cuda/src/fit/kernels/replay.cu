@@ -8,7 +8,7 @@
 KERNEL replay(
     u32 sample, u32 count, u32 places, u32 recordings, u32 samples, const u32* lengths, const float* logged,
     const float* velocities, const float* rest, const double* factors, const double* gains, const float* params,
-    float* state, float* targets, float* signals, u32* ends
+    float* state, float* targets, float* memory, float* signals, u32* ends
 ) {
     u32 i = blockIdx.x * blockDim.x + threadIdx.x, e = i / JOINTS;
     int j = (int)(i % JOINTS);
@@ -23,6 +23,8 @@ KERNEL replay(
         STATE(QPOS + j) = angle;
         STATE(QVEL + j) = velocities[recording * JOINTS + j];
         STATE(QACC + j) = 0.0f;
+        // Gears at rest in the middle of their play: nothing else remembers anything here.
+        for (int k = j; k < MEMORY; k += JOINTS) REMEMBERED(k) = 0.0f;
         if (j == 0 && e < count) ends[e] = length;
     }
     if (e < count && sample < length) {

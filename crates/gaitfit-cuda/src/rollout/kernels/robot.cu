@@ -93,9 +93,10 @@ DEVICE float joint_velocity(const float* state, u32 e, int j) {
 // What networks remember.
 #define REMEMBERED(k) at(memory, MEMORY_SIZE, MEMORY_SPOTS[k], e)
 
-// The number `k` of it of a robot that has been as it is for long: angles and velocities in turn.
+// The number `k` of it of a robot that has been as it is for long: angles and velocities in turn, or 0 for joint JOINTS.
 DEVICE float settled(const float* state, const float* params, u32 e, int k) {
     int j = MEMORY_OF[k];
+    if (j == JOINTS) return 0.0f;
     return k % 2 ? STATE(QVEL + j) : joint_position(state, params, e, j);
 }
 

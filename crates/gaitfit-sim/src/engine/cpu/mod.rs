@@ -9,7 +9,7 @@ use gaitfit_physics::{Params, Robot, with_lanes};
 use super::{Cancel, ConsumeSignals, Engine};
 use crate::SimError;
 use crate::batch::Batch;
-use crate::candidate::JointNetworks;
+use crate::candidate::{JointNetworks, has_gears, modifications};
 use crate::replay::{Direction, Replay};
 use crate::tile::Tile;
 use tile::{LaneRobots, Parts};
@@ -65,8 +65,7 @@ impl Engine for Cpu {
             let must = "at most the batch's max_delay";
             return Err(SimError::Option { option: "a robot's delay", value: delay.to_string(), must });
         }
-        let modifications =
-            networks.iter().map(|one| one.compile::<f32>(batch.model())).collect::<Result<_, _>>()?;
+        let modifications = modifications::<f32>(batch.model(), networks, robots.iter().any(has_gears))?;
         let parts = Parts {
             tree: &batch.tree,
             taps: batch.taps,

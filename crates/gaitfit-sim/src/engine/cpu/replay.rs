@@ -1,7 +1,10 @@
 //! A replay in blocks of lanes over threads.
 
-use gaitfit_physics::{Drive, Lanes, Params, Period, Robot, State, Tree, WIDEST, Work};
+use gaitfit_physics::{
+    Drive, Gears, JointModification, Lanes, Params, Period, Robot, State, Tree, WIDEST, Work, memory_of,
+};
 
+use crate::candidate::has_gears;
 use crate::engine::Cancel;
 use crate::replay::{JointSignals, Replay};
 use crate::{SimError, pool};
@@ -113,6 +116,9 @@ pub(super) struct Block<T: Lanes> {
     work: Work<T>,
     drives: Vec<Drive<T>>,
     history: Vec<T>,
+    gears: Gears,
+    /// What gears remember.
+    memory: Vec<T>,
 }
 
 impl<T: Lanes> Block<T> {
@@ -123,6 +129,8 @@ impl<T: Lanes> Block<T> {
             work: Work::new(tree),
             drives: vec![Drive::zero(); n],
             history: vec![T::zero(); n * taps],
+            gears: Gears { joints: n },
+            memory: Vec::new(),
         }
     }
 
@@ -159,6 +167,11 @@ impl<T: Lanes> Block<T> {
             }
         }
         seed(&mut self.state);
+        let gears = [JointModification::Gears(self.gears)];
+        let gears: &[JointModification<T::K>] =
+            if lanes.iter().any(|lane| has_gears(&lane.params)) { &gears } else { &[] };
+        self.memory.clear();
+        self.memory.resize(memory_of(gears), T::zero());
         let longest = lanes.iter().map(|lane| recordings[lane.recording].target.len() / n).max().unwrap_or(0);
         for sample in 0..longest {
             if sample.is_multiple_of(ASK) && cancel() {
@@ -181,8 +194,8 @@ impl<T: Lanes> Block<T> {
                 params,
                 targets: &mut self.history,
                 disturbance: &[],
-                modifications: &[],
-                memory: &mut [],
+                modifications: gears,
+                memory: &mut self.memory,
                 substeps: replay.options.substeps,
                 state: &mut self.state,
                 work: &mut self.work,

@@ -1,0 +1,152 @@
+//! Gears: play and compliance between each motor and its link.
+
+use super::Modify;
+use crate::smooth::dry_friction;
+use crate::{Drive, Owner, Params, Real, Settings, Slot, State};
+
+/// Numbers that a gear remembers: the link's angle, velocity and acceleration less the motor's.
+const MEMORY: usize = 3;
+/// Compliance of a gear that counts as rigid, rad/(N·m).
+const RIGID: f64 = 2e-4;
+/// Damping of a gear over its stiffness, s.
+const RETARDATION: f64 = 2e-3;
+/// Smallest inertia of a rotor, kg·m².
+const ROTOR: f64 = 1e-6;
+
+/// Gears with `play` and `compliance` on all joints: outside the step the state is that of the motors, where encoders
+/// and controllers are; inside it is that of the links.
+///
+/// Motor and link are two inertias with a spring in a gap between them (Nordin and Gutman 2002, eq. 8: a dead zone with
+/// stiffness and damping in it). The motor's half step of backward Euler is solved for the torque in the gear, which is
+/// linear in the link's velocity v' at the end of the step: τ = α − β v'. α enters the link's torque and h·β its
+/// inertia, so a stiff gear needs no small steps, and a rigid one without play adds the rotor's inertia. On which flank
+/// the gear lies and whether friction holds the rotor is decided by the link's velocity as the last acceleration
+/// predicts it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gears {
+    /// Joints of the robot.
+    pub joints: usize,
+}
+
+/// What a gear does to its link in one step, and what its motor does then.
+#[derive(Clone, Copy, Debug)]
+pub struct Engaged<T> {
+    /// Torque on the link at velocity 0 of the link, N·m.
+    pub torque: T,
+    /// Minus the derivative of the torque by the link's velocity at the end of the step, N·m·s/rad.
+    pub resistance: T,
+    /// The motor's velocity after the step without a torque in the gear, rad/s.
+    rate: T,
+    /// What a torque in the gear takes from it, rad/s for each N·m.
+    mobility: T,
+    /// The motor's angle (rad) and velocity (rad/s) before the step.
+    motor: [T; 2],
+}
+
+impl Gears {
+    /// Before the solver: replaces the motors' motion in `state` by that of the links, and hands the gears' torques to
+    /// `drives`.
+    #[inline(always)]
+    pub(crate) fn engage<T: Real>(
+        &self,
+        settings: &Settings,
+        params: &Params<T>,
+        state: &mut State<T>,
+        memory: &[T],
+        drives: &mut [Drive<T>],
+    ) {
+        let z = T::zero();
+        let h = T::lit(settings.timestep);
+        // Share of a step after which velocities act on the motor; below one half it would not be stable.
+        let later = settings.emulated_step.map_or(1.0, |_| (settings.lead() / settings.timestep).max(0.5));
+        for j in 0..self.joints {
+            let p = &params.joints[j];
+            let drive = &mut drives[j];
+            let [offset, drift, surge] = [memory[MEMORY * j], memory[MEMORY * j + 1], memory[MEMORY * j + 2]];
+            let (angle, velocity) = (state.qpos[j], state.qvel[j]);
+            let link = velocity + drift;
+            let acceleration = state.qacc[j] + surge;
+            let ahead = h.fma(acceleration, link);
+            // The motor: inertia (over the step) and momentum with all torques but the gear's.
+            let torque = drive.torque;
+            let controlled = T::select_lt(torque.abs(), p.torque_limit, p.torque_scale * p.kd, z);
+            let damping = p.damping + controlled + drive.resistance;
+            let inertia =
+                T::lit(later).fma(damping, p.armature.max(T::lit(ROTOR)) * T::lit(1.0 / settings.timestep));
+            let momentum = inertia.fma(velocity, p.damping.fnma(velocity, torque));
+            let friction = dry_friction(p, velocity, torque);
+            // Where nothing touches.
+            let held = momentum.clamp(-friction, friction);
+            let free = (momentum - held).div(inertia);
+            let twist = h.fma(free - ahead, -offset);
+            let half = T::lit(0.5) * p.play;
+            let side = T::select_lt(z, twist, half, -half);
+            // On a flank.
+            let stiffness = p.compliance.max(T::lit(RIGID)).recip();
+            let grip = stiffness * T::lit(settings.timestep + RETARDATION);
+            let spring = stiffness * (-offset - side);
+            let sum = inertia + grip;
+            let pushed = grip.fma(ahead, momentum - spring);
+            let rubbed = pushed.clamp(-friction, friction);
+            let slips = |slip, stick| T::select_lt(pushed.abs(), friction, stick, slip);
+            let share = grip.div(sum);
+            let driven = momentum - rubbed;
+            let torque_slip = share.fma(driven, (T::lit(1.0) - share) * spring);
+            let mobility = inertia.recip();
+            let touching = |flank, gap| T::select_lt(half, twist.abs(), flank, gap);
+            drive.gear = Some(Engaged {
+                torque: touching(slips(torque_slip, spring), z),
+                resistance: touching(slips(share * inertia, grip), z),
+                rate: touching(slips(driven * mobility, z), free),
+                mobility: touching(slips(mobility, z), z),
+                motor: [angle, velocity],
+            });
+            state.qpos[j] = angle + offset;
+            state.qvel[j] = link;
+            state.qacc[j] = acceleration;
+        }
+    }
+
+    /// After the step: moves the motors, and puts their motion in the place of the links'.
+    #[inline(always)]
+    pub(crate) fn release<T: Real>(
+        &self,
+        settings: &Settings,
+        state: &mut State<T>,
+        memory: &mut [T],
+        drives: &mut [Drive<T>],
+    ) {
+        let h = T::lit(settings.timestep);
+        for j in 0..self.joints {
+            let Some(gear) = drives[j].gear.take() else { continue };
+            let torque = gear.resistance.fnma(state.qvel[j], gear.torque);
+            let velocity = gear.mobility.fnma(torque, gear.rate);
+            let acceleration = (velocity - gear.motor[1]) * T::lit(1.0 / settings.timestep);
+            let angle = h.fma(velocity, gear.motor[0]);
+            memory[MEMORY * j] = state.qpos[j] - angle;
+            memory[MEMORY * j + 1] = state.qvel[j] - velocity;
+            memory[MEMORY * j + 2] = state.qacc[j] - acceleration;
+            state.qpos[j] = angle;
+            state.qvel[j] = velocity;
+            state.qacc[j] = acceleration;
+        }
+    }
+}
+
+impl<K: Copy> Modify<K> for Gears {
+    fn memory(&self) -> usize {
+        MEMORY * self.joints
+    }
+
+    fn memory_owner(&self, place: usize) -> Owner {
+        Owner::Joint(place / MEMORY)
+    }
+
+    fn visit_weights_mut(&mut self, _visit: impl FnMut(Slot, &mut K)) {}
+
+    /// Links in the middle of their play.
+    #[inline(always)]
+    fn settle<T: Real<K = K>>(&self, _params: &Params<T>, _state: &State<T>, memory: &mut [T]) {
+        memory.fill(T::zero());
+    }
+}
