@@ -85,7 +85,8 @@ separate! {
             }
             let friction = work.pairs[index].friction[0];
             let weight = params.pairs[index].translation;
-            let inverse_scale = row_scale(tree, pair.condim, friction, weight) * T::k(pair.reference.gain);
+            let rows = Softness::new(pair, params.ground_softness);
+            let inverse_scale = row_scale(tree, pair.condim, friction, weight) * rows.gain;
             let points = &mut work.points[pair.points.clone()];
             match pair.touched {
                 Touched::Plane(plane) => shape_points(pair, &tree.planes[plane], m, center, level, points),
@@ -111,7 +112,7 @@ separate! {
                         }
                     }
                 }
-                point_rows(pair, velocity, acceleration, inverse_scale, point);
+                point_rows(pair, &rows, velocity, acceleration, inverse_scale, point);
             }
             T::leave(active);
         }
@@ -285,10 +286,51 @@ pub(crate) fn components<T: Real>(pair: &Pair<T::K>, frame: &M3<T>, v: V3<T>) ->
     if pair.aligned { [v[2], v[1], v[0]] } else { rotate(frame, v) }
 }
 
+/// Spring and dampers of a pair's rows on ground that may be softer than the model's.
+struct Softness<T> {
+    k: T,
+    b: T,
+    friction_b: T,
+    gain: T,
+}
+
+impl<T: Real> Softness<T> {
+    /// A time constant that is longer by the factor s = 1 + `softness` makes the damping b/s and the stiffness k/s²; where
+    /// velocities act later than at the step's start, the rows' gain 1 + b·lead changes with them.
+    #[inline(always)]
+    fn new(pair: &Pair<T::K>, softness: T) -> Self {
+        let (k, b) = (T::k(pair.reference.k), T::k(pair.reference.b));
+        let (friction_b, gain) = (T::k(pair.friction_b), T::k(pair.reference.gain));
+        let hard = Self { k, b, friction_b, gain };
+        let soft = softness.unless_zero();
+        if !T::enter(soft) {
+            return hard;
+        }
+        let one = T::lit(1.0);
+        let less = (one + softness).recip();
+        // What is kept is 1/gain, and the numbers over the gain.
+        let change = (gain + (one - gain) * less).recip();
+        let found = Self {
+            k: k * (change * less * less),
+            b: b * (change * less),
+            friction_b: friction_b * (change * less),
+            gain: gain * change,
+        };
+        T::leave(soft);
+        Self {
+            k: found.k.merge(soft, hard.k),
+            b: found.b.merge(soft, hard.b),
+            friction_b: found.friction_b.merge(soft, hard.friction_b),
+            gain: found.gain.merge(soft, hard.gain),
+        }
+    }
+}
+
 /// Residual `J a − aref` and D of one point with the given velocity and `J a` (angular, linear at the point).
 #[inline(always)]
 fn point_rows<T: Real>(
     pair: &Pair<T::K>,
+    rows: &Softness<T>,
     velocity: V6<T>,
     acceleration: V6<T>,
     inverse_scale: T,
@@ -300,8 +342,8 @@ fn point_rows<T: Real>(
     point.d = T::select_lt(depth, T::zero(), d, T::zero());
     let v = components(pair, &point.frame, velocity[1]);
     let a = components(pair, &point.frame, acceleration[1]);
-    let (b, bf) = (T::k(pair.reference.b), T::k(pair.friction_b));
-    let spring = T::k(pair.reference.k) * (imp * depth);
+    let (b, bf) = (rows.b, rows.friction_b);
+    let spring = rows.k * (imp * depth);
     point.residual[0] = [b.fma(v[0], a[0] + spring), bf.fma(v[1], a[1]), bf.fma(v[2], a[2])];
     if pair.condim > 3 {
         let w = components(pair, &point.frame, velocity[0]);

@@ -43,6 +43,7 @@ pub(crate) fn invweights(
         pairs: vec![PairInvweight { translation: 1.0, rotation: 1.0 }; tree.pairs.len()],
         free: vec![1.0; tree.free_weights()],
         friction_scale: 1.0,
+        ground_softness: 0.0,
     };
     let mut state = State::<f64>::new(&tree);
     if tree.floating {

@@ -16,6 +16,8 @@ pub struct Kept {
     pub load_friction: bool,
     /// Whether gears are rigid and without play, on all joints.
     pub gears: bool,
+    /// Whether the ground is as hard as the model's.
+    pub ground: bool,
     /// Whether the largest torque of every motor is the same at any speed.
     pub motors: bool,
 }
@@ -30,6 +32,7 @@ impl Kept {
             stiction: all(&robot.stiction, 0.0),
             load_friction: all(&robot.load_friction, 0.0),
             gears: all(&robot.play, 0.0) && all(&robot.compliance, 0.0),
+            ground: robot.ground_softness == 0.0,
             motors: robot.no_load_speed.iter().all(|&speed| speed >= MOST_SPEED),
         }
     }
@@ -41,6 +44,7 @@ impl Kept {
             stiction: self.stiction && other.stiction,
             load_friction: self.load_friction && other.load_friction,
             gears: self.gears && other.gears,
+            ground: self.ground && other.ground,
             motors: self.motors && other.motors,
         }
     }
@@ -54,6 +58,7 @@ impl Kept {
                 (_, "stiction") => self.stiction,
                 (_, "load_friction") => self.load_friction,
                 (_, "play" | "compliance") => self.gears,
+                (_, "ground_softness") => self.ground,
                 (_, "no_load_speed") => self.motors,
                 _ => false,
             };

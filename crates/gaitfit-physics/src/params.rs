@@ -73,6 +73,8 @@ pub struct Params<T> {
     pub free: Vec<T>,
     /// Factor on all contact friction coefficients.
     pub friction_scale: T,
+    /// By which part the time constant of the ground's contacts is longer than the model's.
+    pub ground_softness: T,
 }
 
 macro_rules! params_numbers {
@@ -94,6 +96,7 @@ macro_rules! params_numbers {
         }
         all(&mut $visit, Slot::of(Owner::Base, "free_weight"), $($reference)+ $params.free);
         $visit(Slot::of(Owner::Base, "friction_scale"), $($reference)+ $params.friction_scale);
+        $visit(Slot::of(Owner::Base, "ground_softness"), $($reference)+ $params.ground_softness);
     };
 }
 
@@ -111,6 +114,7 @@ impl<T: Real> Params<T> {
             pairs: vec![PairInvweight { translation: z, rotation: z }; pairs],
             free: Vec::new(),
             friction_scale: z,
+            ground_softness: z,
         }
     }
 

@@ -57,6 +57,9 @@ macro_rules! define {
             pub payload_position: [f64; 3],
             /// Factor on all contact friction coefficients.
             pub friction_scale: f64,
+            /// By which part the time constant of the ground's contacts (MuJoCo's `solref`) is longer than the model's: 1
+            /// for twice as long, which lets feet sink in four times as deep.
+            pub ground_softness: f64,
         }
 
         impl Robot {
@@ -72,6 +75,7 @@ macro_rules! define {
                     payload_mass: 0.0,
                     payload_position: [0.0; 3],
                     friction_scale: 1.0,
+                    ground_softness: 0.0,
                 }
             }
 
@@ -200,7 +204,7 @@ impl Robot {
             Some(_) if floating => weights.free.map(|weight| 1.0 / weight).to_vec(),
             _ => Vec::new(),
         };
-        Ok(Params { links, joints, pairs, free, friction_scale: self.friction_scale })
+        Ok(Params { links, joints, pairs, free, friction_scale: self.friction_scale, ground_softness: self.ground_softness })
     }
 
     /// How each body of the model differs from its file, by the link that it is part of. Whatever the numbers, a body is

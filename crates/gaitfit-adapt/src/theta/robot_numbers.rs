@@ -29,11 +29,13 @@ pub enum RobotNumber {
     PayloadZ,
     /// Sliding friction of the floor over the model's.
     FloorFriction,
+    /// By which part the time constant of the ground's contacts is longer than the model's.
+    GroundSoftness,
 }
 
 impl RobotNumber {
     /// Every one.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::TorqueNoise,
         Self::BaseMass,
         Self::BaseComX,
@@ -44,6 +46,7 @@ impl RobotNumber {
         Self::PayloadY,
         Self::PayloadZ,
         Self::FloorFriction,
+        Self::GroundSoftness,
     ];
 
     /// Name in files and tables.
@@ -59,6 +62,7 @@ impl RobotNumber {
             Self::PayloadY => "payload_y",
             Self::PayloadZ => "payload_z",
             Self::FloorFriction => "floor_friction",
+            Self::GroundSoftness => "ground_softness",
         }
     }
 
@@ -69,7 +73,7 @@ impl RobotNumber {
             Self::BaseMass | Self::PayloadMass => "kg",
             Self::BaseComX | Self::BaseComY | Self::BaseComZ => "m",
             Self::PayloadX | Self::PayloadY | Self::PayloadZ => "m",
-            Self::FloorFriction => "-",
+            Self::FloorFriction | Self::GroundSoftness => "-",
         }
     }
 
@@ -84,6 +88,7 @@ impl RobotNumber {
             Self::PayloadMass => (0.0, 10.0, 2.0, 0.5),
             Self::PayloadX | Self::PayloadY | Self::PayloadZ => (-0.5, 0.5, 0.0, 0.05),
             Self::FloorFriction => (0.1, 3.0, 1.0, 0.1),
+            Self::GroundSoftness => (0.0, 5.0, 0.0, 0.3),
         };
         Defaults { lower, upper, start, deviation }
     }
@@ -91,7 +96,7 @@ impl RobotNumber {
     /// Smallest value with a meaning.
     fn least(self) -> f64 {
         match self {
-            Self::TorqueNoise | Self::PayloadMass => 0.0,
+            Self::TorqueNoise | Self::PayloadMass | Self::GroundSoftness => 0.0,
             // Contacts without any friction are another kind, which a fit cannot reach.
             Self::FloorFriction => 1e-3,
             _ => f64::NEG_INFINITY,
@@ -110,6 +115,7 @@ impl RobotNumber {
             Self::PayloadY => &mut candidate.robot.payload_position[1],
             Self::PayloadZ => &mut candidate.robot.payload_position[2],
             Self::FloorFriction => &mut candidate.robot.friction_scale,
+            Self::GroundSoftness => &mut candidate.robot.ground_softness,
         }
     }
 }

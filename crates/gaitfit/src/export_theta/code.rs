@@ -129,6 +129,10 @@ pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candida
         "torque_noise: add normal numbers to the joint efforts at every physics step",
     );
     say(
+        candidate.robot.ground_softness != 0.0,
+        "ground_softness: softer contacts (compliant_contact_stiffness and _damping of the ground's material)",
+    );
+    say(
         candidate.robot.friction_scale != 1.0,
         "friction_factor: multiply the friction of the ground's material",
     );

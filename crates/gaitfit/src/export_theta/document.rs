@@ -67,7 +67,7 @@ pub(super) fn document(
             "payload_position": robot.payload_position,
         },
         "links": links,
-        "friction_factor": robot.friction_scale, "torque_noise": candidate.torque_noise, "networks": networks,
+        "friction_factor": robot.friction_scale, "ground_softness": robot.ground_softness, "torque_noise": candidate.torque_noise, "networks": networks,
     });
     serde_json::to_string_pretty(&whole)
         .map(|text| text + "\n")

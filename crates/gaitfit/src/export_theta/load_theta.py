@@ -64,6 +64,9 @@ def gears(spec, theta):
 
 
 def friction(model, theta):
-    """Friction of all contacts, which no exported robot file says."""
+    """Friction of all contacts and time constant of the ground's, which no exported robot file says."""
     model.geom_friction[:] *= theta["friction_factor"]
     model.pair_friction[:] *= theta["friction_factor"]
+    for solref in [*model.geom_solref, *model.pair_solref]:
+        if solref[0] > 0:
+            solref[0] *= 1 + theta["ground_softness"]

@@ -70,6 +70,7 @@ fn theta_of(model: &Model, delay: f64) -> ThetaFile {
         ("payload_mass", 1.5),
         ("payload_z", 0.1),
         ("floor_friction", 0.8),
+        ("ground_softness", 0.5),
     ] {
         text.push_str(&format!("[[parameter]]\nname = \"{kind}\"\nkind = \"{kind}\"\nvalue = {value:?}\n"));
     }

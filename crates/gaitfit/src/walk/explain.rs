@@ -119,6 +119,7 @@ pub fn missing(causes: &[Cause], theta: &Theta) -> Option<String> {
         CauseKind::OddFriction => !has("frictionloss", true),
         CauseKind::Backlash => !has("play", false),
         CauseKind::Elasticity => !has("compliance", false),
+        CauseKind::Ground => !has("ground_softness", false),
         _ => true,
     };
     let listed: Vec<&str> =
@@ -237,7 +238,8 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
             "m",
             matters::HEIGHT,
             format!(
-                "feet that stand together are {:.0} mm apart in height: the ground gives way, or is uneven",
+                "feet that stand together are {:.0} mm apart in height: the ground gives way (fit it: ground_softness), or is \
+                 uneven",
                 1e3 * value
             ),
         ),
