@@ -38,7 +38,7 @@ fn named(reading: &Reading) -> (FindingKind, String) {
         let what = "the quaternion's columns w, x, y, z hold x, y, z, w".to_owned();
         return (FindingKind::QuaternionOrder, what);
     }
-    if !reading.own_axes() {
+    if !reading.base_axes() {
         let axes: Vec<String> = reading
             .axes
             .iter()
@@ -159,7 +159,7 @@ pub(super) fn check(findings: &mut Findings, clock_is_right: bool) {
     if let Some((reading, left)) = verdict.better {
         let (kind, what) = named(&reading);
         let settings = reading.settings();
-        let remedy = match (reading.own_axes(), reading.negated && !verdict.decided) {
+        let remedy = match (reading.base_axes(), reading.negated && !verdict.decided) {
             (false, _) => "record both in the base's frame".to_owned(),
             (true, true) => format!(
                 "state {} in the table [imu] of log.toml; if the orientation is from the world to the base, record its \
