@@ -1,7 +1,7 @@
 //! The driver: all runs in lock-step, one batch a generation.
 
 use super::evaluate::{Job, evaluate};
-use super::least_squares::{MOST_ENTRIES, Problem};
+use super::least_squares::{MAX_ENTRIES, Problem};
 use super::run::{Checkpoint, Run, Stop};
 use super::{CostOutcome, FallPenalty, FitError, Origin};
 use crate::cmaes::{BoundHandling, CovarianceKind};
@@ -94,8 +94,8 @@ impl Method {
             FitError::Distributions(cost.name().to_owned())
         } else if theta.regularisation(&deviations) > 0.0 {
             FitError::Regularised
-        } else if theta.len() > MOST_ENTRIES {
-            FitError::TooManyEntries { count: theta.len(), most: MOST_ENTRIES }
+        } else if theta.len() > MAX_ENTRIES {
+            FitError::TooManyEntries { count: theta.len(), most: MAX_ENTRIES }
         } else {
             return Ok(match self {
                 Self::Auto => matches!(cost.resets(), Resets::Sensors(_)),

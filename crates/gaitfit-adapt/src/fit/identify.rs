@@ -20,7 +20,7 @@ use gaitfit_sim::stats;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Most entries of a θ that is scanned.
-pub const MOST_SCANNED: usize = 50;
+pub const MAX_SCANNED: usize = 50;
 /// Steps of the scan, parts of the range; the bounds come on top.
 const STEPS: [f64; 6] = [1e-3, 3.16e-3, 1e-2, 3.16e-2, 1e-1, 3.16e-1];
 /// Draws, where recordings are too few or the robot falls.
@@ -49,7 +49,7 @@ type Rise = Option<(f64, f64)>;
 /// the data.
 ///
 /// # Errors
-/// As [`super::evaluate`]; [`FitError::Scan`] if there are more than [`MOST_SCANNED`] entries or `values` diverges.
+/// As [`super::evaluate`]; [`FitError::Scan`] if there are more than [`MAX_SCANNED`] entries or `values` diverges.
 pub fn identify(
     simulator: &dyn Simulator,
     theta: &Theta,
@@ -59,9 +59,9 @@ pub fn identify(
     draw: u64,
     cancel: &Cancel<'_>,
 ) -> Result<Vec<Identification>, FitError> {
-    if theta.len() > MOST_SCANNED || values.len() != theta.len() {
+    if theta.len() > MAX_SCANNED || values.len() != theta.len() {
         return Err(FitError::Scan(format!(
-            "{} values of {} parameters; at most {MOST_SCANNED} can be scanned",
+            "{} values of {} parameters; at most {MAX_SCANNED} can be scanned",
             values.len(),
             theta.len()
         )));

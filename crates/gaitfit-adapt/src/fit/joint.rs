@@ -16,7 +16,7 @@ use gaitfit_sim::stats;
 use nalgebra::{DMatrix, DVector};
 
 /// Most free parameters whose pairs are simulated: 12 are 132 moves of two.
-const MOST: usize = 12;
+const MAX_FREE: usize = 12;
 /// Least eigenvalue of the curvature, parts of its mean diagonal: flatter directions are not told apart from noise.
 const FLATTEST: f64 = 0.05;
 /// Part of a parameter's range that it must be able to move to both sides.
@@ -43,7 +43,7 @@ struct Free {
 }
 
 /// Widens the intervals `found` to joint ones. Those of parameters that rest on a bound, or that the logs do not
-/// identify alone, stay; all do, if more than [`MOST`] are left or the simulation of a move diverges.
+/// identify alone, stay; all do, if more than [`MAX_FREE`] are left or the simulation of a move diverges.
 ///
 /// # Errors
 /// As [`super::evaluate`].
@@ -54,7 +54,7 @@ pub(super) fn joint(
 ) -> Result<(), FitError> {
     let Around { theta, values, views, .. } = *around;
     let free = free(theta, values, found);
-    if free.is_empty() || free.len() > MOST {
+    if free.is_empty() || free.len() > MAX_FREE {
         return Ok(());
     }
     let ones = moves_of_one(&free);

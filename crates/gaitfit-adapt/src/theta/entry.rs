@@ -1,6 +1,6 @@
 //! One number that a fit changes.
 
-use super::file::MOST;
+use super::file::MAX_VALUE;
 use super::{NetworkName, ThetaError};
 use serde::Serialize;
 
@@ -37,7 +37,7 @@ impl Entry {
         if lower < least {
             return Err(ThetaError::Meaningless { name: self.name.clone(), kind: self.kind, least, lower });
         }
-        if lower < -MOST || upper > most {
+        if lower < -MAX_VALUE || upper > most {
             return Err(ThetaError::Wide { name: self.name.clone(), lower, upper, most });
         }
         Ok(())

@@ -104,7 +104,7 @@ pub struct SavedNetwork {
 const MAX_REASON: usize = 1000;
 
 /// Largest value of any number: beyond it no robot is meant, and single precision may overflow.
-pub(super) const MOST: f64 = 1e6;
+pub(super) const MAX_VALUE: f64 = 1e6;
 
 /// Why a file of found values cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -215,7 +215,7 @@ pub(super) struct ReadContext<'a> {
 
 /// A bound in few digits.
 pub(super) fn short(bound: f64) -> String {
-    if bound == MOST { format!("{bound:e}") } else { bound.to_string() }
+    if bound == MAX_VALUE { format!("{bound:e}") } else { bound.to_string() }
 }
 
 /// That a file is of another robot, if it is.
@@ -258,7 +258,7 @@ impl ReadContext<'_> {
     /// Whether the value has a meaning, and can be simulated.
     pub fn check(&self, parameter: &SavedParameter, least: f64, most: f64) -> Result<(), ThetaFileError> {
         let SavedParameter { name, value, .. } = parameter;
-        let least = least.max(-MOST);
+        let least = least.max(-MAX_VALUE);
         if (least..=most).contains(value) {
             return Ok(());
         }

@@ -1,6 +1,6 @@
 //! Parameters of joints: friction loss, armature, delay and the like.
 
-use super::file::MOST;
+use super::file::MAX_VALUE;
 use super::rules::every_joint;
 use super::sharing::Share;
 use super::{
@@ -123,7 +123,7 @@ fn defaults(parameter: JointParameter) -> Defaults {
 
 /// Largest value of a parameter.
 fn most(parameter: JointParameter) -> f64 {
-    if parameter == JointParameter::Delay { LONGEST_DELAY } else { MOST }
+    if parameter == JointParameter::Delay { LONGEST_DELAY } else { MAX_VALUE }
 }
 
 /// One parameter of some joints.

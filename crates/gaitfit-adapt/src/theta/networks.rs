@@ -1,7 +1,7 @@
 //! Networks of joints: ActionDelta and ResidAct (Dao and Fern; He et al. 2025).
 
 use super::features;
-use super::file::MOST;
+use super::file::MAX_VALUE;
 use super::rules::every_joint;
 use super::{
     Entry, Found, LinearSpring, Modification, ReadContext, SavedNetwork, Sharing, ThetaError, ThetaFile,
@@ -215,7 +215,7 @@ impl NetworkRule {
             networks.push(share.joints.into_iter().map(|joint| (joint.clone(), angle(joint))).collect());
         }
         if let Some(entry) = entries.first() {
-            entry.check(f64::NEG_INFINITY, MOST)?;
+            entry.check(f64::NEG_INFINITY, MAX_VALUE)?;
         }
         Ok(Box::new(Networks { rule: self.clone(), networks, entries }))
     }

@@ -1,6 +1,6 @@
 //! Numbers of the robot as a whole: torque noise, mass and centre of mass of the base, a load on it, friction of the floor.
 
-use super::file::MOST;
+use super::file::MAX_VALUE;
 use super::{Defaults, Entry, Modification, ReadContext, SavedParameter, ThetaError, ThetaFileError};
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
@@ -172,7 +172,7 @@ impl RobotRule {
             start: self.start.unwrap_or_else(|| self.default_start()),
             deviation: self.deviation.unwrap_or(defaults.deviation),
         };
-        entry.check(self.kind.least(), MOST)?;
+        entry.check(self.kind.least(), MAX_VALUE)?;
         Ok(Box::new(OneNumber { number: self.kind, entry: [entry] }))
     }
 }
@@ -203,6 +203,6 @@ pub(super) fn read(
     candidate: &mut Candidate,
 ) -> Option<Result<(), ThetaFileError>> {
     let number = RobotNumber::ALL.into_iter().find(|number| number.name() == parameter.kind)?;
-    let checked = context.check(parameter, number.least(), MOST);
+    let checked = context.check(parameter, number.least(), MAX_VALUE);
     Some(checked.map(|()| *number.of(candidate) = parameter.value))
 }

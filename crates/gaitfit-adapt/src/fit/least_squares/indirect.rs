@@ -59,7 +59,7 @@ const SHORT: f64 = 2e-3;
 /// A step after which the loss is larger by this part is not taken.
 const RISE: f64 = 0.01;
 /// Most noise, N·m.
-const MOST_NOISE: f64 = 30.0;
+const MAX_NOISE: f64 = 30.0;
 /// Part of a correction that counts as one standard deviation of its error.
 const SHARE: f64 = 0.2;
 /// The same where the logs leave no more than those of a simulated robot without noise: what the correction takes away may
@@ -239,7 +239,7 @@ impl Inference<'_> {
                 let said = "Noise on the simulated robot's torques does not make its logs harder to predict.";
                 return Err(Failure::Said(said.to_owned()));
             }
-            let torque_noise = ((self.own.left - quiet) / rise).max(0.0).sqrt().min(MOST_NOISE);
+            let torque_noise = ((self.own.left - quiet) / rise).max(0.0).sqrt().min(MAX_NOISE);
             let drawn: Vec<u32> = numbers.by_ref().take(self.replicates as usize).collect();
             let compared = self.compared(&simulated, torque_noise, &drawn)?;
             if torque_noise > TELLING * FIRST_NOISE {

@@ -12,11 +12,11 @@ use nalgebra::{DMatrix, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
 /// A combination of parameters with less than this part of the largest effect cannot be told.
-const LEAST_EFFECT: f64 = 1e-9;
+const MIN_EFFECT: f64 = 1e-9;
 /// Part of a parameter in such a combination from which it cannot be told either.
 const SHARE: f64 = 1e-3;
 /// Most samples over which differences are compared with each other.
-const MOST_APART: usize = 400;
+const MAX_APART: usize = 400;
 
 /// How precisely logs can tell each entry of θ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -85,7 +85,7 @@ pub(super) fn inverse(curvature: &DMatrix<f64>) -> Vec<Vec<f64>> {
         if scale[i] * scale[j] == 0.0 { 0.0 } else { curvature[(i, j)] * scale[i] * scale[j] }
     });
     let found = SymmetricEigen::new(scaled);
-    let least = LEAST_EFFECT * found.eigenvalues.iter().copied().fold(0.0, f64::max);
+    let least = MIN_EFFECT * found.eigenvalues.iter().copied().fold(0.0, f64::max);
     let (mut told, mut total) = (vec![true; count], DMatrix::<f64>::zeros(count, count));
     for (value, vector) in found.eigenvalues.iter().zip(found.eigenvectors.column_iter()) {
         if *value > least {
@@ -113,7 +113,7 @@ fn together(residuals: &Residuals, width: usize) -> f64 {
     }
     let samples = residuals.recordings.iter().map(|one| one.len() / width.max(1)).max().unwrap_or(0);
     let mut sum = 1.0;
-    for apart in 1..MOST_APART.min(samples / 4) {
+    for apart in 1..MAX_APART.min(samples / 4) {
         let alike = product(apart) / whole;
         if alike <= 0.0 {
             break;

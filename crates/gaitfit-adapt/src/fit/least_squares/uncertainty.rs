@@ -20,7 +20,7 @@ use std::ops::Range;
 /// Pieces that the logs are cut into, at least, as far as they have so many samples.
 const PIECES: usize = 24;
 /// Fewest samples of a piece: what happens within belongs together.
-const LEAST_SAMPLES: usize = 25;
+const MIN_SAMPLES: usize = 25;
 /// Draws of θ.
 const DRAWS: usize = 64;
 /// Damping that keeps equations solvable in which the logs say nothing of an entry.
@@ -246,7 +246,7 @@ fn pieces(residuals: &Residuals, width: usize) -> Vec<(usize, Range<usize>)> {
     let each = PIECES.div_ceil(residuals.recordings.len().max(1));
     let of = |(recording, found): (usize, &Vec<f32>)| {
         let samples = found.len() / width.max(1);
-        let length = samples.div_ceil(each).max(LEAST_SAMPLES);
+        let length = samples.div_ceil(each).max(MIN_SAMPLES);
         (0..samples)
             .step_by(length)
             .map(move |from| (recording, from..(from + length).min(samples)))

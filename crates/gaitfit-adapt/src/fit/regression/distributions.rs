@@ -11,7 +11,7 @@ const SIGNALS: [Signal; 3] = [Signal::Position, Signal::Velocity, Signal::Action
 /// Groups of each signal's joints, in their order: the legs of a quadruped.
 const GROUPS: usize = 4;
 /// Most samples that falls may take from the logs of a robot that is looked at.
-const MOST_LOST: f64 = 0.2;
+const MAX_LOST: f64 = 0.2;
 
 /// The distribution of each joint's position, velocity and action over all logs, as the means of sixteenths of the sorted
 /// samples: 16 numbers a joint and signal, in the reference's scaling. What is constant on the robot is left out.
@@ -60,7 +60,7 @@ impl<'a> Distributions<'a> {
         let (joints, skip) = (self.reference.joints().len(), self.reference.skip());
         let end = |log: &Predicted| log.fell_at.unwrap_or(usize::MAX).min(log.position.len() / joints);
         let kept: usize = logs.iter().map(|log| end(log).saturating_sub(skip)).sum();
-        if logs.is_empty() || (kept as f64) < (1.0 - MOST_LOST) * self.reference.counted() as f64 {
+        if logs.is_empty() || (kept as f64) < (1.0 - MAX_LOST) * self.reference.counted() as f64 {
             return None;
         }
         let mut all = Vec::new();

@@ -30,7 +30,7 @@ const FIRST: f64 = 1.5;
 /// Half the width of later ones, in errors of the round before.
 const WIDTH: f64 = 3.0;
 /// Least half width of a round, part of an entry's range: below, what single precision does to a walk is all that is seen.
-const LEAST: f64 = 2e-3;
+const MIN_WIDTH: f64 = 2e-3;
 /// Least share of the robots of a round that must walk.
 const WALKING: f64 = 0.5;
 /// How much more than the standard error of a mean of independent groups their scatter counts: what the simulator lacks is
@@ -40,7 +40,7 @@ const SHARED: f64 = 2.0;
 /// Deviations of so many errors of robots that were left out are the simulator's.
 const UNLIKE: f64 = 3.0;
 /// Most entries of a θ that is regressed on.
-pub const MOST_REGRESSED: usize = 12;
+pub const MAX_REGRESSED: usize = 12;
 
 /// The robot, simulated as it makes logs.
 pub trait Walks {
@@ -134,9 +134,9 @@ pub fn regress(
     cancel: &Cancel<'_>,
 ) -> Result<Result<Regression, String>, FitError> {
     let entries = theta.entries();
-    if entries.len() > MOST_REGRESSED {
+    if entries.len() > MAX_REGRESSED {
         return Ok(Err(format!(
-            "{} parameters are fitted, and robots are drawn for at most {MOST_REGRESSED}.",
+            "{} parameters are fitted, and robots are drawn for at most {MAX_REGRESSED}.",
             entries.len()
         )));
     }
@@ -177,7 +177,7 @@ pub fn regress(
             let beyond = 0.5 * (drawn.upper[at] - drawn.lower[at]);
             let value = drawn.values[at].clamp(drawn.lower[at] - beyond, drawn.upper[at] + beyond);
             centre[at] = value.clamp(entry.lower, entry.upper);
-            half[at] = (WIDTH * deviation[at]).max(LEAST * (entry.upper - entry.lower));
+            half[at] = (WIDTH * deviation[at]).max(MIN_WIDTH * (entry.upper - entry.lower));
         }
         rounds.push(drawn);
     }
