@@ -9,7 +9,7 @@ use crate::task::expression::{Expression, Names};
 use crate::task::{Moment, TaskError, TaskSettings};
 
 /// Most terms of one's own.
-const MAX_OWN: usize = 64;
+const MAX_EXPRESSIONS: usize = 64;
 /// Longest name of a term, bytes.
 const MAX_NAME: usize = 64;
 
@@ -85,8 +85,8 @@ fn expressions<'a>(
     settings: &'a TaskSettings,
     walker: &Walker,
 ) -> Result<Vec<(&'a str, Expression)>, TaskError> {
-    if settings.terms.len() > MAX_OWN {
-        return refuse("terms", format!("has {} terms; at most {MAX_OWN}", settings.terms.len()));
+    if settings.terms.len() > MAX_EXPRESSIONS {
+        return refuse("terms", format!("has {} terms; at most {MAX_EXPRESSIONS}", settings.terms.len()));
     }
     let model = walker.model();
     let names = Names {
