@@ -5,7 +5,7 @@ use gaitfit_policy::network::Shape;
 /// Columns of rows and of padded matrices are a multiple of this.
 const ALIGN: usize = 32;
 /// Layers that the kernels' tables have room for.
-pub(super) const MOST_LAYERS: usize = 17;
+pub(super) const MAX_LAYERS: usize = 17;
 
 /// Networks that do not fit into a multiprocessor's memory.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

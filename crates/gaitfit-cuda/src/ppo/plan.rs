@@ -3,7 +3,7 @@
 use gaitfit_learn::ppo::{Settings, Widths};
 
 use super::launch::{Array, Batch, Id, Kind, Launch, Value};
-use super::text::{LOSSES, MOST_ACTIONS, THREADS, Text};
+use super::text::{LOSSES, MAX_ACTIONS, THREADS, Text};
 use crate::runtime::Shape;
 
 /// Arrays and launches of an update.
@@ -80,7 +80,7 @@ impl Plan {
     pub(super) fn new(task: &Task<'_>, text: &Text) -> Self {
         let Task { settings, widths, batch, .. } = *task;
         let Settings { epochs, minibatches, .. } = *settings;
-        let (rows, actions) = (batch.rows(), widths.action.min(MOST_ACTIONS));
+        let (rows, actions) = (batch.rows(), widths.action.min(MAX_ACTIONS));
         let networks = text.actor.map.len() + text.critic.map.len();
         let size = networks + actions;
         let begin = |number: usize| number * rows / minibatches;

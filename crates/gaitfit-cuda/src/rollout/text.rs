@@ -120,8 +120,8 @@ impl Words {
             ("WANTED_HEIGHT", settings.height as f32),
             ("SWING_SECONDS", settings.swing_seconds as f32),
             ("SWING_HEIGHT", settings.swing_height as f32),
-            ("LEAST_UPRIGHTNESS", least_uprightness),
-            ("LEAST_HEIGHT", least_height),
+            ("MIN_UPRIGHTNESS", least_uprightness),
+            ("MIN_HEIGHT", least_height),
             ("GAMMA", scene.sizes.gamma as f32),
             ("FASTEST_BASE", FASTEST_BASE),
             ("FASTEST_JOINT", FASTEST_JOINT),
@@ -148,7 +148,7 @@ impl Words {
         for (name, value) in [
             ("HAS_LEAD", u32::from(lead != 0.0)),
             ("HAS_CLOCK", u32::from(interface.gait_frequency.is_some())),
-            ("EPISODE_STEPS_MOST", scene.episode_steps()),
+            ("EPISODE_STEPS_MAX", scene.episode_steps()),
             ("COMMAND_STEPS", scene.command_steps()),
             ("PUSH_PERIOD", (push / interface.control_dt).round() as u32),
         ] {

@@ -15,9 +15,9 @@ use super::stream::Stream;
 const SHARED_BYTES: c_int = 1;
 const LOCAL_BYTES: c_int = 3;
 const REGISTERS: c_int = 4;
-const MOST_DYNAMIC_SHARED: c_int = 8;
+const MAX_DYNAMIC_SHARED: c_int = 8;
 /// Bytes that any kernel may take as arguments.
-const MOST_ARGUMENT_BYTES: usize = 4096;
+const MAX_ARGUMENT_BYTES: usize = 4096;
 /// Shared memory that a kernel may use without asking.
 const SHARED_WITHOUT_ASKING: u32 = 48 << 10;
 
@@ -247,8 +247,7 @@ impl Kernel {
             return Err(CudaError::Launch { kernel: self.name.to_string(), reason });
         }
         // SAFETY: the kernel is alive.
-        let code =
-            unsafe { (context.driver.set_function_attribute)(self.handle, MOST_DYNAMIC_SHARED, asked) };
+        let code = unsafe { (context.driver.set_function_attribute)(self.handle, MAX_DYNAMIC_SHARED, asked) };
         context.driver.check(code, || format!("giving kernel `{}` shared memory", self.name))
     }
 
@@ -315,11 +314,11 @@ struct Packed {
 
 impl Packed {
     fn new(arguments: &[Argument]) -> Self {
-        let spare = MOST_ARGUMENT_BYTES / 8 + 1;
+        let spare = MAX_ARGUMENT_BYTES / 8 + 1;
         let mut values: Vec<[u8; 8]> = arguments.iter().map(|argument| argument.bytes).collect();
         values.resize(arguments.len() + spare, [0; 8]);
         let base = values.as_mut_ptr();
-        let pointers = (0..arguments.len().max(MOST_ARGUMENT_BYTES))
+        let pointers = (0..arguments.len().max(MAX_ARGUMENT_BYTES))
             // SAFETY: each index is inside `values`.
             .map(|index| unsafe { base.add(index.min(arguments.len())) }.cast())
             .collect();
@@ -341,8 +340,8 @@ mod tests {
         assert_eq!(read(0)[..4], 7u32.to_ne_bytes());
         assert_eq!(read(1)[..4], 2.5f32.to_ne_bytes());
         assert_eq!(read(2), [255; 8]);
-        assert!((3..MOST_ARGUMENT_BYTES).all(|index| read(index) == [0; 8]));
-        assert_eq!(packed._values.len(), 3 + MOST_ARGUMENT_BYTES / 8 + 1);
+        assert!((3..MAX_ARGUMENT_BYTES).all(|index| read(index) == [0; 8]));
+        assert_eq!(packed._values.len(), 3 + MAX_ARGUMENT_BYTES / 8 + 1);
     }
 
     #[test]

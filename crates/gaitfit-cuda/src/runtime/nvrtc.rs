@@ -33,7 +33,7 @@ functions! {
 }
 
 /// Lines of the compiler's words in an error.
-const MOST_LINES: usize = 20;
+const MAX_LINES: usize = 20;
 
 /// The compiler's library.
 pub struct Nvrtc {
@@ -175,7 +175,7 @@ impl Nvrtc {
         let log = CStr::from_bytes_until_nul(&log).unwrap_or_default().to_string_lossy().trim().to_owned();
         if code != 0 {
             // One fault may bring hundreds of lines.
-            let lines: Vec<&str> = log.lines().take(MOST_LINES).collect();
+            let lines: Vec<&str> = log.lines().take(MAX_LINES).collect();
             return Err(refuse(if log.is_empty() {
                 format!("NVRTC error {code}")
             } else {
