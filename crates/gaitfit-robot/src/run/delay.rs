@@ -11,7 +11,7 @@ use crate::state::RobotState;
 use crate::unitree::MOTORS;
 
 /// Most moments that are kept: half a minute at 500 Hz.
-const MOST: usize = 15_000;
+const MAX_SAMPLES: usize = 15_000;
 /// Delays that are tried, ms.
 const DELAYS: u64 = 60;
 /// Fewest states for an answer.
@@ -37,12 +37,12 @@ impl Trace {
     /// A command sent at `now`, and the state that came just before, if there was a new one.
     pub fn take(&mut self, now: Duration, state: Option<(Duration, RobotState)>, command: &Command) {
         if let Some(state) = state {
-            if self.states.len() == MOST {
+            if self.states.len() == MAX_SAMPLES {
                 self.states.pop_front();
             }
             self.states.push_back(state);
         }
-        if self.commands.len() == MOST {
+        if self.commands.len() == MAX_SAMPLES {
             self.commands.pop_front();
         }
         self.commands.push_back((now, *command));
