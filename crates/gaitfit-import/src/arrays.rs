@@ -3,7 +3,7 @@
 use crate::budget::Budget;
 use crate::known::{Role, role};
 use crate::mapping::{ColumnNames, Mapping, Names};
-use crate::table::{MOST_COLUMNS, Source, Table};
+use crate::table::{MAX_COLUMNS, Source, Table};
 use gaitfit_model::shown;
 use indexmap::IndexMap;
 
@@ -186,10 +186,8 @@ pub(crate) fn source(
                 });
                 budget.take_values(rows.saturating_mul(columns.len()))?;
                 for (i, column) in columns.into_iter().enumerate() {
-                    if table.columns.len() >= MOST_COLUMNS {
-                        return Err(format!(
-                            "more than {MOST_COLUMNS} columns; save only the joints' arrays"
-                        ));
+                    if table.columns.len() >= MAX_COLUMNS {
+                        return Err(format!("more than {MAX_COLUMNS} columns; save only the joints' arrays"));
                     }
                     let values = array.data.iter().skip(i).step_by(width).copied().collect();
                     table.columns.insert(column, values);

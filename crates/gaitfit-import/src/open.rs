@@ -15,7 +15,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Most files of a bag's folder.
-const MOST_FILES: usize = 1000;
+const MAX_FILES: usize = 1000;
 
 /// Reads a file or a bag's folder.
 pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportError> {
@@ -126,7 +126,7 @@ fn read(path: &Path, limit: u64) -> Result<Vec<u8>, ImportError> {
 fn bag(folder: &Path, options: &Options, budget: &mut Budget) -> Result<Source, ImportError> {
     let io = |source| ImportError::Io { path: folder.to_owned(), action: "list the folder", source };
     let mut files: Vec<PathBuf> = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(io)?.take(MOST_FILES) {
+    for entry in std::fs::read_dir(folder).map_err(io)?.take(MAX_FILES) {
         let path = entry.map_err(io)?.path();
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().to_lowercase());
         if [".mcap", ".db3", ".mcap.zstd", ".db3.zstd"].iter().any(|ending| name.ends_with(ending)) {

@@ -8,7 +8,7 @@ pub(crate) const MAGIC: &[u8] = b"SQLite format 3\0";
 /// Deepest tree.
 const DEEPEST: usize = 24;
 /// Largest row, bytes.
-const MOST_ROW: usize = 256 << 20;
+const MAX_ROW: usize = 256 << 20;
 
 /// A cell.
 #[derive(Clone, Debug, PartialEq)]
@@ -166,7 +166,7 @@ impl<'a> Database<'a> {
     ) -> Result<(), String> {
         let size = usize::try_from(varint(page, &mut at)?).map_err(|_| damaged())?;
         let id = varint(page, &mut at)?;
-        if size > MOST_ROW {
+        if size > MAX_ROW {
             return Err(damaged());
         }
         left.bytes = left.bytes.checked_sub(size + 2).ok_or_else(damaged)?;

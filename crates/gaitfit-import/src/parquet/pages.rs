@@ -9,7 +9,7 @@ use polars_parquet_format::{ColumnMetaData, CompressionCodec, Encoding, PageHead
 use std::borrow::Cow;
 
 /// Most bytes that a page's header may make: it holds names and statistics.
-const MOST_HEADER: usize = 1 << 20;
+const MAX_HEADER: usize = 1 << 20;
 const CUT: &str = "a page is cut short; the file is damaged";
 
 /// Adds the column's values in one row group, which begins at row `first`, to `column`.
@@ -32,7 +32,7 @@ pub(super) fn read(
     let (mut values, mut row) = (0, first);
     while values < wanted {
         let header = {
-            let mut protocol = TCompactInputProtocol::new(&mut rest, MOST_HEADER);
+            let mut protocol = TCompactInputProtocol::new(&mut rest, MAX_HEADER);
             PageHeader::read_from_in_protocol(&mut protocol)
         };
         let header = header.map_err(|error| format!("a page's header: {error}; the file is damaged"))?;

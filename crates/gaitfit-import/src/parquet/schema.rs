@@ -4,7 +4,7 @@ use super::encodings::Physical;
 use polars_parquet_format::{ConvertedType, FieldRepetitionType, LogicalType, SchemaElement, TimeUnit, Type};
 
 /// Deepest groups inside each other.
-const MOST_DEPTH: usize = 32;
+const MAX_DEPTH: usize = 32;
 
 /// A column.
 #[derive(Debug)]
@@ -60,7 +60,7 @@ fn walk(
     let damaged = "a schema that does not fit together; the file is damaged";
     let element = schema.get(*next).ok_or(damaged)?;
     *next += 1;
-    if above.depth > MOST_DEPTH {
+    if above.depth > MAX_DEPTH {
         return Err("columns inside columns, more than 32 deep; save plain columns".into());
     }
     let mut here = above.clone();

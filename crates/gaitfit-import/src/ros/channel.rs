@@ -5,13 +5,13 @@ use super::{cdr, message, schema};
 use crate::budget::Budget;
 use crate::known::{Role, UNITREE_GO, UNITREE_HG, is_action, is_command};
 use crate::mapping::Mapping;
-use crate::table::{MOST_COLUMNS, Source, Sparse, Table};
+use crate::table::{MAX_COLUMNS, Source, Sparse, Table};
 use gaitfit_model::shown;
 use indexmap::IndexMap;
 use std::collections::BTreeMap;
 
 /// Most topics of a bag.
-const MOST_TOPICS: usize = 10_000;
+const MAX_TOPICS: usize = 10_000;
 
 /// A topic as a bag describes it.
 #[derive(Clone, Debug, Default)]
@@ -64,8 +64,8 @@ impl<'a> Messages<'a> {
         if let Some(number) = self.streams.get_index_of(&key) {
             return Ok(number);
         }
-        if self.streams.len() >= MOST_TOPICS {
-            return Err(format!("more than {MOST_TOPICS} topics; is this a bag?"));
+        if self.streams.len() >= MAX_TOPICS {
+            return Err(format!("more than {MAX_TOPICS} topics; is this a bag?"));
         }
         let parts: Vec<&str> = channel.topic.split('/').collect();
         let streams = &self.mapping.streams;
@@ -152,8 +152,8 @@ impl<'a> Messages<'a> {
         stream.logged.push(log_ns);
         stream.stamped.extend(message::stamp_ns(&value));
         for (name, number) in columns {
-            if stream.sparse.columns.len() >= MOST_COLUMNS && !stream.sparse.columns.contains_key(&name) {
-                return Err(format!("{}: more than {MOST_COLUMNS} columns", shown(&stream.channel.topic)));
+            if stream.sparse.columns.len() >= MAX_COLUMNS && !stream.sparse.columns.contains_key(&name) {
+                return Err(format!("{}: more than {MAX_COLUMNS} columns", shown(&stream.channel.topic)));
             }
             let (rows, values) = stream.sparse.columns.entry(name).or_default();
             // A name that is there twice counts once.
