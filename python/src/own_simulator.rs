@@ -252,7 +252,7 @@ fn searched(
     let generations = options.most_generations();
     let mut fit = match &search.checkpoint {
         Some(path) if path.exists() => {
-            let text = gaitfit::files::read(path, gaitfit::files::MOST_BYTES)
+            let text = gaitfit::files::read(path, gaitfit::files::MAX_BYTES)
                 .map_err(|error| failed(format!("{}: {error}", path.display())))?;
             let checkpoint: Checkpoint = serde_json::from_slice(&text)
                 .map_err(|error| failed(format!("{}: {error}", path.display())))?;

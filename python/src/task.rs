@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 /// More robots than any machine has memory for.
-const MOST: usize = 1 << 20;
+const MAX_ENVIRONMENTS: usize = 1 << 20;
 
 /// A task: what robots see and do at it.
 #[pyclass(module = "gaitfit._gaitfit", frozen)]
@@ -71,8 +71,8 @@ impl Task {
 
 /// Refuses a number of robots that no machine has.
 pub fn checked(count: usize) -> PyResult<()> {
-    if count == 0 || count > MOST {
-        return Err(value(format!("num_envs is {count}; it must be from 1 to {MOST}")));
+    if count == 0 || count > MAX_ENVIRONMENTS {
+        return Err(value(format!("num_envs is {count}; it must be from 1 to {MAX_ENVIRONMENTS}")));
     }
     Ok(())
 }

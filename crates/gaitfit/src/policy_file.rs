@@ -107,7 +107,7 @@ pub fn holds_policy(folder: &Path) -> bool {
 
 /// The result of a finished run.
 fn results(folder: &Path) -> Option<Outcome> {
-    let text = read_text(&folder.join(RESULT), files::MOST_BYTES).ok()?;
+    let text = read_text(&folder.join(RESULT), files::MAX_BYTES).ok()?;
     serde_json::from_str::<Results>(&text).ok().map(|file| file.results)
 }
 

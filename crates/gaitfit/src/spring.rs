@@ -8,7 +8,7 @@ use std::str::FromStr;
 /// Stiffest spring, N·m/rad.
 const STIFFEST: f64 = 1e5;
 /// Largest resting angle either way, rad.
-const MOST_REST: f64 = 100.0;
+const MAX_REST: f64 = 100.0;
 
 /// A spring on a joint: `JOINT=STIFFNESS` or `JOINT=STIFFNESS@REST`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -84,8 +84,7 @@ impl FromStr for Spring {
             return Err(wrong());
         }
         let stiffness = number(stiffness, "stiffness", 0.0, STIFFEST, "N·m/rad")?;
-        let rest =
-            rest.map(|rest| number(rest, "resting angle", -MOST_REST, MOST_REST, "rad")).transpose()?;
+        let rest = rest.map(|rest| number(rest, "resting angle", -MAX_REST, MAX_REST, "rad")).transpose()?;
         Ok(Self { joint, stiffness, rest })
     }
 }

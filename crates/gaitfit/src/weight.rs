@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 
 /// Most samples that are looked at.
-const MOST: usize = 600;
+const MAX_SAMPLES: usize = 600;
 /// Torque of the weight, N·m RMS, that can be told from friction, and by which two readings must differ.
 const HEAVY: f64 = 0.25;
 /// A reading must leave less than this part of what another leaves.
@@ -64,7 +64,7 @@ impl Samples {
             return None;
         }
         let width = log.joints.len();
-        let every = log.len().div_ceil(MOST);
+        let every = log.len().div_ceil(MAX_SAMPLES);
         let row = |sample: usize| {
             let of = |values: &[f64]| values[sample * width..(sample + 1) * width].to_vec();
             let q = of(&log.position);

@@ -19,7 +19,7 @@ const LIMIT: f64 = 3.0;
 /// The median of the absolute values of normal numbers of deviation 1.
 const MEDIAN: f64 = 0.6745;
 /// Samples of a joint from which on anything is said of it.
-const LEAST_SAMPLES: usize = 100;
+const MIN_SAMPLES: usize = 100;
 /// Velocity at which dry friction is taken to change its sign, rad/s.
 const SLOW: f64 = 0.3;
 /// What errors are compared with.
@@ -122,7 +122,7 @@ impl Joint {
     fn of(series: &[Series]) -> Option<Self> {
         let mut sizes: Vec<f64> =
             series.iter().flat_map(|one| &one.errors).map(|error| error.abs()).collect();
-        if sizes.len() < LEAST_SAMPLES {
+        if sizes.len() < MIN_SAMPLES {
             return None;
         }
         sizes.sort_by(f64::total_cmp);

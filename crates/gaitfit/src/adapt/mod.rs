@@ -46,7 +46,7 @@ pub use method::Method;
 pub use odd::{JointSpring, OddJoints};
 pub use parameter::Parameter;
 pub use report::{held_out_shown, round};
-pub use results::{AdaptResults, CostFit, MOST_SHOWN};
+pub use results::{AdaptResults, CostFit, MAX_SHOWN};
 pub use score::{Score, Validation};
 pub use search::{METRICS, metrics};
 pub use sensitivity::{SensitivityResults, Told, sensitivity};

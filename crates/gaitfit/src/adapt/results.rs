@@ -30,7 +30,7 @@ use std::time::Instant;
 
 /// Most parameters that tables and reports show: a network of features on every joint of a quadruped and its friction
 /// and armature; not the 97 weights of a whole network, which say nothing one by one.
-pub const MOST_SHOWN: usize = 90;
+pub const MAX_SHOWN: usize = 90;
 
 /// The result of one adaptation. What stands beside `fits` is its first one's.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -246,7 +246,7 @@ pub(super) fn results(
             false => error,
         })?;
         let mut fit = fit(setup, cost, &outcome, course, left)?;
-        if let Some(first) = found.first().filter(|_| setup.theta.len() <= MOST_SHOWN) {
+        if let Some(first) = found.first().filter(|_| setup.theta.len() <= MAX_SHOWN) {
             fit.comparison = beside(setup, first, &outcome)?;
         }
         fits.push(fit);

@@ -12,7 +12,7 @@ use std::path::Path;
 /// Correlations above this make two parameters hard to tell apart.
 const ALIKE: f64 = 0.8;
 /// A parameter whose 95 % interval covers this part of its bounds or more is not told.
-const MOST: f64 = 0.5;
+const MAX_SHARE: f64 = 0.5;
 
 /// What logs can tell of the parameters.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -54,7 +54,7 @@ pub struct Told {
 
 /// Whether a 95 % interval of an estimate with this standard deviation covers less than half of the entry's bounds.
 pub(crate) fn identifies(entry: &Entry, deviation: f64) -> bool {
-    4.0 * deviation < MOST * (entry.upper - entry.lower)
+    4.0 * deviation < MAX_SHARE * (entry.upper - entry.lower)
 }
 
 /// `value`, if the search of `entry` could find it; `place` says where it is written.

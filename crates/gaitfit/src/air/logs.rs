@@ -13,7 +13,7 @@ use globset::Glob;
 use std::path::Path;
 
 /// Fewest samples of a log: fewer do not show how a joint moves.
-const LEAST_SAMPLES: usize = 20;
+const MIN_SAMPLES: usize = 20;
 
 /// Reads the log `named` for a robot, and gives what its checks doubt, each in a sentence. `override_gains` are gains
 /// that win over the log's own.
@@ -40,9 +40,9 @@ pub fn read(
         }
         (trajectory, report) = open(&path, &with_gains(config.gains.kp.clone(), config.gains.kd.clone()))?;
     }
-    if trajectory.len() < LEAST_SAMPLES {
+    if trajectory.len() < MIN_SAMPLES {
         return Err(Error::failed(format!(
-            "{}: {} samples are too few to compare with a simulation; give at least {LEAST_SAMPLES}, better some \
+            "{}: {} samples are too few to compare with a simulation; give at least {MIN_SAMPLES}, better some \
              seconds of motion.",
             path.display(),
             trajectory.len()

@@ -34,7 +34,7 @@ pub enum GroundChoice {
 /// Columns of each kind where kinds are named: as many pits as pyramids.
 const COLUMNS: usize = 2;
 /// Largest file of ground, bytes.
-const MOST_BYTES: u64 = 1 << 20;
+const MAX_BYTES: u64 = 1 << 20;
 
 impl GroundChoice {
     /// What is said on the command line: `own`, `none`, kinds such as `stairs,rough`, or a TOML file whose `[terrain]` or
@@ -81,7 +81,7 @@ impl GroundChoice {
         let wrong = |error: &dyn std::fmt::Display| {
             Error::settings(format!("--terrain {}: {error}", shown(&path.display().to_string())))
         };
-        let text = read_text(path, MOST_BYTES).map_err(|error| wrong(&error))?;
+        let text = read_text(path, MAX_BYTES).map_err(|error| wrong(&error))?;
         let mut table: toml::Table = toml::from_str(&text).map_err(|error| wrong(&error))?;
         if let Some(toml::Value::Table(task)) = table.remove("task") {
             table = task;

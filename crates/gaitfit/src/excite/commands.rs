@@ -23,14 +23,14 @@ use std::sync::Arc;
 /// Fewest and most candidates.
 const POOL: std::ops::RangeInclusive<usize> = 8..=10_000;
 /// Most samples of all candidates together: a robot takes about a kilobyte each.
-const MOST_ROWS: f64 = 2e6;
+const MAX_ROWS: f64 = 2e6;
 /// Sets of random sequences that the chosen ones are compared with.
 const RANDOM_SETS: u32 = 200;
 /// Times that variants of what was chosen are tried, and parts of the pool that they are.
 const ROUNDS: u32 = 2;
 const VARIANTS: usize = 4;
 /// Greatest commands over the task's, at most.
-const MOST_REACH: f64 = 10.0;
+const MAX_REACH: f64 = 10.0;
 
 /// What commands are for.
 #[derive(Clone, Debug)]
@@ -114,8 +114,8 @@ impl CommandSettings {
                 self.trajectories,
                 self.pool / 2
             )
-        } else if !(1.0..=MOST_REACH).contains(&self.reach) {
-            format!("`reach` (--reach) is {}; give 1 to {MOST_REACH}", shown_number(self.reach))
+        } else if !(1.0..=MAX_REACH).contains(&self.reach) {
+            format!("`reach` (--reach) is {}; give 1 to {MAX_REACH}", shown_number(self.reach))
         } else if !(self.torque_noise.is_finite() && (0.0..=1000.0).contains(&self.torque_noise)) {
             "`torque_noise` (--torque-noise) must be 0 to 1000 N·m".to_owned()
         } else {
@@ -148,9 +148,9 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     let method = simulated(&config, Some(policy.clone()), model.clone(), &theta, &base, Some(threads))?;
     let robot = Arc::new(Walking::robot(&config, policy, &model, &theta, &base, threads)?);
     let rows = settings.pool as f64 * settings.seconds / robot.task.walker.interface.control_dt;
-    if rows > MOST_ROWS {
+    if rows > MAX_ROWS {
         return Err(Error::settings(format!(
-            "`pool` (--pool) sequences of `seconds` (--seconds) have {rows:.0} samples together; at most {MOST_ROWS:.0} are \
+            "`pool` (--pool) sequences of `seconds` (--seconds) have {rows:.0} samples together; at most {MAX_ROWS:.0} are \
              simulated: give fewer or shorter ones"
         )));
     }

@@ -2,7 +2,7 @@
 
 use super::Swept;
 use super::body::Body;
-use super::settings::{ChirpSettings, MOST_SAMPLES};
+use super::settings::{ChirpSettings, MAX_SAMPLES};
 use super::sweep::Sweep;
 use crate::watch::Watch;
 use crate::{Error, machine};
@@ -28,7 +28,7 @@ const LARGEST: f64 = 0.97;
 /// What is left of the room after a step.
 const INSIDE: f64 = 0.97;
 /// A chirp this much smaller than asked for is none.
-const LEAST: f64 = 0.02;
+const MIN_SHARE: f64 = 0.02;
 /// A top frequency is not lowered below this many first ones, nor below this part of what was asked for.
 const SLOWEST: f64 = 0.25;
 /// How much of a step goes to the joints that carry a joint, or hang on it.
@@ -327,9 +327,9 @@ pub(super) fn shrink(
 ) -> Result<Safe, Error> {
     let mut sweep = Sweep::new(settings, &body.centre, &body.turn);
     let samples = sweep.samples() as f64;
-    if samples > MOST_SAMPLES {
+    if samples > MAX_SAMPLES {
         return Err(Error::settings(format!(
-            "the chirp has {samples} targets, more than {MOST_SAMPLES}; shorten `seconds` (--seconds), lower `rate` \
+            "the chirp has {samples} targets, more than {MAX_SAMPLES}; shorten `seconds` (--seconds), lower `rate` \
              (--rate), or let more joints move together (--turns)"
         )));
     }
@@ -384,7 +384,7 @@ pub(super) fn shrink(
         let small = sweep
             .joints
             .iter()
-            .position(|joint| joint.turn.is_some() && joint.amplitude < LEAST * settings.amplitude);
+            .position(|joint| joint.turn.is_some() && joint.amplitude < MIN_SHARE * settings.amplitude);
         if let Some(joint) = small {
             let why = limited[joint].clone().or(last).unwrap_or_default();
             return Err(Error::settings(format!(

@@ -9,7 +9,7 @@ const NEAR_GROUND: f64 = 0.3;
 /// Geoms of a foot lie within this share of it of the foot's lowest point.
 const SAME_FOOT: f64 = 0.03;
 /// Most legs.
-const MOST_LEGS: usize = 8;
+const MAX_LEGS: usize = 8;
 
 /// A leg.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,8 +78,8 @@ impl Anatomy {
             legs.push(leg(model, path, &own, lowest, SAME_FOOT * height, &frames));
         }
         let robot = || shown(&model.name);
-        if legs.len() > MOST_LEGS {
-            return Err(InitError::ManyLegs { robot: robot(), legs: legs.len(), most: MOST_LEGS });
+        if legs.len() > MAX_LEGS {
+            return Err(InitError::ManyLegs { robot: robot(), legs: legs.len(), most: MAX_LEGS });
         }
         if legs.is_empty() {
             // Last links without a geom that collides.

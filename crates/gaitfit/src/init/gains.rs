@@ -20,7 +20,7 @@ const SCALE: f64 = 0.25;
 const STEP: f64 = 0.005;
 const PERIOD: f64 = 0.02;
 /// Most physics steps in a control period.
-const MOST_SUBSTEPS: f64 = 20.0;
+const MAX_SUBSTEPS: f64 = 20.0;
 /// Most of kp h²/I and of kd h/I, h the physics step and I the inertia that a joint feels in the air: beyond 4 and 2 a
 /// joint shakes in the simulation. The Go2's calves have 0.4 and 1.6.
 const STIFFEST: f64 = 1.0;
@@ -177,11 +177,7 @@ fn substeps(model: &Model, kp: &[f64], kd: &[f64], inertia: &[f64]) -> usize {
     }
     let step = (3.0 / most_d).min((2.0 / most_k).sqrt()).min(STEP);
     let steps = (PERIOD / step - 1e-9).ceil();
-    if steps.is_finite() {
-        steps.clamp(PERIOD / STEP, MOST_SUBSTEPS) as usize
-    } else {
-        MOST_SUBSTEPS as usize
-    }
+    if steps.is_finite() { steps.clamp(PERIOD / STEP, MAX_SUBSTEPS) as usize } else { MAX_SUBSTEPS as usize }
 }
 
 /// Some names, and how many more there are.

@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 const BIPED_ITERATIONS: u32 = 1500;
 
 /// Share of the base's own mass that randomised robots may lack.
-const LEAST_SHARE: f64 = 0.5;
+const MIN_SHARE: f64 = 0.5;
 
 /// A basic string of TOML, which may be a key too: its escapes are those of JSON.
 pub fn quoted(text: &str) -> String {
@@ -129,7 +129,7 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     let mass = sizes.mass / super::sizes::GO2_MASS;
     // Some files have a base of little mass that the rest is fixed to: more than it has cannot be taken away.
     let own = model.bodies.first().map_or(0.0, |base| base.mass);
-    let least = -mass.min(LEAST_SHARE * own);
+    let least = -mass.min(MIN_SHARE * own);
     line(&mut text, "base_mass", format!("[{:?}, {:?}]", tidy(least), tidy(3.0 * mass)), "kg added");
     line(&mut text, "base_com", float(tidy(0.02 * sizes.length())), "m, half range along each axis");
     if let Some([least, most]) = gains.armature {

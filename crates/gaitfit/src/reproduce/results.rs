@@ -128,12 +128,12 @@ pub struct Walk {
 }
 
 /// Entries of θ that are written one by one: more are a network's weights.
-const MOST_SHOWN: usize = 50;
+const MAX_SHOWN: usize = 50;
 
 impl SeedFit {
     /// What a fit of one cost found in so many seconds.
     pub fn new(fit: &CostFit, seconds: f64) -> Self {
-        let shown = if fit.parameters.len() <= MOST_SHOWN { fit.parameters.as_slice() } else { &[] };
+        let shown = if fit.parameters.len() <= MAX_SHOWN { fit.parameters.as_slice() } else { &[] };
         let error = |value: f64, truth: f64| 100.0 * (value / truth - 1.0).abs();
         Self {
             values: shown.iter().map(|one| (one.found.name.clone(), one.found.value)).collect(),

@@ -57,7 +57,7 @@ fn json<T: Serialize>(value: &T) -> Result<Vec<u8>, Error> {
 /// # Errors
 /// What is no regular file, or cannot be read.
 pub fn hash_file(path: &Path) -> Result<String, Error> {
-    let bytes = files::read(path, files::MOST_BYTES).map_err(|error| Error::unreadable(path, error))?;
+    let bytes = files::read(path, files::MAX_BYTES).map_err(|error| Error::unreadable(path, error))?;
     Ok(hash(&bytes))
 }
 

@@ -1,6 +1,6 @@
 //! Settings of `gaitfit fit` that do not go together, and what they mean to the optimiser.
 
-use super::{AdaptConfig, Base, LEAST_STRETCH_S, MOST_SEED};
+use super::{AdaptConfig, Base, MAX_SEED, MIN_STRETCH_S};
 
 /// Largest `simulation.starts`.
 const MAX_STARTS: usize = 64;
@@ -64,7 +64,7 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "`optimizer.generations` must be at least 1"
     } else if optimizer.seeds == 0 || optimizer.seeds > 1000 {
         "`optimizer.seeds` must be 1 to 1000"
-    } else if optimizer.seed.checked_add(optimizer.seeds as u64).is_none_or(|last| last > MOST_SEED) {
+    } else if optimizer.seed.checked_add(optimizer.seeds as u64).is_none_or(|last| last > MAX_SEED) {
         "`optimizer.seed`, and with it the last of `optimizer.seeds` seeds, must be below 2^63"
     } else if optimizer.population == 1 || optimizer.population > 10_000 {
         "`optimizer.population` must be 0 (chosen by the number of parameters) or 2 to 10000"
@@ -88,7 +88,7 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "`simulation.starts` is for walking logs; add base = \"free\" if the robot walked"
     } else if !not_negative(config.skip_seconds()) {
         "`simulation.skip_seconds` must be at least 0"
-    } else if horizon != 0.0 && !(horizon >= LEAST_STRETCH_S && horizon.is_finite()) {
+    } else if horizon != 0.0 && !(horizon >= MIN_STRETCH_S && horizon.is_finite()) {
         "`simulation.horizon_seconds` must be 0 (whole logs) or at least 1"
     } else if !free && horizon != 0.0 {
         "`simulation.horizon_seconds` is for walking logs; add base = \"free\" if the robot walked"

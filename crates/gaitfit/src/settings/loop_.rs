@@ -15,7 +15,7 @@ use toml::{Spanned, Table};
 use crate::Error;
 
 /// Most robots of a drift trial.
-pub const MOST_DRIFT: usize = 100_000;
+pub const MAX_DRIFT: usize = 100_000;
 
 /// The defaults, as `gaitfit config loop` prints them.
 pub const LOOP_DEFAULTS: &str = include_str!("loop.toml");
@@ -95,7 +95,7 @@ pub struct EvaluateConfig {
 }
 
 /// Largest seed: whole numbers of TOML go no further.
-pub const MOST_SEED: u64 = i64::MAX as u64;
+pub const MAX_SEED: u64 = i64::MAX as u64;
 
 /// Settings that do not change what a stage does.
 pub const FREE: [&str; 8] = [
@@ -226,8 +226,8 @@ impl LoopConfig {
             "`finetune.seeds` is empty; give one or more".to_owned()
         } else if evaluate.trajectories == 0 || evaluate.trajectories > 10_000_000 {
             "`evaluate.trajectories` must be 1 to 10000000".to_owned()
-        } else if evaluate.drift > MOST_DRIFT {
-            format!("`evaluate.drift` must be at most {MOST_DRIFT} robots")
+        } else if evaluate.drift > MAX_DRIFT {
+            format!("`evaluate.drift` must be at most {MAX_DRIFT} robots")
         } else if !length(evaluate.seconds) {
             "`evaluate.seconds` must be above 0 and at most 3600".to_owned()
         } else if let Some(wrong) = self.target.as_ref().and_then(TargetConfig::wrong) {
@@ -284,7 +284,7 @@ impl LoopConfig {
         };
         // Rounds draw different candidates.
         let offset = u64::from(round - 1).saturating_mul(adapt.optimizer.seeds as u64);
-        adapt.optimizer.seed = adapt.optimizer.seed.saturating_add(offset).min(MOST_SEED);
+        adapt.optimizer.seed = adapt.optimizer.seed.saturating_add(offset).min(MAX_SEED);
         adapt.parameter.iter_mut().for_each(gaitfit_adapt::ParameterRule::resolve);
         adapt.number.iter_mut().for_each(gaitfit_adapt::RobotRule::resolve);
         adapt

@@ -6,8 +6,8 @@ use gaitfit_model::escaped;
 use std::path::Path;
 
 /// Most characters of a message, and of a `--set` in one.
-pub const MOST_MESSAGE: usize = 4000;
-pub const MOST_SET: usize = 200;
+pub const MAX_MESSAGE: usize = 4000;
+pub const MAX_SET: usize = 200;
 
 /// A text for a message: without control characters, and without numbers of hundreds of digits.
 pub fn tamed(text: &str, most: usize) -> String {
@@ -17,7 +17,7 @@ pub fn tamed(text: &str, most: usize) -> String {
 /// What a reader of TOML says, with the nearest name that there is.
 pub fn explained(error: &toml::de::Error) -> String {
     let message = error.message().trim_end();
-    format!("{}{}", tamed(&in_words(message), MOST_MESSAGE), nearest(message))
+    format!("{}{}", tamed(&in_words(message), MAX_MESSAGE), nearest(message))
 }
 
 /// A message with what a number must be in words instead of the name of a type: "expected u32".

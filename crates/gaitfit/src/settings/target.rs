@@ -249,13 +249,13 @@ impl TargetConfig {
 }
 
 /// Largest deviation of torques, N·m.
-const MOST_TORQUE_NOISE: f64 = 1000.0;
+const MAX_TORQUE_NOISE: f64 = 1000.0;
 
 /// Refuses a deviation of torques that cannot be, in words; `key` names the setting.
 pub fn check_torque_noise(key: &str, noise: f64) -> Result<(), String> {
-    if (0.0..=MOST_TORQUE_NOISE).contains(&noise) {
+    if (0.0..=MAX_TORQUE_NOISE).contains(&noise) {
         return Ok(());
     }
     let option = if key == "torque_noise" { " (--torque-noise)" } else { "" };
-    Err(format!("`{key}`{option} is {} and must be from 0 to {MOST_TORQUE_NOISE} N·m", shown_number(noise)))
+    Err(format!("`{key}`{option} is {} and must be from 0 to {MAX_TORQUE_NOISE} N·m", shown_number(noise)))
 }

@@ -1,6 +1,6 @@
 //! Tasks in configurations: a built-in one and what differs from it, and what of a built-in one is the Go2's alone.
 
-use super::load::{MOST_BYTES, merge, taken, too_large};
+use super::load::{MAX_BYTES, merge, taken, too_large};
 use super::messages::{line_and_column, located};
 use crate::Error;
 use crate::files::read_text;
@@ -209,7 +209,7 @@ impl Serialize for Task {
 /// # Errors
 /// A file that cannot be read, or settings that there are not, with file, line and column.
 pub fn load_task(path: &Path, under: &str, model: &Model) -> Result<TaskSettings, Error> {
-    let text = read_text(path, MOST_BYTES)
+    let text = read_text(path, MAX_BYTES)
         .map_err(|error| Error::settings(format!("cannot read {}: {error}", path.display())))?;
     let located = |error| located(path, &text, &error);
     let whole = |table| TaskSettings::deserialize(Deserializer::from(Spanned::new(0..0, table)));
@@ -320,12 +320,12 @@ mod tests {
     }
 
     /// What another robot must state.
-    const OWN: &str = "feet = [\"FL_foot\"]\ngait = []\nheight = 0.4\nswing_height = 0.1\n[policy]\naction_scale = 0.5\n\
+    const TASK: &str = "feet = [\"FL_foot\"]\ngait = []\nheight = 0.4\nswing_height = 0.1\n[policy]\naction_scale = 0.5\n\
                        kp = { \"*\" = 20, \"*_calf\" = 30 }\nkd = 1\ndefault_pose = { \"*_calf\" = -1 }\n\
                        [fall]\ncontacts = []\nheight = 0.2\n";
 
     fn own(prefix: &str) -> String {
-        OWN.replace("[policy]", &format!("[{prefix}policy]")).replace("[fall]", &format!("[{prefix}fall]"))
+        TASK.replace("[policy]", &format!("[{prefix}policy]")).replace("[fall]", &format!("[{prefix}fall]"))
     }
 
     #[test]
@@ -361,7 +361,7 @@ mod tests {
         };
         let error = read("base = \"velocity\"\nheight = 0.4\n", &a1()).unwrap_err().to_string();
         assert!(error.contains("task.policy.default_pose") && !error.contains("task.height"), "{error}");
-        let plain = read(&format!("base = \"velocity\"\n{OWN}"), &a1()).unwrap();
+        let plain = read(&format!("base = \"velocity\"\n{TASK}"), &a1()).unwrap();
         assert_eq!(plain.policy.default_pose.len(), 1);
         let training = format!("robot = \"a1.xml\"\n[task]\nbase = \"velocity\"\n{}", own("task."));
         assert_eq!(read(&training, &a1()).unwrap(), plain, "the task of a training's configuration");

@@ -14,7 +14,7 @@ const GAP: usize = 2;
 const COARSE: usize = 3;
 /// Share of the coarse cells below which combined commands are missing. Driving along one axis at a time visits 7 of
 /// 27.
-const LEAST_SHARE: f64 = 0.3;
+const MIN_SHARE: f64 = 0.3;
 /// Share of the data outside the range that is worth a word.
 const OUTSIDE: f64 = 0.05;
 
@@ -92,7 +92,7 @@ impl Coverage {
                 "the logs do not cover the policy's commands: {}; the fit says nothing there: record these next time",
                 missing.join(", ")
             ));
-        } else if self.share < LEAST_SHARE {
+        } else if self.share < MIN_SHARE {
             warnings.push(format!(
                 "the logs cover {:.0} % of the combinations of vx, vy and yaw rate; ask for several at once next time",
                 100.0 * self.share

@@ -27,10 +27,10 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Counted data that a fit needs, s.
-const LEAST_S: f64 = 10.0;
+const MIN_S: f64 = 10.0;
 
 /// Most numbers of all logs of a fit together: a fit takes about ten times their memory, 0.8 GB.
-const MOST_VALUES: usize = 10_000_000;
+const MAX_VALUES: usize = 10_000_000;
 
 /// What logs are read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -132,9 +132,9 @@ pub fn read(
             continue;
         }
         values += numbers(&read.trajectory);
-        if values > MOST_VALUES {
+        if values > MAX_VALUES {
             return Err(Error::failed(format!(
-                "{}: the logs up to here hold more than {MOST_VALUES} numbers, which is what a fit takes into memory. Name \
+                "{}: the logs up to here hold more than {MAX_VALUES} numbers, which is what a fit takes into memory. Name \
                  fewer logs, or, where they are faster than the policy, take one row of many: `gaitfit import LOG.csv \
                  --every 10 --out LESS.csv`.",
                 read.file.path.display()
@@ -224,7 +224,7 @@ pub fn read(
 
 fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error> {
     let model = scene.walker.batch.model();
-    let options = ReadOptions { max_values: MOST_VALUES, ..ReadOptions::default() };
+    let options = ReadOptions { max_values: MAX_VALUES, ..ReadOptions::default() };
     let (trajectory, report) = read_csv_report(&file.path, &options).map_err(Error::failed)?;
     let (mut trajectory, joints) =
         log_joints::of_robot(&trajectory, &file.path, &config.joint_names, model, &scene.walker.joints)?;
@@ -435,7 +435,7 @@ fn enough(
     let skipped = config.skip_seconds();
     let seconds: f64 = logs.iter().map(|log| log.trajectory.duration() - skipped).sum();
     let needed = match purpose {
-        Purpose::Fit => LEAST_S,
+        Purpose::Fit => MIN_S,
         Purpose::Validation => config.least_stretch(),
     };
     if seconds >= needed {
@@ -471,7 +471,7 @@ fn enough(
         let seconds = seconds.max(0.0);
         match purpose {
             Purpose::Fit => format!(
-                "{shown}: the logs hold {seconds:.1} s of walking that count{because}; a fit needs at least {LEAST_S} s, \
+                "{shown}: the logs hold {seconds:.1} s of walking that count{because}; a fit needs at least {MIN_S} s, \
                  and does well with some minutes: record more and longer, with varied commands."
             ),
             Purpose::Validation => format!(

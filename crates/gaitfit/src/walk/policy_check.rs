@@ -15,9 +15,9 @@ use gaitfit_policy::observation::{Layout, Past};
 use serde::Serialize;
 
 /// Most samples that are looked at, evenly over the logs.
-const MOST_SAMPLES: usize = 1500;
+const MAX_SAMPLES: usize = 1500;
 /// Samples below which nothing can be said.
-const LEAST_SAMPLES: usize = 40;
+const MIN_SAMPLES: usize = 40;
 /// Share of the samples, those least well met, that do not count: stumbles, dropouts, samples between two steps.
 const LEFT_OUT: f64 = 0.1;
 /// Mismatch from which on it is worth a warning, and from which on the policy is another. Measured on logs of three
@@ -69,14 +69,14 @@ pub fn check(policy: &Policy, logs: &[&Trajectory]) -> PolicyMatch {
 pub fn mismatch(policy: &Policy, logs: &[&Trajectory]) -> Option<f64> {
     let here = Comparison::new(policy, logs, 0);
     let mismatch = here.mismatch(None);
-    (here.samples.len() >= LEAST_SAMPLES && mismatch.is_finite()).then_some(mismatch)
+    (here.samples.len() >= MIN_SAMPLES && mismatch.is_finite()).then_some(mismatch)
 }
 
 /// As [`mismatch`], over about so many samples.
 pub(crate) fn mismatch_of(policy: &Policy, logs: &[&Trajectory], samples: usize) -> Option<f64> {
     let here = Comparison::over(policy, logs, 0, samples);
     let mismatch = here.mismatch(None);
-    (here.samples.len() >= LEAST_SAMPLES && mismatch.is_finite()).then_some(mismatch)
+    (here.samples.len() >= MIN_SAMPLES && mismatch.is_finite()).then_some(mismatch)
 }
 
 /// [`PolicyMatch::slope`] alone, over about so many samples.
@@ -99,7 +99,7 @@ struct Comparison {
 impl Comparison {
     /// `shift`: samples by which the logged actions are taken later than the row they stand in.
     fn new(policy: &Policy, logs: &[&Trajectory], shift: isize) -> Self {
-        Self::over(policy, logs, shift, MOST_SAMPLES)
+        Self::over(policy, logs, shift, MAX_SAMPLES)
     }
 
     /// The same over about `most` samples.
@@ -261,7 +261,7 @@ impl PolicyMatch {
 
     /// Whether the actions are the policy's without doubt.
     pub fn agrees(&self) -> bool {
-        self.samples >= LEAST_SAMPLES && self.mismatch < DOUBTFUL
+        self.samples >= MIN_SAMPLES && self.mismatch < DOUBTFUL
     }
 
     /// What was measured, for messages.
@@ -280,7 +280,7 @@ impl PolicyMatch {
     /// # Errors
     /// Another policy: named, with the log that fits least.
     pub fn judge(&self, policy: &str, logs: &[&str]) -> Result<Vec<String>, Error> {
-        if self.samples < LEAST_SAMPLES || !self.mismatch.is_finite() {
+        if self.samples < MIN_SAMPLES || !self.mismatch.is_finite() {
             return Ok(vec![format!(
                 "the logs do not show whether their actions are those of {policy}: only {} samples can be compared",
                 self.samples

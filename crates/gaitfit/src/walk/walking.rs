@@ -59,7 +59,7 @@ impl Walking {
         let mut preset = config.simulation.preset;
         if let Some(step) = settings.robot_timestep {
             let period = policy.interface.control_dt;
-            settings.substeps = substeps(period, step.max(LEAST_STEP));
+            settings.substeps = substeps(period, step.max(MIN_STEP));
             let own = period / settings.substeps as f64;
             settings.robot_timestep = Some(step).filter(|step| (own - step).abs() > 1e-3 * own);
             preset = Preset::Accurate;
@@ -91,7 +91,7 @@ pub fn rest_angles(policy: &Policy, model: &Model) -> Result<Vec<f64>, Error> {
 }
 
 /// Shortest step of a robot that makes logs, s: those of motor boards beyond it cost much time and change little.
-const LEAST_STEP: f64 = 5e-4;
+const MIN_STEP: f64 = 5e-4;
 
 /// Physics steps of at most `step` in a control period. A period of 20 ms and a step of 5 ms mean four, whatever the last
 /// digit says.

@@ -19,7 +19,7 @@ use std::sync::Arc;
 const BLOCK_S: f64 = 0.5;
 /// How often halves are drawn, and the fewest blocks that halves are drawn of.
 const DRAWS: u32 = 100;
-const LEAST_BLOCKS: usize = 8;
+const MIN_BLOCKS: usize = 8;
 /// Half the width of the range that 95 % of normal draws lie in, in deviations.
 const RANGE: f64 = 1.96;
 /// Seed of the draws.
@@ -227,7 +227,7 @@ fn floor(
     logs: &[usize],
 ) -> (Option<Floor>, Vec<Breakdown>) {
     let (mut drawn, mut fitted) = (Vec::new(), Vec::new());
-    for draw in (0..DRAWS).take_while(|_| own.len() >= LEAST_BLOCKS) {
+    for draw in (0..DRAWS).take_while(|_| own.len() >= MIN_BLOCKS) {
         let (one, other) = halves(draw, logs);
         let Some(against) = cost.subset(&one) else { break };
         drawn.extend(of(against.as_ref(), own, &other));

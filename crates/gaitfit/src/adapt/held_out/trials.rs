@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Commands of two trials that differ by less than this, mean over samples and parts, are the same; m/s and rad/s.
 const SAME: f64 = 0.02;
 /// Trials that a comparison needs.
-const LEAST_PAIRS: usize = 3;
+const MIN_PAIRS: usize = 3;
 
 /// Distances of held-out logs to another trial of their commands, and of the fitted robot to the same logs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,7 +44,7 @@ pub(super) fn pairs(held: &[Log], others: &[Log]) -> Vec<(usize, usize)> {
         Some((number, other))
     };
     let found: Vec<(usize, usize)> = held.iter().enumerate().filter_map(of).collect();
-    if found.len() < LEAST_PAIRS { Vec::new() } else { found }
+    if found.len() < MIN_PAIRS { Vec::new() } else { found }
 }
 
 /// Whether two logs have the same commands, sample by sample as far as both go.

@@ -23,9 +23,9 @@ use std::time::Instant;
 const FILE: &str = "odd_joints.json";
 /// Springs below this part of the joint's position gain are not worth a word: they move it by less than this part of what
 /// its target does.
-const LEAST: f64 = 0.02;
+const MIN_SHARE: f64 = 0.02;
 /// Stiffness that is not worth a word on a joint whose gain is not known, N·m/rad.
-const LEAST_STIFFNESS: f64 = 0.2;
+const MIN_STIFFNESS: f64 = 0.2;
 /// The first fit ends once steps are this part of the entries' deviations.
 const TOLERANCE: f64 = 1e-2;
 
@@ -144,7 +144,7 @@ fn compare(setup: &Setup, theta: &Theta, outcome: &CostOutcome) -> OddJoints {
         .collect();
     let gains = setup.method.walking().map(|walking| walking.task.walker.interface.kp.as_slice());
     let gain = gains.unwrap_or_default().iter().copied().filter(|gain| *gain > 0.0).reduce(f64::min);
-    let least = gain.map_or(LEAST_STIFFNESS, |gain| LEAST * gain);
+    let least = gain.map_or(MIN_STIFFNESS, |gain| MIN_SHARE * gain);
     let judged = Judged::new(&stiffness, least);
     let odd = judged.odd().into_iter().map(|at| springs[at].joint.clone()).collect();
     let found = springs.iter().enumerate().map(|(at, spring)| JointSpring {
