@@ -13,7 +13,7 @@ pub struct Import {
     /// Log to write
     #[arg(long, value_name = "FILE.csv")]
     pub out: PathBuf,
-    /// Joints, units and columns that the recording does not state (docs/logs.md)
+    /// Joints, units and columns that the recording does not state (docs/import.md)
     #[arg(long, value_name = "FILE.toml")]
     pub mapping: Option<PathBuf>,
     /// Robot whose joints' order numbered joints have

@@ -213,8 +213,8 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     if !of.iter().any(|&entry| told[entry].is_finite()) {
         let names: Vec<&str> = of.iter().map(|&entry| theta.entries()[entry].name.as_str()).collect();
         return Err(Error::failed(format!(
-            "no command sequence tells {}: the simulated walks are the same whatever the values; look at what they act on \
-             (docs/loop.md), and give values near the robot's (--theta)",
+            "no command sequence identifies {}: the simulated walks are the same with all their values; check what they act on \
+             (docs/fit.md), and give values near the robot's (--theta)",
             names.join(", ")
         )));
     }

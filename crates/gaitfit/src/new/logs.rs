@@ -68,7 +68,7 @@ impl Logs {
             let robot: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
             return Err(Error::settings(format!(
                 "{}: the robot has no joints {}; it has {}. Rename the log's columns, or give --mapping with `joints` \
-                 (docs/logs.md)",
+                 (docs/import.md)",
                 file.display(),
                 strange.join(", "),
                 robot.join(", ")

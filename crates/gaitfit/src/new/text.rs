@@ -48,9 +48,7 @@ impl Found<'_> {
 
     fn walk(&self, text: &mut String) {
         list(text, "logs", &self.settings.logs, self, "every fourth is not fitted but predicted at the end");
-        text.push_str(
-            "\n[adapt]\n# costs = [\"wass\"]              # what is compared: docs/loop.md, \"Which cost\"\n",
-        );
+        text.push_str("\n[adapt]\n# costs = [\"wass\"]              # what is compared: docs/costs.md\n");
         self.write_groups(text, "adapt.groups");
         text.push_str("\n[adapt.simulation]\n");
         line(

@@ -3,7 +3,7 @@
 //!
 //! On walks of a real Go2 the distributions of whole walks (`wass`) with the load, the floor and the strength among the
 //! parameters come as near to walks that were not fitted as the robot comes to itself; short predictions (`matchr`) with
-//! friction and armature alone come out further off than the robot before the fit. See docs/accuracy.md.
+//! friction and armature alone come out further off than the robot before the fit. See docs/results/accuracy.md.
 
 use super::load::merge;
 use toml::Spanned;
