@@ -92,11 +92,11 @@ fn one_each(arrays: &Arrays, mapping: &Mapping) -> Result<(), String> {
 
 /// Refuses positions with another number of rows than there are times.
 fn differing(arrays: &Arrays, mapping: &Mapping, rows: usize) -> Result<(), String> {
-    let of = |wanted: Role| {
+    let array = |wanted: Role| {
         let found = arrays.numbers.iter().find(|(name, _)| role_of(name, mapping) == Some(wanted));
         found.filter(|(_, array)| !array.shape.is_empty())
     };
-    let (Some((time, _)), Some((position, array))) = (of(Role::Time), of(Role::Position)) else {
+    let (Some((time, _)), Some((position, array))) = (array(Role::Time), array(Role::Position)) else {
         return Ok(());
     };
     if array.shape[0] == rows {

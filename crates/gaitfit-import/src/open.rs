@@ -35,7 +35,7 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
     let only_rate = Mapping { rate_hz: mapping.rate_hz, every: mapping.every, ..Mapping::default() };
     if kind == Kind::Text && mapping == &only_rate && is_own(&bytes) {
         drop(bytes);
-        return own(path, options);
+        return read_log(path, options);
     }
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let refused = |what, remedy: String| Err(ImportError::Refused { path: path.to_owned(), what, remedy });
@@ -188,7 +188,7 @@ fn is_own(bytes: &[u8]) -> bool {
 }
 
 /// Reads a log of gaitfit's own as its reader does, with comments and sidecar files.
-fn own(path: &Path, options: &Options) -> Result<Source, ImportError> {
+fn read_log(path: &Path, options: &Options) -> Result<Source, ImportError> {
     let rate_hz = options.mapping.rate_hz;
     let every = options.mapping.every.unwrap_or(1);
     let read = ReadOptions { max_bytes: options.max_bytes, rate_hz, every, ..ReadOptions::default() };

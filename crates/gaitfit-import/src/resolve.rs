@@ -197,11 +197,11 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
     };
     let numbers: Vec<(bool, usize)> =
         source.tables.iter().flat_map(|table| table.columns.keys()).filter_map(|name| number(name)).collect();
-    let most =
+    let slots =
         |motors: bool| numbers.iter().filter(|(is, _)| *is == motors).map(|(_, number)| number + 1).max();
     let given: Option<Vec<String>> = mapping.joints.clone().or_else(|| source.joints.clone());
     let usual = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
-    let motors: Vec<String> = match (&given, most(true)) {
+    let motors: Vec<String> = match (&given, slots(true)) {
         (_, None) => Vec::new(),
         (Some(given), Some(_)) => given.clone(),
         (None, Some(count)) => {
@@ -215,7 +215,7 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
             usual(names)
         }
     };
-    let joints: Vec<String> = match (most(false), given) {
+    let joints: Vec<String> = match (slots(false), given) {
         (None, _) => Vec::new(),
         (Some(count), Some(given)) if given.len() == count => {
             source.assumed.push(format!(

@@ -170,13 +170,13 @@ impl<'a> Database<'a> {
             return Err(damaged());
         }
         left.bytes = left.bytes.checked_sub(size + 2).ok_or_else(damaged)?;
-        let (most, least) = (self.usable - 35, (self.usable - 12) * 32 / 255 - 23);
-        if size <= most {
+        let (max, min) = (self.usable - 35, (self.usable - 12) * 32 / 255 - 23);
+        if size <= max {
             let content = at.checked_add(size).and_then(|end| page.get(at..end)).ok_or_else(damaged)?;
             return visit(content, id, row);
         }
-        let here = least + (size - least) % (self.usable - 4);
-        let here = if here <= most { here } else { least };
+        let here = min + (size - min) % (self.usable - 4);
+        let here = if here <= max { here } else { min };
         let mut content = Vec::with_capacity(size);
         content.extend_from_slice(page.get(at..at + here).ok_or_else(damaged)?);
         let mut next = be32(page, at + here)?;

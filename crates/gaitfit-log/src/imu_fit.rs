@@ -117,14 +117,14 @@ pub(crate) fn judge(log: &Trajectory) -> Option<Verdict> {
     let mut spans = Spans::new(log, rates)?;
     spans.trim(quaternion);
     let named = Reading::AS_NAMED;
-    let own = spans.moments(quaternion, named.order, named.frame)?;
-    let rms = |sum: f64| (sum / own.count as f64).sqrt() / spans.seconds;
-    let rms = [rms(own.turned), rms(own.integrated)];
+    let moments = spans.moments(quaternion, named.order, named.frame)?;
+    let rms = |sum: f64| (sum / moments.count as f64).sqrt() / spans.seconds;
+    let rms = [rms(moments.turned), rms(moments.integrated)];
     // One of them may stand still for a reason; not beside much of the other.
     if rms[0].min(rms[1]) < MOVES && rms[0].max(rms[1]) < FIVE_TIMES * MOVES {
         return None;
     }
-    let as_named = own.unexplained(&named);
+    let as_named = moments.unexplained(&named);
     let mut all: Vec<(Reading, f64)> = Vec::new();
     for order in [QuaternionOrder::Wxyz, QuaternionOrder::Xyzw] {
         for frame in [RateFrame::Body, RateFrame::World] {

@@ -126,8 +126,8 @@ impl Model {
     fn uneven(&self) -> Option<String> {
         let of_joint = |joint: usize| {
             let clamp = self.joints[joint].actuatorfrcrange;
-            let own = self.actuators.iter().filter(|actuator| actuator.joint == joint);
-            let ranges = own.flat_map(|actuator| {
+            let actuators = self.actuators.iter().filter(|actuator| actuator.joint == joint);
+            let ranges = actuators.flat_map(|actuator| {
                 [actuator.ctrlrange.filter(|_| actuator.bias == [0.0; 3]), actuator.forcerange]
             });
             ranges.chain([clamp]).flatten().find(|[low, high]| -low != *high)

@@ -33,7 +33,7 @@ pub enum SpringError {
     Form(String),
     /// A number is out of range.
     #[error(
-        "`spring` is \"{text}\": its {what} {} must be from {least} to {most} {unit}",
+        "`spring` is \"{text}\": its {what} {} must be from {min} to {max} {unit}",
         shown_number(*value)
     )]
     Range {
@@ -44,9 +44,9 @@ pub enum SpringError {
         /// Its value.
         value: f64,
         /// Smallest value.
-        least: f64,
+        min: f64,
         /// Largest value.
-        most: f64,
+        max: f64,
         /// Unit of these.
         unit: &'static str,
     },
@@ -72,12 +72,12 @@ impl FromStr for Spring {
             Some((stiffness, rest)) => (stiffness, Some(rest)),
             None => (numbers, None),
         };
-        let number = |number: &str, what, least: f64, most: f64, unit| {
+        let number = |number: &str, what, min: f64, max: f64, unit| {
             let value: f64 = number.trim().parse().map_err(|_| wrong())?;
-            if (least..=most).contains(&value) {
+            if (min..=max).contains(&value) {
                 return Ok(value);
             }
-            Err(SpringError::Range { text: shown(text), what, value, least, most, unit })
+            Err(SpringError::Range { text: shown(text), what, value, min, max, unit })
         };
         let joint = joint.trim().to_owned();
         if joint.is_empty() {

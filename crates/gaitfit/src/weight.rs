@@ -66,10 +66,10 @@ impl Samples {
         let width = log.joints.len();
         let every = log.len().div_ceil(MAX_SAMPLES);
         let row = |sample: usize| {
-            let of = |values: &[f64]| values[sample * width..(sample + 1) * width].to_vec();
-            let q = of(&log.position);
-            let away = of(target).iter().zip(&q).map(|(target, q)| target - q).collect();
-            (q, of(&log.velocity), away)
+            let at_sample = |values: &[f64]| values[sample * width..(sample + 1) * width].to_vec();
+            let q = at_sample(&log.position);
+            let away = at_sample(target).iter().zip(&q).map(|(target, q)| target - q).collect();
+            (q, at_sample(&log.velocity), away)
         };
         let rows: Vec<_> = (0..log.len()).step_by(every).map(row).collect();
         let whole =
@@ -148,13 +148,13 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
         let [weights, turned] = [1.0, -1.0]
             .map(|sign| samples.rows.iter().map(|(q, ..)| hold(q, joint, sign)).collect::<Vec<f64>>());
         let kp = gains.kp[joint];
-        let of = |weights: &[f64]| {
+        let regressed = |weights: &[f64]| {
             let rows =
                 samples.rows.iter().zip(weights).map(|((_, dq, away), w)| (*w, dq[joint], away[joint]));
             let blocks = blocks(rows, samples.seconds);
             kp * (unexplained(&blocks, Some(kp)) / blocks.len().max(1) as f64).sqrt()
         };
-        let (as_is, flipped) = (of(&weights), of(&turned));
+        let (as_is, flipped) = (regressed(&weights), regressed(&turned));
         let apart: f64 = weights.iter().zip(&turned).map(|(a, b)| (a - b).powi(2)).sum();
         let apart = (apart / weights.len() as f64).sqrt();
         if apart > 2.0 * HEAVY && as_is > HEAVY && flipped < CLEARLY * as_is {

@@ -63,7 +63,7 @@ impl Default for FitOptions {
 
 impl FitOptions {
     /// The most generations that a seed can take, restarts among them.
-    pub fn most_generations(&self) -> usize {
+    pub fn max_generations(&self) -> usize {
         self.generations.saturating_mul(self.restarts as usize + 1)
     }
 }
@@ -95,7 +95,7 @@ impl Method {
         } else if theta.regularisation(&deviations) > 0.0 {
             FitError::Regularised
         } else if theta.len() > MAX_ENTRIES {
-            FitError::TooManyEntries { count: theta.len(), most: MAX_ENTRIES }
+            FitError::TooManyEntries { count: theta.len(), max: MAX_ENTRIES }
         } else {
             return Ok(match self {
                 Self::Auto => matches!(cost.resets(), Resets::Sensors(_)),
@@ -241,7 +241,7 @@ impl<'a> Fit<'a> {
     }
 
     fn origin(&self) -> &Origin {
-        self.origin.get_or_init(|| Origin::of(self.simulator, self.theta, self.costs, &self.options))
+        self.origin.get_or_init(|| Origin::new(self.simulator, self.theta, self.costs, &self.options))
     }
 
     /// Generations done.

@@ -107,7 +107,7 @@ pub fn identify(
         rises.extend(costs.iter().map(|costs| costs.as_ref().map(rise)));
     }
     let of_entry = |(at, entry): (usize, &Entry)| {
-        let own: Vec<(f64, Rise)> = points
+        let rises: Vec<(f64, Rise)> = points
             .iter()
             .zip(&rises)
             .filter(|(point, _)| point.entry == at)
@@ -116,10 +116,10 @@ pub fn identify(
         let charged = |value: f64| {
             let mut moved = values.to_vec();
             moved[at] = value;
-            let of = |values: &[f64]| theta.regularisation(values) + theta.prior_cost(values);
-            of(&moved) - of(values)
+            let charge = |values: &[f64]| theta.regularisation(values) + theta.prior_cost(values);
+            charge(&moved) - charge(values)
         };
-        verdict(entry, values[at], &own, noise, charged)
+        verdict(entry, values[at], &rises, noise, charged)
     };
     let mut found: Vec<Identification> = theta.entries().iter().enumerate().map(of_entry).collect();
     let around = Around { simulator, theta, values, views: &views, centre: &centre, draw, cancel };

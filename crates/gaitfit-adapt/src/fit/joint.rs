@@ -128,12 +128,12 @@ impl Around<'_> {
 /// Parameters that the logs identify and that do not rest on a bound.
 fn free(theta: &Theta, values: &[f64], found: &[Identification]) -> Vec<Free> {
     let entries = theta.entries().iter().zip(values).zip(found).enumerate();
-    let of = |(entry, ((one, value), found)): (usize, ((&crate::Entry, &f64), &Identification))| {
+    let free_entry = |(entry, ((one, value), found)): (usize, ((&crate::Entry, &f64), &Identification))| {
         let room = (value - one.lower).min(one.upper - value);
         let size = (0.5 * (found.upper - found.lower)).min(room);
         (found.identified && size > ROOM * (one.upper - one.lower)).then_some(Free { entry, size })
     };
-    entries.filter_map(of).collect()
+    entries.filter_map(free_entry).collect()
 }
 
 /// Each parameter up and down.
@@ -178,14 +178,14 @@ fn curvature(centre: f64, single: &[Vec<f64>], double: &[Vec<f64>], count: usize
 /// The inverse with no direction flatter than [`FLATTEST`], and the directions that are; `None` if the cost does not
 /// rise.
 fn inverse(curvature: &DMatrix<f64>) -> Option<(DMatrix<f64>, Vec<DVector<f64>>)> {
-    let least = FLATTEST * curvature.trace() / curvature.nrows() as f64;
-    if !(least.is_finite() && least > 0.0) {
+    let min = FLATTEST * curvature.trace() / curvature.nrows() as f64;
+    if !(min.is_finite() && min > 0.0) {
         return None;
     }
     let mut parts = curvature.clone().symmetric_eigen();
     let columns = parts.eigenvectors.column_iter().zip(parts.eigenvalues.iter());
-    let flat = columns.filter(|(_, value)| **value < least).map(|(one, _)| one.into_owned()).collect();
-    parts.eigenvalues.apply(|value| *value = value.max(least).recip());
+    let flat = columns.filter(|(_, value)| **value < min).map(|(one, _)| one.into_owned()).collect();
+    parts.eigenvalues.apply(|value| *value = value.max(min).recip());
     Some((parts.recompose(), flat))
 }
 
@@ -205,8 +205,8 @@ mod tests {
                 + 3.0
         };
         let free = [Free { entry: 0, size: 1.0 }, Free { entry: 1, size: 1.0 }];
-        let of = |moves: Vec<Vec<f64>>| moves.iter().map(|u| vec![f(u)]).collect::<Vec<_>>();
-        let (single, double) = (of(moves_of_one(&free)), of(moves_of_two(&free)));
+        let evaluated = |moves: Vec<Vec<f64>>| moves.iter().map(|u| vec![f(u)]).collect::<Vec<_>>();
+        let (single, double) = (evaluated(moves_of_one(&free)), evaluated(moves_of_two(&free)));
         let found = curvature(3.0, &single, &double, 2);
         let (back, flat) =
             inverse(&found).map(|(inverse, flat)| (inverse * &found, flat)).unwrap_or_default();

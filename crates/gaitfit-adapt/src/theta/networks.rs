@@ -288,12 +288,12 @@ impl Modification for Networks {
         let each = self.networks.iter().zip(values.chunks_exact(self.searched()));
         let network = |(shared, last): (&Vec<(String, f64)>, &[f64])| {
             let (stiffness, offset) = features::spring(last, self.rule.output_scale);
-            let of = |(joint, rest): &(String, f64)| LinearSpring {
+            let spring = |(joint, rest): &(String, f64)| LinearSpring {
                 joint: joint.clone(),
                 stiffness,
                 torque: offset + stiffness * rest,
             };
-            shared.iter().map(of).collect::<Vec<_>>()
+            shared.iter().map(spring).collect::<Vec<_>>()
         };
         each.flat_map(network).collect()
     }

@@ -89,7 +89,7 @@ impl RobotNumber {
     }
 
     /// Smallest value with a meaning.
-    fn least(self) -> f64 {
+    fn lower_limit(self) -> f64 {
         match self {
             Self::TorqueNoise | Self::PayloadMass => 0.0,
             // Contacts without any friction are another kind, which a fit cannot reach.
@@ -98,7 +98,7 @@ impl RobotNumber {
         }
     }
 
-    fn of(self, candidate: &mut Candidate) -> &mut f64 {
+    fn value_mut(self, candidate: &mut Candidate) -> &mut f64 {
         match self {
             Self::TorqueNoise => &mut candidate.torque_noise,
             Self::BaseMass => &mut candidate.robot.base_mass,
@@ -172,7 +172,7 @@ impl RobotRule {
             start: self.start.unwrap_or_else(|| self.default_start()),
             deviation: self.deviation.unwrap_or(defaults.deviation),
         };
-        entry.check(self.kind.least(), MAX_VALUE)?;
+        entry.check(self.kind.lower_limit(), MAX_VALUE)?;
         Ok(Box::new(OneNumber { number: self.kind, entry: [entry] }))
     }
 }
@@ -191,7 +191,7 @@ impl Modification for OneNumber {
 
     fn apply(&self, values: &[f64], _joints: &[String], candidate: &mut Candidate) {
         if let Some(&value) = values.first() {
-            *self.number.of(candidate) = value;
+            *self.number.value_mut(candidate) = value;
         }
     }
 }
@@ -203,6 +203,6 @@ pub(super) fn read(
     candidate: &mut Candidate,
 ) -> Option<Result<(), ThetaFileError>> {
     let number = RobotNumber::ALL.into_iter().find(|number| number.name() == parameter.kind)?;
-    let checked = context.check(parameter, number.least(), MAX_VALUE);
-    Some(checked.map(|()| *number.of(candidate) = parameter.value))
+    let checked = context.check(parameter, number.lower_limit(), MAX_VALUE);
+    Some(checked.map(|()| *number.value_mut(candidate) = parameter.value))
 }

@@ -198,7 +198,7 @@ impl Candidates {
         }
         let mut groups: Vec<(Structure, Vec<usize>)> = Vec::new();
         for (number, job) in jobs.iter().enumerate() {
-            let structure = Structure::of(&job.candidate);
+            let structure = Structure::new(&job.candidate);
             match groups.iter_mut().find(|(of, _)| *of == structure) {
                 Some((_, own)) => own.push(number),
                 None => groups.push((structure, vec![number])),

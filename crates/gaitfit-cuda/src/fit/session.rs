@@ -47,7 +47,7 @@ pub(super) struct Physics {
 impl Physics {
     /// The physics of candidates like this one.
     pub fn new(subject: Subject<'_>, candidate: &Candidate) -> Result<Self, FitError> {
-        Ok(Self { period: Arc::new(subject.period(candidate)?), structure: Structure::of(candidate) })
+        Ok(Self { period: Arc::new(subject.period(candidate)?), structure: Structure::new(candidate) })
     }
 
     /// Candidates that fit into the GPU's free memory, `wanted` at most and 1 at least.
@@ -76,8 +76,8 @@ impl Physics {
         let (free, _) = device.memory()?;
         let fit = (SHARE * free as f64 / (each as f64 + compared as f64)) as usize;
         // The costs count signals' samples in 32 bits.
-        let most = (u32::MAX as usize / 8) / (tables.recordings() * dimensions).max(1);
-        Ok(wanted.min(fit).min(most).max(1))
+        let max = (u32::MAX as usize / 8) / (tables.recordings() * dimensions).max(1);
+        Ok(wanted.min(fit).min(max).max(1))
     }
 }
 

@@ -343,7 +343,7 @@ impl Plan {
     }
 
     /// A plan without a learner: any arrays and launches.
-    pub fn of(arrays: Vec<Array>, launches: Vec<Launch>) -> Self {
+    pub fn from_parts(arrays: Vec<Array>, launches: Vec<Launch>) -> Self {
         Self { arrays, pack: Vec::new(), launches, foresee: None, sharing: (1, 1, [1, 1]) }
     }
 

@@ -70,14 +70,14 @@ fn check_sizes(settings: &ppo::Settings, widths: ppo::Widths, batch: Batch) -> R
         return Err(UpdateError::from(SamplesError::TooFew { samples: rows, minibatches }).into());
     }
     let widest = widths.observation.max(widths.critic_observation).max(widths.action);
-    for (what, found, most) in [
+    for (what, found, max) in [
         ("actions", widths.action, MAX_ACTIONS),
         ("minibatches", minibatches, MAX_MINIBATCHES),
         ("numbers of an array", rows.saturating_mul(widest), MAX_NUMBERS),
         ("samples of all epochs", rows.saturating_mul(settings.epochs), MAX_NUMBERS),
     ] {
-        if found > most {
-            return Err(PpoError::TooMany { what, found, most });
+        if found > max {
+            return Err(PpoError::TooMany { what, found, max });
         }
     }
     Ok(())

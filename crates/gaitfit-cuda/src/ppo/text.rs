@@ -128,11 +128,11 @@ fn defines(
     ] {
         define(name, format!("{:?}f", value as f32));
     }
-    let [least, greatest] = settings.learning_rate_limits;
+    let [min, max] = settings.learning_rate_limits;
     for (name, value) in [
         ("DESIRED_KL", settings.desired_kl),
-        ("MIN_RATE", least),
-        ("GREATEST_RATE", greatest),
+        ("MIN_RATE", min),
+        ("MAX_RATE", max),
         ("MAX_GRADIENT_NORM", settings.max_gradient_norm),
     ] {
         define(name, format!("{value:?}"));

@@ -194,8 +194,8 @@ impl Words {
         let body = |(index, body): (usize, &gaitfit_model::Body)| {
             let parent = body.parent.map_or("-1".to_owned(), |parent| parent.to_string());
             let first = order.len();
-            let own = model.joints.iter().enumerate().filter(|(_, joint)| joint.body == index);
-            order.extend(own.map(|(joint, _)| joint.to_string()));
+            let joints = model.joints.iter().enumerate().filter(|(_, joint)| joint.body == index);
+            order.extend(joints.map(|(joint, _)| joint.to_string()));
             let hinges = order.len() - first;
             format!("{{{parent}, {first}, {hinges}, {}, {}}}", doubles(&body.pos), doubles(&body.quat))
         };
@@ -213,7 +213,7 @@ impl Words {
         let mut path = Vec::new();
         let shapes = model.pairs.iter().map(|pair| {
             let geom = &model.geoms[pair.geom];
-            let reach = Reach::of(geom);
+            let reach = Reach::new(geom);
             let mut bodies: Vec<usize> =
                 std::iter::successors(Some(geom.body), |&body| model.bodies[body].parent).collect();
             bodies.reverse();

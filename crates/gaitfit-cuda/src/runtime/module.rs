@@ -144,7 +144,7 @@ pub struct Argument {
 }
 
 impl Argument {
-    fn of(bytes: &[u8]) -> Self {
+    fn from_bytes(bytes: &[u8]) -> Self {
         let mut argument = Self { bytes: [0; 8], size: bytes.len() };
         argument.bytes[..bytes.len()].copy_from_slice(bytes);
         argument
@@ -155,7 +155,7 @@ macro_rules! arguments {
     ($($type:ty),*) => {
         $(impl From<$type> for Argument {
             fn from(value: $type) -> Self {
-                Self::of(&value.to_ne_bytes())
+                Self::from_bytes(&value.to_ne_bytes())
             }
         })*
     };
@@ -165,14 +165,14 @@ arguments!(u32, i32, u64, i64, f32, f64);
 /// A pointer to the buffer's first number.
 impl<T: Number> From<&Buffer<T>> for Argument {
     fn from(buffer: &Buffer<T>) -> Self {
-        Self::of(&buffer.address.to_ne_bytes())
+        Self::from_bytes(&buffer.address.to_ne_bytes())
     }
 }
 
 /// A pointer to the buffer's first number, which the kernel changes.
 impl<T: Number> From<&mut Buffer<T>> for Argument {
     fn from(buffer: &mut Buffer<T>) -> Self {
-        Self::of(&buffer.address.to_ne_bytes())
+        Self::from_bytes(&buffer.address.to_ne_bytes())
     }
 }
 
@@ -240,10 +240,10 @@ impl Kernel {
         if bytes <= SHARED_WITHOUT_ASKING {
             return Ok(());
         }
-        let most = context.info.shared_memory;
+        let max = context.info.shared_memory;
         let asked = c_int::try_from(bytes).unwrap_or(c_int::MAX);
-        if asked > most {
-            let reason = format!("it needs {bytes} bytes of shared memory a block, this GPU has {most}");
+        if asked > max {
+            let reason = format!("it needs {bytes} bytes of shared memory a block, this GPU has {max}");
             return Err(CudaError::Launch { kernel: self.name.to_string(), reason });
         }
         // SAFETY: the kernel is alive.

@@ -120,11 +120,15 @@ impl Nvrtc {
     /// The option that names the architecture for a GPU of this compute capability: machine code of exactly it, or of
     /// an older PTX that the driver compiles on. None if the compiler knows neither.
     pub fn architecture(&self, (major, minor): (i32, i32)) -> Option<String> {
-        let own = major * 10 + minor;
-        if self.architectures.contains(&own) {
-            return Some(format!("sm_{own}"));
+        let version = major * 10 + minor;
+        if self.architectures.contains(&version) {
+            return Some(format!("sm_{version}"));
         }
-        self.architectures.iter().filter(|&&known| known < own).max().map(|known| format!("compute_{known}"))
+        self.architectures
+            .iter()
+            .filter(|&&known| known < version)
+            .max()
+            .map(|known| format!("compute_{known}"))
     }
 
     /// Compiles `text` for `architecture`, `sm_90` or `compute_90`.

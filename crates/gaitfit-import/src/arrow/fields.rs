@@ -85,11 +85,11 @@ fn read(field: FieldRef<'_>, above: &str, inside: Inside, left: &mut usize) -> R
     if inside.depth > MAX_DEPTH {
         return Err("fields inside fields, more than 32 deep; save plain columns".into());
     }
-    let own = field.name().map_err(damaged)?.unwrap_or("");
+    let name = field.name().map_err(damaged)?.unwrap_or("");
     let name = match (above, inside.list) {
         (_, true) => above.to_owned(),
-        ("", false) => own.to_owned(),
-        (above, false) => format!("{above}/{own}"),
+        ("", false) => name.to_owned(),
+        (above, false) => format!("{above}/{name}"),
     };
     let kind = field.type_().map_err(damaged)?.ok_or("a field without a type; the file is damaged")?;
     let (mut layout, mut refused, per_second) = layout(&kind)?;

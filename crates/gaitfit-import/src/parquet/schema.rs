@@ -133,14 +133,14 @@ fn physical(element: &SchemaElement) -> (Physical, Option<&'static str>) {
 
 /// Units a second of a column of times.
 fn per_second(element: &SchemaElement) -> Option<f64> {
-    let of = |unit: &TimeUnit| match unit {
+    let per_second = |unit: &TimeUnit| match unit {
         TimeUnit::MILLIS(_) => 1e3,
         TimeUnit::MICROS(_) => 1e6,
         TimeUnit::NANOS(_) => 1e9,
     };
     match (&element.logical_type, element.converted_type) {
-        (Some(LogicalType::TIMESTAMP(time)), _) => Some(of(&time.unit)),
-        (Some(LogicalType::TIME(time)), _) => Some(of(&time.unit)),
+        (Some(LogicalType::TIMESTAMP(time)), _) => Some(per_second(&time.unit)),
+        (Some(LogicalType::TIME(time)), _) => Some(per_second(&time.unit)),
         (_, Some(ConvertedType::TIMESTAMP_MILLIS | ConvertedType::TIME_MILLIS)) => Some(1e3),
         (_, Some(ConvertedType::TIMESTAMP_MICROS | ConvertedType::TIME_MICROS)) => Some(1e6),
         _ => None,

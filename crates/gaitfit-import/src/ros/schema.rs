@@ -112,14 +112,14 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, String> {
     let mut types: Vec<Vec<Field>> = Vec::new();
     let mut fields = 0;
     while let Some(name) = waiting.get(types.len()).cloned() {
-        let own = match texts.get(&name) {
-            Some(own) => own,
+        let definition = match texts.get(&name) {
+            Some(definition) => definition,
             None => builtin::definition(&name)
                 .ok_or_else(|| format!("no definition of `{}` in the file", shown(&name)))?,
         };
         let package = name.split('/').next().unwrap_or("").to_owned();
         let mut list = Vec::new();
-        for line in own.lines() {
+        for line in definition.lines() {
             let Some((kind, field, count)) = field(line)? else { continue };
             fields += 1;
             if fields > MAX_FIELDS {

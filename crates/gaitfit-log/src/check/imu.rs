@@ -296,8 +296,8 @@ pub(super) fn hangs(log: &Trajectory, window: &Window) -> bool {
         (rates.iter().map(|x| x * x).sum::<f64>() / rows as f64).sqrt() < STILL_RATE
     };
     let level = |quaternion: &Vec<f64>| {
-        let own = BaseState { quaternion: Some(quaternion.clone()), ..BaseState::default() };
-        let all = gravity(&own);
+        let base = BaseState { quaternion: Some(quaternion.clone()), ..BaseState::default() };
+        let all = gravity(&base);
         let first = all.first().copied().unwrap_or_default();
         all.iter().all(|g| (0..3).map(|k| (g[k] - first[k]).powi(2)).sum::<f64>().sqrt() < STILL_TILT)
     };

@@ -95,7 +95,7 @@ const MAX_NAMED: usize = 4;
 /// Why `logs` cannot be compared with a simulation: the log that is to blame, or else all of them, by name.
 fn incomparable(logs: &[Log], error: &CostError) -> Error {
     let name = |log: &Log| log.name.clone();
-    let of = match error.recording().and_then(|number| logs.get(number)) {
+    let named = match error.recording().and_then(|number| logs.get(number)) {
         Some(log) => name(log),
         None => {
             let more = if logs.len() > MAX_NAMED { ", …" } else { "" };
@@ -103,5 +103,5 @@ fn incomparable(logs: &[Log], error: &CostError) -> Error {
             format!("{}{more}", named.join(", "))
         }
     };
-    Error::failed(format!("{of}: {error}."))
+    Error::failed(format!("{named}: {error}."))
 }

@@ -153,14 +153,14 @@ fn fits(results: &AdaptResults, course: &[RunGeneration]) -> Vec<Fit> {
 /// The courses of a cost's runs.
 fn runs(cost: &str, runs: &[RunOutcome], course: &[RunGeneration]) -> Vec<OptimizerRun> {
     let run = |run: &RunOutcome| {
-        let own: Vec<&RunGeneration> =
+        let generations: Vec<&RunGeneration> =
             course.iter().filter(|one| one.cost == cost && one.seed == run.seed).collect();
         OptimizerRun {
             label: format!("seed {}", run.seed),
             best_cost: run.best_cost,
-            best: own.iter().map(|one| one.best).collect(),
-            mean: own.iter().map(|one| one.mean).collect(),
-            sigma: own.iter().map(|one| one.sigma).collect(),
+            best: generations.iter().map(|one| one.best).collect(),
+            mean: generations.iter().map(|one| one.mean).collect(),
+            sigma: generations.iter().map(|one| one.sigma).collect(),
         }
     };
     runs.iter().map(run).collect()

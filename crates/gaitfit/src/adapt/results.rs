@@ -208,8 +208,9 @@ impl AdaptResults {
     /// What a fit must be known by elsewhere: the doubts of every cost, then the warnings.
     pub fn notes(&self) -> Vec<String> {
         let doubts = |fit: &CostFit| -> Vec<String> {
-            let of = |doubt: &Doubt| format!("{}: {}: {}", fit.cost_name, doubt.kind.headline(), doubt.text);
-            fit.doubts.iter().map(of).collect()
+            let line =
+                |doubt: &Doubt| format!("{}: {}: {}", fit.cost_name, doubt.kind.headline(), doubt.text);
+            fit.doubts.iter().map(line).collect()
         };
         self.fits.iter().flat_map(doubts).chain(self.warnings.iter().cloned()).collect()
     }
@@ -309,7 +310,7 @@ pub(super) fn results(
         cost: first.cost,
         nominal_cost: first.nominal_cost,
         parameters: first.parameters.clone(),
-        springs: FoundSpring::of(&setup.theta, &first.values(), first.uncertainty.as_ref()),
+        springs: FoundSpring::all(&setup.theta, &first.values(), first.uncertainty.as_ref()),
         checks: checks(setup, &first, &doubts, &fitted),
         doubts,
         baselines,

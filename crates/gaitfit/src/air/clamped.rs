@@ -33,7 +33,7 @@ impl Clamped {
     /// The robot of `model`. Candidates may have the delays of `base` and `theta`.
     pub fn new(config: &AdaptConfig, model: Model, theta: &Theta, base: &Candidate, threads: usize) -> Self {
         let searched = theta.largest(JointParameter::Delay).unwrap_or(SUSPECTED_DELAY);
-        let max_delay = base.robot.delay.iter().fold(searched, |most, &delay| most.max(delay));
+        let max_delay = base.robot.delay.iter().fold(searched, |max, &delay| max.max(delay));
         let (timestep, preset) = (config.simulation.timestep, config.simulation.preset);
         Self { model, timestep, preset, max_delay, threads, gpus: Vec::new() }
     }

@@ -26,8 +26,9 @@ pub fn read(
 ) -> Result<(Log, Vec<String>), Error> {
     let path = paths::find(named, "log", config_path)?;
     let gains = matching(override_gains, named, &path)?;
-    let own = gains.map_or_else(ReadOptions::default, |gains| with_gains(gains.kp.clone(), gains.kd.clone()));
-    let (mut trajectory, mut report) = open(&path, &own)?;
+    let options =
+        gains.map_or_else(ReadOptions::default, |gains| with_gains(gains.kp.clone(), gains.kd.clone()));
+    let (mut trajectory, mut report) = open(&path, &options)?;
     if trajectory.gains.is_none() {
         if config.gains.kp.is_none() || config.gains.kd.is_none() {
             return Err(Error::settings(format!(

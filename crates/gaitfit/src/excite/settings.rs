@@ -94,7 +94,7 @@ impl ChirpSettings {
     /// Refuses numbers out of range.
     pub(super) fn check(&self) -> Result<(), Error> {
         let [low, high] = self.frequency;
-        let within = |value: f64, least: f64, most: f64| value.is_finite() && (least..=most).contains(&value);
+        let within = |value: f64, min: f64, max: f64| value.is_finite() && (min..=max).contains(&value);
         let number = shown_number;
         let wrong = if !within(self.seconds, 0.5, 3600.0) {
             format!("`seconds` (--seconds) is {}; a turn takes 0.5 to 3600 s", number(self.seconds))

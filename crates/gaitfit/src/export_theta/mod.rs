@@ -128,9 +128,7 @@ fn gains(settings: &ExportSettings, model: &Model) -> Result<Option<Gains>, Erro
             }
             Ok(Some(gains))
         }
-        _ => Err(Error::settings(
-            "give `--kp` and `--kd`, or a `--policy` whose gains are taken, or none of them",
-        )),
+        _ => Err(Error::settings("give `--kp` and `--kd`, or a `--policy` whose gains are used, or neither")),
     }
 }
 

@@ -63,7 +63,7 @@ pub fn servo(model: &Model, joint: usize) -> Option<[f64; 2]> {
 
 impl Gains {
     /// In the pose `angles` (rad, model order).
-    pub fn of(model: &Model, anatomy: &Anatomy, angles: &[f64], sizes: &Sizes) -> Result<Self, InitError> {
+    pub fn new(model: &Model, anatomy: &Anatomy, angles: &[f64], sizes: &Sizes) -> Result<Self, InitError> {
         let unit = sizes.mass * sizes.gravity * sizes.leg;
         let inertia: Vec<f64> = Robot::nominal(model)
             .params(model)
@@ -81,10 +81,11 @@ impl Gains {
             };
             STIFFNESS * unit * weak
         };
-        let own: Vec<Option<[f64; 2]>> = (0..model.joints.len()).map(|joint| servo(model, joint)).collect();
+        let servos: Vec<Option<[f64; 2]>> =
+            (0..model.joints.len()).map(|joint| servo(model, joint)).collect();
         let ratios: Vec<f64> =
-            anatomy.moved.iter().filter_map(|&joint| Some(own[joint]?[0] / by_size(joint))).collect();
-        let ratio = median(ratios).filter(|_| anatomy.moved.iter().all(|&joint| own[joint].is_some()));
+            anatomy.moved.iter().filter_map(|&joint| Some(servos[joint]?[0] / by_size(joint))).collect();
+        let ratio = median(ratios).filter(|_| anatomy.moved.iter().all(|&joint| servos[joint].is_some()));
         let likely = ratio.is_some_and(|ratio| (1.0 / LIKELY..=LIKELY).contains(&ratio));
         let held = held(model, angles, sizes.gravity);
         let (mut kp, mut kd, mut scale) = (Vec::new(), Vec::new(), Vec::new());
@@ -95,7 +96,7 @@ impl Gains {
             let damping = model.joints[joint].damping;
             let (stiffest, thickest) =
                 (stiff * inertia[joint] / (STEP * STEP), thick * inertia[joint] / STEP);
-            let [p, d] = match (moved, own[joint]) {
+            let [p, d] = match (moved, servos[joint]) {
                 (true, Some([p, d])) if likely && d > 0.0 => [p, d],
                 (true, Some([p, _])) if likely => [p, (DAMPING * p - damping).max(0.0)],
                 (true, _) => [by_size(joint), DAMPING * by_size(joint)],
@@ -147,13 +148,13 @@ impl Gains {
         }
         let bare = anatomy.moved.iter().all(|&joint| model.joints[joint].armature == 0.0);
         let armature = bare.then(|| {
-            let most = ROTOR * sizes.mass * sizes.leg * sizes.leg;
-            [tidy(most / 3.0), tidy(most)]
+            let max = ROTOR * sizes.mass * sizes.leg * sizes.leg;
+            [tidy(max / 3.0), tidy(max)]
         });
-        if let Some([least, most]) = armature {
+        if let Some([min, max]) = armature {
             doubts.push(format!(
-                "the file gives no rotor inertia (armature), without which light links shake; robots get {least:?} to \
-                 {most:?} kg·m² in training (a guess)"
+                "the file gives no rotor inertia (armature), without which light links shake; robots get {min:?} to \
+                 {max:?} kg·m² in training (a guess)"
             ));
         }
         Ok(Self { kp, kd, scale, substeps, armature, how, doubts })
@@ -198,7 +199,7 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 fn held(model: &Model, angles: &[f64], gravity: f64) -> Vec<f64> {
     let frames = body_frames(model, &Frame::WORLD, angles);
     let paths: Vec<Vec<usize>> = (0..model.bodies.len()).map(|body| path(model, body)).collect();
-    let of = |joint: usize| {
+    let inertia_about = |joint: usize| {
         let (mut mass, mut moment) = (0.0, [0.0; 3]);
         for ((body, frame), path) in model.bodies.iter().zip(&frames).zip(&paths) {
             if path.contains(&joint) {
@@ -212,5 +213,5 @@ fn held(model: &Model, angles: &[f64], gravity: f64) -> Vec<f64> {
         let arm = sub(moment, anchor);
         (gravity * dot(arm, arm).sqrt() / SAG).max(1.0)
     };
-    (0..model.joints.len()).map(of).collect()
+    (0..model.joints.len()).map(inertia_about).collect()
 }

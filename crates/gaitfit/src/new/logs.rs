@@ -76,9 +76,9 @@ impl Logs {
         }
         let mut findings = report.findings();
         findings.extend(check(&log, &CheckSpec::of_robot(model, &log.joints)));
-        let told = [FindingKind::TimeUnit, FindingKind::SuspectUnit, FindingKind::RateMismatch];
+        let assumptions = [FindingKind::TimeUnit, FindingKind::SuspectUnit, FindingKind::RateMismatch];
         for finding in
-            findings.iter().filter(|one| told.contains(&one.kind) || one.severity == Severity::Error)
+            findings.iter().filter(|one| assumptions.contains(&one.kind) || one.severity == Severity::Error)
         {
             self.assumed.push(format!("{}: {finding}", file.display()));
         }

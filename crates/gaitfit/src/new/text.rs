@@ -95,7 +95,7 @@ impl Found<'_> {
         }
         text.push_str("\n[optimizer]\n");
         let generations = GENERATIONS.to_string();
-        line(text, "generations", &generations, "at most; a search that no longer gains ends before");
+        line(text, "generations", &generations, "maximum; a search that no longer improves ends earlier");
         text.push_str("\n[check]\n");
         line(text, "converged", "true", "exit code 3 if the search has not converged");
     }

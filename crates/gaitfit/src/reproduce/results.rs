@@ -217,15 +217,15 @@ impl Row {
 
 /// The walk over seeds.
 fn walk(walks: &[Walk]) -> Option<Walk> {
-    let of = |which: fn(&Walk) -> Estimate| match walks {
+    let over_seeds = |which: fn(&Walk) -> Estimate| match walks {
         [one] => which(one),
         _ => of_few(&walks.iter().map(|walk| which(walk).mean).collect::<Vec<_>>()),
     };
     (!walks.is_empty()).then(|| Walk {
-        reward: of(|walk| walk.reward),
-        linear_velocity_error: of(|walk| walk.linear_velocity_error),
-        angular_velocity_error: of(|walk| walk.angular_velocity_error),
-        fall_rate: of(|walk| walk.fall_rate),
+        reward: over_seeds(|walk| walk.reward),
+        linear_velocity_error: over_seeds(|walk| walk.linear_velocity_error),
+        angular_velocity_error: over_seeds(|walk| walk.angular_velocity_error),
+        fall_rate: over_seeds(|walk| walk.fall_rate),
         drift: match walks {
             [one] => one.drift,
             _ => walks

@@ -37,7 +37,7 @@ impl Inputs {
     pub fn difference(&self, saved: &Self) -> Option<String> {
         let changed = |path: &&String| saved.files.get(*path) != self.files.get(*path);
         if let Some(path) = self.files.keys().chain(saved.files.keys()).find(changed) {
-            return Some(format!("{path} is not the file it was"));
+            return Some(format!("{path} has changed"));
         }
         if self.model != saved.model {
             return Some(

@@ -42,7 +42,7 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
     } else if config.costs.iter().any(|cost| cost.needs_imu())
         && config.number.iter().any(|rule| rule.kind == RobotNumber::TorqueNoise)
     {
-        "[[number]] torque_noise cannot be found with \"matchr…\": noise only makes predictions worse; leave it out"
+        "[[number]] torque_noise cannot be estimated with \"matchr…\": noise only makes predictions worse; leave it out"
     } else if !free && config.simulation.robot_timestep.is_some() {
         "`simulation.robot_timestep` is for walking logs; add base = \"free\" if the robot walked: replays of a clamped robot do not depend on the step to first \
          order"
@@ -116,12 +116,12 @@ fn refused(path: &Path, wrong: &str) -> Error {
 
 /// A gain that cannot be, also one that no log needs.
 fn wrong_gains(config: &AdaptConfig) -> Option<String> {
-    let own = [("gains.kp".to_owned(), &config.gains.kp), ("gains.kd".to_owned(), &config.gains.kd)];
+    let stated = [("gains.kp".to_owned(), &config.gains.kp), ("gains.kd".to_owned(), &config.gains.kd)];
     let of_files = config.validate_gains.iter().enumerate().flat_map(|(number, gains)| {
         let name = |key: &str| format!("validate_gains.{number}.{key}");
         [(name("kp"), &gains.kp), (name("kd"), &gains.kd)]
     });
-    own.into_iter().chain(of_files).find_map(|(name, gains)| {
+    stated.into_iter().chain(of_files).find_map(|(name, gains)| {
         let values: Vec<f64> = match gains.as_ref()? {
             PerJoint::All(value) => vec![*value],
             PerJoint::List(values) => values.clone(),

@@ -71,11 +71,8 @@ fn too_large_value(path: &str, value: &Spanned<DeValue<'_>>) -> Option<(String, 
         DeValue::Array(array) => array.iter().find_map(|value| too_large_value(path, value)),
         DeValue::Integer(number) if i64::from_str_radix(number.as_str(), number.radix()).is_err() => {
             let shown = tamed(&number.to_string(), MAX_SET);
-            let (least, most) = (i64::MIN, i64::MAX);
-            Some((
-                format!("`{path}` has {shown}; whole numbers go from {least} to {most}"),
-                value.span().start,
-            ))
+            let (min, max) = (i64::MIN, i64::MAX);
+            Some((format!("`{path}` has {shown}; whole numbers go from {min} to {max}"), value.span().start))
         }
         _ => None,
     }

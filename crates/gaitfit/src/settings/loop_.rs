@@ -156,9 +156,9 @@ impl Configuration for LoopConfig {
     /// Lays the settings upon the defaults. A setting that the loop decides itself is put in their place, so that it is
     /// refused when the table is read.
     fn complete(table: &mut DeTable<'_>) {
-        let own = std::mem::take(table);
+        let given = std::mem::take(table);
         for (section, keys) in DECIDED {
-            let Some(DeValue::Table(inner)) = own.get(section).map(Spanned::get_ref) else { continue };
+            let Some(DeValue::Table(inner)) = given.get(section).map(Spanned::get_ref) else { continue };
             if let Some((key, _)) = inner.iter().find(|(key, _)| keys.contains(&key.get_ref().as_ref())) {
                 let name = Cow::Owned(format!("{section}.{}", key.get_ref()));
                 let name = Spanned::new(key.span(), DeValue::String(name));
@@ -168,11 +168,11 @@ impl Configuration for LoopConfig {
             }
         }
         let mut defaults = DeTable::parse(LOOP_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
-        if let (Some(DeValue::Table(fitted)), Some(DeValue::Table(own))) =
-            (defaults.get_mut("adapt").map(Spanned::get_mut), own.get("adapt").map(Spanned::get_ref))
+        if let (Some(DeValue::Table(fitted)), Some(DeValue::Table(given))) =
+            (defaults.get_mut("adapt").map(Spanned::get_mut), given.get("adapt").map(Spanned::get_ref))
         {
-            let distributions = walking::searches_distributions(own);
-            walking::trim(fitted, own);
+            let distributions = walking::searches_distributions(given);
+            walking::trim(fitted, given);
             if !distributions {
                 let short = DeTable::parse(SHORT).map(Spanned::into_inner).unwrap_or_default();
                 merge(fitted, short);
@@ -186,7 +186,7 @@ impl Configuration for LoopConfig {
             }
             *finetune = Spanned::new(span, DeValue::Table(whole));
         }
-        merge(&mut defaults, own);
+        merge(&mut defaults, given);
         *table = defaults;
     }
 }

@@ -285,7 +285,7 @@ impl AdaptConfig {
     }
 
     /// Counted data that a stretch of a walking log needs to be of use, s.
-    pub fn least_stretch(&self) -> f64 {
+    pub fn min_stretch(&self) -> f64 {
         if self.sensed() { MIN_SENSED_S } else { MIN_STRETCH_S }
     }
 

@@ -189,8 +189,8 @@ impl TargetConfig {
                 || self.torque_noise != 0.0
                 || high != 0.0)
         {
-            "`target.theta`, `spring`, `torque_noise`, `log_shift`, [[target.parameter]] and [[target.number]] are for \
-             kind = \"simulated\"; another robot is what it is, and a command's arguments say which"
+            "`target.theta`, `spring`, `torque_noise`, `log_shift`, [[target.parameter]] and [[target.number]] are \
+             for kind = \"simulated\"; any other robot has its own numbers"
         } else if !self.kind.is_robot() && self.has_link() {
             "`target.interface`, `domain`, `pause`, `patience`, `yes` and `last_walk` are for kind = \"unitree-go2\""
         } else if self.kind.is_robot()

@@ -58,8 +58,8 @@ fn pythons() -> Vec<String> {
     if let Some(named) = std::env::var(VARIABLE).ok().filter(|named| !named.is_empty()) {
         return vec![named];
     }
-    let own = Path::new(VENV_PYTHON).exists().then(|| VENV_PYTHON.to_owned());
-    own.into_iter().chain(COMMON.map(str::to_owned)).collect()
+    let venv = Path::new(VENV_PYTHON).exists().then(|| VENV_PYTHON.to_owned());
+    venv.into_iter().chain(COMMON.map(str::to_owned)).collect()
 }
 
 /// Runs a program for its exit status alone; fails with the last thing it said.

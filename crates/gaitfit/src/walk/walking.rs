@@ -60,8 +60,8 @@ impl Walking {
         if let Some(step) = settings.robot_timestep {
             let period = policy.interface.control_dt;
             settings.substeps = substeps(period, step.max(MIN_STEP));
-            let own = period / settings.substeps as f64;
-            settings.robot_timestep = Some(step).filter(|step| (own - step).abs() > 1e-3 * own);
+            let split = period / settings.substeps as f64;
+            settings.robot_timestep = Some(step).filter(|step| (split - step).abs() > 1e-3 * split);
             preset = Preset::Accurate;
         }
         let task = task(preset, settings, &policy, model, theta, base)?;
@@ -125,7 +125,7 @@ fn task(
     base: &Candidate,
 ) -> Result<Task, Error> {
     let interface = policy.interface.clone();
-    let delay = base.robot.delay.iter().fold(0.0f64, |most, &delay| most.max(delay));
+    let delay = base.robot.delay.iter().fold(0.0f64, |max, &delay| max.max(delay));
     let delay = delay.max(theta.largest(JointParameter::Delay).unwrap_or(0.0));
     Task::with_interface(model, &settings.calm(), interface, preset, delay).map_err(Error::failed)
 }

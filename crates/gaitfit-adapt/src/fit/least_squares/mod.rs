@@ -153,7 +153,7 @@ impl GaussNewton {
     ) -> Result<Option<Stepped>, FitError> {
         let theta = problem.theta;
         let Some(here) = around(problem, &self.values)? else { return Ok(None) };
-        let loss = Loss::of(&here.residuals);
+        let loss = Loss::new(&here.residuals);
         let normal = Normal::whole(&here.jacobian, &here.residuals, loss);
         let free = free(theta, &self.values, &normal);
         let trials: Vec<(f64, Vec<f64>)> = DAMPINGS

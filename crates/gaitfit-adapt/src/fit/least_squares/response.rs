@@ -74,8 +74,8 @@ impl Response {
         }
         let parts = learnt.svd(true, true);
         let (left, right) = (parts.u?, parts.v_t?);
-        let (least, part) = parts.singular_values.argmin();
-        let weakest = (part, right.row(least).transpose());
+        let (min, part) = parts.singular_values.argmin();
+        let weakest = (part, right.row(min).transpose());
         let values = parts.singular_values.map(|value| 1.0 / value.max(MIN_ANSWER));
         let inverse = right.transpose() * DMatrix::from_diagonal(&values) * left.transpose();
         Some(Self { robot, fit, inverse, weakest, scale })
@@ -97,8 +97,8 @@ impl Response {
     /// How far the robot's values move where those of the fit move by one, row by row, in the entries' units.
     pub fn rows(&self) -> Vec<Vec<f64>> {
         let row = |at: usize| {
-            let of = |other: usize| self.inverse[(at, other)] * self.scale[at] / self.scale[other];
-            (0..self.scale.len()).map(of).collect()
+            let element = |other: usize| self.inverse[(at, other)] * self.scale[at] / self.scale[other];
+            (0..self.scale.len()).map(element).collect()
         };
         (0..self.scale.len()).map(row).collect()
     }

@@ -115,19 +115,19 @@ mod tests {
     #[test]
     fn equal_walks_have_equal_numbers_and_falls_are_left_out() {
         let reference = reference();
-        let of = Distributions::new(&reference);
-        let recorded = of.recorded();
+        let distributions = Distributions::new(&reference);
+        let recorded = distributions.recorded();
         // Positions and actions; the velocity is constant.
         assert_eq!(recorded.len(), 2 * PARTS);
-        assert_eq!(of.groups(), [0..PARTS, PARTS..2 * PARTS]);
-        assert_eq!(of.simulated(&[walk(None), walk(None)]).unwrap(), recorded);
+        assert_eq!(distributions.groups(), [0..PARTS, PARTS..2 * PARTS]);
+        assert_eq!(distributions.simulated(&[walk(None), walk(None)]).unwrap(), recorded);
         // Samples 2 to 31 map to a range of 2; the lowest sixteenth of 60 has three: 2, 2, 3.
         assert!((recorded[0] - (7.0 / 3.0) * 2.0 / 29.0).abs() < 1e-12, "{}", recorded[0]);
-        let shorter = of.simulated(&[walk(None), walk(Some(28))]).unwrap();
+        let shorter = distributions.simulated(&[walk(None), walk(Some(28))]).unwrap();
         assert!(shorter[PARTS - 1] < recorded[PARTS - 1]);
-        assert!(of.simulated(&[walk(None), walk(Some(12))]).is_none());
+        assert!(distributions.simulated(&[walk(None), walk(Some(12))]).is_none());
         let mut broken = walk(None);
         broken.position[9] = f32::NAN;
-        assert!(of.simulated(&[walk(None), broken]).is_none());
+        assert!(distributions.simulated(&[walk(None), broken]).is_none());
     }
 }

@@ -98,9 +98,9 @@ impl Regression {
     /// Whether signals and legs disagree about an entry, and most of its error comes from that.
     pub fn unlike(&self, entry: usize) -> bool {
         let Some(last) = self.rounds.last() else { return false };
-        let of = |numbers: &[f64]| numbers.get(entry).copied();
-        let (error, disagreement) = (of(&last.errors), of(&last.disagreement));
-        let whole = of(&self.deviation).zip(error).is_some_and(|(whole, error)| whole > UNLIKE * error);
+        let at_entry = |numbers: &[f64]| numbers.get(entry).copied();
+        let (error, disagreement) = (at_entry(&last.errors), at_entry(&last.disagreement));
+        let whole = at_entry(&self.deviation).zip(error).is_some_and(|(whole, error)| whole > UNLIKE * error);
         whole && disagreement.is_some_and(|apart| apart > 0.0)
     }
 
@@ -204,11 +204,11 @@ fn draw(lower: &[f64], upper: &[f64], count: usize, seed: u64, first: u32) -> Ve
     let stream = Stream::new(seed, Purpose::SIMULATED_ROBOTS).environment(first);
     let mut robots = vec![Vec::with_capacity(lower.len()); count];
     for (entry, (lower, upper)) in lower.iter().zip(upper).enumerate() {
-        let own = stream.step(place(entry));
-        let mut order: Vec<(f64, usize)> = (0..count).map(|k| (own.uniform(place(k)), k)).collect();
+        let draws = stream.step(place(entry));
+        let mut order: Vec<(f64, usize)> = (0..count).map(|k| (draws.uniform(place(k)), k)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (part, (_, robot)) in order.into_iter().enumerate() {
-            let within = own.uniform(place(count + robot));
+            let within = draws.uniform(place(count + robot));
             robots[robot].push(lower + (upper - lower) * (part as f64 + within) / count as f64);
         }
     }

@@ -79,7 +79,7 @@ const MAX_CELLS: usize = 200;
 
 impl TerrainSettings {
     /// The table with another kind of ground.
-    pub fn of(kind: Kinds) -> Self {
+    pub fn with_kind(kind: Kinds) -> Self {
         Self { kind, ..Self::default() }
     }
 

@@ -39,11 +39,11 @@ impl Trials {
 
 /// The pairs of held-out logs and other trials of their commands, by number; of several trials the first.
 pub(super) fn pairs(held: &[Log], others: &[Log]) -> Vec<(usize, usize)> {
-    let of = |(number, log): (usize, &Log)| {
+    let pair = |(number, log): (usize, &Log)| {
         let other = others.iter().position(|other| same(log, other))?;
         Some((number, other))
     };
-    let found: Vec<(usize, usize)> = held.iter().enumerate().filter_map(of).collect();
+    let found: Vec<(usize, usize)> = held.iter().enumerate().filter_map(pair).collect();
     if found.len() < MIN_PAIRS { Vec::new() } else { found }
 }
 

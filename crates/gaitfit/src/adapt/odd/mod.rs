@@ -144,8 +144,8 @@ fn compare(setup: &Setup, theta: &Theta, outcome: &CostOutcome) -> OddJoints {
         .collect();
     let gains = setup.method.walking().map(|walking| walking.task.walker.interface.kp.as_slice());
     let gain = gains.unwrap_or_default().iter().copied().filter(|gain| *gain > 0.0).reduce(f64::min);
-    let least = gain.map_or(MIN_STIFFNESS, |gain| MIN_SHARE * gain);
-    let judged = Judged::new(&stiffness, least);
+    let min = gain.map_or(MIN_STIFFNESS, |gain| MIN_SHARE * gain);
+    let judged = Judged::new(&stiffness, min);
     let odd = judged.odd().into_iter().map(|at| springs[at].joint.clone()).collect();
     let found = springs.iter().enumerate().map(|(at, spring)| JointSpring {
         joint: spring.joint.clone(),
@@ -175,10 +175,10 @@ impl OddJoints {
     /// What was found, a sentence each; `springs`: of the fit proper.
     pub fn sentences(&self, springs: &[FoundSpring]) -> Vec<String> {
         if self.odd.is_empty() {
-            let most = self.springs.iter().map(|one| one.off.abs()).fold(0.0, f64::max);
+            let max = self.springs.iter().map(|one| one.off.abs()).fold(0.0, f64::max);
             let limit = self.springs.iter().map(|one| one.limit).fold(0.0, f64::max);
             return vec![format!(
-                "no joint differs from its siblings: springs fitted on every joint differ by at most {most:.2} N·m/rad from \
+                "no joint differs from its siblings: springs fitted on every joint differ by at most {max:.2} N·m/rad from \
                  those of the same joint of other legs, and {limit:.2} would count"
             )];
         }
@@ -190,8 +190,8 @@ impl OddJoints {
                 format!("{joint} has a spring that {alone}: {text}")
             } else {
                 format!(
-                    "{joint} differs from its siblings as if a spring pushed it on: {text}; its motor may be weak or its \
-                     gain low"
+                    "{joint} differs from its siblings as if it had a spring of negative stiffness: {text}; its motor \
+                     may be weak or its gain low"
                 )
             })
         };
