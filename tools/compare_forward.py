@@ -3,7 +3,7 @@
 Makes the states (falls from random poses, some airborne, random controls), runs
 `gaitfit forward MODEL STATES.npz OUT.npz --preset converged`, and prints for each quantity the largest difference and
 the largest difference relative to the state's largest entry. Geoms meet the ground only on MuJoCo's side too, since
-gaitfit has no self-collision. Balls on a height field may have more contacts in MuJoCo (docs/robots.md). With --lenient
+gaitfit has no self-collision. Balls on a height field may have more contacts in MuJoCo (docs/results/robot-files.md). With --lenient
 MuJoCo's model loses what gaitfit drops: colliding meshes, height fields from files, free bodies beside the robot. Visual meshes are never read. Exit code 3 if a relative difference exceeds
 the tolerance.
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 #: More threads than any machine has cores.
-MOST_THREADS = 4096
+MAX_THREADS = 4096
 
 
 def count(name: str, value: Any, least: int, most: int = 2**64 - 1) -> int:
@@ -85,4 +85,4 @@ def mapping(name: str, value: Any, example: str) -> dict[str, Any]:
 
 def threads(value: Any) -> int | None:
     """How many threads compute; nothing: as many as there are cores."""
-    return None if value is None else count("threads", value, 1, MOST_THREADS)
+    return None if value is None else count("threads", value, 1, MAX_THREADS)

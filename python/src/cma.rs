@@ -44,7 +44,7 @@ impl Cma {
         Ok(Self { run: run.map_err(value)?, asked: None })
     }
 
-    /// The candidates of this generation, `population × n`; the same ones until they are told.
+    /// The candidates of this generation, `population × n`; the same ones until they are result.
     fn ask<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let run = &self.run;
         let population = py.detach(|| run.ask());
@@ -60,11 +60,11 @@ impl Cma {
         };
         let costs = costs.as_array().to_vec();
         let run = &mut self.run;
-        let told = py.detach(|| run.tell(&population, &costs));
-        if told.is_err() {
+        let result = py.detach(|| run.tell(&population, &costs));
+        if result.is_err() {
             self.asked = Some(population);
         }
-        told.map_err(value)
+        result.map_err(value)
     }
 
     /// Why the run has ended, or nothing.

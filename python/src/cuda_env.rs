@@ -1,7 +1,7 @@
 //! Many robots at a task on a GPU, stepped under actions that another library has there.
 
 use crate::dlpack::{DeviceArray, DeviceInput};
-use crate::errors::{failed, of, value};
+use crate::errors::{failed, to_py_err, value};
 use crate::task::{Task, bearable, checked};
 use gaitfit::device::{Device, rollout_error};
 use gaitfit_cuda::rollout::{RolloutError, Shown, Stepper};
@@ -51,7 +51,7 @@ fn wrong(error: RolloutError) -> PyErr {
     match error {
         RolloutError::Action { .. } => value(error),
         RolloutError::Steps(_) => failed(error),
-        error => of(&rollout_error(error)),
+        error => to_py_err(&rollout_error(error)),
     }
 }
 
@@ -87,7 +87,7 @@ impl CudaRobots {
         checked(count)?;
         let named: Device =
             device.parse().map_err(|wrong| value(format!("device is {device:?}; {wrong}")))?;
-        let Some(gpu) = named.open().map_err(|error| of(&error))? else {
+        let Some(gpu) = named.open().map_err(|error| to_py_err(&error))? else {
             return Err(value(format!("device is {device:?}; it must be a GPU")));
         };
         let made = py.detach(|| {

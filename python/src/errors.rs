@@ -12,7 +12,7 @@ pyo3::create_exception!(
 );
 
 /// An error of the library; one that stopped because it was asked to is Python's own `KeyboardInterrupt`.
-pub fn of(error: &Error) -> PyErr {
+pub fn to_py_err(error: &Error) -> PyErr {
     match error {
         Error::Interrupted { .. } => PyKeyboardInterrupt::new_err(brief(&error.to_string()).into_owned()),
         _ => GaitfitError::new_err(brief(&error.to_string()).into_owned()),

@@ -1,6 +1,6 @@
 //! Logs as arrays.
 
-use crate::errors::of;
+use crate::errors::to_py_err;
 use gaitfit::log_check;
 use gaitfit_log::Trajectory;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
@@ -11,7 +11,7 @@ use std::path::PathBuf;
 /// The log of a CSV file, as a dictionary of arrays. The Python function around it has the documentation.
 #[pyfunction]
 pub fn read_log<'py>(py: Python<'py>, path: PathBuf, allow: Vec<String>) -> PyResult<Bound<'py, PyDict>> {
-    let log: Trajectory = py.detach(|| log_check::read(&path, &allow)).map_err(|error| of(&error))?;
+    let log: Trajectory = py.detach(|| log_check::read(&path, &allow)).map_err(|error| to_py_err(&error))?;
     let (rows, width) = (log.time.len(), log.joints.len());
     let matrix = |values: Vec<f64>, width: usize| -> PyResult<Bound<'py, PyArray2<f64>>> {
         PyArray1::from_vec(py, values).reshape([rows, width])

@@ -249,10 +249,10 @@ fn searched(
     watch: &Watch<'_>,
 ) -> PyResult<serde_json::Value> {
     let wrong = |error: FitError| failed(error);
-    let generations = options.most_generations();
+    let generations = options.max_generations();
     let mut fit = match &search.checkpoint {
         Some(path) if path.exists() => {
-            let text = gaitfit::files::read(path, gaitfit::files::MOST_BYTES)
+            let text = gaitfit::files::read(path, gaitfit::files::MAX_BYTES)
                 .map_err(|error| failed(format!("{}: {error}", path.display())))?;
             let checkpoint: Checkpoint = serde_json::from_slice(&text)
                 .map_err(|error| failed(format!("{}: {error}", path.display())))?;
@@ -270,7 +270,7 @@ fn searched(
     while let Some(generation) = fit.step(&cancel).map_err(wrong)? {
         if let Some(path) = &search.checkpoint {
             let text = serde_json::to_vec(&fit.checkpoint()).map_err(failed)?;
-            gaitfit::files::write(path, &text).map_err(|error| crate::errors::of(&error))?;
+            gaitfit::files::write(path, &text).map_err(|error| crate::errors::to_py_err(&error))?;
         }
         let best = fit.best_costs().first().copied().flatten();
         let state = best.map_or_else(String::new, |best| format!("cost {best:.5}"));

@@ -1,7 +1,7 @@
 //! Both sides of a fit that several processes share: the crew, a Python object that has tasks done, and the helper that
 //! does them.
 
-use crate::errors::{failed, of, value};
+use crate::errors::{failed, to_py_err, value};
 use crate::own_policy::Source;
 use crate::watch::{Caller, watched_acting};
 use gaitfit::Error;
@@ -145,7 +145,7 @@ impl Helper {
         let (opened, open) = mpsc::channel();
         let calling = Calling::default();
         let own = match &policy {
-            Some(policy) => policy.policy(asked_of(&calling)).map_err(|error| of(&error))?,
+            Some(policy) => policy.policy(asked_of(&calling)).map_err(|error| to_py_err(&error))?,
             None => None,
         };
         let body = move || match adapt::Helper::open(&parcel, threads, &devices, own.as_ref())
@@ -170,8 +170,9 @@ impl Helper {
             (thread, found)
         })?;
         let thread = thread.map_err(failed)?;
-        let mark =
-            found.map_err(|_| failed("the fit's files could not be opened"))?.map_err(|error| of(&error))?;
+        let mark = found
+            .map_err(|_| failed("the fit's files could not be opened"))?
+            .map_err(|error| to_py_err(&error))?;
         Ok(Self { mark, tasks: Mutex::new(Some(tasks)), thread: Mutex::new(Some(thread)), policy, calling })
     }
 

@@ -1,6 +1,6 @@
 //! The stages of the method: files and settings in, one JSON document out.
 
-use crate::errors::{failed, of, value};
+use crate::errors::{failed, to_py_err, value};
 use crate::own_policy::Source;
 use crate::share::OwnCrew;
 use crate::watch::{Caller, watched, watched_acting};
@@ -60,7 +60,7 @@ fn device_of(text: &str) -> PyResult<Device> {
 }
 
 fn json<T: Serialize>(found: Result<T, Error>) -> PyResult<String> {
-    serde_json::to_string(&found.map_err(|error| of(&error))?).map_err(failed)
+    serde_json::to_string(&found.map_err(|error| to_py_err(&error))?).map_err(failed)
 }
 
 /// A fit to logs; `policy`: a function that walked, in the place of the configuration's file; `crew` simulates, if there is
@@ -74,7 +74,7 @@ pub fn adapt(
     crew: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let mut config: AdaptConfig =
-        settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
+        settings::load(run.config.as_deref(), &run.sets).map_err(|error| to_py_err(&error))?;
     let name = run.name(config.name.as_ref(), "fit");
     config.name = Some(name.clone());
     let (threads, devices) = (run.threads()?.map(NonZeroUsize::get), run.devices()?);
@@ -120,14 +120,14 @@ pub fn validate(
 /// A training from nothing, read and checked.
 fn training(run: &Run, robot: Option<String>, seeds: Option<Vec<u64>>) -> PyResult<gaitfit::train::Setup> {
     let mut config: TrainConfig =
-        settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
+        settings::load(run.config.as_deref(), &run.sets).map_err(|error| to_py_err(&error))?;
     let name = run.name(config.name.as_ref(), config.task.base.name());
     config.name = Some(name.clone());
     config.robot = robot.or(config.robot);
     config.seeds = seeds.unwrap_or(config.seeds);
     let threads = run.threads()?.map_or_else(machine::threads, NonZeroUsize::get);
     gaitfit::train::setup(&config, &name, run.config.as_deref(), threads, &run.devices()?)
-        .map_err(|error| of(&error))
+        .map_err(|error| to_py_err(&error))
 }
 
 /// A training from nothing.
@@ -150,7 +150,7 @@ type Parts = (String, PathBuf, Vec<u64>, Vec<PathBuf>);
 fn plan(run: &Run, setup: &gaitfit::train::Setup) -> PyResult<Parts> {
     let plan = &setup.plan;
     let folder =
-        RunFolder::begin(Path::new(&plan.runs), &plan.name, run.resume).map_err(|error| of(&error))?;
+        RunFolder::begin(Path::new(&plan.runs), &plan.name, run.resume).map_err(|error| to_py_err(&error))?;
     let read: Vec<PathBuf> = setup.inputs.files.keys().map(PathBuf::from).collect();
     let parts = read.iter().flat_map(|file| gaitfit::robot::parts(file));
     let files = run.config.iter().cloned().chain(parts).chain(read.iter().cloned()).collect();
@@ -172,7 +172,7 @@ pub fn finetune_plan(run: Run, world: World, seeds: Option<Vec<u64>>) -> PyResul
 /// A training that goes on from a policy, read and checked.
 fn tuning(run: &Run, world: World, seeds: Option<Vec<u64>>) -> PyResult<gaitfit::train::Setup> {
     let mut config: FinetuneConfig =
-        settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
+        settings::load(run.config.as_deref(), &run.sets).map_err(|error| to_py_err(&error))?;
     let name = run.name(config.name.as_ref(), "finetune");
     config.lenient |= world.lenient;
     config.seeds = seeds.unwrap_or(config.seeds);
@@ -192,7 +192,7 @@ fn tuning(run: &Run, world: World, seeds: Option<Vec<u64>>) -> PyResult<gaitfit:
         threads: run.threads()?,
         devices: run.devices()?,
     })
-    .map_err(|error| of(&error))
+    .map_err(|error| to_py_err(&error))
 }
 
 /// A training that goes on from a policy.
@@ -212,12 +212,12 @@ pub fn finetune(
 #[pyfunction]
 pub fn run_loop(py: Python<'_>, run: Run, progress: Option<Py<PyAny>>) -> PyResult<String> {
     let mut config: LoopConfig =
-        settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
+        settings::load(run.config.as_deref(), &run.sets).map_err(|error| to_py_err(&error))?;
     let name = run.name(config.name.as_ref(), "loop");
     config.name = Some(name.clone());
     let threads = run.threads()?.map_or_else(machine::threads, NonZeroUsize::get);
     let opened = config.check(run.path()).and_then(|()| loop_::Setup::open(config, run.path(), threads));
-    let setup = loop_::Setup { devices: run.devices()?, ..opened.map_err(|error| of(&error))? };
+    let setup = loop_::Setup { devices: run.devices()?, ..opened.map_err(|error| to_py_err(&error))? };
     json(watched(py, progress.as_ref(), |watch| loop_::run(&setup, &name, run.resume, watch))?)
 }
 
@@ -269,7 +269,7 @@ impl World {
     /// The policy, a file's or one that `caller` asks for actions, in its simulator.
     fn open(&self, settings: &WorldSettings, caller: Caller) -> Result<Open, Error> {
         match self.policy.policy(caller.asked())? {
-            Some(policy) => Open::of(settings, policy),
+            Some(policy) => Open::new(settings, policy),
             None => Open::open(settings),
         }
     }
@@ -293,14 +293,14 @@ pub fn evaluate(
         seconds,
         drift,
         drift_speeds: None,
-        ground: GroundChoice::read(terrain).map_err(|error| of(&error))?,
+        ground: GroundChoice::read(terrain).map_err(|error| to_py_err(&error))?,
         ground_robots: 32,
         device: device_of(device)?,
     };
     let found = watched_acting(py, progress.as_ref(), world.policy.act(), |watch, caller| {
         gaitfit::evaluate_in(world.open(&settings.world, caller)?, &settings, watch)
     })?;
-    let found = found.map_err(|error| of(&error))?;
+    let found = found.map_err(|error| to_py_err(&error))?;
     let mut document = serde_json::to_value(&found.measured.evaluation).map_err(failed)?;
     if let Some(fields) = document.as_object_mut() {
         if let Some(verdict) = &found.verdict {
@@ -338,6 +338,6 @@ pub fn collect(
     let found = watched_acting(py, progress.as_ref(), world.policy.act(), |watch, caller| {
         gaitfit::collect_in(world.open(&settings.world, caller)?, &settings, &out, watch)
     })?;
-    let found = found.map_err(|error| of(&error))?;
+    let found = found.map_err(|error| to_py_err(&error))?;
     Ok((found.simulator, found.files, found.falls))
 }

@@ -1,6 +1,6 @@
 //! The paper's tables, whole and in parts.
 
-use crate::errors::{failed, of, value};
+use crate::errors::{failed, to_py_err, value};
 use crate::watch::watched;
 use gaitfit::machine;
 use gaitfit::reproduce::{Part, Request, make, plan, run};
@@ -45,14 +45,14 @@ impl Table {
 pub fn reproduce(py: Python<'_>, table: Table, progress: Option<Py<PyAny>>) -> PyResult<String> {
     let request = table.request()?;
     let found = watched(py, progress.as_ref(), |watch| run(&request, watch).map(|(results, _)| results))?;
-    serde_json::to_string(&found.map_err(|error| of(&error))?).map_err(failed)
+    serde_json::to_string(&found.map_err(|error| to_py_err(&error))?).map_err(failed)
 }
 
 /// The parts of a table, and the files that they read.
 #[pyfunction]
 pub fn reproduce_plan(py: Python<'_>, table: Table) -> PyResult<String> {
     let request = table.request()?;
-    let found = py.detach(|| plan(&request)).map_err(|error| of(&error))?;
+    let found = py.detach(|| plan(&request)).map_err(|error| to_py_err(&error))?;
     serde_json::to_string(&found).map_err(failed)
 }
 
@@ -60,5 +60,5 @@ pub fn reproduce_plan(py: Python<'_>, table: Table) -> PyResult<String> {
 #[pyfunction]
 pub fn reproduce_part(py: Python<'_>, table: Table, part: &str, progress: Option<Py<PyAny>>) -> PyResult<()> {
     let (request, part): (Request, Part) = (table.request()?, serde_json::from_str(part).map_err(value)?);
-    watched(py, progress.as_ref(), |watch| make(&request, &part, watch))?.map_err(|error| of(&error))
+    watched(py, progress.as_ref(), |watch| make(&request, &part, watch))?.map_err(|error| to_py_err(&error))
 }

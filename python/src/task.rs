@@ -1,16 +1,16 @@
 //! The task of a training's configuration, for robots that are stepped at it.
 
-use crate::errors::{failed, of, value};
+use crate::errors::{failed, to_py_err, value};
 use gaitfit::device::Device;
 use gaitfit::settings::{self, TrainConfig};
 use gaitfit::train;
-use gaitfit_learn::{MEND_DIVERGENCE, most_diverged, task};
+use gaitfit_learn::{MEND_DIVERGENCE, max_diverged, task};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// More robots than any machine has memory for.
-const MOST: usize = 1 << 20;
+const MAX_ENVIRONMENTS: usize = 1 << 20;
 
 /// A task: what robots see and do at it.
 #[pyclass(module = "gaitfit._gaitfit", frozen)]
@@ -47,10 +47,10 @@ impl Task {
     #[new]
     fn new(config: Option<PathBuf>, sets: Vec<String>, robot: Option<String>) -> PyResult<Self> {
         let mut settings: TrainConfig =
-            settings::load(config.as_deref(), &sets).map_err(|error| of(&error))?;
+            settings::load(config.as_deref(), &sets).map_err(|error| to_py_err(&error))?;
         settings.robot = robot.or(settings.robot);
         let setup = train::setup(&settings, "env", config.as_deref(), 1, &Device::Cpu.into());
-        let task = setup.map_err(|error| of(&error))?.scene;
+        let task = setup.map_err(|error| to_py_err(&error))?.scene;
         let walker = &task.walker;
         let widths = gaitfit_learn::widths(&task);
         Ok(Self {
@@ -71,8 +71,8 @@ impl Task {
 
 /// Refuses a number of robots that no machine has.
 pub fn checked(count: usize) -> PyResult<()> {
-    if count == 0 || count > MOST {
-        return Err(value(format!("num_envs is {count}; it must be from 1 to {MOST}")));
+    if count == 0 || count > MAX_ENVIRONMENTS {
+        return Err(value(format!("num_envs is {count}; it must be from 1 to {MAX_ENVIRONMENTS}")));
     }
     Ok(())
 }
@@ -86,7 +86,7 @@ pub fn bearable(
     count: usize,
     first: impl FnOnce() -> PyResult<Option<usize>>,
 ) -> PyResult<()> {
-    if diverged as f64 <= most_diverged(count).max(FEW) {
+    if diverged as f64 <= max_diverged(count).max(FEW) {
         return Ok(());
     }
     let first = first()?.unwrap_or_default();

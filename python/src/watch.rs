@@ -20,9 +20,9 @@ use std::time::Duration;
 const PATIENCE: Duration = Duration::from_millis(50);
 
 /// An event that outlives its texts: what it is, a text, and two counts.
-type Told = (&'static str, String, usize, usize);
+type Report = (&'static str, String, usize, usize);
 
-fn told(event: Event<'_>) -> Option<Told> {
+fn report(event: Event<'_>) -> Option<Report> {
     Some(match event {
         Event::Note(text) => ("note", text.to_owned(), 0, 0),
         Event::Stage(text) => ("stage", text.to_owned(), 0, 0),
@@ -37,7 +37,7 @@ fn told(event: Event<'_>) -> Option<Told> {
 /// What the stage's threads have for the calling one.
 enum Message {
     /// It happened.
-    Told(Told),
+    Reported(Report),
     /// A policy is to act.
     Asked(Asked),
     /// The stage has ended.
@@ -121,9 +121,9 @@ pub fn watched_acting<T: Send>(
             let worker = scope.spawn(move || {
                 let ending = Ending(sender);
                 let callback = |event: Event<'_>| {
-                    if let Some(told) = told(event) {
+                    if let Some(reported) = report(event) {
                         // As at the end.
-                        let _ = ending.0.send(Message::Told(told));
+                        let _ = ending.0.send(Message::Reported(reported));
                     }
                     if stop.load(Ordering::Acquire) {
                         ControlFlow::Break(())
@@ -147,7 +147,7 @@ pub fn watched_acting<T: Send>(
                 let mut call = |py: Python<'_>| {
                     py.check_signals()?;
                     match (&mut message, progress, act) {
-                        (Some(Message::Told((kind, text, done, total))), Some(progress), _) => {
+                        (Some(Message::Reported((kind, text, done, total))), Some(progress), _) => {
                             progress.call1(py, (*kind, text.as_str(), *done, *total))?;
                         }
                         (Some(Message::Asked(asked)), _, Some(act)) => {
@@ -193,7 +193,7 @@ pub fn in_place<T: Send>(
         if raised.is_none() {
             *raised = Python::attach(|py| {
                 py.check_signals()?;
-                if let (Some(progress), Some((kind, text, done, total))) = (progress, told(event)) {
+                if let (Some(progress), Some((kind, text, done, total))) = (progress, report(event)) {
                     progress.call1(py, (kind, text, done, total))?;
                 }
                 Ok(())

@@ -67,8 +67,8 @@ impl ReplaySimulator {
         let mut candidate = self.base.clone();
         theta.apply(values, &self.joints, &mut candidate);
         if self.lead != 0.0 {
-            let most = self.replay.options().max_delay;
-            let late = |delay: &mut f64| *delay = (*delay + self.lead).clamp(0.0, most);
+            let max = self.replay.options().max_delay;
+            let late = |delay: &mut f64| *delay = (*delay + self.lead).clamp(0.0, max);
             candidate.robot.delay.iter_mut().for_each(late);
         }
         candidate
@@ -106,7 +106,7 @@ impl ReplaySimulator {
         let candidate = self.candidate(theta, values);
         if !candidate.networks.is_empty() || candidate.torque_noise != 0.0 {
             return Err(SimulatorError::failed(
-                "a replay of a clamped robot knows neither networks nor torque noise: fit them to logs of a walking \
+                "a replay of a clamped robot has neither networks nor torque noise: fit them to logs of a walking \
                  robot, or remove them from what is fitted",
             ));
         }

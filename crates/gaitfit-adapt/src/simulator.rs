@@ -147,7 +147,7 @@ pub trait Simulator {
     }
 
     /// What rollouts cost in each view, falls and regularisation left out, and how many bytes of memory one of them took,
-    /// 0 if that does not matter. `told` is called for each that is done, from any thread. By default as
+    /// 0 if that does not matter. `notify` is called for each that is done, from any thread. By default as
     /// [`Self::costs`]: the signals are compared here.
     ///
     /// # Errors
@@ -157,10 +157,10 @@ pub trait Simulator {
         theta: &Theta,
         views: &Views<'_>,
         rollouts: &[Rollout],
-        told: &(dyn Fn() + Sync),
+        notify: &(dyn Fn() + Sync),
         cancel: &Cancel<'_>,
     ) -> Result<(Vec<Costs>, usize), FitError> {
-        measure(self, theta, views, rollouts, told, cancel)
+        measure(self, theta, views, rollouts, notify, cancel)
     }
 }
 

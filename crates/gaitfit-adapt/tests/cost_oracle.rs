@@ -111,7 +111,7 @@ fn wasserstein1_agrees_with_scipy() {
 fn wass_agrees_with_its_definition() {
     let costs = fixtures().costs;
     let target = target(&costs);
-    let wass = Wass::new(Arc::clone(&target), Weights::of(&target)).unwrap();
+    let wass = Wass::new(Arc::clone(&target), Weights::from_reference(&target)).unwrap();
     for (runs, expected) in [(&costs.aligned, &costs.wass_aligned), (&costs.free, &costs.wass_free)] {
         let breakdown = evaluate(&wass, &singles(runs)).unwrap();
         let mut total = 0.0;
@@ -152,7 +152,7 @@ fn the_robot_itself_costs_nothing() {
     let costs = fixtures().costs;
     let target = target(&costs);
     let runs = singles(&costs.robot);
-    for cost in both(&target, Weights::of(&target)) {
+    for cost in both(&target, Weights::from_reference(&target)) {
         let total = evaluate(cost.as_ref(), &runs).unwrap().total;
         assert!(total < 1e-6, "{}: {total}", cost.name());
     }
@@ -171,7 +171,7 @@ fn order_and_reuse_change_no_bit() {
     let costs = fixtures().costs;
     let target = target(&costs);
     let runs = singles(&costs.aligned);
-    for cost in both(&target, Weights::of(&target)) {
+    for cost in both(&target, Weights::from_reference(&target)) {
         let forward = evaluate(cost.as_ref(), &runs).unwrap();
         let mut accumulator = cost.begin();
         for _ in 0..2 {
@@ -193,7 +193,9 @@ fn diverged_candidates_are_refused() {
     let costs = fixtures().costs;
     let target = target(&costs);
     let runs = singles(&costs.aligned);
-    for (bad_value, cost) in [f32::NAN, f32::INFINITY].into_iter().zip(both(&target, Weights::of(&target))) {
+    for (bad_value, cost) in
+        [f32::NAN, f32::INFINITY].into_iter().zip(both(&target, Weights::from_reference(&target)))
+    {
         let good = evaluate(cost.as_ref(), &runs).unwrap();
         let mut bad = runs[1].clone();
         bad.velocity[7 * costs.joints + 2] = bad_value;
@@ -221,7 +223,7 @@ fn wrong_setups_are_refused() {
     let costs = fixtures().costs;
     let target = target(&costs);
     let runs = singles(&costs.aligned);
-    let weights = Weights::of(&target);
+    let weights = Weights::from_reference(&target);
     for cost in both(&target, weights) {
         let mut accumulator = cost.begin();
         assert!(matches!(accumulator.finish(), Err(CostError::Missing(0))));
@@ -258,7 +260,7 @@ fn constant_dimensions_are_left_out() {
         [(Signal::Position, "held"), (Signal::Velocity, "moving"), (Signal::Velocity, "held")]
     );
     assert_eq!(
-        Wass::new(Arc::clone(&target), Weights::of(&target)).unwrap_err(),
+        Wass::new(Arc::clone(&target), Weights::from_reference(&target)).unwrap_err(),
         CostError::AllConstant(Signal::Velocity)
     );
     let run =
@@ -300,7 +302,7 @@ fn costs_are_fast() {
                 single
             })
             .collect();
-        for cost in both(&target, Weights::of(&target)) {
+        for cost in both(&target, Weights::from_reference(&target)) {
             if extra > 0 && cost.name() == "matcho" {
                 continue;
             }

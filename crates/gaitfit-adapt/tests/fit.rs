@@ -99,7 +99,7 @@ fn costs_at(simulator: &Sines, truth: &[f64]) -> Vec<Box<dyn Cost>> {
         })
         .collect();
     let target = Arc::new(Reference::new(simulator.joints.clone(), &recorded, 0).unwrap());
-    let weights = Weights::of(&target);
+    let weights = Weights::from_reference(&target);
     vec![
         Box::new(MatchO::new(Arc::clone(&target), weights).unwrap()),
         Box::new(Wass::new(target, weights).unwrap()),
@@ -190,7 +190,7 @@ fn restarts_double_the_population_and_resume_to_the_same_bits() {
         assert_eq!(generation.runs[0].best_so_far, best);
     }
     assert_eq!(evaluations, [[7; 6], [14; 6], [28; 6]].concat());
-    assert_eq!((options.most_generations(), whole.outcomes()[0].runs[0].generations), (18, 18));
+    assert_eq!((options.max_generations(), whole.outcomes()[0].runs[0].generations), (18, 18));
     assert_eq!(whole.outcomes()[0].runs[0].stop, Some(Stop::Generations));
     for stopped in [4, 6, 15] {
         let mut part = Fit::new(&simulator, &theta, &costs[..1], options.clone()).unwrap();

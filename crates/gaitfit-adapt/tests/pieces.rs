@@ -93,7 +93,7 @@ fn both(cost: &dyn Cost, falls: [Option<usize>; 3]) -> (f64, f64) {
 #[test]
 fn costs_from_pieces_are_the_costs() {
     let reference = reference();
-    let weights = Weights { velocity: 0.5, ..Weights::of(&reference) };
+    let weights = Weights { velocity: 0.5, ..Weights::from_reference(&reference) };
     let costs: [Box<dyn Cost>; 3] = [
         Box::new(Wass::new(reference.clone(), weights).unwrap()),
         Box::new(MatchO::new(reference.clone(), weights).unwrap()),

@@ -17,7 +17,7 @@ pub fn listen() -> Result<(), Failure> {
         if ASKED.swap(true, Ordering::SeqCst) {
             std::process::exit(Exit::Interrupted as i32);
         }
-        note("stopping after the step under way; once more stops at once");
+        note("stopping after the current step; Ctrl-C again stops at once");
     };
     ctrlc::set_handler(handler).map_err(|error| Failure::failed(format!("cannot listen for Ctrl-C: {error}")))
 }

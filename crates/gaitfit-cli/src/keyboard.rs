@@ -141,12 +141,12 @@ mod tests {
 
     #[test]
     fn keys_steer_and_what_would_be_a_signal_stops() {
-        let of = |code| wanted(KeyEvent::new(code, KeyModifiers::NONE));
+        let pressed = |code| wanted(KeyEvent::new(code, KeyModifiers::NONE));
         let with_control = |letter| wanted(KeyEvent::new(KeyCode::Char(letter), KeyModifiers::CONTROL));
-        assert_eq!(of(KeyCode::Up), Some(Wanted::Steer(Key::Ahead)));
-        assert_eq!(of(KeyCode::Char('Q')), Some(Wanted::Steer(Key::LieDown)));
-        assert_eq!(of(KeyCode::Esc), Some(Wanted::Stop(BY_KEY)));
-        assert_eq!(of(KeyCode::Char('x')), None);
+        assert_eq!(pressed(KeyCode::Up), Some(Wanted::Steer(Key::Ahead)));
+        assert_eq!(pressed(KeyCode::Char('Q')), Some(Wanted::Steer(Key::LieDown)));
+        assert_eq!(pressed(KeyCode::Esc), Some(Wanted::Stop(BY_KEY)));
+        assert_eq!(pressed(KeyCode::Char('x')), None);
         assert_eq!(with_control('c'), Some(Wanted::Stop(INTERRUPTED)));
         assert_eq!(with_control('w'), None);
     }

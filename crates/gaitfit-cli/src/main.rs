@@ -5,6 +5,6 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     let mut arguments = std::env::args_os();
     let called = arguments.next();
-    let own = std::env::current_exe().map(Into::into).ok().or(called);
-    ExitCode::from(gaitfit_cli::program(own.into_iter().chain(arguments)))
+    let executable = std::env::current_exe().map(Into::into).ok().or(called);
+    ExitCode::from(gaitfit_cli::program(executable.into_iter().chain(arguments)))
 }

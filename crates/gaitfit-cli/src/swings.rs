@@ -12,7 +12,7 @@ const STEP_S: f64 = 0.005;
 pub fn text(found: &SwingFindings, beside: &[Beside]) -> String {
     let mut text = sensors(found);
     for sentence in &found.taken_out {
-        let _ = writeln!(text, "taken out before legs were looked at: {sentence}");
+        let _ = writeln!(text, "corrected before the legs were examined: {sentence}");
     }
     match (&found.swings, &found.why_not) {
         (Some(report), _) => joints(&mut text, report, beside),
@@ -31,11 +31,9 @@ pub fn text(found: &SwingFindings, beside: &[Beside]) -> String {
 /// What the robot has that its model lacks, one line a cause.
 pub fn causes(causes: &[Cause]) -> String {
     if causes.is_empty() {
-        return "Nothing that gaitfit knows is missing in the model: joints, ground and sensors are as these logs show \
-                them.\n"
-            .to_owned();
+        return "gaitfit finds no effect in these logs that the model lacks.\n".to_owned();
     }
-    let mut text = "The logs show what the model lacks, the weightiest first:\n".to_owned();
+    let mut text = "The logs show effects that the model lacks, the largest first:\n".to_owned();
     for (number, cause) in causes.iter().enumerate() {
         let _ = writeln!(text, "{}. {}", number + 1, cause.text);
     }
@@ -58,11 +56,7 @@ fn sensors(found: &SwingFindings) -> String {
         ]);
     }
     for (axis, bias) in ["x", "y", "z"].iter().zip(sensors.gyro_bias.iter().flatten()) {
-        rows.add_row([
-            format!("gyro beyond the orientation's rate, {axis}"),
-            number(*bias, 1.0, 4),
-            "rad/s".to_owned(),
-        ]);
+        rows.add_row([format!("gyro bias, {axis}"), number(*bias, 1.0, 4), "rad/s".to_owned()]);
     }
     for (axis, tilt) in ["roll", "pitch"].iter().zip(found.standing.tilt.iter().flatten()) {
         let name = format!("orientation against standing feet, {axis}");
@@ -96,8 +90,8 @@ fn joints(text: &mut String, report: &SwingReport, beside: &[Beside]) {
         ]);
     }
     let law = match report.law {
-        FrictionLaw::Coulomb => "friction turns with the joint",
-        FrictionLaw::Engine => "friction turns as in MuJoCo and this engine, a little before the joint",
+        FrictionLaw::Coulomb => "friction reverses with the joint",
+        FrictionLaw::Engine => "friction reverses a little before the joint, as in MuJoCo and this engine",
     };
     let _ = writeln!(
         text,
@@ -108,7 +102,7 @@ fn joints(text: &mut String, report: &SwingReport, beside: &[Beside]) {
         1e3 * report.clearance_m
     );
     if !report.unseen.is_empty() {
-        let _ = writeln!(text, "not in the air long enough to say anything: {}", report.unseen.join(", "));
+        let _ = writeln!(text, "not in the air long enough: {}", report.unseen.join(", "));
     }
     if beside.is_empty() {
         let _ = writeln!(text, "\n{}", prior_toml(report, STEP_S));

@@ -346,7 +346,7 @@ fn commands_are_chosen_and_played() {
     refused(choose("no.csv", &["--theta", &at("theta.toml")]), 2, "the search's bounds");
     // Without a no-load speed no torque falls with speed.
     let stall = "{kind = \"stall_torque\", per = \"all\"}";
-    refused(choose("no.csv", &["--set", &format!("parameter = [{stall}]")]), 1, "tells stall_torque");
+    refused(choose("no.csv", &["--set", &format!("parameter = [{stall}]")]), 1, "identifies stall_torque");
     let part =
         json(&choose("part.csv", &["--set", &format!("parameter = [{stall}, {{kind = \"armature\"}}]")]));
     assert!(part["ratio"].as_f64().unwrap() < 1.5 && part["parameters"][0]["chosen"].is_null(), "{part}");

@@ -110,3 +110,17 @@ fn links_of_the_book_stay_in_it() {
     }
     assert!(outside.is_empty(), "the book has no page for {outside:#?}");
 }
+
+#[test]
+fn pages_stay_short() {
+    let docs = root().join("docs");
+    let long: Vec<String> = pages()
+        .iter()
+        .filter(|page| page.parent() == Some(docs.as_path()))
+        .filter_map(|page| {
+            let words = std::fs::read_to_string(page).unwrap().split_whitespace().count();
+            (words > 1_600).then(|| format!("{}: {words} words", page.display()))
+        })
+        .collect();
+    assert!(long.is_empty(), "split these pages, or move measurements to docs/results: {long:#?}");
+}

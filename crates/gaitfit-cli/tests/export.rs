@@ -92,14 +92,14 @@ fn a_policy_becomes_a_bundle_and_cpp_and_nothing_is_replaced_silently() {
     let output = run(&["export", walk, "--bundle", &bundle]);
     assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
     assert!(
-        errors(&output).contains("is there already; give another --bundle, or --force"),
+        errors(&output).contains("exists already; give another --bundle, or --force"),
         "{}",
         errors(&output)
     );
     assert_eq!(std::fs::read_to_string(&names[2]).unwrap(), "mine");
     let output = run(&["export", walk, "--bundle", &bundle, "--force"]);
     let text = String::from_utf8(output.stdout.clone()).unwrap();
-    assert!(output.status.success() && text.contains("not said: "), "{text}{}", errors(&output));
+    assert!(output.status.success() && text.contains("not included: "), "{text}{}", errors(&output));
     assert_ne!(std::fs::read_to_string(&names[2]).unwrap(), "mine");
     // Not even --force replaces the policy that is read.
     let output = run(&["export", &names[0], "--bundle", &bundle, "--force"]);

@@ -239,7 +239,7 @@ fn what_cannot_walk_is_said_and_nothing_is_overwritten() {
     assert!(folder.path().join("go2.toml").exists());
     let output = init();
     assert_eq!(output.status.code(), Some(2));
-    assert!(errors(&output).contains("go2.toml is there already"), "{}", errors(&output));
+    assert!(errors(&output).contains("go2.toml exists already"), "{}", errors(&output));
 }
 
 fn shared(name: &str) -> PathBuf {

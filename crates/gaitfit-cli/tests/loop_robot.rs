@@ -43,7 +43,7 @@ fn a_robot_that_may_be_missing_is_asked_once() {
     };
     assert_eq!(places(&result), ["adapted, round 1", "adapted, round 1"]);
     assert_eq!(result["rounds"].as_array().unwrap().len(), 1);
-    assert!(result["next"].as_str().unwrap().contains("was not there"), "{}", result["next"]);
+    assert!(result["next"].as_str().unwrap().contains("was absent"), "{}", result["next"]);
     let page = fs::read_to_string(folder.path().join("l/report.html")).unwrap();
     assert!(page.contains("no robot here"));
 

@@ -64,7 +64,7 @@ fn a_healthy_robot_has_none() {
     let text = String::from_utf8(found.stdout.clone()).unwrap();
     assert!(text.contains("no joint differs from its siblings") && !text.contains("stiffness"), "{text}");
     let said = format!("{text}{}", errors(&found));
-    assert!(said.contains("least squares, which does not look at optimizer.population"), "{said}");
+    assert!(said.contains("least squares, which ignores optimizer.population"), "{said}");
 }
 
 #[test]

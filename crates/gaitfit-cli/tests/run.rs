@@ -465,15 +465,15 @@ fn policies_and_commands_that_a_robot_may_not_be_given_are_refused_by_the_names_
     std::fs::write(&other, "trajectory,time,vx_cmd,vy_cmd,wz_cmd\n0,0,5,0,0\n").unwrap();
     let random = ["--random", "2"];
     for (first, more, words) in [
-        (["run", WALK], &["--commands", &fast][..], ["vx = 5 is beyond", "--beyond-training"]),
+        (["run", WALK], &["--commands", &fast][..], ["vx = 5 is outside", "--beyond-training"]),
         (["run", "assets/go2-biped.safetensors"], &random, ["does not walk on four legs", "posture"]),
         (["run", &stiff], &random, ["kp = 150", "0 to 100"]),
-        (["run", WALK], &["--commands", &other], ["vx = 5 is beyond", "--beyond-training"]),
+        (["run", WALK], &["--commands", &other], ["vx = 5 is outside", "--beyond-training"]),
         (["run", WALK], &["--commands", &other, "--seconds", "0.5"], ["--seconds: 0.5 s", "1 to 3600"]),
         (
             ["run", WALK],
             &["--drift", "1", "--drift-speeds", "2,0,0"],
-            ["--drift-speeds: vx = -2 is beyond", "slower"],
+            ["--drift-speeds: vx = -2 is outside", "slower"],
         ),
         (["run", WALK], &["--drift", "99"], ["--drift: ", "give 1 to 50"]),
         (["run", WALK], &["--keyboard"], ["--keyboard", "no terminal"]),
@@ -487,7 +487,7 @@ fn policies_and_commands_that_a_robot_may_not_be_given_are_refused_by_the_names_
             ["--trajectories: 99999999999 of 4 s (--seconds)", "at most 600"],
         ),
         (["collect", WALK], &["--pause", "0.1"], ["--pause: 0.1 s", "0.5 to 60"]),
-        (["collect", WALK], &["--commands", &other], ["vx = 5 is beyond", "within that"]),
+        (["collect", WALK], &["--commands", &other], ["vx = 5 is outside", "within that"]),
     ] {
         let robot = ["--robot", "simulated", "--yes", "--out", &out];
         let output = run(&[&first[..], more, &robot].concat());

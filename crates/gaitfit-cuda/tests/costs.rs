@@ -122,7 +122,7 @@ fn cxx_costs_are_the_cpus() {
         ],
     };
     let (first, second) = (distances(0, inside_id), distances(1, outside_id));
-    let plan = Plan::of(arrays, vec![squares, first, second]);
+    let plan = Plan::from_parts(arrays, vec![squares, first, second]);
     let given = |signals: &[f32]| {
         Arrays::from([
             ("signals", bytes(signals, f32::to_ne_bytes)),

@@ -3,7 +3,7 @@
 use crate::budget::Budget;
 use crate::known::{Role, role};
 use crate::mapping::{ColumnNames, Mapping, Names};
-use crate::table::{MOST_COLUMNS, Source, Table};
+use crate::table::{MAX_COLUMNS, Source, Table};
 use gaitfit_model::shown;
 use indexmap::IndexMap;
 
@@ -92,11 +92,11 @@ fn one_each(arrays: &Arrays, mapping: &Mapping) -> Result<(), String> {
 
 /// Refuses positions with another number of rows than there are times.
 fn differing(arrays: &Arrays, mapping: &Mapping, rows: usize) -> Result<(), String> {
-    let of = |wanted: Role| {
+    let array = |wanted: Role| {
         let found = arrays.numbers.iter().find(|(name, _)| role_of(name, mapping) == Some(wanted));
         found.filter(|(_, array)| !array.shape.is_empty())
     };
-    let (Some((time, _)), Some((position, array))) = (of(Role::Time), of(Role::Position)) else {
+    let (Some((time, _)), Some((position, array))) = (array(Role::Time), array(Role::Position)) else {
         return Ok(());
     };
     if array.shape[0] == rows {
@@ -186,10 +186,8 @@ pub(crate) fn source(
                 });
                 budget.take_values(rows.saturating_mul(columns.len()))?;
                 for (i, column) in columns.into_iter().enumerate() {
-                    if table.columns.len() >= MOST_COLUMNS {
-                        return Err(format!(
-                            "more than {MOST_COLUMNS} columns; save only the joints' arrays"
-                        ));
+                    if table.columns.len() >= MAX_COLUMNS {
+                        return Err(format!("more than {MAX_COLUMNS} columns; save only the joints' arrays"));
                     }
                     let values = array.data.iter().skip(i).step_by(width).copied().collect();
                     table.columns.insert(column, values);

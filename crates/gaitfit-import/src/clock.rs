@@ -227,13 +227,13 @@ fn is_sampled(table: &Table) -> bool {
 /// Rows a second by the velocities of a table.
 fn velocity_rate(table: &Table) -> Option<f64> {
     let joints: Vec<&str> = table.columns.keys().filter_map(|name| name.strip_prefix("q_")).collect();
-    let of = |prefix: &str| -> Option<Vec<f64>> {
+    let values = |prefix: &str| -> Option<Vec<f64>> {
         let columns: Option<Vec<&Vec<f64>>> =
             joints.iter().map(|joint| table.columns.get(&format!("{prefix}{joint}"))).collect();
         let columns = columns.filter(|columns| !columns.is_empty())?;
         Some((0..table.time.len()).flat_map(|row| columns.iter().map(move |column| column[row])).collect())
     };
-    let rate = rate_of_velocities(&of("q_")?, &of("dq_")?, joints.len())?;
+    let rate = rate_of_velocities(&values("q_")?, &values("dq_")?, joints.len())?;
     Some((10.0 * rate).round() / 10.0)
 }
 

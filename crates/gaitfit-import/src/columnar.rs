@@ -3,7 +3,7 @@
 use crate::arrays::{self, Array, Arrays};
 use crate::budget::Budget;
 use crate::mapping::Mapping;
-use crate::table::{MOST_COLUMNS, Source, Sparse};
+use crate::table::{MAX_COLUMNS, Source, Sparse};
 use crate::text::time_column;
 use gaitfit_model::shown;
 use indexmap::IndexMap;
@@ -93,8 +93,8 @@ pub(crate) struct Frame {
 impl Frame {
     /// Adds a column that is to be read.
     pub fn add(&mut self, name: String, column: Column) -> Result<(), String> {
-        if self.columns.len() >= MOST_COLUMNS {
-            return Err(format!("more than {MOST_COLUMNS} columns; save only those of the joints"));
+        if self.columns.len() >= MAX_COLUMNS {
+            return Err(format!("more than {MAX_COLUMNS} columns; save only those of the joints"));
         }
         let twice = format!("column `{}` is there twice; rename one", shown(&name));
         self.columns.insert(name, column).map_or(Ok(()), |_| Err(twice))

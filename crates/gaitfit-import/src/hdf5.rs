@@ -11,11 +11,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 /// First bytes.
 pub(crate) const MAGIC: &[u8] = b"\x89HDF\r\n\x1a\n";
 /// Deepest groups inside each other: links may lead in a ring.
-const MOST_DEPTH: usize = 8;
+const MAX_DEPTH: usize = 8;
 /// Most groups and datasets.
-const MOST_OBJECTS: usize = 10_000;
+const MAX_OBJECTS: usize = 10_000;
 /// Longest words of a dataset together, bytes.
-const MOST_WORDS: usize = 1 << 20;
+const MAX_WORDS: usize = 1 << 20;
 
 /// The arrays of the file.
 pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Arrays, String> {
@@ -41,8 +41,8 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn count(&mut self) -> Result<(), String> {
         self.objects += 1;
-        if self.objects > MOST_OBJECTS {
-            return Err(format!("more than {MOST_OBJECTS} groups and datasets; save one recording a file"));
+        if self.objects > MAX_OBJECTS {
+            return Err(format!("more than {MAX_OBJECTS} groups and datasets; save one recording a file"));
         }
         Ok(())
     }
@@ -56,7 +56,7 @@ impl Reader<'_> {
             let dataset = group.dataset(&name).map_err(|error| format!("`{}`: {error}", shown(&path)))?;
             self.dataset(&dataset, &path).map_err(|problem| format!("`{}`: {problem}", shown(&path)))?;
         }
-        if depth == MOST_DEPTH {
+        if depth == MAX_DEPTH {
             return Ok(());
         }
         for name in group.groups().map_err(damaged)? {
@@ -92,14 +92,14 @@ impl Reader<'_> {
             DType::F32 | DType::F64 => {}
             DType::I8 | DType::I16 | DType::I32 | DType::I64 => {}
             DType::U8 | DType::U16 | DType::U32 | DType::U64 => {}
-            DType::String | DType::VariableLengthString if elements <= crate::table::MOST_COLUMNS => {
-                self.budget.take_bytes(raw.max(MOST_WORDS))?;
+            DType::String | DType::VariableLengthString if elements <= crate::table::MAX_COLUMNS => {
+                self.budget.take_bytes(raw.max(MAX_WORDS))?;
                 let words = match kind {
                     DType::String => dataset.read_string().map_err(text)?,
                     _ => {
                         let options = VlenStringReadOptions::new()
                             .with_max_elements(elements)
-                            .with_max_payload_bytes(MOST_WORDS);
+                            .with_max_payload_bytes(MAX_WORDS);
                         dataset.read_vlen_strings(options).map_err(text)?
                     }
                 };

@@ -179,7 +179,7 @@ pub(crate) fn role(name: &str) -> Option<Role> {
 
 /// What a column of numbers called `name` is called here, if it is known.
 pub(crate) fn canonical(name: &str) -> Option<String> {
-    if let Some(known) = own(name) {
+    if let Some(known) = known_name(name) {
         return Some(known);
     }
     // a[3]/b, a.3.b and a/3/b are one notation.
@@ -256,7 +256,7 @@ fn is_imu(topic: &[&str]) -> bool {
 pub(crate) const PER_JOINT: [&str; 9] = ["q", "dq", "qdes", "act", "kp", "kd", "dqdes", "tauff", "obs"];
 
 /// Names that are called so here already. A joint `q_3` is a number.
-fn own(name: &str) -> Option<String> {
+fn known_name(name: &str) -> Option<String> {
     let fixed = [&COMMAND[..], &QUATERNION, &ROLL_PITCH_YAW, &RATES, &BASE_POSITION, &BASE_VELOCITY];
     if fixed.iter().any(|names| names.contains(&name)) {
         return Some(name.to_owned());

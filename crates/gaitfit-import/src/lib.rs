@@ -61,7 +61,7 @@ mod zeros;
 pub use clock::{ClockFinding, StreamReport};
 pub use error::ImportError;
 pub use mapping::{
-    AngleUnit, ColumnNames, MOST_MAPPING_BYTES, Mapping, Names, ObservedNumber, StreamNames, TimeColumn,
+    AngleUnit, ColumnNames, MAX_MAPPING_BYTES, Mapping, Names, ObservedNumber, StreamNames, TimeColumn,
     UnitName,
 };
 pub use mcap_write::{LiveMcap, McapHead, McapLog, McapRow, McapState, mcap_bytes};

@@ -5,7 +5,7 @@ use gaitfit_log::{FindingKind, ImuSettings, PerJoint, TimeUnit};
 use serde::Deserialize;
 
 /// Largest mapping file, bytes.
-pub const MOST_MAPPING_BYTES: u64 = 1 << 20;
+pub const MAX_MAPPING_BYTES: u64 = 1 << 20;
 
 /// What an import may know beyond the files, as a TOML file says it. Everything is optional.
 ///

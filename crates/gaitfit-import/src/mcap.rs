@@ -88,7 +88,7 @@ fn records(
                 if let Record::Metadata(found) = parse(code, body)?
                     && found.name == METADATA
                 {
-                    messages.own(found.metadata);
+                    messages.take_metadata(found.metadata);
                 }
             }
             // Indexes, statistics, attachments.

@@ -8,14 +8,14 @@ use std::io::Cursor;
 use zip::ZipArchive;
 
 /// Longest header of an array, bytes: NumPy itself refuses longer ones.
-const MOST_HEADER: usize = 10_000;
+const MAX_HEADER: usize = 10_000;
 /// Most files in an archive.
-pub(crate) const MOST_ENTRIES: usize = 10_000;
+pub(crate) const MAX_ENTRIES: usize = 10_000;
 
 /// The arrays of an npz archive. Arrays of Python objects are refused: they are pickles.
 pub(crate) fn read_npz(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, String> {
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("zip: {error}"))?;
-    if archive.len() > MOST_ENTRIES {
+    if archive.len() > MAX_ENTRIES {
         return Err(format!("{} files in it; is this a log?", archive.len()));
     }
     let mut arrays = Arrays::default();
@@ -35,7 +35,7 @@ pub(crate) fn add(name: &str, bytes: &[u8], arrays: &mut Arrays, budget: &mut Bu
         Some(1) => bytes.get(8..10).map(|two| usize::from(u16::from_le_bytes([two[0], two[1]]))),
         _ => bytes.get(8..12).map(|four| u32::from_le_bytes([four[0], four[1], four[2], four[3]]) as usize),
     };
-    if !bytes.starts_with(b"\x93NUMPY") || length.is_none_or(|length| length > MOST_HEADER) {
+    if !bytes.starts_with(b"\x93NUMPY") || length.is_none_or(|length| length > MAX_HEADER) {
         return refuse("no NumPy array: its header is missing or too long");
     }
     // Brackets in brackets take the header's parser long.

@@ -15,7 +15,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Most files of a bag's folder.
-const MOST_FILES: usize = 1000;
+const MAX_FILES: usize = 1000;
 
 /// Reads a file or a bag's folder.
 pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportError> {
@@ -35,7 +35,7 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
     let only_rate = Mapping { rate_hz: mapping.rate_hz, every: mapping.every, ..Mapping::default() };
     if kind == Kind::Text && mapping == &only_rate && is_own(&bytes) {
         drop(bytes);
-        return own(path, options);
+        return read_log(path, options);
     }
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let refused = |what, remedy: String| Err(ImportError::Refused { path: path.to_owned(), what, remedy });
@@ -126,7 +126,7 @@ fn read(path: &Path, limit: u64) -> Result<Vec<u8>, ImportError> {
 fn bag(folder: &Path, options: &Options, budget: &mut Budget) -> Result<Source, ImportError> {
     let io = |source| ImportError::Io { path: folder.to_owned(), action: "list the folder", source };
     let mut files: Vec<PathBuf> = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(io)?.take(MOST_FILES) {
+    for entry in std::fs::read_dir(folder).map_err(io)?.take(MAX_FILES) {
         let path = entry.map_err(io)?.path();
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().to_lowercase());
         if [".mcap", ".db3", ".mcap.zstd", ".db3.zstd"].iter().any(|ending| name.ends_with(ending)) {
@@ -188,7 +188,7 @@ fn is_own(bytes: &[u8]) -> bool {
 }
 
 /// Reads a log of gaitfit's own as its reader does, with comments and sidecar files.
-fn own(path: &Path, options: &Options) -> Result<Source, ImportError> {
+fn read_log(path: &Path, options: &Options) -> Result<Source, ImportError> {
     let rate_hz = options.mapping.rate_hz;
     let every = options.mapping.every.unwrap_or(1);
     let read = ReadOptions { max_bytes: options.max_bytes, rate_hz, every, ..ReadOptions::default() };

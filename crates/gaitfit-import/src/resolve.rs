@@ -72,7 +72,7 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
 }
 
 /// Most names of streams in a message.
-const MOST_SHOWN: usize = 20;
+const MAX_SHOWN: usize = 20;
 
 /// Notes which names of `streams.take` the source has.
 fn note_taken(source: &mut Source, mapping: &Mapping) {
@@ -86,7 +86,7 @@ fn note_taken(source: &mut Source, mapping: &Mapping) {
     let begins = |wanted: &&String| all.iter().any(|name| name.starts_with(wanted.as_str()));
     let taken: Vec<String> = mapping.streams.take.iter().filter(begins).cloned().collect();
     // Topics are named before their columns; a table's columns are all that it can be asked for by.
-    let shown: Vec<String> = all.iter().take(MOST_SHOWN).map(|name| (*name).clone()).collect();
+    let shown: Vec<String> = all.iter().take(MAX_SHOWN).map(|name| (*name).clone()).collect();
     source.taken.extend(taken);
     source.takeable.extend(shown);
 }
@@ -95,7 +95,7 @@ fn note_taken(source: &mut Source, mapping: &Mapping) {
 pub(crate) fn all_taken(sources: &[Source], mapping: &Mapping) -> Result<(), ImportError> {
     let missing = |wanted: &&String| !sources.iter().any(|source| source.taken.contains(wanted));
     let Some(wanted) = mapping.streams.take.iter().find(missing) else { return Ok(()) };
-    let all = sources.iter().flat_map(|source| &source.takeable).take(MOST_SHOWN);
+    let all = sources.iter().flat_map(|source| &source.takeable).take(MAX_SHOWN);
     let found = all.map(|name| shown(name)).collect::<Vec<_>>().join(", ");
     Err(ImportError::NoSuchStream { wanted: wanted.clone(), found })
 }
@@ -197,11 +197,11 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
     };
     let numbers: Vec<(bool, usize)> =
         source.tables.iter().flat_map(|table| table.columns.keys()).filter_map(|name| number(name)).collect();
-    let most =
+    let slots =
         |motors: bool| numbers.iter().filter(|(is, _)| *is == motors).map(|(_, number)| number + 1).max();
     let given: Option<Vec<String>> = mapping.joints.clone().or_else(|| source.joints.clone());
     let usual = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
-    let motors: Vec<String> = match (&given, most(true)) {
+    let motors: Vec<String> = match (&given, slots(true)) {
         (_, None) => Vec::new(),
         (Some(given), Some(_)) => given.clone(),
         (None, Some(count)) => {
@@ -215,7 +215,7 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
             usual(names)
         }
     };
-    let joints: Vec<String> = match (most(false), given) {
+    let joints: Vec<String> = match (slots(false), given) {
         (None, _) => Vec::new(),
         (Some(count), Some(given)) if given.len() == count => {
             source.assumed.push(format!(

@@ -8,7 +8,7 @@ pub(crate) const MAGIC: &[u8] = b"SQLite format 3\0";
 /// Deepest tree.
 const DEEPEST: usize = 24;
 /// Largest row, bytes.
-const MOST_ROW: usize = 256 << 20;
+const MAX_ROW: usize = 256 << 20;
 
 /// A cell.
 #[derive(Clone, Debug, PartialEq)]
@@ -166,17 +166,17 @@ impl<'a> Database<'a> {
     ) -> Result<(), String> {
         let size = usize::try_from(varint(page, &mut at)?).map_err(|_| damaged())?;
         let id = varint(page, &mut at)?;
-        if size > MOST_ROW {
+        if size > MAX_ROW {
             return Err(damaged());
         }
         left.bytes = left.bytes.checked_sub(size + 2).ok_or_else(damaged)?;
-        let (most, least) = (self.usable - 35, (self.usable - 12) * 32 / 255 - 23);
-        if size <= most {
+        let (max, min) = (self.usable - 35, (self.usable - 12) * 32 / 255 - 23);
+        if size <= max {
             let content = at.checked_add(size).and_then(|end| page.get(at..end)).ok_or_else(damaged)?;
             return visit(content, id, row);
         }
-        let here = least + (size - least) % (self.usable - 4);
-        let here = if here <= most { here } else { least };
+        let here = min + (size - min) % (self.usable - 4);
+        let here = if here <= max { here } else { min };
         let mut content = Vec::with_capacity(size);
         content.extend_from_slice(page.get(at..at + here).ok_or_else(damaged)?);
         let mut next = be32(page, at + here)?;

@@ -4,7 +4,7 @@ use gaitfit_log::Lead;
 use indexmap::IndexMap;
 
 /// Most columns of a table.
-pub(crate) const MOST_COLUMNS: usize = 4096;
+pub(crate) const MAX_COLUMNS: usize = 4096;
 
 /// Columns that share their times.
 #[derive(Clone, Debug, Default)]

@@ -3,12 +3,12 @@
 use crate::budget::Budget;
 use crate::known::{Role, canonical, role};
 use crate::mapping::Mapping;
-use crate::table::{MOST_COLUMNS, Source, Sparse};
+use crate::table::{MAX_COLUMNS, Source, Sparse};
 use gaitfit_model::shown;
 use std::collections::HashSet;
 
 /// Longest line, bytes.
-const MOST_LINE: usize = 1 << 20;
+const MAX_LINE: usize = 1 << 20;
 
 /// Reads a CSV file: a header and rows of numbers, separated by commas, semicolons (then with decimal commas, if there are
 /// some) or tabs. An empty cell is no sample of its column: columns with samples in the same rows are one stream.
@@ -24,7 +24,7 @@ pub(crate) fn read(
         .lines()
         .find(|line| !line.trim().is_empty() && !line.starts_with('#'))
         .ok_or("empty; a log has a header line")?;
-    if text.lines().take(100).any(|line| line.len() > MOST_LINE) {
+    if text.lines().take(100).any(|line| line.len() > MAX_LINE) {
         return Err("lines longer than a megabyte; is this a CSV file?".into());
     }
     let count = |c: char| header.matches(c).count();
@@ -38,8 +38,8 @@ pub(crate) fn read(
         .from_reader(text.as_bytes());
     let damaged = |error: csv::Error| format!("{error}");
     let names: Vec<String> = reader.headers().map_err(damaged)?.iter().map(str::to_owned).collect();
-    if names.len() > MOST_COLUMNS {
-        return Err(format!("{} columns, more than {MOST_COLUMNS}; drop unused ones", names.len()));
+    if names.len() > MAX_COLUMNS {
+        return Err(format!("{} columns, more than {MAX_COLUMNS}; drop unused ones", names.len()));
     }
     if names.iter().all(|name| name.parse::<f64>().is_ok()) {
         return Err(

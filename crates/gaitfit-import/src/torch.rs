@@ -2,7 +2,7 @@
 
 use crate::arrays::Arrays;
 use crate::budget::{Budget, read_all};
-use crate::npz::MOST_ENTRIES;
+use crate::npz::MAX_ENTRIES;
 use crate::pickle;
 use std::collections::HashMap;
 use std::io::Cursor;
@@ -10,12 +10,12 @@ use std::rc::Rc;
 use zip::ZipArchive;
 
 /// Largest pickle in the archive, bytes: it holds names and shapes, not numbers.
-const MOST_PICKLE: u64 = 64 << 20;
+const MAX_PICKLE: u64 = 64 << 20;
 
 /// Whether a zip archive is one of PyTorch.
 pub(crate) fn is_torch(bytes: &[u8]) -> bool {
     let archive = ZipArchive::new(Cursor::new(bytes));
-    archive.is_ok_and(|archive| archive.len() <= MOST_ENTRIES && pickle_name(&archive).is_some())
+    archive.is_ok_and(|archive| archive.len() <= MAX_ENTRIES && pickle_name(&archive).is_some())
 }
 
 fn pickle_name(archive: &ZipArchive<Cursor<&[u8]>>) -> Option<String> {
@@ -36,8 +36,8 @@ pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, String> 
         }
     }
     let entry = archive.by_name(&name).map_err(damaged)?;
-    if entry.size() > MOST_PICKLE {
-        return Err(format!("its data.pkl is larger than {MOST_PICKLE} bytes; save plain tensors"));
+    if entry.size() > MAX_PICKLE {
+        return Err(format!("its data.pkl is larger than {MAX_PICKLE} bytes; save plain tensors"));
     }
     let content = read_all(entry, budget, "zip")?;
     let pickle = pickle::read(&content, budget)?;

@@ -78,7 +78,7 @@ fn gains(pickle: &Pickle, robot: &str) -> Option<(Vec<f64>, Vec<f64>)> {
     let control = get(*parts.first()?, "control")?;
     let values = |key: &str| -> Option<Vec<f64>> {
         let Node::Dict(entries) = &pickle.nodes[get(control, key)?] else { return None };
-        let of = |joint: &&str| {
+        let number = |joint: &&str| {
             entries.iter().find_map(|(name, value)| match (&pickle.nodes[*name], &pickle.nodes[*value]) {
                 (Node::Text(name), Node::Number(value)) if format!("{joint}_joint").contains(&**name) => {
                     Some(*value)
@@ -86,7 +86,7 @@ fn gains(pickle: &Pickle, robot: &str) -> Option<(Vec<f64>, Vec<f64>)> {
                 _ => None,
             })
         };
-        WALK_THESE_WAYS.iter().map(of).collect()
+        WALK_THESE_WAYS.iter().map(number).collect()
     };
     Some((values("stiffness")?, values("damping")?))
 }

@@ -12,7 +12,7 @@ static SELECTED: OnceLock<Result<Isa, IsaError>> = OnceLock::new();
 
 thread_local! {
     /// What [`with_isa`] puts in its place.
-    static OWN: Cell<Option<Isa>> = const { Cell::new(None) };
+    static THREAD_CHOICE: Cell<Option<Isa>> = const { Cell::new(None) };
 }
 
 /// Chooses the set for the whole program, before it is first used.
@@ -33,7 +33,7 @@ pub fn select(isa: Isa) -> Result<(), IsaError> {
 /// # Errors
 /// The variable names no set, or one that this machine lacks.
 pub fn selected() -> Result<Isa, IsaError> {
-    match OWN.get() {
+    match THREAD_CHOICE.get() {
         Some(own) => Ok(own),
         None => chosen().clone(),
     }
@@ -41,7 +41,7 @@ pub fn selected() -> Result<Isa, IsaError> {
 
 /// The set in use, for functions that cannot fail: where [`selected`] does, the best.
 pub fn current() -> Isa {
-    OWN.get().or_else(|| chosen().as_ref().ok().copied()).unwrap_or_else(Isa::best)
+    THREAD_CHOICE.get().or_else(|| chosen().as_ref().ok().copied()).unwrap_or_else(Isa::best)
 }
 
 fn chosen() -> &'static Result<Isa, IsaError> {
@@ -66,10 +66,10 @@ pub fn with_isa<R>(isa: Isa, function: impl FnOnce() -> R) -> Result<R, IsaError
     struct Back(Option<Isa>);
     impl Drop for Back {
         fn drop(&mut self) {
-            OWN.set(self.0);
+            THREAD_CHOICE.set(self.0);
         }
     }
-    let _back = Back(OWN.replace(Some(isa.checked()?)));
+    let _back = Back(THREAD_CHOICE.replace(Some(isa.checked()?)));
     Ok(function())
 }
 

@@ -81,18 +81,18 @@ fn collect_tile(
 /// What is there before an action of environment `index` of `task`, into `row`, as [`Recorder::sense`] takes it.
 pub fn sensed(task: &Task, environment: &Environment<'_>, index: usize, row: &mut Vec<f32>) {
     let (motion, joints) = (environment.motion(), &task.walker.joints);
-    let of = |values: &'_ [f32]| -> std::ops::Range<usize> {
+    let range = |values: &'_ [f32]| -> std::ops::Range<usize> {
         let width = values.len() / environment.count();
         index * width..(index + 1) * width
     };
-    let position = &motion.joint_position[of(&motion.joint_position)];
-    let velocity = &motion.joint_velocity[of(&motion.joint_velocity)];
+    let position = &motion.joint_position[range(&motion.joint_position)];
+    let velocity = &motion.joint_velocity[range(&motion.joint_velocity)];
     row.clear();
     row.extend(joints.iter().map(|&joint| position[joint]));
     row.extend(joints.iter().map(|&joint| velocity[joint]));
     row.extend(environment.commands()[index]);
     for base in [&motion.base_position, &motion.base_quaternion, &motion.base_linear, &motion.base_angular] {
-        row.extend(&base[of(base)]);
+        row.extend(&base[range(base)]);
     }
 }
 

@@ -20,5 +20,5 @@ pub use curriculum::{Commands, Growth};
 pub use player::Player;
 pub use rollout::{Divergence, Runner, Tally};
 pub use training::{
-    Iteration, MEND_DIVERGENCE, Training, TrainingError, TrainingSettings, most_diverged, widths,
+    Iteration, MEND_DIVERGENCE, Training, TrainingError, TrainingSettings, max_diverged, widths,
 };

@@ -122,7 +122,7 @@ pub const MEND_DIVERGENCE: &str = "Use more substeps (task.substeps), the preset
 
 /// Divergences of a rollout of `environments` robots that training bears, each as a fall: one in a hundred, and one where
 /// there are fewer robots.
-pub fn most_diverged(environments: usize) -> f64 {
+pub fn max_diverged(environments: usize) -> f64 {
     (environments / 100).max(1) as f64
 }
 
@@ -338,7 +338,7 @@ impl<'a> Training<'a> {
     /// but time.
     ///
     /// # Errors
-    /// A number that is not finite in the update, or more robots that diverged than [`most_diverged`]; the learner then
+    /// A number that is not finite in the update, or more robots that diverged than [`max_diverged`]; the learner then
     /// holds the last finite parameters.
     pub fn iterate(&mut self, threads: usize) -> Result<Iteration, TrainingError> {
         let number = self.iteration;
@@ -366,8 +366,8 @@ impl<'a> Training<'a> {
             let found = runner.divergence.take();
             first = first.or(found.map(|one| (tile * TILE + one.environment, one)));
         }
-        let most = most_diverged(self.settings.environments);
-        if let Some((environment, Divergence { step, term, .. })) = first.filter(|_| tally.diverged > most) {
+        let max = max_diverged(self.settings.environments);
+        if let Some((environment, Divergence { step, term, .. })) = first.filter(|_| tally.diverged > max) {
             let (iteration, robots) = (number, tally.diverged as usize);
             return Err(TrainingError::Diverged { iteration, robots, environment, step, term });
         }

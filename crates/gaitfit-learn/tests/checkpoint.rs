@@ -84,7 +84,7 @@ fn resumed_on_stairs_it_ends_with_the_same_bits() {
         columns: 2,
         size: 4.0,
         border: 1.0,
-        ..TerrainSettings::of(Kinds::One(TerrainKind::Stairs))
+        ..TerrainSettings::with_kind(Kinds::One(TerrainKind::Stairs))
     };
     let tallies = resumes(&scene_on(Some(terrain)));
     // Nobody walks yet: levels sink from their mean of 1.5, episode by episode.

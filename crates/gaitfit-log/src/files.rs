@@ -5,7 +5,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Most entries of a folder that are looked at.
-const MOST_ENTRIES: usize = 100_000;
+const MAX_ENTRIES: usize = 100_000;
 
 /// The `*.csv` files of a folder, by name, and links to files; not those of folders in it.
 ///
@@ -26,8 +26,8 @@ pub(crate) fn entries(folder: &Path) -> Result<Vec<(PathBuf, Option<LogError>)>,
     };
     let mut found = Vec::new();
     for (number, entry) in std::fs::read_dir(folder).map_err(unreadable)?.enumerate() {
-        if number >= MOST_ENTRIES {
-            return Err(LogError::TooManyFiles { path: folder.to_owned(), limit: MOST_ENTRIES });
+        if number >= MAX_ENTRIES {
+            return Err(LogError::TooManyFiles { path: folder.to_owned(), limit: MAX_ENTRIES });
         }
         let path = entry.map_err(unreadable)?.path();
         if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {

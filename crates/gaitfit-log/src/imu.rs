@@ -3,9 +3,9 @@
 /// A quaternion whose length is further from 1 is none; recorders that round to two digits stay below.
 const OFF_UNIT: f64 = 0.02;
 /// Largest roll or pitch, rad.
-const MOST_ANGLE: f64 = 2.0 * std::f64::consts::PI;
+const MAX_ANGLE: f64 = 2.0 * std::f64::consts::PI;
 /// Largest body rate, rad/s: gyros of robots end at a third of it.
-const MOST_RATE: f64 = 200.0;
+const MAX_RATE: f64 = 200.0;
 /// The same in degrees per second.
 const MAX_DEGREES: f64 = 12_000.0;
 
@@ -28,13 +28,13 @@ pub(crate) fn orientation(quaternion: &[f64]) -> Option<(usize, &'static str)> {
 
 /// The first of (roll, pitch, yaw) that cannot be, and why. Yaw may have been unwrapped.
 pub(crate) fn angles(angles: &[f64]) -> Option<(usize, &'static str)> {
-    let beyond = || angles.iter().take(2).position(|angle| angle.abs() > MOST_ANGLE.to_degrees());
+    let beyond = || angles.iter().take(2).position(|angle| angle.abs() > MAX_ANGLE.to_degrees());
     infinite(angles).map(|place| (place, NOT_FINITE)).or_else(|| Some((beyond()?, TOO_FAR)))
 }
 
 /// The first of (roll, pitch, yaw) that can be one in degrees only, and why.
 pub(crate) fn far(angles: &[f64]) -> Option<(usize, &'static str)> {
-    Some((angles.iter().take(2).position(|angle| angle.abs() > MOST_ANGLE)?, TOO_FAR))
+    Some((angles.iter().take(2).position(|angle| angle.abs() > MAX_ANGLE)?, TOO_FAR))
 }
 
 const TOO_FAR: &str = "more than a full turn; give radians, or delete the row";
@@ -59,7 +59,7 @@ pub(crate) fn rates(rates: &[f64]) -> Option<(usize, &'static str)> {
 
 /// The first of the body rates that can be one in degrees per second only, and why.
 pub(crate) fn fast(rates: &[f64]) -> Option<(usize, &'static str)> {
-    Some((rates.iter().position(|rate| rate.abs() > MOST_RATE)?, TOO_FAST))
+    Some((rates.iter().position(|rate| rate.abs() > MAX_RATE)?, TOO_FAST))
 }
 
 const TOO_FAST: &str = "beyond 200 rad/s, faster than any robot turns; give rad/s, or delete the row";

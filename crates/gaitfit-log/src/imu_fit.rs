@@ -16,7 +16,7 @@ use gaitfit_model::rotation::{Quat, Vec3, inverse, normalize, product, quat_of};
 const SPAN_S: f64 = 0.04;
 /// Fewest spans that say something, and shortest log, s.
 const ENOUGH: usize = 40;
-const LEAST_S: f64 = 0.8;
+const MIN_S: f64 = 0.8;
 /// RMS rate, rad/s, below which noise is most of it: slow walks have 0.19.
 const MOVES: f64 = 0.1;
 const FIVE_TIMES: f64 = 5.0;
@@ -45,7 +45,7 @@ pub(crate) struct Reading {
 }
 
 /// Rates about the base's own axes.
-const OWN: [(usize, f64); 3] = [(0, 1.0), (1, 1.0), (2, 1.0)];
+const BASE_AXES: [(usize, f64); 3] = [(0, 1.0), (1, 1.0), (2, 1.0)];
 
 impl Reading {
     const AS_NAMED: Reading = Reading {
@@ -53,12 +53,12 @@ impl Reading {
         frame: RateFrame::Body,
         unit: RateUnit::Radians,
         negated: false,
-        axes: OWN,
+        axes: BASE_AXES,
     };
 
     /// Whether the rates are about the axes that their names say.
-    pub fn own_axes(&self) -> bool {
-        self.axes == OWN
+    pub fn base_axes(&self) -> bool {
+        self.axes == BASE_AXES
     }
 
     /// The settings that say it, where it has the rates' own axes.
@@ -117,27 +117,27 @@ pub(crate) fn judge(log: &Trajectory) -> Option<Verdict> {
     let mut spans = Spans::new(log, rates)?;
     spans.trim(quaternion);
     let named = Reading::AS_NAMED;
-    let own = spans.moments(quaternion, named.order, named.frame)?;
-    let rms = |sum: f64| (sum / own.count as f64).sqrt() / spans.seconds;
-    let rms = [rms(own.turned), rms(own.integrated)];
+    let moments = spans.moments(quaternion, named.order, named.frame)?;
+    let rms = |sum: f64| (sum / moments.count as f64).sqrt() / spans.seconds;
+    let rms = [rms(moments.turned), rms(moments.integrated)];
     // One of them may stand still for a reason; not beside much of the other.
     if rms[0].min(rms[1]) < MOVES && rms[0].max(rms[1]) < FIVE_TIMES * MOVES {
         return None;
     }
-    let as_named = own.unexplained(&named);
+    let as_named = moments.unexplained(&named);
     let mut all: Vec<(Reading, f64)> = Vec::new();
     for order in [QuaternionOrder::Wxyz, QuaternionOrder::Xyzw] {
         for frame in [RateFrame::Body, RateFrame::World] {
             let Some(moments) = spans.moments(quaternion, order, frame) else { continue };
             for unit in [RateUnit::Radians, RateUnit::Degrees] {
                 for negated in [false, true] {
-                    let reading = Reading { order, frame, unit, negated, axes: OWN };
+                    let reading = Reading { order, frame, unit, negated, axes: BASE_AXES };
                     all.push((reading, moments.unexplained(&reading)));
                 }
             }
             if (order, frame) == (named.order, named.frame) {
                 for unit in [RateUnit::Radians, RateUnit::Degrees] {
-                    for axes in turns().into_iter().filter(|axes| *axes != OWN) {
+                    for axes in turns().into_iter().filter(|axes| *axes != BASE_AXES) {
                         for negated in [false, true] {
                             let reading = Reading { order, frame, unit, negated, axes };
                             all.push((reading, moments.unexplained(&reading) / SIMPLER));
@@ -156,7 +156,7 @@ pub(crate) fn judge(log: &Trajectory) -> Option<Verdict> {
     let inverse = reading.negated && reading.frame == RateFrame::World;
     let decided = !inverse && all[1..].iter().all(|(other, value)| same(other) || *value > CLEAR * left);
     let better = improves.then_some((reading, left));
-    Some(Verdict { as_named, better, decided: decided && reading.own_axes() && left < FITS * CLEAR, rms })
+    Some(Verdict { as_named, better, decided: decided && reading.base_axes() && left < FITS * CLEAR, rms })
 }
 
 /// The 24 turns of the axes by right angles, as signed permutations.
@@ -192,7 +192,7 @@ impl Spans {
         let typical = typical_step(&log.time)?;
         let length = ((SPAN_S / typical).round() as usize).max(1);
         let samples = log.len();
-        if log.duration() < LEAST_S || samples < length + ENOUGH {
+        if log.duration() < MIN_S || samples < length + ENOUGH {
             return None;
         }
         let seconds = length as f64 * typical;

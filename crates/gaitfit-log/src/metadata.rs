@@ -51,12 +51,12 @@ impl PerJoint {
 }
 
 /// Most entries of a table by joint name: each costs some microseconds.
-const MOST_ENTRIES: usize = 1000;
+const MAX_ENTRIES: usize = 1000;
 
 fn resolve_named(what: &str, entries: &IndexMap<String, f64>, joints: &[String]) -> Result<Vec<f64>, String> {
-    if entries.len() > MOST_ENTRIES {
+    if entries.len() > MAX_ENTRIES {
         return Err(format!(
-            "{what} has {} entries; give at most {MOST_ENTRIES}, or a list in the order of the q_ columns",
+            "{what} has {} entries; give at most {MAX_ENTRIES}, or a list in the order of the q_ columns",
             entries.len()
         ));
     }

@@ -88,8 +88,8 @@ impl Trajectory {
         }
         let time = (0..rows).map(|row| start + row as f64 * step).collect();
         // The stated rate, where it is that of the rows.
-        let own = 1.0 / step;
-        let rate_hz = if (own / self.rate_hz - 1.0).abs() < SAME_RATE { self.rate_hz } else { own };
+        let rate = 1.0 / step;
+        let rate_hz = if (rate / self.rate_hz - 1.0).abs() < SAME_RATE { self.rate_hz } else { rate };
         let trajectory = self.at(time, rate_hz, &Places { held, measured, curved: true });
         Ok(Regular { trajectory, filled, moved: real })
     }

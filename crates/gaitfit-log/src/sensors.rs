@@ -91,7 +91,7 @@ impl Ratio {
 
 impl Sensors {
     /// Of logs of one robot.
-    pub fn of(logs: &[&Trajectory]) -> Self {
+    pub fn new(logs: &[&Trajectory]) -> Self {
         Self {
             velocity_lag: velocity_lag(logs),
             gyro_bias: gyro_bias(logs),
@@ -315,7 +315,7 @@ mod tests {
     fn a_lag_and_a_bias_are_seen_through_noise_and_taken_out() {
         for lag in [0.0, 0.0039, -0.002] {
             let log = log(lag, 1.0, [0.02, 0.0, -0.013], 7);
-            let sensors = Sensors::of(&[&log]);
+            let sensors = Sensors::new(&[&log]);
             let found = sensors.velocity_lag.unwrap();
             assert!((found.value - lag).abs() < 3.0 * found.error + 5e-5, "{lag}: {found:?}");
             assert!(found.error < 3e-4, "{found:?}");
@@ -326,7 +326,7 @@ mod tests {
             assert!((sensors.velocity_noise.unwrap() / 0.1 - 1.0).abs() < 0.5, "{sensors:?}");
             let (better, said) = sensors.corrected(&log);
             assert_eq!(said.len(), if lag == 0.0 { 1 } else { 2 }, "{said:?}");
-            let again = Sensors::of(&[&better]);
+            let again = Sensors::new(&[&better]);
             assert!(again.velocity_lag.unwrap().value.abs() < 4e-4, "{again:?}");
             assert!(again.gyro_bias.unwrap().iter().all(|axis| axis.value.abs() < 0.003), "{again:?}");
         }
@@ -335,17 +335,17 @@ mod tests {
     #[test]
     fn good_logs_stay_as_they_are() {
         let log = log(0.0, 0.2, [0.0; 3], 3);
-        let (same, said) = Sensors::of(&[&log]).corrected(&log);
+        let (same, said) = Sensors::new(&[&log]).corrected(&log);
         assert_eq!((same, said), (log, vec![]));
     }
 
     #[test]
     fn short_logs_say_nothing() {
         let short = log(0.0, 1.0, [0.0; 3], 1).slice(0..2).unwrap();
-        let sensors = Sensors::of(&[&short]);
+        let sensors = Sensors::new(&[&short]);
         assert_eq!((sensors.velocity_lag, sensors.gyro_bias, sensors.velocity_noise), (None, None, None));
         let empty = short.slice(0..0).unwrap();
-        assert_eq!(Sensors::of(&[&empty]), Sensors::default());
+        assert_eq!(Sensors::new(&[&empty]), Sensors::default());
         assert_eq!(Sensors::default().corrected(&empty).0, empty);
     }
 }

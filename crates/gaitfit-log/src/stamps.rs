@@ -156,8 +156,8 @@ fn coarse(time: &[f64], is_new: impl Fn(usize) -> bool) -> Option<CoarseStamps> 
     for pair in time.windows(2) {
         *counts.entry(((pair[1] - pair[0]) / tick_s).round() as u64).or_default() += 1;
     }
-    let most = counts.values().copied().max().unwrap_or(0);
-    let uneven = (time.len() - 1 - most) as f64 > UNEVEN * time.len() as f64;
+    let max = counts.values().copied().max().unwrap_or(0);
+    let uneven = (time.len() - 1 - max) as f64 > UNEVEN * time.len() as f64;
     uneven.then_some(CoarseStamps { tick_s, single_precision, shared })
 }
 
@@ -183,7 +183,7 @@ fn tick(time: &[f64]) -> Option<(f64, bool)> {
         let tick = single_tick(time[0].abs());
         return (tick >= 1e-3 && is_single(time[0])).then_some((tick, true));
     }
-    let largest = time.iter().fold(0.0f64, |most, time| most.max(time.abs()));
+    let largest = time.iter().fold(0.0f64, |max, time| max.max(time.abs()));
     let single = single_tick(largest);
     if single >= HARMLESS * mean_step(time) && time.iter().all(|time| is_single(*time)) {
         return Some((single, true));
@@ -249,10 +249,10 @@ fn at_rate(time: &[f64], tick: f64, rate: f64) -> Result<(Vec<f64>, usize), Stri
     let mut missing = 0usize;
     let mut off: Vec<f64> = Vec::with_capacity(time.len());
     for (row, at) in time.iter().enumerate() {
-        let own = at - (row + missing) as f64 * step;
+        let offset = at - (row + missing) as f64 * step;
         let recent = &off[off.len().saturating_sub(WINDOW)..];
         let low = recent.iter().copied().fold(f64::INFINITY, f64::min);
-        let late = own - (low + wide);
+        let late = offset - (low + wide);
         let lost = if late > 0.0 { (late / step).ceil() } else { 0.0 };
         missing = missing.saturating_add(lost as usize);
         if missing as f64 > LOSS * time.len() as f64 {

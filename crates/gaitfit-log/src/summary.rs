@@ -115,16 +115,16 @@ pub fn summary_with_report(log: &Trajectory, reading: ReadReport) -> LogSummary 
 }
 
 fn joint_summary(log: &Trajectory, joint: usize) -> JointSummary {
-    let of = |signal| log.column_at(signal, joint).and_then(|column| signal_summary(&column));
+    let summary = |signal| log.column_at(signal, joint).and_then(|column| signal_summary(&column));
     let position = log.column_at(Signal::Position, joint).unwrap_or_default();
     JointSummary {
         name: log.joints[joint].clone(),
         kp: log.gains.as_ref().and_then(|gains| gains.kp.get(joint).copied()),
         kd: log.gains.as_ref().and_then(|gains| gains.kd.get(joint).copied()),
-        position: of(Signal::Position),
-        velocity: of(Signal::Velocity),
-        target: of(Signal::Target),
-        action: of(Signal::Action),
+        position: summary(Signal::Position),
+        velocity: summary(Signal::Velocity),
+        target: summary(Signal::Target),
+        action: summary(Signal::Action),
         tracking_rms_rad: log
             .column_at(Signal::Target, joint)
             .and_then(|target| tracking(&position, &target)),

@@ -149,7 +149,7 @@ fn choose_robot(ctx: &mut Context, spec: &Spec) -> Result<Option<Robot>, ModelEr
             continue;
         }
         moving.push(index);
-        if best.is_none_or(|(_, most)| joints > most) {
+        if best.is_none_or(|(_, max)| joints > max) {
             best = Some((index, joints));
         }
     }
@@ -167,7 +167,7 @@ fn choose_robot(ctx: &mut Context, spec: &Spec) -> Result<Option<Robot>, ModelEr
 
 fn attach(ctx: &Context, spec: &Spec, root: usize, wanted: Option<Root>) -> Result<Root, ModelError> {
     let body = &spec.bodies[root];
-    let own = if body.free.is_some() { Root::Floating } else { Root::Fixed };
+    let root_kind = if body.free.is_some() { Root::Floating } else { Root::Fixed };
     match wanted {
         Some(Root::Floating) if !body.joints.is_empty() => Err(ctx.invalid(
             body.at,
@@ -175,7 +175,7 @@ fn attach(ctx: &Context, spec: &Spec, root: usize, wanted: Option<Root>) -> Resu
             "leave the base as the file has it",
         )),
         Some(other) => Ok(other),
-        None => Ok(own),
+        None => Ok(root_kind),
     }
 }
 

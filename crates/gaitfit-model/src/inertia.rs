@@ -105,10 +105,10 @@ pub(crate) fn combine(parts: &[Inertial]) -> Inertial {
             let mut total = [0.0; 6];
             for part in many {
                 let offset = [part.pos[0] - pos[0], part.pos[1] - pos[1], part.pos[2] - pos[2]];
-                let own = rotated(part.inertia, part.quat);
+                let turned = rotated(part.inertia, part.quat);
                 let moved = parallel_axis(part.mass, offset);
                 for k in 0..6 {
-                    total[k] += own[k] + moved[k];
+                    total[k] += turned[k] + moved[k];
                 }
             }
             let (inertia, quat) = principal(total);

@@ -17,7 +17,7 @@ impl Frame {
     pub const WORLD: Self = Self { position: [0.0; 3], quaternion: IDENTITY };
 
     /// The pose that the file gives a body: in its parent, of the root in the world.
-    pub fn of(body: &Body) -> Self {
+    pub fn new(body: &Body) -> Self {
         Self { position: body.pos, quaternion: body.quat }
     }
 
@@ -38,7 +38,7 @@ pub fn body_frames(model: &Model, base: &Frame, q: &[f64]) -> Vec<Frame> {
     let mut frames: Vec<Frame> = Vec::with_capacity(model.bodies.len());
     for (index, body) in model.bodies.iter().enumerate() {
         let mut frame = match body.parent {
-            Some(parent) => frames[parent].then(&Frame::of(body)),
+            Some(parent) => frames[parent].then(&Frame::new(body)),
             None => *base,
         };
         for (joint, &angle) in model.joints.iter().zip(q).filter(|(joint, _)| joint.body == index) {
@@ -54,7 +54,7 @@ pub fn body_frames(model: &Model, base: &Frame, q: &[f64]) -> Vec<Frame> {
 
 /// Frames of all bodies in the world as the file places them, every joint at its reference.
 pub fn rest_frames(model: &Model) -> Vec<Frame> {
-    let base = model.bodies.first().map_or(Frame::WORLD, Frame::of);
+    let base = model.bodies.first().map_or(Frame::WORLD, Frame::new);
     let reference: Vec<f64> = model.joints.iter().map(|joint| joint.reference).collect();
     body_frames(model, &base, &reference)
 }
@@ -75,7 +75,7 @@ pub struct Reach {
 
 impl Reach {
     /// Of a geom.
-    pub fn of(geom: &Geom) -> Self {
+    pub fn new(geom: &Geom) -> Self {
         let along = |k: usize, length: f64| {
             let mut edge = [0.0; 3];
             edge[k] = length;
@@ -110,7 +110,7 @@ impl Reach {
 
 /// Height of a geom's lowest point, m, where its body has `frame`.
 pub fn lowest_point(geom: &Geom, frame: &Frame) -> f64 {
-    frame.point(geom.pos)[2] - Reach::of(geom).drop(frame.quaternion)
+    frame.point(geom.pos)[2] - Reach::new(geom).drop(frame.quaternion)
 }
 
 /// Height of the base's origin above the ground at which the lowest geom touches, m, for the base at orientation

@@ -31,7 +31,7 @@ pub struct LeftOut {
 }
 
 /// Most joints named in a warning.
-const MOST_NAMES: usize = 4;
+const MAX_NAMES: usize = 4;
 
 impl Model {
     /// What the model leaves out of its file, things of one kind together, in the order of the first of each.
@@ -126,8 +126,8 @@ impl Model {
     fn uneven(&self) -> Option<String> {
         let of_joint = |joint: usize| {
             let clamp = self.joints[joint].actuatorfrcrange;
-            let own = self.actuators.iter().filter(|actuator| actuator.joint == joint);
-            let ranges = own.flat_map(|actuator| {
+            let actuators = self.actuators.iter().filter(|actuator| actuator.joint == joint);
+            let ranges = actuators.flat_map(|actuator| {
                 [actuator.ctrlrange.filter(|_| actuator.bias == [0.0; 3]), actuator.forcerange]
             });
             ranges.chain([clamp]).flatten().find(|[low, high]| -low != *high)
@@ -154,8 +154,8 @@ impl Model {
             let what = if all { "joint" } else { "actuator" };
             return Some(format!("no {what} of the robot has an effort limit"));
         }
-        let names: Vec<String> = free.iter().take(MOST_NAMES).map(|&j| shown(&self.joints[j].name)).collect();
-        let more = if free.len() > MOST_NAMES { ", ..." } else { "" };
+        let names: Vec<String> = free.iter().take(MAX_NAMES).map(|&j| shown(&self.joints[j].name)).collect();
+        let more = if free.len() > MAX_NAMES { ", ..." } else { "" };
         let (count, of, names) = (free.len(), driven.len(), names.join(", "));
         Some(format!("{count} of {of} driven joints have no effort limit ({names}{more})"))
     }

@@ -14,9 +14,9 @@ use crate::shown::shown;
 use crate::spec::{GeomKind, Spec, Surface};
 
 /// Most pairs of own parts of a robot.
-const MOST_PAIRS: usize = 512;
+const MAX_PAIRS: usize = 512;
 /// Most words in a list of names.
-const MOST_NAMES: usize = 6;
+const MAX_NAMES: usize = 6;
 
 /// Which of the robot's own parts touch each other: a setting.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -136,7 +136,7 @@ pub enum SelfContactError {
     },
     /// More pairs than are computed.
     #[error(
-        "self_contact: more than {MOST_PAIRS} pairs of geoms; name fewer, for example only feet and shanks"
+        "self_contact: more than {MAX_PAIRS} pairs of geoms; name fewer, for example only feet and shanks"
     )]
     TooMany,
 }
@@ -274,7 +274,7 @@ impl Parts {
         let mut scored: Vec<(f64, &str)> =
             names.into_iter().map(|other| (strsim::sorensen_dice(name, other), other)).collect();
         scored.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let nearest: Vec<String> = scored.iter().take(MOST_NAMES).map(|(_, name)| shown(name)).collect();
+        let nearest: Vec<String> = scored.iter().take(MAX_NAMES).map(|(_, name)| shown(name)).collect();
         let (name, robot) = (name.to_owned(), robot.to_owned());
         SelfContactError::Unknown { name, robot, nearest: nearest.join(", ") }
     }
@@ -365,11 +365,11 @@ impl Model {
         let (mut others, mut count) = (Vec::new(), 0);
         for [a, b] in wanted {
             match parts.pair(a, b) {
-                Ok(pair) if model.self_pairs.len() < MOST_PAIRS => model.self_pairs.push(pair),
+                Ok(pair) if model.self_pairs.len() < MAX_PAIRS => model.self_pairs.push(pair),
                 Ok(_) => return Err(SelfContactError::TooMany),
                 Err(words) => {
                     count += 1;
-                    if others.len() < MOST_NAMES {
+                    if others.len() < MAX_NAMES {
                         others.push(words);
                     }
                 }
@@ -377,7 +377,7 @@ impl Model {
         }
         if count > 0 {
             let shapes = "spheres touch spheres, capsules and boxes, and capsules touch capsules";
-            let more = if count > MOST_NAMES { ", ..." } else { "" };
+            let more = if count > MAX_NAMES { ", ..." } else { "" };
             let words = others.join(", ");
             left_out.push(format!("self_contact: {count} pairs are left out ({words}{more}): {shapes}"));
             model.dropped.push(Dropped {

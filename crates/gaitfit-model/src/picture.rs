@@ -13,21 +13,21 @@ const MAX_BYTES: u64 = 64 << 20;
 /// values 0 to 255. Of 16 bits the upper ones count, of colours the red.
 ///
 /// # Errors
-/// In words: no PNG file, or more than `most` points.
-pub(crate) fn read(path: &Path, most: usize) -> Result<(usize, usize, Vec<f32>), String> {
+/// In words: no PNG file, or more than `max` points.
+pub(crate) fn read(path: &Path, max: usize) -> Result<(usize, usize, Vec<f32>), String> {
     let size = std::fs::metadata(path).map_err(|error| error.to_string())?;
     if !size.is_file() || size.len() > MAX_BYTES {
         return Err(format!("not a regular file of at most {MAX_BYTES} bytes"));
     }
     let file = BufReader::new(File::open(path).map_err(|error| error.to_string())?);
     // Four channels of two bytes a point, and as much for the decoder itself.
-    let mut decoder = Decoder::new_with_limits(file, Limits { bytes: 16 * most + (1 << 20) });
+    let mut decoder = Decoder::new_with_limits(file, Limits { bytes: 16 * max + (1 << 20) });
     decoder.set_transformations(Transformations::EXPAND | Transformations::STRIP_16);
     let wrong = |error: png::DecodingError| format!("not a PNG picture that can be read: {error}");
     let mut reader = decoder.read_info().map_err(wrong)?;
     let (columns, rows) = (reader.info().width as usize, reader.info().height as usize);
-    if rows.saturating_mul(columns) > most {
-        return Err(format!("it has {columns} × {rows} points; at most {most} may be"));
+    if rows.saturating_mul(columns) > max {
+        return Err(format!("it has {columns} × {rows} points; at most {max} may be"));
     }
     let Some(size) = reader.output_buffer_size() else { return Err("it is too large".to_owned()) };
     let mut bytes = vec![0; size];

@@ -28,8 +28,8 @@ pub fn shown_number(value: f64) -> String {
     }
 }
 
-/// As [`shown`], cut to `most` characters.
-pub fn escaped(text: &str, most: usize) -> String {
+/// As [`shown`], cut to `max` characters.
+pub fn escaped(text: &str, max: usize) -> String {
     let mut out = String::new();
     let (mut count, mut cut) = (0, 0);
     for c in text.chars() {
@@ -40,12 +40,12 @@ pub fn escaped(text: &str, most: usize) -> String {
             out.push(c);
         }
         count += out[before..].chars().count();
-        if count > most {
+        if count > max {
             out.truncate(cut);
             out.push_str("...");
             return out;
         }
-        if count + 3 <= most {
+        if count + 3 <= max {
             cut = out.len();
         }
     }

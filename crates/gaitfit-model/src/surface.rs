@@ -54,7 +54,7 @@ impl Surface {
     ///
     /// # Errors
     /// A height field that is not upright.
-    pub fn of(model: &Model) -> Result<Option<Self>, LeaningField> {
+    pub fn new(model: &Model) -> Result<Option<Self>, LeaningField> {
         if model.obstacles.is_empty() {
             return Ok(None);
         }
@@ -180,7 +180,7 @@ mod tests {
             <hfield name="f" nrow="3" ncol="3" size="1 2 0.9 1" elevation="6 7 8  3 4 5  0 1 2"/></asset>
             <worldbody>{ground}<body pos="0 0 5"><freejoint/><geom name="ball" size="0.1"/></body></worldbody></mujoco>"#
         );
-        Surface::of(&read_mjcf_str(&text, &ReadOptions::default()).unwrap())
+        Surface::new(&read_mjcf_str(&text, &ReadOptions::default()).unwrap())
     }
 
     #[test]

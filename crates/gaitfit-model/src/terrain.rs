@@ -197,10 +197,10 @@ fn read_file(ctx: &Context, file: &str, compiler: &Compiler) -> Result<(usize, u
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
         return picture::read(&path, MAX_VERTICES).map_err(|error| format!("{shown}: {error}"));
     }
-    let most = 8 + 4 * MAX_VERTICES as u64;
+    let max = 8 + 4 * MAX_VERTICES as u64;
     let size = std::fs::metadata(&path).map_err(|error| format!("{shown}: {error}"))?;
-    if !size.is_file() || size.len() > most {
-        return Err(format!("{shown}: not a regular file of at most {most} bytes"));
+    if !size.is_file() || size.len() > max {
+        return Err(format!("{shown}: not a regular file of at most {max} bytes"));
     }
     let bytes = std::fs::read(&path).map_err(|error| format!("{shown}: {error}"))?;
     let words: Vec<[u8; 4]> =

@@ -20,7 +20,7 @@ impl Model {
         let mut model = self.clone();
         let ground = Ground::Obstacle { obstacle: model.obstacles.len() };
         let [x, y] = field.steps();
-        let most = 0.5 * x.min(y);
+        let max = 0.5 * x.min(y);
         model.pairs.retain(|pair| !matches!(pair.ground, Ground::Plane(_)));
         let mut met = vec![false; self.geoms.len()];
         for pair in &self.pairs {
@@ -29,7 +29,7 @@ impl Model {
                 continue;
             }
             let geom = &self.geoms[pair.geom];
-            match rounded(geom.shape, most) {
+            match rounded(geom.shape, max) {
                 None => model.pairs.push(ContactPair { ground, ..pair.clone() }),
                 Some(parts) => {
                     for Part { shape, position, quaternion } in parts {
@@ -68,11 +68,11 @@ fn ball(radius: f64, position: Vec3) -> Part {
     Part { shape: Shape::Sphere { radius }, position, quaternion: IDENTITY }
 }
 
-/// Balls and capsules of at most the radius `most` inside of `shape` that stand for it; none where it may stay.
-fn rounded(shape: Shape, most: f64) -> Option<Vec<Part>> {
-    let small = most.min(CORNER);
+/// Balls and capsules of at most the radius `max` inside of `shape` that stand for it; none where it may stay.
+fn rounded(shape: Shape, max: f64) -> Option<Vec<Part>> {
+    let small = max.min(CORNER);
     Some(match shape {
-        Shape::Sphere { radius } | Shape::Capsule { radius, .. } if radius <= most => return None,
+        Shape::Sphere { radius } | Shape::Capsule { radius, .. } if radius <= max => return None,
         Shape::Sphere { radius } => {
             let far = radius - small;
             let tip = |axis: usize, sign: f64| {
@@ -91,7 +91,7 @@ fn rounded(shape: Shape, most: f64) -> Option<Vec<Part>> {
             };
             [end(-1.0), end(1.0)].concat()
         }
-        Shape::Cylinder { radius, half_length } if radius <= most => vec![Part {
+        Shape::Cylinder { radius, half_length } if radius <= max => vec![Part {
             shape: Shape::Capsule { radius, half_length: (half_length - radius).max(0.0) },
             position: [0.0; 3],
             quaternion: IDENTITY,
@@ -106,7 +106,7 @@ fn rounded(shape: Shape, most: f64) -> Option<Vec<Part>> {
             order.sort_by(|&a, &b| half_size[a].total_cmp(&half_size[b]));
             let [thin, middle, long] = order;
             let radius = half_size[thin];
-            if half_size[middle] <= most {
+            if half_size[middle] <= max {
                 let quaternion = [TO_X, TO_Y, IDENTITY][long];
                 let half_length = half_size[long] - radius;
                 let shape = Shape::Capsule { radius, half_length };

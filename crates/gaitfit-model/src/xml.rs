@@ -277,13 +277,14 @@ fn canonical(path: &Path) -> PathBuf {
 
 /// Where a file is seen to be xacro: an element or attribute of its namespace.
 fn xacro(document: &Document) -> Option<usize> {
-    let of = |namespace: Option<&str>| namespace.is_some_and(|name| name.contains("xacro"));
+    let is_xacro = |namespace: Option<&str>| namespace.is_some_and(|name| name.contains("xacro"));
     let root = document.root_element();
     // The namespace alone is left over in URDFs that xacro made.
     let used = document.descendants().filter(Node::is_element).find(|node| {
-        of(node.tag_name().namespace()) || node.attributes().any(|attribute| of(attribute.namespace()))
+        is_xacro(node.tag_name().namespace())
+            || node.attributes().any(|attribute| is_xacro(attribute.namespace()))
     });
-    let declared = root.namespaces().any(|namespace| of(Some(namespace.uri())));
+    let declared = root.namespaces().any(|namespace| is_xacro(Some(namespace.uri())));
     let filled = |node: &Node| node.attributes().any(|attribute| attribute.value().contains("${"));
     let template = || document.descendants().find(|node| declared && node.is_element() && filled(node));
     used.or_else(template).map(|node| node.range().start)

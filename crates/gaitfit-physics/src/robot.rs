@@ -204,7 +204,14 @@ impl Robot {
             Some(_) if floating => weights.free.map(|weight| 1.0 / weight).to_vec(),
             _ => Vec::new(),
         };
-        Ok(Params { links, joints, pairs, free, friction_scale: self.friction_scale, ground_softness: self.ground_softness })
+        Ok(Params {
+            links,
+            joints,
+            pairs,
+            free,
+            friction_scale: self.friction_scale,
+            ground_softness: self.ground_softness,
+        })
     }
 
     /// How each body of the model differs from its file, by the link that it is part of. Whatever the numbers, a body is

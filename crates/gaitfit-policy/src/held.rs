@@ -28,7 +28,7 @@ pub enum ActionClip {
 
 impl ActionClip {
     /// That of the policy's joint `index`; unbounded where there is none.
-    pub fn of(&self, index: usize) -> f64 {
+    pub fn limit(&self, index: usize) -> f64 {
         match self {
             Self::All(clip) => *clip,
             Self::Each(clips) => clips.get(index).copied().unwrap_or(f64::INFINITY),

@@ -172,7 +172,7 @@ impl Interface {
 
     /// Largest action magnitude of the policy's joint `index`, before scaling; infinite where it is not limited.
     pub fn clip(&self, index: usize) -> f64 {
-        self.action_clip.as_ref().map_or(f64::INFINITY, |clip| clip.of(index))
+        self.action_clip.as_ref().map_or(f64::INFINITY, |clip| clip.limit(index))
     }
 
     /// The terms' scales, one for each number of `observation` (see [`Term::scale`]), for example of
@@ -226,10 +226,10 @@ impl Interface {
         if self.kp.iter().all(|&kp| kp == 0.0) {
             return Err(InterfaceError("kp is zero for every joint: no action would have an effect".into()));
         }
-        let [least, most] = CONTROL_DT;
-        if !(least..=most).contains(&self.control_dt) {
+        let [min, max] = CONTROL_DT;
+        if !(min..=max).contains(&self.control_dt) {
             let found = self.control_dt;
-            return Err(InterfaceError(format!("control_dt is {found} s; give {least} to {most} s")));
+            return Err(InterfaceError(format!("control_dt is {found} s; give {min} to {max} s")));
         }
         if let Some(ActionClip::Each(clips)) = &self.action_clip
             && clips.len() != joints
@@ -263,9 +263,9 @@ impl Interface {
                     "held joint {joint} is listed twice, or is one that the policy moves"
                 )));
             }
-            for (name, value, least) in [("position", position, -LARGEST), ("kp", kp, 0.0), ("kd", kd, 0.0)] {
-                if !(least..=LARGEST).contains(value) {
-                    let kind = if least < 0.0 { "a finite number" } else { "a finite number, not negative" };
+            for (name, value, min) in [("position", position, -LARGEST), ("kp", kp, 0.0), ("kd", kd, 0.0)] {
+                if !(min..=LARGEST).contains(value) {
+                    let kind = if min < 0.0 { "a finite number" } else { "a finite number, not negative" };
                     return Err(InterfaceError(format!(
                         "{name} of held joint {joint} is {value}; give {kind}"
                     )));

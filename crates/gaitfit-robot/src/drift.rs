@@ -104,7 +104,7 @@ impl Form {
         let mut reader =
             csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
         let header = reader.headers().map_err(|error| error.to_string())?.clone();
-        let columns = Columns::of(&header)?;
+        let columns = Columns::from_header(&header)?;
         let mut found = Self { policy, trials: Vec::new(), empty: 0 };
         let mut lines = HashMap::new();
         for record in reader.records() {
@@ -142,7 +142,7 @@ struct Columns {
 }
 
 impl Columns {
-    fn of(header: &csv::StringRecord) -> Result<Self, String> {
+    fn from_header(header: &csv::StringRecord) -> Result<Self, String> {
         let at = |name: &str| header.iter().position(|cell| cell == name);
         let names = ENDS.iter().flatten().map(|(name, _)| *name);
         let known: Vec<&str> = NEEDED.into_iter().chain(names).chain(OTHERS).collect();
@@ -230,8 +230,8 @@ impl Columns {
         let mut error = [0.0; 3];
         for (part, (column, name, factor)) in self.ends.into_iter().enumerate() {
             let end = factor * number(column, name)?;
-            let most = if part < 2 { FURTHEST } else { MAX_TURNED };
-            if end.abs() > most {
+            let max = if part < 2 { FURTHEST } else { MAX_TURNED };
+            if end.abs() > max {
                 let other =
                     ENDS[part].iter().find(|(other, _)| *other != name).map_or("", |(other, _)| other);
                 return Err(format!(

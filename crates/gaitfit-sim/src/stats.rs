@@ -43,7 +43,7 @@ pub fn student_t_95(degrees: usize) -> f64 {
 
 impl Estimate {
     /// Of many values: 1.96 standard errors of the mean (normal approximation). None of nothing.
-    pub fn of(values: &[f64]) -> Option<Self> {
+    pub fn from_values(values: &[f64]) -> Option<Self> {
         let error = || (squares(values) / (values.len() as f64 - 1.0) / values.len() as f64).sqrt();
         Some(Self { mean: mean(values)?, ci95: (values.len() > 1).then(|| Z * error()) })
     }
@@ -76,7 +76,7 @@ mod tests {
     fn intervals_by_hand() {
         // Mean 2.5, variance 5/3, standard error sqrt(5/12).
         let values = [1.0, 2.0, 3.0, 4.0];
-        let (estimate, error) = (Estimate::of(&values).unwrap(), (5.0f64 / 12.0).sqrt());
+        let (estimate, error) = (Estimate::from_values(&values).unwrap(), (5.0f64 / 12.0).sqrt());
         assert!((estimate.mean - 2.5).abs() < 1e-12);
         assert!((estimate.ci95.unwrap() - 1.959_963_984_540_054 * error).abs() < 1e-12);
         assert!((deviation(&values).unwrap() - (5.0f64 / 3.0).sqrt()).abs() < 1e-12);
@@ -90,10 +90,13 @@ mod tests {
     #[test]
     fn nothing_has_no_mean_and_one_value_no_spread() {
         assert_eq!(
-            (mean(&[]), deviation(&[]), Estimate::of(&[]), Estimate::share(0, 0)),
+            (mean(&[]), deviation(&[]), Estimate::from_values(&[]), Estimate::share(0, 0)),
             (None, None, None, None)
         );
         let one = Some(Estimate { mean: 7.0, ci95: None });
-        assert_eq!((deviation(&[7.0]), Estimate::of(&[7.0]), Estimate::of_few(&[7.0])), (None, one, one));
+        assert_eq!(
+            (deviation(&[7.0]), Estimate::from_values(&[7.0]), Estimate::of_few(&[7.0])),
+            (None, one, one)
+        );
     }
 }

@@ -79,7 +79,7 @@ pub(crate) fn windows(
     let hop = (settings.hop_s / walk.step).round().max(1.0) as usize;
     let reach = bump.half + (settings.margin_s / walk.step).round() as usize;
     let skip = (settings.skip_s / walk.step).round() as usize;
-    let least = settings.clearances_m.first().copied().unwrap_or_default();
+    let min = settings.clearances_m.first().copied().unwrap_or_default();
     let delays: Vec<f64> = settings.delays().collect();
     let mut levers = Levers { model, walk, known: BTreeMap::new() };
     let mut found = Vec::new();
@@ -95,7 +95,7 @@ pub(crate) fn windows(
                 && q > low + STOP_RAD
                 && q < high - STOP_RAD
                 && needed.momentum[index(point)].is_finite()
-                && ground.clearance[index(point)] > least
+                && ground.clearance[index(point)] > min
                 && ground.stands[index(point)] < settings.stands
         };
         let mut begin = skip;
@@ -123,7 +123,7 @@ pub(crate) fn windows(
                     rates: [0.0; 2],
                     stiffness: kp,
                     motor: 0.0,
-                    lever: levers.of(centre)[joint],
+                    lever: levers.at(centre)[joint],
                     known: 0.0,
                     driven: Vec::new(),
                 };
@@ -144,8 +144,8 @@ pub(crate) fn windows(
                     saturated |= (kp * (target - q) - kd * dq).abs() > SATURATED * limit;
                 }
                 if moves > MOVES && !saturated && window.known.is_finite() {
-                    let of = |delay: &f64| kp * driven(walk, &bump, joint, window.at, *delay);
-                    window.driven = delays.iter().map(of).collect();
+                    let torque = |delay: &f64| kp * driven(walk, &bump, joint, window.at, *delay);
+                    window.driven = delays.iter().map(torque).collect();
                     if window.driven.iter().all(|torque| torque.is_finite()) {
                         found.push(window);
                     }
@@ -166,7 +166,7 @@ struct Levers<'a> {
 }
 
 impl Levers<'_> {
-    fn of(&mut self, point: usize) -> &[[f64; 3]] {
+    fn at(&mut self, point: usize) -> &[[f64; 3]] {
         self.known.entry(point).or_insert_with(|| {
             let base = BaseMotion::at_rest(self.walk.quaternion[point]);
             let zeros = vec![0.0; self.walk.joints];

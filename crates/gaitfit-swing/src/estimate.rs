@@ -59,12 +59,12 @@ pub fn estimate(
             *ground = Some(next);
         }
         let all = |length: f64| -> Vec<Window> {
-            let of = |(log, (walk, ground)): (usize, (&Walk, &Option<Ground>))| {
+            let windows_of_log = |(log, (walk, ground)): (usize, (&Walk, &Option<Ground>))| {
                 ground.as_ref().map_or_else(Vec::new, |ground| {
                     windows(model, walk, ground, settings, length, delay, log)
                 })
             };
-            walks.iter().zip(&grounds).enumerate().flat_map(of).collect()
+            walks.iter().zip(&grounds).enumerate().flat_map(windows_of_log).collect()
         };
         let seen = all(settings.window_s);
         let last = pass == PASSES;
@@ -179,12 +179,12 @@ impl Choice {
             others_of(|group| &mut group.damping);
             others_of(|group| &mut group.armature);
             let stiffest = self.fit.stiffest[place];
-            for (number, least) in [
+            for (number, min) in [
                 (&mut group.friction, 0.0),
                 (&mut group.damping, stiffest * CLOCK_S),
                 (&mut group.armature, 0.0),
             ] {
-                number.error = number.error.hypot(KNOWN * number.value).hypot(least);
+                number.error = number.error.hypot(KNOWN * number.value).hypot(min);
             }
         }
         delay.error = delay.error.hypot(CLOCK_S);
@@ -256,8 +256,9 @@ impl Fit {
             }
         }
         let cost = |delay: f64| -> f64 {
-            let of = |group: &Group<'_>| Some(group.windows.len() as f64 * solve(group, delay)?.scale.ln());
-            groups.iter().map(of).sum::<Option<f64>>().unwrap_or(f64::INFINITY)
+            let log_likelihood =
+                |group: &Group<'_>| Some(group.windows.len() as f64 * solve(group, delay)?.scale.ln());
+            groups.iter().map(log_likelihood).sum::<Option<f64>>().unwrap_or(f64::INFINITY)
         };
         let last = settings.delays().count() as f64 - 1.0;
         let near = match around {
@@ -302,8 +303,8 @@ impl Fit {
         };
         let loose: Vec<f64> = (0..free.values.len()).map(|place| larger(&free, place)).collect();
         let variance = |place: usize| {
-            let of = if negative.contains(&place) { &free } else { held.as_ref().unwrap_or(&free) };
-            larger(of, place)
+            let bounded = if negative.contains(&place) { &free } else { held.as_ref().unwrap_or(&free) };
+            larger(bounded, place)
         };
         let variances: Vec<f64> = (0..free.values.len()).map(variance).collect();
         if !variances.iter().all(|variance| *variance > 0.0) {

@@ -61,9 +61,9 @@ pub struct Foot {
 fn ends(model: &Model) -> Vec<(usize, Vec<usize>)> {
     let mut geoms: Vec<Vec<usize>> = vec![Vec::new(); model.bodies.len()];
     for pair in &model.pairs {
-        let of = &mut geoms[model.geoms[pair.geom].body];
-        if !of.contains(&pair.geom) {
-            of.push(pair.geom);
+        let list = &mut geoms[model.geoms[pair.geom].body];
+        if !list.contains(&pair.geom) {
+            list.push(pair.geom);
         }
     }
     let mut touches: Vec<bool> = geoms.iter().map(|geoms| !geoms.is_empty()).collect();
@@ -183,8 +183,8 @@ impl Ground {
         }
         for (point, feet) in feet.iter().enumerate() {
             for (joint, moved) in moved.iter().enumerate() {
-                let most = moved.iter().map(|&end| feet[end].stands).fold(0.0, f64::max);
-                stands[point * walk.joints + joint] = most;
+                let max = moved.iter().map(|&end| feet[end].stands).fold(0.0, f64::max);
+                stands[point * walk.joints + joint] = max;
             }
         }
         Self { clearance, stands, velocity, feet }

@@ -35,7 +35,7 @@ impl Standing {
     ///
     /// # Errors
     /// Logs without what is needed, see [`SwingError`].
-    pub fn of(model: &Model, logs: &[&Trajectory]) -> Result<Self, SwingError> {
+    pub fn new(model: &Model, logs: &[&Trajectory]) -> Result<Self, SwingError> {
         if model.root == Root::Fixed {
             return Ok(Self::default());
         }

@@ -90,7 +90,7 @@ pub(crate) fn together(
         let mut sizes: Vec<Vec<f64>> = vec![Vec::new(); groups.len()];
         for rows in moments.values_mut() {
             let seen: Vec<(f64, DVector<f64>)> = rows.iter().map(|row| row.at(&values)).collect();
-            let Common { answer, spread } = Common::of(rows, &seen, &variances, &shaking)?;
+            let Common { answer, spread } = Common::new(rows, &seen, &variances, &shaking)?;
             let mean = spread * answer.1;
             // (Xᵀ D⁻¹ X − Xᵀ D⁻¹ Λ C Λᵀ D⁻¹ X), and the same with residuals.
             for (row, (residual, unknowns)) in rows.iter().zip(&seen) {
@@ -134,7 +134,7 @@ pub(crate) fn together(
         let mut scores: BTreeMap<u64, DVector<f64>> = BTreeMap::new();
         for rows in moments.values() {
             let seen: Vec<(f64, DVector<f64>)> = rows.iter().map(|row| row.at(&values)).collect();
-            let Common { answer, spread } = Common::of(rows, &seen, &variances, &shaking)?;
+            let Common { answer, spread } = Common::new(rows, &seen, &variances, &shaking)?;
             let score = scores.entry(cluster(rows[0].window)).or_insert_with(|| DVector::zeros(columns));
             for (row, (residual, unknowns)) in rows.iter().zip(&seen) {
                 score.axpy(row.weight / variances[row.group] * residual, unknowns, 1.0);
@@ -166,7 +166,7 @@ struct Common {
 }
 
 impl Common {
-    fn of(
+    fn new(
         rows: &[Row<'_>],
         seen: &[(f64, DVector<f64>)],
         variances: &[f64],

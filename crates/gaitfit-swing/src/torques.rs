@@ -113,8 +113,8 @@ impl Needed {
             };
             let motion = Motion::new(model, &base, walk.q_at(point), walk.dq_at(point), &zeros);
             for (joint, terms) in motion.momentum().into_iter().enumerate() {
-                let of = &model.joints[joint];
-                let spring = of.stiffness * (walk.q_at(point)[joint] - of.springref);
+                let parameters = &model.joints[joint];
+                let spring = parameters.stiffness * (walk.q_at(point)[joint] - parameters.springref);
                 let dq = walk.dq_at(point)[joint];
                 let Drag { friction, damping, armature } = drag[joint];
                 needed.momentum[point * joints + joint] = terms.momentum + armature * dq;

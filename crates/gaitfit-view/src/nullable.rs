@@ -53,6 +53,6 @@ pub mod array {
         let list = Vec::<Option<f64>>::deserialize(from)?;
         let count = list.len();
         let numbers: Vec<f64> = list.into_iter().map(|x| x.unwrap_or(f64::NAN)).collect();
-        numbers.try_into().map_err(|_| serde::de::Error::invalid_length(count, &"another number of numbers"))
+        numbers.try_into().map_err(|_| serde::de::Error::invalid_length(count, &"another count of numbers"))
     }
 }

@@ -119,7 +119,7 @@ fn a_full_page_is_well_formed_and_says_the_result() {
         "0.0794",
         "1 of 14",
         "at the lower bound",
-        "not determined by these logs",
+        "not identified by these logs",
         "0.0200",
         "0.0050",
         "one warning",
@@ -328,7 +328,7 @@ fn a_walking_fit_is_the_same_page() {
     let shown = text(&document);
     for expected in [
         "1.52",
-        "The cost Wass that the fit makes small",
+        "The cost Wass that the fit minimises",
         "4.7 % of the nominal simulator's cost",
         "Cost MatchS(1)",
         "13 of 14",

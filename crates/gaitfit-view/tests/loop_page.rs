@@ -44,7 +44,7 @@ fn the_page_holds_the_numbers_given() {
         // A parameter: value, the longer side of its interval, interval, truth.
         "0.197 ± 0.010",
         "0.1882 … 0.2074",
-        "not determined by these logs",
+        "not identified by these logs",
         "6 of 7",
         // Costs.
         "nominal simulator: 1.480",

@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 /// Most rows of one call: a robot's take about a kilobyte each.
-const MOST_ROWS: f64 = 2e7;
+const MAX_ROWS: f64 = 2e7;
 /// Latest start of a log, s.
 const LATEST: f64 = 10.0;
 
@@ -237,11 +237,11 @@ fn play(
 /// As it says.
 pub fn check_length(key: &str, count: usize, seconds: f64, period: f64) -> Result<(), Error> {
     let rows = count as f64 * seconds / period;
-    if seconds > 0.0 && count > 0 && rows >= count as f64 && rows <= MOST_ROWS {
+    if seconds > 0.0 && count > 0 && rows >= count as f64 && rows <= MAX_ROWS {
         return Ok(());
     }
     Err(Error::settings(format!(
-        "{key} is {}: {count} trajectories of it are {} rows; give at least one a trajectory, at most {MOST_ROWS:.0}",
+        "{key} is {}: {count} trajectories of it are {} rows; give at least one a trajectory, at most {MAX_ROWS:.0}",
         shown_number(seconds),
         shown_number(rows.round())
     )))

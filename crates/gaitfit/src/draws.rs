@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 /// Its name, beside `theta.toml`.
 const NAME: &str = "draws.csv";
 /// Largest file, and most rows.
-const MOST_BYTES: u64 = 16 << 20;
-const MOST_ROWS: usize = 4096;
+const MAX_BYTES: u64 = 16 << 20;
+const MAX_ROWS: usize = 4096;
 
 /// The file that belongs to a `theta.toml`.
 pub fn beside(theta: &Path) -> PathBuf {
@@ -31,7 +31,7 @@ pub fn candidates(
     theta: &Path,
     model: &Model,
 ) -> Result<Vec<Candidate>, Error> {
-    let text = files::read_text(path, MOST_BYTES).map_err(|source| Error::File {
+    let text = files::read_text(path, MAX_BYTES).map_err(|source| Error::File {
         access: Access::Read,
         path: path.to_owned(),
         source,
@@ -48,8 +48,8 @@ pub fn candidates(
     let columns = columns(header, found).map_err(wrong)?;
     let mut robots = Vec::new();
     for (number, line) in lines {
-        if robots.len() == MOST_ROWS {
-            return Err(wrong(format!("it has more than {MOST_ROWS} rows")));
+        if robots.len() == MAX_ROWS {
+            return Err(wrong(format!("it has more than {MAX_ROWS} rows")));
         }
         let values =
             row(line, columns.len()).map_err(|problem| wrong(format!("line {}: {problem}", number + 1)))?;
@@ -165,7 +165,7 @@ mod tests {
             let error = read(text).unwrap_err();
             assert!(words.iter().all(|word| error.contains(word)), "{text:?}: {error}");
         }
-        let many = format!("frictionloss_hip,torque_noise\n{}", "0.1,1\n".repeat(MOST_ROWS + 1));
+        let many = format!("frictionloss_hip,torque_noise\n{}", "0.1,1\n".repeat(MAX_ROWS + 1));
         assert!(read(Some(&many)).unwrap_err().contains("more than 4096 rows"));
     }
 }

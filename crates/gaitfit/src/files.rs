@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 pub use gaitfit_log::regular_file::{read, read_text, regular};
 
 /// Most bytes of a file that a run may have written, and of one that is only hashed.
-pub const MOST_BYTES: u64 = 2 << 30;
+pub const MAX_BYTES: u64 = 2 << 30;
 
 /// A file that a command writes.
 #[derive(Clone, Copy, Debug)]

@@ -20,11 +20,11 @@ pub fn tour(command: &CommandSettings) -> [(f64, [f64; 3]); 6] {
 }
 
 /// Longest part of a record in the picture, s: steps must stay apart.
-const MOST_SECONDS: f64 = 5.0;
+const MAX_SECONDS: f64 = 5.0;
 
 /// The record as a picture: its first seconds; the spectra are of all of it.
 pub fn picture(record: &GaitRecord) -> GaitPicture {
-    let steps = record.steps().min((MOST_SECONDS / record.dt).round() as usize);
+    let steps = record.steps().min((MAX_SECONDS / record.dt).round() as usize);
     let feet = record.feet.len();
     let track = |foot: usize| FootTrack {
         name: foot_name(&record.feet[foot]).to_owned(),

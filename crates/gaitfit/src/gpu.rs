@@ -99,7 +99,7 @@ impl<S: OnGpu> GpuSimulator<S> {
         let clamped = matches!(self.host.subject(), Subject::Replay(_));
         if clamped && !(candidate.networks.is_empty() && candidate.torque_noise == 0.0) {
             return Err(SimulatorError::failed(
-                "a replay of a clamped robot knows neither networks nor torque noise: fit them to logs of a walking \
+                "a replay of a clamped robot has neither networks nor torque noise: fit them to logs of a walking \
                  robot, or remove them from what is fitted",
             ));
         }
@@ -286,8 +286,8 @@ impl<S: OnGpu> Simulator for GpuSimulator<S> {
         let (on_gpu, others): (Vec<usize>, Vec<usize>) =
             (0..jobs.len()).partition(|&job| there[jobs[job].cost].is_some());
         if !others.is_empty() {
-            let own: Vec<Job> = others.iter().map(|&job| jobs[job].clone()).collect();
-            for (job, evaluation) in others.into_iter().zip(accumulate(self, theta, costs, &own, cancel)?) {
+            let rest: Vec<Job> = others.iter().map(|&job| jobs[job].clone()).collect();
+            for (job, evaluation) in others.into_iter().zip(accumulate(self, theta, costs, &rest, cancel)?) {
                 found[job] = Some(evaluation);
             }
         }
@@ -375,7 +375,7 @@ mod tests {
         let names = vec!["a".to_owned(), "b".to_owned()];
         let reference = Arc::new(Reference::new(names, &[recorded(0), recorded(1)], SKIP).unwrap());
         let given = measured(&reference, LENGTHS[0], DIMENSIONS);
-        let weights = Weights::of(&reference);
+        let weights = Weights::from_reference(&reference);
         let costs: [Box<dyn Cost>; 3] = [
             Box::new(Wass::new(reference.clone(), weights).unwrap()),
             Box::new(MatchO::new(reference.clone(), weights).unwrap()),

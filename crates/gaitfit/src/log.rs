@@ -41,17 +41,17 @@ pub fn lead<'a>(logs: impl IntoIterator<Item = &'a Trajectory>) -> f64 {
 /// # Errors
 /// Logs of a replay whose leads differ by more than half a millisecond: one delay cannot count from all of them.
 pub fn lead_note(logs: &[Log], walks: bool) -> Result<Option<String>, Error> {
-    let of = |log: &Log| log.trajectory.lead.map_or(0.0, |lead| lead.seconds);
-    let by = |a: &&Log, b: &&Log| of(a).total_cmp(&of(b));
+    let lead_of_log = |log: &Log| log.trajectory.lead.map_or(0.0, |lead| lead.seconds);
+    let by = |a: &&Log, b: &&Log| lead_of_log(a).total_cmp(&lead_of_log(b));
     let (Some(first), Some(last)) = (logs.iter().min_by(by), logs.iter().max_by(by)) else { return Ok(None) };
-    if !walks && of(last) - of(first) > SAME_LEAD_S {
+    if !walks && lead_of_log(last) - lead_of_log(first) > SAME_LEAD_S {
         return Err(Error::failed(format!(
             "{}: its targets are stamped {:.2} ms after their rows, those of {} {:.2} ms: one delay cannot count from both. \
              Fit logs of one recorder at a time, or import them all with the same --clock-offset.",
             last.name,
-            1e3 * of(last),
+            1e3 * lead_of_log(last),
             first.name,
-            1e3 * of(first)
+            1e3 * lead_of_log(first)
         )));
     }
     let lead = lead(logs.iter().map(|log| &log.trajectory));

@@ -61,9 +61,9 @@ pub fn find(path: &Path) -> Result<PolicyFile, Error> {
     if !path.is_dir() {
         return Ok(PolicyFile { path: path.to_owned(), note: None });
     }
-    let of = |path: PathBuf| PolicyFile { path, note: None };
+    let file = |path: PathBuf| PolicyFile { path, note: None };
     if path.join(POLICY).is_file() {
-        return Ok(of(path.join(POLICY)));
+        return Ok(file(path.join(POLICY)));
     }
     let results = results(path);
     // A loop names its policy as it was seen from where the loop ran; the folder may have moved.
@@ -77,7 +77,7 @@ pub fn find(path: &Path) -> Result<PolicyFile, Error> {
     let at = |seed: u64| path.join(format!("seed-{seed}")).join(POLICY);
     match seeds[..] {
         [] => Err(none(path)),
-        [one] => Ok(of(at(one))),
+        [one] => Ok(file(at(one))),
         [first, ..] => {
             let known = results.map(|results| results.seeds).unwrap_or_default();
             let best = known
@@ -107,7 +107,7 @@ pub fn holds_policy(folder: &Path) -> bool {
 
 /// The result of a finished run.
 fn results(folder: &Path) -> Option<Outcome> {
-    let text = read_text(&folder.join(RESULT), files::MOST_BYTES).ok()?;
+    let text = read_text(&folder.join(RESULT), files::MAX_BYTES).ok()?;
     serde_json::from_str::<Results>(&text).ok().map(|file| file.results)
 }
 

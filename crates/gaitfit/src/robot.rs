@@ -71,7 +71,7 @@ pub fn parts(robot: &Path) -> Vec<PathBuf> {
     let mut folders = vec![home.to_owned()];
     let (mut found, mut open) = (Vec::<PathBuf>::new(), vec![robot.to_owned()]);
     while let Some(path) = open.pop() {
-        let Ok(text) = files::read_text(&path, files::MOST_BYTES) else { continue };
+        let Ok(text) = files::read_text(&path, files::MAX_BYTES) else { continue };
         let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
         let Ok(document) = roxmltree::Document::parse_with_options(&text, options) else { continue };
         let elements = || document.descendants().filter(roxmltree::Node::is_element);

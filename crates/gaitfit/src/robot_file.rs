@@ -22,12 +22,12 @@ pub fn record(path: &Path, lenient: bool) -> Result<RobotFile, Error> {
 
 /// SHA-256 of a robot's file; of its own and its parts' hashes, where it includes files or height fields.
 fn fingerprint(path: &Path) -> Result<String, Error> {
-    let own = hash_file(path)?;
+    let whole = hash_file(path)?;
     let parts = robot::parts(path);
     if parts.is_empty() {
-        return Ok(own);
+        return Ok(whole);
     }
-    let mut all = vec![own];
+    let mut all = vec![whole];
     for part in &parts {
         all.push(hash_file(part)?);
     }

@@ -8,7 +8,7 @@ use std::str::FromStr;
 /// Stiffest spring, N·m/rad.
 const STIFFEST: f64 = 1e5;
 /// Largest resting angle either way, rad.
-const MOST_REST: f64 = 100.0;
+const MAX_REST: f64 = 100.0;
 
 /// A spring on a joint: `JOINT=STIFFNESS` or `JOINT=STIFFNESS@REST`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,7 +33,7 @@ pub enum SpringError {
     Form(String),
     /// A number is out of range.
     #[error(
-        "`spring` is \"{text}\": its {what} {} must be from {least} to {most} {unit}",
+        "`spring` is \"{text}\": its {what} {} must be from {min} to {max} {unit}",
         shown_number(*value)
     )]
     Range {
@@ -44,9 +44,9 @@ pub enum SpringError {
         /// Its value.
         value: f64,
         /// Smallest value.
-        least: f64,
+        min: f64,
         /// Largest value.
-        most: f64,
+        max: f64,
         /// Unit of these.
         unit: &'static str,
     },
@@ -72,20 +72,19 @@ impl FromStr for Spring {
             Some((stiffness, rest)) => (stiffness, Some(rest)),
             None => (numbers, None),
         };
-        let number = |number: &str, what, least: f64, most: f64, unit| {
+        let number = |number: &str, what, min: f64, max: f64, unit| {
             let value: f64 = number.trim().parse().map_err(|_| wrong())?;
-            if (least..=most).contains(&value) {
+            if (min..=max).contains(&value) {
                 return Ok(value);
             }
-            Err(SpringError::Range { text: shown(text), what, value, least, most, unit })
+            Err(SpringError::Range { text: shown(text), what, value, min, max, unit })
         };
         let joint = joint.trim().to_owned();
         if joint.is_empty() {
             return Err(wrong());
         }
         let stiffness = number(stiffness, "stiffness", 0.0, STIFFEST, "N·m/rad")?;
-        let rest =
-            rest.map(|rest| number(rest, "resting angle", -MOST_REST, MOST_REST, "rad")).transpose()?;
+        let rest = rest.map(|rest| number(rest, "resting angle", -MAX_REST, MAX_REST, "rad")).transpose()?;
         Ok(Self { joint, stiffness, rest })
     }
 }

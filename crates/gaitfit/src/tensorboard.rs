@@ -11,7 +11,7 @@ use std::path::Path;
 /// What the first record of every file says.
 const VERSION: &str = "brain.Event:2";
 /// Largest record; scalars need far less.
-const MOST_BYTES: u64 = 16 << 20;
+const MAX_BYTES: u64 = 16 << 20;
 /// Bytes of a record besides its payload: before it, and after it.
 const HEAD: u64 = 12;
 const TAIL: u64 = 4;
@@ -147,7 +147,7 @@ fn next(reader: &mut impl Read, rest: u64) -> io::Result<Option<(u64, Event)>> {
     reader.read_exact(&mut head)?;
     let ([length], [crc]) = (head[..8].as_chunks().0, head[8..].as_chunks().0) else { return Ok(None) };
     let size = u64::from_le_bytes(*length);
-    if masked_crc(length) != u32::from_le_bytes(*crc) || size > MOST_BYTES || size > rest - HEAD - TAIL {
+    if masked_crc(length) != u32::from_le_bytes(*crc) || size > MAX_BYTES || size > rest - HEAD - TAIL {
         return Ok(None);
     }
     let mut payload = vec![0; size as usize];

@@ -7,11 +7,11 @@ use gaitfit_sim::Candidate;
 use std::path::Path;
 
 /// Largest theta.toml: networks of a hundred joints take a quarter of a megabyte.
-const MOST_BYTES: u64 = 16 << 20;
+const MAX_BYTES: u64 = 16 << 20;
 
 /// Reads a theta.toml.
 pub fn read(path: &Path) -> Result<ThetaFile, Error> {
-    let text = files::read_text(path, MOST_BYTES).map_err(|source| Error::File {
+    let text = files::read_text(path, MAX_BYTES).map_err(|source| Error::File {
         access: Access::Read,
         path: path.to_owned(),
         source,

@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 
 /// Most samples that are looked at.
-const MOST: usize = 600;
+const MAX_SAMPLES: usize = 600;
 /// Torque of the weight, N·m RMS, that can be told from friction, and by which two readings must differ.
 const HEAVY: f64 = 0.25;
 /// A reading must leave less than this part of what another leaves.
@@ -64,12 +64,12 @@ impl Samples {
             return None;
         }
         let width = log.joints.len();
-        let every = log.len().div_ceil(MOST);
+        let every = log.len().div_ceil(MAX_SAMPLES);
         let row = |sample: usize| {
-            let of = |values: &[f64]| values[sample * width..(sample + 1) * width].to_vec();
-            let q = of(&log.position);
-            let away = of(target).iter().zip(&q).map(|(target, q)| target - q).collect();
-            (q, of(&log.velocity), away)
+            let at_sample = |values: &[f64]| values[sample * width..(sample + 1) * width].to_vec();
+            let q = at_sample(&log.position);
+            let away = at_sample(target).iter().zip(&q).map(|(target, q)| target - q).collect();
+            (q, at_sample(&log.velocity), away)
         };
         let rows: Vec<_> = (0..log.len()).step_by(every).map(row).collect();
         let whole =
@@ -148,13 +148,13 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
         let [weights, turned] = [1.0, -1.0]
             .map(|sign| samples.rows.iter().map(|(q, ..)| hold(q, joint, sign)).collect::<Vec<f64>>());
         let kp = gains.kp[joint];
-        let of = |weights: &[f64]| {
+        let regressed = |weights: &[f64]| {
             let rows =
                 samples.rows.iter().zip(weights).map(|((_, dq, away), w)| (*w, dq[joint], away[joint]));
             let blocks = blocks(rows, samples.seconds);
             kp * (unexplained(&blocks, Some(kp)) / blocks.len().max(1) as f64).sqrt()
         };
-        let (as_is, flipped) = (of(&weights), of(&turned));
+        let (as_is, flipped) = (regressed(&weights), regressed(&turned));
         let apart: f64 = weights.iter().zip(&turned).map(|(a, b)| (a - b).powi(2)).sum();
         let apart = (apart / weights.len() as f64).sqrt();
         if apart > 2.0 * HEAVY && as_is > HEAVY && flipped < CLEARLY * as_is {

@@ -81,13 +81,13 @@ impl World {
     pub fn open(args: &WorldSettings) -> Result<Self, Error> {
         let found = policy_file::find(&args.policy)?;
         let args = WorldSettings { policy: found.path, ..args.clone() };
-        let mut world = Self::of(&args, gaitfit_policy::read(&args.policy)?)?;
+        let mut world = Self::new(&args, gaitfit_policy::read(&args.policy)?)?;
         world.warnings.splice(0..0, found.note);
         Ok(world)
     }
 
     /// As [`World::open`], for a policy that is read already; the arguments say what it is called.
-    pub fn of(args: &WorldSettings, policy: Policy) -> Result<Self, Error> {
+    pub fn new(args: &WorldSettings, policy: Policy) -> Result<Self, Error> {
         let (args, notes) = robot_file::settled(args, &policy)?;
         let args = &args;
         let mut settings = task(args, &policy)?;
@@ -194,7 +194,7 @@ impl World {
 
 /// The longest actuation delay of a joint, s.
 pub fn longest_delay(candidate: &Candidate) -> f64 {
-    candidate.robot.delay.iter().fold(0.0, |most, &delay| most.max(delay))
+    candidate.robot.delay.iter().fold(0.0, |max, &delay| max.max(delay))
 }
 
 /// The task: as asked for, as the policy remembers it, or the built-in one. A file's settings lie upon the task that

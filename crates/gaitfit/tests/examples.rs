@@ -85,10 +85,10 @@ fn toml_block(text: &str) -> &str {
     block.split_once("```").unwrap().0
 }
 
-/// The examples of docs/training.md, in a training.
+/// The examples of docs/tasks.md, in a training.
 #[test]
 fn documented_rewards_are_paid_and_documented_commands_grow() {
-    let text = std::fs::read_to_string(root().join("docs/training.md")).unwrap();
+    let text = std::fs::read_to_string(root().join("docs/tasks.md")).unwrap();
     let (_, section) = text.split_once("## Rewards").unwrap();
     let (_, growth) = section.split_once("## Commands that grow").unwrap();
     let example: String = [section, growth].map(toml_block).concat();

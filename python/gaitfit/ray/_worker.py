@@ -15,7 +15,7 @@ from ._parts import done, image, write
 #: The fits that this process has open, the last one last.
 _open: dict[tuple[str, int, str], _gaitfit.Helper] = {}
 #: Most fits that are kept open.
-MOST = 2
+MAX_OPEN = 2
 
 
 def helper(key: str, parcel: list[Any], threads: int, device: str) -> _gaitfit.Helper:
@@ -25,7 +25,7 @@ def helper(key: str, parcel: list[Any], threads: int, device: str) -> _gaitfit.H
     which = (key, threads, device)
     found = _open.pop(which, None)
     if found is None:
-        while len(_open) >= MOST:
+        while len(_open) >= MAX_OPEN:
             _open.pop(next(iter(_open)))
         needed, policy = ray.get(parcel[0])
         own = ray.cloudpickle.loads(policy).native() if policy else None

@@ -21,7 +21,7 @@ pub struct Begun {
 }
 
 impl Begun {
-    pub(super) fn of(settings: &Settings) -> Self {
+    pub(super) fn new(settings: &Settings) -> Self {
         Self {
             start: of_numbers(&settings.start),
             deviation: of_numbers(&settings.deviation),
@@ -39,7 +39,7 @@ impl Begun {
     /// # Errors
     /// [`CmaError::State`] that names the first one.
     pub(super) fn check(&self, settings: &Settings) -> Result<(), CmaError> {
-        let now = Self::of(settings);
+        let now = Self::new(settings);
         let differs = if self.start != now.start {
             "it was begun at another start".to_owned()
         } else if self.deviation != now.deviation {

@@ -47,7 +47,7 @@ impl State {
         let mean: Vec<f64> = settings.start.iter().zip(&settings.deviation).map(|(x, s)| x / s).collect();
         let n = mean.len();
         Self {
-            begun: Begun::of(settings),
+            begun: Begun::new(settings),
             generation: 0,
             mean,
             sigma: settings.sigma,

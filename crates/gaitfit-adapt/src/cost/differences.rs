@@ -17,8 +17,8 @@ impl<'a> Differences<'a> {
 
     /// Numbers a sample: the dimensions of all signals that count, those that are constant in the recordings left out.
     pub fn width(&self) -> usize {
-        let of = |signal| self.reference.dimensions(signal).unwrap_or_default();
-        let scaled = |signal| of(signal).iter().filter(|dimension| dimension.scale.is_some()).count();
+        let dimensions = |signal| self.reference.dimensions(signal).unwrap_or_default();
+        let scaled = |signal| dimensions(signal).iter().filter(|dimension| dimension.scale.is_some()).count();
         self.weights.signals().map(scaled).sum()
     }
 
@@ -27,14 +27,14 @@ impl<'a> Differences<'a> {
     ///
     /// # Errors
     /// [`CostError::NotFinite`] if a sample is NaN or infinite; shapes that do not fit.
-    pub fn of(&self, recording: usize, simulated: Signals<'_>) -> Result<Vec<f32>, CostError> {
+    pub fn compute(&self, recording: usize, simulated: Signals<'_>) -> Result<Vec<f32>, CostError> {
         self.numbers(recording, simulated, |found, measured| found - measured, LOST)
     }
 
-    /// How they change where the simulated signals change by `slopes`: as [`Self::of`], of the change itself.
+    /// How they change where the simulated signals change by `slopes`: as [`Self::compute`], of the change itself.
     ///
     /// # Errors
-    /// As [`Self::of`].
+    /// As [`Self::compute`].
     pub fn slopes(&self, recording: usize, slopes: Signals<'_>) -> Result<Vec<f32>, CostError> {
         self.numbers(recording, slopes, |found, _| found, 0.0)
     }

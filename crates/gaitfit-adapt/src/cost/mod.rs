@@ -8,7 +8,7 @@
 //! # use std::sync::Arc;
 //! # fn f(reference: Reference, runs: Vec<Vec<f32>>) -> Result<(), CostError> {
 //! let reference = Arc::new(reference);
-//! let cost = Wass::new(Arc::clone(&reference), Weights::of(&reference))?;
+//! let cost = Wass::new(Arc::clone(&reference), Weights::from_reference(&reference))?;
 //! let mut accumulator = cost.begin();
 //! for (recording, run) in runs.iter().enumerate() {
 //!     accumulator.add(recording, Signals::of_joints(run, run))?;

@@ -55,7 +55,7 @@ pub(super) fn distances(
     mut distance: impl FnMut(Signal, usize) -> f64,
 ) -> Breakdown {
     let share = lost as f64 / (lost + kept) as f64;
-    let mut of = |signal: Signal, column: usize, scale: f64| {
+    let mut number = |signal: Signal, column: usize, scale: f64| {
         if kept == 0 {
             return LOST;
         }
@@ -65,7 +65,7 @@ pub(super) fn distances(
     let groups = weights.signals().map(|signal| {
         let dimensions = reference.dimensions(signal).unwrap_or_default().iter().enumerate();
         let per_joint: Vec<Option<f64>> = dimensions
-            .map(|(column, dimension)| dimension.scale.map(|scale| of(signal, column, scale)))
+            .map(|(column, dimension)| dimension.scale.map(|scale| number(signal, column, scale)))
             .collect();
         let count = per_joint.iter().flatten().count();
         let value = per_joint.iter().flatten().sum::<f64>() / count as f64;

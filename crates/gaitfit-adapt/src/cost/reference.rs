@@ -250,7 +250,7 @@ impl Reference {
         {
             return Err(CostError::NotFinite {
                 signal,
-                of: signal.of(&self.joints, bad % width),
+                of: signal.label(&self.joints, bad % width),
                 recording,
                 sample: start + bad / width,
             });
@@ -260,7 +260,7 @@ impl Reference {
 
     /// The reference of some recordings alone, numbered as in `recordings`, in the scaling of all.
     pub(crate) fn subset(&self, recordings: &[usize]) -> Self {
-        let of = |signal: &ReferenceSignal| {
+        let subset = |signal: &ReferenceSignal| {
             let chosen: Vec<Vec<f64>> =
                 recordings.iter().filter_map(|&number| signal.recordings.get(number).cloned()).collect();
             let dimensions = signal.dimensions.iter().enumerate().map(|(column, dimension)| Dimension {
@@ -269,7 +269,7 @@ impl Reference {
             });
             ReferenceSignal { dimensions: dimensions.collect(), recordings: chosen }
         };
-        let signals = std::array::from_fn(|index| self.signals[index].as_ref().map(of));
+        let signals = std::array::from_fn(|index| self.signals[index].as_ref().map(subset));
         Self { joints: self.joints.clone(), skip: self.skip, signals }
     }
 }
@@ -309,7 +309,7 @@ impl ReferenceSignal {
             if let Some(bad) = matrix.iter().position(|value| !value.is_finite()) {
                 return Err(CostError::ReferenceNotFinite {
                     signal,
-                    of: signal.of(joints, bad % width),
+                    of: signal.label(joints, bad % width),
                     recording: number,
                     sample: bad / width,
                 });

@@ -45,7 +45,7 @@ impl Signal {
     }
 
     /// What a column is called in messages.
-    pub(crate) fn of(self, joints: &[String], column: usize) -> String {
+    pub(crate) fn label(self, joints: &[String], column: usize) -> String {
         let name = self.column(joints, column);
         if self.is_privileged() { format!("axis {name}") } else { format!("joint {name}") }
     }
@@ -91,14 +91,14 @@ impl Weights {
     pub const PRIVILEGED: Self = Self { base_position: 1.0, base_velocity: 1.0, ..Self::JOINTS };
 
     /// Weight 1 for every joint signal that `reference` has: Wass and MatchO as the paper defines them.
-    pub fn of(reference: &Reference) -> Self {
+    pub fn from_reference(reference: &Reference) -> Self {
         Self { action: f64::from(reference.has(Signal::Action)), ..Self::JOINTS }
     }
 
-    /// [`Self::of`], but for the action only if `simulator` has it too: a replay sends the log's own targets, so
+    /// [`Self::from_reference`], but for the action only if `simulator` has it too: a replay sends the log's own targets, so
     /// that both sides act the same.
     pub fn shared(reference: &Reference, simulator: &dyn Simulator) -> Self {
-        if simulator.provides(Signal::Action) { Self::of(reference) } else { Self::JOINTS }
+        if simulator.provides(Signal::Action) { Self::from_reference(reference) } else { Self::JOINTS }
     }
 
     /// The weight of `signal`.

@@ -1,6 +1,6 @@
 //! Whether a search came to its end.
 
-use super::{CostOutcome, MOST_SCANNED, ParameterOutcome, Stop};
+use super::{CostOutcome, MAX_SCANNED, ParameterOutcome, Stop};
 
 /// A rise of the cost below this part, over the last quarter of a run, is no progress.
 const PROGRESS: f64 = 0.01;
@@ -18,7 +18,7 @@ const NAMED: usize = 4;
 /// ([`super::Identification::better`]). It had not either, if the best run was cut short by its generations, a time
 /// limit or the optimiser's failure before its deviations shrank to the tolerance, and its cost was still falling or
 /// the seeds' values lie apart. Values of parameters that the logs do not identify may lie apart, and so may those of
-/// more than [`MOST_SCANNED`] parameters: weights of networks that do the same can differ.
+/// more than [`MAX_SCANNED`] parameters: weights of networks that do the same can differ.
 ///
 /// Least squares goes downhill from where it begins. So it has not converged either if no more than half of its seeds
 /// ended where the best one did.
@@ -57,7 +57,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
             100.0 * fall
         ));
     }
-    let scanned = outcome.parameters.len() <= MOST_SCANNED;
+    let scanned = outcome.parameters.len() <= MAX_SCANNED;
     let apart = outcome.parameters.iter().filter(|one| scanned && apart(one)).map(spread);
     let apart: Vec<String> = apart.collect();
     if !apart.is_empty() {

@@ -1,7 +1,7 @@
 //! The driver: all runs in lock-step, one batch a generation.
 
 use super::evaluate::{Job, evaluate};
-use super::least_squares::{MOST_ENTRIES, Problem};
+use super::least_squares::{MAX_ENTRIES, Problem};
 use super::run::{Checkpoint, Run, Stop};
 use super::{CostOutcome, FallPenalty, FitError, Origin};
 use crate::cmaes::{BoundHandling, CovarianceKind};
@@ -63,7 +63,7 @@ impl Default for FitOptions {
 
 impl FitOptions {
     /// The most generations that a seed can take, restarts among them.
-    pub fn most_generations(&self) -> usize {
+    pub fn max_generations(&self) -> usize {
         self.generations.saturating_mul(self.restarts as usize + 1)
     }
 }
@@ -94,8 +94,8 @@ impl Method {
             FitError::Distributions(cost.name().to_owned())
         } else if theta.regularisation(&deviations) > 0.0 {
             FitError::Regularised
-        } else if theta.len() > MOST_ENTRIES {
-            FitError::TooManyEntries { count: theta.len(), most: MOST_ENTRIES }
+        } else if theta.len() > MAX_ENTRIES {
+            FitError::TooManyEntries { count: theta.len(), max: MAX_ENTRIES }
         } else {
             return Ok(match self {
                 Self::Auto => matches!(cost.resets(), Resets::Sensors(_)),
@@ -241,7 +241,7 @@ impl<'a> Fit<'a> {
     }
 
     fn origin(&self) -> &Origin {
-        self.origin.get_or_init(|| Origin::of(self.simulator, self.theta, self.costs, &self.options))
+        self.origin.get_or_init(|| Origin::new(self.simulator, self.theta, self.costs, &self.options))
     }
 
     /// Generations done.

@@ -58,22 +58,22 @@ pub enum FitError {
     #[error("least squares does not take the regularisation of networks; take CMA-ES, or set it to 0")]
     Regularised,
     /// Least squares over too much.
-    #[error("least squares takes up to {most} parameters, and there are {count}; take CMA-ES")]
+    #[error("least squares takes up to {max} parameters, and there are {count}; take CMA-ES")]
     TooManyEntries {
         /// Entries of θ.
         count: usize,
         /// How many it takes.
-        most: usize,
+        max: usize,
     },
     /// The differences of all candidates of a step do not fit into memory.
     #[error(
-        "a step of least squares would need {needed} bytes, and {most} are allowed; take CMA-ES, or fewer logs"
+        "a step of least squares would need {needed} bytes, and {max} are allowed; take CMA-ES, or fewer logs"
     )]
     TooMany {
         /// Bytes.
         needed: usize,
         /// Bytes allowed.
-        most: usize,
+        max: usize,
     },
     /// The cost cannot be scanned around the values found.
     #[error("the cost cannot be scanned: {0}")]

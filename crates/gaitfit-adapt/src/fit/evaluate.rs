@@ -132,7 +132,8 @@ pub fn simulate_one(
         (0..simulator.recordings()).map(|_| Mutex::new(None)).collect();
     let consume = |_: usize, recording: usize, signals: Signals<'_>| {
         if let Some(slot) = found.get(recording) {
-            *slot.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(Predicted::of(&signals));
+            *slot.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) =
+                Some(Predicted::from_signals(&signals));
         }
     };
     simulator.simulate(theta, &[rollout], &consume, &never)?;

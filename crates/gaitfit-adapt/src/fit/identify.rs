@@ -20,7 +20,7 @@ use gaitfit_sim::stats;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Most entries of a θ that is scanned.
-pub const MOST_SCANNED: usize = 50;
+pub const MAX_SCANNED: usize = 50;
 /// Steps of the scan, parts of the range; the bounds come on top.
 const STEPS: [f64; 6] = [1e-3, 3.16e-3, 1e-2, 3.16e-2, 1e-1, 3.16e-1];
 /// Draws, where recordings are too few or the robot falls.
@@ -52,7 +52,7 @@ type Rise = Option<(f64, f64)>;
 /// the data.
 ///
 /// # Errors
-/// As [`super::evaluate`]; [`FitError::Scan`] if there are more than [`MOST_SCANNED`] entries or `values` diverges.
+/// As [`super::evaluate`]; [`FitError::Scan`] if there are more than [`MAX_SCANNED`] entries or `values` diverges.
 pub fn identify(
     simulator: &dyn Simulator,
     theta: &Theta,
@@ -62,9 +62,9 @@ pub fn identify(
     draw: u64,
     cancel: &Cancel<'_>,
 ) -> Result<Vec<Identification>, FitError> {
-    if theta.len() > MOST_SCANNED || values.len() != theta.len() {
+    if theta.len() > MAX_SCANNED || values.len() != theta.len() {
         return Err(FitError::Scan(format!(
-            "{} values of {} parameters; at most {MOST_SCANNED} can be scanned",
+            "{} values of {} parameters; at most {MAX_SCANNED} can be scanned",
             values.len(),
             theta.len()
         )));
@@ -110,7 +110,7 @@ pub fn identify(
         rises.extend(costs.iter().map(|costs| costs.as_ref().map(rise)));
     }
     let of_entry = |(at, entry): (usize, &Entry)| {
-        let own: Vec<(f64, Rise)> = points
+        let rises: Vec<(f64, Rise)> = points
             .iter()
             .zip(&rises)
             .filter(|(point, _)| point.entry == at)
@@ -119,10 +119,10 @@ pub fn identify(
         let charged = |value: f64| {
             let mut moved = values.to_vec();
             moved[at] = value;
-            let of = |values: &[f64]| theta.regularisation(values) + theta.prior_cost(values);
-            of(&moved) - of(values)
+            let charge = |values: &[f64]| theta.regularisation(values) + theta.prior_cost(values);
+            charge(&moved) - charge(values)
         };
-        verdict(entry, values[at], &own, noise, charged)
+        verdict(entry, values[at], &rises, noise, charged)
     };
     let mut found: Vec<Identification> = theta.entries().iter().enumerate().map(of_entry).collect();
     let around = Around { simulator, theta, values, views: &views, centre: &centre, draw, cancel };

@@ -16,7 +16,7 @@ use gaitfit_sim::stats;
 use nalgebra::{DMatrix, DVector};
 
 /// Most free parameters whose pairs are simulated: 12 are 132 moves of two.
-const MOST: usize = 12;
+const MAX_FREE: usize = 12;
 /// Least eigenvalue of the curvature, parts of its mean diagonal: flatter directions are not told apart from noise.
 const FLATTEST: f64 = 0.05;
 /// Part of a parameter's range that it must be able to move to both sides.
@@ -43,7 +43,7 @@ struct Free {
 }
 
 /// Widens the intervals `found` to joint ones. Those of parameters that rest on a bound, or that the logs do not
-/// identify alone, stay; all do, if more than [`MOST`] are left or the simulation of a move diverges.
+/// identify alone, stay; all do, if more than [`MAX_FREE`] are left or the simulation of a move diverges.
 ///
 /// # Errors
 /// As [`super::evaluate`].
@@ -54,7 +54,7 @@ pub(super) fn joint(
 ) -> Result<(), FitError> {
     let Around { theta, values, views, .. } = *around;
     let free = free(theta, values, found);
-    if free.is_empty() || free.len() > MOST {
+    if free.is_empty() || free.len() > MAX_FREE {
         return Ok(());
     }
     let ones = moves_of_one(&free);
@@ -128,12 +128,12 @@ impl Around<'_> {
 /// Parameters that the logs identify and that do not rest on a bound.
 fn free(theta: &Theta, values: &[f64], found: &[Identification]) -> Vec<Free> {
     let entries = theta.entries().iter().zip(values).zip(found).enumerate();
-    let of = |(entry, ((one, value), found)): (usize, ((&crate::Entry, &f64), &Identification))| {
+    let free_entry = |(entry, ((one, value), found)): (usize, ((&crate::Entry, &f64), &Identification))| {
         let room = (value - one.lower).min(one.upper - value);
         let size = (0.5 * (found.upper - found.lower)).min(room);
         (found.identified && size > ROOM * (one.upper - one.lower)).then_some(Free { entry, size })
     };
-    entries.filter_map(of).collect()
+    entries.filter_map(free_entry).collect()
 }
 
 /// Each parameter up and down.
@@ -178,14 +178,14 @@ fn curvature(centre: f64, single: &[Vec<f64>], double: &[Vec<f64>], count: usize
 /// The inverse with no direction flatter than [`FLATTEST`], and the directions that are; `None` if the cost does not
 /// rise.
 fn inverse(curvature: &DMatrix<f64>) -> Option<(DMatrix<f64>, Vec<DVector<f64>>)> {
-    let least = FLATTEST * curvature.trace() / curvature.nrows() as f64;
-    if !(least.is_finite() && least > 0.0) {
+    let min = FLATTEST * curvature.trace() / curvature.nrows() as f64;
+    if !(min.is_finite() && min > 0.0) {
         return None;
     }
     let mut parts = curvature.clone().symmetric_eigen();
     let columns = parts.eigenvectors.column_iter().zip(parts.eigenvalues.iter());
-    let flat = columns.filter(|(_, value)| **value < least).map(|(one, _)| one.into_owned()).collect();
-    parts.eigenvalues.apply(|value| *value = value.max(least).recip());
+    let flat = columns.filter(|(_, value)| **value < min).map(|(one, _)| one.into_owned()).collect();
+    parts.eigenvalues.apply(|value| *value = value.max(min).recip());
     Some((parts.recompose(), flat))
 }
 
@@ -205,8 +205,8 @@ mod tests {
                 + 3.0
         };
         let free = [Free { entry: 0, size: 1.0 }, Free { entry: 1, size: 1.0 }];
-        let of = |moves: Vec<Vec<f64>>| moves.iter().map(|u| vec![f(u)]).collect::<Vec<_>>();
-        let (single, double) = (of(moves_of_one(&free)), of(moves_of_two(&free)));
+        let evaluated = |moves: Vec<Vec<f64>>| moves.iter().map(|u| vec![f(u)]).collect::<Vec<_>>();
+        let (single, double) = (evaluated(moves_of_one(&free)), evaluated(moves_of_two(&free)));
         let found = curvature(3.0, &single, &double, 2);
         let (back, flat) =
             inverse(&found).map(|(inverse, flat)| (inverse * &found, flat)).unwrap_or_default();

@@ -29,7 +29,7 @@ pub use error::FitError;
 pub use evaluate::{Evaluation, Job, accumulate, evaluate, simulate_one};
 pub use falls::FallPenalty;
 pub use identification::{Identification, NoiseSource};
-pub use identify::{MOST_SCANNED, cost_error, identify};
+pub use identify::{MAX_SCANNED, cost_error, identify};
 pub use least_squares::{
     Alternative, Comparison, Correction, Failure, GaussNewton, Problem, Question, Replicate, Round,
     Sensitivity, Shift, Slope, Uncertainty, Unexplained, World, answers, correct, descend, off_bounds,
@@ -38,6 +38,6 @@ pub use least_squares::{
 pub use origin::{Against, Origin, Searched};
 pub use outcome::{CostOutcome, ParameterOutcome, RunOutcome};
 pub use predicted::Predicted;
-pub use regression::{Distributions, Drawn, Logs, MOST_REGRESSED, Regression, Walks, regress};
+pub use regression::{Distributions, Drawn, Logs, MAX_REGRESSED, Regression, Walks, regress};
 pub use run::{Checkpoint, SavedRun, SavedSearch, Stop};
 pub use views::{Costs, Views, measure};

@@ -60,7 +60,7 @@ pub struct Against {
 
 impl Origin {
     /// What a fit depends on.
-    pub(super) fn of(
+    pub(super) fn new(
         simulator: &dyn Simulator,
         theta: &Theta,
         costs: &[Box<dyn Cost>],
@@ -78,7 +78,7 @@ impl Origin {
         Self {
             joints: simulator.joints().to_vec(),
             recordings: simulator.recordings(),
-            parameters: theta.entries().iter().map(Searched::of).collect(),
+            parameters: theta.entries().iter().map(Searched::new).collect(),
             priors: theta.priors().enumerate().filter_map(|(at, prior)| Some((at, *prior?))).collect(),
             prior_weight: theta.prior_weight(),
             costs: costs.iter().map(|cost| against(cost.as_ref())).collect(),
@@ -170,7 +170,7 @@ impl Origin {
 }
 
 impl Searched {
-    fn of(entry: &Entry) -> Self {
+    fn new(entry: &Entry) -> Self {
         let Entry { name, unit, lower, upper, start, deviation, .. } = entry;
         let [lower, upper, start, deviation] = [*lower, *upper, *start, *deviation];
         Self { name: name.clone(), unit: unit.clone(), lower, upper, start, deviation }

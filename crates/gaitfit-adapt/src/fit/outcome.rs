@@ -2,7 +2,7 @@
 
 use super::run::Stop;
 use super::{
-    Alternative, Correction, FitError, Identification, MOST_SCANNED, NoiseSource, Problem, RandomNumbers,
+    Alternative, Correction, FitError, Identification, MAX_SCANNED, NoiseSource, Problem, RandomNumbers,
     Regression, Uncertainty, Views, World, correct, identify, uncertainty,
 };
 use crate::cost::Cost;
@@ -130,7 +130,7 @@ impl CostOutcome {
     }
 
     /// Measures how well the data identify each parameter around the best run's values and notes it with them.
-    /// `cost` is the outcome's; `alternatives` could stand in for the simulator. False, and nothing noted, if θ has more than [`MOST_SCANNED`] entries.
+    /// `cost` is the outcome's; `alternatives` could stand in for the simulator. False, and nothing noted, if θ has more than [`MAX_SCANNED`] entries.
     ///
     /// # Errors
     /// As [`identify`].
@@ -143,7 +143,7 @@ impl CostOutcome {
         draw: u64,
         cancel: &Cancel<'_>,
     ) -> Result<bool, FitError> {
-        if theta.len() > MOST_SCANNED {
+        if theta.len() > MAX_SCANNED {
             return Ok(false);
         }
         let found = identify(simulator, theta, cost, &self.values(), alternatives, draw, cancel)?;

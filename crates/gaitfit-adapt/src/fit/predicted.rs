@@ -21,7 +21,7 @@ pub struct Predicted {
 
 impl Predicted {
     /// A copy of `signals`.
-    pub fn of(signals: &Signals<'_>) -> Self {
+    pub fn from_signals(signals: &Signals<'_>) -> Self {
         Self {
             position: signals.position.to_vec(),
             velocity: signals.velocity.to_vec(),

@@ -133,8 +133,8 @@ impl Run {
         let sigma = search.current().sigma();
         let finite: Vec<f64> = found.iter().filter_map(|found| found.cost).collect();
         let population = asked.take().unwrap_or_else(|| search.ask());
-        let told: Vec<f64> = found.iter().map(|found| found.cost.unwrap_or(f64::INFINITY)).collect();
-        let restarted = search.tell(&population, &told).map_err(FitError::Optimizer)?.is_some();
+        let costs: Vec<f64> = found.iter().map(|found| found.cost.unwrap_or(f64::INFINITY)).collect();
+        let restarted = search.tell(&population, &costs).map_err(FitError::Optimizer)?.is_some();
         let diverged = found.len() - finite.len();
         let falls = found.iter().map(|found| found.falls).sum();
         self.diverged += diverged;
@@ -304,9 +304,9 @@ fn why_stop(search: &Search) -> Option<Stop> {
 }
 
 fn settings(seed: u64, theta: &Theta, options: &FitOptions) -> Settings {
-    let of = |field: fn(&crate::Entry) -> f64| -> Vec<f64> { theta.entries().iter().map(field).collect() };
-    let mut settings = Settings::new(theta.start(seed), of(|entry| entry.deviation), seed)
-        .with_bounds(of(|entry| entry.lower), of(|entry| entry.upper));
+    let each = |field: fn(&crate::Entry) -> f64| -> Vec<f64> { theta.entries().iter().map(field).collect() };
+    let mut settings = Settings::new(theta.start(seed), each(|entry| entry.deviation), seed)
+        .with_bounds(each(|entry| entry.lower), each(|entry| entry.upper));
     settings.population =
         if options.population == 0 { default_population(theta.len()) } else { options.population };
     settings.covariance = options.covariance;

@@ -59,7 +59,7 @@ impl<'a> Views<'a> {
 }
 
 /// The costs of each rollout, and the bytes of the first one's signals, which were in memory together: what
-/// [`Simulator::views`] does by default. `told` is called for each rollout that is done.
+/// [`Simulator::views`] does by default. `notify` is called for each rollout that is done.
 ///
 /// # Errors
 /// As [`Simulator::views`].
@@ -68,7 +68,7 @@ pub fn measure<S: Simulator + ?Sized>(
     theta: &Theta,
     views: &Views<'_>,
     rollouts: &[Rollout],
-    told: &(dyn Fn() + Sync),
+    notify: &(dyn Fn() + Sync),
     cancel: &Cancel<'_>,
 ) -> Result<(Vec<Costs>, usize), FitError> {
     struct Pending {
@@ -86,7 +86,7 @@ pub fn measure<S: Simulator + ?Sized>(
         let Some(pending) = pending.get(candidate) else { return };
         let mut pending = pending.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let Some(slot) = pending.signals.get_mut(recording).filter(|slot| slot.is_none()) else { return };
-        let predicted = Predicted::of(&signals);
+        let predicted = Predicted::from_signals(&signals);
         let bytes = predicted.bytes();
         *slot = Some(predicted);
         pending.bytes += bytes;
@@ -94,7 +94,7 @@ pub fn measure<S: Simulator + ?Sized>(
         if pending.missing == 0 {
             let signals = std::mem::take(&mut pending.signals);
             pending.costs = Some(views.totals(&signals));
-            told();
+            notify();
         }
     };
     simulator.simulate(theta, rollouts, &consume, cancel)?;

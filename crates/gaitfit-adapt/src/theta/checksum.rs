@@ -12,7 +12,7 @@ const KEY: &str = "checksum";
 const MAX_MESSAGE: usize = 400;
 
 /// The checksum of a file's text, 64 hexadecimal digits.
-pub(super) fn of(text: &str) -> String {
+pub(super) fn digest(text: &str) -> String {
     let mut sum = Sum::default();
     let counts = |line: &&str| !(line.is_empty() || line.starts_with('#') || is_own(line));
     text.lines().map(str::trim).filter(counts).for_each(|line| sum.text(line));
@@ -29,7 +29,7 @@ pub(super) fn sealed(text: &str) -> String {
     let (first, rest) = text.split_once('\n').unwrap_or((text, ""));
     format!(
         "{first}\n# Delete the next line if you edit the values by hand.\n{KEY} = \"{}\"\n{rest}",
-        of(text)
+        digest(text)
     )
 }
 
@@ -50,13 +50,13 @@ mod tests {
     fn notes_and_line_ends_do_not_count_and_all_else_does() {
         let text = "format = 2\nrobot = \"go2\"\n\n[[parameter]]\nvalue = 0.25\n";
         let sealed = sealed(text);
-        assert_eq!(of(&sealed), of(text));
-        assert!(sealed.contains(&of(text)), "{sealed}");
-        assert_eq!(of(&format!("# a note\n{}", sealed.replace('\n', "  \r\n"))), of(text));
+        assert_eq!(digest(&sealed), digest(text));
+        assert!(sealed.contains(&digest(text)), "{sealed}");
+        assert_eq!(digest(&format!("# a note\n{}", sealed.replace('\n', "  \r\n"))), digest(text));
         for (from, to) in
             [("0.25", "0.26"), ("value = 0.25\n", ""), ("go2", "gp2"), ("[[parameter]]", "[[network]]")]
         {
-            assert_ne!(of(&sealed.replace(from, to)), of(text), "{from}");
+            assert_ne!(digest(&sealed.replace(from, to)), digest(text), "{from}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! One number that a fit changes.
 
-use super::file::MOST;
+use super::file::MAX_VALUE;
 use super::{NetworkName, ThetaError};
 use serde::Serialize;
 
@@ -26,19 +26,19 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Whether the numbers are in order and the bounds mean something; `least` is the smallest value with a
-    /// meaning, `most` the largest that can be simulated.
-    pub(super) fn check(&self, least: f64, most: f64) -> Result<(), ThetaError> {
+    /// Whether the numbers are in order and the bounds mean something; `min` is the smallest value with a
+    /// meaning, `max` the largest that can be simulated.
+    pub(super) fn check(&self, min: f64, max: f64) -> Result<(), ThetaError> {
         let Entry { lower, upper, start, deviation, .. } = *self;
         let finite = [lower, upper, start, deviation].iter().all(|value| value.is_finite());
         if !(finite && lower < upper && lower <= start && start <= upper && deviation > 0.0) {
             return Err(ThetaError::Order { name: self.name.clone(), lower, start, upper, deviation });
         }
-        if lower < least {
-            return Err(ThetaError::Meaningless { name: self.name.clone(), kind: self.kind, least, lower });
+        if lower < min {
+            return Err(ThetaError::Meaningless { name: self.name.clone(), kind: self.kind, min, lower });
         }
-        if lower < -MOST || upper > most {
-            return Err(ThetaError::Wide { name: self.name.clone(), lower, upper, most });
+        if lower < -MAX_VALUE || upper > max {
+            return Err(ThetaError::Wide { name: self.name.clone(), lower, upper, max });
         }
         Ok(())
     }

@@ -110,18 +110,18 @@ mod tests {
 
     #[test]
     fn each_weight_is_what_its_name_says() {
-        let of = |number: usize, motion: [f64; 6]| {
+        let single = |number: usize, motion: [f64; 6]| {
             let mut last = [0.0; OUTPUT_WEIGHTS];
             last[number] = 1.0;
             output(last, motion)
         };
         let moving = |velocity: f64, before: f64| [0.0, velocity, 0.0, before, 0.0, before];
-        assert!((of(0, moving(3.0, 3.0)) + 0.02).abs() < 1e-5);
-        assert!((of(0, moving(-3.0, -3.0)) - 0.02).abs() < 1e-5);
-        assert!((of(1, moving(3.0, 3.0)) + 0.06).abs() < 2e-4);
-        assert!((of(2, moving(3.0, 2.0)) + 0.1).abs() < 1e-3);
-        assert_eq!(of(2, moving(3.0, 3.0)), 0.0);
-        assert!((of(3, [0.1, 5.0, 0.0, 5.0, 0.0, 5.0]) + 0.1).abs() < 1e-3);
-        assert_eq!(of(4, moving(3.0, -2.0)), 0.02);
+        assert!((single(0, moving(3.0, 3.0)) + 0.02).abs() < 1e-5);
+        assert!((single(0, moving(-3.0, -3.0)) - 0.02).abs() < 1e-5);
+        assert!((single(1, moving(3.0, 3.0)) + 0.06).abs() < 2e-4);
+        assert!((single(2, moving(3.0, 2.0)) + 0.1).abs() < 1e-3);
+        assert_eq!(single(2, moving(3.0, 3.0)), 0.0);
+        assert!((single(3, [0.1, 5.0, 0.0, 5.0, 0.0, 5.0]) + 0.1).abs() < 1e-3);
+        assert_eq!(single(4, moving(3.0, -2.0)), 0.02);
     }
 }

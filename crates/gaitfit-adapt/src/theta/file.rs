@@ -104,7 +104,7 @@ pub struct SavedNetwork {
 const MAX_REASON: usize = 1000;
 
 /// Largest value of any number: beyond it no robot is meant, and single precision may overflow.
-pub(super) const MOST: f64 = 1e6;
+pub(super) const MAX_VALUE: f64 = 1e6;
 
 /// Why a file of found values cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -130,16 +130,16 @@ pub enum ThetaFileError {
         kind: String,
     },
     /// A value without a meaning.
-    #[error("`{}` is {}; it must be a number from {least} to {}", shown(name), shown_number(*value), short(*most))]
+    #[error("`{}` is {}; it must be a number from {min} to {}", shown(name), shown_number(*value), short(*max))]
     Value {
         /// Parameter.
         name: String,
         /// Its value.
         value: f64,
         /// Smallest value with a meaning.
-        least: f64,
+        min: f64,
         /// Largest value that can be simulated.
-        most: f64,
+        max: f64,
     },
     /// A value that the search cannot have found.
     #[error(
@@ -215,7 +215,7 @@ pub(super) struct ReadContext<'a> {
 
 /// A bound in few digits.
 pub(super) fn short(bound: f64) -> String {
-    if bound == MOST { format!("{bound:e}") } else { bound.to_string() }
+    if bound == MAX_VALUE { format!("{bound:e}") } else { bound.to_string() }
 }
 
 /// That a file is of another robot, if it is.
@@ -249,20 +249,20 @@ impl ReadContext<'_> {
             .map_err(|source| ThetaFileError::Pattern { name: parameter.name.clone(), source })?;
         let mut named = SavedParameter { joints: names.into_iter().cloned().collect(), ..parameter.clone() };
         // What is named already a pattern may cover too.
-        let own: Vec<Option<usize>> = named.joints.iter().map(|name| self.model.find_joint(name)).collect();
-        let more = places.into_iter().filter(|place| !own.contains(&Some(*place)));
+        let known: Vec<Option<usize>> = named.joints.iter().map(|name| self.model.find_joint(name)).collect();
+        let more = places.into_iter().filter(|place| !known.contains(&Some(*place)));
         named.joints.extend(more.map(|place| joints[place].to_owned()));
         Ok(named)
     }
 
     /// Whether the value has a meaning, and can be simulated.
-    pub fn check(&self, parameter: &SavedParameter, least: f64, most: f64) -> Result<(), ThetaFileError> {
+    pub fn check(&self, parameter: &SavedParameter, min: f64, max: f64) -> Result<(), ThetaFileError> {
         let SavedParameter { name, value, .. } = parameter;
-        let least = least.max(-MOST);
-        if (least..=most).contains(value) {
+        let min = min.max(-MAX_VALUE);
+        if (min..=max).contains(value) {
             return Ok(());
         }
-        Err(ThetaFileError::Value { name: name.clone(), value: *value, least, most })
+        Err(ThetaFileError::Value { name: name.clone(), value: *value, min, max })
     }
 }
 
@@ -338,12 +338,12 @@ impl ThetaFile {
                 format!("its {kind} acts only together with {with}, which the file does not have")
             });
         let far = self.parameter.iter().filter_map(|parameter| {
-            let (most, unit) = match parameter.kind.as_str() {
+            let (max, unit) = match parameter.kind.as_str() {
                 "link_com_x" | "link_com_y" | "link_com_z" => (1.0, "m"),
                 "encoder_bias" => (std::f64::consts::PI, "rad"),
                 _ => return None,
             };
-            (parameter.value.abs() > most).then(|| {
+            (parameter.value.abs() > max).then(|| {
                 format!("`{}` is {} {unit}, which no robot has", shown(&parameter.name), parameter.value)
             })
         });
@@ -378,7 +378,7 @@ impl ThetaFile {
             return Err(ThetaFileError::Format(file.format));
         }
         match file.checksum.take() {
-            Some(sum) if sum != checksum::of(text) => Err(ThetaFileError::Checksum),
+            Some(sum) if sum != checksum::digest(text) => Err(ThetaFileError::Checksum),
             _ => Ok(file),
         }
     }

@@ -1,6 +1,6 @@
 //! Parameters of joints: friction loss, armature, delay and the like.
 
-use super::file::MOST;
+use super::file::MAX_VALUE;
 use super::rules::every_joint;
 use super::sharing::Share;
 use super::{
@@ -82,7 +82,7 @@ impl ParameterRule {
     ) -> Result<Box<dyn Modification>, ThetaError> {
         let entries = self.entries(groups, joints)?;
         for entry in &entries {
-            entry.check(self.kind.least(), most(self.kind))?;
+            entry.check(self.kind.least(), upper_limit(self.kind))?;
         }
         Ok(Box::new(JointParameters { parameter: self.kind, entries }))
     }
@@ -122,8 +122,8 @@ fn defaults(parameter: JointParameter) -> Defaults {
 }
 
 /// Largest value of a parameter.
-fn most(parameter: JointParameter) -> f64 {
-    if parameter == JointParameter::Delay { LONGEST_DELAY } else { MOST }
+fn upper_limit(parameter: JointParameter) -> f64 {
+    if parameter == JointParameter::Delay { LONGEST_DELAY } else { MAX_VALUE }
 }
 
 /// One parameter of some joints.
@@ -139,13 +139,13 @@ impl Modification for JointParameters {
     }
 
     fn springs(&self, values: &[f64]) -> Vec<LinearSpring> {
-        let of = |value: f64| match self.parameter {
+        let spring = |value: f64| match self.parameter {
             JointParameter::Stiffness => Some((value, 0.0)),
             JointParameter::SpringTorque => Some((0.0, value)),
             _ => None,
         };
         let entry = |(entry, value): (&Entry, &f64)| {
-            let (stiffness, torque) = of(*value)?;
+            let (stiffness, torque) = spring(*value)?;
             let joints = entry.joints.iter().cloned();
             Some(joints.map(move |joint| LinearSpring { joint, stiffness, torque }).collect::<Vec<_>>())
         };
@@ -171,7 +171,7 @@ pub(super) fn read(
     candidate: &mut Candidate,
 ) -> Option<Result<(), ThetaFileError>> {
     let kind = JointParameter::searched().find(|one| one.name() == parameter.kind)?;
-    Some(context.check(parameter, kind.least(), most(kind)).and_then(|()| {
+    Some(context.check(parameter, kind.least(), upper_limit(kind)).and_then(|()| {
         if parameter.joints.is_empty() {
             return Err(ThetaFileError::NoJoints { name: parameter.name.clone() });
         }

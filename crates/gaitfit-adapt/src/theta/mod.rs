@@ -68,14 +68,14 @@ pub enum ThetaError {
         deviation: f64,
     },
     /// Bounds reach outside what the parameter can be.
-    #[error("parameter `{name}`: {kind} below {least} has no meaning; raise its lower bound {lower}")]
+    #[error("parameter `{name}`: {kind} below {min} has no meaning; raise its lower bound {lower}")]
     Meaningless {
         /// Entry.
         name: String,
         /// Parameter.
         kind: &'static str,
         /// Smallest meaningful value.
-        least: f64,
+        min: f64,
         /// The lower bound asked for.
         lower: f64,
     },
@@ -84,7 +84,7 @@ pub enum ThetaError {
         "parameter `{name}`: its bounds {} to {} reach beyond {}; bring them nearer to what it can be",
         shown_number(*lower),
         shown_number(*upper),
-        short(*most)
+        short(*max)
     )]
     Wide {
         /// Entry.
@@ -94,7 +94,7 @@ pub enum ThetaError {
         /// Upper bound.
         upper: f64,
         /// Largest value.
-        most: f64,
+        max: f64,
     },
     /// Patterns do not fit the robot's joints.
     #[error("parameter {kind}: {source}")]

@@ -1,7 +1,7 @@
 //! Networks of joints: ActionDelta and ResidAct (Dao and Fern; He et al. 2025).
 
 use super::features;
-use super::file::MOST;
+use super::file::MAX_VALUE;
 use super::rules::every_joint;
 use super::{
     Entry, Found, LinearSpring, Modification, ReadContext, SavedNetwork, Sharing, ThetaError, ThetaFile,
@@ -215,7 +215,7 @@ impl NetworkRule {
             networks.push(share.joints.into_iter().map(|joint| (joint.clone(), angle(joint))).collect());
         }
         if let Some(entry) = entries.first() {
-            entry.check(f64::NEG_INFINITY, MOST)?;
+            entry.check(f64::NEG_INFINITY, MAX_VALUE)?;
         }
         Ok(Box::new(Networks { rule: self.clone(), networks, entries }))
     }
@@ -288,12 +288,12 @@ impl Modification for Networks {
         let each = self.networks.iter().zip(values.chunks_exact(self.searched()));
         let network = |(shared, last): (&Vec<(String, f64)>, &[f64])| {
             let (stiffness, offset) = features::spring(last, self.rule.output_scale);
-            let of = |(joint, rest): &(String, f64)| LinearSpring {
+            let spring = |(joint, rest): &(String, f64)| LinearSpring {
                 joint: joint.clone(),
                 stiffness,
                 torque: offset + stiffness * rest,
             };
-            shared.iter().map(of).collect::<Vec<_>>()
+            shared.iter().map(spring).collect::<Vec<_>>()
         };
         each.flat_map(network).collect()
     }

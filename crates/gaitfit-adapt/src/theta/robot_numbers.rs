@@ -1,6 +1,6 @@
 //! Numbers of the robot as a whole: torque noise, mass and centre of mass of the base, a load on it, friction of the floor.
 
-use super::file::MOST;
+use super::file::MAX_VALUE;
 use super::{Defaults, Entry, Modification, ReadContext, SavedParameter, ThetaError, ThetaFileError};
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
@@ -94,7 +94,7 @@ impl RobotNumber {
     }
 
     /// Smallest value with a meaning.
-    fn least(self) -> f64 {
+    fn lower_limit(self) -> f64 {
         match self {
             Self::TorqueNoise | Self::PayloadMass | Self::GroundSoftness => 0.0,
             // Contacts without any friction are another kind, which a fit cannot reach.
@@ -103,7 +103,7 @@ impl RobotNumber {
         }
     }
 
-    fn of(self, candidate: &mut Candidate) -> &mut f64 {
+    fn value_mut(self, candidate: &mut Candidate) -> &mut f64 {
         match self {
             Self::TorqueNoise => &mut candidate.torque_noise,
             Self::BaseMass => &mut candidate.robot.base_mass,
@@ -178,7 +178,7 @@ impl RobotRule {
             start: self.start.unwrap_or_else(|| self.default_start()),
             deviation: self.deviation.unwrap_or(defaults.deviation),
         };
-        entry.check(self.kind.least(), MOST)?;
+        entry.check(self.kind.lower_limit(), MAX_VALUE)?;
         Ok(Box::new(OneNumber { number: self.kind, entry: [entry] }))
     }
 }
@@ -197,7 +197,7 @@ impl Modification for OneNumber {
 
     fn apply(&self, values: &[f64], _joints: &[String], candidate: &mut Candidate) {
         if let Some(&value) = values.first() {
-            *self.number.of(candidate) = value;
+            *self.number.value_mut(candidate) = value;
         }
     }
 }
@@ -209,6 +209,6 @@ pub(super) fn read(
     candidate: &mut Candidate,
 ) -> Option<Result<(), ThetaFileError>> {
     let number = RobotNumber::ALL.into_iter().find(|number| number.name() == parameter.kind)?;
-    let checked = context.check(parameter, number.least(), MOST);
-    Some(checked.map(|()| *number.of(candidate) = parameter.value))
+    let checked = context.check(parameter, number.lower_limit(), MAX_VALUE);
+    Some(checked.map(|()| *number.value_mut(candidate) = parameter.value))
 }

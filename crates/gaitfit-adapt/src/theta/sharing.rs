@@ -61,13 +61,13 @@ impl Sharing {
                     .map(|(name, patterns)| Ok((name.as_str(), compile(patterns).map_err(wrong)?)))
                     .collect::<Result<_, ThetaError>>()?;
                 for joint in covered {
-                    let of: Vec<&str> = compiled
+                    let groups: Vec<&str> = compiled
                         .iter()
                         .filter(|(_, patterns)| patterns.iter().any(|pattern| pattern.covers(joint)))
                         .map(|(name, _)| *name)
                         .collect();
-                    let [group] = of[..] else {
-                        let found = if of.is_empty() { "none".to_owned() } else { of.join(" and ") };
+                    let [group] = groups[..] else {
+                        let found = if groups.is_empty() { "none".to_owned() } else { groups.join(" and ") };
                         return Err(ThetaError::Group { kind, joint: joint.clone(), found });
                     };
                     match found.iter_mut().find(|share| share.name == group) {

@@ -21,7 +21,7 @@ pub struct BenchPhysics {
     /// Which geoms may touch the ground
     #[arg(long, value_enum, default_value_t = Geoms::Feet)]
     pub geoms: Geoms,
-    /// Which of the robot's own parts may touch each other; on the processor
+    /// Self-contact; on the CPU only
     #[arg(long, value_enum, default_value_t = OwnParts::Off)]
     pub self_contact: OwnParts,
     /// Threads
@@ -36,12 +36,12 @@ pub struct BenchPhysics {
     /// GPU: physics steps of one launch
     #[arg(long, value_name = "N", default_value = "4")]
     pub substeps: std::num::NonZeroUsize,
-    /// GPU: threads of a robot, 1, 2 or 4 (default: what suits the number of robots)
+    /// GPU: threads of a robot, 1, 2 or 4 (default: by the number of robots)
     #[arg(long, value_name = "N", value_parser = lanes)]
     pub lanes: Option<usize>,
     /// GPU: guarded parts of fewer operations than this are always computed
     #[arg(long, value_name = "N", hide = true)]
-    pub least_guarded: Option<usize>,
+    pub min_guarded: Option<usize>,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
@@ -82,12 +82,12 @@ pub struct BenchTrain {
     pub json: bool,
 }
 
-/// Which own parts may touch each other.
+/// Self-contact of the benchmark's robots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum OwnParts {
     /// None
     Off,
-    /// Those that the robot file lets touch
+    /// The pairs that the robot file permits
     File,
     /// The ends of limbs
     Limbs,

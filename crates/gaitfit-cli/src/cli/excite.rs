@@ -15,10 +15,10 @@ const COMMAND_SECONDS: f64 = 4.0;
 pub struct Excite {
     /// Robot (.xml, .mjcf, .urdf); with --policy the configuration (.toml) of a fit of walking logs
     pub file: PathBuf,
-    /// Folder for the files, which is made if it is not there; with --policy the file of commands (.csv)
+    /// Folder for the files, made if it is absent; with --policy the file of commands (.csv)
     #[arg(long, value_name = "PATH")]
     pub out: PathBuf,
-    /// Choose commands for this walking policy instead: those under which its logs identify the fit's parameters best
+    /// Choose commands for this walking policy instead, so that its logs identify the fit's parameters best
     #[arg(long, value_name = "POLICY")]
     pub policy: Option<PathBuf>,
     /// With --policy: sequences to choose
@@ -27,12 +27,12 @@ pub struct Excite {
     /// With --policy: sequences to choose from
     #[arg(long, value_name = "N", default_value_t = 128, requires = "policy", hide = true)]
     pub pool: usize,
-    /// With --policy: greatest commands to choose from over those of the policy's task; those under which it falls in
-    /// simulation are left out
+    /// With --policy: largest commands of the pool, as a multiple of the task's; commands under which the policy falls
+    /// in simulation are left out
     #[arg(long, value_name = "X", default_value_t = 1.0, requires = "policy", hide = true)]
     pub reach: f64,
-    /// With --policy: parameters whose spread is to be small, names or patterns, separated by commas [default: those that
-    /// the configuration's logs leave unidentified, or all]
+    /// With --policy: parameters to identify, names or patterns, separated by commas [default: those that the
+    /// configuration's logs leave unidentified, or all]
     #[arg(long, value_name = "PATTERNS", value_delimiter = ',', requires = "policy")]
     pub parameters: Vec<String>,
     /// With --policy: values of the parameters, a theta.toml [default: the configuration's truth, or the search's start]
@@ -62,39 +62,39 @@ pub struct Excite {
     /// Targets a second
     #[arg(long, value_name = "HZ", default_value_t = 200.0, conflicts_with = "policy", hide = true)]
     pub rate: f64,
-    /// Time in which the amplitude rises at the beginning of a turn and falls at its end, s
+    /// Time in which the amplitude rises at the start of a turn and falls at its end, s
     #[arg(long, value_name = "S", default_value_t = 1.0, conflicts_with = "policy", hide = true)]
     pub ease: f64,
-    /// Position gains, N·m/rad: a number, or a table such as '{ "*_hip" = 20, "*" = 40 }' [default: the fit's, or those of
-    /// the robot's usual task]
+    /// Position gains, N·m/rad: a number, or a table such as '{ "*_hip" = 20, "*" = 40 }' [default: the fit's, or those
+    /// of `gaitfit init`]
     #[arg(long, value_name = "KP", requires = "kd", conflicts_with = "policy")]
     pub kp: Option<Gain>,
     /// Velocity gains, N·m·s/rad
     #[arg(long, value_name = "KD", requires = "kp", conflicts_with = "policy")]
     pub kd: Option<Gain>,
-    /// Middle of the motion of joints, rad (repeatable) [default: the robot's usual pose, moved off its ranges' ends]
+    /// Middle of a joint's motion, rad (repeatable) [default: the pose of `gaitfit init`, away from the ends of the ranges]
     #[arg(long, value_name = "JOINT=RAD", conflicts_with = "policy", hide = true)]
     pub pose: Vec<Angle>,
     /// Part of every limit that stays free
     #[arg(long, value_name = "PART", default_value_t = 0.1, conflicts_with = "policy", hide = true)]
     pub margin: f64,
-    /// Speed limit of all joints, where the file has no lower one, rad/s [default: the file's, or 10]
+    /// Max speed of all joints, if the file has no lower one, rad/s [default: the file's, or 10]
     #[arg(long, value_name = "RAD_S", conflicts_with = "policy", hide = true)]
     pub velocity_limit: Option<f64>,
-    /// Torque limit of all joints, where the file has no lower one, N·m [default: the file's]
+    /// Max torque of all joints, if the file has no lower one, N·m [default: the file's]
     #[arg(long, value_name = "NM", conflicts_with = "policy", hide = true)]
     pub torque_limit: Option<f64>,
-    /// Configuration of a fit of legs in the air: its parameters and their bounds are the robots that are tried, its gains
-    /// count [default: friction, armature, damping and delay]
+    /// Configuration of a fit of legs in the air, for gains, parameters and bounds of the simulated robots [default:
+    /// friction, armature, damping and delay]
     #[arg(long, value_name = "FILE.toml", conflicts_with = "policy")]
     pub fit: Option<PathBuf>,
-    /// How much the fitted simulator will differ from the log, where a joint's range is 2
+    /// Expected difference between fitted simulator and log, relative to half of a joint's range
     #[arg(long, value_name = "X", default_value_t = 2e-3, conflicts_with = "policy", hide = true)]
     pub difference: f64,
     /// Drop what the engine cannot simulate in the robot file, instead of refusing it
     #[arg(long, conflicts_with = "policy")]
     pub lenient: bool,
-    /// Seed of the joints' phases and of the robots that are tried
+    /// Seed of the joints' phases and of the simulated robots
     #[arg(long, value_name = "N", default_value_t = 0, hide = true)]
     pub seed: u64,
     /// Print one JSON document

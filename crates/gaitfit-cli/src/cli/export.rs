@@ -12,7 +12,7 @@ pub struct Export {
     /// Policy: write the actor as an ONNX graph, the interface in its metadata
     #[arg(long, value_name = "FILE.onnx")]
     pub onnx: Option<PathBuf>,
-    /// Policy: write the whole policy in the project's own format
+    /// Policy: write the whole policy in gaitfit's own format
     #[arg(long, value_name = "FILE.safetensors")]
     pub safetensors: Option<PathBuf>,
     /// Policy: write a folder for programs that run it without gaitfit: ONNX, controller.yaml for ROS 2, and deploy.yaml
@@ -22,15 +22,15 @@ pub struct Export {
     /// Policy: write it as C++17, the network inside: policy.hpp, and example.cpp that uses it
     #[arg(long, value_name = "FOLDER")]
     pub cpp: Option<PathBuf>,
-    /// Policy: write over files of an earlier bundle or C++ folder
+    /// Policy: overwrite files of an earlier bundle or C++ folder
     #[arg(long)]
     pub force: bool,
     /// Log: MCAP file to write, for Foxglove and PlotJuggler. Parameters: folder for the files of MuJoCo, Isaac Lab and
     /// mjlab
     #[arg(long, value_name = "PATH")]
     pub out: Option<PathBuf>,
-    /// Robot (.xml, .mjcf, .urdf) that was fitted, or whose effort limits the bundle and the C++ have [default: that of the
-    /// policy's training, or the built-in Go2]
+    /// Robot (.xml, .mjcf, .urdf): the fitted one, or the one with the effort limits for bundle and C++ [default: that of
+    /// the policy's training, or the built-in Go2]
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
     /// Drop what the engine cannot simulate in the robot file, instead of refusing it
@@ -42,11 +42,10 @@ pub struct Export {
     /// Parameters: velocity gain of the controller on every joint, N·m·s/rad
     #[arg(long, value_name = "KD", requires = "kp")]
     pub kd: Option<f64>,
-    /// Parameters: policy whose gains the controller has
+    /// Parameters: policy that gives the controller's gains
     #[arg(long, value_name = "POLICY", conflicts_with_all = ["kp", "kd"])]
     pub policy: Option<PathBuf>,
-    /// Parameters: physics step of the simulator that takes the files, in which Isaac Lab and mjlab count delays [default:
-    /// the fit's]
+    /// Parameters: physics step of the other simulator, s; Isaac Lab and mjlab count delays in it [default: the fit's]
     #[arg(long, value_name = "SECONDS")]
     pub step: Option<f64>,
     /// Print one JSON document

@@ -13,16 +13,16 @@ pub struct Import {
     /// Log to write
     #[arg(long, value_name = "FILE.csv")]
     pub out: PathBuf,
-    /// Joints, units and columns that the recording does not state (docs/logs.md)
+    /// Joints, units and columns that the recording does not state (docs/import.md)
     #[arg(long, value_name = "FILE.toml")]
     pub mapping: Option<PathBuf>,
-    /// Robot whose joints' order numbered joints have
+    /// Robot that gives the order of numbered joints
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
     /// Robot: drop what the engine cannot simulate, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
-    /// Policy whose observations the recording holds: they are unpacked by its interface, and numbered joints are its own
+    /// Policy that unpacks recorded observations, and gives the order of numbered joints
     #[arg(long, value_name = "FILE")]
     pub policy: Option<PathBuf>,
     /// Read only these topics, columns or arrays, by the beginning of their names, separated by commas
@@ -31,7 +31,7 @@ pub struct Import {
     /// Add this to the times of messages without joint positions, s [default: from the recorder's clock]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub clock_offset: Option<f64>,
-    /// Samples a second of a file without times, or whose times lost their digits
+    /// Samples a second of a file without times, or with times that lost their digits
     #[arg(long, value_name = "HZ")]
     pub rate: Option<f64>,
     /// Take one row of N
@@ -69,7 +69,7 @@ pub struct New {
     /// Drop what the engine cannot simulate in the robot file, instead of refusing it
     #[arg(long)]
     pub lenient: bool,
-    /// Write over a file that is there
+    /// Overwrite an existing file
     #[arg(long)]
     pub force: bool,
     /// Print one JSON document

@@ -95,7 +95,7 @@ pub enum Command {
     /// Measure speed
     #[command(subcommand)]
     Bench(Bench),
-    /// Run a table of the paper, with the paper's numbers beside
+    /// Run a table of the paper, beside the paper's numbers
     Reproduce(Reproduce),
     /// Print completions for a shell
     Completions(Completions),
@@ -118,7 +118,7 @@ pub struct Inspect {
     /// Log: check it against this robot's joints and limits
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Log: check that its actions follow from this policy; if not, joint orders, signs and scales are tried
+    /// Log: check that its actions follow from this policy; if not, try other joint orders, signs and scales
     #[arg(long, value_name = "POLICY")]
     pub policy: Option<PathBuf>,
     /// Log: write a picture of the joint signals (.svg), or a page (.html) that fits a phone
@@ -137,7 +137,7 @@ pub struct Explain {
     /// Robot file (.xml, .mjcf, .urdf)
     #[arg(long, value_name = "FILE")]
     pub robot: PathBuf,
-    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
     #[arg(long)]
     pub lenient: bool,
     /// Print one JSON document
@@ -153,7 +153,7 @@ pub struct Init {
     /// Configuration to write [default: the robot's name with .toml, in the current folder]
     #[arg(long, value_name = "FILE.toml")]
     pub out: Option<PathBuf>,
-    /// Write over a file that is there
+    /// Overwrite an existing file
     #[arg(long)]
     pub force: bool,
     /// Drop what the engine cannot simulate in the robot file, instead of refusing it
@@ -199,6 +199,6 @@ pub struct Completions {
 /// Arguments of `man`.
 #[derive(Debug, Args)]
 pub struct Man {
-    /// Folder for the pages; it is made if it is not there
+    /// Folder for the pages; it is made if it is absent
     pub folder: PathBuf,
 }

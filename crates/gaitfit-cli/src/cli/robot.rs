@@ -10,9 +10,9 @@ pub const PATIENCE: u16 = 20;
 /// A robot that a policy may run on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum RobotKind {
-    /// A Unitree Go2, or a simulator that speaks as one, over DDS
+    /// A Unitree Go2, or a simulator with its messages, over DDS
     UnitreeGo2,
-    /// A Go2 in the project's own engine, on the clock
+    /// A Go2 in gaitfit's own engine, in real time
     Simulated,
 }
 
@@ -35,7 +35,7 @@ pub struct LinkArgs {
     /// Do not ask before the robot moves; for simulators only, which are in another domain than 0
     #[arg(long, hide = true)]
     pub yes: bool,
-    /// How old a state and how late a loop may be, ms; for simulators only, on busy machines. A robot has 20
+    /// Max age of a state and max delay of a loop, ms; for simulators on busy machines only. A robot has 20
     #[arg(long, value_name = "MS", default_value_t = PATIENCE, value_parser = clap::value_parser!(u16).range(20..=1000), hide = true)]
     pub patience: u16,
 }
@@ -56,11 +56,11 @@ pub struct Run {
     /// The robot
     #[arg(long, value_enum)]
     pub robot: RobotKind,
-    /// Commands from a file with the columns t,vx,vy,wz (s, m/s, m/s, rad/s), whose last row is the end of the walk; or
-    /// from one of `excite --policy` with several trajectories, each a walk of --seconds with a log of its own
+    /// Commands from a file with the columns t,vx,vy,wz (s, m/s, m/s, rad/s); its last row ends the walk. Or a file of
+    /// `excite --policy` with several trajectories, each a walk of --seconds with its own log
     #[arg(long, value_name = "FILE.csv")]
     pub commands: Option<PathBuf>,
-    /// Random commands for so long, s, drawn as `collect` draws them from the policy's own task
+    /// Random commands for this time, s, drawn from the policy's task as in `collect`
     #[arg(long, value_name = "S")]
     pub random: Option<f64>,
     /// Length of each trajectory of such a file, s [default: 4]
@@ -72,8 +72,8 @@ pub struct Run {
     /// Commands from this terminal's keys: W A S D or arrows, J and L aside, Space stands, Q lies down, Esc damps
     #[arg(long)]
     pub keyboard: bool,
-    /// Drift trials, so many of each direction: stand, a constant command for 4 s, stand. Between two the robot waits for
-    /// Enter; a form for measurements by tape is written into --out, for `gaitfit drift`
+    /// Drift trials, this number in each direction: stand, a constant command for 4 s, stand. The robot waits for Enter
+    /// between trials. A form for your measurements is written into --out, for `gaitfit drift`
     #[arg(long, value_name = "N")]
     pub drift: Option<usize>,
     /// Speeds of the drift trials: ahead and aside, m/s, and turning, rad/s; 0 leaves a direction out [default: the
@@ -81,19 +81,19 @@ pub struct Run {
     #[arg(long, value_name = "X,Y,YAW", requires = "drift", value_delimiter = ',', num_args = 1, allow_hyphen_values = true,
         conflicts_with_all = ["commands", "random", "remote", "keyboard"], hide = true)]
     pub drift_speeds: Vec<f32>,
-    /// So many random walks, with pauses between, each in a log of its own
+    /// This number of random walks, with pauses between, each with its own log
     #[arg(long, value_name = "N", requires = "random", conflicts_with_all = ["commands", "remote", "keyboard", "drift"])]
     pub trajectories: Option<NonZeroUsize>,
     /// Seed of the random commands
     #[arg(long, value_name = "N", default_value_t = 0, conflicts_with_all = ["commands", "remote", "keyboard", "drift"], hide = true)]
     pub seed: u64,
-    /// Folder for the logs and the summary; it must not hold a run already
+    /// Folder for the logs and the summary; it must not hold a run
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
-    /// Play commands that are beyond what the policy was trained for
+    /// Play commands that are outside the policy's training
     #[arg(long, conflicts_with_all = ["random", "remote", "keyboard"], hide = true)]
     pub beyond_training: bool,
     /// Whether `collect` asks: its options have other names.
@@ -107,7 +107,7 @@ pub struct Run {
 /// Arguments of `drift`.
 #[derive(Debug, Args)]
 pub struct Drift {
-    /// Forms, filled in: one a policy, to see them side by side
+    /// Filled forms, one for each policy, to compare them
     #[arg(required = true, value_name = "FORM.csv")]
     pub forms: Vec<PathBuf>,
     /// Print one JSON document

@@ -11,7 +11,7 @@ pub struct RunArgs {
     /// Change one setting (repeatable)
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// Continue the latest run of this name where it was left, to the same result
+    /// Resume the latest run of this name, to the same result
     #[arg(long)]
     pub resume: bool,
     /// Print one JSON document
@@ -63,12 +63,13 @@ pub struct Fit {
 /// Arguments of `sensitivity`.
 #[derive(Debug, Args)]
 pub struct Sensitivity {
-    /// Configuration (TOML) of a fit: its robot, logs, parameters and first cost are looked at
+    /// Configuration (TOML) of a fit, for its robot, logs, parameters and first cost
     pub config: PathBuf,
-    /// Values to look around: the theta.toml of a fit [default: the configuration's truth, or the search's start]
+    /// Values of the parameters: the theta.toml of a fit [default: the configuration's truth, or the search's start]
     #[arg(long, value_name = "FILE")]
     pub theta: Option<PathBuf>,
-    /// How much the fitted simulator will differ from the logs, where a joint's range is 2 [default: as these values do]
+    /// Expected difference between fitted simulator and logs, relative to half of a joint's range [default: that of these
+    /// values]
     #[arg(long, value_name = "X")]
     pub difference: Option<f64>,
     /// Change one setting, for example --set simulation.timestep=0.0025 (repeatable)
@@ -113,7 +114,7 @@ pub struct Train {
     /// Robot (.xml, .mjcf, .urdf) [default: the configuration's, or the built-in Go2]
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// How many seeds, from 1 on (3), or which ones (4,9) [default: the configuration's]
+    /// Number of seeds (3: the seeds 1, 2, 3), or a list (4,9) [default: the configuration's]
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
     /// What computes: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the seeds), or auto (a GPU if
@@ -153,7 +154,7 @@ pub struct Finetune {
     /// Configuration (TOML); `gaitfit config finetune` prints one with every default
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// How many seeds, from 1 on (3), or which ones (4,9) [default: the configuration's]
+    /// Number of seeds (3: the seeds 1, 2, 3), or a list (4,9) [default: the configuration's]
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
     /// What computes: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the seeds), or auto (a GPU if
@@ -191,7 +192,7 @@ pub struct Reproduce {
     /// Repetitions of every cell with other seeds
     #[arg(long, value_name = "N", default_value = "1")]
     pub seeds: std::num::NonZeroU32,
-    /// Cells to run, for example '*-wass'; the others are left out of the table
+    /// Cells to run, for example '*-wass'; the table has only these
     #[arg(long, value_name = "GLOB")]
     pub only: Option<String>,
     /// Change one setting of every cell, for example --set policy=my.safetensors (repeatable)
@@ -210,7 +211,7 @@ pub struct Reproduce {
     /// GPU if one can be used)
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     pub device: super::Devices,
-    /// Cells at a time; several keep a GPU busy, for a fit alone does not [default: one for each device]
+    /// Cells at a time; one fit alone does not keep a GPU busy [default: one for each device]
     #[arg(long, value_name = "N")]
     pub jobs: Option<std::num::NonZeroUsize>,
     /// Threads [default: one for each core]

@@ -19,7 +19,7 @@ pub struct View {
     /// Robot (.xml, .mjcf, .urdf) [default: the configuration's, or the built-in Go2]
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Policy that walked [default: the configuration's]; without one a walk is shown alone
+    /// Policy that walked [default: the configuration's]; without it a walk has no simulation
     #[arg(long, value_name = "POLICY")]
     pub policy: Option<PathBuf>,
     /// Page to write [default: the log's name with .html, in the current folder]
@@ -28,13 +28,13 @@ pub struct View {
     /// Open the page
     #[arg(long)]
     pub open: bool,
-    /// Where the shown part begins, s after the log's start
+    /// Start of the shown part, s after the log's start
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     pub from: f64,
     /// Length of the shown part, s
     #[arg(long, value_name = "S", default_value_t = gaitfit::view::SHOWN_S)]
     pub seconds: f64,
-    /// Change a setting of the configuration, for example gains.kp=25; may be given again
+    /// Change one setting of the configuration, for example gains.kp=25 (repeatable)
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Threads [default: one for each core]

@@ -82,7 +82,8 @@ pub struct Evaluate {
     /// Robots in each constant-command drift trial; 0 leaves them out
     #[arg(long, value_name = "N", default_value_t = 64)]
     pub drift: usize,
-    /// Speeds of these: ahead and to the side, m/s, and turning, rad/s [default: half of the task's greatest commands]
+    /// Speeds of the drift trials: ahead and to the side, m/s, and turning, rad/s [default: half of the task's largest
+    /// commands]
     #[arg(
         long,
         value_name = "X,Y,YAW",
@@ -92,11 +93,11 @@ pub struct Evaluate {
         hide = true
     )]
     pub drift_speeds: Vec<f64>,
-    /// Uneven ground to cross besides: kinds (flat, slopes, stairs, rough) with commas between, a .toml file with
-    /// [terrain], none, or own, the task's
+    /// Also cross uneven ground: kinds (flat, slopes, stairs, rough) separated by commas, a .toml file with [terrain],
+    /// none, or own (the task's)
     #[arg(long, value_name = "GROUND", default_value = "own", hide = true)]
     pub terrain: String,
-    /// Robots on each cell of it
+    /// Robots on each cell of the uneven ground
     #[arg(long, value_name = "N", default_value_t = 32, hide = true)]
     pub terrain_robots: usize,
     /// What simulates the trajectories with random commands: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000
@@ -127,22 +128,22 @@ pub struct Collect {
     /// The policy and its simulator
     #[command(flatten)]
     pub world: WorldArgs,
-    /// Folder for the logs, one CSV a trajectory
+    /// Folder for the logs, one CSV for each trajectory
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
     /// Trajectories
     #[arg(long, value_name = "N", default_value = "64")]
     pub trajectories: std::num::NonZeroUsize,
-    /// Play these commands, one sequence a trajectory, instead of random ones: a file of `gaitfit excite --policy`
+    /// Play these commands instead of random ones: a file of `gaitfit excite --policy`, one sequence for each trajectory
     #[arg(long, value_name = "FILE.csv", conflicts_with = "trajectories")]
     pub commands: Option<PathBuf>,
     /// Length of each, s
     #[arg(long, value_name = "S", default_value_t = 4.0)]
     pub seconds: f64,
-    /// Begin each log this long after the robot, drawn between the two times, s
+    /// Delay of each log's start after the robot's, drawn between the two times, s
     #[arg(long, value_names = ["FROM", "TO"], num_args = 1..=2, default_values_t = [0.0], hide = true)]
     pub log_shift: Vec<f64>,
-    /// Record the base's pose and velocity too, which a robot does not measure
+    /// Also record the base's pose and velocity, which a robot does not measure
     #[arg(long, hide = true)]
     pub privileged: bool,
     /// What simulates walks under random commands: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000 trajectories

@@ -89,12 +89,12 @@ fn on_robot(args: &cli::Collect, robot: cli::RobotKind) -> Result<cli::Run, Fail
         (args.log_shift.iter().any(|shift| *shift != 0.0), "--log-shift"),
     ] {
         if given {
-            return Err(Failure::usage(format!("{option} is for simulators; a robot is as it is")));
+            return Err(Failure::usage(format!("{option} is for simulators; it cannot change a real robot")));
         }
     }
     if args.commands.is_some() && world.seed != 0 {
         return Err(Failure::usage(
-            "--seed is for random commands; --commands says them, and a robot draws nothing else",
+            "--seed is for random commands; a robot that plays --commands draws nothing",
         ));
     }
     Ok(cli::Run {

@@ -27,7 +27,8 @@ pub fn run(args: &crate::cli::Doctor) -> Result<(), Failure> {
     }
     let named = |text: &str| if text.is_empty() { "unknown".to_owned() } else { text.to_owned() };
     output::print(&format!(
-        "gaitfit    {}\nplatform   {}\nprocessor  {}\nfeatures   {}\nengine     {}\nthreads    {}\n{}device     {device} (what fits and trainings take without --device)\n",
+        "gaitfit    {}\nplatform   {}\nprocessor  {}\nfeatures   {}\nengine     {}\nthreads    {}\n{}device     \
+         {device} (used by fits and trainings without --device)\n",
         found.gaitfit,
         found.platform,
         named(&found.processor),

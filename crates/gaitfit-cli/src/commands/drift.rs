@@ -58,16 +58,17 @@ fn policy(form: Form, path: String) -> Policy {
         }
     }
     let directions = names.iter().map(|name| {
-        let of: Vec<&Measured> = form.trials.iter().filter(|trial| trial.direction == *name).collect();
-        let part = |part: usize| estimate(of.iter().filter_map(|trial| trial.error.map(|error| error[part])));
+        let trials: Vec<&Measured> = form.trials.iter().filter(|trial| trial.direction == *name).collect();
+        let part =
+            |part: usize| estimate(trials.iter().filter_map(|trial| trial.error.map(|error| error[part])));
         Direction {
             direction: (*name).to_owned(),
-            trials: of.len(),
-            fell: of.iter().filter(|trial| trial.error.is_none()).count(),
+            trials: trials.len(),
+            fell: trials.iter().filter(|trial| trial.error.is_none()).count(),
             x: part(0),
             y: part(1),
             heading: part(2),
-            distance: estimate(of.iter().filter_map(|trial| trial.distance())),
+            distance: estimate(trials.iter().filter_map(|trial| trial.distance())),
         }
     });
     let directions: Vec<Direction> = directions.collect();
@@ -124,9 +125,9 @@ fn text(policies: &[Policy]) -> String {
         ]);
     }
     format!(
-        "Drift: stand, command for 4 s, stand; where the robot ended minus where it should have, mean ± 95 %\n{rows}\n\
-         x ahead, y and heading to the left of where the command began; in the last rows the heading's size. Trials that fell \
-         count as falls alone.\n"
+        "Drift: stand, command for 4 s, stand; final place minus the place of the command, mean ± 95 %\n{rows}\nx \
+         ahead, y and heading to the left, seen from the start of the command; the last rows have the size of the \
+         heading. Falls are counted apart.\n"
     )
 }
 

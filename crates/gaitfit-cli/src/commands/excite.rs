@@ -63,8 +63,8 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
         format!(", both beside the {seconds:.0} s of logs that {config} names (alone: recorded)")
     });
     let mut text = format!(
-        "{} command sequences of {} s for {}, chosen from {} of which {} made it fall.\n\nExpected standard deviations of a \
-         fit, with as many random commands and with the chosen ones{logs}:\n\n{rows}\n\n",
+        "{} command sequences of {} s for {}, chosen from {}; the policy fell under {} of these.\n\nExpected standard \
+         deviations of a fit, with as many random commands and with the chosen ones{logs}:\n\n{rows}\n\n",
         found.sequences.len(),
         settings.seconds,
         shown(&found.robot),
@@ -75,7 +75,7 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
         let percent = 100.0 * ratio;
         let _ = writeln!(
             text,
-            "Their geometric mean, where they count, is {percent:.0} % of that with random commands."
+            "The geometric mean of those that count is {percent:.0} % of that with random commands."
         );
     }
     for note in &found.notes {
@@ -100,15 +100,15 @@ fn chirp(args: &cli::Excite) -> Result<(), Failure> {
     output::print(&text(&chirp, &written))?;
     let out = args.out.display();
     output::next(&[
-        format!("python3 {out}/play.py, once it knows your robot; it writes {out}/log.csv"),
+        format!("python3 {out}/play.py, after you fill in its class Robot; it writes {out}/log.csv"),
         format!("gaitfit fit {out}/fit.toml"),
     ])
 }
 
 fn text(chirp: &Chirp, written: &[String]) -> String {
     let mut text = format!(
-        "A chirp of {:.1} s for {}, base clamped, legs in the air. Its limits hold on {} simulated robots all over the \
-         bounds of the fit.\n\n",
+        "A chirp of {:.1} s for {}, base clamped, legs in the air. It stays within the limits on {} simulated robots \
+         across the bounds of the fit.\n\n",
         chirp.seconds,
         shown(&chirp.robot),
         chirp.robots
@@ -142,8 +142,8 @@ fn text(chirp: &Chirp, written: &[String]) -> String {
     let _ = writeln!(text, "{rows}\n");
     let limited: Vec<&Swept> = chirp.joints.iter().filter(|joint| joint.limited_by.is_some()).collect();
     match limited.is_empty() {
-        true => text.push_str("No limit made it smaller than asked for.\n"),
-        false => text.push_str("These limits made it smaller or slower than asked for:\n"),
+        true => text.push_str("No limit reduced it.\n"),
+        false => text.push_str("These limits made it smaller or slower:\n"),
     }
     for Swept { name, limited_by, .. } in limited {
         let _ = writeln!(text, "  {}: {}", shown(name), limited_by.as_deref().unwrap_or_default());

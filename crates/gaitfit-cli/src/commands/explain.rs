@@ -43,8 +43,8 @@ pub fn run(args: &Explain) -> Result<(), Failure> {
     };
     let found = found.ok_or_else(|| {
         Failure::failed(format!(
-            "{}: no log of a walk of this robot that can be explained: it takes position targets, orientation and body rates \
-             of the base, and joints that {} has",
+            "{}: no log that can be explained: a walk needs position targets, orientation and body rates of the base, \
+             and joints of {}",
             args.logs.display(),
             args.robot.display()
         ))

@@ -8,7 +8,7 @@ use gaitfit::files::{self, Output};
 use gaitfit::robot::{self, Hold};
 use gaitfit::weight::{self, Order};
 use gaitfit_import::{
-    ImportError, ImportReport, Imported, MOST_MAPPING_BYTES, Mapping, ObservedNumber, Options,
+    ImportError, ImportReport, Imported, MAX_MAPPING_BYTES, Mapping, ObservedNumber, Options,
 };
 use gaitfit_log::{CheckSpec, Finding, FindingKind, Severity, check, write_csv};
 use gaitfit_model::{Model, shown, shown_path};
@@ -162,7 +162,7 @@ fn mapping(args: &Import, model: Option<&Model>) -> Result<(Mapping, bool), Fail
     let mut mapping = match &args.mapping {
         None => Mapping::default(),
         Some(path) => {
-            let text = files::read_text(path, MOST_MAPPING_BYTES)
+            let text = files::read_text(path, MAX_MAPPING_BYTES)
                 .map_err(|error| Failure::usage(format!("cannot read {}: {error}", path.display())))?;
             Mapping::parse(&text).map_err(|error| Failure::usage(format!("{}: {error}", path.display())))?
         }

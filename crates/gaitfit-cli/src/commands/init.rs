@@ -27,7 +27,7 @@ pub fn run(args: &Init) -> Result<(), Failure> {
     files::check(&[asked], [args.robot.as_path()])?;
     if out.exists() && !args.force {
         return Err(Failure::usage(format!(
-            "{} is there already; give another --out, or --force to write over it",
+            "{} exists already; give another --out, or --force to overwrite it",
             out.display()
         )));
     }

@@ -38,7 +38,7 @@ use std::path::Path;
 fn folder(path: &Path, what: &str) -> Result<(), Failure> {
     if path.exists() && !path.is_dir() {
         return Err(Failure::usage(format!(
-            "{}: is a file; name the folder that {what} into, which is made if it is not there",
+            "{}: is a file; name the folder that {what} into; it is made if it is absent",
             path.display()
         )));
     }

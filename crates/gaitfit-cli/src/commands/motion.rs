@@ -26,8 +26,7 @@ pub fn released(interface: &str, link: &LinkArgs) -> Result<(), Failure> {
         }
         MotionMode::Silent => {
             note(&format!(
-                "no motion service answered within {} s; the run continues unless another program's commands to the motors \
-                 are heard",
+                "no motion service answered within {} s; the run continues unless another program commands the motors",
                 ANSWER.as_secs()
             ));
             return Ok(());
@@ -44,7 +43,7 @@ pub fn released(interface: &str, link: &LinkArgs) -> Result<(), Failure> {
          then nothing holds the robot up: it must lie on its belly, or hang. Lay it down with its remote or the app first."
     ));
     if !link.yes {
-        note(&format!("Type `{WORD}` and Enter once it lies; anything else ends."));
+        note(&format!("Type `{WORD}` and Enter when it lies on the ground; anything else ends."));
         let mut line = String::new();
         if std::io::stdin().lock().read_line(&mut line).is_err() || line.trim() != WORD {
             return Err(Failure {
@@ -59,7 +58,7 @@ pub fn released(interface: &str, link: &LinkArgs) -> Result<(), Failure> {
             Ok(())
         }
         MotionMode::Active(name) => Err(Failure::failed(format!(
-            "the motion service stays active (mode `{name}`) {} s after it was asked to let go: {BY_HAND}",
+            "the motion service stays active (mode `{name}`) {} s after the request to release it: {BY_HAND}",
             RELEASE.as_secs()
         ))),
         MotionMode::Silent => Err(Failure::failed(format!(

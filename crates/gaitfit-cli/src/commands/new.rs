@@ -33,7 +33,7 @@ pub fn run(args: &New) -> Result<(), Failure> {
         files::check(&[asked], inputs.map(PathBuf::as_path))?;
         if out.exists() && !args.force {
             return Err(Failure::usage(format!(
-                "{} is there already; give another --out, or --force to write over it",
+                "{} exists already; give another --out, or --force to overwrite it",
                 out.display()
             )));
         }

@@ -227,15 +227,15 @@ pub fn text(document: &Document) -> String {
     for path in &document.without_checksum {
         let _ = writeln!(
             text,
-            "no checksum: {path} is of another program or an earlier version, and damage to it would not be noticed; \
-             `gaitfit export` writes files with one"
+            "no checksum: {path} comes from another program or an earlier version, so damage to it cannot be \
+             detected; `gaitfit export` writes a file with a checksum"
         );
     }
     for path in &document.written {
         let _ = writeln!(text, "wrote {path}");
     }
     for what in &document.not_said {
-        let _ = writeln!(text, "not said: {what}");
+        let _ = writeln!(text, "not included: {what}");
     }
     text
 }

@@ -58,9 +58,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         .map_err(|error| Failure::usage(format!("{}: {error}", args.policy.display())))?;
     let who = walks::who(args, &policy)?;
     if args.link.pause.is_some() && who.logs().is_none() {
-        return Err(Failure::usage(
-            "--pause: there is one walk, and nothing to pause between; leave --pause out",
-        ));
+        return Err(Failure::usage("--pause: there is only one walk; leave --pause out"));
     }
     let control = Duration::from_secs_f64(policy.interface.control_dt);
     let postures = Controller::postures(&policy).map_err(usage)?;
@@ -205,7 +203,7 @@ fn confirm(args: &Run, who: &Who, state: &RobotState) -> bool {
     let (motor, degrees) = hottest.map_or((0, 0), |(motor, degrees)| (motor, *degrees));
     let battery = state.battery.map_or("not reported".to_owned(), |battery| format!("{} %", battery.charge));
     note(&format!(
-        "the robot is heard: battery {battery}, hottest motor {} at {degrees} °C",
+        "connected to the robot: battery {battery}, hottest motor {} at {degrees} °C",
         MOTOR_NAMES[motor]
     ));
     if args.link.dry_run {

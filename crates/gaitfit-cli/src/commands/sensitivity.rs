@@ -5,7 +5,7 @@ use crate::exit::Failure;
 use crate::output;
 use crate::table::table;
 use comfy_table::Table;
-use gaitfit::adapt::{SensitivityResults, Setup, Told, sensitivity};
+use gaitfit::adapt::{ParameterSensitivity, SensitivityResults, Setup, sensitivity};
 use gaitfit::settings::{self, AdaptConfig};
 
 use std::fmt::Write;
@@ -28,8 +28,8 @@ pub fn run(args: &cli::Sensitivity) -> Result<(), Failure> {
 
 fn text(results: &SensitivityResults) -> String {
     let mut text = format!(
-        "What {} of {} can tell by {}, if the fitted simulator differs from them by {:.2e} of half the joints' range, alike for \
-         {:.3} s at a time.\n\n",
+        "Expected precision from {} of {} with {}, if the fitted simulator differs from them by {:.2e} of half the \
+         joints' range, with errors that last {:.3} s.\n\n",
         if results.logs == 1 { "one log".to_owned() } else { format!("{} logs", results.logs) },
         results.robot,
         results.cost_name,
@@ -44,18 +44,18 @@ fn text(results: &SensitivityResults) -> String {
 }
 
 /// What logs can tell of each parameter, as a table.
-pub fn parameters(all: &[Told]) -> Table {
+pub fn parameters(all: &[ParameterSensitivity]) -> Table {
     let header = ["parameter", "at", "deviation", "if others known", "unit", "identified", "correlates with"];
     let mut rows = table(&header, &[1, 2, 3]);
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2e}"));
-    for Told { name, unit, value, deviation, alone, told, like } in all {
+    for ParameterSensitivity { name, unit, value, deviation, alone, identified, like } in all {
         rows.add_row([
             name.clone(),
             format!("{value:.5}"),
             number(*deviation),
             number(*alone),
             unit.clone(),
-            if *told { "yes" } else { "no" }.to_owned(),
+            if *identified { "yes" } else { "no" }.to_owned(),
             like.as_ref().map_or_else(String::new, |(other, by)| format!("{other} ({by:+.2})")),
         ]);
     }

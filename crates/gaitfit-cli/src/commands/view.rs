@@ -19,9 +19,8 @@ struct Document<'a> {
 
 /// Simulates the log and writes the page.
 pub fn run(args: &View) -> Result<(), Failure> {
-    for (option, value, least) in [("--from", args.from, 0.0), ("--seconds", args.seconds, f64::MIN_POSITIVE)]
-    {
-        if !(value >= least && value.is_finite()) {
+    for (option, value, min) in [("--from", args.from, 0.0), ("--seconds", args.seconds, f64::MIN_POSITIVE)] {
+        if !(value >= min && value.is_finite()) {
             return Err(Failure::usage(format!("{option} {value}: give a number of seconds, not below 0")));
         }
     }

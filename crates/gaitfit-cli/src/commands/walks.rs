@@ -44,8 +44,8 @@ impl Who {
     pub fn length(&self) -> String {
         match self {
             Self::Script(script) => format!("walk for {:.0} s", script.seconds()),
-            Self::Remote(_) => "walk as its remote says until A is pressed there (B damps)".to_owned(),
-            Self::Keys(_) => format!("walk as the keys say until Q. {KEYS}"),
+            Self::Remote(_) => "walk under its remote until A is pressed there (B damps)".to_owned(),
+            Self::Keys(_) => format!("walk under the keys until Q. {KEYS}"),
             Self::Trials(trials) => format!("make {} drift trials", trials.len()),
         }
     }
@@ -82,7 +82,7 @@ pub fn who(args: &Run, policy: &Policy) -> Result<Who, Failure> {
     } else {
         if args.seconds.is_some() {
             return Err(Failure::usage(format!(
-                "--seconds: {} has one walk, and its last row says when that ends; leave --seconds out",
+                "--seconds: {} has one walk, which its last row ends; leave --seconds out",
                 path.display()
             )));
         }
@@ -112,7 +112,7 @@ fn check_ranges(
         let beyond = found.into_iter().find(|speed| *speed < low - ROUNDING || *speed > high + ROUNDING);
         if let Some(beyond) = beyond {
             return Err(Failure::usage(format!(
-                "{named}: {name} = {} is beyond what the policy was trained for, {low} to {high}; {remedy}",
+                "{named}: {name} = {} is outside the policy's training, {low} to {high}; {remedy}",
                 beyond as f32
             )));
         }
@@ -173,10 +173,10 @@ fn check_count(args: &Run, count: usize, seconds: f64, named: &str) -> Result<()
     if !(0.5..=60.0).contains(&pause) {
         return Err(Failure::usage(format!("--pause: {pause} s; give 0.5 to 60")));
     }
-    let most = ((LONGEST + pause) / (seconds + pause)).floor();
-    if count as f64 > most {
+    let max = ((LONGEST + pause) / (seconds + pause)).floor();
+    if count as f64 > max {
         return Err(Failure::usage(format!(
-            "{named} of {seconds} s ({}) with pauses of {pause} s (--pause) take longer than an hour; give at most {most}",
+            "{named} of {seconds} s ({}) with pauses of {pause} s (--pause) take longer than an hour; give at most {max}",
             if args.of_collect || args.trajectories.is_none() { "--seconds" } else { "--random" }
         )));
     }
@@ -200,7 +200,9 @@ fn drift(args: &Run, repeats: usize, policy: &Policy, task: &TaskSettings) -> Re
 /// What a hand may command: all that the policy was trained for, or little where that is not known.
 fn ranges(policy: &Policy, task: &TaskSettings) -> Ranges {
     if policy.provenance.task.is_empty() {
-        note("the policy's training is not known: commands go to 0.5 m/s ahead, 0.3 m/s aside and 0.5 rad/s");
+        note(
+            "the policy's training is unknown: commands go up to 0.5 m/s ahead, 0.3 m/s aside and 0.5 rad/s",
+        );
         return [[-0.5, 0.5], [-0.3, 0.3], [-0.5, 0.5]];
     }
     task.command.ranges(1.0).map(|range| range.map(|end| end as f32))

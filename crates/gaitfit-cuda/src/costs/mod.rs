@@ -64,12 +64,10 @@ impl Sizes {
     fn check(&self) -> Result<(), CostsError> {
         let size = self.signals();
         let sorted = self.recordings.saturating_mul(self.samples);
-        let most = u32::MAX as usize / 4;
-        let small = sorted <= most && self.candidates.saturating_mul(self.recordings) <= most;
-        let fits = small
-            && self.candidates <= most
-            && self.dimensions <= 65_535
-            && size / self.samples.max(1) <= most;
+        let max = u32::MAX as usize / 4;
+        let small = sorted <= max && self.candidates.saturating_mul(self.recordings) <= max;
+        let fits =
+            small && self.candidates <= max && self.dimensions <= 65_535 && size / self.samples.max(1) <= max;
         if size > 0 && fits { Ok(()) } else { Err(CostsError::Size(size)) }
     }
 }

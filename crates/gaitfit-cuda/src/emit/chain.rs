@@ -21,7 +21,7 @@ pub enum Kind {
 
 impl Kind {
     /// That of an operation.
-    pub fn of(op: Op) -> Option<Self> {
+    pub fn from_op(op: Op) -> Option<Self> {
         match op {
             Op::Add | Op::Sub | Op::Neg | Op::Fma | Op::Fnma => Some(Kind::Sum),
             Op::Max => Some(Kind::Max),
@@ -72,14 +72,14 @@ fn addends(node: &Node) -> Vec<(u32, bool)> {
 impl<'a> Chains<'a> {
     /// Finds the chains.
     pub fn new(source: &'a Source) -> Self {
-        let kinds = source.nodes.iter().map(|node| Kind::of(node.op)).collect();
+        let kinds = source.nodes.iter().map(|node| Kind::from_op(node.op)).collect();
         let count = source.nodes.len();
         let mut chains = Self { source, kinds, uses: source.uses.clone(), interior: vec![false; count] };
         for index in 0..count {
             let node = source.nodes[index];
             if source.live[index] && node.op == Op::Merge {
                 let [_, inside, before, _] = node.args;
-                if let Some(kind) = Kind::of(source.nodes[inside as usize].op)
+                if let Some(kind) = Kind::from_op(source.nodes[inside as usize].op)
                     && chains.reaches(inside, before, kind)
                 {
                     chains.kinds[index] = Some(kind);
@@ -118,7 +118,7 @@ impl<'a> Chains<'a> {
                 return !minus;
             }
             let node = &self.source.nodes[index as usize];
-            if Kind::of(node.op) == Some(kind) && self.source.uses[index as usize] == 1 {
+            if Kind::from_op(node.op) == Some(kind) && self.source.uses[index as usize] == 1 {
                 let inner = addends(node).into_iter().rev();
                 waiting.extend(inner.map(|(operand, sign)| (operand, minus ^ sign)));
             }

@@ -7,18 +7,18 @@ use super::op::Op;
 use super::program::{Kind, Program};
 
 /// The most lanes of an environment.
-pub const MOST_LANES: usize = 4;
+pub const MAX_LANES: usize = 4;
 
-type Row = [f64; MOST_LANES];
+type Row = [f64; MAX_LANES];
 
 impl PeriodProgram {
     /// The recording's outputs for the recording's inputs. Numbers of regions that no lane needs are NaN.
     pub fn evaluate(&self, inputs: &[f64]) -> Vec<f64> {
-        let mut rows = vec![[f64::NAN; MOST_LANES]; self.inputs.len()];
+        let mut rows = vec![[f64::NAN; MAX_LANES]; self.inputs.len()];
         for (&(lane, twin), &value) in self.inputs.iter().zip(inputs) {
             match lane {
                 Some(lane) => rows[twin as usize][lane] = value,
-                None => rows[twin as usize] = [value; MOST_LANES],
+                None => rows[twin as usize] = [value; MAX_LANES],
             }
         }
         let values = self.program.evaluate(&rows);
@@ -35,7 +35,7 @@ impl PeriodProgram {
 impl Program {
     /// Every node's number in every lane, for inputs by the recording's numbers.
     fn evaluate(&self, inputs: &[Row]) -> Vec<Row> {
-        let mut values = vec![[f64::NAN; MOST_LANES]; self.nodes.len()];
+        let mut values = vec![[f64::NAN; MAX_LANES]; self.nodes.len()];
         self.run(None, 0..self.nodes.len() as u32, inputs, &mut values);
         values
     }
@@ -49,7 +49,7 @@ impl Program {
             match &region.kind {
                 Kind::Guarded(guard) => {
                     if values[*guard as usize][0] == 0.0 {
-                        values[region.nodes.start as usize..at as usize].fill([f64::NAN; MOST_LANES]);
+                        values[region.nodes.start as usize..at as usize].fill([f64::NAN; MAX_LANES]);
                     } else {
                         self.run(Some(index as u32), region.nodes.clone(), inputs, values);
                     }

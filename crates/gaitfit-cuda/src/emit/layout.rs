@@ -58,7 +58,7 @@ impl Class {
     }
 
     /// That of an input.
-    fn of(input: &Input) -> Self {
+    fn from_input(input: &Input) -> Self {
         match input {
             Input::State(_) => Self::State,
             Input::Params(_) => Self::Params,
@@ -109,7 +109,7 @@ impl Layout {
         let mut first: Vec<Option<usize>> = vec![None; period.inputs.len()];
         let mut inputs = Vec::with_capacity(period.inputs.len());
         for (input, &(lane, twin)) in period.inputs.iter().zip(&program.inputs) {
-            let class = Class::of(input);
+            let class = Class::from_input(input);
             let of_class = &mut slots[class as usize];
             let slot = *first[twin as usize].get_or_insert_with(|| {
                 let count = if lane.is_some() { &mut of_class.own } else { &mut of_class.shared };

@@ -64,14 +64,14 @@ pub struct EmitOptions {
     /// Guards of fewer operations than this are dissolved: their regions are always computed. For what all threads of
     /// an environment compute alike a sixth of it counts: it is seldom a foot. Guards that follow from a robot's
     /// parameters alone are kept.
-    pub least_guarded: usize,
+    pub min_guarded: usize,
 }
 
 impl Default for EmitOptions {
     fn default() -> Self {
         // A foot that is a sphere takes up to 400 operations, and some foot of a warp's robots always touches. A
         // cylinder takes 800.
-        Self { least_guarded: 600 }
+        Self { min_guarded: 600 }
     }
 }
 
@@ -125,7 +125,7 @@ impl PeriodProgram {
                 return 0;
             }
             let alike = seating.lanes() > 1 && owned[guard as usize] == 0;
-            if alike { options.least_guarded / 6 } else { options.least_guarded }
+            if alike { options.min_guarded / 6 } else { options.min_guarded }
         });
         let chains = Chains::new(&source);
         let lanes = Lanes::new(&source, &chains, &masks)?;
@@ -173,7 +173,7 @@ fn of_parameters(period: &PeriodGraph) -> Vec<bool> {
 
 /// A slot's lane, and the same slot of its owner's counterpart in lane 0.
 fn seat_of(seating: &Seating, slot: Slot) -> (Option<usize>, Slot) {
-    let (lane, owner) = seating.of(slot.owner);
+    let (lane, owner) = seating.place(slot.owner);
     (lane, Slot { owner, ..slot })
 }
 

@@ -82,7 +82,7 @@ impl Seating {
     }
 
     /// The lane of an owner, none if it belongs to all, and its counterpart in lane 0.
-    pub fn of(&self, owner: Owner) -> (Option<usize>, Owner) {
+    pub fn place(&self, owner: Owner) -> (Option<usize>, Owner) {
         let found = match owner {
             Owner::Base => None,
             Owner::Link(link) => self.links.get(link).map(|place| (place.lane, Owner::Link(place.twin))),
@@ -132,11 +132,11 @@ mod tests {
             (0..4).flat_map(|leg| [(0, "hip"), (3 * leg + 1, "thigh"), (3 * leg + 2, "calf")]).collect();
         let outline = outline(&[vec![(0, "base")], legs].concat());
         let four = Seating::shared(&outline, 4).unwrap();
-        assert_eq!(four.of(Owner::Joint(4)), (Some(1), Owner::Joint(1)));
+        assert_eq!(four.place(Owner::Joint(4)), (Some(1), Owner::Joint(1)));
         let two = Seating::shared(&outline, 2).unwrap();
-        assert_eq!(two.of(Owner::Joint(4)), (Some(0), Owner::Joint(4)));
-        assert_eq!(two.of(Owner::Joint(10)), (Some(1), Owner::Joint(4)));
-        assert_eq!(two.of(Owner::Link(0)), (None, Owner::Link(0)));
+        assert_eq!(two.place(Owner::Joint(4)), (Some(0), Owner::Joint(4)));
+        assert_eq!(two.place(Owner::Joint(10)), (Some(1), Owner::Joint(4)));
+        assert_eq!(two.place(Owner::Link(0)), (None, Owner::Link(0)));
     }
 
     #[test]
@@ -153,9 +153,9 @@ mod tests {
         ]);
         assert_eq!(Seating::shared(&outline, 4), None);
         let two = Seating::shared(&outline, 2).unwrap();
-        assert_eq!(two.of(Owner::Link(6)), (Some(1), Owner::Link(4)));
-        assert_eq!(two.of(Owner::Link(5)), (None, Owner::Link(5)));
-        assert_eq!(two.of(Owner::Joint(2)), (None, Owner::Joint(2)));
+        assert_eq!(two.place(Owner::Link(6)), (Some(1), Owner::Link(4)));
+        assert_eq!(two.place(Owner::Link(5)), (None, Owner::Link(5)));
+        assert_eq!(two.place(Owner::Joint(2)), (None, Owner::Joint(2)));
     }
 
     #[test]

@@ -40,8 +40,8 @@ pub struct Source {
 }
 
 impl Source {
-    /// Makes a recording ready; guards of fewer operations than their `least` are dissolved.
-    pub fn new(graph: &Graph, least: impl Fn(u32) -> usize) -> Self {
+    /// Makes a recording ready; guards of fewer operations than their `min` are dissolved.
+    pub fn new(graph: &Graph, min: impl Fn(u32) -> usize) -> Self {
         let count = graph.nodes.len();
         let mut work = vec![0usize; count];
         for region in &graph.regions {
@@ -49,7 +49,7 @@ impl Source {
                 work[guard.0 as usize] += operations(graph, &region.nodes);
             }
         }
-        let dissolved = |guard: u32| work[guard as usize] < least(guard);
+        let dissolved = |guard: u32| work[guard as usize] < min(guard);
         let mut alias: Vec<u32> = (0..count as u32).collect();
         let mut nodes: Vec<Node> = Vec::with_capacity(count);
         for (index, &node) in graph.nodes.iter().enumerate() {

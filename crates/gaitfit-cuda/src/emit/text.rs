@@ -356,13 +356,13 @@ impl<'a> Writer<'a> {
         let paired = pair(next);
         let unused = format!("u{index}");
         let partner = if paired { format!("t{next}") } else { unused };
-        let own = format!("t{index}");
-        for (name, node) in [(&own, index), (&partner, next)] {
+        let first = format!("t{index}");
+        for (name, node) in [(&first, index), (&partner, next)] {
             if !(self.crossing.early.contains(&node) && name.starts_with('t')) {
                 self.line(&format!("R {name};"));
             }
         }
-        let (sine, cosine) = if node.op == Op::Sin { (own, partner) } else { (partner, own) };
+        let (sine, cosine) = if node.op == Op::Sin { (first, partner) } else { (partner, first) };
         self.line(&format!("SINCOS({angle}, {sine}, {cosine});"));
     }
 }

@@ -11,7 +11,7 @@ use super::{FitError, Numbers, Structure, Subject, Tables};
 use crate::runtime::{Device, Event, Stream};
 
 /// Most candidates whose signals are brought to the host at once.
-const MOST_SHOWN: usize = 64;
+const MAX_SHOWN: usize = 64;
 
 /// The robot's side of the costs.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -167,8 +167,7 @@ impl Candidates {
                 if cancel() {
                     return Err(FitError::Cancelled);
                 }
-                let session =
-                    self.session(subject, &structure, &jobs[rest[0]], rest.len().min(MOST_SHOWN))?;
+                let session = self.session(subject, &structure, &jobs[rest[0]], rest.len().min(MAX_SHOWN))?;
                 let (now, later) = rest.split_at(rest.len().min(self.sessions[session].capacity()));
                 rest = later;
                 self.run(subject, session, now, jobs)?;
@@ -199,7 +198,7 @@ impl Candidates {
         }
         let mut groups: Vec<(Structure, Vec<usize>)> = Vec::new();
         for (number, job) in jobs.iter().enumerate() {
-            let structure = Structure::of(&job.candidate);
+            let structure = Structure::new(&job.candidate);
             match groups.iter_mut().find(|(of, _)| *of == structure) {
                 Some((_, own)) => own.push(number),
                 None => groups.push((structure, vec![number])),

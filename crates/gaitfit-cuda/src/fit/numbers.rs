@@ -52,7 +52,7 @@ impl Numbers {
 fn robot(subject: Subject<'_>, job: &Job) -> Result<(Vec<f32>, Vec<f64>), FitError> {
     let model = subject.model();
     let candidate = &job.candidate;
-    let delay = candidate.robot.delay.iter().fold(0.0f64, |most, &delay| most.max(delay));
+    let delay = candidate.robot.delay.iter().fold(0.0f64, |max, &delay| max.max(delay));
     if delay > subject.max_delay() {
         let must = "at most the simulator's max_delay";
         return Err(SimError::Option { option: "a candidate's delay", value: delay.to_string(), must }.into());

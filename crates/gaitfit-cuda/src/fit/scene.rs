@@ -38,7 +38,7 @@ pub struct Structure {
 
 impl Structure {
     /// Of a candidate.
-    pub fn of(candidate: &Candidate) -> Self {
+    pub fn new(candidate: &Candidate) -> Self {
         let networks = candidate.networks.iter().map(|one| (one.kind, one.joints.clone())).collect();
         Self { networks, disturbed: candidate.torque_noise > 0.0, kept: Kept::of(&candidate.robot) }
     }
@@ -86,7 +86,7 @@ impl Subject<'_> {
     /// # Errors
     /// A robot that cannot be stepped; networks that do not fit it.
     pub fn period(&self, candidate: &Candidate) -> Result<Period, FitError> {
-        let structure = Structure::of(candidate);
+        let structure = Structure::new(candidate);
         let (settings, substeps, taps) = match self {
             Self::Walk(walker, _) => {
                 let batch = &walker.batch;
@@ -159,7 +159,7 @@ impl<'a> Scene<'a> {
     /// For each parameter of the physics: its place among the gains of a recording, if a replay sets it.
     pub(super) fn gains(&self) -> Vec<Option<usize>> {
         let joints = self.joints();
-        let of = |input: &Input| {
+        let joint_slot = |input: &Input| {
             let Input::Params(slot) = input else { return None };
             let gaitfit_physics::Owner::Joint(joint) = slot.owner else { return Some(None) };
             Some(match slot.name {
@@ -168,6 +168,6 @@ impl<'a> Scene<'a> {
                 _ => None,
             })
         };
-        self.period.graph.inputs.iter().filter_map(of).collect()
+        self.period.graph.inputs.iter().filter_map(joint_slot).collect()
     }
 }

@@ -16,9 +16,9 @@ use crate::ppo::{Id, Launch, Storage, Stored, Value};
 use crate::runtime::{Argument, Buffer, CudaError, Device, Graph, Kernel, Stream};
 
 /// Most samples of which the steps are one graph; more are started one by one.
-const MOST_RECORDED: usize = 16_384;
+const MAX_RECORDED: usize = 16_384;
 /// Most robots of a block of the policy's kernel.
-const MOST_ROWS: usize = 16;
+const MAX_ROWS: usize = 16;
 /// Bytes of shared memory that the text of the policy's kernel declares, at most.
 const DECLARED: usize = 1024;
 /// The part of the free memory that candidates may take.
@@ -47,7 +47,7 @@ pub(super) struct Physics {
 impl Physics {
     /// The physics of candidates like this one.
     pub fn new(subject: Subject<'_>, candidate: &Candidate) -> Result<Self, FitError> {
-        Ok(Self { period: Arc::new(subject.period(candidate)?), structure: Structure::of(candidate) })
+        Ok(Self { period: Arc::new(subject.period(candidate)?), structure: Structure::new(candidate) })
     }
 
     /// Candidates that fit into the GPU's free memory, `wanted` at most and 1 at least.
@@ -76,8 +76,8 @@ impl Physics {
         let (free, _) = device.memory()?;
         let fit = (SHARE * free as f64 / (each as f64 + compared as f64)) as usize;
         // The costs count signals' samples in 32 bits.
-        let most = (u32::MAX as usize / 8) / (tables.recordings() * dimensions).max(1);
-        Ok(wanted.min(fit).min(most).max(1))
+        let max = (u32::MAX as usize / 8) / (tables.recordings() * dimensions).max(1);
+        Ok(wanted.min(fit).min(max).max(1))
     }
 }
 
@@ -98,10 +98,10 @@ impl Session {
         let environments = candidates * recordings;
         let batch = Batch::new(device, &physics.period, environments, candidates)?;
         // One wave of blocks, if it can be.
-        let rows = environments.div_ceil(processors).next_multiple_of(4).clamp(4, MOST_ROWS);
+        let rows = environments.div_ceil(processors).next_multiple_of(4).clamp(4, MAX_ROWS);
         let (samples, tiles) = (tables.samples, batch.tiles());
         // Few robots want many threads; of many, threads that read each weight for several of them.
-        let group = if environments > MOST_ROWS * processors { rows } else { 4 };
+        let group = if environments > MAX_ROWS * processors { rows } else { 4 };
         let sizes =
             |rows: usize| Sizes { candidates, recordings, samples, tiles, rows, group: group.min(rows) };
         let scene = Scene::new(subject, &physics.period);
@@ -192,7 +192,7 @@ impl Session {
         if numbers.weights.iter().any(|weights| !weights.is_empty()) {
             self.batch.write_weights(stream, &numbers.weights)?;
         }
-        if self.graph.is_none() && self.plan.sizes.samples <= MOST_RECORDED {
+        if self.graph.is_none() && self.plan.sizes.samples <= MAX_RECORDED {
             self.graph = Some(stream.record(|stream| self.start(stream))?);
         }
         match &mut self.graph {

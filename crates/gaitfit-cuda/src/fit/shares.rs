@@ -110,8 +110,8 @@ mod tests {
                 assert_eq!(found, (0..jobs).map(|job| 10 * job).collect::<Vec<_>>());
                 let each: Vec<usize> = toys.iter().map(|toy| toy.did.len()).collect();
                 assert_eq!(each.iter().sum::<usize>(), jobs);
-                let (least, most) = (each.iter().min().unwrap(), each.iter().max().unwrap());
-                assert!(most - least <= 1, "{jobs} jobs were shared as {each:?}");
+                let (min, max) = (each.iter().min().unwrap(), each.iter().max().unwrap());
+                assert!(max - min <= 1, "{jobs} jobs were shared as {each:?}");
                 assert!(toys.iter().all(|toy| toy.did.is_sorted_by(|a, b| a + 1 == *b)));
             }
         }

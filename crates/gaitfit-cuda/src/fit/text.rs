@@ -95,7 +95,7 @@ fn walk(words: &mut Words, walker: &Walker) {
     ] {
         words.define(name, value);
     }
-    for (name, value) in [("LEAST_UPRIGHTNESS", least_uprightness), ("LEAST_HEIGHT", least_height)] {
+    for (name, value) in [("MIN_UPRIGHTNESS", least_uprightness), ("MIN_HEIGHT", least_height)] {
         words.define(name, single(value));
     }
     words.define("CONTROL_DT", double(interface.control_dt));

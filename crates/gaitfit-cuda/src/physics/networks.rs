@@ -30,10 +30,10 @@ impl Shared {
             let count = Modify::<Known>::memory(modification);
             let own: Vec<Owner> =
                 (0..count).map(|place| Modify::<Known>::memory_owner(modification, place)).collect();
-            let twins: Vec<Owner> = own.iter().map(|&owner| seating.of(owner).1).collect();
+            let twins: Vec<Owner> = own.iter().map(|&owner| seating.place(owner).1).collect();
             let lacking = |joint: &usize| {
                 let owner = Owner::Joint(*joint);
-                !own.contains(&owner) && twins.contains(&seating.of(owner).1)
+                !own.contains(&owner) && twins.contains(&seating.place(owner).1)
             };
             let without = |joint: usize| {
                 let scales = NetworkScales { position: 1.0, velocity: 1.0, output: 1.0 };

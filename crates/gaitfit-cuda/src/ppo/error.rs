@@ -21,24 +21,24 @@ pub enum PpoError {
     #[error(transparent)]
     State(#[from] StateError),
     /// A GPU without the matrix units' TF32.
-    #[error("{name} has compute capability {}.{}, learning needs {}.{}: use the CPU", .found.0, .found.1, .least.0, .least.1)]
+    #[error("{name} has compute capability {}.{}, learning needs {}.{}: use the CPU", .found.0, .found.1, .min.0, .min.1)]
     TooOld {
         /// The GPU.
         name: String,
         /// Its compute capability.
         found: (i32, i32),
         /// Needed.
-        least: (i32, i32),
+        min: (i32, i32),
     },
     /// More than the kernels count.
-    #[error("{what} are {found}, the GPU's learner takes up to {most}: use the CPU")]
+    #[error("{what} are {found}, the GPU's learner takes up to {max}: use the CPU")]
     TooMany {
         /// What.
         what: &'static str,
         /// How many.
         found: usize,
         /// At most.
-        most: usize,
+        max: usize,
     },
     /// Something that only the CPU learns.
     #[error("a training with {0} does not run on a GPU yet; use the CPU (--device cpu)")]

@@ -5,7 +5,7 @@ use gaitfit_policy::network::Shape;
 /// Columns of rows and of padded matrices are a multiple of this.
 const ALIGN: usize = 32;
 /// Layers that the kernels' tables have room for.
-pub(super) const MOST_LAYERS: usize = 17;
+pub(super) const MAX_LAYERS: usize = 17;
 
 /// Networks that do not fit into a multiprocessor's memory.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -153,13 +153,13 @@ mod tests {
         assert_eq!(layout.end, 32 * (32 + 64 + 32 + 32));
         let areas = 32 * 64 + 64 * 32 + 32 * 32;
         assert_eq!((layout.packed, layout.gradient), (2 * areas + 128, areas + 128));
-        let places = |places: &[u32], most: usize| {
+        let places = |places: &[u32], max: usize| {
             let mut seen = places.to_vec();
             seen.retain(|&place| place != u32::MAX);
             let count = seen.len();
             seen.sort_unstable();
             seen.dedup();
-            assert!(seen.len() == count && seen.iter().all(|&place| (place as usize) < most));
+            assert!(seen.len() == count && seen.iter().all(|&place| (place as usize) < max));
             seen
         };
         assert_eq!(places(&layout.map, layout.gradient).len(), shape.parameters());

@@ -49,7 +49,7 @@ impl Learner {
         let info = device.info();
         if info.capability < CAPABILITY {
             let (name, found) = (info.name.clone(), info.capability);
-            return Err(PpoError::TooOld { name, found, least: CAPABILITY });
+            return Err(PpoError::TooOld { name, found, min: CAPABILITY });
         }
         let limits = Limits {
             processors: usize::try_from(info.processors).unwrap_or(2),
@@ -73,7 +73,7 @@ impl Learner {
         let (settings, widths) = (learner.settings().clone(), learner.widths());
         let stream = Stream::new(device)?;
         let seed = learner.scalars().seed;
-        let mut own = Self {
+        let mut built = Self {
             plan,
             arrays,
             kernels,
@@ -87,10 +87,10 @@ impl Learner {
             normalised,
         };
         for (name, map) in ["map", "forth", "back"].into_iter().zip(&maps) {
-            own.write(name, map)?;
+            built.write(name, map)?;
         }
-        own.load(learner)?;
-        Ok(own)
+        built.load(learner)?;
+        Ok(built)
     }
 
     /// Takes over the state of a learner of the same settings and shapes.

@@ -3,7 +3,7 @@
 use gaitfit_learn::ppo::{Settings, Widths};
 
 use super::launch::{Array, Batch, Id, Kind, Launch, Value};
-use super::text::{LOSSES, MOST_ACTIONS, THREADS, Text};
+use super::text::{LOSSES, MAX_ACTIONS, THREADS, Text};
 use crate::runtime::Shape;
 
 /// Arrays and launches of an update.
@@ -80,7 +80,7 @@ impl Plan {
     pub(super) fn new(task: &Task<'_>, text: &Text) -> Self {
         let Task { settings, widths, batch, .. } = *task;
         let Settings { epochs, minibatches, .. } = *settings;
-        let (rows, actions) = (batch.rows(), widths.action.min(MOST_ACTIONS));
+        let (rows, actions) = (batch.rows(), widths.action.min(MAX_ACTIONS));
         let networks = text.actor.map.len() + text.critic.map.len();
         let size = networks + actions;
         let begin = |number: usize| number * rows / minibatches;
@@ -343,7 +343,7 @@ impl Plan {
     }
 
     /// A plan without a learner: any arrays and launches.
-    pub fn of(arrays: Vec<Array>, launches: Vec<Launch>) -> Self {
+    pub fn from_parts(arrays: Vec<Array>, launches: Vec<Launch>) -> Self {
         Self { arrays, pack: Vec::new(), launches, foresee: None, sharing: (1, 1, [1, 1]) }
     }
 

@@ -5,7 +5,7 @@ use gaitfit_learn::ppo::{self, SamplesError, UpdateError};
 use super::error::PpoError;
 use super::launch::Batch;
 use super::plan::{Plan, Task};
-use super::text::{MOST_ACTIONS, Precision, Text};
+use super::text::{MAX_ACTIONS, Precision, Text};
 use crate::runtime::Program;
 use crate::words::unknown;
 
@@ -59,9 +59,9 @@ impl Prepared {
 }
 
 /// Most minibatches: each block counts its samples of every one.
-const MOST_MINIBATCHES: usize = 8192;
+const MAX_MINIBATCHES: usize = 8192;
 /// Most numbers of an array: kernels count in 32 bits.
-const MOST_NUMBERS: usize = u32::MAX as usize / 2;
+const MAX_NUMBERS: usize = u32::MAX as usize / 2;
 
 fn check_sizes(settings: &ppo::Settings, widths: ppo::Widths, batch: Batch) -> Result<(), PpoError> {
     let rows = batch.rows();
@@ -70,14 +70,14 @@ fn check_sizes(settings: &ppo::Settings, widths: ppo::Widths, batch: Batch) -> R
         return Err(UpdateError::from(SamplesError::TooFew { samples: rows, minibatches }).into());
     }
     let widest = widths.observation.max(widths.critic_observation).max(widths.action);
-    for (what, found, most) in [
-        ("actions", widths.action, MOST_ACTIONS),
-        ("minibatches", minibatches, MOST_MINIBATCHES),
-        ("numbers of an array", rows.saturating_mul(widest), MOST_NUMBERS),
-        ("samples of all epochs", rows.saturating_mul(settings.epochs), MOST_NUMBERS),
+    for (what, found, max) in [
+        ("actions", widths.action, MAX_ACTIONS),
+        ("minibatches", minibatches, MAX_MINIBATCHES),
+        ("numbers of an array", rows.saturating_mul(widest), MAX_NUMBERS),
+        ("samples of all epochs", rows.saturating_mul(settings.epochs), MAX_NUMBERS),
     ] {
-        if found > most {
-            return Err(PpoError::TooMany { what, found, most });
+        if found > max {
+            return Err(PpoError::TooMany { what, found, max });
         }
     }
     Ok(())

@@ -6,7 +6,7 @@ use gaitfit_learn::ppo::{Schedule, Settings, Widths};
 use gaitfit_policy::network::{Activation, Shape};
 use serde::{Deserialize, Serialize};
 
-use super::layout::{MOST_LAYERS, NetLayout, TooWide};
+use super::layout::{MAX_LAYERS, NetLayout, TooWide};
 use crate::runtime::Program;
 
 /// How matrix products are computed.
@@ -27,7 +27,7 @@ const ROWS: [usize; 2] = [64, 32];
 /// Sums that a block keeps besides gradients and the derivative by ln σ; `LOSSES` of the text.
 pub(super) const LOSSES: usize = 6;
 /// Most actions: each is a thread's in places.
-pub(super) const MOST_ACTIONS: usize = 256 - LOSSES;
+pub(super) const MAX_ACTIONS: usize = 256 - LOSSES;
 
 /// The text for one learner and what the launches must know of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -128,24 +128,24 @@ fn defines(
     ] {
         define(name, format!("{:?}f", value as f32));
     }
-    let [least, greatest] = settings.learning_rate_limits;
+    let [min, max] = settings.learning_rate_limits;
     for (name, value) in [
         ("DESIRED_KL", settings.desired_kl),
-        ("LEAST_RATE", least),
-        ("GREATEST_RATE", greatest),
+        ("MIN_RATE", min),
+        ("MAX_RATE", max),
         ("MAX_GRADIENT_NORM", settings.max_gradient_norm),
     ] {
         define(name, format!("{value:?}"));
     }
     let list = |numbers: &[usize]| {
         let mut words: Vec<String> = numbers.iter().map(ToString::to_string).collect();
-        words.resize(MOST_LAYERS + 1, "0".into());
+        words.resize(MAX_LAYERS + 1, "0".into());
         format!("{{{}}}", words.join(", "))
     };
     let mut shapes: Vec<[usize; 4]> = nets.iter().flat_map(|net| net.shapes()).collect();
     shapes.sort_unstable();
     shapes.dedup();
-    let size = MOST_LAYERS + 1;
+    let size = MAX_LAYERS + 1;
     let rows = nets.map(|net| {
         let numbers: Vec<usize> = net
             .shapes()

@@ -101,9 +101,9 @@ fn check_robots(task: &Task, candidates: &[Candidate]) -> Result<(), RolloutErro
 }
 
 fn check_rewards(task: &Task) -> Result<(), RolloutError> {
-    let own = task.reward_values().find(|(_, value)| matches!(value, reward::Value::Own(_)));
-    let Some((own, _)) = own else { return Ok(()) };
-    let what = format!("the reward term `{own}`, a function; write it as an expression in task.terms");
+    let function = task.reward_values().find(|(_, value)| matches!(value, reward::Value::Own(_)));
+    let Some((function, _)) = function else { return Ok(()) };
+    let what = format!("the reward term `{function}`, a function; write it as an expression in task.terms");
     Err(RolloutError::Unsupported(what))
 }
 
@@ -153,12 +153,12 @@ impl<'a> Scene<'a> {
         check_robots(task, &[])?;
         check_rewards(task)?;
         let memory = input_spots(period, |input| matches!(input, Input::Memory { .. }));
-        let own = memory.iter().zip(&period.memory).filter(|(_, asked)| **asked);
+        let asked_slots = memory.iter().zip(&period.memory).filter(|(_, asked)| **asked);
         Ok(Self {
             task,
             period,
             sizes,
-            remembered: own.map(|(&spot, _)| spot).collect(),
+            remembered: asked_slots.map(|(&spot, _)| spot).collect(),
             memory,
             memory_of: memory_joints(period),
             state: input_spots(period, |input| matches!(input, Input::State(_))),

@@ -85,19 +85,19 @@ impl<'a> Stepper<'a> {
         rollout.write(&stream, "refused", &[NONE])?;
         let ready = Arc::new(Event::new(device)?);
         let (device, terms) = (device.clone(), task.reward_names().len());
-        let mut own = Self { device, rollout, environments, terms, stream, graph: None, ready };
+        let mut stepper = Self { device, rollout, environments, terms, stream, graph: None, ready };
         // Before step 0, so that the first episodes begin at it.
-        own.rollout.number(&own.stream, u32::MAX, seed, task.settings.command.ranges(1.0), 0)?;
-        own.restart()?;
+        stepper.rollout.number(&stepper.stream, u32::MAX, seed, task.settings.command.ranges(1.0), 0)?;
+        stepper.restart()?;
         if stagger {
             let ages: Vec<u32> =
                 (0..environments).map(|number| task.staggered_age(seed, number as u32)).collect();
-            own.rollout.write(&own.stream, "steps", &ages)?;
-            let observe = own.rollout.plan().0.observe(0);
-            own.launch(&observe)?;
-            own.finish()?;
+            stepper.rollout.write(&stepper.stream, "steps", &ages)?;
+            let observe = stepper.rollout.plan().0.observe(0);
+            stepper.launch(&observe)?;
+            stepper.finish()?;
         }
-        Ok(own)
+        Ok(stepper)
     }
 
     /// Environments.

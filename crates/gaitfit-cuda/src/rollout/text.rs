@@ -120,8 +120,8 @@ impl Words {
             ("WANTED_HEIGHT", settings.height as f32),
             ("SWING_SECONDS", settings.swing_seconds as f32),
             ("SWING_HEIGHT", settings.swing_height as f32),
-            ("LEAST_UPRIGHTNESS", least_uprightness),
-            ("LEAST_HEIGHT", least_height),
+            ("MIN_UPRIGHTNESS", least_uprightness),
+            ("MIN_HEIGHT", least_height),
             ("GAMMA", scene.sizes.gamma as f32),
             ("FASTEST_BASE", FASTEST_BASE),
             ("FASTEST_JOINT", FASTEST_JOINT),
@@ -148,7 +148,7 @@ impl Words {
         for (name, value) in [
             ("HAS_LEAD", u32::from(lead != 0.0)),
             ("HAS_CLOCK", u32::from(interface.gait_frequency.is_some())),
-            ("EPISODE_STEPS_MOST", scene.episode_steps()),
+            ("EPISODE_STEPS_MAX", scene.episode_steps()),
             ("COMMAND_STEPS", scene.command_steps()),
             ("PUSH_PERIOD", (push / interface.control_dt).round() as u32),
         ] {
@@ -194,8 +194,8 @@ impl Words {
         let body = |(index, body): (usize, &gaitfit_model::Body)| {
             let parent = body.parent.map_or("-1".to_owned(), |parent| parent.to_string());
             let first = order.len();
-            let own = model.joints.iter().enumerate().filter(|(_, joint)| joint.body == index);
-            order.extend(own.map(|(joint, _)| joint.to_string()));
+            let joints = model.joints.iter().enumerate().filter(|(_, joint)| joint.body == index);
+            order.extend(joints.map(|(joint, _)| joint.to_string()));
             let hinges = order.len() - first;
             format!("{{{parent}, {first}, {hinges}, {}, {}}}", doubles(&body.pos), doubles(&body.quat))
         };
@@ -213,7 +213,7 @@ impl Words {
         let mut path = Vec::new();
         let shapes = model.pairs.iter().map(|pair| {
             let geom = &model.geoms[pair.geom];
-            let reach = Reach::of(geom);
+            let reach = Reach::new(geom);
             let mut bodies: Vec<usize> =
                 std::iter::successors(Some(geom.body), |&body| model.bodies[body].parent).collect();
             bodies.reverse();

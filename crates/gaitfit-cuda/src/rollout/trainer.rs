@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use gaitfit_learn::ppo::Diagnostics;
-use gaitfit_learn::{Growth, Iteration, Tally, Training, TrainingError, TrainingSettings, most_diverged};
+use gaitfit_learn::{Growth, Iteration, Tally, Training, TrainingError, TrainingSettings, max_diverged};
 
 use super::RolloutError;
 use super::run::Rollout;
@@ -64,7 +64,7 @@ impl<'a> Trainer<'a> {
         let sizes = Sizes { steps, environments, networks, gamma, mode };
         let learner = Learner::new(device, host, batch, precision)?;
         let rollout = Rollout::new(device, learner.stream(), task, training.candidates(), sizes, seed)?;
-        let mut own = Self {
+        let mut trainer = Self {
             device: device.clone(),
             rollout,
             learner,
@@ -75,8 +75,8 @@ impl<'a> Trainer<'a> {
             iteration: 0,
             growth: Growth::default(),
         };
-        own.load(training)?;
-        Ok(own)
+        trainer.load(training)?;
+        Ok(trainer)
     }
 
     /// Goes on from where `training`, of the same settings, is.
@@ -141,7 +141,7 @@ impl<'a> Trainer<'a> {
         self.launch()?;
         let totals = self.rollout.read_f64(self.learner.stream(), "totals")?;
         let tally = self.tally(&totals);
-        if tally.diverged > most_diverged(self.settings.environments) {
+        if tally.diverged > max_diverged(self.settings.environments) {
             return Err(self.diverged(tally.diverged as usize)?.into());
         }
         let rollout_seconds = begin.elapsed().as_secs_f64();

@@ -16,9 +16,9 @@ use super::nvrtc::Image;
 /// Begins every file; changes with the format.
 const MAGIC: &[u8; 8] = b"gfcuda01";
 /// Most bytes of all files.
-const MOST_BYTES: u64 = 512 << 20;
+const MAX_BYTES: u64 = 512 << 20;
 /// Most files.
-const MOST_FILES: usize = 512;
+const MAX_FILES: usize = 512;
 
 /// A folder of compiled programs.
 #[derive(Clone, Debug)]
@@ -42,7 +42,7 @@ impl Cache {
 
     /// In this folder, which is made when there is something to keep.
     pub fn new(folder: PathBuf) -> Self {
-        Self { folder, most_bytes: MOST_BYTES, most_files: MOST_FILES }
+        Self { folder, most_bytes: MAX_BYTES, most_files: MAX_FILES }
     }
 
     /// With other limits.

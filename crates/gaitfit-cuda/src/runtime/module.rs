@@ -15,9 +15,9 @@ use super::stream::Stream;
 const SHARED_BYTES: c_int = 1;
 const LOCAL_BYTES: c_int = 3;
 const REGISTERS: c_int = 4;
-const MOST_DYNAMIC_SHARED: c_int = 8;
+const MAX_DYNAMIC_SHARED: c_int = 8;
 /// Bytes that any kernel may take as arguments.
-const MOST_ARGUMENT_BYTES: usize = 4096;
+const MAX_ARGUMENT_BYTES: usize = 4096;
 /// Shared memory that a kernel may use without asking.
 const SHARED_WITHOUT_ASKING: u32 = 48 << 10;
 
@@ -144,7 +144,7 @@ pub struct Argument {
 }
 
 impl Argument {
-    fn of(bytes: &[u8]) -> Self {
+    fn from_bytes(bytes: &[u8]) -> Self {
         let mut argument = Self { bytes: [0; 8], size: bytes.len() };
         argument.bytes[..bytes.len()].copy_from_slice(bytes);
         argument
@@ -155,7 +155,7 @@ macro_rules! arguments {
     ($($type:ty),*) => {
         $(impl From<$type> for Argument {
             fn from(value: $type) -> Self {
-                Self::of(&value.to_ne_bytes())
+                Self::from_bytes(&value.to_ne_bytes())
             }
         })*
     };
@@ -165,14 +165,14 @@ arguments!(u32, i32, u64, i64, f32, f64);
 /// A pointer to the buffer's first number.
 impl<T: Number> From<&Buffer<T>> for Argument {
     fn from(buffer: &Buffer<T>) -> Self {
-        Self::of(&buffer.address.to_ne_bytes())
+        Self::from_bytes(&buffer.address.to_ne_bytes())
     }
 }
 
 /// A pointer to the buffer's first number, which the kernel changes.
 impl<T: Number> From<&mut Buffer<T>> for Argument {
     fn from(buffer: &mut Buffer<T>) -> Self {
-        Self::of(&buffer.address.to_ne_bytes())
+        Self::from_bytes(&buffer.address.to_ne_bytes())
     }
 }
 
@@ -240,15 +240,14 @@ impl Kernel {
         if bytes <= SHARED_WITHOUT_ASKING {
             return Ok(());
         }
-        let most = context.info.shared_memory;
+        let max = context.info.shared_memory;
         let asked = c_int::try_from(bytes).unwrap_or(c_int::MAX);
-        if asked > most {
-            let reason = format!("it needs {bytes} bytes of shared memory a block, this GPU has {most}");
+        if asked > max {
+            let reason = format!("it needs {bytes} bytes of shared memory a block, this GPU has {max}");
             return Err(CudaError::Launch { kernel: self.name.to_string(), reason });
         }
         // SAFETY: the kernel is alive.
-        let code =
-            unsafe { (context.driver.set_function_attribute)(self.handle, MOST_DYNAMIC_SHARED, asked) };
+        let code = unsafe { (context.driver.set_function_attribute)(self.handle, MAX_DYNAMIC_SHARED, asked) };
         context.driver.check(code, || format!("giving kernel `{}` shared memory", self.name))
     }
 
@@ -315,11 +314,11 @@ struct Packed {
 
 impl Packed {
     fn new(arguments: &[Argument]) -> Self {
-        let spare = MOST_ARGUMENT_BYTES / 8 + 1;
+        let spare = MAX_ARGUMENT_BYTES / 8 + 1;
         let mut values: Vec<[u8; 8]> = arguments.iter().map(|argument| argument.bytes).collect();
         values.resize(arguments.len() + spare, [0; 8]);
         let base = values.as_mut_ptr();
-        let pointers = (0..arguments.len().max(MOST_ARGUMENT_BYTES))
+        let pointers = (0..arguments.len().max(MAX_ARGUMENT_BYTES))
             // SAFETY: each index is inside `values`.
             .map(|index| unsafe { base.add(index.min(arguments.len())) }.cast())
             .collect();
@@ -341,8 +340,8 @@ mod tests {
         assert_eq!(read(0)[..4], 7u32.to_ne_bytes());
         assert_eq!(read(1)[..4], 2.5f32.to_ne_bytes());
         assert_eq!(read(2), [255; 8]);
-        assert!((3..MOST_ARGUMENT_BYTES).all(|index| read(index) == [0; 8]));
-        assert_eq!(packed._values.len(), 3 + MOST_ARGUMENT_BYTES / 8 + 1);
+        assert!((3..MAX_ARGUMENT_BYTES).all(|index| read(index) == [0; 8]));
+        assert_eq!(packed._values.len(), 3 + MAX_ARGUMENT_BYTES / 8 + 1);
     }
 
     #[test]

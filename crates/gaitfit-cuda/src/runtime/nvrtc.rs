@@ -33,7 +33,7 @@ functions! {
 }
 
 /// Lines of the compiler's words in an error.
-const MOST_LINES: usize = 20;
+const MAX_LINES: usize = 20;
 
 /// The compiler's library.
 pub struct Nvrtc {
@@ -120,11 +120,15 @@ impl Nvrtc {
     /// The option that names the architecture for a GPU of this compute capability: machine code of exactly it, or of
     /// an older PTX that the driver compiles on. None if the compiler knows neither.
     pub fn architecture(&self, (major, minor): (i32, i32)) -> Option<String> {
-        let own = major * 10 + minor;
-        if self.architectures.contains(&own) {
-            return Some(format!("sm_{own}"));
+        let version = major * 10 + minor;
+        if self.architectures.contains(&version) {
+            return Some(format!("sm_{version}"));
         }
-        self.architectures.iter().filter(|&&known| known < own).max().map(|known| format!("compute_{known}"))
+        self.architectures
+            .iter()
+            .filter(|&&known| known < version)
+            .max()
+            .map(|known| format!("compute_{known}"))
     }
 
     /// Compiles `text` for `architecture`, `sm_90` or `compute_90`.
@@ -175,7 +179,7 @@ impl Nvrtc {
         let log = CStr::from_bytes_until_nul(&log).unwrap_or_default().to_string_lossy().trim().to_owned();
         if code != 0 {
             // One fault may bring hundreds of lines.
-            let lines: Vec<&str> = log.lines().take(MOST_LINES).collect();
+            let lines: Vec<&str> = log.lines().take(MAX_LINES).collect();
             return Err(refuse(if log.is_empty() {
                 format!("NVRTC error {code}")
             } else {

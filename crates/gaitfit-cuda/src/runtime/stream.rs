@@ -8,7 +8,7 @@ use super::driver::Handle;
 use super::error::CudaError;
 
 /// Names of kernels kept for a message.
-const MOST_NAMES: usize = 8;
+const MAX_NAMES: usize = 8;
 
 /// `CU_STREAM_NON_BLOCKING`: not ordered with the driver's own stream.
 const NON_BLOCKING: u32 = 1;
@@ -56,7 +56,7 @@ impl Stream {
     pub(super) fn started(&self, name: &Arc<str>) {
         let mut names = self.names.lock().unwrap_or_else(PoisonError::into_inner);
         if names.last() != Some(name) {
-            if names.len() == MOST_NAMES {
+            if names.len() == MAX_NAMES {
                 names.remove(0);
             }
             names.push(name.clone());

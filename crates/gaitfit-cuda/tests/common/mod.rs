@@ -52,12 +52,12 @@ pub fn shared(
     period: &PeriodGraph,
     tree: &Tree<gaitfit_physics::trace::Known>,
     lanes: usize,
-    least_guarded: usize,
+    min_guarded: usize,
 ) -> PeriodProgram {
     let outline = tree.outline();
     let seating =
         if lanes == 1 { Seating::alone(&outline) } else { Seating::shared(&outline, lanes).unwrap() };
-    PeriodProgram::new(period, &seating, EmitOptions { least_guarded }).unwrap()
+    PeriodProgram::new(period, &seating, EmitOptions { min_guarded }).unwrap()
 }
 
 /// One ActionDelta and one ResidAct on all joints, with weights that matter, and gears.

@@ -8,11 +8,11 @@ use gaitfit_physics::trace::{Input, Report, Traced, record_period_with};
 use gaitfit_physics::{Kept, Preset, Robot, Settings, compile};
 
 /// Holds the program of `lanes` threads against the step.
-fn compare(label: &str, model: &Model, preset: Preset, lanes: usize, least_guarded: usize, limit: f64) {
+fn compare(label: &str, model: &Model, preset: Preset, lanes: usize, min_guarded: usize, limit: f64) {
     let settings = Settings { timestep: 0.005, ..Settings::new(&model.options, preset) };
     let (taps, substeps) = (2, 3);
     let (period, tree) = recorded(model, &settings, taps, substeps, true);
-    let program = shared(&period, &tree, lanes, least_guarded);
+    let program = shared(&period, &tree, lanes, min_guarded);
     let mut worst = 0.0f64;
     for sample in samples(model, &settings, taps, substeps, true, false, 12) {
         worst = worst.max(difference(&program.evaluate(&sample.inputs), &sample.outputs));
@@ -36,8 +36,8 @@ fn one_thread_computes_the_step() {
 fn a_quadruped_is_shared() {
     let go2 = robot("go2");
     for lanes in [2, 4] {
-        for least_guarded in [0, usize::MAX] {
-            compare("go2 feet", &feet(go2.clone()), Preset::Fast, lanes, least_guarded, 1e-11);
+        for min_guarded in [0, usize::MAX] {
+            compare("go2 feet", &feet(go2.clone()), Preset::Fast, lanes, min_guarded, 1e-11);
         }
         compare("go2", &go2, Preset::Accurate, lanes, 100, 1e-11);
     }
@@ -115,7 +115,7 @@ fn what_robots_keep_is_constant() {
     let report = Report { fixed: fixed.clone(), ..Report::default() };
     let graph = record_period_with(&tree, 1, 3, &[], &report).unwrap();
     let mut worst = 0.0f64;
-    let program = shared(&graph, &tree, 4, EmitOptions::default().least_guarded);
+    let program = shared(&graph, &tree, 4, EmitOptions::default().min_guarded);
     let read = |node: &Node| match node.op {
         Op::Input(number) => Some(graph.inputs[number as usize]),
         _ => None,

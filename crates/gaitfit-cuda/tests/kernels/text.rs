@@ -21,10 +21,10 @@ struct Case {
     layout: Layout,
 }
 
-fn case(model: &Model, preset: Preset, lanes: usize, least_guarded: usize, networks: bool) -> Case {
+fn case(model: &Model, preset: Preset, lanes: usize, min_guarded: usize, networks: bool) -> Case {
     let settings = settings(model, preset);
     let (period, tree) = recorded(model, &settings, TAPS, SUBSTEPS, networks);
-    let program = shared(&period, &tree, lanes, least_guarded);
+    let program = shared(&period, &tree, lanes, min_guarded);
     let layout = Layout::new(&period, &program);
     Case { period, program, layout }
 }
@@ -147,8 +147,8 @@ fn errors(case: &Case, classes: &BTreeMap<Class, Vec<f32>>, samples: &[Sample]) 
     (velocity, other)
 }
 
-fn check_cxx(label: &str, model: &Model, preset: Preset, lanes: usize, least_guarded: usize, networks: bool) {
-    let case = case(model, preset, lanes, least_guarded, networks);
+fn check_cxx(label: &str, model: &Model, preset: Preset, lanes: usize, min_guarded: usize, networks: bool) {
+    let case = case(model, preset, lanes, min_guarded, networks);
     let count = case.layout.environments().min(8);
     let samples = samples(model, &settings(model, preset), TAPS, SUBSTEPS, networks, true, count);
     let classes = run_cxx(&case, &samples);

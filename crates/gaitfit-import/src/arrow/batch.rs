@@ -75,10 +75,10 @@ impl<'a> Batch<'a, '_> {
         let node = self.nodes.get(self.node).ok_or(CUT)?;
         self.node += 1;
         // A field knows its own number of places, and a list's may have more than its lists cover.
-        let own = usize::try_from(node.length()).map_err(damaged)?;
-        if lists.is_none() && own != length || own < length {
+        let places = usize::try_from(node.length()).map_err(damaged)?;
+        if lists.is_none() && places != length || places < length {
             return Err(format!(
-                "`{}` has {own} places where {length} are; the file is damaged",
+                "`{}` has {places} places where {length} are; the file is damaged",
                 shown(&field.name)
             ));
         }

@@ -5,7 +5,7 @@ use polars_arrow_format::ipc::planus::Vector;
 use polars_arrow_format::ipc::{FieldRef, Precision, TimeUnit, TypeRef};
 
 /// Deepest fields inside each other.
-const MOST_DEPTH: usize = 32;
+const MAX_DEPTH: usize = 32;
 
 /// How a field's numbers lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,7 +65,7 @@ impl Field {
 pub(super) fn fields<'a>(
     all: Option<Vector<'a, polars_arrow_format::ipc::planus::Result<FieldRef<'a>>>>,
 ) -> Result<Vec<Field>, String> {
-    let mut left = crate::table::MOST_COLUMNS;
+    let mut left = crate::table::MAX_COLUMNS;
     let all = all.ok_or("a schema without fields; the file is damaged")?;
     all.iter().map(|field| read(field.map_err(damaged)?, "", Inside::default(), &mut left)).collect()
 }
@@ -82,14 +82,14 @@ struct Inside {
 fn read(field: FieldRef<'_>, above: &str, inside: Inside, left: &mut usize) -> Result<Field, String> {
     // Fields may refer to one another, and a small file to many.
     *left = left.checked_sub(1).ok_or("more than 4096 fields; save only those of the joints")?;
-    if inside.depth > MOST_DEPTH {
+    if inside.depth > MAX_DEPTH {
         return Err("fields inside fields, more than 32 deep; save plain columns".into());
     }
-    let own = field.name().map_err(damaged)?.unwrap_or("");
+    let name = field.name().map_err(damaged)?.unwrap_or("");
     let name = match (above, inside.list) {
         (_, true) => above.to_owned(),
-        ("", false) => own.to_owned(),
-        (above, false) => format!("{above}/{own}"),
+        ("", false) => name.to_owned(),
+        (above, false) => format!("{above}/{name}"),
     };
     let kind = field.type_().map_err(damaged)?.ok_or("a field without a type; the file is damaged")?;
     let (mut layout, mut refused, per_second) = layout(&kind)?;

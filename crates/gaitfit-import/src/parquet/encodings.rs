@@ -192,7 +192,7 @@ pub(super) fn delta(mut bytes: &[u8], physical: Physical, count: usize) -> Resul
         out.push(physical.integer(value));
     }
     while out.len() < count {
-        let least = zigzag(varint(bytes)?);
+        let min = zigzag(varint(bytes)?);
         let widths = bytes.get(..parts).ok_or(CUT)?;
         *bytes = &bytes[parts..];
         for width in widths.iter().map(|width| usize::from(*width)) {
@@ -208,7 +208,7 @@ pub(super) fn delta(mut bytes: &[u8], physical: Physical, count: usize) -> Resul
             *bytes = rest;
             for i in 0..each.min(count - out.len()) {
                 let difference = packed(group, width, i) as i64;
-                value = value.wrapping_add(least).wrapping_add(difference);
+                value = value.wrapping_add(min).wrapping_add(difference);
                 out.push(physical.integer(value));
             }
         }

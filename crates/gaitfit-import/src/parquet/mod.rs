@@ -14,7 +14,7 @@ use polars_parquet_format::thrift::protocol::TCompactInputProtocol;
 /// First and last bytes.
 pub(crate) const MAGIC: &[u8] = b"PAR1";
 /// Most bytes that the footer may make.
-const MOST_FOOTER: usize = 256 << 20;
+const MAX_FOOTER: usize = 256 << 20;
 
 /// The columns of the file.
 pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, String> {
@@ -24,7 +24,7 @@ pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, String> {
     let (footer, length) = footer.split_last_chunk::<4>().ok_or_else(cut)?;
     let length = u32::from_le_bytes(*length) as usize;
     let begin = footer.len().checked_sub(length).filter(|begin| *begin >= MAGIC.len()).ok_or_else(cut)?;
-    let mut protocol = TCompactInputProtocol::new(&footer[begin..], MOST_FOOTER);
+    let mut protocol = TCompactInputProtocol::new(&footer[begin..], MAX_FOOTER);
     let metadata = FileMetaData::read_from_in_protocol(&mut protocol)
         .map_err(|error| format!("its footer: {error}; the file is damaged"))?;
     let leaves = schema::leaves(&metadata.schema)?;

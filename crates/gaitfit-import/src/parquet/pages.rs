@@ -9,7 +9,7 @@ use polars_parquet_format::{ColumnMetaData, CompressionCodec, Encoding, PageHead
 use std::borrow::Cow;
 
 /// Most bytes that a page's header may make: it holds names and statistics.
-const MOST_HEADER: usize = 1 << 20;
+const MAX_HEADER: usize = 1 << 20;
 const CUT: &str = "a page is cut short; the file is damaged";
 
 /// Adds the column's values in one row group, which begins at row `first`, to `column`.
@@ -32,7 +32,7 @@ pub(super) fn read(
     let (mut values, mut row) = (0, first);
     while values < wanted {
         let header = {
-            let mut protocol = TCompactInputProtocol::new(&mut rest, MOST_HEADER);
+            let mut protocol = TCompactInputProtocol::new(&mut rest, MAX_HEADER);
             PageHeader::read_from_in_protocol(&mut protocol)
         };
         let header = header.map_err(|error| format!("a page's header: {error}; the file is damaged"))?;
@@ -91,14 +91,14 @@ fn take<'a>(page: &mut &'a [u8], length: i32) -> Result<&'a [u8], String> {
     Ok(taken)
 }
 
-/// Bits of levels up to `most`.
-fn width(most: u32) -> usize {
-    (u32::BITS - most.leading_zeros()) as usize
+/// Bits of levels up to `max`.
+fn width(max: u32) -> usize {
+    (u32::BITS - max.leading_zeros()) as usize
 }
 
 /// The levels at the beginning of a page of the first version: 4 bytes of length, then runs.
-fn levels(page: &mut &[u8], encoding: Encoding, most: u32, count: usize) -> Result<Vec<u32>, String> {
-    if most == 0 {
+fn levels(page: &mut &[u8], encoding: Encoding, max: u32, count: usize) -> Result<Vec<u32>, String> {
+    if max == 0 {
         return Ok(Vec::new());
     }
     if encoding != Encoding::RLE {
@@ -106,7 +106,7 @@ fn levels(page: &mut &[u8], encoding: Encoding, most: u32, count: usize) -> Resu
     }
     let (length, rest) = page.split_first_chunk::<4>().ok_or(CUT)?;
     let length = u32::from_le_bytes(*length) as usize;
-    let found = hybrid(rest.get(..length).ok_or(CUT)?, width(most), count)?;
+    let found = hybrid(rest.get(..length).ok_or(CUT)?, width(max), count)?;
     *page = &rest[length..];
     Ok(found)
 }
@@ -115,7 +115,7 @@ fn levels(page: &mut &[u8], encoding: Encoding, most: u32, count: usize) -> Resu
 fn present(defined: &[u32], leaf: &Leaf, count: usize) -> usize {
     match leaf.defined {
         0 => count,
-        most => defined.iter().filter(|level| **level == most).count(),
+        max => defined.iter().filter(|level| **level == max).count(),
     }
 }
 

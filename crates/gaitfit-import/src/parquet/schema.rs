@@ -4,7 +4,7 @@ use super::encodings::Physical;
 use polars_parquet_format::{ConvertedType, FieldRepetitionType, LogicalType, SchemaElement, TimeUnit, Type};
 
 /// Deepest groups inside each other.
-const MOST_DEPTH: usize = 32;
+const MAX_DEPTH: usize = 32;
 
 /// A column.
 #[derive(Debug)]
@@ -60,7 +60,7 @@ fn walk(
     let damaged = "a schema that does not fit together; the file is damaged";
     let element = schema.get(*next).ok_or(damaged)?;
     *next += 1;
-    if above.depth > MOST_DEPTH {
+    if above.depth > MAX_DEPTH {
         return Err("columns inside columns, more than 32 deep; save plain columns".into());
     }
     let mut here = above.clone();
@@ -133,14 +133,14 @@ fn physical(element: &SchemaElement) -> (Physical, Option<&'static str>) {
 
 /// Units a second of a column of times.
 fn per_second(element: &SchemaElement) -> Option<f64> {
-    let of = |unit: &TimeUnit| match unit {
+    let per_second = |unit: &TimeUnit| match unit {
         TimeUnit::MILLIS(_) => 1e3,
         TimeUnit::MICROS(_) => 1e6,
         TimeUnit::NANOS(_) => 1e9,
     };
     match (&element.logical_type, element.converted_type) {
-        (Some(LogicalType::TIMESTAMP(time)), _) => Some(of(&time.unit)),
-        (Some(LogicalType::TIME(time)), _) => Some(of(&time.unit)),
+        (Some(LogicalType::TIMESTAMP(time)), _) => Some(per_second(&time.unit)),
+        (Some(LogicalType::TIME(time)), _) => Some(per_second(&time.unit)),
         (_, Some(ConvertedType::TIMESTAMP_MILLIS | ConvertedType::TIME_MILLIS)) => Some(1e3),
         (_, Some(ConvertedType::TIMESTAMP_MICROS | ConvertedType::TIME_MICROS)) => Some(1e6),
         _ => None,

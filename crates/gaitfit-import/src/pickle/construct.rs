@@ -27,7 +27,7 @@ pub(crate) struct Tensor {
 }
 
 /// Most axes of an array.
-const MOST_AXES: usize = 16;
+const MAX_AXES: usize = 16;
 
 /// What `function(*arguments)` gives.
 pub(crate) fn call(nodes: &[Node], function: Id, arguments: Id, budget: &mut Budget) -> Result<Node, String> {
@@ -192,7 +192,7 @@ fn array(
 }
 
 fn sizes(nodes: &[Node], ids: &[Id]) -> Result<Vec<usize>, String> {
-    if ids.len() > MOST_AXES {
+    if ids.len() > MAX_AXES {
         return Err("an array of too many axes".into());
     }
     let one = |id: &Id| match &nodes[*id] {

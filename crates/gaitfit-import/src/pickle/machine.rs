@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 /// Most objects of a pickle. Each takes some tens of bytes.
-const MOST_NODES: usize = 20_000_000;
+const MAX_NODES: usize = 20_000_000;
 
 /// Number of an object.
 pub(crate) type Id = usize;
@@ -300,8 +300,8 @@ impl<'a> Machine<'a> {
     }
 
     fn push(&mut self, node: Node) -> Result<(), String> {
-        if self.nodes.len() >= MOST_NODES {
-            return Err(format!("more than {MOST_NODES} objects; save plain arrays"));
+        if self.nodes.len() >= MAX_NODES {
+            return Err(format!("more than {MAX_NODES} objects; save plain arrays"));
         }
         self.nodes.push(node);
         self.stack.push(self.nodes.len() - 1);
@@ -374,8 +374,8 @@ impl<'a> Machine<'a> {
         let id = *self.memo.get(&key).ok_or("an object is used that is not there")?;
         self.stack.push(id);
         // The stack alone could grow without new objects.
-        if self.stack.len() > MOST_NODES {
-            return Err(format!("more than {MOST_NODES} objects; save plain arrays"));
+        if self.stack.len() > MAX_NODES {
+            return Err(format!("more than {MAX_NODES} objects; save plain arrays"));
         }
         Ok(())
     }

@@ -11,9 +11,9 @@ use std::rc::Rc;
 /// Deepest dictionary in dictionaries.
 const DEEPEST: usize = 8;
 /// Most named arrays.
-const MOST_ARRAYS: usize = 10_000;
+const MAX_ARRAYS: usize = 10_000;
 /// Most objects looked at: objects that hold each other are seen more than once.
-const MOST_VISITS: usize = 1_000_000;
+const MAX_VISITS: usize = 1_000_000;
 
 /// Gives the bytes of a PyTorch storage.
 pub(crate) type Storages<'a> = dyn FnMut(&str, &mut Budget) -> Result<Rc<[u8]>, String> + 'a;
@@ -49,7 +49,7 @@ impl Numbers<'_, '_> {
     /// Adds what `id` holds under `name`.
     fn gather(&mut self, name: &str, id: Id, depth: usize, out: &mut Arrays) -> Result<(), String> {
         self.visits += 1;
-        if depth > DEEPEST || out.numbers.len() >= MOST_ARRAYS || self.visits > MOST_VISITS {
+        if depth > DEEPEST || out.numbers.len() >= MAX_ARRAYS || self.visits > MAX_VISITS {
             return Ok(());
         }
         let nodes = self.nodes;

@@ -6,7 +6,7 @@ use super::value::Value;
 /// Deepest type in types.
 const DEEPEST: usize = 32;
 /// Sequences of bytes longer than this are pictures or point clouds and are passed over.
-const MOST_KEPT: usize = 1 << 16;
+const MAX_KEPT: usize = 1 << 16;
 
 struct Reader<'a> {
     bytes: &'a [u8],
@@ -83,7 +83,7 @@ impl<'a> Reader<'a> {
             }
             return Ok(Value::List(items));
         }
-        if matches!(base, Base::U8 | Base::I8 | Base::Bool) && count > MOST_KEPT {
+        if matches!(base, Base::U8 | Base::I8 | Base::Bool) && count > MAX_KEPT {
             self.take(count)?;
             return Ok(Value::Numbers(Vec::new()));
         }

@@ -5,13 +5,13 @@ use super::{cdr, message, schema};
 use crate::budget::Budget;
 use crate::known::{Role, UNITREE_GO, UNITREE_HG, is_action, is_command};
 use crate::mapping::Mapping;
-use crate::table::{MOST_COLUMNS, Source, Sparse, Table};
+use crate::table::{MAX_COLUMNS, Source, Sparse, Table};
 use gaitfit_model::shown;
 use indexmap::IndexMap;
 use std::collections::BTreeMap;
 
 /// Most topics of a bag.
-const MOST_TOPICS: usize = 10_000;
+const MAX_TOPICS: usize = 10_000;
 
 /// A topic as a bag describes it.
 #[derive(Clone, Debug, Default)]
@@ -45,17 +45,17 @@ pub(crate) struct Messages<'a> {
     mapping: &'a Mapping,
     streams: IndexMap<(String, String), Stream>,
     /// What a file that this program wrote says beside its messages.
-    own: BTreeMap<String, String>,
+    metadata: BTreeMap<String, String>,
 }
 
 impl<'a> Messages<'a> {
     pub fn new(mapping: &'a Mapping) -> Self {
-        Messages { mapping, streams: IndexMap::new(), own: BTreeMap::new() }
+        Messages { mapping, streams: IndexMap::new(), metadata: BTreeMap::new() }
     }
 
     /// Takes the metadata of a file that this program wrote.
-    pub fn own(&mut self, entries: BTreeMap<String, String>) {
-        self.own = entries;
+    pub fn take_metadata(&mut self, entries: BTreeMap<String, String>) {
+        self.metadata = entries;
     }
 
     /// The number to give with the topic's messages.
@@ -64,8 +64,8 @@ impl<'a> Messages<'a> {
         if let Some(number) = self.streams.get_index_of(&key) {
             return Ok(number);
         }
-        if self.streams.len() >= MOST_TOPICS {
-            return Err(format!("more than {MOST_TOPICS} topics; is this a bag?"));
+        if self.streams.len() >= MAX_TOPICS {
+            return Err(format!("more than {MAX_TOPICS} topics; is this a bag?"));
         }
         let parts: Vec<&str> = channel.topic.split('/').collect();
         let streams = &self.mapping.streams;
@@ -152,8 +152,8 @@ impl<'a> Messages<'a> {
         stream.logged.push(log_ns);
         stream.stamped.extend(message::stamp_ns(&value));
         for (name, number) in columns {
-            if stream.sparse.columns.len() >= MOST_COLUMNS && !stream.sparse.columns.contains_key(&name) {
-                return Err(format!("{}: more than {MOST_COLUMNS} columns", shown(&stream.channel.topic)));
+            if stream.sparse.columns.len() >= MAX_COLUMNS && !stream.sparse.columns.contains_key(&name) {
+                return Err(format!("{}: more than {MAX_COLUMNS} columns", shown(&stream.channel.topic)));
             }
             let (rows, values) = stream.sparse.columns.entry(name).or_default();
             // A name that is there twice counts once.
@@ -182,10 +182,10 @@ impl<'a> Messages<'a> {
                 shown(missing)
             ));
         }
-        let numbers = |name: &str| serde_json::from_str::<Vec<f64>>(self.own.get(name)?).ok();
+        let numbers = |name: &str| serde_json::from_str::<Vec<f64>>(self.metadata.get(name)?).ok();
         source.gains = numbers("kp").zip(numbers("kd"));
-        source.robot = self.own.get("robot").cloned();
-        source.fell = self.own.get("fell").is_some_and(|text| text == "true");
+        source.robot = self.metadata.get("robot").cloned();
+        source.fell = self.metadata.get("fell").is_some_and(|text| text == "true");
         let mut read: Vec<Stream> = Vec::new();
         for ((topic, kind), stream) in self.streams {
             let take = &self.mapping.streams.take;
@@ -222,7 +222,7 @@ impl<'a> Messages<'a> {
             () if unitree("unitree_go/") => Some(&UNITREE_GO),
             () => None,
         };
-        let clocks: Vec<Clock> = read.iter().map(Clock::of).collect();
+        let clocks: Vec<Clock> = read.iter().map(Clock::from_stream).collect();
         let state =
             read.iter().position(|stream| stream.sparse.columns.keys().any(|name| name.starts_with("q_")));
         let state = state.unwrap_or(0);
@@ -274,7 +274,7 @@ struct Clock {
 }
 
 impl Clock {
-    fn of(stream: &Stream) -> Clock {
+    fn from_stream(stream: &Stream) -> Clock {
         let topic = stream.channel.topic.clone();
         let whole = stream.stamped.len() == stream.logged.len();
         let backward = stream.stamped.windows(2).filter(|pair| pair[1] <= pair[0]).count();

@@ -7,7 +7,7 @@ use crate::known::{COMMAND, QUATERNION, RATES, Role};
 pub(crate) type Columns = Vec<(String, f64)>;
 
 /// Most numbers of a message of unknown type that a mapping asks for.
-const MOST_FLAT: usize = 1000;
+const MAX_FLAT: usize = 1000;
 
 /// The columns of a message; empty if its fields are not known. `joints` is what its joints' positions are: positions,
 /// targets or actions.
@@ -158,15 +158,15 @@ pub(crate) fn flat(message: &Value) -> Columns {
     let mut out = Columns::new();
     let mut waiting = vec![(String::new(), message)];
     while let Some((path, value)) = waiting.pop() {
-        if out.len() >= MOST_FLAT {
+        if out.len() >= MAX_FLAT {
             break;
         }
         match value {
             Value::Number(number) => out.push((path, *number)),
-            Value::Numbers(numbers) if numbers.len() <= MOST_FLAT => {
+            Value::Numbers(numbers) if numbers.len() <= MAX_FLAT => {
                 out.extend(numbers.iter().enumerate().map(|(i, number)| (format!("{path}[{i}]"), *number)));
             }
-            Value::List(items) if items.len() <= MOST_FLAT => {
+            Value::List(items) if items.len() <= MAX_FLAT => {
                 waiting.extend(items.iter().enumerate().map(|(i, item)| (format!("{path}[{i}]"), item)));
             }
             Value::Struct(fields) => {

@@ -6,9 +6,9 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 /// Largest definition, bytes, most types and most fields in it.
-const MOST_BYTES: usize = 1 << 20;
-const MOST_TYPES: usize = 2000;
-const MOST_FIELDS: usize = 20_000;
+const MAX_BYTES: usize = 1 << 20;
+const MAX_TYPES: usize = 2000;
+const MAX_FIELDS: usize = 20_000;
 
 /// What a field holds, one element of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,8 +69,8 @@ type Written<'a> = (&'a str, &'a str, Count);
 /// Reads the definition of the type called `name`. Types that the text lacks are those of ROS and Unitree that
 /// [`builtin`] knows.
 pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, String> {
-    if text.len() > MOST_BYTES {
-        return Err(format!("a definition of more than {MOST_BYTES} bytes"));
+    if text.len() > MAX_BYTES {
+        return Err(format!("a definition of more than {MAX_BYTES} bytes"));
     }
     let root = short_name(name);
     let mut texts: HashMap<String, &str> = HashMap::new();
@@ -86,8 +86,8 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, String> {
             (bare.len() >= 10 && bare.bytes().all(|byte| byte == b'=')).then_some((start, at))
         });
         let (own, after) = end.map_or((rest, None), |(start, after)| (&rest[..start], Some(&rest[after..])));
-        if texts.len() >= MOST_TYPES {
-            return Err(format!("a definition of more than {MOST_TYPES} types"));
+        if texts.len() >= MAX_TYPES {
+            return Err(format!("a definition of more than {MAX_TYPES} types"));
         }
         if !own.trim().is_empty() || !key.is_empty() {
             texts.entry(std::mem::take(&mut key)).or_insert(own);
@@ -112,18 +112,18 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, String> {
     let mut types: Vec<Vec<Field>> = Vec::new();
     let mut fields = 0;
     while let Some(name) = waiting.get(types.len()).cloned() {
-        let own = match texts.get(&name) {
-            Some(own) => own,
+        let definition = match texts.get(&name) {
+            Some(definition) => definition,
             None => builtin::definition(&name)
                 .ok_or_else(|| format!("no definition of `{}` in the file", shown(&name)))?,
         };
         let package = name.split('/').next().unwrap_or("").to_owned();
         let mut list = Vec::new();
-        for line in own.lines() {
+        for line in definition.lines() {
             let Some((kind, field, count)) = field(line)? else { continue };
             fields += 1;
-            if fields > MOST_FIELDS {
-                return Err(format!("a definition of more than {MOST_FIELDS} fields"));
+            if fields > MAX_FIELDS {
+                return Err(format!("a definition of more than {MAX_FIELDS} fields"));
             }
             let base = match primitive(kind) {
                 Some(base) => base,
@@ -138,8 +138,8 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, String> {
                     let next = numbers.len();
                     let number = *numbers.entry(full.clone()).or_insert(next);
                     if number == next {
-                        if next >= MOST_TYPES {
-                            return Err(format!("a definition of more than {MOST_TYPES} types"));
+                        if next >= MAX_TYPES {
+                            return Err(format!("a definition of more than {MAX_TYPES} types"));
                         }
                         waiting.push(full);
                     }

@@ -118,7 +118,7 @@ fn tile(
 pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<CrossingSummary> {
     let settings = course.settings();
     let mut kinds: Vec<(TerrainKind, &'static str)> = Vec::new();
-    let of = |cell: Cell| {
+    let place = |cell: Cell| {
         let kind = course.kind(cell);
         let direction = match kind {
             TerrainKind::Flat | TerrainKind::Rough => "",
@@ -128,7 +128,7 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
         (kind, direction)
     };
     for column in 0..settings.columns {
-        let kind = of(Cell { level: 0, column });
+        let kind = place(Cell { level: 0, column });
         if !kinds.contains(&kind) {
             kinds.push(kind);
         }
@@ -139,13 +139,13 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
             let here = || {
                 crossings
                     .iter()
-                    .filter(move |one| one.cell.level == level && of(one.cell) == (kind, direction))
+                    .filter(move |one| one.cell.level == level && place(one.cell) == (kind, direction))
             };
             let robots = here().count();
             let share =
                 |wanted: fn(&&Crossing) -> bool| Estimate::share(here().filter(wanted).count(), robots);
             let column =
-                (0..settings.columns).find(|&column| of(Cell { level, column }) == (kind, direction));
+                (0..settings.columns).find(|&column| place(Cell { level, column }) == (kind, direction));
             let cell = Cell { level, column: column.unwrap_or_default() };
             let speeds: Vec<f64> = here().map(|one| one.distance / one.seconds.max(1e-9)).collect();
             all.push(CrossingSummary {
@@ -156,7 +156,7 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
                 robots,
                 crossed: share(|one| one.crossed),
                 fell: share(|one| one.fell),
-                speed: Estimate::of(&speeds),
+                speed: Estimate::from_values(&speeds),
             });
         }
     }

@@ -128,7 +128,8 @@ fn trial(
             [x - wanted[0], y - wanted[1], wrap(yaw - wanted[2])]
         })
         .collect();
-    let estimate = |axis: usize| Estimate::of(&errors.iter().map(|error| error[axis]).collect::<Vec<_>>());
+    let estimate =
+        |axis: usize| Estimate::from_values(&errors.iter().map(|error| error[axis]).collect::<Vec<_>>());
     let count = |robots: &[bool]| robots.iter().filter(|&&is| is).count();
     Ok(DriftTrial {
         name,

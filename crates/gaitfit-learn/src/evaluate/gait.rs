@@ -93,7 +93,7 @@ pub fn record_gait_on(
         joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
         ..GaitRecord::default()
     };
-    let mut clearance = Clearance::of(task);
+    let mut clearance = Clearance::new(task);
     let mut step = 0;
     for &(seconds, command) in commands {
         player.environment.hold_command(0, command.map(|x| x as f32));
@@ -131,7 +131,7 @@ struct Clearance {
 }
 
 impl Clearance {
-    fn of(task: &Task) -> Self {
+    fn new(task: &Task) -> Self {
         let contacts = task.walker.batch.contact_geoms();
         let geoms = |foot: &FootGeoms| foot.geoms.iter().map(|&place| contacts[place]).collect();
         Self { geoms: task.foot_geoms().iter().map(geoms).collect(), angles: Vec::new() }
@@ -208,8 +208,8 @@ impl GaitRecord {
             let row = &self.contact[step * feet..(step + 1) * feet];
             let mut full = 0;
             let mut mixed = false;
-            let most = groups.iter().flatten().max().map_or(0, |most| most + 1);
-            for group in 0..most {
+            let max = groups.iter().flatten().max().map_or(0, |max| max + 1);
+            for group in 0..max {
                 let members = || row.iter().zip(groups).filter(|(_, g)| **g == Some(group)).map(|(c, _)| *c);
                 match (members().all(|c| c), members().any(|c| c)) {
                     (true, _) => full += 1,

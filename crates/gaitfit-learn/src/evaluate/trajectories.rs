@@ -164,7 +164,7 @@ impl Trials {
 /// Means over trajectories.
 pub fn summarise(trials: &[Trial]) -> TrialSummary {
     let finite = || trials.iter().filter(|trial| !trial.diverged);
-    let estimate = |value: fn(&Trial) -> f64| Estimate::of(&finite().map(value).collect::<Vec<_>>());
+    let estimate = |value: fn(&Trial) -> f64| Estimate::from_values(&finite().map(value).collect::<Vec<_>>());
     TrialSummary {
         trajectories: trials.len(),
         reward: estimate(|trial| trial.reward),

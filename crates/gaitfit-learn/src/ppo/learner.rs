@@ -266,7 +266,7 @@ impl Learner {
                 let [actor, critic] =
                     [&self.actor, &self.critic].map(|n| Weights::new(&n.shape, &n.parameters));
                 let point = Point { actor, critic, constants };
-                let sums = self.gradients.of(&point, tiles, part, &scales);
+                let sums = self.gradients.compute(&point, tiles, part, &scales);
                 // Before the actor's first step the policy is the one that sampled: its divergence says nothing.
                 let unmoved = critic_alone || (epoch == 0 && minibatch == 0);
                 self.step(&sums, part.len(), critic_alone, unmoved, &mut report)
@@ -318,11 +318,11 @@ impl Learner {
             }
         }
         if self.settings.schedule == Schedule::Adaptive && !unmoved {
-            let [least, greatest] = self.settings.learning_rate_limits;
+            let [min, max] = self.settings.learning_rate_limits;
             if kl > 2.0 * self.settings.desired_kl {
-                self.learning_rate = (self.learning_rate / 1.5).max(least);
+                self.learning_rate = (self.learning_rate / 1.5).max(min);
             } else if kl < 0.5 * self.settings.desired_kl {
-                self.learning_rate = (self.learning_rate * 1.5).min(greatest);
+                self.learning_rate = (self.learning_rate * 1.5).min(max);
             }
         }
         let norm = squares.iter().sum::<f64>().sqrt();
@@ -366,10 +366,13 @@ impl Learner {
         }
         for tile in tiles {
             if let Some(normaliser) = &mut self.normaliser {
-                normaliser.merge(&Normaliser::of(self.widths.observation, &tile.observation));
+                normaliser.merge(&Normaliser::from_samples(self.widths.observation, &tile.observation));
             }
             if let Some(normaliser) = &mut self.critic_normaliser {
-                normaliser.merge(&Normaliser::of(self.widths.critic_observation, &tile.critic_observation));
+                normaliser.merge(&Normaliser::from_samples(
+                    self.widths.critic_observation,
+                    &tile.critic_observation,
+                ));
             }
         }
     }

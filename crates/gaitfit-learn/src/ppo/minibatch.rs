@@ -57,7 +57,7 @@ impl Gradients {
     }
 
     /// Fills `total` with the gradient over the samples at `places` and returns the sums of the losses.
-    pub(super) fn of(
+    pub(super) fn compute(
         &mut self,
         point: &Point<'_, f32>,
         tiles: &[Samples],

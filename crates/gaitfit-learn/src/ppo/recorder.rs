@@ -62,9 +62,12 @@ impl Recorder {
     pub fn observations(&mut self) -> (&mut [f32], &mut [f32]) {
         let Samples { environments, widths, .. } = self.samples;
         let rows = self.step * environments..(self.step + 1) * environments;
-        let of = |width: usize| rows.start * width..rows.end * width;
+        let range = |width: usize| rows.start * width..rows.end * width;
         let Samples { observation, critic_observation, .. } = &mut self.samples;
-        (&mut observation[of(widths.observation)], &mut critic_observation[of(widths.critic_observation)])
+        (
+            &mut observation[range(widths.observation)],
+            &mut critic_observation[range(widths.critic_observation)],
+        )
     }
 
     /// Draws the actions of the present step under the learner's policy, and foresees its values. `number`: of the
@@ -75,14 +78,14 @@ impl Recorder {
     pub fn act(&mut self, learner: &Learner, number: u32) {
         let Samples { environments, widths, .. } = self.samples;
         let rows = self.step * environments..(self.step + 1) * environments;
-        let of = |width: usize| rows.start * width..rows.end * width;
+        let range = |width: usize| rows.start * width..rows.end * width;
         let samples = &mut self.samples;
-        let mean = &mut samples.mean[of(widths.action)];
-        let seen = &samples.observation[of(widths.observation)];
+        let mean = &mut samples.mean[range(widths.action)];
+        let seen = &samples.observation[range(widths.observation)];
         learner.means(environments, seen, mean, &mut self.scratch);
-        let seen = &samples.critic_observation[of(widths.critic_observation)];
+        let seen = &samples.critic_observation[range(widths.critic_observation)];
         learner.values(environments, seen, &mut samples.value[rows.clone()], &mut self.scratch);
-        let action = &mut samples.action[of(widths.action)];
+        let action = &mut samples.action[range(widths.action)];
         let log_probability = &mut samples.log_probability[rows.clone()];
         self.exploration.draw(learner.log_std(), number, mean, action, log_probability);
     }

@@ -55,7 +55,7 @@ pub struct Settings {
     pub schedule: Schedule,
     /// KL divergence that the adaptive schedule aims for, nats.
     pub desired_kl: f64,
-    /// Least and greatest learning rate of the adaptive schedule.
+    /// Min and max learning rate of the adaptive schedule.
     pub learning_rate_limits: [f64; 2],
     /// Limit on the Euclidean norm of the whole gradient (actor, critic and log-std together).
     pub max_gradient_norm: f64,
@@ -113,7 +113,7 @@ pub struct SettingsError {
 /// Most hidden layers of a network, and most units of one.
 const MAX_LAYERS: usize = 16;
 const MAX_WIDTH: usize = 4096;
-/// Largest limit on the gradient's norm: its square must stay far from the greatest `f32`.
+/// Largest limit on the gradient's norm: its square must stay far from the largest `f32`.
 const MAX_GRADIENT_NORM: f64 = 1e9;
 
 impl Settings {
@@ -164,9 +164,9 @@ impl Settings {
         not_negative("entropy_coefficient", self.entropy_coefficient)?;
         positive("learning_rate", self.learning_rate)?;
         positive("desired_kl", self.desired_kl)?;
-        let [least, greatest] = self.learning_rate_limits;
+        let [min, max] = self.learning_rate_limits;
         require(
-            least > 1e-30 && least <= greatest && greatest <= 1e3,
+            min > 1e-30 && min <= max && max <= 1e3,
             "learning_rate_limits",
             format!("{:?}", self.learning_rate_limits),
             "give two numbers above 0, the lower first, at most 1000",

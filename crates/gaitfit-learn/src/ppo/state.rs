@@ -92,8 +92,8 @@ impl Learner {
                 return Err(StateError::Size { name, expected: mine.len(), found: values.len() });
             }
             // Adam takes roots of its second moments.
-            let least = if name == "adam.second" { 0.0 } else { f32::MIN };
-            if let Some(&value) = values.iter().find(|&&x| !(x.is_finite() && x >= least)) {
+            let min = if name == "adam.second" { 0.0 } else { f32::MIN };
+            if let Some(&value) = values.iter().find(|&&x| !(x.is_finite() && x >= min)) {
                 return Err(StateError::Number { name, value: f64::from(value) });
             }
             found.push(values);

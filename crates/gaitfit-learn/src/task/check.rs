@@ -77,15 +77,15 @@ fn check_joint_numbers(settings: &TaskSettings) -> Result<(), TaskError> {
         ("policy.kp", Some(&policy.kp), 1e5),
         ("policy.kd", Some(&policy.kd), 1e4),
     ];
-    for (setting, number, most) in numbers {
+    for (setting, number, max) in numbers {
         for (pattern, value) in number.into_iter().flat_map(JointNumber::entries) {
             let zero = setting == "policy.kd" || setting == "policy.kp" && pattern.is_some();
-            if value > 0.0 && value <= most || zero && value == 0.0 {
+            if value > 0.0 && value <= max || zero && value == 0.0 {
                 continue;
             }
-            let of = pattern.map(|pattern| format!(" for `{}`", shown(pattern))).unwrap_or_default();
-            let must = if zero { format!("from 0 to {most}") } else { format!("above 0 and at most {most}") };
-            return refuse(setting, format!("is {}{of}; it must be {must}", shown_number(value)));
+            let suffix = pattern.map(|pattern| format!(" for `{}`", shown(pattern))).unwrap_or_default();
+            let must = if zero { format!("from 0 to {max}") } else { format!("above 0 and at most {max}") };
+            return refuse(setting, format!("is {}{suffix}; it must be {must}", shown_number(value)));
         }
     }
     Ok(())
@@ -103,14 +103,14 @@ fn check_curriculum(command: &CommandSettings) -> Result<(), TaskError> {
     };
     let (first, last) = (command.ranges(0.0), command.ranges(1.0));
     for (k, name) in ["x", "y", "yaw"].into_iter().enumerate() {
-        let ([low, high], [least, most]) = (first[k], last[k]);
-        if !(low >= least && low <= high && high <= most) {
+        let ([low, high], [min, max]) = (first[k], last[k]);
+        if !(low >= min && low <= high && high <= max) {
             let what = format!(
                 "is [{}, {}]; it must be [smallest, largest] inside task.command.{name}, [{}, {}]",
                 shown_number(low),
                 shown_number(high),
-                shown_number(least),
-                shown_number(most)
+                shown_number(min),
+                shown_number(max)
             );
             return refuse(&format!("command.curriculum.{name}"), what);
         }
@@ -141,20 +141,20 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
         ("command.seconds", settings.command.seconds, 1e4),
         ("fall.tilt", settings.fall.tilt, 180.0),
     ];
-    for (setting, value, most) in positive {
-        if !(value > 0.0 && value <= most) {
+    for (setting, value, max) in positive {
+        if !(value > 0.0 && value <= max) {
             return refuse(
                 setting,
-                format!("is {}; it must be above 0 and at most {most}", shown_number(value)),
+                format!("is {}; it must be above 0 and at most {max}", shown_number(value)),
             );
         }
     }
     check_joint_numbers(settings)?;
     if let Some(step) = settings.robot_timestep {
-        let most = 2.0 * settings.control_dt / settings.substeps.max(1) as f64;
-        if !(0.0..=most).contains(&step) {
+        let max = 2.0 * settings.control_dt / settings.substeps.max(1) as f64;
+        if !(0.0..=max).contains(&step) {
             let what =
-                format!("is {}; it must be from 0 to {most} s, twice the physics step", shown_number(step));
+                format!("is {}; it must be from 0 to {max} s, twice the physics step", shown_number(step));
             return refuse("robot_timestep", what);
         }
     }
@@ -208,12 +208,12 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
         ("randomisation.armature", r.armature, 0.0),
         ("randomisation.delay", r.delay, 0.0),
     ];
-    for (setting, [low, high], least) in intervals {
-        if !(low >= least && low <= high && high <= 1e4) {
+    for (setting, [low, high], min) in intervals {
+        if !(low >= min && low <= high && high <= 1e4) {
             return refuse(
                 setting,
                 format!(
-                    "is [{}, {}]; it must be [smallest, largest], from {least} to 10000",
+                    "is [{}, {}]; it must be [smallest, largest], from {min} to 10000",
                     shown_number(low),
                     shown_number(high)
                 ),

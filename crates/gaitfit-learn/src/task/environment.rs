@@ -114,9 +114,9 @@ impl<'a> Environment<'a> {
             return refuse("robots", "have different networks, which robots of a tile share".to_owned());
         }
         let robots = task.robots(candidates, seed, first, count)?;
-        let of = |environment: u32| environment as usize % candidates.len();
-        let deviations =
-            (first..first + count as u32).map(|environment| candidates[of(environment)].torque_noise);
+        let robot_number = |environment: u32| environment as usize % candidates.len();
+        let deviations = (first..first + count as u32)
+            .map(|environment| candidates[robot_number(environment)].torque_noise);
         let joints = walker.joints.len();
         let mut environment = Self {
             task,
@@ -380,7 +380,7 @@ impl<'a> Environment<'a> {
             fallen,
         };
         self.step_terms.clear();
-        self.step_terms.extend(task.rewards.iter().map(|term| term.weight * term.value.of(&moment)));
+        self.step_terms.extend(task.rewards.iter().map(|term| term.weight * term.value.evaluate(&moment)));
         let sum: f32 = self.step_terms.iter().sum();
         if !sum.is_finite() {
             let term = self.step_terms.iter().position(|value| !value.is_finite());

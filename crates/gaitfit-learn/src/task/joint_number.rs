@@ -38,7 +38,7 @@ impl JointNumber {
             Self::All(value) => return Ok(vec![*value; wanted.len()]),
             Self::Table(table) => by_joint(model, table, setting)?,
         };
-        let of = |&joint: &usize| match table.get(joint).copied().flatten() {
+        let number = |&joint: &usize| match table.get(joint).copied().flatten() {
             Some(value) => Ok(value),
             None => refuse(
                 setting,
@@ -48,7 +48,7 @@ impl JointNumber {
                 ),
             ),
         };
-        wanted.iter().map(of).collect()
+        wanted.iter().map(number).collect()
     }
 }
 

@@ -34,12 +34,13 @@ impl Environment<'_> {
     pub fn restore(&mut self, saved: &Saved) -> Result<(), TaskError> {
         let past: usize = self.past.iter().map(Past::size).sum();
         let ways = 3 * self.ways.len();
-        let own = 3 * self.command.len() + self.last_action.rows().len() + 8 * self.feet.len() + ways + past;
+        let width =
+            3 * self.command.len() + self.last_action.rows().len() + 8 * self.feet.len() + ways + past;
         let foreign = TaskError::Setting {
             setting: "checkpoint".to_owned(),
             what: "is of another task, robot or number of environments".to_owned(),
         };
-        let Some(split) = saved.numbers.len().checked_sub(own) else { return Err(foreign) };
+        let Some(split) = saved.numbers.len().checked_sub(width) else { return Err(foreign) };
         let longest = self.task.episode_steps();
         if saved.steps.len() != self.steps.len() || saved.steps.iter().any(|&steps| steps > longest) {
             return Err(foreign);

@@ -308,7 +308,7 @@ fn a_term_that_is_not_finite_stops_the_training_by_name() {
 
 #[test]
 fn the_documentation_lists_every_name() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/training.md");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/tasks.md");
     let text = std::fs::read_to_string(path).unwrap();
     for quantity in Quantity::ALL {
         assert!(text.contains(&format!("`{}`", quantity.name())), "{} is not documented", quantity.name());

@@ -16,7 +16,7 @@ fn small(kind: TerrainKind) -> TerrainSettings {
         border: 1.0,
         step_height: [0.05, 0.15],
         start_level: 2,
-        ..TerrainSettings::of(Kinds::One(kind))
+        ..TerrainSettings::with_kind(Kinds::One(kind))
     }
 }
 
@@ -274,5 +274,5 @@ fn what_cannot_be_ground_is_refused_by_setting() {
     let error = refused(&boots, base());
     assert!(error.contains("`FL_foot` is a box") && error.contains("spheres"), "{error}");
     let flat = Task::new(&boots, &calm(), Preset::Fast).unwrap();
-    assert!(flat.walker.ground().is_none() && Surface::of(&boots).unwrap().is_none());
+    assert!(flat.walker.ground().is_none() && Surface::new(&boots).unwrap().is_none());
 }

@@ -83,9 +83,9 @@ fn of_base(log: &Trajectory, spec: &CheckSpec) -> Vec<Fall> {
     let Some(base) = &log.base else { return Vec::new() };
     let mut falls = Vec::new();
     let mut add = |down: Vec<bool>, sign| {
-        let least = (STUMBLE_S * log.rate_hz).ceil() as usize;
+        let min = (STUMBLE_S * log.rate_hz).ceil() as usize;
         for samples in stretches(&down) {
-            if samples.len() >= least || samples.end == down.len() {
+            if samples.len() >= min || samples.end == down.len() {
                 falls.push(Fall { samples, sign });
             }
         }

@@ -90,12 +90,13 @@ fn not_following(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
                 2 * held > asked
             })
             .collect();
-        let of = |value: fn(&Joint) -> f64| {
+        let middle = |value: fn(&Joint) -> f64| {
             typical(
                 part.iter().flat_map(|window| joints.iter().map(move |&joint| value(&window.joints[joint]))),
             )
         };
-        let (asked, moved, away) = (of(|j| j.target_motion), of(|j| j.motion), of(|j| j.distance));
+        let (asked, moved, away) =
+            (middle(|j| j.target_motion), middle(|j| j.motion), middle(|j| j.distance));
         let span = span(part);
         let away = if away.is_finite() { format!(", {} rad away", decimals(away, 2)) } else { String::new() };
         let message = format!(
@@ -117,9 +118,9 @@ fn single_joints(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
             windows.iter().zip(stuck).map(|(window, stuck)| !stuck && window.fails(joint)).collect();
         for run in runs(&held) {
             let part = &windows[run];
-            let of =
+            let middle =
                 |value: fn(&Joint) -> f64| typical(part.iter().map(|window| value(&window.joints[joint])));
-            let (asked, moved) = (of(|joint| joint.target_motion), of(|joint| joint.motion));
+            let (asked, moved) = (middle(|joint| joint.target_motion), middle(|joint| joint.motion));
             let span = span(part);
             let message = format!(
                 "{}, {} does not follow its target (which varies by {} rad, the joint by {} rad) \
@@ -182,10 +183,10 @@ fn resting(findings: &mut Findings, windows: &[Window], spec: &CheckSpec) {
 fn base(findings: &mut Findings, spec: &CheckSpec) {
     let log = findings.log;
     let Some(base) = &log.base else { return };
-    let least = ((TILTED_S * log.rate_hz) as usize).max(2);
+    let min = ((TILTED_S * log.rate_hz) as usize).max(2);
     if let Some(quaternion) = &base.quaternion {
         let upright: Vec<f64> = quaternion.chunks_exact(4).map(|q| spec.upright(q)).collect();
-        if let Some(span) = longest_below(&upright, TILTED, least) {
+        if let Some(span) = longest_below(&upright, TILTED, min) {
             let tilt =
                 upright[span.clone()].iter().fold(1.0f64, |low, &up| low.min(up)).clamp(-1.0, 1.0).acos();
             let message = format!(
@@ -198,7 +199,7 @@ fn base(findings: &mut Findings, spec: &CheckSpec) {
     }
     if let (Some(position), Some(limit)) = (&base.position, spec.lying_height) {
         let height: Vec<f64> = position.chunks_exact(3).map(|p| p[2]).collect();
-        if let Some(span) = longest_below(&height, limit, least) {
+        if let Some(span) = longest_below(&height, limit, min) {
             let lowest = height[span.clone()].iter().copied().fold(f64::INFINITY, f64::min);
             let message = format!(
                 "{}, the base is as low as {} m, below {} m; the robot lies: leave this part out",
@@ -211,8 +212,8 @@ fn base(findings: &mut Findings, spec: &CheckSpec) {
     }
 }
 
-/// Longest stretch of at least `least` values below `bound`.
-fn longest_below(values: &[f64], bound: f64, least: usize) -> Option<std::ops::Range<usize>> {
+/// Longest stretch of at least `min` values below `bound`.
+fn longest_below(values: &[f64], bound: f64, min: usize) -> Option<std::ops::Range<usize>> {
     let mut longest: Option<std::ops::Range<usize>> = None;
     let mut start = None;
     for i in 0..=values.len() {
@@ -220,7 +221,7 @@ fn longest_below(values: &[f64], bound: f64, least: usize) -> Option<std::ops::R
         match (below, start) {
             (true, None) => start = Some(i),
             (false, Some(from)) => {
-                if i - from >= least && longest.as_ref().is_none_or(|known| i - from > known.len()) {
+                if i - from >= min && longest.as_ref().is_none_or(|known| i - from > known.len()) {
                     longest = Some(from..i);
                 }
                 start = None;

@@ -38,7 +38,7 @@ fn named(reading: &Reading) -> (FindingKind, String) {
         let what = "the quaternion's columns w, x, y, z hold x, y, z, w".to_owned();
         return (FindingKind::QuaternionOrder, what);
     }
-    if !reading.own_axes() {
+    if !reading.base_axes() {
         let axes: Vec<String> = reading
             .axes
             .iter()
@@ -159,7 +159,7 @@ pub(super) fn check(findings: &mut Findings, clock_is_right: bool) {
     if let Some((reading, left)) = verdict.better {
         let (kind, what) = named(&reading);
         let settings = reading.settings();
-        let remedy = match (reading.own_axes(), reading.negated && !verdict.decided) {
+        let remedy = match (reading.base_axes(), reading.negated && !verdict.decided) {
             (false, _) => "record both in the base's frame".to_owned(),
             (true, true) => format!(
                 "state {} in the table [imu] of log.toml; if the orientation is from the world to the base, record its \
@@ -296,8 +296,8 @@ pub(super) fn hangs(log: &Trajectory, window: &Window) -> bool {
         (rates.iter().map(|x| x * x).sum::<f64>() / rows as f64).sqrt() < STILL_RATE
     };
     let level = |quaternion: &Vec<f64>| {
-        let own = BaseState { quaternion: Some(quaternion.clone()), ..BaseState::default() };
-        let all = gravity(&own);
+        let base = BaseState { quaternion: Some(quaternion.clone()), ..BaseState::default() };
+        let all = gravity(&base);
         let first = all.first().copied().unwrap_or_default();
         all.iter().all(|g| (0..3).map(|k| (g[k] - first[k]).powi(2)).sum::<f64>().sqrt() < STILL_TILT)
     };

@@ -56,7 +56,7 @@ fn torque(findings: &mut Findings, spec: &CheckSpec) {
     let log = findings.log;
     let (Some(gains), Some(_)) = (&log.gains, &log.target) else { return };
     let mut joints = Vec::new();
-    let mut most = (0, 0.0);
+    let mut max = (0, 0.0);
     for (joint, name) in log.joints.iter().enumerate() {
         let Some(&limit) = spec.effort_limits.get(name) else { continue };
         let columns =
@@ -68,8 +68,8 @@ fn torque(findings: &mut Findings, spec: &CheckSpec) {
         let share = beyond as f64 / log.len() as f64;
         if share > TORQUE_SHARE {
             joints.push(joint);
-            if share > most.1 {
-                most = (joint, share);
+            if share > max.1 {
+                max = (joint, share);
             }
         }
     }
@@ -78,8 +78,8 @@ fn torque(findings: &mut Findings, spec: &CheckSpec) {
             "PD torque of {} exceeds the motor's limit, most {} in {:.0} % of the samples; the motor clips it, so \
              the simulator must too; check gains and limits",
             findings.names(&joints),
-            shown(&log.joints[most.0]),
-            100.0 * most.1
+            shown(&log.joints[max.0]),
+            100.0 * max.1
         );
         findings.add(FindingKind::Saturated, Severity::Warning, &joints, None, message);
     }

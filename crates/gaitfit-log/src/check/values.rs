@@ -86,12 +86,12 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
             else {
                 continue;
             };
-            let Some((least, most)) = range(&column) else { continue };
-            let over = (low - least).max(most - high);
+            let Some((min, max)) = range(&column) else { continue };
+            let over = (low - min).max(max - high);
             if over > POSITION_SLACK {
                 joints.push(joint);
                 at_stops &= hits_its_stop(log, joint, &column, [*low, *high]);
-                if worst.is_none_or(|(_, most)| over > most) {
+                if worst.is_none_or(|(_, max)| over > max) {
                     worst = Some((joint, over));
                 }
             }
@@ -134,13 +134,13 @@ fn hits_its_stop(log: &Trajectory, joint: usize, column: &[f64], [low, high]: [f
     let side = |beyond: Vec<bool>, further: bool| {
         further || stretches(&beyond).iter().all(|stretch| stretch.len() as f64 <= brief)
     };
-    let (least, most) = range(column).unwrap_or_default();
+    let (min, max) = range(column).unwrap_or_default();
     side(
         column.iter().map(|q| *q < low - POSITION_SLACK).collect(),
-        target.is_some_and(|target| target.0 < least),
+        target.is_some_and(|target| target.0 < min),
     ) && side(
         column.iter().map(|q| *q > high + POSITION_SLACK).collect(),
-        target.is_some_and(|target| target.1 > most),
+        target.is_some_and(|target| target.1 > max),
     )
 }
 
@@ -158,7 +158,7 @@ fn velocity_limits(findings: &mut Findings, spec: &CheckSpec) {
         let ratio = high.max(-low) / limit;
         if ratio > 1.0 {
             joints.push(joint);
-            if worst.is_none_or(|(_, most, _)| ratio > most) {
+            if worst.is_none_or(|(_, max, _)| ratio > max) {
                 worst = Some((joint, ratio, high.max(-low)));
             }
         }
@@ -194,9 +194,9 @@ fn units(findings: &mut Findings, spec: &CheckSpec) {
                 let column = log.column_at(signal, joint).unwrap_or_default();
                 let Some((low, high)) = range(&column) else { return false };
                 // Limits tell degrees: beyond them by far, and within them as radians.
-                let within = |[least, most]: &[f64; 2]| {
-                    low.to_radians() > least - POSITION_IMPOSSIBLE
-                        && high.to_radians() < most + POSITION_IMPOSSIBLE
+                let within = |[min, max]: &[f64; 2]| {
+                    low.to_radians() > min - POSITION_IMPOSSIBLE
+                        && high.to_radians() < max + POSITION_IMPOSSIBLE
                 };
                 let possible = spec.position_limits.get(&log.joints[joint]).map_or(!turns(joint), within);
                 high.max(-low) > TWO_TURNS && possible
@@ -209,8 +209,8 @@ fn units(findings: &mut Findings, spec: &CheckSpec) {
             let column = log.column_at(Signal::Velocity, *joint).unwrap_or_default();
             range(&column).map_or(0.0, |(low, high)| high.max(-low))
         };
-        let most = joints.len() >= 2 && 2 * joints.len() > log.joints.len();
-        let (severity, remedy) = if most || joints.iter().any(|joint| speed(joint) > FASTER) {
+        let majority = joints.len() >= 2 && 2 * joints.len() > log.joints.len();
+        let (severity, remedy) = if majority || joints.iter().any(|joint| speed(joint) > FASTER) {
             (Severity::Error, "it is in degrees, it seems: multiply by π/180")
         } else {
             (

@@ -45,7 +45,7 @@ fn place(bytes: &[u8], before: &[u8]) -> Option<Range<usize>> {
 }
 
 /// Of the file with `place` blank.
-fn of(bytes: &[u8], place: Range<usize>) -> String {
+fn digest(bytes: &[u8], place: Range<usize>) -> String {
     let mut hash = Sha256::new();
     hash.update(&bytes[..place.start]);
     hash.update(blank());
@@ -56,12 +56,12 @@ fn of(bytes: &[u8], place: Range<usize>) -> String {
 /// Writes the checksum into its place, after `before`; false if there is none.
 pub fn seal(bytes: &mut [u8], before: &[u8]) -> bool {
     let Some(place) = place(bytes, before) else { return false };
-    let digits = of(bytes, place.clone());
+    let digits = digest(bytes, place.clone());
     bytes[place].copy_from_slice(digits.as_bytes());
     true
 }
 
 /// Whether the file is the one that was sealed, its checksum after `before`.
 pub fn intact(bytes: &[u8], before: &[u8]) -> bool {
-    place(bytes, before).is_some_and(|place| of(bytes, place.clone()).as_bytes() == &bytes[place])
+    place(bytes, before).is_some_and(|place| digest(bytes, place.clone()).as_bytes() == &bytes[place])
 }

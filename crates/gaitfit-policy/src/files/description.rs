@@ -324,8 +324,8 @@ impl Description {
         let mut tensors = Tensors::parse(bytes)?;
         let epsilon = self.layer_norm_epsilon.unwrap_or(LayerNorm::EPSILON);
         let kind = (activation, epsilon);
-        let own = self.normaliser.as_ref().filter(|_| self.memory.is_none() && self.encoder.is_none());
-        let mut actor = normalised(&mut tensors, &self.actor, kind, own)?;
+        let normaliser = self.normaliser.as_ref().filter(|_| self.memory.is_none() && self.encoder.is_none());
+        let mut actor = normalised(&mut tensors, &self.actor, kind, normaliser)?;
         actor.output = self.output_activation;
         let front = self.front(&mut tensors, interface, kind)?;
         let critic = match &self.critic {

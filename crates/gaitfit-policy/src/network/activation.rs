@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// Slope of [`Activation::LeakyRelu`] below 0 where nothing says another, as in PyTorch.
 const SLOPE: f32 = 0.01;
 /// Largest parameter.
-const MOST: f32 = 1e3;
+const MAX_PARAMETER: f32 = 1e3;
 
 /// Activation of every hidden layer, or of the output.
 ///
@@ -76,7 +76,7 @@ impl Activation {
 
     /// Whether its parameter is one that it can have.
     pub fn is_sound(self) -> bool {
-        self.parameter().is_none_or(|parameter| (0.0..=MOST).contains(&parameter))
+        self.parameter().is_none_or(|parameter| (0.0..=MAX_PARAMETER).contains(&parameter))
     }
 }
 
@@ -143,7 +143,7 @@ impl TryFrom<Written> for Activation {
         if found.is_sound() {
             Ok(found)
         } else {
-            Err(format!("the parameter of {found} must be from 0 to {MOST}"))
+            Err(format!("the parameter of {found} must be from 0 to {MAX_PARAMETER}"))
         }
     }
 }

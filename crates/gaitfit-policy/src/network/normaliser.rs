@@ -24,7 +24,7 @@ impl Normaliser {
     }
 
     /// Statistics of `input`, `rows × width` row-major, alone. Two passes, so nothing cancels.
-    pub fn of(width: usize, input: &[f32]) -> Self {
+    pub fn from_samples(width: usize, input: &[f32]) -> Self {
         let count = (input.len() / width.max(1)) as f64;
         if count == 0.0 {
             return Self::new(width);
@@ -106,10 +106,10 @@ mod tests {
     fn merged_parts_have_the_statistics_of_the_whole() {
         // Two columns, the second with a mean far above its deviation.
         let rows: Vec<f32> = (0..60).flat_map(|i| [(i * i % 7) as f32, 1e4 + (i % 5) as f32]).collect();
-        let whole = Normaliser::of(2, &rows);
+        let whole = Normaliser::from_samples(2, &rows);
         let mut merged = Normaliser::new(2);
         for part in [&rows[..14], &rows[14..16], &[][..], &rows[16..]] {
-            merged.merge(&Normaliser::of(2, part));
+            merged.merge(&Normaliser::from_samples(2, part));
         }
         assert_eq!(merged.count, 60.0);
         for c in 0..2 {

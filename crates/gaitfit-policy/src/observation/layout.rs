@@ -81,10 +81,10 @@ impl Layout {
         let mut scales = vec![1.0; self.width];
         for slot in &self.slots {
             for &start in &slot.frames {
-                let own = &mut scales[start..start + slot.width()];
+                let part = &mut scales[start..start + slot.width()];
                 match slot.scale[..] {
-                    [one] => own.fill(one),
-                    _ if slot.scale.len() == own.len() => own.copy_from_slice(&slot.scale),
+                    [one] => part.fill(one),
+                    _ if slot.scale.len() == part.len() => part.copy_from_slice(&slot.scale),
                     _ => {}
                 }
             }

@@ -52,7 +52,7 @@ impl Course {
             let what = format!("have {lengths:?} numbers for {samples} samples of {joints} joints");
             return Err(WalkerError::Option { option: "the signals of a course", what });
         }
-        let legs = Legs::new(&Feet::of(walker), walker.model(), &position, &velocity);
+        let legs = Legs::new(&Feet::new(walker), walker.model(), &position, &velocity);
         Ok(Self { targets, position, velocity, quaternion, rates, legs })
     }
 
@@ -119,7 +119,7 @@ pub fn predict(
     consume: &(dyn Fn(usize, usize, &Track) + Sync),
     cancel: &(dyn Fn() -> bool + Sync),
 ) -> Result<(), WalkerError> {
-    let feet = Feet::of(walker);
+    let feet = Feet::new(walker);
     in_tiles(jobs.len(), courses, threads, |worker: &mut Worker, job, first, chunk| {
         let whole = worker.run(walker, &feet, &jobs[job], chunk, first, cancel)?;
         for (k, track) in worker.tracks.iter().enumerate().take(if whole { chunk.len() } else { 0 }) {

@@ -36,7 +36,7 @@ struct Foot {
 
 impl Feet {
     /// The walker's feet.
-    pub fn of(walker: &Walker) -> Self {
+    pub fn new(walker: &Walker) -> Self {
         let (batch, model) = (&walker.batch, walker.model());
         let foot = |foot: &FootGeoms| {
             let geom = &model.geoms[batch.contact_geoms()[foot.main]];

@@ -108,7 +108,7 @@ impl Walker {
         let action_clip = (0..joints.len()).map(clip).collect();
         let other_joints = (0..model.joints.len()).filter(|joint| !joints.contains(joint)).collect();
         let held = interface.resolve_held(model, &joints)?;
-        let ground = Surface::of(model).map_err(|leaning| WalkerError::Option {
+        let ground = Surface::new(model).map_err(|leaning| WalkerError::Option {
             option: "the ground",
             what: format!("is wrong: {leaning}"),
         })?;

@@ -35,7 +35,7 @@ pub fn standing_on(
     let mut height = f64::NEG_INFINITY;
     for geom in model.pairs.iter().map(|pair| &model.geoms[pair.geom]) {
         let frame = &frames[geom.body];
-        let reach = Reach::of(geom);
+        let reach = Reach::new(geom);
         // Both ends of a capsule touch, the others' reach is as wide as it is high.
         let (ends, radius) = match geom.shape {
             Shape::Sphere { radius } => (vec![[0.0; 3]], radius),

@@ -114,7 +114,7 @@ fn controller_yaml_holds_the_whole_interface() {
                 })
                 .collect(),
             action_clip: interface.action_clip.as_ref().map(|clip| {
-                ActionClip::Each((0..interface.joints.len()).map(|joint| clip.of(joint)).collect())
+                ActionClip::Each((0..interface.joints.len()).map(|joint| clip.limit(joint)).collect())
             }),
             critic_observation: Vec::new(),
             ..interface.clone()

@@ -77,24 +77,24 @@ impl Limits {
             kp: wanted.kp.clamp(0.0, self.kp),
             kd: wanted.kd.clamp(0.0, self.kd),
         };
-        let most = if dq >= speed { 0.0 } else { torque };
-        let least = if dq <= -speed { 0.0 } else { -torque };
+        let max = if dq >= speed { 0.0 } else { torque };
+        let min = if dq <= -speed { 0.0 } else { -torque };
         let found = command.torque(q, dq);
-        if (least..=most).contains(&found) {
+        if (min..=max).contains(&found) {
             return command;
         }
         // First the target gives way, towards the angle where the torque is at its limit.
         if command.kp > 0.0 {
             let rest = found - command.kp * (command.q - q);
-            let angle = q + (found.clamp(least, most) - rest) / command.kp;
+            let angle = q + (found.clamp(min, max) - rest) / command.kp;
             command.q = angle.clamp(self.lower[motor], self.upper[motor]);
         }
         // Where the target is at the end of its range, or there is none, the gains give way.
         let found = command.torque(q, dq);
-        let factor = if found > most {
-            most / found
-        } else if found < least {
-            least / found
+        let factor = if found > max {
+            max / found
+        } else if found < min {
+            min / found
         } else {
             1.0
         };

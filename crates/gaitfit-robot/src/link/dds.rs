@@ -95,7 +95,7 @@ impl Dds {
             Some(writer)
         };
         let inbox = Arc::new(Mutex::new(Inbox::default()));
-        let own = participant.guid().prefix;
+        let prefix = participant.guid().prefix;
         let into = Arc::clone(&inbox);
         let heard = listen(states, "states", Arc::clone(&inbox), move |state: LowState, _| {
             let reading = Reading::from(&state);
@@ -107,7 +107,7 @@ impl Dds {
         })?;
         let into = Arc::clone(&inbox);
         let overheard = listen(others, "others", Arc::clone(&inbox), move |_: LowCmd, writer| {
-            if writer.prefix != own {
+            if writer.prefix != prefix {
                 into.lock().unwrap_or_else(PoisonError::into_inner).others += 1;
             }
         })?;

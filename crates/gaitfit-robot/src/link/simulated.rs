@@ -103,8 +103,8 @@ impl<'a> Simulated<'a> {
         for (motor, &joint) in self.joints.iter().enumerate() {
             let (q, dq) = (self.motion.joint_position[joint], self.motion.joint_velocity[joint]);
             let wanted = self.command.map_or(0.0, |command| command[motor].torque(q, dq));
-            let most = self.limits.torque[motor];
-            self.torque[motor] = wanted.clamp(-most, most);
+            let max = self.limits.torque[motor];
+            self.torque[motor] = wanted.clamp(-max, max);
             self.torques[joint] = self.torque[motor];
         }
         self.tile.step(&self.nothing, &self.torques, &mut self.motion);

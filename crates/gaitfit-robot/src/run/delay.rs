@@ -11,7 +11,7 @@ use crate::state::RobotState;
 use crate::unitree::MOTORS;
 
 /// Most moments that are kept: half a minute at 500 Hz.
-const MOST: usize = 15_000;
+const MAX_SAMPLES: usize = 15_000;
 /// Delays that are tried, ms.
 const DELAYS: u64 = 60;
 /// Fewest states for an answer.
@@ -37,12 +37,12 @@ impl Trace {
     /// A command sent at `now`, and the state that came just before, if there was a new one.
     pub fn take(&mut self, now: Duration, state: Option<(Duration, RobotState)>, command: &Command) {
         if let Some(state) = state {
-            if self.states.len() == MOST {
+            if self.states.len() == MAX_SAMPLES {
                 self.states.pop_front();
             }
             self.states.push_back(state);
         }
-        if self.commands.len() == MOST {
+        if self.commands.len() == MAX_SAMPLES {
             self.commands.pop_front();
         }
         self.commands.push_back((now, *command));
@@ -69,15 +69,15 @@ impl Trace {
                 }
                 let (_, command) = &self.commands[next];
                 for motor in 0..MOTORS {
-                    let most = limits.torque[motor];
-                    let made = command[motor].torque(state.q[motor], state.dq[motor]).clamp(-most, most);
+                    let max = limits.torque[motor];
+                    let made = command[motor].torque(state.q[motor], state.dq[motor]).clamp(-max, max);
                     sum += f64::from(made - state.torque[motor]).powi(2);
                 }
             }
             sum
         };
-        let (ms, least) = (0..=DELAYS).map(|ms| (ms, error(ms))).min_by(|a, b| a.1.total_cmp(&b.1))?;
-        Some(Delay { ms, residual: (least / power).sqrt() })
+        let (ms, min) = (0..=DELAYS).map(|ms| (ms, error(ms))).min_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some(Delay { ms, residual: (min / power).sqrt() })
     }
 }
 
@@ -107,12 +107,8 @@ mod tests {
                 let command = wanted(sent);
                 state.torque =
                     std::array::from_fn(|motor| command[motor].torque(state.q[motor], state.dq[motor]));
-                let most = Limits::go2().torque;
-                state
-                    .torque
-                    .iter_mut()
-                    .zip(most)
-                    .for_each(|(torque, most)| *torque = torque.clamp(-most, most));
+                let max = Limits::go2().torque;
+                state.torque.iter_mut().zip(max).for_each(|(torque, max)| *torque = torque.clamp(-max, max));
                 let now = Duration::from_millis(ms);
                 trace.take(now, Some((now, state)), &wanted(ms));
             }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 /// Most times that are kept: more than half an hour at 500 Hz.
-const MOST: usize = 1 << 20;
+const MAX_SAMPLES: usize = 1 << 20;
 
 /// How late each turn of a loop was.
 #[derive(Clone, Debug, Default)]
@@ -29,7 +29,7 @@ pub struct Lateness {
 impl Jitter {
     /// A turn that was due at `due` came at `now`.
     pub fn take(&mut self, due: Duration, now: Duration) {
-        if self.late.len() < MOST {
+        if self.late.len() < MAX_SAMPLES {
             self.late.push(u32::try_from(now.saturating_sub(due).as_micros()).unwrap_or(u32::MAX));
         }
     }

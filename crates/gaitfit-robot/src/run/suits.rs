@@ -33,17 +33,17 @@ pub fn suits(policy: &Policy, limits: &Limits) -> Result<(), RobotError> {
     let motors = motors_of(&interface.joints)?;
     for (index, (joint, &motor)) in interface.joints.iter().zip(&motors).enumerate() {
         // What `gaitfit_policy::read` gives has a number for each joint.
-        let of = |row: &[f64]| row.get(index).copied().unwrap_or(f64::NAN);
-        let gains = [("kp", of(&interface.kp), limits.kp), ("kd", of(&interface.kd), limits.kd)];
-        for (name, gain, most) in gains {
-            if !(0.0..=f64::from(most)).contains(&gain) {
+        let entry = |row: &[f64]| row.get(index).copied().unwrap_or(f64::NAN);
+        let gains = [("kp", entry(&interface.kp), limits.kp), ("kd", entry(&interface.kd), limits.kd)];
+        for (name, gain, max) in gains {
+            if !(0.0..=f64::from(max)).contains(&gain) {
                 return unfit(
-                    format!("has {name} = {gain} at joint `{joint}`, and the guard lets 0 to {most} through"),
+                    format!("has {name} = {gain} at joint `{joint}`, and the guard lets 0 to {max} through"),
                     "train with gains within the limits, kp to 100 and kd to 5",
                 );
             }
         }
-        let (angle, low, high) = (of(&interface.default_pose), limits.lower[motor], limits.upper[motor]);
+        let (angle, low, high) = (entry(&interface.default_pose), limits.lower[motor], limits.upper[motor]);
         if !(f64::from(low)..=f64::from(high)).contains(&angle) {
             return unfit(
                 format!("stands with joint `{joint}` at {angle} rad, outside its range, {low} to {high}"),

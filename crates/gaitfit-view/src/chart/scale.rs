@@ -114,17 +114,17 @@ impl Scale {
         const SETS: [&[f64]; 4] =
             [&[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0], &[1.0, 2.0, 5.0], &[1.0, 3.0], &[1.0]];
         let (first, last) = (self.low.log10().floor() as i32, self.high.log10().ceil() as i32);
-        let most = wanted.max(1) + 2;
+        let max = wanted.max(1) + 2;
         let inside = |multiples: &[f64]| -> Vec<f64> {
             (first..=last)
                 .flat_map(|e| multiples.iter().map(move |m| m * 10_f64.powi(e)))
                 .filter(|x| (self.low * 0.999..=self.high * 1.001).contains(x))
                 .collect()
         };
-        let fitting = SETS.into_iter().map(inside).find(|values| values.len() <= most);
+        let fitting = SETS.into_iter().map(inside).find(|values| values.len() <= max);
         let values = fitting.unwrap_or_else(|| {
             let decades = inside(SETS[3]);
-            let every = decades.len().div_ceil(most);
+            let every = decades.len().div_ceil(max);
             decades.into_iter().step_by(every).collect()
         });
         if values.len() < 2 {

@@ -22,7 +22,7 @@ pub(super) fn picture(log: &LogSummary) -> Option<String> {
         return None;
     }
     let side = 200.0;
-    let label = "Commands of the log, two against one another in each view";
+    let label = "Commands of the log, two in each view";
     let mut figure = Figure::new(label, 3.0 * (side + 70.0), side + 62.0);
     for (i, (x, y)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
         let left = 44.0 + i as f64 * (side + 70.0);

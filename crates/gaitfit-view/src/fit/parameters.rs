@@ -177,7 +177,7 @@ fn table_row(parameter: &Parameter) -> ParameterRow {
         None => {}
     }
     if parameter.identified == Some(false) {
-        notes.push("not determined by these logs");
+        notes.push("not identified by these logs");
     }
     if let (Some(truth), Some((low, high))) = (truth(parameter), interval(parameter))
         && !(low..=high).contains(&truth)
@@ -291,7 +291,7 @@ mod tests {
         let row = table_row(&parameter);
         assert_eq!(
             row.notes,
-            ["at the upper bound", "not determined by these logs", "outside the published range"]
+            ["at the upper bound", "not identified by these logs", "outside the published range"]
         );
         assert_eq!((row.half.as_str(), row.lower.as_str()), ("–", "–"));
         assert_eq!((row.profile.as_str(), row.truth.as_str()), ("–", "0.15"));

@@ -77,11 +77,11 @@ impl Yardstick {
         };
         match self {
             Yardstick::Cost => cost(report, who),
-            _ => self.of(score),
+            _ => self.number(score),
         }
     }
 
-    fn of(self, score: &Score) -> f64 {
+    fn number(self, score: &Score) -> f64 {
         match self {
             Yardstick::ValidationRmse => score.rmse_validation_rad,
             Yardstick::FitRmse => score.rmse_fit_rad,
@@ -158,7 +158,7 @@ pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
             Yardstick::Cost => {
                 let name = if cost_name.is_empty() { String::new() } else { format!(" {cost_name}") };
                 format!(
-                    "The cost{name} that the fit makes small, nominal → fitted, on the logs that the fit used"
+                    "The cost{name} that the fit minimises, nominal → fitted, on the logs that the fit used"
                 )
             }
         },
@@ -200,7 +200,7 @@ fn gain(report: &FitReport, yardstick: Yardstick, ratio: f64) -> String {
 fn rows(report: &FitReport, yardstick: Yardstick) -> Vec<ScoreRow> {
     let nominal = Score { cost: cost(report, Who::Nominal), ..report.nominal.clone() };
     let fitted = Score { cost: cost(report, Who::Fitted), ..report.fitted.clone() };
-    let value = |score: &Score| yardstick.of(score);
+    let value = |score: &Score| yardstick.number(score);
     let all = || std::iter::once(&nominal).chain(&report.baselines).chain([&fitted]);
     let largest = extent(all().map(value)).map_or(1.0, |(_, high)| high);
     // Four decimals line up under one another; values they would round away keep their digits instead.
@@ -233,10 +233,10 @@ fn verdicts(report: &FitReport, yardstick: Yardstick) -> Vec<Verdict> {
     let noun = yardstick.noun();
     let mut verdicts = Vec::new();
     verdicts.extend(verdict(fitted, nominal, &format!("the nominal simulator's {noun}")));
-    let known = report.baselines.iter().filter(|s| yardstick.of(s).is_finite());
-    if let Some(best) = known.min_by(|a, b| yardstick.of(a).total_cmp(&yardstick.of(b))) {
+    let known = report.baselines.iter().filter(|s| yardstick.number(s).is_finite());
+    if let Some(best) = known.min_by(|a, b| yardstick.number(a).total_cmp(&yardstick.number(b))) {
         let what = format!("the {noun} of the best baseline, {}", name_of(best, "unnamed"));
-        verdicts.extend(verdict(fitted, yardstick.of(best), &what));
+        verdicts.extend(verdict(fitted, yardstick.number(best), &what));
     }
     verdicts
 }

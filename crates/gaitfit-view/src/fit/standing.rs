@@ -24,9 +24,9 @@ pub(super) fn verdicts(report: &FitReport) -> Vec<Verdict> {
         match names(parameters, |p| p.identified == Some(false)) {
             Some((count, names)) => {
                 verdicts
-                    .push(bad(format!("the logs do not determine {count} of {total} parameters: {names}")));
+                    .push(bad(format!("the logs do not identify {count} of {total} parameters: {names}")));
             }
-            None if judged == total => verdicts.push(good("the logs determine all parameters")),
+            None if judged == total => verdicts.push(good("the logs identify all parameters")),
             None => {}
         }
     }
@@ -90,25 +90,25 @@ mod tests {
             identified,
             ..Parameter::default()
         };
-        let of = |parameters: Vec<Parameter>, held_out| {
+        let said_of = |parameters: Vec<Parameter>, held_out| {
             let fits = vec![Fit { parameters, ..Fit::default() }];
             let said = verdicts(&FitReport { fits, held_out, ..FitReport::default() });
             said.into_iter().map(|one| (one.text, one.good)).collect::<Vec<_>>()
         };
-        let sound = of(vec![parameter("a", 0.0, Some(Bound::Lower), Some(true))], None);
-        let wanted = ["no parameter rests on a bound of its search", "the logs determine all parameters"];
+        let sound = said_of(vec![parameter("a", 0.0, Some(Bound::Lower), Some(true))], None);
+        let wanted = ["no parameter rests on a bound of its search", "the logs identify all parameters"];
         assert_eq!(sound, wanted.map(|text| (text.to_string(), true)));
         let nothing = Parameter {
             interval: Some([0.0, 0.01]),
             upper: 2.0,
             ..parameter("frictionloss_hip", 0.0, Some(Bound::Lower), Some(true))
         };
-        let said = of(vec![nothing.clone()], None);
+        let said = said_of(vec![nothing.clone()], None);
         assert!(!said[0].1 && said[0].0.contains("1 of 1 parameters rests on a bound"), "{said:?}");
-        let known = of(vec![Parameter { truth: Some(0.0), ..nothing }], None);
+        let known = said_of(vec![Parameter { truth: Some(0.0), ..nothing }], None);
         assert!(known[0].1, "a robot without friction: {known:?}");
         let floor = HeldOut { sentence: "Worse.".into(), explained: Some(false), ..HeldOut::default() };
-        let doubtful = of(
+        let doubtful = said_of(
             vec![
                 parameter("a", 1.0, Some(Bound::Lower), Some(false)),
                 parameter("b", 0.0, Some(Bound::Upper), None),
@@ -117,7 +117,7 @@ mod tests {
         );
         let wanted = [
             "2 of 2 parameters rest on bounds of their search: a, b",
-            "the logs do not determine 1 of 2 parameters: a",
+            "the logs do not identify 1 of 2 parameters: a",
             "Worse.",
         ];
         assert_eq!(doubtful, wanted.map(|text| (text.to_string(), false)));

@@ -47,9 +47,9 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<Headline> {
     };
     let found = report.differences.iter().find(pair);
     let errors = COLUMNS.iter().filter(|q| q.is_error).map(|q| {
-        let of = |policy| tracked(policy).map(q.of);
+        let measured = |policy| tracked(policy).map(q.of);
         let apart = found.map(|found| (q.difference)(found).ci95);
-        number(q.name, q.unit, of(cast.before).filter(|_| is_pair), of(cast.after), apart)
+        number(q.name, q.unit, measured(cast.before).filter(|_| is_pair), measured(cast.after), apart)
     });
     let mean = drifted(cast.before).filter(|_| is_pair);
     let drift = number("Mean drift of constant commands", "m", mean, drifted(cast.after), None);

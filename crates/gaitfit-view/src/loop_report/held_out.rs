@@ -46,9 +46,9 @@ pub(crate) fn gain_text(gain: f64, motion: &str) -> String {
 }
 
 pub(crate) fn view(held: &HeldOut) -> HeldOutView {
-    let of = |signal: Signal| held.distances.iter().filter(move |one| one.signal == signal);
+    let distances = |signal: Signal| held.distances.iter().filter(move |one| one.signal == signal);
     let known: Vec<(Signal, &str)> =
-        SIGNALS.into_iter().filter(|(signal, _)| of(*signal).next().is_some()).collect();
+        SIGNALS.into_iter().filter(|(signal, _)| distances(*signal).next().is_some()).collect();
     let mut joints: Vec<&str> = Vec::new();
     for one in &held.distances {
         if !joints.contains(&one.joint.as_str()) {
@@ -56,7 +56,7 @@ pub(crate) fn view(held: &HeldOut) -> HeldOutView {
         }
     }
     let cells = |joint: &str, signal: Signal| -> [Cell; 3] {
-        let found = of(signal).find(|one| one.joint == joint);
+        let found = distances(signal).find(|one| one.joint == joint);
         let number = |get: fn(&JointDistance) -> f64| significant(found.map_or(f64::NAN, get), 2);
         [number(|one| one.nominal), number(|one| one.fitted), number(|one| one.floor)]
             .map(|text| Cell { text, first: false })

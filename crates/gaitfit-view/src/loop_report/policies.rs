@@ -4,7 +4,7 @@ use super::LoopReport;
 use crate::format::clean;
 
 /// Policies and simulators told apart at most.
-const MOST: usize = 16;
+const MAX_ROWS: usize = 16;
 
 /// Names in the order of their first appearance, and which of them the headline sets side by side.
 pub(super) struct Cast<'a> {
@@ -22,7 +22,7 @@ impl<'a> Cast<'a> {
         let (mut policies, mut simulators) = (Vec::new(), Vec::new());
         for (policy, simulator) in tracked.chain(drifted) {
             for (list, name) in [(&mut policies, policy), (&mut simulators, simulator)] {
-                if list.len() < MOST && !list.contains(&name) {
+                if list.len() < MAX_ROWS && !list.contains(&name) {
                     list.push(name);
                 }
             }

@@ -112,14 +112,14 @@ impl DoubtKind {
     pub fn meaning(self) -> &'static str {
         match self {
             DoubtKind::RobotAbsent => {
-                "The robot was not there. The policies walked in the fitted simulator, which says little about the robot."
+                "The robot was absent. The policies walked in the fitted simulator, which shows little about the robot."
             }
             DoubtKind::Diverged => {
-                "Some simulations did not come to their end. The numbers below leave them out or count them as falls."
+                "Some simulations did not finish. The numbers below leave them out or count them as falls."
             }
             DoubtKind::Untrained => "The policy is the one that the training began with.",
-            DoubtKind::NotLearnt => "The policy falls, or stands where it is to walk. Train longer.",
-            DoubtKind::NoWalk => "The robot falls, or stands where it is to walk.",
+            DoubtKind::NotLearnt => "The policy falls, or stands when it must walk. Train longer.",
+            DoubtKind::NoWalk => "The robot falls, or stands when it must walk.",
             DoubtKind::Trivial => {
                 "A guess that needs no simulator predicts the logs better. Do not use this fit."
             }
@@ -128,15 +128,15 @@ impl DoubtKind {
                 "The robot file without any fit is closer to the logs. Do not use this fit."
             }
             DoubtKind::Misfit => {
-                "The simulator does not explain the logs. What was fitted stands for what the simulator lacks: fit more \
-                 of what may differ."
+                "The simulator does not explain the logs. The fitted values compensate for what the simulator lacks: \
+                 fit further parameters."
             }
             DoubtKind::Unexplained => {
-                "What the fit leaves goes with what the robot does. Values stand for what the simulator lacks, and their \
-                 intervals are too narrow: fit more of what may differ."
+                "The remaining errors depend on the motion. The values compensate for what the simulator lacks, and \
+                 their intervals are too narrow: fit further parameters."
             }
             DoubtKind::Disagreement => {
-                "Parts of the data give different values by more than their errors: the simulator lacks something."
+                "Parts of the data give values that differ by more than their errors: the simulator lacks something."
             }
             DoubtKind::NotConverged => {
                 "The search was still changing the values when it ended. They can be far from the best ones: \

@@ -16,7 +16,7 @@ pub(super) fn check(replay: &Replay) -> Result<(), ReplayError> {
         return Err(ReplayError::TimeStep { dt: replay.dt });
     }
     if replay.robots.is_empty() || replay.robots.len() > ROBOTS {
-        return Err(ReplayError::Robots { count: replay.robots.len(), most: ROBOTS });
+        return Err(ReplayError::Robots { count: replay.robots.len(), max: ROBOTS });
     }
     for robot in &replay.robots {
         let fail = |what| ReplayError::Robot { robot: crate::format::clean(&robot.name), what };

@@ -20,12 +20,12 @@ pub enum ReplayError {
         dt: f64,
     },
     /// No robots, or too many.
-    #[error("a replay shows 1 to {most} robots, not {count}; write several pages")]
+    #[error("a replay shows 1 to {max} robots, not {count}; write several pages")]
     Robots {
         /// How many were given.
         count: usize,
         /// How many there may be.
-        most: usize,
+        max: usize,
     },
     /// A robot or its motion contradicts itself or is too large.
     #[error("replay of robot \"{robot}\": {what}")]

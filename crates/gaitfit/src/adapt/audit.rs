@@ -19,7 +19,7 @@ const LIMIT: f64 = 3.0;
 /// The median of the absolute values of normal numbers of deviation 1.
 const MEDIAN: f64 = 0.6745;
 /// Samples of a joint from which on anything is said of it.
-const LEAST_SAMPLES: usize = 100;
+const MIN_SAMPLES: usize = 100;
 /// Velocity at which dry friction is taken to change its sign, rad/s.
 const SLOW: f64 = 0.3;
 /// What errors are compared with.
@@ -42,34 +42,35 @@ pub struct Audit {
     /// Part of the errors' variance that goes with what the robot does, mean over joints.
     pub explained: f64,
     /// With what it goes most: the name and the largest correlation, mean of the joints' sizes.
-    pub most: (String, f64),
+    #[serde(rename = "most")]
+    pub strongest: (String, f64),
     /// The joint of whose errors most goes with motion, and how much of them.
     pub worst_joint: (String, f64),
 }
 
 impl Audit {
     /// Of the predictions of a set of logs, the first `skip` samples of each left out; `None` of too few samples.
-    pub(super) fn of(set: &LogSet, predicted: &[Predicted], skip: usize) -> Option<Self> {
+    pub(super) fn new(set: &LogSet, predicted: &[Predicted], skip: usize) -> Option<Self> {
         let joints = set.logs.first()?.joints.len();
         let mut found: Vec<(String, Joint)> = Vec::new();
         for joint in 0..joints {
             let name = set.logs.first()?.joints.get(joint)?.clone();
             let logs = set.logs.iter().zip(predicted);
             let series: Vec<Series> =
-                logs.filter_map(|(log, walk)| Series::of(log, walk, joint, joints, skip)).collect();
-            found.extend(Joint::of(&series).map(|one| (name, one)));
+                logs.filter_map(|(log, walk)| Series::new(log, walk, joint, joints, skip)).collect();
+            found.extend(Joint::new(&series).map(|one| (name, one)));
         }
         let mean = |of: &dyn Fn(&Joint) -> f64| {
             stats::mean(&found.iter().map(|(_, joint)| of(joint)).collect::<Vec<_>>())
         };
         let sizes = (0..MOTIONS.len()).map(|motion| mean(&|joint| joint.correlations[motion].abs()));
-        let most = sizes.enumerate().filter_map(|(motion, size)| Some((motion, size?)));
-        let (motion, size) = most.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let known = sizes.enumerate().filter_map(|(motion, size)| Some((motion, size?)));
+        let (motion, size) = known.max_by(|a, b| a.1.total_cmp(&b.1))?;
         let worst = found.iter().max_by(|a, b| a.1.explained.total_cmp(&b.1.explained))?;
         Some(Self {
             memory: mean(&|joint| joint.memory)?,
             explained: mean(&|joint| joint.explained)?,
-            most: (MOTIONS[motion].to_owned(), size),
+            strongest: (MOTIONS[motion].to_owned(), size),
             worst_joint: (worst.0.clone(), worst.1.explained),
         })
     }
@@ -82,7 +83,7 @@ struct Series {
 }
 
 impl Series {
-    fn of(log: &Log, walk: &Predicted, joint: usize, joints: usize, skip: usize) -> Option<Self> {
+    fn new(log: &Log, walk: &Predicted, joint: usize, joints: usize, skip: usize) -> Option<Self> {
         let column = |signal| log.trajectory.column_at(signal, joint);
         let (position, velocity) = (column(Signal::Position)?, column(Signal::Velocity)?);
         let target = column(Signal::Target).or_else(|| column(Signal::Action))?;
@@ -119,15 +120,15 @@ struct Joint {
 }
 
 impl Joint {
-    fn of(series: &[Series]) -> Option<Self> {
+    fn new(series: &[Series]) -> Option<Self> {
         let mut sizes: Vec<f64> =
             series.iter().flat_map(|one| &one.errors).map(|error| error.abs()).collect();
-        if sizes.len() < LEAST_SAMPLES {
+        if sizes.len() < MIN_SAMPLES {
             return None;
         }
         sizes.sort_by(f64::total_cmp);
-        let most = LIMIT * sizes[sizes.len() / 2] / MEDIAN;
-        let limited = |error: &f64| error.clamp(-most, most);
+        let limit = LIMIT * sizes[sizes.len() / 2] / MEDIAN;
+        let limited = |error: &f64| error.clamp(-limit, limit);
         let errors: Vec<f64> = series.iter().flat_map(|one| &one.errors).map(limited).collect();
         let mean = stats::mean(&errors)?;
         let variance = stats::squares(&errors);
@@ -200,25 +201,25 @@ mod tests {
 
     #[test]
     fn noise_goes_with_nothing() {
-        let found = Joint::of(&series(0.0, 0.0)).unwrap();
+        let found = Joint::new(&series(0.0, 0.0)).unwrap();
         assert!(found.explained < 0.01 && found.memory.abs() < 0.06, "{} {}", found.explained, found.memory);
     }
 
     #[test]
     fn what_goes_with_the_velocity_or_the_error_before_is_seen() {
         // Of noise of variance 1 and half the velocity a fifth is explained.
-        let found = Joint::of(&series(0.5, 0.0)).unwrap();
+        let found = Joint::new(&series(0.5, 0.0)).unwrap();
         assert!((found.explained - 0.2).abs() < 0.04, "{}", found.explained);
         assert!((found.correlations[0] - 0.2f64.sqrt()).abs() < 0.05 && found.correlations[1].abs() < 0.06);
-        let found = Joint::of(&series(0.0, 0.6)).unwrap();
+        let found = Joint::new(&series(0.0, 0.6)).unwrap();
         assert!((found.memory - 0.6).abs() < 0.07, "{}", found.memory);
     }
 
     #[test]
     fn few_samples_say_nothing() {
         let few = vec![Series { errors: vec![1.0; 50], motions: vec![[0.0; MOTIONS.len()]; 50] }];
-        assert!(Joint::of(&few).is_none());
+        assert!(Joint::new(&few).is_none());
         let still = vec![Series { errors: vec![0.5; 200], motions: vec![[0.0; MOTIONS.len()]; 200] }];
-        assert!(Joint::of(&still).is_none(), "errors that do not vary");
+        assert!(Joint::new(&still).is_none(), "errors that do not vary");
     }
 }

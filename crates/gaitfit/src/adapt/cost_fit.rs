@@ -118,7 +118,7 @@ fn audited(setup: &Setup, cost: usize, values: &[f64]) -> Result<Option<Audit>, 
     let robot = Robot { theta: &setup.theta, values };
     let predicted = robot.simulate(setup.fit.simulator.as_ref(), kind.given())?;
     let skip = setup.method.samples(setup.config.skip_seconds(), &setup.fit.logs);
-    Ok(Audit::of(&setup.fit, &predicted, skip))
+    Ok(Audit::new(&setup.fit, &predicted, skip))
 }
 
 /// The parameters of `other` beside those of `first`.

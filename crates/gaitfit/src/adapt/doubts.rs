@@ -17,8 +17,8 @@ pub fn doubts(
     if let Some(nominal) = nominal_cost.filter(|nominal| *nominal <= outcome.best_cost) {
         let falls = if nominal_falls > 0 { " (some of its robots fall)" } else { "" };
         let text = format!(
-            "{} {:.5} fitted, {nominal:.5} of the robot before the fit{falls}: nothing fits better than the robot as it \
-             was. Fit other parameters.",
+            "{} {:.5} fitted, {nominal:.5} of the robot before the fit{falls}: no fitted robot is better than the \
+             robot before the fit. Fit other parameters.",
             outcome.cost, outcome.best_cost
         );
         doubts.push(Doubt::new(DoubtKind::WorseThanNominal, text));
@@ -43,25 +43,25 @@ pub fn doubts(
 
 /// What a reader must know of one fit besides its doubts, the most important first.
 pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
-    let of = if several { format!("{}: ", fit.cost_name) } else { String::new() };
+    let prefix = if several { format!("{}: ", fit.cost_name) } else { String::new() };
     let mut warnings = Vec::new();
     if fit.falls > 0 {
         warnings.push(format!(
-            "{of}the fitted robot falls in {} of the logs: a simulator that falls can match a bad log",
+            "{prefix}the fitted robot falls in {} of the logs: a simulator that falls can match a bad log",
             fit.falls
         ));
     }
     for parameter in fit.parameters.iter().filter(|one| stopped_by_bound(one)) {
         let name = &parameter.found.name;
-        warnings.push(format!("{of}{name} rests on a bound of its search: widen it, or distrust it"));
+        warnings.push(format!("{prefix}{name} rests on a bound of its search: widen it, or distrust it"));
     }
-    warnings.extend(unidentified(fit).map(|text| format!("{of}{text}")));
-    warnings.extend(moved(fit).map(|text| format!("{of}{text}")));
-    warnings.extend(corrected(fit).map(|text| format!("{of}{text}")));
-    warnings.extend(regressed(fit).map(|text| format!("{of}{text}")));
+    warnings.extend(unidentified(fit).map(|text| format!("{prefix}{text}")));
+    warnings.extend(moved(fit).map(|text| format!("{prefix}{text}")));
+    warnings.extend(corrected(fit).map(|text| format!("{prefix}{text}")));
+    warnings.extend(regressed(fit).map(|text| format!("{prefix}{text}")));
     let diverged: usize = fit.runs.iter().map(|run| run.diverged).sum();
     if diverged > 0 {
-        warnings.push(format!("{of}{diverged} candidates diverged and were ranked last"));
+        warnings.push(format!("{prefix}{diverged} candidates diverged and were ranked last"));
     }
     warnings
 }
@@ -84,7 +84,7 @@ fn unidentified(fit: &CostFit) -> Option<String> {
 /// That the values of `outcome` are not corrected by simulated logs, and why.
 pub fn uncorrected(outcome: &CostOutcome, reason: &str) -> String {
     format!(
-        "{}: the values are not corrected by simulated logs, and lack what the fit's step and torque noise make of them. \
+        "{}: the values are not corrected by simulated logs: they hold errors of the fit's step and of torque noise. \
          {reason}",
         outcome.cost
     )
@@ -95,8 +95,8 @@ fn moves(fit: &CostFit) -> String {
     let far = |parameter: &&Parameter| {
         let found = &parameter.found;
         let before = found.uncorrected.unwrap_or(found.value);
-        let least = (LITTLE.0 * before.abs()).max(LITTLE.1 * (found.upper - found.lower));
-        (found.value - before).abs() > least
+        let min = (LITTLE.0 * before.abs()).max(LITTLE.1 * (found.upper - found.lower));
+        (found.value - before).abs() > min
     };
     let far: Vec<String> = (fit.parameters.iter().filter(far))
         .map(|one| {
@@ -146,8 +146,8 @@ fn corrected(fit: &CostFit) -> Option<String> {
     let best = fit.runs.iter().map(|run| run.best_cost).fold(f64::INFINITY, f64::min);
     Some(format!(
         "the values are corrected by {} sets of logs of the simulated robot: {}. Before, {} was {best:.5}. The logs \
-         differ from predictions as those of a robot with torque noise of {:.1} N·m; noise of its sensors and all else \
-         that the simulator lacks count as such",
+         differ from predictions like those of a robot with torque noise of {:.1} N·m; this includes sensor noise and \
+         everything else that the simulator lacks",
         correction.replicates,
         moves(fit),
         fit.cost_name,
@@ -169,9 +169,9 @@ fn moved(fit: &CostFit) -> impl Iterator<Item = String> {
     shifts.filter_map(|shift| {
         let far = |(parameter, by): (&Parameter, &f64)| {
             let found = &parameter.found;
-            let least = (MOVED.0 * found.value.abs()).max(MOVED.1 * (found.upper - found.lower));
+            let min = (MOVED.0 * found.value.abs()).max(MOVED.1 * (found.upper - found.lower));
             let flat = parameter.identified == Some(false);
-            (by.abs() > least && !flat).then(|| {
+            (by.abs() > min && !flat).then(|| {
                 format!(
                     "{} {:.3} instead of {:.3}",
                     found.name,
@@ -181,6 +181,6 @@ fn moved(fit: &CostFit) -> impl Iterator<Item = String> {
             })
         };
         let far: Vec<String> = fit.parameters.iter().zip(&shift.by).filter_map(far).collect();
-        (!far.is_empty()).then(|| format!("with {} the fit would find {}", shift.what, far.join(", ")))
+        (!far.is_empty()).then(|| format!("with {} the fit would give {}", shift.what, far.join(", ")))
     })
 }

@@ -14,7 +14,7 @@ pub(super) fn ignored(setup: &Setup) -> Option<String> {
     let names = changed(&setup.config);
     (!names.is_empty()).then(|| {
         format!(
-            "the search is least squares, which does not look at {}; optimizer.method = \"cma-es\" does",
+            "the search is least squares, which ignores {}; optimizer.method = \"cma-es\" uses them",
             names.join(", ")
         )
     })

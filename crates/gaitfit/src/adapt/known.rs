@@ -22,11 +22,11 @@ pub fn priors(
 ) -> BTreeMap<String, Prior> {
     let mut priors = given.clone();
     for entry in theta.entries() {
-        let own = measured.iter().find(|one| {
+        let measurement = measured.iter().find(|one| {
             let Estimate { value, error } = one.estimate;
             covers(one, entry.kind, &entry.joints) && value.is_finite() && error.is_finite() && error > 0.0
         });
-        if let Some(one) = own {
+        if let Some(one) = measurement {
             let Estimate { value, error } = one.estimate;
             let deviation = error.max(MIN_ERROR * (entry.upper - entry.lower));
             priors.entry(entry.name.clone()).or_insert(Prior { value, deviation });
@@ -75,7 +75,7 @@ mod tests {
             !found.contains_key("armature"),
             "one value for all joints, measured of hips alone: {found:?}"
         );
-        let own = BTreeMap::from([("delay".to_owned(), Prior { value: 0.02, deviation: 0.001 })]);
-        assert_eq!(priors(&theta, &all, &own)["delay"], own["delay"]);
+        let stated = BTreeMap::from([("delay".to_owned(), Prior { value: 0.02, deviation: 0.001 })]);
+        assert_eq!(priors(&theta, &all, &stated)["delay"], stated["delay"]);
     }
 }

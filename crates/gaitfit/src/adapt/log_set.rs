@@ -90,18 +90,18 @@ impl LogSet {
 }
 
 /// Most logs that a message names.
-const MOST_NAMED: usize = 4;
+const MAX_NAMED: usize = 4;
 
 /// Why `logs` cannot be compared with a simulation: the log that is to blame, or else all of them, by name.
 fn incomparable(logs: &[Log], error: &CostError) -> Error {
     let name = |log: &Log| log.name.clone();
-    let of = match error.recording().and_then(|number| logs.get(number)) {
+    let named = match error.recording().and_then(|number| logs.get(number)) {
         Some(log) => name(log),
         None => {
-            let more = if logs.len() > MOST_NAMED { ", …" } else { "" };
-            let named: Vec<String> = logs.iter().take(MOST_NAMED).map(name).collect();
+            let more = if logs.len() > MAX_NAMED { ", …" } else { "" };
+            let named: Vec<String> = logs.iter().take(MAX_NAMED).map(name).collect();
             format!("{}{more}", named.join(", "))
         }
     };
-    Error::failed(format!("{of}: {error}."))
+    Error::failed(format!("{named}: {error}."))
 }

@@ -5,7 +5,7 @@ use gaitfit_view::{Doubt, DoubtKind};
 /// Error of a joint over the median of the others, and in rad, from which on it stands out. On logs of a real Go2 the worst
 /// joint has three times the median.
 const TIMES: f64 = 8.0;
-const LEAST_RAD: f64 = 0.02;
+const MIN_RAD: f64 = 0.02;
 /// What the doubt says of each such joint.
 const PREDICTED: &str = "is predicted far worse than the other joints";
 
@@ -19,7 +19,7 @@ pub(super) fn doubt(errors: &[(String, f64)]) -> Option<Doubt> {
     };
     let stands_out = |(at, (name, error)): (usize, &(String, f64))| {
         let usual = usual(at)?;
-        (*error > LEAST_RAD && *error > TIMES * usual).then(|| {
+        (*error > MIN_RAD && *error > TIMES * usual).then(|| {
             format!("{name} {PREDICTED}: by {error:.4} rad, and the median of the others is {usual:.4} rad")
         })
     };

@@ -121,13 +121,13 @@ impl World for Robots<'_> {
         let seeds: Vec<u64> = numbers.iter().map(seed).collect();
         let stop = || self.watch.stop();
         let recorded = self.replicas.recorder.record(theta, values, noise, &seeds, &stop);
-        let recorded = recorded.map_err(|error| format!("The robot found cannot be simulated: {error}."))?;
+        let recorded = recorded.map_err(|error| format!("The fitted robot cannot be simulated: {error}."))?;
         if stop() {
             return Err("interrupted".to_owned());
         }
         let sets = recorded.into_iter().map(|set| {
             let replicate = self.replicate(set)?;
-            self.told();
+            self.notify();
             Ok(replicate)
         });
         sets.collect()
@@ -140,7 +140,7 @@ impl World for Robots<'_> {
         numbers: &[u32],
     ) -> Result<Vec<Comparison>, Failure> {
         match &self.setup.shares {
-            Some(shares) => shares.ask(self.cost, problem, question, numbers, &|| self.told()),
+            Some(shares) => shares.ask(self.cost, problem, question, numbers, &|| self.notify()),
             None => answers(self, problem, question, numbers),
         }
     }
@@ -148,7 +148,7 @@ impl World for Robots<'_> {
 
 impl Robots<'_> {
     /// One set more is done.
-    fn told(&self) {
+    fn notify(&self) {
         self.made.set(self.made.get() + 1);
         self.counting.step(self.made.get(), 1, "");
     }
@@ -157,11 +157,11 @@ impl Robots<'_> {
     fn replicate(&self, recorded: Vec<Recorded>) -> Result<Replicate, String> {
         let Setup { config, method, fit, .. } = self.setup;
         let margin = method.samples(config.fall_margin(), &fit.logs);
-        let least = method.samples(config.least_stretch() + config.skip_seconds(), &fit.logs);
+        let min = method.samples(config.min_stretch() + config.skip_seconds(), &fit.logs);
         let mut logs = Vec::with_capacity(recorded.len());
         for (log, recorded) in fit.logs.iter().zip(recorded) {
             let end = recorded.fell_at.map(|fell| fell.saturating_sub(margin));
-            if end.is_some_and(|end| end <= least) {
+            if end.is_some_and(|end| end <= min) {
                 continue;
             }
             let mut trajectory = recorded.instead_of(&log.trajectory);

@@ -2,7 +2,7 @@
 
 use super::held_out::{Distance, HeldOut, Verdict};
 use super::parameter::Parameter;
-use super::results::{AdaptResults, CostFit, MOST_SHOWN};
+use super::results::{AdaptResults, CostFit, MAX_SHOWN};
 use super::score::{self, Robot};
 use super::setup::Setup;
 use super::signals;
@@ -20,7 +20,7 @@ use gaitfit_view::loop_report::{HeldOut as ShownHeldOut, JointDistance, Round};
 use gaitfit_view::{FitReport, fit_html};
 
 /// Most commands of the logs that are drawn.
-const MOST_COMMANDS: usize = 5000;
+const MAX_COMMANDS: usize = 5000;
 
 /// The page of a finished fit; `course`: the generations of its runs.
 pub(super) fn page(setup: &Setup, results: &AdaptResults, course: &[RunGeneration]) -> Result<String, Error> {
@@ -123,7 +123,7 @@ fn log(setup: &Setup, results: &AdaptResults) -> Option<LogSummary> {
     let rows = setup.fit.logs.iter().filter_map(|log| log.trajectory.command.as_ref());
     let commands: Vec<[f64; 3]> =
         rows.flat_map(|rows| rows.chunks_exact(3)).map(|row| [row[0], row[1], row[2]]).collect();
-    let step = commands.len().div_ceil(MOST_COMMANDS).max(1);
+    let step = commands.len().div_ceil(MAX_COMMANDS).max(1);
     Some(LogSummary {
         source: format!("{} logs", results.trajectories),
         trajectories: results.trajectories as u64,
@@ -138,7 +138,7 @@ fn log(setup: &Setup, results: &AdaptResults) -> Option<LogSummary> {
 
 fn fits(results: &AdaptResults, course: &[RunGeneration]) -> Vec<Fit> {
     let fit = |found: &CostFit| {
-        let shown = if found.parameters.len() <= MOST_SHOWN { found.parameters.as_slice() } else { &[] };
+        let shown = if found.parameters.len() <= MAX_SHOWN { found.parameters.as_slice() } else { &[] };
         Fit {
             cost_name: found.cost_name.clone(),
             nominal_cost: unknown(found.nominal_cost),
@@ -153,14 +153,14 @@ fn fits(results: &AdaptResults, course: &[RunGeneration]) -> Vec<Fit> {
 /// The courses of a cost's runs.
 fn runs(cost: &str, runs: &[RunOutcome], course: &[RunGeneration]) -> Vec<OptimizerRun> {
     let run = |run: &RunOutcome| {
-        let own: Vec<&RunGeneration> =
+        let generations: Vec<&RunGeneration> =
             course.iter().filter(|one| one.cost == cost && one.seed == run.seed).collect();
         OptimizerRun {
             label: format!("seed {}", run.seed),
             best_cost: run.best_cost,
-            best: own.iter().map(|one| one.best).collect(),
-            mean: own.iter().map(|one| one.mean).collect(),
-            sigma: own.iter().map(|one| one.sigma).collect(),
+            best: generations.iter().map(|one| one.best).collect(),
+            mean: generations.iter().map(|one| one.mean).collect(),
+            sigma: generations.iter().map(|one| one.sigma).collect(),
         }
     };
     runs.iter().map(run).collect()

@@ -30,7 +30,7 @@ use std::time::Instant;
 
 /// Most parameters that tables and reports show: a network of features on every joint of a quadruped and its friction
 /// and armature; not the 97 weights of a whole network, which say nothing one by one.
-pub const MOST_SHOWN: usize = 90;
+pub const MAX_SHOWN: usize = 90;
 
 /// The result of one adaptation. What stands beside `fits` is its first one's.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -208,8 +208,9 @@ impl AdaptResults {
     /// What a fit must be known by elsewhere: the doubts of every cost, then the warnings.
     pub fn notes(&self) -> Vec<String> {
         let doubts = |fit: &CostFit| -> Vec<String> {
-            let of = |doubt: &Doubt| format!("{}: {}: {}", fit.cost_name, doubt.kind.headline(), doubt.text);
-            fit.doubts.iter().map(of).collect()
+            let line =
+                |doubt: &Doubt| format!("{}: {}: {}", fit.cost_name, doubt.kind.headline(), doubt.text);
+            fit.doubts.iter().map(line).collect()
         };
         self.fits.iter().flat_map(doubts).chain(self.warnings.iter().cloned()).collect()
     }
@@ -246,7 +247,7 @@ pub(super) fn results(
             false => error,
         })?;
         let mut fit = fit(setup, cost, &outcome, course, left)?;
-        if let Some(first) = found.first().filter(|_| setup.theta.len() <= MOST_SHOWN) {
+        if let Some(first) = found.first().filter(|_| setup.theta.len() <= MAX_SHOWN) {
             fit.comparison = beside(setup, first, &outcome)?;
         }
         fits.push(fit);
@@ -309,7 +310,7 @@ pub(super) fn results(
         cost: first.cost,
         nominal_cost: first.nominal_cost,
         parameters: first.parameters.clone(),
-        springs: FoundSpring::of(&setup.theta, &first.values(), first.uncertainty.as_ref()),
+        springs: FoundSpring::all(&setup.theta, &first.values(), first.uncertainty.as_ref()),
         checks: checks(setup, &first, &doubts, &fitted),
         doubts,
         baselines,

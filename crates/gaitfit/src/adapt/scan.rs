@@ -73,19 +73,19 @@ impl Simulator for Scan<'_> {
         theta: &Theta,
         views: &Views<'_>,
         rollouts: &[Rollout],
-        told: &(dyn Fn() + Sync),
+        notify: &(dyn Fn() + Sync),
         cancel: &Cancel<'_>,
     ) -> Result<(Vec<Costs>, usize), FitError> {
         if rollouts.len() <= FEW {
-            return self.simulator.views(theta, views, rollouts, told, cancel);
+            return self.simulator.views(theta, views, rollouts, notify, cancel);
         }
         let counting = self.counting(rollouts.len());
         let done = AtomicUsize::new(0);
-        let told = || {
+        let notify = || {
             counting.step(done.fetch_add(1, Ordering::Relaxed) + 1, 1, "");
-            told();
+            notify();
         };
-        self.simulator.views(theta, views, rollouts, &told, cancel)
+        self.simulator.views(theta, views, rollouts, &notify, cancel)
     }
 
     fn differentiate(

@@ -86,11 +86,11 @@ fn cost_of(cost: &dyn Cost, predicted: &[Predicted]) -> Option<f64> {
 
 /// Position RMSE of each log of a set, total and by joint.
 fn rmse_of(set: &LogSet, predicted: &[Predicted]) -> Vec<Option<PositionRmse>> {
-    let of = |(number, log): (usize, &Predicted)| {
+    let rmse = |(number, log): (usize, &Predicted)| {
         let stands = log.fell_at.is_none();
         stands.then(|| position_rmse(&set.reference, number, &log.position).ok()).flatten()
     };
-    predicted.iter().enumerate().map(of).collect()
+    predicted.iter().enumerate().map(rmse).collect()
 }
 
 /// Position errors by joint (the log's names), rad RMS over the logs of a set that were simulated to their ends.
@@ -100,11 +100,11 @@ pub(super) fn joint_errors(
 ) -> Result<Vec<(String, f64)>, Error> {
     let errors: Vec<PositionRmse> = rmse_of(set, &predict(set)?).into_iter().flatten().collect();
     let Some(log) = set.logs.first().filter(|_| !errors.is_empty()) else { return Ok(Vec::new()) };
-    let of = |joint: usize| {
+    let over_logs = |joint: usize| {
         let squares = errors.iter().filter_map(|error| error.per_joint.get(joint)).map(|error| error * error);
         (squares.sum::<f64>() / errors.len() as f64).sqrt()
     };
-    Ok(log.joints.iter().enumerate().map(|(joint, name)| (name.clone(), of(joint))).collect())
+    Ok(log.joints.iter().enumerate().map(|(joint, name)| (name.clone(), over_logs(joint))).collect())
 }
 
 /// Mean position RMSE over the logs of some sets; `None` if one diverged or there are none.

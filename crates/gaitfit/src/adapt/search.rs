@@ -49,7 +49,7 @@ pub fn fit(
     let seconds = || before + begun.elapsed().as_secs_f64();
     let counting = watch.begin(Work {
         what: "generation",
-        total: setup.options.most_generations(),
+        total: setup.options.max_generations(),
         first: fit.generation(),
         parts: "evaluations",
     });

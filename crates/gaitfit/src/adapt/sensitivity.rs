@@ -12,7 +12,7 @@ use std::path::Path;
 /// Correlations above this make two parameters hard to tell apart.
 const ALIKE: f64 = 0.8;
 /// A parameter whose 95 % interval covers this part of its bounds or more is not told.
-const MOST: f64 = 0.5;
+const MAX_SHARE: f64 = 0.5;
 
 /// What logs can tell of the parameters.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -28,33 +28,34 @@ pub struct SensitivityResults {
     /// Time over which differences count as one, s.
     pub together_seconds: f64,
     /// The parameters.
-    pub parameters: Vec<Told>,
+    pub parameters: Vec<ParameterSensitivity>,
     /// What to know before trusting the numbers.
     pub warnings: Vec<String>,
 }
 
-/// What logs can tell of a parameter.
+/// How precisely logs identify a parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Told {
+pub struct ParameterSensitivity {
     /// Its name.
     pub name: String,
     /// Unit.
     pub unit: String,
-    /// The value at which it is looked at.
+    /// The value at which this holds.
     pub value: f64,
-    /// Standard deviation to expect of a fit; absent where the logs do not tell it.
+    /// Standard deviation to expect of a fit; absent if the logs do not identify it.
     pub deviation: Option<f64>,
     /// The same if all other parameters were known.
     pub alone: Option<f64>,
     /// Whether a 95 % interval covers less than half of its bounds.
-    pub told: bool,
+    #[serde(rename = "told")]
+    pub identified: bool,
     /// The parameter whose estimate goes most with this one's, and their correlation, where it is above 0.8.
     pub like: Option<(String, f64)>,
 }
 
 /// Whether a 95 % interval of an estimate with this standard deviation covers less than half of the entry's bounds.
 pub(crate) fn identifies(entry: &Entry, deviation: f64) -> bool {
-    4.0 * deviation < MOST * (entry.upper - entry.lower)
+    4.0 * deviation < MAX_SHARE * (entry.upper - entry.lower)
 }
 
 /// `value`, if the search of `entry` could find it; `place` says where it is written.
@@ -128,7 +129,7 @@ pub fn sensitivity(
     }
     let simulator = setup.fit.simulator.as_ref();
     let problem = Problem { simulator, theta: &setup.theta, cost, draw: 0, cancel: &gaitfit_adapt::never };
-    let (found, parameters) = tell(problem, &values, difference)?.ok_or_else(|| {
+    let (found, parameters) = sensitivities(problem, &values, difference)?.ok_or_else(|| {
         Error::failed(
             "the simulation of these values diverges: give others with --theta, or a smaller simulation.timestep",
         )
@@ -149,31 +150,31 @@ pub fn sensitivity(
 ///
 /// # Errors
 /// As [`sensitivity`].
-pub(crate) fn tell(
+pub(crate) fn sensitivities(
     problem: Problem<'_>,
     values: &[f64],
     difference: Option<f64>,
-) -> Result<Option<(Sensitivity, Vec<Told>)>, Error> {
+) -> Result<Option<(Sensitivity, Vec<ParameterSensitivity>)>, Error> {
     let entries = problem.theta.entries();
     let Some(found) = measured(problem, values, difference).map_err(Error::failed)? else { return Ok(None) };
-    let told = |at: usize| {
+    let of_entry = |at: usize| {
         let entry = &entries[at];
         let deviation = found.deviation[at];
         let correlations =
             found.correlation[at].iter().copied().enumerate().filter(|(other, _)| *other != at);
         let like = correlations.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-        Told {
+        ParameterSensitivity {
             name: entry.name.clone(),
             unit: entry.unit.clone(),
             value: values[at],
             deviation,
             alone: found.alone[at],
-            told: deviation.is_some_and(|one| identifies(entry, one)),
+            identified: deviation.is_some_and(|one| identifies(entry, one)),
             like: like
                 .filter(|(_, correlation)| correlation.abs() > ALIKE)
                 .map(|(other, correlation)| (entries[other].name.clone(), correlation)),
         }
     };
-    let told = (0..entries.len()).map(told).collect();
-    Ok(Some((found, told)))
+    let all = (0..entries.len()).map(of_entry).collect();
+    Ok(Some((found, all)))
 }

@@ -41,7 +41,7 @@ pub fn distributions(set: &LogSet, fitted: &[Predicted], nominal: &[Predicted]) 
         for (signal, shown) in signals {
             let measured = set.logs.iter().filter_map(|log| log.trajectory.column_at(signal, joint));
             let measured: Vec<f64> = measured.flatten().collect();
-            let of = |simulated: &[Predicted]| -> Vec<f64> {
+            let samples = |simulated: &[Predicted]| -> Vec<f64> {
                 let matrix = |one: &'_ Predicted| match signal {
                     Signal::Position => one.position.clone(),
                     Signal::Velocity => one.velocity.clone(),
@@ -50,7 +50,7 @@ pub fn distributions(set: &LogSet, fitted: &[Predicted], nominal: &[Predicted]) 
                 let of_log = |one: &Predicted| column(&matrix(one), joint, joints.len()).collect::<Vec<_>>();
                 simulated.iter().flat_map(of_log).collect()
             };
-            let (nominal, fitted) = (of(nominal), of(fitted));
+            let (nominal, fitted) = (samples(nominal), samples(fitted));
             if measured.is_empty() || fitted.is_empty() {
                 continue;
             }

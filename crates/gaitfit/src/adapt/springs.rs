@@ -30,7 +30,7 @@ pub struct FoundSpring {
 
 impl FoundSpring {
     /// Those that `values` of `theta` put on joints.
-    pub(super) fn of(theta: &Theta, values: &[f64], uncertainty: Option<&Uncertainty>) -> Vec<Self> {
+    pub(super) fn all(theta: &Theta, values: &[f64], uncertainty: Option<&Uncertainty>) -> Vec<Self> {
         let draws = uncertainty.map(|found| found.draws.as_slice()).unwrap_or_default();
         let draws: Vec<Vec<LinearSpring>> = draws.iter().map(|draw| theta.springs(draw)).collect();
         let springs = theta.springs(values).into_iter().enumerate();

@@ -85,7 +85,7 @@ pub(super) fn refusal(doubts: &[Doubt]) -> Option<String> {
     kinds.retain(|kind| refused.contains(kind));
     kinds.dedup();
     let names: Vec<String> = kinds.iter().map(|kind| kind.headline().to_lowercase()).collect();
-    (!names.is_empty()).then(|| format!("the fit must not be used as it stands: {}", names.join(", ")))
+    (!names.is_empty()).then(|| format!("do not use this fit: {}", names.join(", ")))
 }
 
 /// That a predictor without a simulator is nearer to the logs: by errors of logs that were not fitted, or else of those that
@@ -107,8 +107,8 @@ fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
         .min_by(|a, b| a.3.total_cmp(&b.3))?;
     (found < fitted).then(|| {
         let text = format!(
-            "\"{guess}\" needs no simulator and predicts the logs better: {found:.5} against {fitted:.5} ({what}). Nothing of \
-             this fit can be used: check targets, gains and joint order with `gaitfit inspect`, and fit what else may differ."
+            "\"{guess}\" needs no simulator and predicts the logs better: {found:.5} against {fitted:.5} ({what}). Do \
+             not use this fit: check targets, gains and joint order with `gaitfit inspect`, and fit further parameters."
         );
         Doubt::new(DoubtKind::Trivial, text)
     })
@@ -120,17 +120,18 @@ fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
     let noise = fit.correction.as_ref().map(|correction| correction.torque_noise);
     if let Some((noise, effort)) = noise.zip(effort).filter(|(noise, effort)| *noise > LOUD * effort) {
         reasons.push(format!(
-            "What it leaves is as large as torque noise of {noise:.1} N·m, {:.0} % of what the weakest joint can give.",
+            "The remaining errors are as large as torque noise of {noise:.1} N·m, {:.0} % of what the weakest joint \
+             can give.",
             100.0 * noise / effort
         ));
     }
     if let Some(audit) = fit.audit.as_ref().filter(|audit| audit.explained > GOES_WITH) {
         reasons.push(format!(
-            "{:.0} % of the variance of its errors go with what the robot does ({:.0} % at {}), most with {}.",
+            "{:.0} % of the variance of its errors depend on the motion ({:.0} % at {}), most on {}.",
             100.0 * audit.explained,
             100.0 * audit.worst_joint.1,
             audit.worst_joint.0,
-            audit.most.0
+            audit.strongest.0
         ));
         if audit.worst_joint.1 > ONE_JOINT * audit.explained {
             reasons.push(format!(
@@ -141,7 +142,7 @@ fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
     }
     if let Some(audit) = fit.audit.as_ref().filter(|audit| audit.memory.abs() > REMEMBERS) {
         reasons.push(format!(
-            "Its errors remember: correlation of {:.2} with those a sample before.",
+            "Its errors have a correlation of {:.2} with those a sample before.",
             audit.memory
         ));
     }
@@ -154,10 +155,10 @@ fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
 /// What to do about it.
 fn missing(parameters: &[Parameter]) -> &'static str {
     if parameters.iter().any(|one| one.found.name.starts_with("delay")) {
-        "The intervals are widened for it. Fit what else may differ, and let whole walks decide (cost \"wass\", logs in \
+        "The intervals are widened for it. Fit further parameters, and check whole walks (cost \"wass\", logs in \
          `validate`)."
     } else {
-        "No delay is fitted, and a delay that is left out comes out as friction and armature: add a [[parameter]] of kind \
+        "No delay is fitted, and a missing delay appears as friction and armature: add a [[parameter]] of kind \
          \"delay\". The intervals are widened for it."
     }
 }
@@ -178,9 +179,9 @@ pub(super) fn reconcile(fits: &mut [CostFit]) {
     for other in others.iter().filter(|other| short(other) != first_is_short) {
         let mut apart = Vec::new();
         for one in other.comparison.iter().filter(|one| one.agrees == Some(false)) {
-            let own = first.parameters.iter_mut().find(|own| own.found.name == one.name);
-            if let Some(own) = own.filter(|own| own.identified == Some(true)) {
-                own.reach(one.second);
+            let parameter = first.parameters.iter_mut().find(|parameter| parameter.found.name == one.name);
+            if let Some(parameter) = parameter.filter(|parameter| parameter.identified == Some(true)) {
+                parameter.reach(one.second);
                 apart.push(format!("{} {:.4} and {:.4}", one.name, one.first, one.second));
             }
         }
@@ -212,8 +213,8 @@ fn known_otherwise(parameters: &[Parameter]) -> Option<Doubt> {
     let far: Vec<String> = parameters.iter().filter_map(far).collect();
     (!far.is_empty()).then(|| {
         let text = format!(
-            "Walks ask for other values than those that were known before: {}. The simulator lacks something, or what was \
-             known is of another robot. The intervals reach to both.",
+            "The walks contradict the known values: {}. The simulator lacks something, or the known values are of \
+             another robot. The intervals reach to both.",
             listed(&far)
         );
         Doubt::new(DoubtKind::Disagreement, text)
@@ -232,10 +233,8 @@ fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
     let mut reasons = Vec::new();
     if !stopped.is_empty() {
         let rest = if stopped.len() == 1 { "rests on a bound" } else { "rest on bounds" };
-        reasons.push(format!(
-            "{} {rest} of the search: widen it, or fit what else may differ.",
-            listed(&stopped)
-        ));
+        reasons
+            .push(format!("{} {rest} of the search: widen it, or fit further parameters.", listed(&stopped)));
     }
     if !empty.is_empty() {
         let (rest, exclude) = if empty.len() == 1 {
@@ -244,8 +243,8 @@ fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
             ("rest", "the intervals exclude")
         };
         reasons.push(format!(
-            "{} {rest} at 0 and {exclude} all else, which no real joint does: something that the simulator lacks has \
-             the place of it.",
+            "{} {rest} at 0 and {exclude} all else, which no real joint does: they stand for something that the \
+             simulator lacks.",
             listed(&empty)
         ));
     }
@@ -363,13 +362,13 @@ mod tests {
 
     #[test]
     fn fits_that_are_wrong_are_refused_and_doubtful_ones_are_not() {
-        let of = |kinds: &[DoubtKind]| {
+        let text = |kinds: &[DoubtKind]| {
             refusal(&kinds.iter().map(|kind| Doubt::new(*kind, "so")).collect::<Vec<_>>()).unwrap_or_default()
         };
-        assert!(of(&[DoubtKind::Unexplained, DoubtKind::Disagreement, DoubtKind::NotConverged]).is_empty());
-        let both = of(&[DoubtKind::Trivial, DoubtKind::Misfit, DoubtKind::Misfit, DoubtKind::NotConverged]);
+        assert!(text(&[DoubtKind::Unexplained, DoubtKind::Disagreement, DoubtKind::NotConverged]).is_empty());
+        let both = text(&[DoubtKind::Trivial, DoubtKind::Misfit, DoubtKind::Misfit, DoubtKind::NotConverged]);
         assert!(both.ends_with(": worse than a guess, misfit"), "{both}");
-        assert!(of(&[DoubtKind::WorseThanNominal]).contains("worse than the nominal robot"));
+        assert!(text(&[DoubtKind::WorseThanNominal]).contains("worse than the nominal robot"));
     }
 
     #[test]
@@ -392,7 +391,7 @@ mod tests {
         let audit = Audit {
             memory: 0.05,
             explained: 0.25,
-            most: ("change of the target".to_owned(), 0.4),
+            strongest: ("change of the target".to_owned(), 0.4),
             worst_joint: ("FL_calf".to_owned(), 0.4),
         };
         assert_eq!(widening(&audit), 6.0);
@@ -467,17 +466,17 @@ mod tests {
     #[test]
     fn walks_that_contradict_what_was_known_say_so() {
         let prior = Some(Prior { value: 0.55, deviation: 0.1 });
-        let of = |value| {
+        let reached = |value| {
             fit(vec![Parameter {
                 prior,
                 ..parameter("frictionloss_calf", value, [value - 0.1, value + 0.1])
             }])
         };
-        let found = kinds(&of(1.25), &[], &score("f", 0.1, None));
+        let found = kinds(&reached(1.25), &[], &score("f", 0.1, None));
         assert!(
             found[0].0 == DoubtKind::Disagreement && found[0].1.contains("1.2500 for 0.5500 ± 0.1000"),
             "{found:?}"
         );
-        assert!(kinds(&of(0.7), &[], &score("f", 0.1, None)).is_empty());
+        assert!(kinds(&reached(0.7), &[], &score("f", 0.1, None)).is_empty());
     }
 }

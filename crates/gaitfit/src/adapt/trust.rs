@@ -72,8 +72,8 @@ fn measured(
     let others: Vec<_> = others.map(Other::alternative).collect();
     outcome.identify(scan, theta, cost, &others, 0, &stop)?;
     let name = outcome.cost.clone();
-    let own = course.iter().filter(|one| one.cost == name);
-    let others = own.map(|one| (one.best_so_far, one.best_values.as_slice()));
+    let generations = course.iter().filter(|one| one.cost == name);
+    let others = generations.map(|one| (one.best_so_far, one.best_values.as_slice()));
     let simulator = setup.searched().simulator.as_ref();
     if let Some(error) = cost_error(simulator, theta, cost, &outcome.values(), 0, &stop)? {
         outcome.widen(theta, others, error);

@@ -84,7 +84,7 @@ impl ValidateResults {
             Some(Verdict::Falls) => "it falls where the robot walks",
             _ => return None,
         };
-        Some(format!("the fit must not be used as it stands: {why}"))
+        Some(format!("do not use this fit: {why}"))
     }
 }
 
@@ -105,7 +105,7 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
     let file = theta::read(&request.theta)?;
     let fitted = theta::on(base.clone(), &file, &request.theta, &model)?;
     let nothing = Theta::default();
-    let longest = if most_delay(&fitted) > most_delay(&base) { &fitted } else { &base };
+    let longest = if largest_delay(&fitted) > largest_delay(&base) { &fitted } else { &base };
     let method = method(&config, policy, model, &nothing, longest, request.threads)?;
     // Logs named on the command line are seen from the current directory.
     let (sets, mut warnings) = read_logs(&request.logs, &config, Path::new("validate"), &method)?;
@@ -113,10 +113,10 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
         log::lead_note(logs, method.walking().is_some())?;
     }
     warnings.extend(theta::doubts(&file, &request.theta, method.model(), method.physics_step()));
-    let of = |robot: &Candidate| -> Result<Vec<LogSet>, Error> {
+    let simulated = |robot: &Candidate| -> Result<Vec<LogSet>, Error> {
         sets.iter().map(|logs| LogSet::new(&config, &method, robot, logs.clone())).collect()
     };
-    let (after, before) = (of(&fitted)?, of(&base)?);
+    let (after, before) = (simulated(&fitted)?, simulated(&base)?);
     let itself = Predictor { theta: &nothing, values: &[] };
     let kind = config.costs[0];
     let predict = |set: &LogSet| itself.simulate(set.simulator.as_ref(), kind.given());
@@ -171,14 +171,14 @@ fn config_path(request: &ValidateRequest) -> Result<PathBuf, Error> {
         return Ok(beside);
     }
     Err(Error::settings(format!(
-        "{}: there is no {CONFIG} beside it, which says how its logs are simulated; give the fit's configuration with \
+        "{}: there is no {CONFIG} beside it with the settings of the simulation; give the fit's configuration with \
          --config",
         request.theta.display()
     )))
 }
 
-fn most_delay(robot: &Candidate) -> f64 {
-    robot.robot.delay.iter().fold(0.0, |most, &delay| f64::max(most, delay))
+fn largest_delay(robot: &Candidate) -> f64 {
+    robot.robot.delay.iter().fold(0.0, |max, &delay| f64::max(max, delay))
 }
 
 /// Whether the first number is below the second, or there is no second; none without a first one.

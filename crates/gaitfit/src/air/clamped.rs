@@ -9,7 +9,7 @@ use gaitfit_model::Model;
 use gaitfit_sim::{Candidate, ReplayOptions};
 
 /// Most physics steps a sample, as the replay has it.
-const MOST_SUBSTEPS: usize = 1000;
+const MAX_SUBSTEPS: usize = 1000;
 
 /// Longest delay of a robot whose delay is not fitted, s: a fit tries whether one would explain its errors.
 const SUSPECTED_DELAY: f64 = 0.05;
@@ -33,7 +33,7 @@ impl Clamped {
     /// The robot of `model`. Candidates may have the delays of `base` and `theta`.
     pub fn new(config: &AdaptConfig, model: Model, theta: &Theta, base: &Candidate, threads: usize) -> Self {
         let searched = theta.largest(JointParameter::Delay).unwrap_or(SUSPECTED_DELAY);
-        let max_delay = base.robot.delay.iter().fold(searched, |most, &delay| most.max(delay));
+        let max_delay = base.robot.delay.iter().fold(searched, |max, &delay| max.max(delay));
         let (timestep, preset) = (config.simulation.timestep, config.simulation.preset);
         Self { model, timestep, preset, max_delay, threads, gpus: Vec::new() }
     }
@@ -46,10 +46,10 @@ impl Clamped {
         let longest = logs.iter().map(|log| log.trajectory.dt()).fold(0.0, f64::max);
         // A log at 5.001 ms and a step of 5 ms mean one step a sample: a percent is clock error, not a finer rate.
         let substeps = (longest / self.timestep - 0.01).ceil().max(1.0) as usize;
-        if substeps > MOST_SUBSTEPS {
+        if substeps > MAX_SUBSTEPS {
             return Err(Error::settings(format!(
                 "`simulation.timestep` {} s splits a sample of {longest} s into {substeps} steps, more than \
-                 {MOST_SUBSTEPS}; raise it (for example --set simulation.timestep=0.001)",
+                 {MAX_SUBSTEPS}; raise it (for example --set simulation.timestep=0.001)",
                 self.timestep
             )));
         }

@@ -13,7 +13,7 @@ use globset::Glob;
 use std::path::Path;
 
 /// Fewest samples of a log: fewer do not show how a joint moves.
-const LEAST_SAMPLES: usize = 20;
+const MIN_SAMPLES: usize = 20;
 
 /// Reads the log `named` for a robot, and gives what its checks doubt, each in a sentence. `override_gains` are gains
 /// that win over the log's own.
@@ -26,8 +26,9 @@ pub fn read(
 ) -> Result<(Log, Vec<String>), Error> {
     let path = paths::find(named, "log", config_path)?;
     let gains = matching(override_gains, named, &path)?;
-    let own = gains.map_or_else(ReadOptions::default, |gains| with_gains(gains.kp.clone(), gains.kd.clone()));
-    let (mut trajectory, mut report) = open(&path, &own)?;
+    let options =
+        gains.map_or_else(ReadOptions::default, |gains| with_gains(gains.kp.clone(), gains.kd.clone()));
+    let (mut trajectory, mut report) = open(&path, &options)?;
     if trajectory.gains.is_none() {
         if config.gains.kp.is_none() || config.gains.kd.is_none() {
             return Err(Error::settings(format!(
@@ -40,9 +41,9 @@ pub fn read(
         }
         (trajectory, report) = open(&path, &with_gains(config.gains.kp.clone(), config.gains.kd.clone()))?;
     }
-    if trajectory.len() < LEAST_SAMPLES {
+    if trajectory.len() < MIN_SAMPLES {
         return Err(Error::failed(format!(
-            "{}: {} samples are too few to compare with a simulation; give at least {LEAST_SAMPLES}, better some \
+            "{}: {} samples are too few to compare with a simulation; give at least {MIN_SAMPLES}, better some \
              seconds of motion.",
             path.display(),
             trajectory.len()

@@ -41,7 +41,7 @@ pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<D
         .collect();
     let logs: &[&Trajectory] = &parts.iter().collect::<Vec<_>>();
     let joints = policy.interface.resolve(model).ok()?;
-    let limbs = Limbs::of(model, &joints);
+    let limbs = Limbs::new(model, &joints);
     let derived = logs.iter().all(|log| is_derived(policy, log));
     let with_imu = logs.iter().all(|log| {
         log.base.as_ref().is_some_and(|base| base.quaternion.is_some() && base.angular_velocity.is_some())
@@ -64,7 +64,7 @@ pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<D
     if best.changes.is_empty() {
         return None;
     }
-    let [before, after] = [&Arrangement::of(&policy.interface), &best].map(|one| measure(one, 10 * samples));
+    let [before, after] = [&Arrangement::new(&policy.interface), &best].map(|one| measure(one, 10 * samples));
     (after < FITS && after < CLEARLY * before).then_some(Diagnosis {
         changes: best.changes,
         settings: best.settings,

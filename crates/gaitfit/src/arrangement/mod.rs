@@ -81,7 +81,7 @@ enum Ordered {
 }
 
 impl Arrangement {
-    fn of(interface: &Interface) -> Self {
+    fn new(interface: &Interface) -> Self {
         let joints = interface.joints.len();
         Self {
             interface: interface.clone(),

@@ -19,7 +19,7 @@ pub(super) struct Limbs {
 
 impl Limbs {
     /// `joints`: for each place of the policy the joint's index in `model`.
-    pub fn of(model: &Model, joints: &[usize]) -> Self {
+    pub fn new(model: &Model, joints: &[usize]) -> Self {
         let names = joints.iter().map(|&joint| plain(&model.joints[joint].name).to_owned()).collect();
         let mut file: Vec<usize> = (0..joints.len()).collect();
         file.sort_by_key(|&place| joints[place]);
@@ -127,18 +127,20 @@ impl Limbs {
         let mut groups = vec![("all joints".to_owned(), vec![true; joints])];
         if self.alike() {
             for joint in 0..self.limbs[0].len() {
-                let of = |limbs: &dyn Fn(usize) -> bool| -> Vec<usize> {
+                let chosen_joints = |limbs: &dyn Fn(usize) -> bool| -> Vec<usize> {
                     let chosen = (0..self.limbs.len()).filter(|&limb| limbs(limb));
                     chosen.map(|limb| self.limbs[limb][joint]).collect()
                 };
-                // Sides as the names tell them, or every other limb.
+                // Sides by the names, or every other limb.
                 let right = |limb: usize| {
                     let label = self.label(limb).to_lowercase();
-                    let told = label.ends_with('r') || label.contains("right");
+                    let is_right = label.ends_with('r') || label.contains("right");
                     let other = label.ends_with('l') || label.contains("left");
-                    if told || other { told } else { limb % 2 == 1 }
+                    if is_right || other { is_right } else { limb % 2 == 1 }
                 };
-                for places in [of(&|_| true), of(&right), of(&|limb| !right(limb))] {
+                for places in
+                    [chosen_joints(&|_| true), chosen_joints(&right), chosen_joints(&|limb| !right(limb))]
+                {
                     let names: Vec<&str> = places.iter().map(|&place| self.names[place].as_str()).collect();
                     groups.push((names.join(", "), marked(&places)));
                 }

@@ -24,7 +24,7 @@ pub(super) fn search(
     measure: &(dyn Fn(&Arrangement) -> f64 + Sync),
     more: &(dyn Fn(&Arrangement) -> Vec<Change> + Sync),
 ) -> (Arrangement, [f64; 2]) {
-    let given = Arrangement::of(interface);
+    let given = Arrangement::new(interface);
     let before = measure(&given);
     let mut followed = vec![(given.clone(), before)];
     let mut best = (given, before);

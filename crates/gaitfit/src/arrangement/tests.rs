@@ -39,7 +39,7 @@ fn diagnosed(policy: &Policy, logs: &[Trajectory]) -> Option<Diagnosis> {
 fn orders_of_four_legs_are_named() {
     let model = robot::go2().unwrap();
     let interface = policy(&scene(), 3).interface;
-    let limbs = Limbs::of(&model, &interface.resolve(&model).unwrap());
+    let limbs = Limbs::new(&model, &interface.resolve(&model).unwrap());
     let orders = limbs.orders();
     assert_eq!(
         orders.len(),
@@ -144,7 +144,7 @@ fn a_policy_that_falls_for_its_joint_order_is_put_right() {
         seed: 1,
         threads: None,
     };
-    let world = World::of(&settings, policy).unwrap();
+    let world = World::new(&settings, policy).unwrap();
     let found = of_walk(&world, 1, 2).unwrap();
     let listed: Vec<String> = own.iter().map(|name| format!("{name:?}")).collect();
     assert!(found.settings[0].contains(&listed.join(", ")), "{found:?}");

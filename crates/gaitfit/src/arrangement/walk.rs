@@ -26,7 +26,7 @@ pub fn of_walk(world: &World, seed: u64, threads: usize) -> Option<Diagnosis> {
         return None;
     }
     let joints = policy.interface.resolve(&world.model).ok()?;
-    let limbs = Limbs::of(&world.model, &joints);
+    let limbs = Limbs::new(&world.model, &joints);
     let measure = |arrangement: &Arrangement| trial(world, arrangement, seed).unwrap_or(f64::INFINITY);
     let none = |_: &Arrangement| Vec::new();
     let (best, measure) = search(&policy.interface, &limbs, [false, true], ENOUGH, threads, &measure, &none);

@@ -56,11 +56,11 @@ impl Devices {
 
     /// The first one, which does what is not shared.
     pub fn first(&self) -> Device {
-        self.of(0)
+        self.device(0)
     }
 
     /// The device of worker number `worker`: each in turn.
-    pub fn of(&self, worker: usize) -> Device {
+    pub fn device(&self, worker: usize) -> Device {
         self.0.get(worker % self.0.len().max(1)).copied().unwrap_or_default()
     }
 
@@ -134,15 +134,15 @@ mod tests {
         };
         write("walk", "cuda:0");
         write("walk-2", "cpu");
-        let of = |asked, name| Devices::of_run(asked, Some((runs.path(), name)));
-        assert_eq!(of(None, "walk"), Device::Cpu.into());
-        assert_eq!(of(Some(Device::Cuda(3).into()), "walk"), Device::Cuda(3).into());
+        let resumed = |asked, name| Devices::of_run(asked, Some((runs.path(), name)));
+        assert_eq!(resumed(None, "walk"), Device::Cpu.into());
+        assert_eq!(resumed(Some(Device::Cuda(3).into()), "walk"), Device::Cuda(3).into());
         // Not there: as if nothing was said.
         write("walk-3", "cuda:4000");
-        assert_eq!(of(None, "walk"), Device::found().into());
+        assert_eq!(resumed(None, "walk"), Device::found().into());
         write("walk-4", "cuda:0,4000");
-        assert_eq!(of(None, "walk"), Device::found().into());
-        assert_eq!(of(None, "trot"), Device::found().into());
+        assert_eq!(resumed(None, "walk"), Device::found().into());
+        assert_eq!(resumed(None, "trot"), Device::found().into());
         let last = manifest::devices(&runs.path().join("walk-4")).unwrap();
         assert_eq!(last.all(), [Device::Cuda(0), Device::Cuda(4000)]);
     }
@@ -152,9 +152,9 @@ mod tests {
         let two: Devices = "cuda:2,0".parse().unwrap();
         assert_eq!(two.to_string(), "cuda:2,0");
         assert_eq!((two.for_tasks(1).to_string(), two.for_tasks(9)), ("cuda:2".to_owned(), two.clone()));
-        assert_eq!([0, 1, 2].map(|worker| two.of(worker)), [2, 0, 2].map(Device::Cuda));
+        assert_eq!([0, 1, 2].map(|worker| two.device(worker)), [2, 0, 2].map(Device::Cuda));
         assert_eq!("cuda".parse::<Devices>().unwrap().all(), [Device::Cuda(0)]);
-        assert_eq!("cpu".parse::<Devices>().unwrap().of(3), Device::Cpu);
+        assert_eq!("cpu".parse::<Devices>().unwrap().device(3), Device::Cpu);
         for (wrong, what) in [("cuda:0,0", "twice"), ("cuda:0,", "cuda:N"), ("cpu,cuda:0", "cuda:0,1")] {
             let error = wrong.parse::<Devices>().unwrap_err();
             assert!(error.contains(what), "{wrong}: {error}");

@@ -47,7 +47,7 @@ pub fn compare(on: &str, policy: &Evaluation, against: &Evaluation) -> Compariso
 fn paired(policy: &Evaluation, against: &Evaluation) -> Comparison {
     let pairs = || policy.errors.iter().zip(&against.errors);
     let both: Vec<([f64; 3], [f64; 3])> = pairs().filter_map(|(one, other)| (*one).zip(*other)).collect();
-    let of = |value: fn(&[f64; 3]) -> f64| {
+    let difference = |value: fn(&[f64; 3]) -> f64| {
         estimate(&both.iter().map(|(one, other)| value(one) - value(other)).collect::<Vec<_>>())
     };
     let fell = |errors: &TrajectoryErrors| errors.map_or(1.0, |[_, _, fell]| fell);
@@ -65,20 +65,20 @@ fn paired(policy: &Evaluation, against: &Evaluation) -> Comparison {
         on: String::new(),
         paired: true,
         trajectories: both.len(),
-        linear_velocity_error: of(|errors| errors[0]),
-        angular_velocity_error: of(|errors| errors[1]),
-        tracking_error: of(|errors| errors[0] + errors[1]),
+        linear_velocity_error: difference(|errors| errors[0]),
+        angular_velocity_error: difference(|errors| errors[1]),
+        tracking_error: difference(|errors| errors[0] + errors[1]),
         fall_rate,
     }
 }
 
 fn independent(policy: &Evaluation, against: &Evaluation) -> Comparison {
-    let of = |one: Estimate, other: Estimate| Estimate {
+    let difference = |one: Estimate, other: Estimate| Estimate {
         mean: one.mean - other.mean,
         ci95: one.ci95.hypot(other.ci95),
     };
-    let linear = of(policy.linear_velocity_error, against.linear_velocity_error);
-    let angular = of(policy.angular_velocity_error, against.angular_velocity_error);
+    let linear = difference(policy.linear_velocity_error, against.linear_velocity_error);
+    let angular = difference(policy.angular_velocity_error, against.angular_velocity_error);
     Comparison {
         policy: String::new(),
         against: String::new(),
@@ -89,7 +89,7 @@ fn independent(policy: &Evaluation, against: &Evaluation) -> Comparison {
         angular_velocity_error: angular,
         // Errors of one trajectory go together: at most their intervals add.
         tracking_error: Estimate { mean: linear.mean + angular.mean, ci95: linear.ci95 + angular.ci95 },
-        fall_rate: of(policy.fall_rate, against.fall_rate),
+        fall_rate: difference(policy.fall_rate, against.fall_rate),
     }
 }
 
@@ -100,7 +100,7 @@ pub fn of_few(values: &[f64]) -> Estimate {
 }
 
 fn estimate(values: &[f64]) -> Estimate {
-    let found = stats::Estimate::of(values);
+    let found = stats::Estimate::from_values(values);
     found.map_or_else(Estimate::default, |of| Estimate { mean: of.mean, ci95: of.ci95.unwrap_or(f64::NAN) })
 }
 
@@ -160,7 +160,8 @@ mod tests {
                 Some([0.1 + hard + gain + own, 0.2 + hard, f64::from(k % 100 == 0)])
             })
             .collect();
-        let of = |index: usize| estimate(&rows.iter().flatten().map(|row| row[index]).collect::<Vec<_>>());
+        let column =
+            |index: usize| estimate(&rows.iter().flatten().map(|row| row[index]).collect::<Vec<_>>());
         Evaluation {
             policy: name.to_owned(),
             simulator: String::new(),
@@ -168,9 +169,9 @@ mod tests {
             seed: 7,
             trajectories: 400,
             reward: Estimate::default(),
-            linear_velocity_error: of(0),
-            angular_velocity_error: of(1),
-            fall_rate: of(2),
+            linear_velocity_error: column(0),
+            angular_velocity_error: column(1),
+            fall_rate: column(2),
             action_rate: Estimate::default(),
             diverged: 0,
             drift: Vec::new(),

@@ -34,7 +34,7 @@ pub enum GroundChoice {
 /// Columns of each kind where kinds are named: as many pits as pyramids.
 const COLUMNS: usize = 2;
 /// Largest file of ground, bytes.
-const MOST_BYTES: u64 = 1 << 20;
+const MAX_BYTES: u64 = 1 << 20;
 
 impl GroundChoice {
     /// What is said on the command line: `own`, `none`, kinds such as `stairs,rough`, or a TOML file whose `[terrain]` or
@@ -62,7 +62,7 @@ impl GroundChoice {
             shares.insert(kind, 1.0);
         }
         let columns = COLUMNS * shares.len();
-        let settings = TerrainSettings { columns, ..TerrainSettings::of(Kinds::Shares(shares)) };
+        let settings = TerrainSettings { columns, ..TerrainSettings::with_kind(Kinds::Shares(shares)) };
         Ok(Self::Of { settings: Box::new(settings), file: None })
     }
 
@@ -81,7 +81,7 @@ impl GroundChoice {
         let wrong = |error: &dyn std::fmt::Display| {
             Error::settings(format!("--terrain {}: {error}", shown(&path.display().to_string())))
         };
-        let text = read_text(path, MOST_BYTES).map_err(|error| wrong(&error))?;
+        let text = read_text(path, MAX_BYTES).map_err(|error| wrong(&error))?;
         let mut table: toml::Table = toml::from_str(&text).map_err(|error| wrong(&error))?;
         if let Some(toml::Value::Table(task)) = table.remove("task") {
             table = task;
@@ -122,7 +122,7 @@ pub struct GroundResult {
 }
 
 impl GroundResult {
-    fn of(found: CrossingSummary) -> Self {
+    fn new(found: CrossingSummary) -> Self {
         let estimate = |of: Option<gaitfit_sim::stats::Estimate>| {
             of.map_or_else(Estimate::default, |of| Estimate {
                 mean: of.mean,
@@ -196,16 +196,17 @@ pub(super) fn measure(
     let speed = 0.5 * world.scene.settings.command.x[1];
     if speed.is_nan() || speed <= 0.0 {
         return Err(Error::settings(
-            "uneven ground is crossed at half of the greatest command.x, and the task has none above 0; give --terrain none",
+            "uneven ground is crossed at half of the largest command.x, and the task has no command.x above 0; give \
+             --terrain none",
         ));
     }
     let found = crossings(&world.subject(seed), robots, speed, threads)?;
     if watch.stop() {
-        let message = "interrupted; nothing was kept of this evaluation".to_owned();
+        let message = "interrupted; this evaluation is not kept".to_owned();
         return Err(Error::Interrupted { message, kept: None });
     }
     let results = match &world.scene.course {
-        Some(course) => summarise_crossings(course, &found).into_iter().map(GroundResult::of).collect(),
+        Some(course) => summarise_crossings(course, &found).into_iter().map(GroundResult::new).collect(),
         None => Vec::new(),
     };
     Ok(OnGround { world, results, speed })

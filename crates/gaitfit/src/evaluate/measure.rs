@@ -112,9 +112,9 @@ impl Evaluation {
         if let Some(row) = self.errors.iter().flatten().find(|row| impossible(row)) {
             return Some(format!("`errors` has the entry {row:?}"));
         }
-        errors.into_iter().find_map(|(name, found, most)| {
+        errors.into_iter().find_map(|(name, found, max)| {
             let impossible =
-                !(0.0..=most).contains(&found.mean) || found.mean.is_infinite() || found.ci95 < 0.0;
+                !(0.0..=max).contains(&found.mean) || found.mean.is_infinite() || found.ci95 < 0.0;
             impossible.then(|| format!("`{name}` is {} ± {}", found.mean, found.ci95))
         })
     }
@@ -160,7 +160,7 @@ pub struct Measured {
 pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> Result<Measured, Error> {
     let subject = world.subject(plan.seed);
     let go_on = || {
-        let message = "interrupted; nothing was kept of this evaluation".to_owned();
+        let message = "interrupted; this evaluation is not kept".to_owned();
         if watch.stop() { Err(Error::Interrupted { message, kept: None }) } else { Ok(()) }
     };
     let trials = trials(&subject, plan, watch)?;

@@ -13,7 +13,7 @@ pub use verdict::{MANY_FALLS, Verdict, goes_nowhere, standing_error, verdict};
 use crate::Error;
 use crate::arrangement::{self, Diagnosis};
 use crate::device::Device;
-use crate::settings::MOST_DRIFT;
+use crate::settings::MAX_DRIFT;
 use crate::watch::Watch;
 use crate::world::{World, WorldSettings};
 use gaitfit_model::shown_number;
@@ -21,9 +21,9 @@ use std::time::Instant;
 
 /// Longest trajectory, s, and most control steps of one call.
 const LONGEST: f64 = 3600.0;
-const MOST_STEPS: f64 = 2e9;
+const MAX_STEPS: f64 = 2e9;
 /// Most robots on a cell of uneven ground.
-const MOST_GROUND_ROBOTS: usize = 1000;
+const MAX_GROUND_ROBOTS: usize = 1000;
 
 /// What is evaluated.
 #[derive(Clone, Debug)]
@@ -80,15 +80,15 @@ pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>)
     let EvaluateSettings { trajectories, seconds, drift, .. } = *settings;
     let period = world.scene.walker.interface.control_dt;
     check_length("`seconds` (--seconds)", trajectories, seconds, period)?;
-    if drift > MOST_DRIFT {
+    if drift > MAX_DRIFT {
         return Err(Error::settings(format!(
-            "`drift` (--drift) is {drift}: give at most {MOST_DRIFT} robots"
+            "`drift` (--drift) is {drift}: give at most {MAX_DRIFT} robots"
         )));
     }
     check_speeds("`drift_speeds` (--drift-speeds)", settings.drift_speeds)?;
-    if !(1..=MOST_GROUND_ROBOTS).contains(&settings.ground_robots) {
+    if !(1..=MAX_GROUND_ROBOTS).contains(&settings.ground_robots) {
         return Err(Error::settings(format!(
-            "`ground_robots` (--terrain-robots) is {}: give 1 to {MOST_GROUND_ROBOTS} robots a cell",
+            "`ground_robots` (--terrain-robots) is {}: give 1 to {MAX_GROUND_ROBOTS} robots a cell",
             settings.ground_robots
         )));
     }
@@ -143,12 +143,12 @@ pub fn check_speeds(key: &str, speeds: Option<[f64; 3]>) -> Result<(), Error> {
 /// As it says.
 pub fn check_length(key: &str, trajectories: usize, seconds: f64, period: f64) -> Result<(), Error> {
     let steps = trajectories as f64 * seconds / period;
-    if trajectories > 0 && seconds >= period && seconds <= LONGEST && steps <= MOST_STEPS {
+    if trajectories > 0 && seconds >= period && seconds <= LONGEST && steps <= MAX_STEPS {
         return Ok(());
     }
     Err(Error::settings(format!(
         "{key} is {} for {trajectories} trajectories: give a time from {period} s, one control period, to {LONGEST} s, at \
-         least one trajectory, and at most {MOST_STEPS:.0e} control steps in all",
+         least one trajectory, and at most {MAX_STEPS:.0e} control steps in all",
         shown_number(seconds)
     )))
 }

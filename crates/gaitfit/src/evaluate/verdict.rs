@@ -88,8 +88,8 @@ fn drifts(trials: &[DriftResult]) -> Option<String> {
     let [far, turned] = STANDS;
     (distance > far || turn > turned).then(|| {
         format!(
-            "Told to stand it drifts: it ends {distance:.2} m and {turn:.2} rad from where it began, and may end {far} m and \
-             {turned} rad from it"
+            "Commanded to stand, it drifts: it ends {distance:.2} m and {turn:.2} rad from its start; the limits are \
+             {far} m and {turned} rad"
         )
     })
 }

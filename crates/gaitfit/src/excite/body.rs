@@ -178,21 +178,21 @@ impl Body {
                 continue;
             };
             let free = settings.margin * 0.5 * (high - low);
-            let (least, most) = (low + free, high - free);
+            let (min, max) = (low + free, high - free);
             let centre = match given[at] {
-                Some(angle) if (least..=most).contains(&angle) => angle,
+                Some(angle) if (min..=max).contains(&angle) => angle,
                 Some(angle) => {
                     return Err(Error::settings(format!(
                         "`pose` (--pose) has {} at {} rad; within its range and the margin it may be from {} to {}",
                         shown(&joint.name),
                         shown_number(angle),
-                        shown_number(least),
-                        shown_number(most)
+                        shown_number(min),
+                        shown_number(max)
                     )));
                 }
                 None => {
-                    let room = settings.amplitude.min(0.5 * (most - least)).max(0.0);
-                    usual.max(least + room).min(most - room)
+                    let room = settings.amplitude.min(0.5 * (max - min)).max(0.0);
+                    usual.max(min + room).min(max - room)
                 }
             };
             self.range.push([low, high]);
@@ -237,8 +237,8 @@ fn gains(
     notes: &mut Vec<String>,
 ) -> Result<Gains, Error> {
     let resolved = |kp: &PerJoint, kd: &PerJoint| {
-        let of = |what: &str, gain: &PerJoint| gain.resolve(what, names).map_err(Error::settings);
-        Ok(Gains { kp: of("kp (--kp)", kp)?, kd: of("kd (--kd)", kd)? })
+        let resolved = |what: &str, gain: &PerJoint| gain.resolve(what, names).map_err(Error::settings);
+        Ok(Gains { kp: resolved("kp (--kp)", kp)?, kd: resolved("kd (--kd)", kd)? })
     };
     if let (Some(kp), Some(kd)) = (&settings.kp, &settings.kd) {
         return resolved(kp, kd);
@@ -249,11 +249,10 @@ fn gains(
     }
     let all: Vec<usize> = (0..names.len()).collect();
     if let Some(policy) = task.map(|task| &task.policy) {
-        let of = |gain: &gaitfit_learn::task::JointNumber, what| gain.of_joints(model, &all, what);
-        if let (Ok(kp), Ok(kd)) = (of(&policy.kp, "kp"), of(&policy.kd, "kd")) {
+        let resolved = |gain: &gaitfit_learn::task::JointNumber, what| gain.of_joints(model, &all, what);
+        if let (Ok(kp), Ok(kd)) = (resolved(&policy.kp, "kp"), resolved(&policy.kd, "kd")) {
             notes.push(
-                "gains are those of the robot's usual task, as `gaitfit init` has them; --kp and --kd give others: \
-                 take those that your robot runs with"
+                "gains are those that `gaitfit init` computes; give your robot's own with --kp and --kd"
                     .to_owned(),
             );
             return Ok(Gains { kp, kd });
@@ -294,7 +293,7 @@ fn torques(settings: &ChirpSettings, model: &Model, moved: &[usize]) -> Result<V
         return Ok(limits);
     }
     Err(Error::settings(format!(
-        "the robot file has no torque limit of {}, and nothing would bound the chirp's torques: give `torque_limit` \
+        "the robot file has no torque limit of {}, so the chirp's torques would have no bound: give `torque_limit` \
          (--torque-limit), N·m",
         listed(&bare)
     )))
@@ -328,8 +327,8 @@ fn limb(model: &Model, body: usize) -> usize {
 
 /// What is fitted where no configuration says it.
 fn usual(settings: &ChirpSettings, model: &Model) -> AdaptConfig {
-    let most = |least: f64, of: fn(&gaitfit_model::Joint) -> f64| {
-        model.joints.iter().map(|joint| OF_FILE * of(joint)).fold(least, f64::max)
+    let max = |min: f64, of: fn(&gaitfit_model::Joint) -> f64| {
+        model.joints.iter().map(|joint| OF_FILE * of(joint)).fold(min, f64::max)
     };
     let joints = if settings.joints.is_empty() { vec!["*".to_owned()] } else { settings.joints.clone() };
     let rule = |kind: JointParameter, per: Sharing, upper: f64| ParameterRule {
@@ -338,9 +337,9 @@ fn usual(settings: &ChirpSettings, model: &Model) -> AdaptConfig {
         upper: Some(upper),
         ..ParameterRule::new(kind)
     };
-    let friction = most(FRICTION, |joint| joint.frictionloss);
-    let armature = most(ARMATURE, |joint| joint.armature);
-    let damping = most(DAMPING, |joint| joint.damping);
+    let friction = max(FRICTION, |joint| joint.frictionloss);
+    let armature = max(ARMATURE, |joint| joint.armature);
+    let damping = max(DAMPING, |joint| joint.damping);
     AdaptConfig {
         parameter: vec![
             rule(JointParameter::FrictionLoss, Sharing::Group, friction),

@@ -1,10 +1,10 @@
 //! Commands for a walking policy, chosen by what their logs can tell.
 
 use super::design::choose;
+use super::information::Information;
 use super::look::{Look, interrupted, variance};
 use super::playlist::Sequence;
 use super::pool::Pool;
-use super::told::Tells;
 use crate::adapt::{Robot, identifies, known_values, simulated};
 use crate::settings::{self, AdaptConfig, Base};
 use crate::walk::walking::{Walking, rest_angles};
@@ -23,14 +23,14 @@ use std::sync::Arc;
 /// Fewest and most candidates.
 const POOL: std::ops::RangeInclusive<usize> = 8..=10_000;
 /// Most samples of all candidates together: a robot takes about a kilobyte each.
-const MOST_ROWS: f64 = 2e6;
+const MAX_ROWS: f64 = 2e6;
 /// Sets of random sequences that the chosen ones are compared with.
 const RANDOM_SETS: u32 = 200;
 /// Times that variants of what was chosen are tried, and parts of the pool that they are.
 const ROUNDS: u32 = 2;
 const VARIANTS: usize = 4;
 /// Greatest commands over the task's, at most.
-const MOST_REACH: f64 = 10.0;
+const MAX_REACH: f64 = 10.0;
 
 /// What commands are for.
 #[derive(Clone, Debug)]
@@ -114,8 +114,8 @@ impl CommandSettings {
                 self.trajectories,
                 self.pool / 2
             )
-        } else if !(1.0..=MOST_REACH).contains(&self.reach) {
-            format!("`reach` (--reach) is {}; give 1 to {MOST_REACH}", shown_number(self.reach))
+        } else if !(1.0..=MAX_REACH).contains(&self.reach) {
+            format!("`reach` (--reach) is {}; give 1 to {MAX_REACH}", shown_number(self.reach))
         } else if !(self.torque_noise.is_finite() && (0.0..=1000.0).contains(&self.torque_noise)) {
             "`torque_noise` (--torque-noise) must be 0 to 1000 N·m".to_owned()
         } else {
@@ -148,9 +148,9 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     let method = simulated(&config, Some(policy.clone()), model.clone(), &theta, &base, Some(threads))?;
     let robot = Arc::new(Walking::robot(&config, policy, &model, &theta, &base, threads)?);
     let rows = settings.pool as f64 * settings.seconds / robot.task.walker.interface.control_dt;
-    if rows > MOST_ROWS {
+    if rows > MAX_ROWS {
         return Err(Error::settings(format!(
-            "`pool` (--pool) sequences of `seconds` (--seconds) have {rows:.0} samples together; at most {MOST_ROWS:.0} are \
+            "`pool` (--pool) sequences of `seconds` (--seconds) have {rows:.0} samples together; at most {MAX_ROWS:.0} are \
              simulated: give fewer or shorter ones"
         )));
     }
@@ -190,57 +190,58 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     let variances: f64 = usual_found.iter().map(|one| variance(one)).sum();
     let mut choice = Choice::default();
     choice.take(drawn, &found);
-    let random: Vec<Tells> = usual_found.iter().map(|one| Tells::new(one, variance(one))).collect();
-    if random.len() < settings.trajectories || choice.tells.len() < 2 * settings.trajectories {
+    let random: Vec<Information> =
+        usual_found.iter().map(|one| Information::new(one, variance(one))).collect();
+    if random.len() < settings.trajectories || choice.information.len() < 2 * settings.trajectories {
         return Err(few(choice.failed));
     }
 
     let recorded = look.recorded(&whole, variances / random.len() as f64)?;
     let mut notes = crate::robot::remarks(&model);
-    let nothing = Tells::nothing(theta.len());
-    let known = recorded.as_ref().map_or(&nothing, |recorded| &recorded.tells);
+    let nothing = Information::nothing(theta.len());
+    let known = recorded.as_ref().map_or(&nothing, |recorded| &recorded.information);
     let before = known.deviations();
-    let of = match asked {
-        Some(of) => of,
+    let wanted = match asked {
+        Some(wanted) => wanted,
         None => unidentified(&theta, &before, recorded.is_some(), &mut notes),
     };
-    let together = |tells: &mut dyn Iterator<Item = &Tells>| {
+    let together = |parts: &mut dyn Iterator<Item = &Information>| {
         let mut sum = known.clone();
-        tells.for_each(|one| sum.add(one, 1.0));
+        parts.for_each(|one| sum.add(one, 1.0));
         sum.deviations()
     };
-    let told = together(&mut choice.tells.iter());
-    if !of.iter().any(|&entry| told[entry].is_finite()) {
-        let names: Vec<&str> = of.iter().map(|&entry| theta.entries()[entry].name.as_str()).collect();
+    let deviations = together(&mut choice.information.iter());
+    if !wanted.iter().any(|&entry| deviations[entry].is_finite()) {
+        let names: Vec<&str> = wanted.iter().map(|&entry| theta.entries()[entry].name.as_str()).collect();
         return Err(Error::failed(format!(
-            "no command sequence tells {}: the simulated walks are the same whatever the values; look at what they act on \
-             (docs/loop.md), and give values near the robot's (--theta)",
+            "no command sequence identifies {}: the simulated walks are the same with all their values; check what they act on \
+             (docs/fit.md), and give values near the robot's (--theta)",
             names.join(", ")
         )));
     }
     let stop = || watch.stop();
-    let mut chosen = choose(known, &choice.tells, settings.trajectories, &of, &stop);
+    let mut chosen = choose(known, &choice.information, settings.trajectories, &wanted, &stop);
     for round in 1..=ROUNDS {
         let best: Vec<&Sequence> = chosen.iter().map(|&one| &choice.sequences[one]).collect();
         let first = settings.pool * (1 + round as usize);
         let variants = source.variants(&best, first, settings.pool / VARIANTS);
         let found = look.each(look.record(&variants, round, watch)?, &whole, watch)?;
         choice.take(variants, &found);
-        chosen = choose(known, &choice.tells, settings.trajectories, &of, &stop);
+        chosen = choose(known, &choice.information, settings.trajectories, &wanted, &stop);
     }
     if watch.stop() {
         return Err(interrupted());
     }
 
-    let after = together(&mut chosen.iter().map(|&one| &choice.tells[one]));
+    let after = together(&mut chosen.iter().map(|&one| &choice.information[one]));
     let usual = usual_spread(settings, known, &random, theta.len());
     let both = |entry: &usize| usual[*entry].is_finite() && after[*entry].is_finite();
-    let (compared, apart): (Vec<usize>, Vec<usize>) = of.iter().partition(|entry| both(entry));
+    let (compared, apart): (Vec<usize>, Vec<usize>) = wanted.iter().partition(|entry| both(entry));
     notes.extend(apart.into_iter().map(|entry| {
         let which = match (usual[entry].is_finite(), after[entry].is_finite()) {
-            (_, true) => "random commands may not tell it",
-            (true, _) => "the chosen commands do not tell it",
-            (false, false) => "no commands tell it here",
+            (_, true) => "random commands may not identify it",
+            (true, _) => "the chosen commands do not identify it",
+            (false, false) => "no commands identify it here",
         };
         format!("`{}` is not in the mean: {which}", theta.entries()[entry].name)
     }));
@@ -249,7 +250,7 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     let parameters = theta.entries().iter().enumerate().map(|(at, entry)| Expected {
         name: entry.name.clone(),
         unit: entry.unit.clone(),
-        counts: of.contains(&at),
+        counts: wanted.contains(&at),
         recorded: finite(before[at]),
         random: finite(usual[at]),
         chosen: finite(after[at]),
@@ -269,11 +270,11 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     })
 }
 
-/// Sequences under which the robot walks, with what each tells.
+/// Sequences under which the robot walks, with the information of each.
 #[derive(Default)]
 struct Choice {
     sequences: Vec<Sequence>,
-    tells: Vec<Tells>,
+    information: Vec<Information>,
     /// Sequences under which it falls, or whose simulation diverges.
     failed: usize,
 }
@@ -284,7 +285,7 @@ impl Choice {
             match found {
                 Some(found) => {
                     self.sequences.push(sequence);
-                    self.tells.push(Tells::new(found, variance(found)));
+                    self.information.push(Information::new(found, variance(found)));
                 }
                 None => self.failed += 1,
             }
@@ -317,7 +318,12 @@ fn unidentified(theta: &Theta, deviation: &[f64], recorded: bool, notes: &mut Ve
 }
 
 /// Geometric mean of each parameter's deviation over random sets of the usual sequences, beside the logs `known`.
-fn usual_spread(settings: &CommandSettings, known: &Tells, random: &[Tells], entries: usize) -> Vec<f64> {
+fn usual_spread(
+    settings: &CommandSettings,
+    known: &Information,
+    random: &[Information],
+    entries: usize,
+) -> Vec<f64> {
     let mut logs = vec![0.0; entries];
     for set in 0..RANDOM_SETS {
         let draws = Stream::new(settings.seed, Purpose::BOOTSTRAP).environment(set);

@@ -2,7 +2,7 @@
 
 use super::body::Body;
 use super::settings::ChirpSettings;
-use crate::adapt::{LogSet, Method, Told, tell};
+use crate::adapt::{LogSet, Method, ParameterSensitivity, sensitivities};
 use crate::air::Clamped;
 use crate::log::Log;
 use crate::{Error, machine};
@@ -19,7 +19,7 @@ pub(super) fn forecast(
     body: &Body,
     targets: &[f64],
     theta: &Theta,
-) -> Result<Vec<Told>, Error> {
+) -> Result<Vec<ParameterSensitivity>, Error> {
     let config = crate::settings::AdaptConfig { costs: vec![CostKind::MatchO], ..body.config.clone() };
     let values: Vec<f64> = theta.entries().iter().map(|entry| off_bounds(entry, entry.start)).collect();
     let base = Candidate::nominal(&body.model);
@@ -52,8 +52,8 @@ pub(super) fn forecast(
     let cost = costs.first().ok_or_else(|| Error::failed("no cost compares the chirp"))?.as_ref();
     let problem =
         Problem { simulator: set.simulator.as_ref(), theta, cost, draw: 0, cancel: &gaitfit_adapt::never };
-    let told = tell(problem, &values, Some(settings.difference))?;
-    Ok(told
+    let found = sensitivities(problem, &values, Some(settings.difference))?;
+    Ok(found
         .ok_or_else(|| Error::failed("the simulation of the chirp diverges at the start of the search"))?
         .1)
 }

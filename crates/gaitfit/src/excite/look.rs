@@ -1,7 +1,7 @@
 //! What the logs of command sequences will tell, by walks in simulation, and what recorded ones do.
 
+use super::information::Information;
 use super::playlist::Sequence;
-use super::told::Tells;
 use crate::Error;
 use crate::adapt::{LogSet, Method};
 use crate::log::Log;
@@ -44,8 +44,8 @@ impl Look<'_> {
         watch: &Watch<'_>,
     ) -> Result<Vec<Option<Log>>, Error> {
         let templates: Vec<Trajectory> = pool.iter().map(|one| self.template(one)).collect();
-        let of: Vec<&Trajectory> = templates.iter().collect();
-        let recorder = Recorder::new(Arc::clone(&self.robot), self.base.clone(), &of);
+        let walks: Vec<&Trajectory> = templates.iter().collect();
+        let recorder = Recorder::new(Arc::clone(&self.robot), self.base.clone(), &walks);
         let seed = derive_seed(self.seed, Purpose::TORQUE_NOISE, round);
         let stop = || watch.stop();
         let made = recorder.record(self.theta, self.values, self.torque_noise, &[seed], &stop)?.pop();
@@ -78,7 +78,7 @@ impl Look<'_> {
         whole: &LogSet,
         watch: &Watch<'_>,
     ) -> Result<Vec<Option<Sensitivity>>, Error> {
-        let what = "what command sequences tell";
+        let what = "identification by command sequences";
         let counting = watch.begin(Work { what, total: logs.len(), first: 0, parts: "sequences" });
         let mut found = Vec::with_capacity(logs.len());
         for (number, log) in logs.into_iter().enumerate() {
@@ -109,7 +109,11 @@ impl Look<'_> {
                 "the simulation diverges on the given logs: give a theta.toml near the robot (--theta)",
             )
         })?;
-        Ok(Some(OnRecord { tells: Tells::new(&found, variance), seconds, doubts: notes.warnings }))
+        Ok(Some(OnRecord {
+            information: Information::new(&found, variance),
+            seconds,
+            doubts: notes.warnings,
+        }))
     }
 
     fn sensitivity(&self, logs: Vec<Log>, whole: &LogSet) -> Result<Option<Sensitivity>, Error> {
@@ -149,7 +153,7 @@ impl Look<'_> {
 /// Logs that there are already.
 pub(super) struct OnRecord {
     /// What they tell.
-    pub tells: Tells,
+    pub information: Information,
     /// Their length, s.
     pub seconds: f64,
     /// Doubts about them, each one sentence.

@@ -5,6 +5,7 @@ mod commands;
 mod design;
 mod files;
 mod forecast;
+mod information;
 mod look;
 pub mod playlist;
 mod pool;
@@ -13,13 +14,12 @@ mod settings;
 mod sweep;
 #[cfg(test)]
 mod tests;
-mod told;
 
 pub use commands::{CommandSettings, Commands, Expected, commands};
 pub use settings::{ChirpSettings, Turns};
 
 use crate::Error;
-use crate::adapt::Told;
+use crate::adapt::ParameterSensitivity;
 use crate::watch::Watch;
 use serde::Serialize;
 use std::path::Path;
@@ -42,7 +42,7 @@ pub struct Chirp {
     /// Root mean square of the differences that the expected deviations hold for, where the robot's range is 2.
     pub difference: f64,
     /// What a fit of a log of this chirp can tell.
-    pub parameters: Vec<Told>,
+    pub parameters: Vec<ParameterSensitivity>,
     /// Where gains, pose and limits are from, and what to know before playing it.
     pub notes: Vec<String>,
     /// Files by name.

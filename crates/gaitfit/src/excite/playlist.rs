@@ -8,10 +8,10 @@ use std::path::Path;
 /// The header.
 const COLUMNS: &str = "trajectory,time,vx_cmd,vy_cmd,wz_cmd";
 /// Most bytes of a file and most sequences in it.
-const MOST_BYTES: u64 = 64 << 20;
-const MOST_SEQUENCES: usize = 100_000;
+const MAX_BYTES: u64 = 64 << 20;
+const MAX_SEQUENCES: usize = 100_000;
 /// Largest command, m/s or rad/s, and latest time, s.
-const MOST_COMMAND: f64 = 100.0;
+const MAX_COMMAND: f64 = 100.0;
 const LATEST: f64 = 3600.0;
 
 /// Commands over time: each holds until the next one's time, the last to the end.
@@ -45,7 +45,7 @@ pub fn text(sequences: &[Sequence]) -> String {
 /// # Errors
 /// A file that cannot be read, or is not one of commands, with the line.
 pub fn read(path: &Path) -> Result<Vec<Sequence>, Error> {
-    let text = files::read_text(path, MOST_BYTES).map_err(|source| Error::unreadable(path, source))?;
+    let text = files::read_text(path, MAX_BYTES).map_err(|source| Error::unreadable(path, source))?;
     parse(&text).map_err(|wrong| Error::content(path, wrong))
 }
 
@@ -66,10 +66,10 @@ fn parse(text: &str) -> Result<Vec<Sequence>, String> {
         let Ok(command) = <[f64; 3]>::try_from(command) else {
             return wrong("five numbers are needed, with commas between");
         };
-        if !command.iter().all(|value| value.abs() <= MOST_COMMAND) {
+        if !command.iter().all(|value| value.abs() <= MAX_COMMAND) {
             return wrong("a command is a number of at most 100 m/s or rad/s");
         }
-        if *trajectory == found.len() as f64 && found.len() < MOST_SEQUENCES {
+        if *trajectory == found.len() as f64 && found.len() < MAX_SEQUENCES {
             found.push(Sequence::default());
         }
         let last = found.len() as f64 - 1.0;

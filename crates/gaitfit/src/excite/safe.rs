@@ -2,7 +2,7 @@
 
 use super::Swept;
 use super::body::Body;
-use super::settings::{ChirpSettings, MOST_SAMPLES};
+use super::settings::{ChirpSettings, MAX_SAMPLES};
 use super::sweep::Sweep;
 use crate::watch::Watch;
 use crate::{Error, machine};
@@ -28,7 +28,7 @@ const LARGEST: f64 = 0.97;
 /// What is left of the room after a step.
 const INSIDE: f64 = 0.97;
 /// A chirp this much smaller than asked for is none.
-const LEAST: f64 = 0.02;
+const MIN_SHARE: f64 = 0.02;
 /// A top frequency is not lowered below this many first ones, nor below this part of what was asked for.
 const SLOWEST: f64 = 0.25;
 /// How much of a step goes to the joints that carry a joint, or hang on it.
@@ -130,7 +130,7 @@ impl<'a> Trial<'a> {
             }
         }
         let corner = |bits: usize| -> Vec<f64> {
-            let of = |entry: &gaitfit_adapt::Entry| match kinds
+            let value = |entry: &gaitfit_adapt::Entry| match kinds
                 .iter()
                 .take(CORNERED)
                 .position(|kind| *kind == entry.kind)
@@ -139,7 +139,7 @@ impl<'a> Trial<'a> {
                 Some(_) => entry.lower,
                 None => entry.start,
             };
-            theta.entries().iter().map(of).collect()
+            theta.entries().iter().map(value).collect()
         };
         let drawn = |number: u32| -> Vec<f64> {
             let draws = Stream::new(settings.seed, Purpose::EXCITATION).environment(number).step(1);
@@ -251,10 +251,10 @@ impl<'a> Trial<'a> {
                 let torque = |sent: usize| {
                     (robot.kp[joint] * (targets[sent * width + joint] - q) - robot.kd[joint] * dq).abs()
                 };
-                let most = (sample.saturating_sub(late)..=sample).map(torque).fold(0.0, f64::max);
-                let of = if q.is_finite() { [q; 2] } else { [f64::NEG_INFINITY, f64::INFINITY] };
-                let (velocity, torque) = (nan_is_all(dq.abs()), nan_is_all(most));
-                peak.join(&Peak { position: of, velocity, torque });
+                let max = (sample.saturating_sub(late)..=sample).map(torque).fold(0.0, f64::max);
+                let position = if q.is_finite() { [q; 2] } else { [f64::NEG_INFINITY, f64::INFINITY] };
+                let (velocity, torque) = (nan_is_all(dq.abs()), nan_is_all(max));
+                peak.join(&Peak { position, velocity, torque });
             }
         }
         peaks
@@ -275,19 +275,19 @@ impl<'a> Trial<'a> {
             (Limit::Velocity, peak.velocity / (part * body.velocity[joint])),
             (Limit::Torque, peak.torque / (part * body.torque[joint])),
         ];
-        all.into_iter().fold((Limit::Position, 0.0), |most, one| if one.1 > most.1 { one } else { most })
+        all.into_iter().fold((Limit::Position, 0.0), |max, one| if one.1 > max.1 { one } else { max })
     }
 
     /// For each joint the worst of all robots: which limit, how much of it is used, and which robot.
     fn worst(&self, peaks: &[Vec<Peak>]) -> Vec<(Limit, f64, usize)> {
-        let of = |joint: usize| {
+        let used_most = |joint: usize| {
             let robots = peaks.iter().enumerate().map(|(robot, peaks)| {
                 let (limit, used) = self.used(joint, &peaks[joint]);
                 (limit, used, robot)
             });
-            robots.fold((Limit::Position, 0.0, 0), |most, one| if one.1 > most.1 { one } else { most })
+            robots.fold((Limit::Position, 0.0, 0), |max, one| if one.1 > max.1 { one } else { max })
         };
-        (0..self.body.names.len()).map(of).collect()
+        (0..self.body.names.len()).map(used_most).collect()
     }
 
     /// Which limit a joint meets on which robot, in words.
@@ -327,9 +327,9 @@ pub(super) fn shrink(
 ) -> Result<Safe, Error> {
     let mut sweep = Sweep::new(settings, &body.centre, &body.turn);
     let samples = sweep.samples() as f64;
-    if samples > MOST_SAMPLES {
+    if samples > MAX_SAMPLES {
         return Err(Error::settings(format!(
-            "the chirp has {samples} targets, more than {MOST_SAMPLES}; shorten `seconds` (--seconds), lower `rate` \
+            "the chirp has {samples} targets, more than {MAX_SAMPLES}; shorten `seconds` (--seconds), lower `rate` \
              (--rate), or let more joints move together (--turns)"
         )));
     }
@@ -338,8 +338,8 @@ pub(super) fn shrink(
     for (joint, (limit, used, robot)) in trial.worst(&peaks).into_iter().enumerate() {
         if used > 1.0 {
             return Err(Error::settings(format!(
-                "no chirp about this pose holds the limits: {} at rest uses {:.0} % of what the margin leaves of its limit \
-                 ({}); give another `pose` (--pose), other gains, or a smaller `margin` (--margin)",
+                "no chirp about this pose stays within the limits: {} at rest uses {:.0} % of what the margin leaves \
+                 of its limit ({}); give another `pose` (--pose), other gains, or a smaller `margin` (--margin)",
                 shown(&body.names[joint]),
                 100.0 * used,
                 trial.say(joint, limit, robot)
@@ -365,9 +365,9 @@ pub(super) fn shrink(
             let said = trial.say(joint, limit, robot);
             last = Some(format!("{}: {said}", shown(&body.names[joint])));
             let factor = (INSIDE / used).clamp(SMALLEST, LARGEST);
-            let own = sweep.joints[joint].turn.is_some();
+            let moves = sweep.joints[joint].turn.is_some();
             for other in (0..body.names.len()).filter(|&other| related(body, joint, other)) {
-                let factor = if other == joint || !own { factor } else { factor.powf(NEIGHBOUR) };
+                let factor = if other == joint || !moves { factor } else { factor.powf(NEIGHBOUR) };
                 let part = &mut sweep.joints[other];
                 if part.turn.is_none() {
                     continue;
@@ -384,19 +384,19 @@ pub(super) fn shrink(
         let small = sweep
             .joints
             .iter()
-            .position(|joint| joint.turn.is_some() && joint.amplitude < LEAST * settings.amplitude);
+            .position(|joint| joint.turn.is_some() && joint.amplitude < MIN_SHARE * settings.amplitude);
         if let Some(joint) = small {
             let why = limited[joint].clone().or(last).unwrap_or_default();
             return Err(Error::settings(format!(
-                "no chirp of {} holds the limits: even {} rad is too much ({why}); give a lower last `frequency` \
-                 (--frequency), another `pose` (--pose), other gains, or a smaller `margin` (--margin)",
+                "no chirp of {} stays within the limits: even {} rad is too much ({why}); give a lower last \
+                 `frequency` (--frequency), another `pose` (--pose), other gains, or a smaller `margin` (--margin)",
                 shown(&body.names[joint]),
                 shown_number(sweep.joints[joint].amplitude)
             )));
         }
     }
     Err(Error::settings(format!(
-        "after {ROUNDS} rounds a limit still does not hold ({}); give a smaller `amplitude` (--amplitude) or last \
+        "after {ROUNDS} rounds a limit is still exceeded ({}); give a smaller `amplitude` (--amplitude) or last \
          `frequency` (--frequency)",
         last.unwrap_or_default()
     )))

@@ -7,9 +7,9 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 /// Most samples of a chirp.
-pub(super) const MOST_SAMPLES: f64 = 100_000.0;
+pub(super) const MAX_SAMPLES: f64 = 100_000.0;
 /// Targets that a period of the fastest motion needs.
-const LEAST_TARGETS: f64 = 8.0;
+const MIN_TARGETS: f64 = 8.0;
 
 /// Which joints move at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,7 +94,7 @@ impl ChirpSettings {
     /// Refuses numbers out of range.
     pub(super) fn check(&self) -> Result<(), Error> {
         let [low, high] = self.frequency;
-        let within = |value: f64, least: f64, most: f64| value.is_finite() && (least..=most).contains(&value);
+        let within = |value: f64, min: f64, max: f64| value.is_finite() && (min..=max).contains(&value);
         let number = shown_number;
         let wrong = if !within(self.seconds, 0.5, 3600.0) {
             format!("`seconds` (--seconds) is {}; a turn takes 0.5 to 3600 s", number(self.seconds))
@@ -106,13 +106,13 @@ impl ChirpSettings {
                 number(low),
                 number(high)
             )
-        } else if high * LEAST_TARGETS > self.rate {
+        } else if high * MIN_TARGETS > self.rate {
             format!(
-                "`frequency` (--frequency) ends at {} Hz, and a motion needs {LEAST_TARGETS} targets a period: with {} \
+                "`frequency` (--frequency) ends at {} Hz, and a motion needs {MIN_TARGETS} targets a period: with {} \
                  targets a second give at most {}, or a higher --rate",
                 number(high),
                 number(self.rate),
-                number(self.rate / LEAST_TARGETS)
+                number(self.rate / MIN_TARGETS)
             )
         } else if !within(self.amplitude, 1e-4, std::f64::consts::PI) {
             format!("`amplitude` (--amplitude) is {} rad; give 1e-4 to π", number(self.amplitude))

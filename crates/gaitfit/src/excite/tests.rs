@@ -34,7 +34,7 @@ fn limits_hold_on_a_robot_that_was_not_tried() {
     assert!(
         found.joints.iter().all(|joint| joint.amplitude > 0.02 && joint.torque < 0.9 * joint.torque_limit)
     );
-    assert!(found.parameters.iter().filter(|one| one.name.starts_with("armature")).all(|one| one.told));
+    assert!(found.parameters.iter().filter(|one| one.name.starts_with("armature")).all(|one| one.identified));
     // In finer steps, solved to the end.
     let body = Body::read(&settings).unwrap();
     let targets = found.expected.target.clone().unwrap();

@@ -8,7 +8,7 @@ use gaitfit_physics::JointParameter;
 use std::path::Path;
 
 /// Largest gain, N·m/rad or N·m·s/rad.
-const MOST_GAIN: f64 = 1e6;
+const MAX_GAIN: f64 = 1e6;
 
 /// Refuses intervals that are none, and units that are not those of the numbers: the values would be taken for something
 /// else.
@@ -66,6 +66,6 @@ pub(super) fn step(given: Option<f64>) -> Result<Option<f64>, Error> {
 
 /// Refuses gains that no controller has.
 pub(super) fn gains(option: &str, gains: &[f64]) -> Result<(), Error> {
-    let Some(wrong) = gains.iter().find(|gain| !(0.0..=MOST_GAIN).contains(*gain)) else { return Ok(()) };
-    Err(Error::settings(format!("{option} {}: give a gain from 0 to {MOST_GAIN:e}", shown_number(*wrong))))
+    let Some(wrong) = gains.iter().find(|gain| !(0.0..=MAX_GAIN).contains(*gain)) else { return Ok(()) };
+    Err(Error::settings(format!("{option} {}: give a gain from 0 to {MAX_GAIN:e}", shown_number(*wrong))))
 }

@@ -34,9 +34,9 @@ pub(super) fn lag_note(joints: &[JointNumbers], step: f64) -> Option<String> {
         .max_by(|a, b| (a - written).abs().total_cmp(&(b - written).abs()))?;
     ((farthest - written).abs() > EXACT_LAG * step).then(|| {
         format!(
-            "DELAY ROUNDED: isaac_lab.py and mjlab_robot.py write {:.2} ms ({} physics steps of {:.2} ms), and the fitted \
-             delay is {:.2} ms{}. Their actuators know whole steps only. Take a physics step that divides the delay \
-             and give it here, for example --step {}; drive.py and theta.json have the exact value",
+            "DELAY ROUNDED: isaac_lab.py and mjlab_robot.py write {:.2} ms ({} physics steps of {:.2} ms), and the \
+             fitted delay is {:.2} ms{}. Their actuators use whole steps only. Take a physics step that divides the \
+             delay and give it here, for example --step {}; drive.py and theta.json have the exact value",
             1e3 * written,
             lag(joints, step),
             1e3 * step,
@@ -62,9 +62,10 @@ pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candida
     let limits: Vec<String> =
         limited.iter().map(|joint| format!("{:?}: {:?}", joint.name, joint.torque_limit)).collect();
     let mut text = String::from(
-        "\"\"\"Actuators of an Isaac Lab articulation with fitted numbers: ArticulationCfg(..., actuators=ACTUATORS).\n\n\
-         Friction is an effort, N·m, in Isaac Sim 5 and later; in 4.5 it is a coefficient, and these numbers do not fit.\n\
-         None takes what the asset says.\n\"\"\"\n\nfrom isaaclab.actuators import DelayedPDActuatorCfg\n\n",
+        "\"\"\"Actuators of an Isaac Lab articulation with fitted numbers: ArticulationCfg(..., \
+         actuators=ACTUATORS).\n\nFriction is an effort, N·m, in Isaac Sim 5 and later; in 4.5 it is a coefficient, \
+         and these numbers do not fit.\nNone keeps the asset's value.\n\"\"\"\n\nfrom isaaclab.actuators import \
+         DelayedPDActuatorCfg\n\n",
     );
     let _ = writeln!(text, "# Lags are in physics steps of this length, s.\nPHYSICS_STEP = {step:?}\n");
     if let Some(note) = rounded {

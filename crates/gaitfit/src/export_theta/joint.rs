@@ -69,7 +69,7 @@ impl JointNumbers {
 /// The joints of the fitted robot, in the model's order.
 pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains>) -> Vec<JointNumbers> {
     let robot = &candidate.robot;
-    let of = |(j, joint): (usize, &gaitfit_model::Joint)| {
+    let numbers = |(j, joint): (usize, &gaitfit_model::Joint)| {
         let (own, rest) = (joint.stiffness, joint.springref);
         let scale = robot.torque_scale[j];
         let (kp_factor, kd_factor) = (scale * robot.kp_scale[j], scale * robot.kd_scale[j]);
@@ -99,5 +99,5 @@ pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains
             sprung: robot.stiffness[j] != 0.0 || robot.spring_torque[j] != 0.0,
         }
     };
-    model.joints.iter().enumerate().map(of).collect()
+    model.joints.iter().enumerate().map(numbers).collect()
 }

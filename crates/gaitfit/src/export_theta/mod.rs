@@ -22,7 +22,7 @@ use serde::Serialize;
 use std::path::PathBuf;
 
 /// Largest robot file, bytes.
-const MOST_BYTES: u64 = 64 << 20;
+const MAX_BYTES: u64 = 64 << 20;
 
 /// What is exported, and for which robot and controller.
 #[derive(Clone, Debug)]
@@ -84,7 +84,7 @@ pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
         Some(path) => {
             let model = robot::as_written(path, settings.lenient)
                 .or_else(|_| robot::read(path, settings.lenient, Hold::File))?;
-            let text = files::read_text(path, MOST_BYTES).map_err(|source| Error::File {
+            let text = files::read_text(path, MAX_BYTES).map_err(|source| Error::File {
                 access: Access::Read,
                 path: path.clone(),
                 source,
@@ -128,9 +128,7 @@ fn gains(settings: &ExportSettings, model: &Model) -> Result<Option<Gains>, Erro
             }
             Ok(Some(gains))
         }
-        _ => Err(Error::settings(
-            "give `--kp` and `--kd`, or a `--policy` whose gains are taken, or none of them",
-        )),
+        _ => Err(Error::settings("give `--kp` and `--kd`, or a `--policy` whose gains are used, or neither")),
     }
 }
 

@@ -23,7 +23,7 @@ pub(super) fn files(file: &ThetaFile) -> Result<Vec<(String, Vec<u8>)>, Error> {
     let mut out = Vec::new();
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, network) in names.iter().zip(&file.network) {
-        let parts = Parts::of(network)?;
+        let parts = Parts::new(network)?;
         out.push((format!("{name}.onnx"), parts.onnx(name)?));
         for (part, shape, values) in parts.arrays() {
             // Files of an archive carry no time: the same fit gives the same bytes.
@@ -62,7 +62,7 @@ struct Parts {
 }
 
 impl Parts {
-    fn of(network: &SavedNetwork) -> Result<Parts, Error> {
+    fn new(network: &SavedNetwork) -> Result<Parts, Error> {
         let mut rest = network.weights.as_slice();
         let mut layers = Vec::new();
         for (inputs, outputs) in LAYERS {

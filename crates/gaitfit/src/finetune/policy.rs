@@ -35,8 +35,8 @@ pub fn settle(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), String> {
     let actor = &policy.actor.shape;
     ppo.actor_hidden = kept("actor_hidden", &ppo.actor_hidden, &defaults.actor_hidden, &actor.hidden)?;
     if let Some(critic) = &policy.critic {
-        let own = &critic.shape.hidden;
-        ppo.critic_hidden = kept("critic_hidden", &ppo.critic_hidden, &defaults.critic_hidden, own)?;
+        let existing = &critic.shape.hidden;
+        ppo.critic_hidden = kept("critic_hidden", &ppo.critic_hidden, &defaults.critic_hidden, existing)?;
     }
     if ppo.activation != defaults.activation && ppo.activation != actor.activation {
         return Err(format!(

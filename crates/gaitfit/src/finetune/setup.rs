@@ -48,9 +48,9 @@ fn uncontradicted(path: &Path, allow: &[String]) -> Result<(), Error> {
     match file.contradicted.filter(|_| !allow.iter().any(|name| name == CONTRADICTED)) {
         None => Ok(()),
         Some(why) => Err(Error::settings(format!(
-            "{}: walks that were not fitted contradict it: {}. A policy that is trained there can be worse than before. Fit \
-             again with other parameters or logs; or, knowing this, set `allow = [\"{CONTRADICTED}\"]` (--set \
-             'allow=[\"{CONTRADICTED}\"]')",
+            "{}: walks that were not fitted contradict it: {}. A policy that is trained there can be worse than \
+             before. Fit again with other parameters or logs. To train in spite of this, set `allow = \
+             [\"{CONTRADICTED}\"]` (--set 'allow=[\"{CONTRADICTED}\"]')",
             path.display(),
             escaped(&why, MAX_REASON)
         ))),
@@ -153,7 +153,7 @@ fn plan(
         policy.interface.critic_observation = settings.policy.critic_observation.clone();
     }
     if policy.interface.critic_observation.is_empty() {
-        return Err("neither policy nor task says what the critic sees (critic_observation)".to_owned());
+        return Err("neither policy nor task states what the critic observes (critic_observation)".to_owned());
     }
     let mut plan = Plan {
         name: run,
@@ -279,17 +279,16 @@ fn pinned(asked: &mut Option<String>, found: Option<&String>, path: &Path) -> Re
 /// # Errors
 /// In words.
 fn task(arguments: &WorldSettings, policy: &Policy, changes: &mut Table) -> Result<TaskSettings, String> {
-    for (key, why) in [
-        ("base", "name the built-in task with --task"),
-        ("policy", "what the policy sees and does is its own"),
-    ] {
+    for (key, why) in
+        [("base", "name the built-in task with --task"), ("policy", "the policy's own interface decides it")]
+    {
         if changes.contains_key(key) {
             return Err(format!("`task.{key}` cannot be set in fine-tuning: {why}"));
         }
     }
-    let own = policy.interface.control_dt;
+    let control_dt = policy.interface.control_dt;
     let mut settings = world::task(arguments, policy).map_err(|error| error.to_string())?;
-    settings.control_dt = own;
+    settings.control_dt = control_dt;
     // The policy knows the final commands: it begins with them, unless [task] says otherwise.
     settings.command.curriculum = None;
     let whole = Table::try_from(&settings).map_err(|error| error.to_string())?;
@@ -298,10 +297,10 @@ fn task(arguments: &WorldSettings, policy: &Policy, changes: &mut Table) -> Resu
         .clone()
         .try_into()
         .map_err(|error| format!("[task] {}", tamed(error.to_string().trim_end(), 4000)))?;
-    if settings.control_dt != own {
+    if settings.control_dt != control_dt {
         let asked = settings.control_dt;
         return Err(format!(
-            "`task.control_dt` is {} s, and the policy acts every {own} s: leave it out",
+            "`task.control_dt` is {} s, and the policy acts every {control_dt} s: leave it out",
             shown_number(asked)
         ));
     }

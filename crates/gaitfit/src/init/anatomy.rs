@@ -9,7 +9,7 @@ const NEAR_GROUND: f64 = 0.3;
 /// Geoms of a foot lie within this share of it of the foot's lowest point.
 const SAME_FOOT: f64 = 0.03;
 /// Most legs.
-const MOST_LEGS: usize = 8;
+const MAX_LEGS: usize = 8;
 
 /// A leg.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,12 +74,13 @@ impl Anatomy {
             if legs.iter().any(|leg| leg.path == path) {
                 continue;
             }
-            let own: Vec<usize> = contacts.iter().copied().filter(|&geom| *path_of(geom) == path).collect();
-            legs.push(leg(model, path, &own, lowest, SAME_FOOT * height, &frames));
+            let foot_geoms: Vec<usize> =
+                contacts.iter().copied().filter(|&geom| *path_of(geom) == path).collect();
+            legs.push(leg(model, path, &foot_geoms, lowest, SAME_FOOT * height, &frames));
         }
         let robot = || shown(&model.name);
-        if legs.len() > MOST_LEGS {
-            return Err(InitError::ManyLegs { robot: robot(), legs: legs.len(), most: MOST_LEGS });
+        if legs.len() > MAX_LEGS {
+            return Err(InitError::ManyLegs { robot: robot(), legs: legs.len(), max: MAX_LEGS });
         }
         if legs.is_empty() {
             // Last links without a geom that collides.
@@ -186,8 +187,9 @@ pub fn path(model: &Model, body: usize) -> Vec<usize> {
     let mut bodies: Vec<usize> =
         std::iter::successors(Some(body), |&body| model.bodies[body].parent).collect();
     bodies.reverse();
-    let of = |body: usize| (0..model.joints.len()).filter(move |&joint| model.joints[joint].body == body);
-    bodies.into_iter().flat_map(of).collect()
+    let joints_on =
+        |body: usize| (0..model.joints.len()).filter(move |&joint| model.joints[joint].body == body);
+    bodies.into_iter().flat_map(joints_on).collect()
 }
 
 /// Two groups that alternate: neighbours on a side, and the two of a pair, are in different groups. With four legs this is

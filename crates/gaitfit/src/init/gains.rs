@@ -20,7 +20,7 @@ const SCALE: f64 = 0.25;
 const STEP: f64 = 0.005;
 const PERIOD: f64 = 0.02;
 /// Most physics steps in a control period.
-const MOST_SUBSTEPS: f64 = 20.0;
+const MAX_SUBSTEPS: f64 = 20.0;
 /// Most of kp h²/I and of kd h/I, h the physics step and I the inertia that a joint feels in the air: beyond 4 and 2 a
 /// joint shakes in the simulation. The Go2's calves have 0.4 and 1.6.
 const STIFFEST: f64 = 1.0;
@@ -63,7 +63,7 @@ pub fn servo(model: &Model, joint: usize) -> Option<[f64; 2]> {
 
 impl Gains {
     /// In the pose `angles` (rad, model order).
-    pub fn of(model: &Model, anatomy: &Anatomy, angles: &[f64], sizes: &Sizes) -> Result<Self, InitError> {
+    pub fn new(model: &Model, anatomy: &Anatomy, angles: &[f64], sizes: &Sizes) -> Result<Self, InitError> {
         let unit = sizes.mass * sizes.gravity * sizes.leg;
         let inertia: Vec<f64> = Robot::nominal(model)
             .params(model)
@@ -81,10 +81,11 @@ impl Gains {
             };
             STIFFNESS * unit * weak
         };
-        let own: Vec<Option<[f64; 2]>> = (0..model.joints.len()).map(|joint| servo(model, joint)).collect();
+        let servos: Vec<Option<[f64; 2]>> =
+            (0..model.joints.len()).map(|joint| servo(model, joint)).collect();
         let ratios: Vec<f64> =
-            anatomy.moved.iter().filter_map(|&joint| Some(own[joint]?[0] / by_size(joint))).collect();
-        let ratio = median(ratios).filter(|_| anatomy.moved.iter().all(|&joint| own[joint].is_some()));
+            anatomy.moved.iter().filter_map(|&joint| Some(servos[joint]?[0] / by_size(joint))).collect();
+        let ratio = median(ratios).filter(|_| anatomy.moved.iter().all(|&joint| servos[joint].is_some()));
         let likely = ratio.is_some_and(|ratio| (1.0 / LIKELY..=LIKELY).contains(&ratio));
         let held = held(model, angles, sizes.gravity);
         let (mut kp, mut kd, mut scale) = (Vec::new(), Vec::new(), Vec::new());
@@ -95,7 +96,7 @@ impl Gains {
             let damping = model.joints[joint].damping;
             let (stiffest, thickest) =
                 (stiff * inertia[joint] / (STEP * STEP), thick * inertia[joint] / STEP);
-            let [p, d] = match (moved, own[joint]) {
+            let [p, d] = match (moved, servos[joint]) {
                 (true, Some([p, d])) if likely && d > 0.0 => [p, d],
                 (true, Some([p, _])) if likely => [p, (DAMPING * p - damping).max(0.0)],
                 (true, _) => [by_size(joint), DAMPING * by_size(joint)],
@@ -147,13 +148,13 @@ impl Gains {
         }
         let bare = anatomy.moved.iter().all(|&joint| model.joints[joint].armature == 0.0);
         let armature = bare.then(|| {
-            let most = ROTOR * sizes.mass * sizes.leg * sizes.leg;
-            [tidy(most / 3.0), tidy(most)]
+            let max = ROTOR * sizes.mass * sizes.leg * sizes.leg;
+            [tidy(max / 3.0), tidy(max)]
         });
-        if let Some([least, most]) = armature {
+        if let Some([min, max]) = armature {
             doubts.push(format!(
-                "the file gives no rotor inertia (armature), without which light links shake; robots get {least:?} to \
-                 {most:?} kg·m² in training (a guess)"
+                "the file gives no rotor inertia (armature), without which light links shake; robots get {min:?} to \
+                 {max:?} kg·m² in training (a guess)"
             ));
         }
         Ok(Self { kp, kd, scale, substeps, armature, how, doubts })
@@ -177,11 +178,7 @@ fn substeps(model: &Model, kp: &[f64], kd: &[f64], inertia: &[f64]) -> usize {
     }
     let step = (3.0 / most_d).min((2.0 / most_k).sqrt()).min(STEP);
     let steps = (PERIOD / step - 1e-9).ceil();
-    if steps.is_finite() {
-        steps.clamp(PERIOD / STEP, MOST_SUBSTEPS) as usize
-    } else {
-        MOST_SUBSTEPS as usize
-    }
+    if steps.is_finite() { steps.clamp(PERIOD / STEP, MAX_SUBSTEPS) as usize } else { MAX_SUBSTEPS as usize }
 }
 
 /// Some names, and how many more there are.
@@ -202,7 +199,7 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 fn held(model: &Model, angles: &[f64], gravity: f64) -> Vec<f64> {
     let frames = body_frames(model, &Frame::WORLD, angles);
     let paths: Vec<Vec<usize>> = (0..model.bodies.len()).map(|body| path(model, body)).collect();
-    let of = |joint: usize| {
+    let inertia_about = |joint: usize| {
         let (mut mass, mut moment) = (0.0, [0.0; 3]);
         for ((body, frame), path) in model.bodies.iter().zip(&frames).zip(&paths) {
             if path.contains(&joint) {
@@ -216,5 +213,5 @@ fn held(model: &Model, angles: &[f64], gravity: f64) -> Vec<f64> {
         let arm = sub(moment, anchor);
         (gravity * dot(arm, arm).sqrt() / SAG).max(1.0)
     };
-    (0..model.joints.len()).map(of).collect()
+    (0..model.joints.len()).map(inertia_about).collect()
 }

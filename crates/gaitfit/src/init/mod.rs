@@ -54,7 +54,7 @@ pub enum InitError {
     },
     /// More legs than a task may have feet.
     #[error(
-        "{robot} has {legs} legs, and a task may have {most} feet; write the task by hand for some of them"
+        "{robot} has {legs} legs, and a task may have {max} feet; write the task by hand for some of them"
     )]
     ManyLegs {
         /// The robot.
@@ -62,7 +62,7 @@ pub enum InitError {
         /// How many there are.
         legs: usize,
         /// How many there may be.
-        most: usize,
+        max: usize,
     },
     /// What reaches lowest cannot touch the ground.
     #[error(
@@ -151,8 +151,8 @@ pub fn look(model: &Model) -> Result<Look, InitError> {
     let pose = pose::standing(model, start, &anatomy);
     // Feet are looked for once more in the pose that was found: the lowest geoms may be others.
     let anatomy = Anatomy::find(model, &pose.angles)?;
-    let sizes = Sizes::of(model, &anatomy, &pose.angles);
-    let gains = Gains::of(model, &anatomy, &pose.angles, &sizes)?;
+    let sizes = Sizes::new(model, &anatomy, &pose.angles);
+    let gains = Gains::new(model, &anatomy, &pose.angles, &sizes)?;
     let text = text::task(model, &anatomy, &pose, &sizes, &gains);
     let settings = read(&text).map_err(|why| InitError::Task { robot: robot(), why })?;
     // What a training would refuse, in a robot of odd sizes, is said now.

@@ -93,7 +93,7 @@ struct Chain {
 
 impl Chain {
     /// Of a leg with the joints at `frames`; `None` of one that does not bend, or has no length.
-    fn of(model: &Model, leg: &Leg, frames: &[Frame]) -> Option<Self> {
+    fn new(model: &Model, leg: &Leg, frames: &[Frame]) -> Option<Self> {
         let sideways = |joint: &usize| axis(model, *joint, frames)[1].abs() > 0.7;
         let pitch: Vec<usize> = leg.joints.iter().copied().filter(sideways).collect();
         if pitch.len() < 2 {
@@ -134,14 +134,15 @@ fn anchor(model: &Model, joint: usize, frames: &[Frame]) -> [f64; 3] {
 /// Middle of a leg's foot, m, world axes.
 fn foot(model: &Model, leg: &Leg, frames: &[Frame]) -> [f64; 3] {
     let count = leg.geoms.len().max(1) as f64;
-    let of = |k: usize, geom: &usize| frames[model.geoms[*geom].body].point(model.geoms[*geom].pos)[k];
-    std::array::from_fn(|k| leg.geoms.iter().map(|geom| of(k, geom)).sum::<f64>() / count)
+    let coordinate =
+        |k: usize, geom: &usize| frames[model.geoms[*geom].body].point(model.geoms[*geom].pos)[k];
+    std::array::from_fn(|k| leg.geoms.iter().map(|geom| coordinate(k, geom)).sum::<f64>() / count)
 }
 
 /// Share of a straight leg's length by which the foot is below the hip.
 fn share_of(model: &Model, leg: &Leg, angles: &[f64]) -> Option<f64> {
     let frames = body_frames(model, &Frame::WORLD, angles);
-    let chain = Chain::of(model, leg, &frames)?;
+    let chain = Chain::new(model, leg, &frames)?;
     let hip = anchor(model, chain.pitch[0], &frames);
     Some((hip[2] - chain.end(model, leg, &frames)[2]) / chain.reach)
 }
@@ -151,7 +152,7 @@ fn share_of(model: &Model, leg: &Leg, angles: &[f64]) -> Option<f64> {
 /// them.
 fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64]) {
     let rest = body_frames(model, &Frame::WORLD, angles);
-    let Some(chain) = Chain::of(model, leg, &rest) else { return };
+    let Some(chain) = Chain::new(model, leg, &rest) else { return };
     let (pitch, reach, flat) = (&chain.pitch, chain.reach, chain.flat);
     let (hip, last) = (pitch[0], pitch[pitch.len() - 1]);
     let axis = |joint: usize| axis(model, joint, &rest);

@@ -45,7 +45,7 @@ pub fn digits(value: f64, count: i32) -> f64 {
 
 impl Sizes {
     /// In the pose `angles` (rad, model order).
-    pub fn of(model: &Model, anatomy: &Anatomy, angles: &[f64]) -> Self {
+    pub fn new(model: &Model, anatomy: &Anatomy, angles: &[f64]) -> Self {
         let gravity = dot(model.options.gravity, model.options.gravity).sqrt();
         let gravity = if gravity > 0.1 { gravity } else { 9.81 };
         let frames = body_frames(model, &Frame::WORLD, angles);

@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 const BIPED_ITERATIONS: u32 = 1500;
 
 /// Share of the base's own mass that randomised robots may lack.
-const LEAST_SHARE: f64 = 0.5;
+const MIN_SHARE: f64 = 0.5;
 
 /// A basic string of TOML, which may be a key too: its escapes are those of JSON.
 pub fn quoted(text: &str) -> String {
@@ -53,7 +53,12 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
         line(&mut text, "iterations", BIPED_ITERATIONS, "two legs take longer than four");
     }
     let _ = writeln!(text, "\n[task]");
-    line(&mut text, "base", quoted("velocity"), "what is not here is as in this built-in task");
+    line(
+        &mut text,
+        "base",
+        quoted("velocity"),
+        "settings that are absent here are those of this built-in task",
+    );
     if gains.substeps != 4 {
         line(
             &mut text,
@@ -113,7 +118,7 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
         "\n[task.command]                   # Froude number v/√(g l) of the Go2's, {}",
         if biped { "half of it on two legs" } else { "leg length l" }
     );
-    let range = |most: f64| format!("[{:?}, {most:?}]", -most);
+    let range = |max: f64| format!("[{:?}, {max:?}]", -max);
     line(&mut text, "x", range(sizes.forward), "m/s forward");
     line(&mut text, "y", range(sizes.sideways), "m/s left");
     line(&mut text, "yaw", range(sizes.turning), "rad/s");
@@ -128,13 +133,13 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     let _ = writeln!(text, "\n[task.randomisation]");
     let mass = sizes.mass / super::sizes::GO2_MASS;
     // Some files have a base of little mass that the rest is fixed to: more than it has cannot be taken away.
-    let own = model.bodies.first().map_or(0.0, |base| base.mass);
-    let least = -mass.min(LEAST_SHARE * own);
-    line(&mut text, "base_mass", format!("[{:?}, {:?}]", tidy(least), tidy(3.0 * mass)), "kg added");
+    let base_mass = model.bodies.first().map_or(0.0, |base| base.mass);
+    let min = -mass.min(MIN_SHARE * base_mass);
+    line(&mut text, "base_mass", format!("[{:?}, {:?}]", tidy(min), tidy(3.0 * mass)), "kg added");
     line(&mut text, "base_com", float(tidy(0.02 * sizes.length())), "m, half range along each axis");
-    if let Some([least, most]) = gains.armature {
+    if let Some([min, max]) = gains.armature {
         let comment = "kg·m² added: the file has no rotor inertia (a guess)";
-        line(&mut text, "armature", format!("[{least:?}, {most:?}]"), comment);
+        line(&mut text, "armature", format!("[{min:?}, {max:?}]"), comment);
     }
     let _ = writeln!(text, "\n[task.push]");
     line(&mut text, "velocity", float(tidy(0.5 * sizes.length().sqrt())), "m/s");
@@ -146,9 +151,8 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
 fn own_parts(text: &mut String, model: &Model) {
     let (all, known) = model.self_contact_of_file();
     if known > 0 {
-        let comment = format!(
-            "own parts that touch each other: {known} of the {all} pairs that the file lets touch can be simulated"
-        );
+        let comment =
+            format!("self-contact: {known} of the {all} pairs that the file permits can be simulated");
         line(text, "# self_contact", quoted("file"), &comment);
     }
 }

@@ -79,12 +79,12 @@ pub fn run(
 
 /// The policy called `after` beside all others where it was measured: on the target, or else in the last fitted simulator.
 pub fn comparisons(after: &str, evaluations: &[Measurement]) -> Vec<Comparison> {
-    let of = |one: &&Measurement| one.evaluation.policy == after;
+    let is_after = |one: &&Measurement| one.evaluation.policy == after;
     let on_target = |one: &&Measurement| one.on == TARGET;
-    let own = evaluations.iter().filter(of).find(on_target);
-    let Some(own) = own.or_else(|| evaluations.iter().rfind(of)) else { return Vec::new() };
-    let others = evaluations.iter().filter(|one| one.on == own.on && !of(one));
-    others.map(|other| compare(&own.on, &own.evaluation, &other.evaluation)).collect()
+    let reference = evaluations.iter().filter(is_after).find(on_target);
+    let Some(reference) = reference.or_else(|| evaluations.iter().rfind(is_after)) else { return Vec::new() };
+    let others = evaluations.iter().filter(|one| one.on == reference.on && !is_after(one));
+    others.map(|other| compare(&reference.on, &reference.evaluation, &other.evaluation)).collect()
 }
 
 /// What the fit bought over the best that there is without logs: over randomisation, or else over the nominal simulator.

@@ -48,7 +48,7 @@ pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a,
 pub fn check_policy(protocol: &Protocol<'_, Asked>, setup: &Setup) -> Result<(), Error> {
     match protocol.folder.read_bytes(FIRST_POLICY)? {
         Some(bytes) if bytes != setup.policy_bytes => {
-            Err(protocol.refusal(&format!("the policy {} is not the one it was", setup.config.policy)))
+            Err(protocol.refusal(&format!("the policy {} has changed", setup.config.policy)))
         }
         _ => Ok(()),
     }

@@ -51,8 +51,8 @@ pub fn target(
     };
     if began.is_some() {
         return Err(missing(format!(
-            "{}: the robot was there when this run began and is not now, {why}. See to it, or start afresh without \
-             --resume.",
+            "{}: the robot was present when this run began and is absent now: {why}. Connect it, or start afresh \
+             without --resume.",
             folder.path().display()
         )));
     }
@@ -63,9 +63,8 @@ pub fn target(
         )));
     }
     folder.write_json(PRESENCE, &Presence { there: false, why: why.clone() })?;
-    watch.note(&format!(
-        "the robot is not there ({why}); policies are measured in the fitted simulator instead"
-    ));
+    watch
+        .note(&format!("the robot is absent ({why}); policies are measured in the fitted simulator instead"));
     Ok((None, Some(why)))
 }
 

@@ -64,11 +64,11 @@ fn divergence(results: &Results) -> Option<Doubt> {
 
 /// That the robot was not there, or that it is the program's own simulator.
 fn doubts(done: &Done) -> Vec<Doubt> {
-    let own = matches!(done.target, Some(Target::Simulated(_))) && !done.results.evaluations.is_empty();
+    let simulated = matches!(done.target, Some(Target::Simulated(_))) && !done.results.evaluations.is_empty();
     let text = "The robot of this loop is the program's own simulator with other numbers. On another simulator or a robot \
                 the policies can do worse.";
-    let own = own.then(|| Doubt::new(DoubtKind::OwnSimulatorOnly, text));
-    done.results.absence().into_iter().chain(own).collect()
+    let simulated = simulated.then(|| Doubt::new(DoubtKind::OwnSimulatorOnly, text));
+    done.results.absence().into_iter().chain(simulated).collect()
 }
 
 /// Where the headline was measured, and on how much.

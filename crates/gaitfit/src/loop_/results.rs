@@ -98,7 +98,8 @@ pub const TARGET: &str = "target";
 pub const REFERENCE: &str = "fine-tuned on the target";
 
 /// What intervals of comparisons do not hold.
-pub const ONE_TRAINING: &str = "Intervals are of the trajectories. Each policy was trained once; another seed of the training would differ too.";
+pub const ONE_TRAINING: &str = "Intervals cover the trajectories. Each policy was trained once; another training seed \
+                                would change the result too.";
 /// Name of the policy that was fine-tuned in the simulator of the robot's file.
 pub const NOMINAL: &str = "fine-tuned, nominal";
 /// Name of the policy that was fine-tuned in simulators that differ at random.
@@ -163,11 +164,11 @@ impl Results {
 
 /// See [`Results::divergence`].
 pub(super) fn divergence(evaluations: &[Measurement]) -> Option<String> {
-    let of = |one: &Measurement| {
+    let note = |one: &Measurement| {
         let found = one.evaluation.divergence()?;
         Some(format!("{} on {}: {found}", one.evaluation.policy, one.on))
     };
-    let found: Vec<String> = evaluations.iter().filter_map(of).collect();
+    let found: Vec<String> = evaluations.iter().filter_map(note).collect();
     (!found.is_empty()).then(|| found.join(". "))
 }
 

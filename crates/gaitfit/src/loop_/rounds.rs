@@ -39,30 +39,30 @@ pub struct Done {
 /// Runs all rounds that there are to be, and the reference.
 pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done, Error> {
     let (target, absent) = presence::target(setup, folder, watch)?;
-    let most = if absent.is_some() { 1 } else { setup.config.rounds };
-    if most < setup.config.rounds {
+    let max = if absent.is_some() { 1 } else { setup.config.rounds };
+    if max < setup.config.rounds {
         watch.note("without the robot there is one round");
     }
     let mut stages = Stages::new(setup, folder, target, watch)?;
-    let all = count(setup, most, stages.target.as_ref());
+    let all = count(setup, max, stages.target.as_ref());
     stages = stages.counted(all);
     let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
     let mut evaluations = Vec::new();
     evaluations.extend(measurement(TARGET, stages.on_target("policy-0", &first)?));
     // By other trajectories than those that are reported, where there is anything to choose.
     let mut choices = Vec::new();
-    if most > 1 {
+    if max > 1 {
         choices.extend(measurement(TARGET, stages.for_choice("policy-0", &first)?));
     }
     let mut policies = vec![first];
     let mut rounds: Vec<RoundResult> = Vec::new();
     let mut fits = Vec::new();
     let mut stopped_because = "all rounds are done".to_owned();
-    for number in 1..=most {
+    for number in 1..=max {
         let (round, fit) = one_round(&mut stages, number, &rounds, &mut policies, &mut evaluations)?;
         rounds.push(round);
         fits.push(fit);
-        if let (true, Some(after)) = (most > 1, policies.last()) {
+        if let (true, Some(after)) = (max > 1, policies.last()) {
             choices.extend(measurement(TARGET, stages.for_choice(&format!("policy-{number}"), after)?));
         }
         let judged = if choices.is_empty() { &evaluations } else { &choices };
@@ -310,8 +310,8 @@ fn next(target: Option<&Target>, absent: bool, after: &PolicyFiles) -> Option<St
         (Some(Target::Robot(_)), _) => Some(NOT_MEASURED.to_owned()),
         (Some(_), _) => None,
         (None, true) => Some(
-            "The robot was not there, so it is not known how the policies walk on it. Once it is, start this loop afresh \
-             to measure them on it."
+            "The robot was absent, so the policies were not measured on it. When it is present, start this loop \
+             afresh to measure them."
                 .to_owned(),
         ),
         (None, false) => Some(format!(

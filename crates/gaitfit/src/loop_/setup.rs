@@ -5,7 +5,7 @@ use crate::device::{Device, Devices};
 use crate::evaluate::{self, Plan};
 use crate::robot::Hold;
 use crate::run::{Inputs, bound};
-use crate::settings::{LOOP_FREE, LoopConfig, MOST_SEED, TargetConfig, TargetKind};
+use crate::settings::{LOOP_FREE, LoopConfig, MAX_SEED, TargetConfig, TargetKind};
 use crate::target::{self, Command, PolicyFiles, Robot, Simulated, Target};
 use crate::walk::log_files;
 use crate::world::{self, World, WorldSettings};
@@ -249,7 +249,7 @@ impl Setup {
     /// By what the best policy is chosen: as many other trajectories.
     pub fn choice(&self) -> Plan {
         let plan = self.plan();
-        let seed = if plan.seed == MOST_SEED { 0 } else { plan.seed + 1 };
+        let seed = if plan.seed == MAX_SEED { 0 } else { plan.seed + 1 };
         Plan { seed, drift: 0, ..plan }
     }
 

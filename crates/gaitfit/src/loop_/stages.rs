@@ -224,7 +224,7 @@ impl<'a> Stages<'a> {
         let mut trained = Vec::with_capacity(results.seeds.len());
         for one in &results.seeds {
             let path = Path::new(&one.policy);
-            let bytes = user_files::read(path, user_files::MOST_BYTES)
+            let bytes = user_files::read(path, user_files::MAX_BYTES)
                 .map_err(|error| Error::unreadable(path, error))?;
             trained.push((one.seed, bytes));
         }

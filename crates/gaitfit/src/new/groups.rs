@@ -12,7 +12,7 @@ const SIDES: [&str; 22] = [
 ];
 
 /// Groups of a robot's joints, by name and with exact names; `None` if the default groups hold all of them.
-pub fn of(model: &Model) -> Option<Vec<(String, Vec<String>)>> {
+pub fn from_model(model: &Model) -> Option<Vec<(String, Vec<String>)>> {
     let defaults = AdaptConfig::default().groups();
     let patterns: Vec<_> = defaults
         .iter()

@@ -68,7 +68,7 @@ impl Logs {
             let robot: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
             return Err(Error::settings(format!(
                 "{}: the robot has no joints {}; it has {}. Rename the log's columns, or give --mapping with `joints` \
-                 (docs/logs.md)",
+                 (docs/import.md)",
                 file.display(),
                 strange.join(", "),
                 robot.join(", ")
@@ -76,9 +76,9 @@ impl Logs {
         }
         let mut findings = report.findings();
         findings.extend(check(&log, &CheckSpec::of_robot(model, &log.joints)));
-        let told = [FindingKind::TimeUnit, FindingKind::SuspectUnit, FindingKind::RateMismatch];
+        let assumptions = [FindingKind::TimeUnit, FindingKind::SuspectUnit, FindingKind::RateMismatch];
         for finding in
-            findings.iter().filter(|one| told.contains(&one.kind) || one.severity == Severity::Error)
+            findings.iter().filter(|one| assumptions.contains(&one.kind) || one.severity == Severity::Error)
         {
             self.assumed.push(format!("{}: {finding}", file.display()));
         }

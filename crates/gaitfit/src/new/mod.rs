@@ -122,7 +122,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
         ));
     }
     let gains = if policy.is_some() { None } else { gains(settings, &model, &logs)? };
-    let groups = groups::of(&model);
+    let groups = groups::from_model(&model);
     let found = Found { settings, out, model, policy, logs, gains, groups };
     files::write(out, found.text().as_bytes())?;
     let mut written = found.checked();

@@ -48,9 +48,7 @@ impl Found<'_> {
 
     fn walk(&self, text: &mut String) {
         list(text, "logs", &self.settings.logs, self, "every fourth is not fitted but predicted at the end");
-        text.push_str(
-            "\n[adapt]\n# costs = [\"wass\"]              # what is compared: docs/loop.md, \"Which cost\"\n",
-        );
+        text.push_str("\n[adapt]\n# costs = [\"wass\"]              # what is compared: docs/costs.md\n");
         self.write_groups(text, "adapt.groups");
         text.push_str("\n[adapt.simulation]\n");
         line(
@@ -97,7 +95,7 @@ impl Found<'_> {
         }
         text.push_str("\n[optimizer]\n");
         let generations = GENERATIONS.to_string();
-        line(text, "generations", &generations, "at most; a search that no longer gains ends before");
+        line(text, "generations", &generations, "maximum; a search that no longer improves ends earlier");
         text.push_str("\n[check]\n");
         line(text, "converged", "true", "exit code 3 if the search has not converged");
     }

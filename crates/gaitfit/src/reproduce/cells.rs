@@ -74,13 +74,14 @@ impl Run<'_> {
         let selected: Vec<&Experiment> = self.experiments.iter().filter(|one| one.selected).collect();
         for seed in 1..=self.seeds {
             let mut shared: IndexMap<&str, Shared> = IndexMap::new();
-            let of = if self.seeds > 1 { format!(", seed {seed} of {}", self.seeds) } else { String::new() };
+            let suffix =
+                if self.seeds > 1 { format!(", seed {seed} of {}", self.seeds) } else { String::new() };
             for experiment in &selected {
                 let scenario = experiment.scenario.as_str();
                 if shared.contains_key(scenario) {
                     continue;
                 }
-                self.watch.tell(Event::Stage(&format!("\n{scenario}{of}: logs and references")));
+                self.watch.tell(Event::Stage(&format!("\n{scenario}{suffix}: logs and references")));
                 let made =
                     self.shared(experiment, seed).map_err(|error| self.explained(error, &experiment.file))?;
                 if let Some(first) = &made.first {
@@ -99,12 +100,12 @@ impl Run<'_> {
                 let name = &experiment.paper.name;
                 // A blank line between cells that come one after the other.
                 let gap = if self.jobs > 1 { "" } else { "\n" };
-                watch.tell(Event::Stage(&format!("{gap}[{}/{}] {name}{of}", number + 1, selected.len())));
+                watch.tell(Event::Stage(&format!("{gap}[{}/{}] {name}{suffix}", number + 1, selected.len())));
                 let failed = |failure| self.explained(failure, &experiment.file);
                 let Some(with) = shared.get(experiment.scenario.as_str()) else {
                     return Err(Error::failed(format!("{name} has no logs")));
                 };
-                let device = self.devices.of(worker);
+                let device = self.devices.device(worker);
                 let result = self.cell(experiment, seed, &with.logs, device, watch).map_err(failed)?;
                 watch.tell(Event::Stage(&headline(&result)));
                 Ok(result)
@@ -130,18 +131,18 @@ impl Run<'_> {
     /// A part that the table does not have; as [`Self::run`].
     pub fn part(&self, part: &Part) -> Result<(), Error> {
         let Part { kind, name, seed, .. } = part;
-        let of = |one: &&Experiment| match kind {
+        let belongs = |one: &&Experiment| match kind {
             PartKind::Shared => one.scenario == *name,
             PartKind::Cell => one.paper.name == *name,
         };
-        let Some(experiment) = self.experiments.iter().find(of) else {
+        let Some(experiment) = self.experiments.iter().find(belongs) else {
             return Err(Error::settings(format!("the table has no {name}")));
         };
         let made = match kind {
             PartKind::Shared => self.shared(experiment, *seed).map(|_| ()),
             PartKind::Cell => {
                 let logs = self.folder.path().join(part.needs()).join(LOGS);
-                self.cell(experiment, *seed, &logs, self.devices.of(0), self.watch).map(|_| ())
+                self.cell(experiment, *seed, &logs, self.devices.device(0), self.watch).map(|_| ())
             }
         };
         made.map_err(|error| self.explained(error, &experiment.file))

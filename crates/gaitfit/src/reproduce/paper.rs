@@ -97,9 +97,10 @@ impl Paper {
         let parts = cell.parts();
         let networks = parts.is_some_and(|[_, modification, _]| modification != "fricarm");
         let everywhere = networks && parts.is_some_and(|[scenario, ..]| scenario != "spring");
-        let of = |wanted: bool, list: &'_ [String]| if wanted { list.to_vec() } else { Vec::new() };
-        let more =
-            of(networks, &self.full_networks).into_iter().chain(of(everywhere, &self.full_every_joint));
+        let chosen = |wanted: bool, list: &'_ [String]| if wanted { list.to_vec() } else { Vec::new() };
+        let more = chosen(networks, &self.full_networks)
+            .into_iter()
+            .chain(chosen(everywhere, &self.full_every_joint));
         self.full.iter().cloned().chain(more).collect()
     }
 

@@ -128,12 +128,12 @@ pub struct Walk {
 }
 
 /// Entries of θ that are written one by one: more are a network's weights.
-const MOST_SHOWN: usize = 50;
+const MAX_SHOWN: usize = 50;
 
 impl SeedFit {
     /// What a fit of one cost found in so many seconds.
     pub fn new(fit: &CostFit, seconds: f64) -> Self {
-        let shown = if fit.parameters.len() <= MOST_SHOWN { fit.parameters.as_slice() } else { &[] };
+        let shown = if fit.parameters.len() <= MAX_SHOWN { fit.parameters.as_slice() } else { &[] };
         let error = |value: f64, truth: f64| 100.0 * (value / truth - 1.0).abs();
         Self {
             values: shown.iter().map(|one| (one.found.name.clone(), one.found.value)).collect(),
@@ -217,15 +217,15 @@ impl Row {
 
 /// The walk over seeds.
 fn walk(walks: &[Walk]) -> Option<Walk> {
-    let of = |which: fn(&Walk) -> Estimate| match walks {
+    let over_seeds = |which: fn(&Walk) -> Estimate| match walks {
         [one] => which(one),
         _ => of_few(&walks.iter().map(|walk| which(walk).mean).collect::<Vec<_>>()),
     };
     (!walks.is_empty()).then(|| Walk {
-        reward: of(|walk| walk.reward),
-        linear_velocity_error: of(|walk| walk.linear_velocity_error),
-        angular_velocity_error: of(|walk| walk.angular_velocity_error),
-        fall_rate: of(|walk| walk.fall_rate),
+        reward: over_seeds(|walk| walk.reward),
+        linear_velocity_error: over_seeds(|walk| walk.linear_velocity_error),
+        angular_velocity_error: over_seeds(|walk| walk.angular_velocity_error),
+        fall_rate: over_seeds(|walk| walk.fall_rate),
         drift: match walks {
             [one] => one.drift,
             _ => walks

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Most names in a message.
-const MOST_NAMED: usize = 5;
+const MAX_NAMED: usize = 5;
 /// How alike names are, from 0 to 1, of which one may be a slip of the other.
 const ALIKE: f64 = 0.85;
 
@@ -28,8 +28,8 @@ pub fn nothing_to_resume(runs: &Path, name: &str) -> Error {
         None => String::new(),
         Some((alike, nearest)) if *alike > ALIKE => format!(" Did you mean --name {}?", shown(nearest)),
         Some(_) => {
-            let more = if names.len() > MOST_NAMED { ", …" } else { "" };
-            let listed: Vec<String> = names.iter().take(MOST_NAMED).map(|(_, other)| shown(other)).collect();
+            let more = if names.len() > MAX_NAMED { ", …" } else { "" };
+            let listed: Vec<String> = names.iter().take(MAX_NAMED).map(|(_, other)| shown(other)).collect();
             format!(" There are {}{more}.", listed.join(", "))
         }
     };

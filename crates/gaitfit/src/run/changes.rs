@@ -4,7 +4,7 @@ use gaitfit_model::escaped;
 use toml::{Table, Value};
 
 /// Most characters of a value in a message.
-const MOST_SHOWN: usize = 120;
+const MAX_SHOWN: usize = 120;
 
 /// `settings` without those called `free`, dotted names such as `train.iterations`.
 pub fn bound(mut settings: Table, free: &[&str]) -> Value {
@@ -62,7 +62,7 @@ fn at(path: &str, saved: &Value, wanted: &Value) -> Option<String> {
 }
 
 fn shown(value: &Value) -> String {
-    escaped(&value.to_string(), MOST_SHOWN)
+    escaped(&value.to_string(), MAX_SHOWN)
 }
 
 #[cfg(test)]

@@ -17,9 +17,9 @@ pub struct RunFolder {
 }
 
 /// Most runs of one name.
-const MOST_RUNS: usize = 10_000;
+const MAX_RUNS: usize = 10_000;
 /// Longest name of a run, bytes.
-const MOST_NAME: usize = 100;
+const MAX_NAME: usize = 100;
 /// How names of files begin that are not whole yet.
 const WRITING: &str = ".writing-";
 
@@ -28,7 +28,7 @@ impl RunFolder {
     pub fn fresh(runs: &Path, name: &str) -> Result<Self, Error> {
         check_name(name)?;
         fs::create_dir_all(runs).map_err(|error| unwritable(runs, error))?;
-        for number in latest(runs, name)? + 1..=MOST_RUNS {
+        for number in latest(runs, name)? + 1..=MAX_RUNS {
             let path = numbered(runs, name, number);
             match fs::create_dir(&path) {
                 Ok(()) => return Self::lock(path),
@@ -38,7 +38,7 @@ impl RunFolder {
         }
         let runs = runs.display();
         Err(Error::failed(format!(
-            "{runs} has numbered runs called {name} up to {MOST_RUNS}; take another --name"
+            "{runs} has numbered runs called {name} up to {MAX_RUNS}; take another --name"
         )))
     }
 
@@ -160,7 +160,7 @@ impl RunFolder {
     ) -> Result<Option<T>, Error> {
         self.same()?;
         let path = self.path.join(name);
-        match read(&path, files::MOST_BYTES) {
+        match read(&path, files::MAX_BYTES) {
             Ok(content) => Ok(Some(content)),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
             Err(source) => {
@@ -254,22 +254,22 @@ fn number(file: &str, name: &str) -> Option<usize> {
         return Some(1);
     }
     let digits = rest.strip_prefix('-')?;
-    let number = digits.parse().ok().filter(|number| (2..=MOST_RUNS).contains(number))?;
+    let number = digits.parse().ok().filter(|number| (2..=MAX_RUNS).contains(number))?;
     // Not `-007` and not `-+7`.
     (number.to_string() == digits).then_some(number)
 }
 
 /// The name of the run in a folder: `walk-2024` may be a run of that name, or run 2024 of `walk`.
 pub(super) fn own_name(folder: &Path) -> Option<String> {
-    let text = files::read_text(&folder.join(super::protocol::CONFIG), files::MOST_BYTES).unwrap_or_default();
+    let text = files::read_text(&folder.join(super::protocol::CONFIG), files::MAX_BYTES).unwrap_or_default();
     let settings: toml::Table = toml::from_str(&text).unwrap_or_default();
     settings.get("name").and_then(toml::Value::as_str).map(str::to_owned)
 }
 
 fn check_name(name: &str) -> Result<(), Error> {
     let plain = |letter: char| letter.is_alphanumeric() || "._-".contains(letter);
-    let wrong = if name.len() > MOST_NAME {
-        format!("it has {} bytes; give --name one of at most {MOST_NAME}", name.len())
+    let wrong = if name.len() > MAX_NAME {
+        format!("it has {} bytes; give --name one of at most {MAX_NAME}", name.len())
     } else if name.is_empty() || name.starts_with('.') || !name.chars().all(plain) {
         "use letters, digits, `-`, `_` and `.`, not beginning with a dot".to_owned()
     } else {

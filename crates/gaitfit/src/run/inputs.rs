@@ -37,7 +37,7 @@ impl Inputs {
     pub fn difference(&self, saved: &Self) -> Option<String> {
         let changed = |path: &&String| saved.files.get(*path) != self.files.get(*path);
         if let Some(path) = self.files.keys().chain(saved.files.keys()).find(changed) {
-            return Some(format!("{path} is not the file it was"));
+            return Some(format!("{path} has changed"));
         }
         if self.model != saved.model {
             return Some(
@@ -57,7 +57,7 @@ fn json<T: Serialize>(value: &T) -> Result<Vec<u8>, Error> {
 /// # Errors
 /// What is no regular file, or cannot be read.
 pub fn hash_file(path: &Path) -> Result<String, Error> {
-    let bytes = files::read(path, files::MOST_BYTES).map_err(|error| Error::unreadable(path, error))?;
+    let bytes = files::read(path, files::MAX_BYTES).map_err(|error| Error::unreadable(path, error))?;
     Ok(hash(&bytes))
 }
 

@@ -72,6 +72,6 @@ pub fn devices(folder: &Path) -> Option<Devices> {
     struct Named {
         device: String,
     }
-    let text = files::read_text(&folder.join(MANIFEST), files::MOST_BYTES).ok()?;
+    let text = files::read_text(&folder.join(MANIFEST), files::MAX_BYTES).ok()?;
     serde_json::from_str::<Named>(&text).ok()?.device.parse().ok()
 }

@@ -103,7 +103,7 @@ fn is_run(folder: &Path) -> bool {
 
 /// A JSON file of a run; in words, what is wrong with it.
 fn json(path: &Path) -> Result<Value, String> {
-    let text = files::read_text(path, files::MOST_BYTES)
+    let text = files::read_text(path, files::MAX_BYTES)
         .map_err(|error| format!("cannot read {}: {error}", path.display()))?;
     serde_json::from_str(&text).map_err(|error| format!("{} is damaged: {error}", path.display()))
 }

@@ -115,7 +115,7 @@ fn training(run: &Run) -> Option<Training> {
 
 /// The lines of a metrics file that can be read; the last one of a run that still writes may be cut.
 fn lines(file: &Path) -> Vec<Value> {
-    let text = files::read_text(file, files::MOST_BYTES).unwrap_or_default();
+    let text = files::read_text(file, files::MAX_BYTES).unwrap_or_default();
     text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
 }
 

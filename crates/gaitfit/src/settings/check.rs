@@ -1,6 +1,6 @@
 //! Settings of `gaitfit fit` that do not go together, and what they mean to the optimiser.
 
-use super::{AdaptConfig, Base, LEAST_STRETCH_S, MOST_SEED};
+use super::{AdaptConfig, Base, MAX_SEED, MIN_STRETCH_S};
 
 /// Largest `simulation.starts`.
 const MAX_STARTS: usize = 64;
@@ -42,7 +42,7 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
     } else if config.costs.iter().any(|cost| cost.needs_imu())
         && config.number.iter().any(|rule| rule.kind == RobotNumber::TorqueNoise)
     {
-        "[[number]] torque_noise cannot be found with \"matchr…\": noise only makes predictions worse; leave it out"
+        "[[number]] torque_noise cannot be estimated with \"matchr…\": noise only makes predictions worse; leave it out"
     } else if !free && config.simulation.robot_timestep.is_some() {
         "`simulation.robot_timestep` is for walking logs; add base = \"free\" if the robot walked: replays of a clamped robot do not depend on the step to first \
          order"
@@ -64,7 +64,7 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "`optimizer.generations` must be at least 1"
     } else if optimizer.seeds == 0 || optimizer.seeds > 1000 {
         "`optimizer.seeds` must be 1 to 1000"
-    } else if optimizer.seed.checked_add(optimizer.seeds as u64).is_none_or(|last| last > MOST_SEED) {
+    } else if optimizer.seed.checked_add(optimizer.seeds as u64).is_none_or(|last| last > MAX_SEED) {
         "`optimizer.seed`, and with it the last of `optimizer.seeds` seeds, must be below 2^63"
     } else if optimizer.population == 1 || optimizer.population > 10_000 {
         "`optimizer.population` must be 0 (chosen by the number of parameters) or 2 to 10000"
@@ -88,7 +88,7 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "`simulation.starts` is for walking logs; add base = \"free\" if the robot walked"
     } else if !not_negative(config.skip_seconds()) {
         "`simulation.skip_seconds` must be at least 0"
-    } else if horizon != 0.0 && !(horizon >= LEAST_STRETCH_S && horizon.is_finite()) {
+    } else if horizon != 0.0 && !(horizon >= MIN_STRETCH_S && horizon.is_finite()) {
         "`simulation.horizon_seconds` must be 0 (whole logs) or at least 1"
     } else if !free && horizon != 0.0 {
         "`simulation.horizon_seconds` is for walking logs; add base = \"free\" if the robot walked"
@@ -116,12 +116,12 @@ fn refused(path: &Path, wrong: &str) -> Error {
 
 /// A gain that cannot be, also one that no log needs.
 fn wrong_gains(config: &AdaptConfig) -> Option<String> {
-    let own = [("gains.kp".to_owned(), &config.gains.kp), ("gains.kd".to_owned(), &config.gains.kd)];
+    let stated = [("gains.kp".to_owned(), &config.gains.kp), ("gains.kd".to_owned(), &config.gains.kd)];
     let of_files = config.validate_gains.iter().enumerate().flat_map(|(number, gains)| {
         let name = |key: &str| format!("validate_gains.{number}.{key}");
         [(name("kp"), &gains.kp), (name("kd"), &gains.kd)]
     });
-    own.into_iter().chain(of_files).find_map(|(name, gains)| {
+    stated.into_iter().chain(of_files).find_map(|(name, gains)| {
         let values: Vec<f64> = match gains.as_ref()? {
             PerJoint::All(value) => vec![*value],
             PerJoint::List(values) => values.clone(),

@@ -54,11 +54,11 @@ impl ControlsConfig {
             ("armature", self.armature, 1e4),
             ("delay", self.delay, 1.0),
         ];
-        let wrong = ranges.into_iter().find_map(|(name, [low, high], most)| {
-            (!(0.0 <= low && low <= high && high <= most)).then(|| {
+        let wrong = ranges.into_iter().find_map(|(name, [low, high], max)| {
+            (!(0.0 <= low && low <= high && high <= max)).then(|| {
                 let (low, high) = (shown_number(low), shown_number(high));
                 format!(
-                    "`controls.{name}` is [{low}, {high}]; it must be [smallest, largest], from 0 to {most}"
+                    "`controls.{name}` is [{low}, {high}]; it must be [smallest, largest], from 0 to {max}"
                 )
             })
         });

@@ -75,9 +75,9 @@ impl Configuration for FinetuneConfig {
     /// Lays the settings upon the defaults, which are not those of [`ppo::Settings`] and [`TrainingSettings`].
     fn complete(table: &mut DeTable<'_>) {
         let mut defaults = DeTable::parse(FINETUNE_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
-        let own = std::mem::take(table);
+        let given = std::mem::take(table);
         // A table in the place of a number or the other way round keeps its own place and is refused when it is read.
-        merge(&mut defaults, own);
+        merge(&mut defaults, given);
         *table = defaults;
     }
 }

@@ -1,6 +1,6 @@
 //! Reading a configuration: the file, then `--set`; errors with file, line, column and the nearest key.
 
-use super::messages::{MOST_MESSAGE, MOST_SET, explained, line_and_column, located, tamed};
+use super::messages::{MAX_MESSAGE, MAX_SET, explained, line_and_column, located, tamed};
 use crate::Error;
 use crate::files::read_text;
 use serde::de::DeserializeOwned;
@@ -10,7 +10,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer};
 
 /// Largest configuration file.
-pub(super) const MOST_BYTES: u64 = 16 << 20;
+pub(super) const MAX_BYTES: u64 = 16 << 20;
 
 /// A command's settings.
 pub trait Configuration: DeserializeOwned {
@@ -29,7 +29,7 @@ pub trait Configuration: DeserializeOwned {
 pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C, Error> {
     // Tables borrow from these texts.
     let text = path
-        .map(|path| read_text(path, MOST_BYTES).map_err(|error| unreadable::<C>(path, &error)))
+        .map(|path| read_text(path, MAX_BYTES).map_err(|error| unreadable::<C>(path, &error)))
         .transpose()?;
     let values = sets.iter().map(|set| value_text(set, C::EXAMPLE)).collect::<Result<Vec<_>, _>>()?;
     let mut table = DeTable::new();
@@ -47,13 +47,13 @@ pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C,
     }
     for (set, (key, line)) in sets.iter().zip(&values) {
         apply(&mut table, set, key, line)?;
-        let wrong = |wrong: &str| Error::settings(format!("--set {}: {wrong}", tamed(set, MOST_SET)));
+        let wrong = |wrong: &str| Error::settings(format!("--set {}: {wrong}", tamed(set, MAX_SET)));
         if let Some((large, _)) = too_large("", &table) {
             return Err(wrong(&large));
         }
         understand::<C>(table.clone()).map_err(|error| wrong(&explained(&error)))?;
     }
-    understand(table).map_err(|error| Error::settings(tamed(error.message(), MOST_MESSAGE)))
+    understand(table).map_err(|error| Error::settings(tamed(error.message(), MAX_MESSAGE)))
 }
 
 /// The first whole number that TOML does not have, in words, and its place.
@@ -70,12 +70,9 @@ fn too_large_value(path: &str, value: &Spanned<DeValue<'_>>) -> Option<(String, 
         DeValue::Table(table) => too_large(path, table),
         DeValue::Array(array) => array.iter().find_map(|value| too_large_value(path, value)),
         DeValue::Integer(number) if i64::from_str_radix(number.as_str(), number.radix()).is_err() => {
-            let shown = tamed(&number.to_string(), MOST_SET);
-            let (least, most) = (i64::MIN, i64::MAX);
-            Some((
-                format!("`{path}` has {shown}; whole numbers go from {least} to {most}"),
-                value.span().start,
-            ))
+            let shown = tamed(&number.to_string(), MAX_SET);
+            let (min, max) = (i64::MIN, i64::MAX);
+            Some((format!("`{path}` has {shown}; whole numbers go from {min} to {max}"), value.span().start))
         }
         _ => None,
     }
@@ -148,7 +145,7 @@ fn value_text<'a>(set: &'a str, example: &str) -> Result<(&'a str, String), Erro
         Some((key, value)) if !key.trim().is_empty() => Ok((key, format!("value = {}", value.trim()))),
         _ => Err(Error::settings(format!(
             "--set {}: write it as key=value, for example {example}",
-            tamed(set, MOST_SET)
+            tamed(set, MAX_SET)
         ))),
     }
 }
@@ -159,7 +156,7 @@ fn apply<'a>(table: &mut DeTable<'a>, set: &str, path: &str, line: &'a str) -> R
     let mut at = &mut root;
     for key in path.split('.').map(str::trim) {
         at = enter(at, key).ok_or_else(|| {
-            let [set, key, path] = [set, key, path].map(|text| tamed(text, MOST_SET));
+            let [set, key, path] = [set, key, path].map(|text| tamed(text, MAX_SET));
             Error::settings(format!("--set {set}: there is no `{key}` in `{path}`"))
         })?;
     }

@@ -15,7 +15,7 @@ use toml::{Spanned, Table};
 use crate::Error;
 
 /// Most robots of a drift trial.
-pub const MOST_DRIFT: usize = 100_000;
+pub const MAX_DRIFT: usize = 100_000;
 
 /// The defaults, as `gaitfit config loop` prints them.
 pub const LOOP_DEFAULTS: &str = include_str!("loop.toml");
@@ -95,7 +95,7 @@ pub struct EvaluateConfig {
 }
 
 /// Largest seed: whole numbers of TOML go no further.
-pub const MOST_SEED: u64 = i64::MAX as u64;
+pub const MAX_SEED: u64 = i64::MAX as u64;
 
 /// Settings that do not change what a stage does.
 pub const FREE: [&str; 8] = [
@@ -156,9 +156,9 @@ impl Configuration for LoopConfig {
     /// Lays the settings upon the defaults. A setting that the loop decides itself is put in their place, so that it is
     /// refused when the table is read.
     fn complete(table: &mut DeTable<'_>) {
-        let own = std::mem::take(table);
+        let given = std::mem::take(table);
         for (section, keys) in DECIDED {
-            let Some(DeValue::Table(inner)) = own.get(section).map(Spanned::get_ref) else { continue };
+            let Some(DeValue::Table(inner)) = given.get(section).map(Spanned::get_ref) else { continue };
             if let Some((key, _)) = inner.iter().find(|(key, _)| keys.contains(&key.get_ref().as_ref())) {
                 let name = Cow::Owned(format!("{section}.{}", key.get_ref()));
                 let name = Spanned::new(key.span(), DeValue::String(name));
@@ -168,11 +168,11 @@ impl Configuration for LoopConfig {
             }
         }
         let mut defaults = DeTable::parse(LOOP_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
-        if let (Some(DeValue::Table(fitted)), Some(DeValue::Table(own))) =
-            (defaults.get_mut("adapt").map(Spanned::get_mut), own.get("adapt").map(Spanned::get_ref))
+        if let (Some(DeValue::Table(fitted)), Some(DeValue::Table(given))) =
+            (defaults.get_mut("adapt").map(Spanned::get_mut), given.get("adapt").map(Spanned::get_ref))
         {
-            let distributions = walking::searches_distributions(own);
-            walking::trim(fitted, own);
+            let distributions = walking::searches_distributions(given);
+            walking::trim(fitted, given);
             if !distributions {
                 let short = DeTable::parse(SHORT).map(Spanned::into_inner).unwrap_or_default();
                 merge(fitted, short);
@@ -186,7 +186,7 @@ impl Configuration for LoopConfig {
             }
             *finetune = Spanned::new(span, DeValue::Table(whole));
         }
-        merge(&mut defaults, own);
+        merge(&mut defaults, given);
         *table = defaults;
     }
 }
@@ -226,8 +226,8 @@ impl LoopConfig {
             "`finetune.seeds` is empty; give one or more".to_owned()
         } else if evaluate.trajectories == 0 || evaluate.trajectories > 10_000_000 {
             "`evaluate.trajectories` must be 1 to 10000000".to_owned()
-        } else if evaluate.drift > MOST_DRIFT {
-            format!("`evaluate.drift` must be at most {MOST_DRIFT} robots")
+        } else if evaluate.drift > MAX_DRIFT {
+            format!("`evaluate.drift` must be at most {MAX_DRIFT} robots")
         } else if !length(evaluate.seconds) {
             "`evaluate.seconds` must be above 0 and at most 3600".to_owned()
         } else if let Some(wrong) = self.target.as_ref().and_then(TargetConfig::wrong) {
@@ -284,7 +284,7 @@ impl LoopConfig {
         };
         // Rounds draw different candidates.
         let offset = u64::from(round - 1).saturating_mul(adapt.optimizer.seeds as u64);
-        adapt.optimizer.seed = adapt.optimizer.seed.saturating_add(offset).min(MOST_SEED);
+        adapt.optimizer.seed = adapt.optimizer.seed.saturating_add(offset).min(MAX_SEED);
         adapt.parameter.iter_mut().for_each(gaitfit_adapt::ParameterRule::resolve);
         adapt.number.iter_mut().for_each(gaitfit_adapt::RobotRule::resolve);
         adapt

@@ -6,24 +6,24 @@ use gaitfit_model::escaped;
 use std::path::Path;
 
 /// Most characters of a message, and of a `--set` in one.
-pub const MOST_MESSAGE: usize = 4000;
-pub const MOST_SET: usize = 200;
+pub const MAX_MESSAGE: usize = 4000;
+pub const MAX_SET: usize = 200;
 
 /// A text for a message: without control characters, and without numbers of hundreds of digits.
-pub fn tamed(text: &str, most: usize) -> String {
-    escaped(&short_numbers(text), most)
+pub fn tamed(text: &str, max: usize) -> String {
+    escaped(&short_numbers(text), max)
 }
 
 /// What a reader of TOML says, with the nearest name that there is.
 pub fn explained(error: &toml::de::Error) -> String {
     let message = error.message().trim_end();
-    format!("{}{}", tamed(&in_words(message), MOST_MESSAGE), nearest(message))
+    format!("{}{}", tamed(&in_words(message), MAX_MESSAGE), nearest(message))
 }
 
 /// A message with what a number must be in words instead of the name of a type: "expected u32".
 fn in_words(message: &str) -> String {
     let Some((before, name)) = message.rsplit_once("expected ") else { return message.to_owned() };
-    let most = match name {
+    let max = match name {
         "u8" => Some(u64::from(u8::MAX)),
         "u32" => Some(u64::from(u32::MAX)),
         "u64" | "usize" => None,
@@ -33,8 +33,8 @@ fn in_words(message: &str) -> String {
         "f64" => return format!("{before}expected a number"),
         _ => return message.to_owned(),
     };
-    let most = most.map_or_else(|| " or more".to_owned(), |most| format!(" to {most}"));
-    format!("{before}expected a whole number, 0{most}")
+    let max = max.map_or_else(|| " or more".to_owned(), |max| format!(" to {max}"));
+    format!("{before}expected a whole number, 0{max}")
 }
 
 /// The paragraph for an error at a place of the file.

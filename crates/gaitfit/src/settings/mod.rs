@@ -18,7 +18,7 @@ mod walking;
 pub use controls::{ControlsConfig, TruthConfig};
 pub use finetune::{FINETUNE_DEFAULTS, FinetuneConfig, changed};
 pub use load::{Configuration, load};
-pub use loop_::{FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, MOST_DRIFT, MOST_SEED};
+pub use loop_::{FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, MAX_DRIFT, MAX_SEED};
 pub use messages::tamed;
 pub use target::{TargetConfig, TargetKind, check_torque_noise};
 pub use task::{Task, TaskName, load_task};
@@ -145,9 +145,9 @@ pub struct FileGains {
 }
 
 /// Counted data that a stretch of a walking log needs to be of use, s.
-pub const LEAST_STRETCH_S: f64 = 1.0;
+pub const MIN_STRETCH_S: f64 = 1.0;
 /// The same where every sample is predicted from the ones before, s.
-const LEAST_SENSED_S: f64 = 0.5;
+const MIN_SENSED_S: f64 = 0.5;
 /// What is cut from a log before a fall, s: a walk that ends otherwise than the log's has left it before.
 const FALL_MARGIN_S: f64 = 0.5;
 
@@ -285,8 +285,8 @@ impl AdaptConfig {
     }
 
     /// Counted data that a stretch of a walking log needs to be of use, s.
-    pub fn least_stretch(&self) -> f64 {
-        if self.sensed() { LEAST_SENSED_S } else { LEAST_STRETCH_S }
+    pub fn min_stretch(&self) -> f64 {
+        if self.sensed() { MIN_SENSED_S } else { MIN_STRETCH_S }
     }
 
     /// Groups as the rules take them.

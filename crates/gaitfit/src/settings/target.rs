@@ -189,8 +189,8 @@ impl TargetConfig {
                 || self.torque_noise != 0.0
                 || high != 0.0)
         {
-            "`target.theta`, `spring`, `torque_noise`, `log_shift`, [[target.parameter]] and [[target.number]] are for \
-             kind = \"simulated\"; another robot is what it is, and a command's arguments say which"
+            "`target.theta`, `spring`, `torque_noise`, `log_shift`, [[target.parameter]] and [[target.number]] are \
+             for kind = \"simulated\"; any other robot has its own numbers"
         } else if !self.kind.is_robot() && self.has_link() {
             "`target.interface`, `domain`, `pause`, `patience`, `yes` and `last_walk` are for kind = \"unitree-go2\""
         } else if self.kind.is_robot()
@@ -249,13 +249,13 @@ impl TargetConfig {
 }
 
 /// Largest deviation of torques, N·m.
-const MOST_TORQUE_NOISE: f64 = 1000.0;
+const MAX_TORQUE_NOISE: f64 = 1000.0;
 
 /// Refuses a deviation of torques that cannot be, in words; `key` names the setting.
 pub fn check_torque_noise(key: &str, noise: f64) -> Result<(), String> {
-    if (0.0..=MOST_TORQUE_NOISE).contains(&noise) {
+    if (0.0..=MAX_TORQUE_NOISE).contains(&noise) {
         return Ok(());
     }
     let option = if key == "torque_noise" { " (--torque-noise)" } else { "" };
-    Err(format!("`{key}`{option} is {} and must be from 0 to {MOST_TORQUE_NOISE} N·m", shown_number(noise)))
+    Err(format!("`{key}`{option} is {} and must be from 0 to {MAX_TORQUE_NOISE} N·m", shown_number(noise)))
 }

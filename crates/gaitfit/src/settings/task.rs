@@ -1,6 +1,6 @@
 //! Tasks in configurations: a built-in one and what differs from it, and what of a built-in one is the Go2's alone.
 
-use super::load::{MOST_BYTES, merge, taken, too_large};
+use super::load::{MAX_BYTES, merge, taken, too_large};
 use super::messages::{line_and_column, located};
 use crate::Error;
 use crate::files::read_text;
@@ -117,8 +117,8 @@ fn not_the_go2(base: &str, model: &Model, file: Option<&str>, missing: &[String]
 pub(super) fn complete(table: &mut DeTable<'_>) {
     let Some(task) = table.get_mut("task") else { return };
     let span = task.span();
-    let mut own = match task.get_mut() {
-        DeValue::Table(own) => std::mem::take(own),
+    let mut given = match task.get_mut() {
+        DeValue::Table(given) => std::mem::take(given),
         // `task = "biped"` is short for its base alone.
         DeValue::String(_) => {
             let base = taken(task.get_mut());
@@ -126,16 +126,16 @@ pub(super) fn complete(table: &mut DeTable<'_>) {
         }
         _ => return,
     };
-    let base = own.remove("base");
+    let base = given.remove("base");
     let name = base.as_ref().and_then(|base| base.get_ref().as_str()).unwrap_or_default();
     // An unknown name is refused when the table is read, with its place.
     let text = preset(name).or_else(|| preset(TaskName::default().name())).unwrap_or_default();
     let parsed = || DeTable::parse(text).map(Spanned::into_inner).unwrap_or_default();
-    let missing: Vec<&str> = missing(&own);
+    let missing: Vec<&str> = missing(&given);
     let mut fields = DeTable::new();
     if missing.is_empty() {
         let mut other = without_robot(parsed());
-        merge(&mut other, own.clone());
+        merge(&mut other, given.clone());
         fields.insert(key("other", &span), Spanned::new(span.clone(), DeValue::Table(other)));
     } else {
         let names = missing.into_iter().map(|name| {
@@ -146,7 +146,7 @@ pub(super) fn complete(table: &mut DeTable<'_>) {
         fields.insert(key("missing", &span), Spanned::new(span.clone(), names));
     }
     let mut settings = parsed();
-    merge(&mut settings, own);
+    merge(&mut settings, given);
     let base = base.unwrap_or_else(|| {
         Spanned::new(span.clone(), DeValue::String(Cow::Borrowed(TaskName::default().name())))
     });
@@ -209,20 +209,20 @@ impl Serialize for Task {
 /// # Errors
 /// A file that cannot be read, or settings that there are not, with file, line and column.
 pub fn load_task(path: &Path, under: &str, model: &Model) -> Result<TaskSettings, Error> {
-    let text = read_text(path, MOST_BYTES)
+    let text = read_text(path, MAX_BYTES)
         .map_err(|error| Error::settings(format!("cannot read {}: {error}", path.display())))?;
     let located = |error| located(path, &text, &error);
     let whole = |table| TaskSettings::deserialize(Deserializer::from(Spanned::new(0..0, table)));
-    let mut own = DeTable::parse(&text).map_err(located)?.into_inner();
-    if let Some((wrong, place)) = too_large("", &own) {
+    let mut given = DeTable::parse(&text).map_err(located)?.into_inner();
+    if let Some((wrong, place)) = too_large("", &given) {
         return Err(Error::settings(format!("{}{}: {wrong}", path.display(), line_and_column(&text, place))));
     }
-    if let Some(DeValue::Table(task)) = own.get_mut("task").map(Spanned::get_mut) {
-        own = std::mem::take(task);
+    if let Some(DeValue::Table(task)) = given.get_mut("task").map(Spanned::get_mut) {
+        given = std::mem::take(task);
     }
-    let base = own.remove("base");
+    let base = given.remove("base");
     let under = match base.as_ref().map(|base| (base.span(), base.get_ref().as_str())) {
-        None => match whole(own.clone()) {
+        None => match whole(given.clone()) {
             Ok(settings) => return Ok(settings),
             Err(_) => DeTable::parse(under),
         },
@@ -234,7 +234,7 @@ pub fn load_task(path: &Path, under: &str, model: &Model) -> Result<TaskSettings
                     line_and_column(&text, span.start)
                 )));
             };
-            let missing = missing(&own);
+            let missing = missing(&given);
             if robot::is_go2(model) {
                 DeTable::parse(built_in)
             } else if missing.is_empty() {
@@ -250,7 +250,7 @@ pub fn load_task(path: &Path, under: &str, model: &Model) -> Result<TaskSettings
         }
     };
     let mut table = under.map(Spanned::into_inner).unwrap_or_default();
-    merge(&mut table, own);
+    merge(&mut table, given);
     whole(table).map_err(located)
 }
 
@@ -320,12 +320,12 @@ mod tests {
     }
 
     /// What another robot must state.
-    const OWN: &str = "feet = [\"FL_foot\"]\ngait = []\nheight = 0.4\nswing_height = 0.1\n[policy]\naction_scale = 0.5\n\
+    const TASK: &str = "feet = [\"FL_foot\"]\ngait = []\nheight = 0.4\nswing_height = 0.1\n[policy]\naction_scale = 0.5\n\
                        kp = { \"*\" = 20, \"*_calf\" = 30 }\nkd = 1\ndefault_pose = { \"*_calf\" = -1 }\n\
                        [fall]\ncontacts = []\nheight = 0.2\n";
 
-    fn own(prefix: &str) -> String {
-        OWN.replace("[policy]", &format!("[{prefix}policy]")).replace("[fall]", &format!("[{prefix}fall]"))
+    fn task(prefix: &str) -> String {
+        TASK.replace("[policy]", &format!("[{prefix}policy]")).replace("[fall]", &format!("[{prefix}fall]"))
     }
 
     #[test]
@@ -340,7 +340,7 @@ mod tests {
         assert!(!error.contains("task.feet,") && !error.contains("task.policy.kp,"), "{error}");
         assert!(error.contains("task.policy.kd"), "{error}");
 
-        let mut all = train(&format!("[task]\n{}", own("task."))).unwrap();
+        let mut all = train(&format!("[task]\n{}", task("task."))).unwrap();
         all.task.settle(&a1(), None).unwrap();
         let settings = &all.task.settings;
         assert_eq!(settings.policy.default_pose.keys().collect::<Vec<_>>(), ["*_calf"]);
@@ -361,9 +361,9 @@ mod tests {
         };
         let error = read("base = \"velocity\"\nheight = 0.4\n", &a1()).unwrap_err().to_string();
         assert!(error.contains("task.policy.default_pose") && !error.contains("task.height"), "{error}");
-        let plain = read(&format!("base = \"velocity\"\n{OWN}"), &a1()).unwrap();
+        let plain = read(&format!("base = \"velocity\"\n{TASK}"), &a1()).unwrap();
         assert_eq!(plain.policy.default_pose.len(), 1);
-        let training = format!("robot = \"a1.xml\"\n[task]\nbase = \"velocity\"\n{}", own("task."));
+        let training = format!("robot = \"a1.xml\"\n[task]\nbase = \"velocity\"\n{}", task("task."));
         assert_eq!(read(&training, &a1()).unwrap(), plain, "the task of a training's configuration");
     }
 

@@ -3,7 +3,7 @@
 //!
 //! On walks of a real Go2 the distributions of whole walks (`wass`) with the load, the floor and the strength among the
 //! parameters come as near to walks that were not fitted as the robot comes to itself; short predictions (`matchr`) with
-//! friction and armature alone come out further off than the robot before the fit. See docs/accuracy.md.
+//! friction and armature alone come out further off than the robot before the fit. See docs/results/accuracy.md.
 
 use super::load::merge;
 use toml::Spanned;
@@ -39,10 +39,10 @@ pub(super) fn complete(table: &mut DeTable<'_>) {
     if !walks(table) {
         return;
     }
-    let own = std::mem::take(table);
+    let given = std::mem::take(table);
     let mut defaults = DeTable::parse(WALK_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
-    trim(&mut defaults, &own);
-    merge(&mut defaults, own);
+    trim(&mut defaults, &given);
+    merge(&mut defaults, given);
     *table = defaults;
 }
 
@@ -115,13 +115,13 @@ mod tests {
 
     #[test]
     fn what_a_file_chooses_stays_alone() {
-        let own = read("policy = \"p\"\n[[parameter]]\nkind = \"armature\"\n[optimizer]\nseeds = 3\n");
-        assert!(own.parameter.len() == 1 && own.number.is_empty());
+        let chosen = read("policy = \"p\"\n[[parameter]]\nkind = \"armature\"\n[optimizer]\nseeds = 3\n");
+        assert!(chosen.parameter.len() == 1 && chosen.number.is_empty());
         assert_eq!(
-            (own.optimizer.seeds, own.optimizer.population),
+            (chosen.optimizer.seeds, chosen.optimizer.population),
             (3, read("policy = \"p\"\n").optimizer.population)
         );
-        assert_eq!((own.simulation.starts, own.simulation.robot_timestep), (1, None));
+        assert_eq!((chosen.simulation.starts, chosen.simulation.robot_timestep), (1, None));
         let short = read("policy = \"p\"\ncosts = [\"matchr1\"]\n");
         assert_eq!(short.optimizer, AdaptConfig::default().optimizer, "another search");
         assert!(short.number.iter().all(|rule| rule.kind != RobotNumber::TorqueNoise), "{:?}", short.number);

@@ -22,8 +22,8 @@ pub struct Command {
 }
 
 /// Most characters of a wrong document, and of a program's words, that are repeated.
-const MOST_SHOWN: usize = 200;
-const MOST_WORDS: usize = 1000;
+const MAX_SHOWN: usize = 200;
+const MAX_WORDS: usize = 1000;
 
 impl Command {
     /// The programs of a target. `python`: what `{python}` is, where that is known already.
@@ -133,10 +133,10 @@ impl Command {
         );
         let out = run(&words, "target.evaluate", self.timeout_seconds, watch)?;
         let mut found: Evaluation = serde_json::from_slice(&out).map_err(|error| {
-            let start = String::from_utf8_lossy(&out[..out.len().min(4 * MOST_SHOWN)]);
+            let start = String::from_utf8_lossy(&out[..out.len().min(4 * MAX_SHOWN)]);
             let problem = format!(
                 "it printed no document such as `gaitfit evaluate --json` does: {error}. It begins: {}",
-                escaped(start.trim_end(), MOST_SHOWN)
+                escaped(start.trim_end(), MAX_SHOWN)
             );
             program_error("target.evaluate", &words, problem)
         })?;
@@ -231,5 +231,5 @@ fn interrupted(setting: &str) -> Error {
 }
 
 fn program_error(setting: &'static str, words: &[String], problem: String) -> Error {
-    Error::Program { setting, command: escaped(&words.join(" "), MOST_WORDS), problem }
+    Error::Program { setting, command: escaped(&words.join(" "), MAX_WORDS), problem }
 }

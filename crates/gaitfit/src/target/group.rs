@@ -18,16 +18,16 @@ mod unix {
     use std::time::{Duration, Instant};
 
     /// Waits for the end of the process that holds the other side of its standard input, then ends the group or process
-    /// that it was told, politely at first. A second line says that it has ended.
+    /// that it was given, politely at first. A second line says that it has ended.
     const GUARD: &str = "trap '' HUP INT QUIT TERM
-read -r told || exit 0
+read -r group || exit 0
 read -r ended && exit 0
-kill -TERM $told 2>/dev/null || exit 0
+kill -TERM $group 2>/dev/null || exit 0
 for second in 1 2 3 4 5; do
   sleep 1
-  kill -0 $told 2>/dev/null || exit 0
+  kill -0 $group 2>/dev/null || exit 0
 done
-kill -KILL $told 2>/dev/null";
+kill -KILL $group 2>/dev/null";
 
     /// How often it is looked whether a group has ended.
     const LOOK: Duration = Duration::from_millis(20);

@@ -8,7 +8,7 @@ use std::path::Path;
 /// Names the Python of `{python}`, and no other is tried.
 const VARIABLE: &str = "GAITFIT_PYTHON";
 /// Where a project keeps its own, seen from the current directory.
-const OWN: &str = ".venv/bin/python";
+const VENV_PYTHON: &str = ".venv/bin/python";
 /// What is tried after that.
 const COMMON: [&str; 2] = ["python3", "python"];
 /// The place to fill in.
@@ -58,8 +58,8 @@ fn pythons() -> Vec<String> {
     if let Some(named) = std::env::var(VARIABLE).ok().filter(|named| !named.is_empty()) {
         return vec![named];
     }
-    let own = Path::new(OWN).exists().then(|| OWN.to_owned());
-    own.into_iter().chain(COMMON.map(str::to_owned)).collect()
+    let venv = Path::new(VENV_PYTHON).exists().then(|| VENV_PYTHON.to_owned());
+    venv.into_iter().chain(COMMON.map(str::to_owned)).collect()
 }
 
 /// Runs a program for its exit status alone; fails with the last thing it said.

@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 /// Lines of standard error that are kept for a message.
 const LAST_LINES: usize = 20;
 /// Most bytes that a program may print, and that a line of its standard error may have.
-const MOST_BYTES: usize = 64 << 20;
-const MOST_LINE: u64 = 1 << 16;
+const MAX_BYTES: usize = 64 << 20;
+const MAX_LINE: u64 = 1 << 16;
 /// Bytes that are read at once.
 const CHUNK: usize = 1 << 16;
 /// How long a program may take to end once it is asked to: a robot may have to lie down.
@@ -57,7 +57,7 @@ pub enum ProcessError {
         said: String,
     },
     /// It printed too much.
-    #[error("it printed more than {} MiB", MOST_BYTES >> 20)]
+    #[error("it printed more than {} MiB", MAX_BYTES >> 20)]
     TooMuch,
     /// The caller asked to stop.
     #[error("interrupted")]
@@ -112,7 +112,7 @@ impl Program<'_> {
         while ended.elapsed() < GRACE && said.listen(LOOK) {}
         group.end(PATIENCE, || said.take());
         while said.listen(Duration::ZERO) && ended.elapsed() < GRACE + PATIENCE {}
-        if said.out.len() > MOST_BYTES {
+        if said.out.len() > MAX_BYTES {
             return Err(ProcessError::TooMuch);
         }
         Ok(Output { status, last: said.last(), out: said.out })
@@ -154,7 +154,7 @@ impl Program<'_> {
             if let Some(status) = group.ended().map_err(ProcessError::Wait)? {
                 return Ok(status);
             }
-            if said.out.len() > MOST_BYTES {
+            if said.out.len() > MAX_BYTES {
                 break ProcessError::TooMuch;
             }
             if begun.elapsed() > allowed {
@@ -201,7 +201,7 @@ impl Said<'_> {
 
     fn keep(&mut self, piece: Piece) {
         match piece {
-            Piece::Out(bytes) if self.out.len() <= MOST_BYTES => self.out.extend(bytes),
+            Piece::Out(bytes) if self.out.len() <= MAX_BYTES => self.out.extend(bytes),
             Piece::Out(_) => {}
             Piece::Line(line) => {
                 // What a program says of an interruption is of no use to who asked for it.
@@ -242,11 +242,11 @@ fn read_lines(stream: impl Read, sender: &SyncSender<Piece>) {
     loop {
         let mut line = Vec::new();
         // A longer line comes in parts.
-        match stream.by_ref().take(MOST_LINE).read_until(b'\n', &mut line) {
+        match stream.by_ref().take(MAX_LINE).read_until(b'\n', &mut line) {
             Ok(0) | Err(_) => break,
             Ok(_) => {}
         }
-        let line = escaped(String::from_utf8_lossy(&line).trim_end(), MOST_LINE as usize);
+        let line = escaped(String::from_utf8_lossy(&line).trim_end(), MAX_LINE as usize);
         if sender.send(Piece::Line(line)).is_err() {
             break;
         }

@@ -203,7 +203,7 @@ fn next(sessions: &Path) -> Result<PathBuf, Error> {
 
 /// The last time of a log, s; 0 without a row.
 fn seconds(log: &Path) -> Result<f64, Error> {
-    let text = files::read_text(log, files::MOST_BYTES).map_err(|error| Error::unreadable(log, error))?;
+    let text = files::read_text(log, files::MAX_BYTES).map_err(|error| Error::unreadable(log, error))?;
     let last = text.lines().last().and_then(|line| line.split(',').next());
     Ok(last.and_then(|cell| cell.parse().ok()).unwrap_or(0.0))
 }

@@ -68,8 +68,8 @@ pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<(Theta
     let values: Vec<Found> = values.map(|value| Found { value, spread: None }).collect();
     if !values.is_empty() {
         let theta = rules.theta(&[], &joints, &[]).map_err(|error| wrong(&error))?;
-        let own = ThetaFile::new(&theta, &values, &model.name, "", 0.0);
-        file.parameter.extend(own.parameter.into_iter().map(|mut parameter| {
+        let named = ThetaFile::new(&theta, &values, &model.name, "", 0.0);
+        file.parameter.extend(named.parameter.into_iter().map(|mut parameter| {
             (parameter.lower, parameter.upper, parameter.at_bound) = (None, None, None);
             parameter
         }));

@@ -179,7 +179,7 @@ pub fn results(folder: &RunFolder, setup: &Setup, watch: &Watch<'_>) -> Result<R
 }
 
 fn seed_results(folder: &RunFolder, setup: &Setup, seed: u64, watch: &Watch<'_>) -> Result<Trained, Error> {
-    let files = Files::of(seed);
+    let files = Files::new(seed);
     let path = folder.path().join(&files.policy);
     let bytes = folder.read_bytes(&files.policy)?.unwrap_or_default();
     let policy = weights::read(&bytes).map_err(|error| Error::content(&path, error))?;

@@ -44,7 +44,7 @@ fn seeds(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<(), Err
     let names: Vec<String> = seeds.iter().map(|seed| format!("seed {seed}")).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let train = |number: usize, worker: usize, watch: &Watch<'_>| {
-        seed::train(setup, folder, seeds[number], devices.of(worker), watch)
+        seed::train(setup, folder, seeds[number], devices.device(worker), watch)
     };
     together(&names, devices.all().len(), watch, &train).map(drop)
 }
@@ -52,7 +52,7 @@ fn seeds(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<(), Err
 /// The learning curves of a finished run.
 pub fn curves(folder: &RunFolder, results: &Results) -> Result<Vec<SeedCurve>, Error> {
     let curve = |seed: &SeedResult| {
-        let metrics = metrics::read(folder, &seed::Files::of(seed.seed).metrics, seed.iterations)?;
+        let metrics = metrics::read(folder, &seed::Files::new(seed.seed).metrics, seed.iterations)?;
         Ok(report::curve(seed, &metrics))
     };
     results.seeds.iter().map(curve).collect()

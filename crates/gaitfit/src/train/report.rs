@@ -105,7 +105,7 @@ pub fn curve(outcome: &SeedResult, metrics: &[Metric]) -> SeedCurve {
 }
 
 fn links(seed: u64) -> [Link; 2] {
-    let files = Files::of(seed);
+    let files = Files::new(seed);
     [
         Link { text: format!("Watch seed {seed}"), path: files.replay },
         Link { text: format!("Policy of seed {seed}"), path: files.policy },

@@ -118,7 +118,7 @@ impl SeedResult {
         let mut speeds: Vec<f64> = metrics.iter().map(|metric| metric.times.samples_per_second).collect();
         speeds.sort_by(f64::total_cmp);
         let end = metrics.last();
-        let files = Files::of(seed);
+        let files = Files::new(seed);
         let path = |name: &str| folder.join(name).display().to_string();
         Self {
             seed,

@@ -31,7 +31,7 @@ pub struct Files {
 
 impl Files {
     /// Those of `seed`.
-    pub fn of(seed: u64) -> Self {
+    pub fn new(seed: u64) -> Self {
         let folder = format!("seed-{seed}");
         let file = |name: &str| format!("{folder}/{name}");
         Self {
@@ -53,7 +53,7 @@ pub fn train(
     device: Device,
     watch: &Watch<'_>,
 ) -> Result<(), Error> {
-    let files = Files::of(seed);
+    let files = Files::new(seed);
     folder.make(&files.folder)?;
     let learner = setup.learner(seed).map_err(Error::settings)?;
     let settings = &setup.plan.train;

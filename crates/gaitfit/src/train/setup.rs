@@ -5,7 +5,7 @@ use crate::Error;
 use crate::device::Devices;
 use crate::robot::Hold;
 use crate::run::inputs::Inputs;
-use crate::settings::{MOST_SEED, Preset, TrainConfig};
+use crate::settings::{MAX_SEED, Preset, TrainConfig};
 use crate::{paths, robot, robot_file};
 use gaitfit_learn::ppo::{self, Learner};
 use gaitfit_learn::task::Task;
@@ -75,7 +75,7 @@ pub struct Start {
 }
 
 /// Most seeds in one call.
-const MOST_SEEDS: usize = 1000;
+const MAX_SEEDS: usize = 1000;
 
 /// Reads the robot and checks the settings of a training from nothing.
 pub fn setup(
@@ -237,12 +237,12 @@ impl Plan {
     pub fn check(&self) -> Result<(), String> {
         let seeds = &self.seeds;
         let samples = self.train.environments.saturating_mul(self.train.steps);
-        let wrong = if seeds.is_empty() || seeds.len() > MOST_SEEDS {
-            format!("`seeds` has {} numbers; give 1 to {MOST_SEEDS}", seeds.len())
+        let wrong = if seeds.is_empty() || seeds.len() > MAX_SEEDS {
+            format!("`seeds` has {} numbers; give 1 to {MAX_SEEDS}", seeds.len())
         } else if let Some(twice) = (1..seeds.len()).find(|&index| seeds[..index].contains(&seeds[index])) {
             format!("`seeds` has {} twice", seeds[twice])
-        } else if let Some(large) = seeds.iter().find(|&&seed| seed > MOST_SEED) {
-            format!("`seeds` has {large}; a seed is at most {MOST_SEED}")
+        } else if let Some(large) = seeds.iter().find(|&&seed| seed > MAX_SEED) {
+            format!("`seeds` has {large}; a seed is at most {MAX_SEED}")
         } else if self.runs.is_empty() {
             "`runs` names no folder; \".\" is the current one".to_owned()
         } else if !(self.checkpoint_seconds >= 0.0 && self.checkpoint_seconds.is_finite()) {

@@ -22,7 +22,7 @@ pub struct Shown {
 }
 
 /// What [`Shown::gait`] shows.
-pub const GAIT_CAPTION: &str = "standing, ahead and to the left, as fast as it was asked for in training";
+pub const GAIT_CAPTION: &str = "standing, ahead and to the left, at the largest commands of its training";
 
 /// Runs the policy's mean actions on the task without noise, pushes and variation, and records them.
 pub fn show(setup: &Setup, policy: &Policy, title: &str) -> Result<Shown, Error> {

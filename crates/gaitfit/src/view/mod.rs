@@ -276,7 +276,7 @@ fn traces(shown: &Shown, rows: &std::ops::Range<usize>) -> Vec<JointTrace> {
     let column = |all: &[f64], joint: usize| -> Vec<f64> {
         all.iter().skip(joint).step_by(width).skip(rows.start).take(rows.len()).copied().collect()
     };
-    let of = |simulated: &Option<Simulated>, joint: usize| {
+    let positions = |simulated: &Option<Simulated>, joint: usize| {
         simulated.as_ref().map(|one| column(&one.position, joint)).unwrap_or_default()
     };
     let trace = |(joint, name): (usize, &String)| JointTrace {
@@ -284,8 +284,8 @@ fn traces(shown: &Shown, rows: &std::ops::Range<usize>) -> Vec<JointTrace> {
         file: shown.name.clone(),
         time_s: shown.log.time[rows.clone()].iter().map(|time| time - start).collect(),
         measured: column(&shown.log.position, joint),
-        fitted: of(&shown.fitted, joint),
-        nominal: of(&shown.nominal, joint),
+        fitted: positions(&shown.fitted, joint),
+        nominal: positions(&shown.nominal, joint),
         target: shown.log.target.as_deref().map(|target| column(target, joint)).unwrap_or_default(),
     };
     shown.log.joints.iter().enumerate().map(trace).collect()

@@ -14,7 +14,7 @@ const GAP: usize = 2;
 const COARSE: usize = 3;
 /// Share of the coarse cells below which combined commands are missing. Driving along one axis at a time visits 7 of
 /// 27.
-const LEAST_SHARE: f64 = 0.3;
+const MIN_SHARE: f64 = 0.3;
 /// Share of the data outside the range that is worth a word.
 const OUTSIDE: f64 = 0.05;
 
@@ -89,19 +89,20 @@ impl Coverage {
         let missing = self.uncovered();
         if !missing.is_empty() {
             warnings.push(format!(
-                "the logs do not cover the policy's commands: {}; the fit says nothing there: record these next time",
+                "the logs do not cover the policy's commands: {}; the fit is unchecked there: record these next time",
                 missing.join(", ")
             ));
-        } else if self.share < LEAST_SHARE {
+        } else if self.share < MIN_SHARE {
             warnings.push(format!(
-                "the logs cover {:.0} % of the combinations of vx, vy and yaw rate; ask for several at once next time",
+                "the logs cover {:.0} % of the combinations of vx, vy and yaw rate; command several at once next time",
                 100.0 * self.share
             ));
         }
         for axis in &self.axes {
             if axis.outside > OUTSIDE {
                 warnings.push(format!(
-                    "{:.0} % of the data ask for a {} outside [{}, {}] {}, for which the policy was not trained",
+                    "{:.0} % of the data have a command of {} outside [{}, {}] {}, for which the policy was not \
+                     trained",
                     100.0 * axis.outside,
                     axis.name,
                     axis.range[0],
@@ -242,7 +243,7 @@ mod tests {
         assert_eq!(coverage.axes[0].outside, 0.2);
         let warnings = coverage.warnings();
         assert!(
-            warnings.iter().any(|text| text.contains("20 % of the data ask for a vx outside")),
+            warnings.iter().any(|text| text.contains("20 % of the data have a command of vx outside")),
             "{warnings:?}"
         );
         // A range of one number is no axis.

@@ -14,7 +14,7 @@ const GAINS: f64 = 0.01;
 /// where most logs show it.
 pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
     // Falls and gaps are cut, coverage is looked at, short stretches are left out: those have their own words.
-    let told = [
+    let reported_elsewhere = [
         FindingKind::TooShort,
         FindingKind::TimeGap,
         FindingKind::Stuck,
@@ -31,7 +31,7 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
         let mut seen = Vec::new();
         for finding in read.noticed.iter().cloned().chain(check(&read.trajectory, &spec)) {
             if finding.severity == Severity::Note
-                || told.contains(&finding.kind)
+                || reported_elsewhere.contains(&finding.kind)
                 || seen.contains(&finding.kind)
             {
                 continue;
@@ -48,7 +48,7 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
     });
     let text = |(count, text): (usize, String)| match count {
         1 => text,
-        _ => format!("{text} ({} more logs have the like)", count - 1),
+        _ => format!("{text} ({} more logs have similar findings)", count - 1),
     };
     kinds.into_values().map(text).collect()
 }
@@ -57,9 +57,9 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
 pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
     let mut warnings = Vec::new();
     let known = !interface.robot.is_empty();
-    let of =
+    let other_robot =
         |read: &&Read| known && read.trajectory.robot.as_ref().is_some_and(|robot| *robot != interface.robot);
-    if let Some(read) = reads.iter().find(of) {
+    if let Some(read) = reads.iter().find(other_robot) {
         warnings.push(format!(
             "{}: the log is of robot `{}`, the policy for `{}`",
             read.file.name,

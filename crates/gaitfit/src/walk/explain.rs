@@ -81,7 +81,7 @@ const SUREST: f64 = 10.0;
 const OF_SWINGS: f64 = 0.1;
 const OF_ONE_JOINT: f64 = 0.08;
 const OF_HEIGHTS: f64 = 0.3;
-/// Play explains little of the heights, and makes swinging links answer less than their masses say: by this share of the
+/// Play explains little of the heights, and makes swinging links respond less than their masses imply: by this share of the
 /// torque, which explains this part of what swings leave.
 const SLACK: [f64; 2] = [-0.25, 0.25];
 /// Play above this is no play, rad.
@@ -126,7 +126,7 @@ pub fn missing(causes: &[Cause], theta: &Theta) -> Option<String> {
         causes.iter().filter(lacks).take(NAMED).map(|cause| cause.text.as_str()).collect();
     (!listed.is_empty()).then(|| {
         format!(
-            "The logs show what the fitted simulator does not have: {}. Its values stand in for that.",
+            "The logs show effects that the fitted simulator lacks: {}. Its values compensate for them.",
             listed.join("; ")
         )
     })
@@ -144,7 +144,7 @@ fn sensors(found: &SwingFindings) -> Vec<Cause> {
     let sensors = &found.sensors;
     if let Some(lag) = sensors.velocity_lag.filter(|lag| lag.matters(matters::LAG)) {
         let text = format!(
-            "joint velocities are {:.1} ms behind positions (a filter, or read late)",
+            "joint velocities lag positions by {:.1} ms (a filter, or a late reading)",
             1e3 * lag.value
         );
         add(CauseKind::VelocityLag, lag, "s", matters::LAG, text);
@@ -152,21 +152,21 @@ fn sensors(found: &SwingFindings) -> Vec<Cause> {
     let largest =
         |axes: [Estimate; 2]| if axes[0].value.abs() > axes[1].value.abs() { axes[0] } else { axes[1] };
     if let Some(bias) = sensors.gyro_bias {
-        let most = largest([largest([bias[0], bias[1]]), bias[2]]);
-        if most.matters(matters::GYRO) {
-            let text = format!("the gyro reads {:.3} rad/s at rest on one axis", most.value);
-            add(CauseKind::GyroBias, most, "rad/s", matters::GYRO, text);
+        let max = largest([largest([bias[0], bias[1]]), bias[2]]);
+        if max.matters(matters::GYRO) {
+            let text = format!("the gyro reads {:.3} rad/s at rest on one axis", max.value);
+            add(CauseKind::GyroBias, max, "rad/s", matters::GYRO, text);
         }
     }
     if let Some(tilt) = found.standing.tilt {
-        let most = largest(tilt);
-        if most.value.abs() > matters::TILT && most.value.abs() > SUREST * most.error {
+        let max = largest(tilt);
+        if max.value.abs() > matters::TILT && max.value.abs() > SUREST * max.error {
             let [roll, pitch] = tilt.map(|axis| axis.value.to_degrees());
             let text = format!(
                 "the inertial unit is tilted by {roll:.1}° of roll and {pitch:.1}° of pitch against the standing feet, or \
                  the floor slopes"
             );
-            add(CauseKind::Tilt, most, "rad", matters::TILT, text);
+            add(CauseKind::Tilt, max, "rad", matters::TILT, text);
         }
     }
     if let Some(step) = sensors.position_step.filter(|step| *step >= matters::STEP) {
@@ -181,19 +181,19 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
     let Estimate { value, error } = effect.size;
     let (of, part) = (&effect.of, 100.0 * effect.share);
     let enough =
-        |least: f64, sure: f64, share: f64| value > least && effect.sure() > sure && effect.share > share;
+        |min: f64, sure: f64, share: f64| value > min && effect.sure() > sure && effect.share > share;
     let group_friction = || {
         let groups = &found.swings.as_ref()?.groups;
         groups.iter().find(|group| group.joints.contains(of)).map(|group| group.friction.value)
     };
-    let (kind, unit, least, text) = match effect.kind {
+    let (kind, unit, min, text) = match effect.kind {
         EffectKind::LoadFriction if enough(matters::LOAD, SURER, OF_SWINGS) => (
             CauseKind::LoadFriction,
             "-",
             matters::LOAD,
             format!(
-                "dry friction of {of} grows by {value:.3} ± {error:.3} N·m for each N·m of the motor's torque, which explains \
-                 {part:.0} % of what legs in the air leave (fit it: load_friction)"
+                "dry friction of {of} grows by {value:.3} ± {error:.3} N·m for each N·m of the motor's torque, which \
+                 explains {part:.0} % of the residual of legs in the air (fit it: load_friction)"
             ),
         ),
         EffectKind::Elasticity if enough(matters::TWIST, SURER, OF_HEIGHTS) => (
@@ -201,8 +201,9 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
             "rad/(N·m)",
             matters::TWIST,
             format!(
-                "{of} joints twist between motor and link by {value:.4} ± {error:.4} rad for each N·m ({:.0} N·m/rad), which \
-                 explains {part:.0} % of what heights of standing feet leave (fit it: compliance)",
+                "{of} joints twist between motor and link by {value:.4} ± {error:.4} rad for each N·m ({:.0} \
+                 N·m/rad), which explains {part:.0} % of the residual of the heights of standing feet \
+                 (fit it: compliance)",
                 1.0 / value
             ),
         ),
@@ -211,8 +212,8 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
             "rad",
             matters::PLAY,
             format!(
-                "{of} joints have about {value:.3} ± {error:.3} rad of play between motor and link: standing feet show it, and \
-                 swinging links answer less than their masses say (fit it: play)"
+                "{of} joints have about {value:.3} ± {error:.3} rad of play between motor and link: standing feet \
+                 show it, and swinging links respond less than their masses imply (fit it: play)"
             ),
         ),
         EffectKind::OddFriction
@@ -245,7 +246,7 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
         ),
         _ => return None,
     };
-    let weight = value.abs() / least;
+    let weight = value.abs() / min;
     Some(Cause { kind, of: of.clone(), size: effect.size, unit: unit.to_owned(), weight, text })
 }
 

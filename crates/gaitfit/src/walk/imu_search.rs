@@ -161,7 +161,7 @@ impl<'a> Search<'a> {
             let clock = phase as f64 / PHASES as f64;
             let mut off = 0.0;
             for (sample, logged, last) in &some {
-                let given = Given::of(log, *sample);
+                let given = Given::from_log(log, *sample);
                 let action = self.act(log, *sample, last, &[given], clock).remove(0);
                 off += action.iter().zip(logged).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
             }

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Most files of one configuration, and most folder entries looked at for one pattern.
-const MOST_FILES: usize = 100_000;
+const MAX_FILES: usize = 100_000;
 
 /// A log file and what to call it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,8 +37,8 @@ pub fn find(named: &[String], config_path: &Path) -> Result<(Vec<LogFile>, Vec<S
                 warnings.push(format!("{}: `logs` names this file twice; it counts once", path.display()));
                 continue;
             }
-            if files.len() == MOST_FILES {
-                return Err(Error::settings(format!("`logs` names more than {MOST_FILES} files")));
+            if files.len() == MAX_FILES {
+                return Err(Error::settings(format!("`logs` names more than {MAX_FILES} files")));
             }
             files.push(LogFile { name: path.display().to_string(), path });
         }
@@ -151,9 +151,9 @@ fn walk(
     };
     for path in entries {
         *visited += 1;
-        if *visited > MOST_FILES {
+        if *visited > MAX_FILES {
             return Err(Error::settings(format!(
-                "more than {MOST_FILES} files lie below {}; name the logs' folder more closely",
+                "more than {MAX_FILES} files lie below {}; name the logs' folder more closely",
                 folder.display()
             )));
         }

@@ -27,10 +27,10 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Counted data that a fit needs, s.
-const LEAST_S: f64 = 10.0;
+const MIN_S: f64 = 10.0;
 
 /// Most numbers of all logs of a fit together: a fit takes about ten times their memory, 0.8 GB.
-const MOST_VALUES: usize = 10_000_000;
+const MAX_VALUES: usize = 10_000_000;
 
 /// What logs are read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,7 +94,7 @@ pub struct Read {
 #[cfg(test)]
 impl Read {
     /// A log that no file holds.
-    pub fn of(file: LogFile, trajectory: Trajectory) -> Self {
+    pub fn new(file: LogFile, trajectory: Trajectory) -> Self {
         let joints = trajectory.joints.clone();
         Self {
             file,
@@ -132,11 +132,11 @@ pub fn read(
             continue;
         }
         values += numbers(&read.trajectory);
-        if values > MOST_VALUES {
+        if values > MAX_VALUES {
             return Err(Error::failed(format!(
-                "{}: the logs up to here hold more than {MOST_VALUES} numbers, which is what a fit takes into memory. Name \
-                 fewer logs, or, where they are faster than the policy, take one row of many: `gaitfit import LOG.csv \
-                 --every 10 --out LESS.csv`.",
+                "{}: the logs up to here hold more than {MAX_VALUES} numbers, the maximum of a fit. Name fewer logs, \
+                 or, where they are faster than the policy, take one row of many: `gaitfit import LOG.csv --every 10 \
+                 --out LESS.csv`.",
                 read.file.path.display()
             )));
         }
@@ -224,23 +224,23 @@ pub fn read(
 
 fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error> {
     let model = scene.walker.batch.model();
-    let options = ReadOptions { max_values: MOST_VALUES, ..ReadOptions::default() };
+    let options = ReadOptions { max_values: MAX_VALUES, ..ReadOptions::default() };
     let (trajectory, report) = read_csv_report(&file.path, &options).map_err(Error::failed)?;
     let (mut trajectory, joints) =
         log_joints::of_robot(&trajectory, &file.path, &config.joint_names, model, &scene.walker.joints)?;
     let shown = file.path.display();
     if trajectory.command.is_none() {
         return Err(Error::failed(format!(
-            "{shown}: the log has no commands (columns vx_cmd, vy_cmd, wz_cmd), and the simulated robot must be asked \
-             for what the real one was. Record the command of every sample next time; if it was constant, add the \
+            "{shown}: the log has no commands (columns vx_cmd, vy_cmd, wz_cmd), and the simulated robot needs the \
+             commands of the real one. Record the command of every sample next time; if it was constant, add the \
              three columns now."
         )));
     }
     if trajectory.action.is_none() {
         let Some(target) = &trajectory.target else {
             return Err(Error::failed(format!(
-                "{shown}: the log has neither actions (columns act_…) nor position targets (qdes_…), so nothing says \
-                 what the policy did. Record the policy's outputs of every step next time."
+                "{shown}: the log has neither actions (columns act_…) nor position targets (qdes_…), so the policy's \
+                 outputs are unknown. Record the policy's outputs of every step next time."
             )));
         };
         trajectory.action = Some(actions_of(target, &scene.walker.interface));
@@ -363,13 +363,12 @@ fn same_data(a: &Trajectory, b: &Trajectory) -> bool {
 
 /// The logs that are long enough to count, and warnings about the others.
 fn long_enough(logs: Vec<Log>, config: &AdaptConfig, warnings: &mut Vec<String>) -> Vec<Log> {
-    let least = config.least_stretch() + config.skip_seconds();
-    let (long, short): (Vec<_>, Vec<_>) =
-        logs.into_iter().partition(|log| log.trajectory.duration() >= least);
+    let min = config.min_stretch() + config.skip_seconds();
+    let (long, short): (Vec<_>, Vec<_>) = logs.into_iter().partition(|log| log.trajectory.duration() >= min);
     for log in short {
         let seconds = log.trajectory.duration();
         warnings.push(format!(
-            "{}: {seconds:.2} s of data are too short to count; the minimum is {least} s",
+            "{}: {seconds:.2} s of data are too short to count; the minimum is {min} s",
             log.name
         ));
     }
@@ -435,8 +434,8 @@ fn enough(
     let skipped = config.skip_seconds();
     let seconds: f64 = logs.iter().map(|log| log.trajectory.duration() - skipped).sum();
     let needed = match purpose {
-        Purpose::Fit => LEAST_S,
-        Purpose::Validation => config.least_stretch(),
+        Purpose::Fit => MIN_S,
+        Purpose::Validation => config.min_stretch(),
     };
     if seconds >= needed {
         return Ok(());
@@ -444,10 +443,10 @@ fn enough(
     let shown = config_path.display();
     let falls = cuts.iter().filter(|cut| cut.fall);
     let fell: f64 = falls.clone().map(|cut| cut.to_s - cut.from_s).sum();
-    let least = config.least_stretch() + skipped;
+    let min = config.min_stretch() + skipped;
     Err(Error::failed(if logs.is_empty() && falls.count() >= read {
         format!(
-            "{shown}: in all logs the robot falls or does not walk before {least} s have passed ({}). A fit \
+            "{shown}: in all logs the robot falls or does not walk before {min} s have passed ({}). A fit \
              needs walking: record next time with slower commands, on better ground, or with a policy that stands; \
              `gaitfit inspect` shows a log.",
             cuts.first().map_or("", |cut| &cut.reason)
@@ -461,7 +460,7 @@ fn enough(
         if skipped > 0.0 {
             because += &format!(
                 " after the first {skipped} s of each (`simulation.skip_seconds`), in pieces of {} s or more",
-                config.least_stretch()
+                config.min_stretch()
             );
         }
         let horizon = config.simulation.horizon_seconds;
@@ -471,7 +470,7 @@ fn enough(
         let seconds = seconds.max(0.0);
         match purpose {
             Purpose::Fit => format!(
-                "{shown}: the logs hold {seconds:.1} s of walking that count{because}; a fit needs at least {LEAST_S} s, \
+                "{shown}: the logs hold {seconds:.1} s of walking that count{because}; a fit needs at least {MIN_S} s, \
                  and does well with some minutes: record more and longer, with varied commands."
             ),
             Purpose::Validation => format!(

@@ -77,7 +77,7 @@ mod tests {
         let right = logs(&scene, &policy, true);
         let read = |trajectory: Trajectory| {
             let file = LogFile { name: "a.csv".into(), path: "a.csv".into() };
-            Read::of(file, trajectory)
+            Read::new(file, trajectory)
         };
         let mut reads: Vec<Read> = right.iter().cloned().map(read).collect();
         assert_eq!(settle(&mut reads, &policy), None);

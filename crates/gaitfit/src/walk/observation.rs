@@ -40,7 +40,7 @@ impl Unknown {
 
 impl Given {
     /// Of sample `row`; a part with a number that is not finite is unknown.
-    pub fn of(log: &Trajectory, row: usize) -> Self {
+    pub fn from_log(log: &Trajectory, row: usize) -> Self {
         let Some(base) = &log.base else { return Self::default() };
         let finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
         let three = |values: &Option<Vec<f64>>| -> Option<[f64; 3]> {
@@ -121,7 +121,7 @@ pub fn write(
     let joints = interface.joints.len();
     let single = |values: &[f64]| values.iter().map(|&x| x as f32).collect::<Vec<f32>>();
     let three = |values: [f64; 3]| values.map(|x| x as f32);
-    let of = |values: &[f64]| single(&values[row * joints..(row + 1) * joints]);
+    let part = |values: &[f64]| single(&values[row * joints..(row + 1) * joints]);
     let command = log.command.as_deref().unwrap_or_default();
     let turns = clock + row as f64 * interface.control_dt * interface.gait_frequency.unwrap_or(0.0);
     let sensed = Sensed {
@@ -129,8 +129,8 @@ pub fn write(
         projected_gravity: three(given.gravity.unwrap_or([0.0, 0.0, -1.0])),
         base_linear_velocity: three(given.velocity.unwrap_or_default()),
         command: three(std::array::from_fn(|k| command.get(3 * row + k).copied().unwrap_or(0.0))),
-        joint_position: of(&log.position),
-        joint_velocity: of(&log.velocity),
+        joint_position: part(&log.position),
+        joint_velocity: part(&log.velocity),
         last_action: single(last),
         clock: turns.fract() as f32,
     };
@@ -155,7 +155,7 @@ pub fn past(
     let mut row: Option<Vec<f32>> = None;
     for before in (sample + 1).saturating_sub(layout.frames())..sample {
         let last = before.checked_sub(1).and_then(|last| action.get(last * joints..(last + 1) * joints));
-        let given = Given::of(log, before);
+        let given = Given::from_log(log, before);
         let mut next = vec![0.0; layout.width()];
         let last = last.unwrap_or(&still);
         write(layout, interface, log, before, last, &given, clock, row.as_deref(), &mut next);

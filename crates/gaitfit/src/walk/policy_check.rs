@@ -15,9 +15,9 @@ use gaitfit_policy::observation::{Layout, Past};
 use serde::Serialize;
 
 /// Most samples that are looked at, evenly over the logs.
-const MOST_SAMPLES: usize = 1500;
+const MAX_SAMPLES: usize = 1500;
 /// Samples below which nothing can be said.
-const LEAST_SAMPLES: usize = 40;
+const MIN_SAMPLES: usize = 40;
 /// Share of the samples, those least well met, that do not count: stumbles, dropouts, samples between two steps.
 const LEFT_OUT: f64 = 0.1;
 /// Mismatch from which on it is worth a warning, and from which on the policy is another. Measured on logs of three
@@ -69,14 +69,14 @@ pub fn check(policy: &Policy, logs: &[&Trajectory]) -> PolicyMatch {
 pub fn mismatch(policy: &Policy, logs: &[&Trajectory]) -> Option<f64> {
     let here = Comparison::new(policy, logs, 0);
     let mismatch = here.mismatch(None);
-    (here.samples.len() >= LEAST_SAMPLES && mismatch.is_finite()).then_some(mismatch)
+    (here.samples.len() >= MIN_SAMPLES && mismatch.is_finite()).then_some(mismatch)
 }
 
 /// As [`mismatch`], over about so many samples.
 pub(crate) fn mismatch_of(policy: &Policy, logs: &[&Trajectory], samples: usize) -> Option<f64> {
     let here = Comparison::over(policy, logs, 0, samples);
     let mismatch = here.mismatch(None);
-    (here.samples.len() >= LEAST_SAMPLES && mismatch.is_finite()).then_some(mismatch)
+    (here.samples.len() >= MIN_SAMPLES && mismatch.is_finite()).then_some(mismatch)
 }
 
 /// [`PolicyMatch::slope`] alone, over about so many samples.
@@ -99,15 +99,15 @@ struct Comparison {
 impl Comparison {
     /// `shift`: samples by which the logged actions are taken later than the row they stand in.
     fn new(policy: &Policy, logs: &[&Trajectory], shift: isize) -> Self {
-        Self::over(policy, logs, shift, MOST_SAMPLES)
+        Self::over(policy, logs, shift, MAX_SAMPLES)
     }
 
-    /// The same over about `most` samples.
-    fn over(policy: &Policy, logs: &[&Trajectory], shift: isize, most: usize) -> Self {
+    /// The same over about `max` samples.
+    fn over(policy: &Policy, logs: &[&Trajectory], shift: isize, max: usize) -> Self {
         let interface = &policy.interface;
         let joints = interface.joints.len();
         let all: usize = logs.iter().map(|log| log.len()).sum();
-        let every = all.div_ceil(most).max(1);
+        let every = all.div_ceil(max).max(1);
         let spread = spread(logs, joints);
         let mut this =
             Self { joints, samples: Vec::new(), logged: Vec::new(), predicted: Vec::new(), exact: true };
@@ -126,7 +126,7 @@ impl Comparison {
             // The first sample's last action is unknown. Of past frames too all must be known: a search for what several
             // samples lack would find it for any policy.
             let frames = search.frames();
-            let known = |sample: usize| Given::of(log, sample).missing(interface).is_empty();
+            let known = |sample: usize| Given::from_log(log, sample).missing(interface).is_empty();
             for sample in frames..log.len() {
                 if frames > 1 && !(sample + 1 - frames..=sample).all(known) {
                     continue;
@@ -139,7 +139,7 @@ impl Comparison {
             }
             let clock = search.clock(log, &chosen);
             for (sample, logged, last) in chosen {
-                let given = Given::of(log, sample);
+                let given = Given::from_log(log, sample);
                 this.exact &= given.missing(interface).is_empty();
                 this.predicted.extend(search.nearest(log, sample, &last, &given, clock, &logged).0);
                 this.logged.extend(logged);
@@ -163,7 +163,7 @@ impl Comparison {
     ) {
         let interface = &policy.interface;
         let joints = self.joints;
-        if !(0..log.len()).all(|sample| Given::of(log, sample).missing(interface).is_empty()) {
+        if !(0..log.len()).all(|sample| Given::from_log(log, sample).missing(interface).is_empty()) {
             return;
         }
         let settled = (SETTLE_S / interface.control_dt).round() as usize;
@@ -173,7 +173,7 @@ impl Comparison {
         let mut scratch = Scratch::default();
         let mut last = vec![0.0; joints];
         for sample in 0..log.len() {
-            let given = Given::of(log, sample);
+            let given = Given::from_log(log, sample);
             observation::write(&layout, interface, log, sample, &last, &given, 0.0, past.row(0), &mut row);
             policy.act_with(1, &row, &mut memory, &mut found, &mut scratch);
             past.take(&row);
@@ -221,7 +221,7 @@ impl Comparison {
 
     fn correlation(&self, names: &[String]) -> Vec<(String, f64)> {
         let (logged, predicted) = (mean(&self.logged, self.joints), mean(&self.predicted, self.joints));
-        let of = |joint: usize| {
+        let correlation = |joint: usize| {
             let column = |values: &'_ [f64], mean: f64| -> Vec<f64> {
                 values.iter().skip(joint).step_by(self.joints).map(|x| x - mean).collect()
             };
@@ -230,7 +230,7 @@ impl Comparison {
             let norm = (product(&a, &a) * product(&b, &b)).sqrt();
             if norm > 0.0 { product(&a, &b) / norm } else { 0.0 }
         };
-        names.iter().enumerate().map(|(joint, name)| (name.clone(), of(joint))).collect()
+        names.iter().enumerate().map(|(joint, name)| (name.clone(), correlation(joint))).collect()
     }
 }
 
@@ -244,24 +244,24 @@ pub fn spread(logs: &[&Trajectory], joints: usize) -> Vec<f64> {
     let all: Vec<f64> = logs.iter().flat_map(|log| log.action.iter().flatten().copied()).collect();
     let rows = (all.len() / joints).max(1) as f64;
     let mean = mean(&all, joints);
-    let of = |joint: usize| {
+    let spread_of_joint = |joint: usize| {
         let squares = all.iter().skip(joint).step_by(joints).map(|x| (x - mean[joint]).powi(2)).sum::<f64>();
         let spread = (squares / rows).sqrt();
         if spread > 1e-9 { spread } else { 1.0 }
     };
-    (0..joints).map(of).collect()
+    (0..joints).map(spread_of_joint).collect()
 }
 
 impl PolicyMatch {
     /// Correlation of the joint that agrees least.
     fn worst(&self) -> (&str, f64) {
-        let least = self.correlation.iter().min_by(|a, b| a.1.total_cmp(&b.1));
-        least.map_or(("", f64::NAN), |(name, value)| (name, *value))
+        let min = self.correlation.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+        min.map_or(("", f64::NAN), |(name, value)| (name, *value))
     }
 
     /// Whether the actions are the policy's without doubt.
     pub fn agrees(&self) -> bool {
-        self.samples >= LEAST_SAMPLES && self.mismatch < DOUBTFUL
+        self.samples >= MIN_SAMPLES && self.mismatch < DOUBTFUL
     }
 
     /// What was measured, for messages.
@@ -280,7 +280,7 @@ impl PolicyMatch {
     /// # Errors
     /// Another policy: named, with the log that fits least.
     pub fn judge(&self, policy: &str, logs: &[&str]) -> Result<Vec<String>, Error> {
-        if self.samples < LEAST_SAMPLES || !self.mismatch.is_finite() {
+        if self.samples < MIN_SAMPLES || !self.mismatch.is_finite() {
             return Ok(vec![format!(
                 "the logs do not show whether their actions are those of {policy}: only {} samples can be compared",
                 self.samples
@@ -315,8 +315,8 @@ impl PolicyMatch {
                 self.slope
             )]);
         }
-        let of = self.by_log.iter().zip(logs).filter(|(mismatch, _)| mismatch.is_finite());
-        let worst = of.max_by(|a, b| a.0.total_cmp(b.0));
+        let finite = self.by_log.iter().zip(logs).filter(|(mismatch, _)| mismatch.is_finite());
+        let worst = finite.max_by(|a, b| a.0.total_cmp(b.0));
         let worst =
             worst.map_or(String::new(), |(mismatch, log)| format!("; worst: {log} with {mismatch:.2}"));
         Err(Error::failed(format!(

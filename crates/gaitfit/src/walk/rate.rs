@@ -77,12 +77,8 @@ fn first_change(log: &Trajectory, ratio: f64) -> usize {
             changes[(passed % ratio).round() as usize % period] += 1;
         }
     }
-    let most = changes.iter().copied().max().unwrap_or(0);
-    if most == 0 {
-        0
-    } else {
-        changes.iter().position(|&count| count == most).unwrap_or(0).min(log.len() - 1)
-    }
+    let max = changes.iter().copied().max().unwrap_or(0);
+    if max == 0 { 0 } else { changes.iter().position(|&count| count == max).unwrap_or(0).min(log.len() - 1) }
 }
 
 #[cfg(test)]

@@ -168,17 +168,17 @@ impl Recorder {
 
     /// The scripts, each with samples under its first command before it, and how many these are.
     fn unknown_starts(&self, seed: u64, robot: u32) -> Vec<(usize, Script)> {
-        let most = EARLIER_S / self.walking.task.walker.interface.control_dt;
+        let max = EARLIER_S / self.walking.task.walker.interface.control_dt;
         let stream = Stream::new(seed, Purpose::SIMULATED_ROBOTS).environment(robot.wrapping_add(1 << 31));
         let scripts = self.plain.iter().enumerate();
         let begun = scripts.map(|(number, script)| {
-            let own = stream.step(u32::try_from(number).unwrap_or(u32::MAX));
-            let earlier = (own.uniform(0) * (most + 1.0)) as usize;
+            let draws = stream.step(u32::try_from(number).unwrap_or(u32::MAX));
+            let earlier = (draws.uniform(0) * (max + 1.0)) as usize;
             let mut script = script.clone();
             let first = script.commands.first().copied().unwrap_or_default();
             script.commands.splice(0..0, std::iter::repeat_n(first, earlier));
             for (axis, speed) in script.start.base_linear.iter_mut().take(2).enumerate() {
-                *speed += (BASE_SPEED * own.normal(1 + axis as u32)) as f32;
+                *speed += (BASE_SPEED * draws.normal(1 + axis as u32)) as f32;
             }
             (earlier, script)
         });

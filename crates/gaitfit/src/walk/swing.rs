@@ -34,12 +34,12 @@ pub struct SwingFindings {
 impl SwingFindings {
     /// Of logs as they were recorded. Faults of sensors are taken out first. The delay counts from rows, as that of a walk's
     /// fit does, also where the log has the targets' stamps.
-    pub fn of(model: &Model, logs: &[&Trajectory], settings: &SwingSettings) -> Self {
+    pub fn new(model: &Model, logs: &[&Trajectory], settings: &SwingSettings) -> Self {
         let rows: Vec<Trajectory> =
             logs.iter().map(|&log| Trajectory { lead: None, ..log.clone() }).collect();
         let logs: Vec<&Trajectory> = rows.iter().collect();
         let logs = logs.as_slice();
-        let sensors = Sensors::of(logs);
+        let sensors = Sensors::new(logs);
         let mut taken_out = Vec::new();
         let mut better = |correct: &dyn Fn(&Trajectory) -> (Trajectory, Vec<String>),
                           logs: &[&Trajectory]| {
@@ -53,7 +53,7 @@ impl SwingFindings {
         };
         let steady = better(&|log| sensors.corrected(log), logs);
         let steady: Vec<&Trajectory> = steady.iter().collect();
-        let standing = Standing::of(model, &steady).unwrap_or_default();
+        let standing = Standing::new(model, &steady).unwrap_or_default();
         let level = better(&|log| standing.corrected(log), &steady);
         let level: Vec<&Trajectory> = level.iter().collect();
         let swings = estimate(model, &level, settings);
@@ -84,7 +84,7 @@ impl SwingFindings {
                 trajectory
             })
             .collect();
-        Self::of(model, &trajectories.iter().collect::<Vec<_>>(), settings)
+        Self::new(model, &trajectories.iter().collect::<Vec<_>>(), settings)
     }
 }
 
@@ -193,7 +193,7 @@ pub fn beside<'a>(
     fitted: impl IntoIterator<Item = Fitted<'a>>,
 ) -> Vec<Beside> {
     let numbers = numbers(report, step);
-    let of = |one: Fitted<'a>| {
+    let beside = |one: Fitted<'a>| {
         let covers = |number: &&SwingNumber| {
             number.kind.name() == one.kind
                 && (number.joints.is_empty()
@@ -211,7 +211,7 @@ pub fn beside<'a>(
             differ: apart > 2.0 * error.hypot(number.estimate.error) && apart > matters(number.kind),
         })
     };
-    fitted.into_iter().filter_map(of).collect()
+    fitted.into_iter().filter_map(beside).collect()
 }
 
 /// The values that differ, in a sentence; absent where none does.
@@ -226,8 +226,8 @@ pub fn doubt(beside: &[Beside]) -> Option<String> {
         .collect();
     (!apart.is_empty()).then(|| {
         format!(
-            "the fit and legs in the air disagree: {}. Nothing touches a leg in the air, so contact or sensors may be in \
-             the fit's values.",
+            "the fit and legs in the air disagree: {}. Nothing touches a leg in the air, so contact or sensors may \
+             have changed the fit's values.",
             apart.join("; ")
         )
     })

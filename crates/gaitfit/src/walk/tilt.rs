@@ -26,7 +26,7 @@ const APART: usize = 10;
 pub fn falls(policy: &Policy, log: &Trajectory, spread: &[f64]) -> Vec<Range<usize>> {
     let interface = &policy.interface;
     let Some(action) = &log.action else { return Vec::new() };
-    let known = Given::of(log, 0);
+    let known = Given::from_log(log, 0);
     let unknown = known.missing(interface);
     let remembers = policy.is_recurrent() || interface.observation.iter().any(|term| term.history > 1);
     if !unknown.contains(&Unknown::Gravity(0)) || remembers {
@@ -41,7 +41,7 @@ pub fn falls(policy: &Policy, log: &Trajectory, spread: &[f64]) -> Vec<Range<usi
         .map(|sample| {
             let last = &action[(sample - 1) * joints..sample * joints];
             let logged = &action[sample * joints..(sample + 1) * joints];
-            let given = Given::of(log, sample);
+            let given = Given::from_log(log, sample);
             let (_, found) = search.nearest(log, sample, last, &given, clock, logged);
             let [x, y, _] = found.gravity.unwrap_or_default();
             (sample, x.hypot(y).min(1.0).asin().to_degrees())
@@ -107,7 +107,8 @@ mod tests {
                 let row = |sample: usize| &action[12 * sample..12 * sample + 12];
                 let (_, found) =
                     search.nearest(hidden, sample, row(sample - 1), &Given::default(), 0.0, row(sample));
-                let (truth, found) = (Given::of(known, sample).gravity.unwrap(), found.gravity.unwrap());
+                let (truth, found) =
+                    (Given::from_log(known, sample).gravity.unwrap(), found.gravity.unwrap());
                 off.push((truth[0] - found[0]).hypot(truth[1] - found[1]));
                 looks += 1;
             }

@@ -59,9 +59,9 @@ impl Walking {
         let mut preset = config.simulation.preset;
         if let Some(step) = settings.robot_timestep {
             let period = policy.interface.control_dt;
-            settings.substeps = substeps(period, step.max(LEAST_STEP));
-            let own = period / settings.substeps as f64;
-            settings.robot_timestep = Some(step).filter(|step| (own - step).abs() > 1e-3 * own);
+            settings.substeps = substeps(period, step.max(MIN_STEP));
+            let split = period / settings.substeps as f64;
+            settings.robot_timestep = Some(step).filter(|step| (split - step).abs() > 1e-3 * split);
             preset = Preset::Accurate;
         }
         let task = task(preset, settings, &policy, model, theta, base)?;
@@ -91,7 +91,7 @@ pub fn rest_angles(policy: &Policy, model: &Model) -> Result<Vec<f64>, Error> {
 }
 
 /// Shortest step of a robot that makes logs, s: those of motor boards beyond it cost much time and change little.
-const LEAST_STEP: f64 = 5e-4;
+const MIN_STEP: f64 = 5e-4;
 
 /// Physics steps of at most `step` in a control period. A period of 20 ms and a step of 5 ms mean four, whatever the last
 /// digit says.
@@ -125,7 +125,7 @@ fn task(
     base: &Candidate,
 ) -> Result<Task, Error> {
     let interface = policy.interface.clone();
-    let delay = base.robot.delay.iter().fold(0.0f64, |most, &delay| most.max(delay));
+    let delay = base.robot.delay.iter().fold(0.0f64, |max, &delay| max.max(delay));
     let delay = delay.max(theta.largest(JointParameter::Delay).unwrap_or(0.0));
     Task::with_interface(model, &settings.calm(), interface, preset, delay).map_err(Error::failed)
 }

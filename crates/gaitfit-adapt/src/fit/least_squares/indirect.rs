@@ -59,7 +59,7 @@ const SHORT: f64 = 2e-3;
 /// A step after which the loss is larger by this part is not taken.
 const RISE: f64 = 0.01;
 /// Most noise, N·m.
-const MOST_NOISE: f64 = 30.0;
+const MAX_NOISE: f64 = 30.0;
 /// Part of a correction that counts as one standard deviation of its error.
 const SHARE: f64 = 0.2;
 /// The same where the logs leave no more than those of a simulated robot without noise: what the correction takes away may
@@ -110,11 +110,11 @@ impl Round {
 
     /// Standard deviation of that mean.
     fn noise(&self) -> Vec<f64> {
-        let of = |at: usize| {
+        let standard_error = |at: usize| {
             let all: Vec<f64> = self.fits.iter().map(|fit| fit[at]).collect();
             gaitfit_sim::stats::deviation(&all).unwrap_or(0.0) / (all.len().max(1) as f64).sqrt()
         };
-        (0..self.values.len()).map(of).collect()
+        (0..self.values.len()).map(standard_error).collect()
     }
 }
 
@@ -151,7 +151,7 @@ pub fn correct(
     let Some(here) = around(&problem, values)? else {
         return Ok(Err("The simulation of the values found diverges.".to_owned()));
     };
-    let loss = Loss::of(&here.residuals);
+    let loss = Loss::new(&here.residuals);
     let entries = problem.theta.entries().iter().zip(silent(problem.theta, &here, loss));
     let moving: Vec<bool> = entries.map(|(entry, silent)| !silent && world.shares(entry)).collect();
     let Some((reference, own)) = further(problem, values, here, loss, &moving)? else {
@@ -179,10 +179,10 @@ fn further(
 ) -> Result<Option<(Vec<f64>, Comparison)>, FitError> {
     let compared = |here: &Around| {
         let step = Normal::whole(&here.jacobian, &here.residuals, loss).step(RIDGE, moving)?;
-        Some(Comparison { left: Loss::of(&here.residuals).bulk(), step: step.as_slice().to_vec() })
+        Some(Comparison { left: Loss::new(&here.residuals).bulk(), step: step.as_slice().to_vec() })
     };
     let Some(mut own) = compared(&here) else { return Ok(None) };
-    let most = loss.mean(&here.residuals) * (1.0 + RISE);
+    let max = loss.mean(&here.residuals) * (1.0 + RISE);
     let mut at = values.to_vec();
     for _ in 0..FURTHER {
         let entries = problem.theta.entries().iter().zip(&at).zip(own.step.iter());
@@ -195,7 +195,7 @@ fn further(
         if size(problem.theta, &at, &next) < SHORT {
             break;
         }
-        let there = around(&problem, &next)?.filter(|there| loss.mean(&there.residuals) <= most);
+        let there = around(&problem, &next)?.filter(|there| loss.mean(&there.residuals) <= max);
         let Some(there) = there.as_ref().and_then(compared) else { break };
         (at, own) = (next, there);
     }
@@ -239,7 +239,7 @@ impl Inference<'_> {
                 let said = "Noise on the simulated robot's torques does not make its logs harder to predict.";
                 return Err(Failure::Said(said.to_owned()));
             }
-            let torque_noise = ((self.own.left - quiet) / rise).max(0.0).sqrt().min(MOST_NOISE);
+            let torque_noise = ((self.own.left - quiet) / rise).max(0.0).sqrt().min(MAX_NOISE);
             let drawn: Vec<u32> = numbers.by_ref().take(self.replicates as usize).collect();
             let compared = self.compared(&simulated, torque_noise, &drawn)?;
             if torque_noise > TELLING * FIRST_NOISE {
@@ -298,11 +298,11 @@ impl Inference<'_> {
             if self.moving[at] { found[at].clamp(entry.lower, entry.upper) } else { self.found[at] }
         });
         let spread = |at: usize| {
-            let of = |round: &&Round| {
+            let variance = |round: &&Round| {
                 let all: Vec<f64> = round.fits.iter().map(|fit| fit[at]).collect();
                 gaitfit_sim::stats::deviation(&all).unwrap_or(0.0).powi(2)
             };
-            mean(last.iter().map(of)).sqrt()
+            mean(last.iter().map(variance)).sqrt()
         };
         Correction {
             uncorrected: self.found.to_vec(),

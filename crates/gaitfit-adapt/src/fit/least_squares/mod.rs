@@ -34,15 +34,15 @@ pub use sensitivity::{Sensitivity, sensitivity};
 use serde::{Deserialize, Serialize};
 
 /// Most entries that least squares takes.
-pub const MOST_ENTRIES: usize = 200;
+pub const MAX_ENTRIES: usize = 200;
 /// Distance of the two candidates of a derivative from their middle, in an entry's deviations: far enough for the effect
 /// to stand out from feet that touch the ground a moment sooner or later.
 const PROBE: f64 = 0.5;
 /// Dampings tried in a generation, times the one that served last.
 const DAMPINGS: [f64; 4] = [1e-2, 1.0, 1e2, 1e4];
 const FIRST_DAMPING: f64 = 1e-3;
-const LEAST_DAMPING: f64 = 1e-9;
-const MOST_DAMPING: f64 = 1e9;
+const MIN_DAMPING: f64 = 1e-9;
+const MAX_DAMPING: f64 = 1e9;
 /// A loss that falls by less than this part has come to its end.
 const PROGRESS: f64 = 1e-7;
 /// How much the damping rises where no step is downhill.
@@ -121,7 +121,7 @@ impl GaussNewton {
             Some(best) => whole(&best.x) && best.cost.is_finite(),
             None => self.stop.is_none() && self.generation == 0,
         };
-        whole(&self.values) && best && (LEAST_DAMPING..=MOST_DAMPING).contains(&self.damping)
+        whole(&self.values) && best && (MIN_DAMPING..=MAX_DAMPING).contains(&self.damping)
     }
 
     /// Puts another limit of generations in the place of the one that the state was saved under.
@@ -153,12 +153,12 @@ impl GaussNewton {
     ) -> Result<Option<Stepped>, FitError> {
         let theta = problem.theta;
         let Some(here) = around(problem, &self.values)? else { return Ok(None) };
-        let loss = Loss::of(&here.residuals);
+        let loss = Loss::new(&here.residuals);
         let normal = Normal::whole(&here.jacobian, &here.residuals, loss);
         let free = free(theta, &self.values, &normal);
         let trials: Vec<(f64, Vec<f64>)> = DAMPINGS
             .iter()
-            .map(|factor| (self.damping * factor).clamp(LEAST_DAMPING, MOST_DAMPING))
+            .map(|factor| (self.damping * factor).clamp(MIN_DAMPING, MAX_DAMPING))
             .filter_map(|damping| {
                 Some((damping, moved(theta, &self.values, normal.step(damping, &free)?.iter())))
             })
@@ -187,7 +187,7 @@ impl GaussNewton {
             Some((at, residuals)) => {
                 let (damping, values) = &trials[at];
                 // The step that no damping shortens says how far the end is.
-                let whole = normal.step(LEAST_DAMPING, &free);
+                let whole = normal.step(MIN_DAMPING, &free);
                 let left = whole.map(|step| moved(theta, &self.values, step.iter()));
                 stepped.size = size(theta, &self.values, left.as_ref().unwrap_or(values));
                 stepped.cost = residuals.cost;
@@ -200,7 +200,7 @@ impl GaussNewton {
             None if trials.is_empty() => self.stop = Some(Stop::Degenerate),
             // No direction is downhill: this is the lowest point, but for the rounding of the simulation.
             None if self.damping >= STEEP => self.stop = Some(Stop::Converged),
-            None => self.damping = (self.damping * RISE).clamp(STEEP, MOST_DAMPING),
+            None => self.damping = (self.damping * RISE).clamp(STEEP, MAX_DAMPING),
         }
         if self.stop.is_none() && self.generation as usize >= generations {
             self.stop = Some(Stop::Generations);

@@ -27,7 +27,7 @@ pub(super) struct Loss {
 
 impl Loss {
     /// With the elbow that suits `residuals`.
-    pub fn of(residuals: &Residuals) -> Self {
+    pub fn new(residuals: &Residuals) -> Self {
         let mut all: Vec<f32> = residuals.recordings.iter().flatten().map(|found| found.abs()).collect();
         let median = quantile(&mut all, 0.5);
         Self { elbow: (ELBOW * f64::from(median)).max(ROUNDING) }
@@ -38,7 +38,7 @@ impl Loss {
         Self { elbow: f64::INFINITY }
     }
 
-    /// The squared median of the absolute differences for which [`Self::of`] makes it: few differences of any size do not
+    /// The squared median of the absolute differences for which [`Self::new`] makes it: few differences of any size do not
     /// change it.
     pub fn bulk(&self) -> f64 {
         (self.elbow / ELBOW).powi(2)
@@ -46,12 +46,12 @@ impl Loss {
 
     /// Its mean over all differences.
     pub fn mean(&self, residuals: &Residuals) -> f64 {
-        let of = |found: &f32| {
+        let huber = |found: &f32| {
             let off = f64::from(*found).abs();
             if off <= self.elbow { 0.5 * off * off } else { self.elbow * (off - 0.5 * self.elbow) }
         };
         let count: usize = residuals.recordings.iter().map(Vec::len).sum();
-        residuals.recordings.iter().map(|one| one.iter().map(of).sum::<f64>()).sum::<f64>()
+        residuals.recordings.iter().map(|one| one.iter().map(huber).sum::<f64>()).sum::<f64>()
             / count.max(1) as f64
     }
 
@@ -111,12 +111,12 @@ fn limit(recordings: &mut [Vec<f32>], width: usize) {
     for at in 0..width {
         column.clear();
         column.extend(recordings.iter().flat_map(|one| one.chunks_exact(width)).map(|row| row[at].abs()));
-        let most = quantile(&mut column, LIMITED);
-        if most.is_nan() {
+        let max = quantile(&mut column, LIMITED);
+        if max.is_nan() {
             continue;
         }
         for row in recordings.iter_mut().flat_map(|one| one.chunks_exact_mut(width)) {
-            row[at] = row[at].clamp(-most, most);
+            row[at] = row[at].clamp(-max, max);
         }
     }
 }
@@ -132,7 +132,7 @@ pub(super) struct Normal {
 
 impl Normal {
     /// Of some samples `rows` of recording number `recording`.
-    pub fn of(
+    pub fn new(
         jacobian: &Jacobian,
         residuals: &Residuals,
         loss: Loss,
@@ -174,7 +174,7 @@ impl Normal {
     pub fn whole(jacobian: &Jacobian, residuals: &Residuals, loss: Loss) -> Self {
         let mut all = Self::zero(jacobian.entries());
         for (recording, found) in residuals.recordings.iter().enumerate() {
-            all.add(&Self::of(jacobian, residuals, loss, recording, 0..found.len() / jacobian.width.max(1)));
+            all.add(&Self::new(jacobian, residuals, loss, recording, 0..found.len() / jacobian.width.max(1)));
         }
         all
     }
@@ -186,15 +186,15 @@ impl Normal {
         let mut slope = self.slope.clone();
         let largest = matrix.diagonal().iter().copied().fold(0.0, f64::max);
         for i in 0..free.len() {
-            let own = matrix[(i, i)];
+            let diagonal = matrix[(i, i)];
             // An entry without any effect stays where it is.
-            if !free[i] || own <= 1e-300 || !own.is_finite() {
+            if !free[i] || diagonal <= 1e-300 || !diagonal.is_finite() {
                 matrix.fill_row(i, 0.0);
                 matrix.fill_column(i, 0.0);
                 matrix[(i, i)] = largest.max(1e-300);
                 slope[i] = 0.0;
             } else {
-                matrix[(i, i)] = own * (1.0 + damping);
+                matrix[(i, i)] = diagonal * (1.0 + damping);
             }
         }
         // Entries have units that differ by orders of magnitude.

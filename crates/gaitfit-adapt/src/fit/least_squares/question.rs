@@ -105,14 +105,14 @@ pub fn answers<W: World + ?Sized>(
         let problem = Problem { simulator: logs.simulator.as_ref(), cost: logs.cost.as_ref(), ..problem };
         let Some(Slope { loss, moving }) = &question.step else {
             let found = problem.residuals(std::slice::from_ref(&question.values))?.pop().flatten();
-            let left = found.map(|residuals| Loss::of(&residuals).bulk()).ok_or_else(diverged)?;
+            let left = found.map(|residuals| Loss::new(&residuals).bulk()).ok_or_else(diverged)?;
             return Ok(Comparison { left, step: Vec::new() });
         };
         let here = around(&problem, &question.values)?.ok_or_else(diverged)?;
         let normal = Normal::whole(&here.jacobian, &here.residuals, *loss);
         let flat = || Failure::Said("Simulated logs do not say which way values could move.".to_owned());
         let step = normal.step(RIDGE, moving).ok_or_else(flat)?;
-        Ok(Comparison { left: Loss::of(&here.residuals).bulk(), step: step.as_slice().to_vec() })
+        Ok(Comparison { left: Loss::new(&here.residuals).bulk(), step: step.as_slice().to_vec() })
     };
     let logs = world.replicates(&question.simulated, question.noise, numbers).map_err(Failure::Said)?;
     logs.into_iter().map(answer).collect()

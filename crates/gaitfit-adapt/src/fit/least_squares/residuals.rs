@@ -11,7 +11,7 @@ const MEMORY: usize = 4 << 30;
 /// What one candidate differs by.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::fit) struct Residuals {
-    /// One vector a recording, `samples × width`; see [`Differences::of`].
+    /// One vector a recording, `samples × width`; see [`Differences::compute`].
     pub recordings: Vec<Vec<f32>>,
     /// What the cost makes of them, regularisation and falls left out.
     pub cost: f64,
@@ -70,14 +70,15 @@ impl Problem<'_> {
         let pending: Vec<Mutex<Pending<'_>>> = candidates.iter().map(begin).collect();
         let consume = |candidate: usize, recording: usize, signals: Signals<'_>| {
             let Some(pending) = pending.get(candidate) else { return };
-            let of = differences.of(recording, signals);
+            let residuals = differences.compute(recording, signals);
             let mut pending = pending.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
             pending.falls += usize::from(signals.fell_at.is_some());
-            let added = of.and_then(|of| pending.accumulator.add(recording, signals).map(|()| of));
+            let added = residuals
+                .and_then(|residuals| pending.accumulator.add(recording, signals).map(|()| residuals));
             match added {
-                Ok(of) => {
+                Ok(residuals) => {
                     if let Some(slot) = pending.recordings.get_mut(recording) {
-                        *slot = Some(of);
+                        *slot = Some(residuals);
                     }
                 }
                 Err(error) => pending.error = pending.error.take().or(Some(error)),
@@ -142,6 +143,6 @@ impl Problem<'_> {
     /// Refuses more candidates than memory has room for.
     pub(super) fn check(&self, numbers: usize, candidates: usize) -> Result<(), FitError> {
         let needed = numbers.saturating_mul(candidates).saturating_mul(size_of::<f32>());
-        if needed > MEMORY { Err(FitError::TooMany { needed, most: MEMORY }) } else { Ok(()) }
+        if needed > MEMORY { Err(FitError::TooMany { needed, max: MEMORY }) } else { Ok(()) }
     }
 }

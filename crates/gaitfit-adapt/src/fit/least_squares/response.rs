@@ -11,9 +11,9 @@ use nalgebra::{DMatrix, DVector};
 /// Standard deviation of the numbers of an answer about those of one to one, before anything is known.
 const DOUBT: f64 = 0.3;
 /// Least standard deviation of a fit, in an entry's deviations: answers are not linear.
-const LEAST_NOISE: f64 = 3e-3;
+const MIN_NOISE: f64 = 3e-3;
 /// Least part of a change of the robot that the fit is taken to answer with: it limits what noise can be made of.
-const LEAST_ANSWER: f64 = 0.1;
+const MIN_ANSWER: f64 = 0.1;
 
 /// What one round shows, each number in the entries' units.
 pub(super) struct Shown {
@@ -59,7 +59,7 @@ impl Response {
         // Entries without an effect have none.
         let noisy = noises().filter(|noise| *noise > 0.0).count();
         let noise =
-            noises().map(|noise| noise * noise).sum::<f64>() / noisy.max(1) as f64 + LEAST_NOISE.powi(2);
+            noises().map(|noise| noise * noise).sum::<f64>() / noisy.max(1) as f64 + MIN_NOISE.powi(2);
         // What fits do beyond one to one, times how robots differ.
         let mut beyond = DMatrix::zeros(entries, entries);
         let mut apart = DMatrix::identity(entries, entries) * (noise / DOUBT.powi(2));
@@ -74,9 +74,9 @@ impl Response {
         }
         let parts = learnt.svd(true, true);
         let (left, right) = (parts.u?, parts.v_t?);
-        let (least, part) = parts.singular_values.argmin();
-        let weakest = (part, right.row(least).transpose());
-        let values = parts.singular_values.map(|value| 1.0 / value.max(LEAST_ANSWER));
+        let (min, part) = parts.singular_values.argmin();
+        let weakest = (part, right.row(min).transpose());
+        let values = parts.singular_values.map(|value| 1.0 / value.max(MIN_ANSWER));
         let inverse = right.transpose() * DMatrix::from_diagonal(&values) * left.transpose();
         Some(Self { robot, fit, inverse, weakest, scale })
     }
@@ -97,8 +97,8 @@ impl Response {
     /// How far the robot's values move where those of the fit move by one, row by row, in the entries' units.
     pub fn rows(&self) -> Vec<Vec<f64>> {
         let row = |at: usize| {
-            let of = |other: usize| self.inverse[(at, other)] * self.scale[at] / self.scale[other];
-            (0..self.scale.len()).map(of).collect()
+            let element = |other: usize| self.inverse[(at, other)] * self.scale[at] / self.scale[other];
+            (0..self.scale.len()).map(element).collect()
         };
         (0..self.scale.len()).map(row).collect()
     }

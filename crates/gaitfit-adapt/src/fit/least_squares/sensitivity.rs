@@ -11,12 +11,12 @@ use crate::fit::FitError;
 use nalgebra::{DMatrix, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
-/// A combination of parameters with less than this part of the largest effect cannot be told.
-const LEAST_EFFECT: f64 = 1e-9;
-/// Part of a parameter in such a combination from which it cannot be told either.
+/// A combination of parameters with less than this part of the largest effect cannot be identified.
+const MIN_EFFECT: f64 = 1e-9;
+/// Part of a parameter in such a combination from which it cannot be identified either.
 const SHARE: f64 = 1e-3;
 /// Most samples over which differences are compared with each other.
-const MOST_APART: usize = 400;
+const MAX_APART: usize = 400;
 
 /// How precisely logs can tell each entry of θ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,24 +51,24 @@ pub fn sensitivity(
     let curvature = Normal::whole(&jacobian, &residuals, Loss::square()).curvature;
     let numbers: usize = residuals.recordings.iter().map(Vec::len).sum();
     let squares: f64 = residuals.recordings.iter().flatten().map(|one| f64::from(*one).powi(2)).sum();
-    let own = (squares / numbers.saturating_sub(values.len()).max(1) as f64).sqrt();
-    let difference = difference.unwrap_or(own);
+    let rms = (squares / numbers.saturating_sub(values.len()).max(1) as f64).sqrt();
+    let difference = difference.unwrap_or(rms);
     let together = together(&residuals, jacobian.width);
     let variance = difference * difference * together;
     let covariance = inverse(&curvature);
     let spread = |of: f64| (variance * of).sqrt();
     let entries = 0..values.len();
     let correlation = |i: usize, j: usize| match (covariance[i].get(i), covariance[j].get(j)) {
-        (Some(own), Some(other)) => covariance[i][j] / (own * other).sqrt(),
+        (Some(one), Some(other)) => covariance[i][j] / (one * other).sqrt(),
         _ => 0.0,
     };
     Ok(Some(Sensitivity {
         difference,
         together,
-        deviation: entries.clone().map(|i| covariance[i].get(i).map(|own| spread(*own))).collect(),
+        deviation: entries.clone().map(|i| covariance[i].get(i).map(|variance| spread(*variance))).collect(),
         alone: entries
             .clone()
-            .map(|i| Some(curvature[(i, i)]).filter(|own| *own > 0.0).map(|own| spread(1.0 / own)))
+            .map(|i| Some(curvature[(i, i)]).filter(|one| *one > 0.0).map(|one| spread(1.0 / one)))
             .collect(),
         correlation: entries.clone().map(|i| entries.clone().map(|j| correlation(i, j)).collect()).collect(),
         curvature: entries.clone().map(|i| curvature.row(i).iter().copied().collect()).collect(),
@@ -85,27 +85,30 @@ pub(super) fn inverse(curvature: &DMatrix<f64>) -> Vec<Vec<f64>> {
         if scale[i] * scale[j] == 0.0 { 0.0 } else { curvature[(i, j)] * scale[i] * scale[j] }
     });
     let found = SymmetricEigen::new(scaled);
-    let least = LEAST_EFFECT * found.eigenvalues.iter().copied().fold(0.0, f64::max);
-    let (mut told, mut total) = (vec![true; count], DMatrix::<f64>::zeros(count, count));
+    let min = MIN_EFFECT * found.eigenvalues.iter().copied().fold(0.0, f64::max);
+    let (mut identified, mut total) = (vec![true; count], DMatrix::<f64>::zeros(count, count));
     for (value, vector) in found.eigenvalues.iter().zip(found.eigenvectors.column_iter()) {
-        if *value > least {
+        if *value > min {
             total += vector * vector.transpose() / *value;
         } else {
-            told.iter_mut().zip(vector.iter()).for_each(|(told, part)| *told &= part.abs() < SHARE);
+            identified
+                .iter_mut()
+                .zip(vector.iter())
+                .for_each(|(identified, part)| *identified &= part.abs() < SHARE);
         }
     }
     let row = |i: usize| (0..count).map(|j| total[(i, j)] * scale[i] * scale[j]).collect();
-    (0..count).map(|i| if told[i] { row(i) } else { Vec::new() }).collect()
+    (0..count).map(|i| if identified[i] { row(i) } else { Vec::new() }).collect()
 }
 
 /// Neighbouring samples that count as one, at least 1.
 fn together(residuals: &Residuals, width: usize) -> f64 {
     let product = |apart: usize| -> f64 {
-        let of = |one: &Vec<f32>| -> f64 {
+        let product = |one: &Vec<f32>| -> f64 {
             let later = one.get(apart * width..).unwrap_or_default();
             one.iter().zip(later).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum()
         };
-        residuals.recordings.iter().map(of).sum()
+        residuals.recordings.iter().map(product).sum()
     };
     let whole = product(0);
     if whole <= 0.0 {
@@ -113,7 +116,7 @@ fn together(residuals: &Residuals, width: usize) -> f64 {
     }
     let samples = residuals.recordings.iter().map(|one| one.len() / width.max(1)).max().unwrap_or(0);
     let mut sum = 1.0;
-    for apart in 1..MOST_APART.min(samples / 4) {
+    for apart in 1..MAX_APART.min(samples / 4) {
         let alike = product(apart) / whole;
         if alike <= 0.0 {
             break;
@@ -129,7 +132,7 @@ mod tests {
 
     #[test]
     fn an_inverse_leaves_out_what_cannot_be_told() {
-        // Entries 0 and 1 act alike; 2 is told, in other units; 3 does nothing.
+        // Entries 0 and 1 act alike; 2 is identified, in other units; 3 does nothing.
         let curvature = DMatrix::from_row_slice(
             4,
             4,

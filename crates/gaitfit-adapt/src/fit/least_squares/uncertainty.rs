@@ -20,7 +20,7 @@ use std::ops::Range;
 /// Pieces that the logs are cut into, at least, as far as they have so many samples.
 const PIECES: usize = 24;
 /// Fewest samples of a piece: what happens within belongs together.
-const LEAST_SAMPLES: usize = 25;
+const MIN_SAMPLES: usize = 25;
 /// Draws of θ.
 const DRAWS: usize = 64;
 /// Damping that keeps equations solvable in which the logs say nothing of an entry.
@@ -71,7 +71,7 @@ pub fn uncertainty(
 ) -> Result<Option<Uncertainty>, FitError> {
     let theta = problem.theta;
     let Some(here) = around(&problem, values)? else { return Ok(None) };
-    let loss = Loss::of(&here.residuals);
+    let loss = Loss::new(&here.residuals);
     let parts = parts(&here, loss);
     let mut estimate = Estimate::new(theta, values, &parts);
     let mut shifts = Vec::new();
@@ -100,7 +100,7 @@ pub fn uncertainty(
 
 /// Normal equations of pieces of the logs.
 fn parts(here: &Around, loss: Loss) -> Vec<Normal> {
-    let part = |(recording, rows)| Normal::of(&here.jacobian, &here.residuals, loss, recording, rows);
+    let part = |(recording, rows)| Normal::new(&here.jacobian, &here.residuals, loss, recording, rows);
     pieces(&here.residuals, here.jacobian.width).into_iter().map(part).collect()
 }
 
@@ -176,7 +176,7 @@ impl<'a> Estimate<'a> {
         if let Some(response) = &self.response {
             covariance = response * covariance * response.transpose();
         }
-        let of = |at: usize| {
+        let deviation_at = |at: usize| {
             let variance = if self.free[at] {
                 covariance[(at, at)]
             } else if self.silent[at] {
@@ -186,7 +186,7 @@ impl<'a> Estimate<'a> {
             };
             self.inflation * variance.max(0.0).sqrt()
         };
-        Some((0..entries).map(of).collect())
+        Some((0..entries).map(deviation_at).collect())
     }
 
     fn together(&self, parts: &[Normal], shifts: Vec<Shift>) -> Option<Uncertainty> {
@@ -217,10 +217,10 @@ impl<'a> Estimate<'a> {
         let stream = Stream::new(0, Purpose::BOOTSTRAP);
         let place = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
         let one = |draw: usize| {
-            let own = stream.environment(place(draw));
+            let draws = stream.environment(place(draw));
             let mut drawn = Normal::zero(self.values.len());
             for k in 0..parts.len() {
-                let at = own.step(0).uniform(place(k)) * parts.len() as f64;
+                let at = draws.step(0).uniform(place(k)) * parts.len() as f64;
                 drawn.add(&parts[(at as usize).min(parts.len() - 1)]);
             }
             let step = self.solve(&drawn.curvature, &(&drawn.slope - &self.whole.slope));
@@ -229,9 +229,9 @@ impl<'a> Estimate<'a> {
             let entries = self.theta.entries().iter().zip(self.values).zip(step.iter()).enumerate();
             let moved = entries.map(|(at, ((entry, value), step))| {
                 if self.silent[at] {
-                    return entry.lower + own.step(2).uniform(place(at)) * (entry.upper - entry.lower);
+                    return entry.lower + draws.step(2).uniform(place(at)) * (entry.upper - entry.lower);
                 }
-                let along = |(k, shift): (usize, &Shift)| own.step(1).normal(place(k)) * shift.by[at];
+                let along = |(k, shift): (usize, &Shift)| draws.step(1).normal(place(k)) * shift.by[at];
                 let model: f64 = shifts.iter().enumerate().map(along).sum();
                 (value + self.inflation * step + model).clamp(entry.lower, entry.upper)
             });
@@ -244,13 +244,13 @@ impl<'a> Estimate<'a> {
 /// Recordings, or pieces of them where they are few.
 fn pieces(residuals: &Residuals, width: usize) -> Vec<(usize, Range<usize>)> {
     let each = PIECES.div_ceil(residuals.recordings.len().max(1));
-    let of = |(recording, found): (usize, &Vec<f32>)| {
+    let blocks = |(recording, found): (usize, &Vec<f32>)| {
         let samples = found.len() / width.max(1);
-        let length = samples.div_ceil(each).max(LEAST_SAMPLES);
+        let length = samples.div_ceil(each).max(MIN_SAMPLES);
         (0..samples)
             .step_by(length)
             .map(move |from| (recording, from..(from + length).min(samples)))
             .collect::<Vec<_>>()
     };
-    residuals.recordings.iter().enumerate().flat_map(of).collect()
+    residuals.recordings.iter().enumerate().flat_map(blocks).collect()
 }

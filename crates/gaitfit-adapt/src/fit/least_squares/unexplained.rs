@@ -9,7 +9,7 @@
 use super::normal::{Loss, Normal};
 use super::residuals::{Problem, Residuals};
 use super::sensitivity::inverse;
-use super::{Around, GaussNewton, LEAST_DAMPING, around};
+use super::{Around, GaussNewton, MIN_DAMPING, around};
 use crate::fit::FitError;
 use serde::{Deserialize, Serialize};
 
@@ -71,7 +71,7 @@ pub fn descend(
     let mut search = GaussNewton {
         generation: 0,
         values: values.to_vec(),
-        damping: LEAST_DAMPING.max(super::FIRST_DAMPING),
+        damping: MIN_DAMPING.max(super::FIRST_DAMPING),
         best: None,
         stop: None,
     };

@@ -11,7 +11,7 @@ const SIGNALS: [Signal; 3] = [Signal::Position, Signal::Velocity, Signal::Action
 /// Groups of each signal's joints, in their order: the legs of a quadruped.
 const GROUPS: usize = 4;
 /// Most samples that falls may take from the logs of a robot that is looked at.
-const MOST_LOST: f64 = 0.2;
+const MAX_LOST: f64 = 0.2;
 
 /// The distribution of each joint's position, velocity and action over all logs, as the means of sixteenths of the sorted
 /// samples: 16 numbers a joint and signal, in the reference's scaling. What is constant on the robot is left out.
@@ -60,7 +60,7 @@ impl<'a> Distributions<'a> {
         let (joints, skip) = (self.reference.joints().len(), self.reference.skip());
         let end = |log: &Predicted| log.fell_at.unwrap_or(usize::MAX).min(log.position.len() / joints);
         let kept: usize = logs.iter().map(|log| end(log).saturating_sub(skip)).sum();
-        if logs.is_empty() || (kept as f64) < (1.0 - MOST_LOST) * self.reference.counted() as f64 {
+        if logs.is_empty() || (kept as f64) < (1.0 - MAX_LOST) * self.reference.counted() as f64 {
             return None;
         }
         let mut all = Vec::new();
@@ -115,19 +115,19 @@ mod tests {
     #[test]
     fn equal_walks_have_equal_numbers_and_falls_are_left_out() {
         let reference = reference();
-        let of = Distributions::new(&reference);
-        let recorded = of.recorded();
+        let distributions = Distributions::new(&reference);
+        let recorded = distributions.recorded();
         // Positions and actions; the velocity is constant.
         assert_eq!(recorded.len(), 2 * PARTS);
-        assert_eq!(of.groups(), [0..PARTS, PARTS..2 * PARTS]);
-        assert_eq!(of.simulated(&[walk(None), walk(None)]).unwrap(), recorded);
+        assert_eq!(distributions.groups(), [0..PARTS, PARTS..2 * PARTS]);
+        assert_eq!(distributions.simulated(&[walk(None), walk(None)]).unwrap(), recorded);
         // Samples 2 to 31 map to a range of 2; the lowest sixteenth of 60 has three: 2, 2, 3.
         assert!((recorded[0] - (7.0 / 3.0) * 2.0 / 29.0).abs() < 1e-12, "{}", recorded[0]);
-        let shorter = of.simulated(&[walk(None), walk(Some(28))]).unwrap();
+        let shorter = distributions.simulated(&[walk(None), walk(Some(28))]).unwrap();
         assert!(shorter[PARTS - 1] < recorded[PARTS - 1]);
-        assert!(of.simulated(&[walk(None), walk(Some(12))]).is_none());
+        assert!(distributions.simulated(&[walk(None), walk(Some(12))]).is_none());
         let mut broken = walk(None);
         broken.position[9] = f32::NAN;
-        assert!(of.simulated(&[walk(None), broken]).is_none());
+        assert!(distributions.simulated(&[walk(None), broken]).is_none());
     }
 }

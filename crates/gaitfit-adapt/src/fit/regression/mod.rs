@@ -30,7 +30,7 @@ const FIRST: f64 = 1.5;
 /// Half the width of later ones, in errors of the round before.
 const WIDTH: f64 = 3.0;
 /// Least half width of a round, part of an entry's range: below, what single precision does to a walk is all that is seen.
-const LEAST: f64 = 2e-3;
+const MIN_WIDTH: f64 = 2e-3;
 /// Least share of the robots of a round that must walk.
 const WALKING: f64 = 0.5;
 /// How much more than the standard error of a mean of independent groups their scatter counts: what the simulator lacks is
@@ -40,7 +40,7 @@ const SHARED: f64 = 2.0;
 /// Deviations of so many errors of robots that were left out are the simulator's.
 const UNLIKE: f64 = 3.0;
 /// Most entries of a θ that is regressed on.
-pub const MOST_REGRESSED: usize = 12;
+pub const MAX_REGRESSED: usize = 12;
 
 /// The robot, simulated as it makes logs.
 pub trait Walks {
@@ -98,9 +98,9 @@ impl Regression {
     /// Whether signals and legs disagree about an entry, and most of its error comes from that.
     pub fn unlike(&self, entry: usize) -> bool {
         let Some(last) = self.rounds.last() else { return false };
-        let of = |numbers: &[f64]| numbers.get(entry).copied();
-        let (error, disagreement) = (of(&last.errors), of(&last.disagreement));
-        let whole = of(&self.deviation).zip(error).is_some_and(|(whole, error)| whole > UNLIKE * error);
+        let at_entry = |numbers: &[f64]| numbers.get(entry).copied();
+        let (error, disagreement) = (at_entry(&last.errors), at_entry(&last.disagreement));
+        let whole = at_entry(&self.deviation).zip(error).is_some_and(|(whole, error)| whole > UNLIKE * error);
         whole && disagreement.is_some_and(|apart| apart > 0.0)
     }
 
@@ -134,9 +134,9 @@ pub fn regress(
     cancel: &Cancel<'_>,
 ) -> Result<Result<Regression, String>, FitError> {
     let entries = theta.entries();
-    if entries.len() > MOST_REGRESSED {
+    if entries.len() > MAX_REGRESSED {
         return Ok(Err(format!(
-            "{} parameters are fitted, and robots are drawn for at most {MOST_REGRESSED}.",
+            "{} parameters are fitted, and robots are drawn for at most {MAX_REGRESSED}.",
             entries.len()
         )));
     }
@@ -177,7 +177,7 @@ pub fn regress(
             let beyond = 0.5 * (drawn.upper[at] - drawn.lower[at]);
             let value = drawn.values[at].clamp(drawn.lower[at] - beyond, drawn.upper[at] + beyond);
             centre[at] = value.clamp(entry.lower, entry.upper);
-            half[at] = (WIDTH * deviation[at]).max(LEAST * (entry.upper - entry.lower));
+            half[at] = (WIDTH * deviation[at]).max(MIN_WIDTH * (entry.upper - entry.lower));
         }
         rounds.push(drawn);
     }
@@ -204,11 +204,11 @@ fn draw(lower: &[f64], upper: &[f64], count: usize, seed: u64, first: u32) -> Ve
     let stream = Stream::new(seed, Purpose::SIMULATED_ROBOTS).environment(first);
     let mut robots = vec![Vec::with_capacity(lower.len()); count];
     for (entry, (lower, upper)) in lower.iter().zip(upper).enumerate() {
-        let own = stream.step(place(entry));
-        let mut order: Vec<(f64, usize)> = (0..count).map(|k| (own.uniform(place(k)), k)).collect();
+        let draws = stream.step(place(entry));
+        let mut order: Vec<(f64, usize)> = (0..count).map(|k| (draws.uniform(place(k)), k)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (part, (_, robot)) in order.into_iter().enumerate() {
-            let within = own.uniform(place(count + robot));
+            let within = draws.uniform(place(count + robot));
             robots[robot].push(lower + (upper - lower) * (part as f64 + within) / count as f64);
         }
     }

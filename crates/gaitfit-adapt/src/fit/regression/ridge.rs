@@ -84,7 +84,7 @@ impl Robots {
 
     /// What the numbers in `range` say of each value. `None` if they are alike for all robots.
     fn learn(&self, logs: &[f64], range: Range<usize>) -> Option<Vec<Said>> {
-        let (kernel, row) = Scaled::of(&self.logs, logs, range)?.kernel();
+        let (kernel, row) = Scaled::new(&self.logs, logs, range)?.kernel();
         let mut parts = kernel.symmetric_eigen();
         parts.eigenvalues.apply(|value| *value = value.max(0.0));
         let entries = self.values.first()?.len();
@@ -105,18 +105,18 @@ impl Robots {
         let mean = self.values.iter().map(|one| one[entry]).sum::<f64>() / count as f64;
         let wanted = DVector::from_iterator(count, self.values.iter().map(|one| one[entry] - mean));
         let turned = parts.eigenvectors.transpose() * &wanted;
-        let of = |power: i32| {
+        let penalised = |power: i32| {
             let penalty = largest * 10f64.powf(0.5 * f64::from(power));
             let shrunk = parts.eigenvalues.map(|value| value / (value + penalty));
             let fitted = &parts.eigenvectors * turned.component_mul(&shrunk);
             let left = (0..count).map(|robot| {
-                let own = parts.eigenvectors.row(robot);
-                let lever: f64 = own.iter().zip(shrunk.iter()).map(|(one, by)| one * one * by).sum();
+                let row = parts.eigenvectors.row(robot);
+                let lever: f64 = row.iter().zip(shrunk.iter()).map(|(one, by)| one * one * by).sum();
                 (wanted[robot] - fitted[robot]) / (1.0 - lever - 1.0 / count as f64).max(1e-9)
             });
             (left.map(|one| one * one).sum::<f64>() / count as f64, penalty)
         };
-        let (error, penalty) = PENALTIES.map(of).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (error, penalty) = PENALTIES.map(penalised).min_by(|a, b| a.0.total_cmp(&b.0))?;
         let weights =
             &parts.eigenvectors * turned.zip_map(&parts.eigenvalues, |one, value| one / (value + penalty));
         Some(Said { value: mean + row.dot(&weights), error: error.sqrt() })
@@ -134,8 +134,8 @@ struct Said {
 /// Mean of what groups say, its standard error, and the standard deviation by which they disagree besides their own errors
 /// (DerSimonian and Laird 1986).
 fn together(said: &[Said]) -> (f64, f64, f64) {
-    let least = 1e-9 * said.iter().map(|one| one.error).fold(f64::MIN_POSITIVE, f64::max);
-    let variance = |one: &Said| one.error.max(least).powi(2);
+    let min = 1e-9 * said.iter().map(|one| one.error).fold(f64::MIN_POSITIVE, f64::max);
+    let variance = |one: &Said| one.error.max(min).powi(2);
     let mean = |besides: f64| {
         let weights = || said.iter().map(|one| 1.0 / (variance(one) + besides));
         let sum: f64 = weights().sum();
@@ -159,7 +159,7 @@ struct Scaled {
 }
 
 impl Scaled {
-    fn of(robots: &[Vec<f64>], logs: &[f64], range: Range<usize>) -> Option<Self> {
+    fn new(robots: &[Vec<f64>], logs: &[f64], range: Range<usize>) -> Option<Self> {
         let varies = |at: usize| {
             let all: Vec<f64> = robots.iter().map(|one| one[at]).collect();
             let size = stats::deviation(&all)?;
@@ -194,11 +194,11 @@ mod tests {
     /// √(4.5 / 2).
     #[test]
     fn groups_that_disagree_have_a_larger_error_by_hand() {
-        let of = |values: [f64; 2]| together(&values.map(|value| Said { value, error: 1.0 }));
-        let (value, error, besides) = of([1.0, 4.0]);
+        let combined = |values: [f64; 2]| together(&values.map(|value| Said { value, error: 1.0 }));
+        let (value, error, besides) = combined([1.0, 4.0]);
         assert!((value - 2.5).abs() < 1e-12 && (error - 2.25f64.sqrt()).abs() < 1e-12, "{value} {error}");
         assert!((besides - 3.5f64.sqrt()).abs() < 1e-12, "{besides}");
-        let (value, error, besides) = of([1.0, 1.5]);
+        let (value, error, besides) = combined([1.0, 1.5]);
         assert_eq!(besides, 0.0);
         assert!((value - 1.25).abs() < 1e-12 && (error - 0.5f64.sqrt()).abs() < 1e-12, "{value} {error}");
     }

@@ -3,7 +3,7 @@
 use crate::swings;
 use crate::table::table;
 use comfy_table::Table;
-use gaitfit::adapt::{AdaptResults, Check, CostFit, MOST_SHOWN, Validation};
+use gaitfit::adapt::{AdaptResults, Check, CostFit, MAX_SHOWN, Validation};
 use gaitfit_view::Doubt;
 use std::fmt::Write;
 
@@ -112,7 +112,7 @@ fn parameters(fit: &CostFit) -> Table {
     header.push("");
     let mut table = table(&header, if known { &[1, 2, 3, 6, 7] } else { &[1, 2, 3] });
     let count = fit.parameters.len();
-    let shown = if count <= MOST_SHOWN { count } else { FEW };
+    let shown = if count <= MAX_SHOWN { count } else { FEW };
     for parameter in &fit.parameters[..shown] {
         let found = &parameter.found;
         let interval = parameter.interval.map(|[lower, upper]| format!("{lower:.4} … {upper:.4}"));

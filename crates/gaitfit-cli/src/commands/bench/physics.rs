@@ -33,20 +33,20 @@ pub fn run(args: &cli::BenchPhysics) -> Result<(), Failure> {
         cli::Geoms::Feet => bench::Geoms::Feet,
         cli::Geoms::All => bench::Geoms::All,
     };
-    let own = match args.self_contact {
+    let pairs = match args.self_contact {
         cli::OwnParts::Off => SelfContact::Off,
         cli::OwnParts::File => SelfContact::File,
         cli::OwnParts::Limbs => SelfContact::Limbs,
     };
     match (args.device.gpu(), args.device) {
-        (Some(ordinal), _) if own.is_off() => return super::physics_cuda::run(args, geoms, ordinal),
+        (Some(ordinal), _) if pairs.is_off() => return super::physics_cuda::run(args, geoms, ordinal),
         (_, cli::Device::Cuda(_)) => {
             let why = "--self-contact is simulated on the processor only; leave --device out";
             return Err(Failure::usage(why));
         }
         _ => {}
     }
-    let (model, _) = gaitfit::robot::go2()?.touching_itself(&own).map_err(Failure::failed)?;
+    let (model, _) = gaitfit::robot::go2()?.touching_itself(&pairs).map_err(Failure::failed)?;
     let preset: gaitfit_physics::Preset = args.preset.into();
     let threads = args.threads.get();
     let what = PhysicsBench {

@@ -44,8 +44,8 @@ pub fn run(args: &cli::BenchPhysics, geoms: Geoms, ordinal: usize) -> Result<(),
     let preset: gaitfit_physics::Preset = args.preset.into();
     let device = Device::open(ordinal).map_err(cuda)?;
     let mut emit = EmitOptions::default();
-    if let Some(least) = args.least_guarded {
-        emit.least_guarded = least;
+    if let Some(min) = args.min_guarded {
+        emit.min_guarded = min;
     }
     let what = PhysicsBench {
         preset,

@@ -77,7 +77,7 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     } else {
         output::print(&text::text(evaluation, verdict, wall_seconds))?;
         if let Some(diagnosis) = &diagnosis {
-            output::print(&format!("\nThis policy would walk otherwise arranged. {}.\n", diagnosis.text()))?;
+            output::print(&format!("\nThis policy walks with another arrangement. {}.\n", diagnosis.text()))?;
         }
         if verdict.is_some_and(|one| one.walks) {
             output::next(&[format!("gaitfit collect {} --out logs", args.world.policy.display())])?;

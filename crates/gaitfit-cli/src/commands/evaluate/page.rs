@@ -83,7 +83,7 @@ pub fn page(
             .collect(),
         replay,
         gait: measured.gait.as_ref().map(gait::picture),
-        gait_caption: "standing, then ahead at half the greatest command".to_owned(),
+        gait_caption: "standing, then ahead at half the largest command".to_owned(),
         settings: vec![
             setting("seed", document.seed.to_string()),
             setting("physics steps per action", world.scene.settings.substeps.to_string()),

@@ -56,7 +56,7 @@ pub fn text(document: &Evaluation, verdict: Option<&Verdict>, wall_seconds: f64)
         }
         let _ = writeln!(
             out,
-            "\nDrift: stand, command for 4 s, stand; where the robot ends against where it should\n{drift}"
+            "\nDrift: stand, command for 4 s, stand; final place minus the place of the command\n{drift}"
         );
     }
     if !document.ground.is_empty() {
@@ -75,8 +75,8 @@ pub fn text(document: &Evaluation, verdict: Option<&Verdict>, wall_seconds: f64)
         }
         let _ = writeln!(
             out,
-            "\nUneven ground: robots start in the middle of their cells and walk straight ahead; who leaves the cell without \
-             a fall has crossed it\n{ground}"
+            "\nUneven ground: robots start in the middle of their cells and walk straight ahead; a robot that leaves \
+             its cell without a fall has crossed it\n{ground}"
         );
     }
     if let Some(gait) = &document.gait {

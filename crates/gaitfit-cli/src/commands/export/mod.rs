@@ -22,7 +22,7 @@ enum Kind {
 
 impl Kind {
     /// By the file's ending; a .toml file is one of fitted parameters if it has an entry of them.
-    fn of(path: &Path) -> Self {
+    fn from_path(path: &Path) -> Self {
         let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
         match ending.as_deref() {
             Some("csv") => Self::Log,
@@ -53,7 +53,7 @@ fn has_parameters(path: &Path) -> bool {
 
 /// Writes the file as its options ask, and prints what was written.
 pub fn run(args: &Export) -> Result<(), Failure> {
-    let kind = Kind::of(&args.file);
+    let kind = Kind::from_path(&args.file);
     allowed(args, kind)?;
     match kind {
         Kind::Policy => policy::run(args),
@@ -120,9 +120,9 @@ mod tests {
         let theta = write("theta.toml", "format = 2\n[[parameter]]\nname = \"delay\"\n");
         let damaged = write("cut.toml", "format = 2\n[[parameter]]\nname = \"del");
         let policy = write("policy.toml", "file = \"a.onnx\"\n");
-        let kinds = [&theta, &damaged, &policy].map(|path| Kind::of(path));
+        let kinds = [&theta, &damaged, &policy].map(|path| Kind::from_path(path));
         assert_eq!(kinds, [Kind::Theta, Kind::Theta, Kind::Policy]);
-        assert_eq!(Kind::of(Path::new("walk.CSV")), Kind::Log);
-        assert_eq!(Kind::of(Path::new("walk.onnx")), Kind::Policy);
+        assert_eq!(Kind::from_path(Path::new("walk.CSV")), Kind::Log);
+        assert_eq!(Kind::from_path(Path::new("walk.onnx")), Kind::Policy);
     }
 }

@@ -47,7 +47,7 @@ pub fn run(args: &Export) -> Result<(), Failure> {
     let (files, unsaid) = made(args, &policy, model.as_ref())?;
     if let Some(file) = files.iter().find(|file| file.ending.is_none() && !args.force && file.path.exists()) {
         return Err(Failure::usage(format!(
-            "{} is there already; give another {}, or --force to write over it",
+            "{} exists already; give another {}, or --force to overwrite it",
             file.path.display(),
             file.option
         )));
@@ -131,7 +131,7 @@ fn model(args: &Export, path: &Path, policy: &Policy) -> Result<Option<Model>, F
     }
     let go2 = builtin::go2().map_err(Failure::failed)?;
     let interface = &policy.interface;
-    let own = interface.robot == go2.name
+    let built_in = interface.robot == go2.name
         && interface.resolve(&go2).and_then(|joints| interface.resolve_held(&go2, &joints)).is_ok();
-    Ok(own.then_some(go2))
+    Ok(built_in.then_some(go2))
 }

@@ -105,8 +105,8 @@ fn evaluate(
         ("next_qvel", Array::empty(&[rows, nv])),
     ];
     for row in 0..rows {
-        let of = |width: usize| row * width..(row + 1) * width;
-        let (q, v, u) = (of(nq), of(nv), of(nu));
+        let columns = |width: usize| row * width..(row + 1) * width;
+        let (q, v, u) = (columns(nq), columns(nv), columns(nu));
         let found = forward
             .evaluate(&qpos.values[q], &qvel.values[v], &ctrl.values[u])
             .map_err(|error| (row, error))?;

@@ -70,13 +70,13 @@ pub fn read(path: &Path, names: &[&str]) -> Result<Vec<Array>, Failure> {
 
 /// An error in a line: a damaged header comes back whole in the parser's message.
 fn brief(error: &Error) -> String {
-    const MOST: usize = 160;
+    const MAX_CHARACTERS: usize = 160;
     if error.kind() == ErrorKind::UnexpectedEof {
         return "the array is cut short".to_owned();
     }
     let text = error.to_string();
     let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    match line.char_indices().nth(MOST) {
+    match line.char_indices().nth(MAX_CHARACTERS) {
         Some((end, _)) => format!("{}…", &line[..end]),
         None => line,
     }

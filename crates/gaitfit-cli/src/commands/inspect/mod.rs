@@ -56,15 +56,14 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         // Refused with the lines that convert it.
         Some("pth" | "jit" | "ptl") => policy(args),
         Some("pt") => policy(args).map_err(|mut failure| {
-            failure.message.push_str("\nIf it is a recording, read it by `gaitfit import`.");
+            failure.message.push_str("\nIf it is a recording, read it with `gaitfit import`.");
             failure
         }),
         Some(
             "npz" | "npy" | "mcap" | "db3" | "pkl" | "pickle" | "parquet" | "feather" | "arrow" | "h5"
             | "hdf5" | "mat" | "bag",
         ) => Err(Failure::usage(format!(
-            "{}: a recording of another program, it seems; `gaitfit import {} --out log.csv` makes a log of it, which inspect \
-             shows",
+            "{}: this seems to be a recording of another program; `gaitfit import {} --out log.csv` makes a log of it",
             args.file.display(),
             args.file.display()
         ))),

@@ -31,7 +31,7 @@ pub fn look(
     if model.root != Root::Floating || walks.is_empty() {
         return Ok(None);
     }
-    Ok(Some(SwingFindings::of(&model, &walks, &SwingSettings::default())))
+    Ok(Some(SwingFindings::new(&model, &walks, &SwingSettings::default())))
 }
 
 /// Of the logs of a folder that may be used.

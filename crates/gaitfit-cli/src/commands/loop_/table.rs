@@ -62,7 +62,7 @@ pub fn text(results: &Results) -> String {
     if let Some(drift) = drift(results) {
         let _ = writeln!(
             text,
-            "\nDrift: stand, command for 4 s, stand; how far from where it should it ends\n{drift}"
+            "\nDrift: stand, command for 4 s, stand; distance from the place of the command\n{drift}"
         );
     }
     text.push('\n');

@@ -64,14 +64,14 @@ fn finetuning(results: &Results) -> comfy_table::Table {
     header.extend(["seconds", "in the paper"]);
     let mut rows = table(&header, &(1..header.len() - 1).collect::<Vec<_>>());
     for row in &results.rows {
-        let of = |which: fn(&Walk) -> Estimate, digits| estimate(row.walk.as_ref().map(which), digits);
+        let cell = |which: fn(&Walk) -> Estimate, digits| estimate(row.walk.as_ref().map(which), digits);
         let falls =
             |walk: &Walk| Estimate { mean: 100.0 * walk.fall_rate.mean, ci95: 100.0 * walk.fall_rate.ci95 };
         let mut cells = vec![
             row.label(),
-            of(|walk| walk.reward, 3),
-            of(|walk| walk.linear_velocity_error, 4),
-            of(|walk| walk.angular_velocity_error, 4),
+            cell(|walk| walk.reward, 3),
+            cell(|walk| walk.linear_velocity_error, 4),
+            cell(|walk| walk.angular_velocity_error, 4),
             estimate(row.walk.as_ref().map(falls), 2),
         ];
         if drifts {

@@ -10,12 +10,12 @@
 DEVICE void place_number(float* state, const float* from, u32 e, int k) { STATE(k) = k < LOGGED ? from[k] : 0.0f; }
 
 DEVICE bool fallen(const float* state, const float* report, u32 e) {
-    bool fallen = STATE(POSITION + 2) < LEAST_HEIGHT;
+    bool fallen = STATE(POSITION + 2) < MIN_HEIGHT;
     float q[4], up[3];
     for (int k = 0; k < 4; k++) q[k] = STATE(QUATERNION + k);
     up_of(q, up);
     float uprightness = -up[0] * POSTURE[0] + -up[1] * POSTURE[1] + -up[2] * POSTURE[2];
-    fallen |= uprightness < LEAST_UPRIGHTNESS;
+    fallen |= uprightness < MIN_UPRIGHTNESS;
     for (int k = 0; k < FALL_GEOMS; k++) fallen |= FORCE(FALL_GEOM[k]) > 1.0f;
     // A diverged robot's numbers fail every comparison.
     for (int k = 0; k < 3; k++) fallen |= !is_finite(STATE(POSITION + k));

@@ -90,8 +90,8 @@ KERNEL finish(
             bool unmoved = critic_alone || (epoch == 0 && minibatch == 0);
             double rate = state[LEARNING_RATE];
             if (ADAPTIVE && !unmoved) {
-                if (kl > 2.0 * DESIRED_KL) rate = fmax(rate / 1.5, LEAST_RATE);
-                else if (kl < 0.5 * DESIRED_KL) rate = fmin(rate * 1.5, GREATEST_RATE);
+                if (kl > 2.0 * DESIRED_KL) rate = fmax(rate / 1.5, MIN_RATE);
+                else if (kl < 0.5 * DESIRED_KL) rate = fmin(rate * 1.5, MAX_RATE);
             }
             double norm = sqrt(of_actor + of_critic + of_std);
             state[LEARNING_RATE] = rate;

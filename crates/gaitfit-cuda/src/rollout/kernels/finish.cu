@@ -47,7 +47,7 @@ DEVICE Foot advance_foot(const float* report, float* feet, u32 e, u32 steps, int
 }
 
 DEVICE bool has_fallen(const float* report, u32 e, float uprightness, float height) {
-    bool fallen = uprightness < LEAST_UPRIGHTNESS || height < LEAST_HEIGHT;
+    bool fallen = uprightness < MIN_UPRIGHTNESS || height < MIN_HEIGHT;
     for (int k = 0; k < FALL_GEOMS; k++) fallen |= touches(report, e, FALL_GEOM[k]);
     return fallen;
 }
@@ -113,7 +113,7 @@ DEVICE bool finish_step(
     float paid = 0.0f;
     for (int k = 0; k < REWARDS; k++) paid += terms[k];
     bool broken = !whole || !is_finite(paid);
-    int ended = m.fallen || broken ? FALL : age >= EPISODE_STEPS_MOST ? TIME_OUT : GOES_ON;
+    int ended = m.fallen || broken ? FALL : age >= EPISODE_STEPS_MAX ? TIME_OUT : GOES_ON;
 
     for (int k = 0; k < ACTIONS; k++) last_action[k * ENVIRONMENTS + e] = m.action[k];
     if (age % COMMAND_STEPS == 0) draw_command(control, e, number + 1, command);
@@ -148,7 +148,7 @@ DEVICE bool finish_step(
     if (ended != GOES_ON)
         write_last_row(control, state, params, age, command, last_action, broken, e, number + 1, last_observation);
 #else
-    u32 slot = step / EPISODE_STEPS_MOST;
+    u32 slot = step / EPISODE_STEPS_MAX;
     if (ended == TIME_OUT) {
         // It would have gone on: the critic's value of the state reached stands for the rewards that follow.
         cut[slot * ENVIRONMENTS + e] = step + 1;
@@ -160,7 +160,7 @@ DEVICE bool finish_step(
     if (ended != GOES_ON) {
         TALLY(EPISODES) += 1.0;
         TALLY(FALLS) += ended == FALL ? 1.0 : 0.0;
-        if (ended == FALL && age < EPISODE_STEPS_MOST) TALLY(LOST_STEPS) += (double)(EPISODE_STEPS_MOST - age);
+        if (ended == FALL && age < EPISODE_STEPS_MAX) TALLY(LOST_STEPS) += (double)(EPISODE_STEPS_MAX - age);
         TALLY(EPISODE_STEPS) += (double)length;
         TALLY(EPISODE_RETURN) += (double)sum;
         sum = length = 0.0f;

@@ -123,18 +123,18 @@ impl Node {
 
     /// Element `place`; `folded`: what the folds before gave.
     fn value(&self, moment: &Moment<'_>, place: usize, folded: &[f32; MAX_FOLDS]) -> f32 {
-        let of = |node: &Self| node.value(moment, place, folded);
+        let evaluated = |node: &Self| node.value(moment, place, folded);
         match self {
             Self::Number(number) => *number,
             Self::Quantity(quantity, places) => {
                 // A single number stands beside every element of a row.
-                let own = if places.len() == 1 { 0 } else { place };
-                places.get(own).map_or(f32::NAN, |&place| quantity.value(moment, place))
+                let element = if places.len() == 1 { 0 } else { place };
+                places.get(element).map_or(f32::NAN, |&place| quantity.value(moment, place))
             }
             Self::Fold(number) => folded[*number],
-            Self::One(operator, node) => operator.value(of(node)),
-            Self::Two(operator, nodes) => operator.value(of(&nodes[0]), of(&nodes[1])),
-            Self::Select(nodes) => of(&nodes[if of(&nodes[0]) != 0.0 { 1 } else { 2 }]),
+            Self::One(operator, node) => operator.value(evaluated(node)),
+            Self::Two(operator, nodes) => operator.value(evaluated(&nodes[0]), evaluated(&nodes[1])),
+            Self::Select(nodes) => evaluated(&nodes[if evaluated(&nodes[0]) != 0.0 { 1 } else { 2 }]),
         }
     }
 }

@@ -109,7 +109,7 @@ impl Two {
             Self::Multiply => a * b,
             Self::Divide => a / b,
             Self::Power => a.powf(b),
-            Self::Min => least(a, b),
+            Self::Min => smaller(a, b),
             Self::Max => largest(a, b),
             Self::Less => flag(a < b),
             Self::LessOrEqual => flag(a <= b),
@@ -154,7 +154,7 @@ impl FoldKind {
             Self::Sum => values.sum(),
             Self::Mean => values.sum::<f32>() / count as f32,
             Self::Norm => values.map(|x| x * x).sum::<f32>().sqrt(),
-            Self::Min => values.reduce(least).unwrap_or(f32::NAN),
+            Self::Min => values.reduce(smaller).unwrap_or(f32::NAN),
             Self::Max => values.reduce(largest).unwrap_or(f32::NAN),
         }
     }
@@ -199,7 +199,7 @@ pub(super) fn flag(on: bool) -> f32 {
 }
 
 /// Unlike `f32::min`, not a number if one of them is none.
-fn least(a: f32, b: f32) -> f32 {
+fn smaller(a: f32, b: f32) -> f32 {
     if a < b || a.is_nan() { a } else { b }
 }
 

@@ -160,8 +160,8 @@ impl Parser<'_> {
         if !self.take_word("not") {
             return self.compared();
         }
-        let of = self.deeper(Self::negated)?;
-        self.one(at, One::Not, of)
+        let operand = self.deeper(Self::negated)?;
+        self.one(at, One::Not, operand)
     }
 
     fn comparison(&mut self) -> Option<Two> {
@@ -214,8 +214,8 @@ impl Parser<'_> {
     fn signed(&mut self) -> Read<Part> {
         let at = self.at();
         if self.take("-") {
-            let of = self.deeper(Self::signed)?;
-            return self.one(at, One::Negate, of);
+            let operand = self.deeper(Self::signed)?;
+            return self.one(at, One::Negate, operand);
         }
         let base = self.atom()?;
         let at = self.at();
@@ -317,10 +317,10 @@ impl Parser<'_> {
             (Function::Fold(FoldKind::Min), Some(a), Some(b), None, _) => self.two(at, Two::Min, a, b),
             (Function::Fold(FoldKind::Max), Some(a), Some(b), None, _) => self.two(at, Two::Max, a, b),
             (Function::Clamp, Some(x), Some(low), Some(high), None) => {
-                if let (Some(least), Some(most)) = (low.node.constant(), high.node.constant())
-                    && least > most
+                if let (Some(min), Some(max)) = (low.node.constant(), high.node.constant())
+                    && min > max
                 {
-                    return self.wrong(at, Problem::Clamp(least.to_string(), most.to_string()));
+                    return self.wrong(at, Problem::Clamp(min.to_string(), max.to_string()));
                 }
                 let above = self.two(at, Two::Max, x, low)?;
                 self.two(at, Two::Min, above, high)

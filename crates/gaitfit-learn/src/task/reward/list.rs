@@ -9,7 +9,7 @@ use crate::task::expression::{Expression, Names};
 use crate::task::{Moment, TaskError, TaskSettings};
 
 /// Most terms of one's own.
-const MAX_OWN: usize = 64;
+const MAX_EXPRESSIONS: usize = 64;
 /// Longest name of a term, bytes.
 const MAX_NAME: usize = 64;
 
@@ -25,7 +25,7 @@ pub enum Value {
 
 impl Value {
     /// At a robot's moment.
-    pub(in crate::task) fn of(&self, moment: &Moment<'_>) -> f32 {
+    pub(in crate::task) fn evaluate(&self, moment: &Moment<'_>) -> f32 {
         match self {
             Self::BuiltIn(value) => value(moment),
             Self::Expression(expression) => expression.value(moment),
@@ -47,12 +47,12 @@ pub(in crate::task) fn listed(
     settings: &TaskSettings,
     walker: &Walker,
 ) -> Result<Vec<WeightedTerm>, TaskError> {
-    let mut own = expressions(settings, walker)?;
+    let mut expressions = expressions(settings, walker)?;
     let mut terms = Vec::new();
     for (name, &weight) in &settings.rewards {
         let built_in = TERMS.iter().find(|term| term.name == name).map(|term| Value::BuiltIn(term.value));
-        let written = own.iter().position(|(other, _)| *other == name);
-        let written = written.map(|place| Value::Expression(own.swap_remove(place).1));
+        let written = expressions.iter().position(|(other, _)| *other == name);
+        let written = written.map(|place| Value::Expression(expressions.swap_remove(place).1));
         let Some(value) = built_in.or(written) else {
             let known = TERMS.iter().map(|term| term.name).chain(settings.terms.keys().map(String::as_str));
             let known: Vec<_> = known.collect();
@@ -71,7 +71,7 @@ pub(in crate::task) fn listed(
             terms.push(WeightedTerm { name: name.clone(), weight, value });
         }
     }
-    match own.first() {
+    match expressions.first() {
         Some((name, _)) => refuse(
             "terms",
             format!("has `{name}`, which task.rewards gives no weight; give it one there (0 turns it off)"),
@@ -85,8 +85,8 @@ fn expressions<'a>(
     settings: &'a TaskSettings,
     walker: &Walker,
 ) -> Result<Vec<(&'a str, Expression)>, TaskError> {
-    if settings.terms.len() > MAX_OWN {
-        return refuse("terms", format!("has {} terms; at most {MAX_OWN}", settings.terms.len()));
+    if settings.terms.len() > MAX_EXPRESSIONS {
+        return refuse("terms", format!("has {} terms; at most {MAX_EXPRESSIONS}", settings.terms.len()));
     }
     let model = walker.model();
     let names = Names {

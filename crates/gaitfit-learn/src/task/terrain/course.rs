@@ -207,7 +207,7 @@ mod tests {
             size: 4.0,
             curriculum,
             start_level: 1,
-            ..TerrainSettings::of(Kinds::One(TerrainKind::Stairs))
+            ..TerrainSettings::with_kind(Kinds::One(TerrainKind::Stairs))
         };
         Course::new(&settings).unwrap().0
     }

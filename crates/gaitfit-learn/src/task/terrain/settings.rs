@@ -71,7 +71,7 @@ impl Default for TerrainSettings {
 }
 
 /// Least width of the border, m.
-const LEAST_BORDER: f64 = 1.0;
+const MIN_BORDER: f64 = 1.0;
 /// Most vertices of the height field.
 const MAX_VERTICES: f64 = (1 << 22) as f64;
 /// Most levels and columns.
@@ -79,7 +79,7 @@ const MAX_CELLS: usize = 200;
 
 impl TerrainSettings {
     /// The table with another kind of ground.
-    pub fn of(kind: Kinds) -> Self {
+    pub fn with_kind(kind: Kinds) -> Self {
         Self { kind, ..Self::default() }
     }
 
@@ -103,7 +103,7 @@ impl TerrainSettings {
             ("terrain.platform", self.platform, [0.0, 0.9 * self.size], true),
             ("terrain.cell", self.cell, [0.01, 1.0], true),
             ("terrain.rough_distance", self.rough_distance, [self.cell, self.size], rough),
-            ("terrain.border", self.border, [LEAST_BORDER, 100.0], true),
+            ("terrain.border", self.border, [MIN_BORDER, 100.0], true),
         ] {
             if counts && !(low..=high).contains(&value) {
                 let what = format!("is {}; it must be from {low} to {high} m", shown_number(value));

@@ -76,7 +76,7 @@ pub(super) fn write(
             action_clip: interface
                 .action_clip
                 .as_ref()
-                .map(|clip| numbers((0..joints).map(|joint| clip.of(joint)))),
+                .map(|clip| numbers((0..joints).map(|joint| clip.limit(joint)))),
             kp: numbers(&interface.kp),
             kd: numbers(&interface.kd),
             effort_limit: moved.map(numbers),

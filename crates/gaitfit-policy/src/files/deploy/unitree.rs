@@ -72,8 +72,8 @@ pub(super) fn write(policy: &Policy, unsaid: &mut Vec<String>) -> Result<String,
     let clip = interface.action_clip.as_ref().map(|clip| {
         let bounds = interface.default_pose.iter().zip(&interface.action_scale).enumerate();
         list(bounds.map(|(joint, (pose, scale))| {
-            let most = scale.abs() * clip.of(joint);
-            numbers([pose - most, pose + most])
+            let max = scale.abs() * clip.limit(joint);
+            numbers([pose - max, pose + max])
         }))
     });
     let ranges = ranges(&policy.provenance.task);

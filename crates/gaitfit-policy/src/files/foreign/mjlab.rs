@@ -11,7 +11,7 @@ use gaitfit_model::shown;
 /// Control period of mjlab's tasks: four physics steps of 5 ms.
 const CONTROL_DT: f64 = 0.02;
 /// Most entries of a list.
-const MOST: usize = 1024;
+const MAX_ENTRIES: usize = 1024;
 
 /// What the entries say of a policy of `inputs` numbers and `outputs` actions; `None` where another program wrote them.
 pub(in crate::files) fn read(
@@ -93,9 +93,10 @@ pub(in crate::files) fn read(
 }
 
 fn list(text: &str, key: &str) -> Result<Vec<String>, PolicyError> {
-    let words: Vec<String> = text.split(',').take(MOST + 1).map(|word| word.trim().to_owned()).collect();
-    if words.len() > MOST {
-        return Err(invalid(format!("`{key}` of its metadata has more than {MOST} entries")));
+    let words: Vec<String> =
+        text.split(',').take(MAX_ENTRIES + 1).map(|word| word.trim().to_owned()).collect();
+    if words.len() > MAX_ENTRIES {
+        return Err(invalid(format!("`{key}` of its metadata has more than {MAX_ENTRIES} entries")));
     }
     Ok(words)
 }

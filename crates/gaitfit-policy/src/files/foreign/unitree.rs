@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// Bounds beyond which a clipped observation counts as not clipped.
 const FAR: f64 = 50.0;
 /// Most joints and terms.
-const MOST: usize = 256;
+const MAX_ENTRIES: usize = 256;
 
 #[derive(Deserialize)]
 struct Deploy {
@@ -81,9 +81,9 @@ pub(in crate::files) fn read(text: &str) -> Result<Known, PolicyError> {
         serde_saphyr::from_str(text).map_err(|error| invalid(format!("no deploy.yaml: {error}")))?;
     let count = deploy.joint_ids_map.len();
     let slots = deploy.stiffness.len();
-    if count == 0 || count > MOST || deploy.observations.len() > MOST {
+    if count == 0 || count > MAX_ENTRIES || deploy.observations.len() > MAX_ENTRIES {
         return Err(invalid(format!(
-            "{count} joints and {} terms; at most {MOST}",
+            "{count} joints and {} terms; at most {MAX_ENTRIES}",
             deploy.observations.len()
         )));
     }

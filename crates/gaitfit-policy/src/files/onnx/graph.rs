@@ -264,9 +264,9 @@ impl Walk {
             }
             ("Selu", true) => {
                 let [alpha, gamma] = SELU.map(|value| value as f32);
-                let own = [attributes.number("alpha", alpha), attributes.number("gamma", gamma)];
-                if own != [alpha, gamma] {
-                    return Err(format!("its alpha and gamma are {own:?}; only SELU's own are read"));
+                let stated = [attributes.number("alpha", alpha), attributes.number("gamma", gamma)];
+                if stated != [alpha, gamma] {
+                    return Err(format!("its alpha and gamma are {stated:?}; only SELU's own are read"));
                 }
                 self.chain.activate(Activation::Selu)
             }

@@ -88,10 +88,10 @@ pub fn seal(mut bytes: Vec<u8>) -> Result<Vec<u8>, PolicyError> {
 
 /// Whether the metadata has a checksum.
 pub fn is_sealed(metadata: &[Vec<u8>]) -> bool {
-    let own = |bytes: &Vec<u8>| {
+    let is_sealed_entry = |bytes: &Vec<u8>| {
         Entry::decode(bytes.as_slice()).is_ok_and(|one| one.key == KEY && Sealed::is(&one.value))
     };
-    metadata.iter().any(own)
+    metadata.iter().any(is_sealed_entry)
 }
 
 /// Refuses a file with a checksum whose bytes are not those that were sealed, and one by this program whose own metadata

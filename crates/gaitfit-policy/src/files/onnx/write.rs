@@ -144,9 +144,9 @@ fn activate(
         push(nodes, operator, name, vec![head.clone()], attributes)
     };
     let mut number = |part: &str, value: f32| {
-        let own = format!("{name}.{part}");
-        constants.push(constant(&own, &[], &[value]));
-        own
+        let full = format!("{name}.{part}");
+        constants.push(constant(&full, &[], &[value]));
+        full
     };
     let step = |nodes: &mut Vec<Node>, operator: &str, part: &str, inputs: [String; 2]| {
         push(nodes, operator, &format!("{name}.{part}"), inputs.to_vec(), Vec::new())

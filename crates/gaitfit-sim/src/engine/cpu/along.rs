@@ -52,8 +52,8 @@ pub(super) fn run(
                 }
             };
             let record = |sample: usize, state: &State<Dual<Portable>>| {
-                let of = |j: usize| [state.qpos[j], state.qvel[j], state.qacc[j]];
-                recorder.record(sample, |j| of(j).map(|number| number.tangent));
+                let numbers = |j: usize| [state.qpos[j], state.qvel[j], state.qacc[j]];
+                recorder.record(sample, |j| numbers(j).map(|number| number.tangent));
             };
             if !block.run(replay, &lanes, &packed, seed, record, cancel) {
                 return;

@@ -60,7 +60,7 @@ impl Engine for Cpu {
                 must,
             });
         }
-        let delay = robots.iter().flat_map(|robot| &robot.joints).fold(0.0f64, |most, j| most.max(j.delay));
+        let delay = robots.iter().flat_map(|robot| &robot.joints).fold(0.0f64, |max, j| max.max(j.delay));
         if delay > batch.options().max_delay {
             let must = "at most the batch's max_delay";
             return Err(SimError::Option { option: "a robot's delay", value: delay.to_string(), must });

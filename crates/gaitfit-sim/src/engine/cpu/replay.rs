@@ -51,18 +51,18 @@ pub(super) fn run<T: Lanes>(
 /// # Errors
 /// Those that are not a robot, or whose delay is beyond the replay's.
 pub(super) fn params(replay: &Replay, candidates: &[Robot]) -> Result<Vec<Params<f64>>, SimError> {
-    let of = |candidate: &Robot| {
-        let most = candidate.delay.iter().fold(0.0f64, |a, &b| a.max(b));
-        if most > replay.options.max_delay {
+    let checked = |candidate: &Robot| {
+        let max = candidate.delay.iter().fold(0.0f64, |a, &b| a.max(b));
+        if max > replay.options.max_delay {
             return Err(SimError::Option {
                 option: "a candidate's delay",
-                value: most.to_string(),
+                value: max.to_string(),
                 must: "at most the replay's max_delay",
             });
         }
         Ok(candidate.params(&replay.model)?)
     };
-    candidates.iter().map(of).collect()
+    candidates.iter().map(checked).collect()
 }
 
 /// Every one of `count` candidates on every recording. Lanes of one block should end together: by recording length,

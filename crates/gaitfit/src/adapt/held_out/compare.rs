@@ -19,7 +19,7 @@ use std::sync::Arc;
 const BLOCK_S: f64 = 0.5;
 /// How often halves are drawn, and the fewest blocks that halves are drawn of.
 const DRAWS: u32 = 100;
-const LEAST_BLOCKS: usize = 8;
+const MIN_BLOCKS: usize = 8;
 /// Half the width of the range that 95 % of normal draws lie in, in deviations.
 const RANGE: f64 = 1.96;
 /// Seed of the draws.
@@ -49,10 +49,10 @@ pub fn held_out(
     let recorded: Option<Vec<Predicted>> = logs.iter().map(|log| recorded(log, &joints)).collect();
     let Some(recorded) = recorded.filter(|_| !blocks.is_empty()) else { return Ok(None) };
     let cut = |walks: &[Predicted]| -> Vec<Predicted> {
-        blocks.iter().map(|block| block.of(&walks[block.log], count)).collect()
+        blocks.iter().map(|block| block.cut(&walks[block.log], count)).collect()
     };
-    let own = cut(&recorded);
-    let Some(cost) = cost_against(&own, &joints, set) else { return Ok(None) };
+    let recorded_blocks = cut(&recorded);
+    let Some(cost) = cost_against(&recorded_blocks, &joints, set) else { return Ok(None) };
     let (reference, cost) = (&cost.0, cost.1.as_ref());
     let walk = |(set, robot): (&LogSet, Robot<'_>)| robot.simulate(set.simulator.as_ref(), Resets::Never);
     let (after, before) = (walk(fitted)?, walk(nominal)?);
@@ -61,9 +61,9 @@ pub fn held_out(
     let trials = trials(set, fitted_logs, &joints, skip, [&recorded, &after]);
     let (after, before) = (cut(&after), cut(&before));
     let all: Vec<usize> = (0..blocks.len()).collect();
-    let (fitted, nominal) = (of(cost, &after, &all), of(cost, &before, &all));
+    let (fitted, nominal) = (chosen_blocks(cost, &after, &all), chosen_blocks(cost, &before, &all));
     let logs_of: Vec<usize> = blocks.iter().map(|block| block.log).collect();
-    let (floor, drawn) = floor(cost, &own, &after, &logs_of);
+    let (floor, drawn) = floor(cost, &recorded_blocks, &after, &logs_of);
     let compared = |log: usize| blocks.iter().any(|block| block.log == log);
     Ok(Some(HeldOut {
         logs: (0..logs.len()).filter(|&log| compared(log)).count(),
@@ -102,7 +102,7 @@ fn blocks(samples: impl Iterator<Item = usize>, skip: usize, length: usize) -> V
 
 impl Block {
     /// The block of a walk.
-    fn of(&self, walk: &Predicted, joints: usize) -> Predicted {
+    fn cut(&self, walk: &Predicted, joints: usize) -> Predicted {
         let rows = |values: &[f32]| {
             let at = |row: usize| (row * joints).min(values.len());
             values[at(self.start)..at(self.end)].to_vec()
@@ -153,8 +153,8 @@ fn trials(
     let (_, cost) = cost_against(&own, joints, set)?;
     let all: Vec<usize> = (0..own.len()).collect();
     let distances = |walks: &[Predicted]| -> Option<[f64; 2]> {
-        let pooled = total(&of(cost.as_ref(), walks, &all))?;
-        let one = |log: usize| total(&of(cost.subset(&[log])?.as_ref(), walks, &[log]));
+        let pooled = total(&chosen_blocks(cost.as_ref(), walks, &all))?;
+        let one = |log: usize| total(&chosen_blocks(cost.subset(&[log])?.as_ref(), walks, &[log]));
         let each = all.iter().map(|&log| one(log)).collect::<Option<Vec<f64>>>()?;
         Some([pooled, stats::mean(&each)?])
     };
@@ -187,7 +187,7 @@ fn total(breakdown: &Option<Breakdown>) -> Option<f64> {
 }
 
 /// The cost of some blocks of walks; none if one diverged.
-fn of(cost: &dyn Cost, blocks: &[Predicted], chosen: &[usize]) -> Option<Breakdown> {
+fn chosen_blocks(cost: &dyn Cost, blocks: &[Predicted], chosen: &[usize]) -> Option<Breakdown> {
     let mut accumulator = cost.begin();
     for &block in chosen {
         accumulator.add(block, blocks.get(block)?.signals()).ok()?;
@@ -227,11 +227,11 @@ fn floor(
     logs: &[usize],
 ) -> (Option<Floor>, Vec<Breakdown>) {
     let (mut drawn, mut fitted) = (Vec::new(), Vec::new());
-    for draw in (0..DRAWS).take_while(|_| own.len() >= LEAST_BLOCKS) {
+    for draw in (0..DRAWS).take_while(|_| own.len() >= MIN_BLOCKS) {
         let (one, other) = halves(draw, logs);
         let Some(against) = cost.subset(&one) else { break };
-        drawn.extend(of(against.as_ref(), own, &other));
-        fitted.extend(total(&of(against.as_ref(), after, &other)));
+        drawn.extend(chosen_blocks(against.as_ref(), own, &other));
+        fitted.extend(total(&chosen_blocks(against.as_ref(), after, &other)));
     }
     let totals: Vec<f64> = drawn.iter().map(|found| found.total).collect();
     let floor = stats::mean(&totals).zip(stats::deviation(&totals)).map(|(mean, deviation)| Floor {
@@ -257,15 +257,15 @@ fn distances(
         let dimensions = reference.dimensions(signal).unwrap_or_default();
         for (joint, (name, dimension)) in reference.joints().iter().zip(dimensions).enumerate() {
             let Some(scale) = dimension.scale else { continue };
-            let of = |found: &Option<Breakdown>| {
+            let relative = |found: &Option<Breakdown>| {
                 found.as_ref().and_then(|found| scaled(found, signal, joint)).map(|distance| distance / scale)
             };
             let floor: Vec<f64> = drawn.iter().filter_map(|found| scaled(found, signal, joint)).collect();
             rows.push(Distance {
                 joint: name.clone(),
                 signal,
-                fitted: of(fitted),
-                nominal: of(nominal),
+                fitted: relative(fitted),
+                nominal: relative(nominal),
                 floor: stats::mean(&floor).map(|distance| distance / scale),
             });
         }
@@ -282,11 +282,11 @@ mod tests {
     /// Blocks of a joint that moves with some deviation about a place.
     fn blocks_of(seed: u64, deviation: f64, place: f64) -> Vec<Predicted> {
         let stream = Stream::new(seed, Purpose(99));
-        let of = |block: u32| {
+        let block = |block: u32| {
             let values = (0..25).map(|k| (place + deviation * stream.step(block).normal(k)) as f32).collect();
             Predicted { position: values, velocity: vec![1.0; 25], ..Predicted::default() }
         };
-        (0..96).map(of).collect()
+        (0..96).map(block).collect()
     }
 
     fn cost(blocks: &[Predicted]) -> Box<dyn Cost> {
@@ -307,11 +307,11 @@ mod tests {
     fn the_floor_holds_a_simulator_that_moves_as_the_robot_does_and_no_other() {
         let mut inside = 0;
         for seed in 0..20 {
-            let own = blocks_of(seed, 0.1, 0.0);
-            let cost = cost(&own);
+            let recorded_blocks = blocks_of(seed, 0.1, 0.0);
+            let cost = cost(&recorded_blocks);
             let judge = |simulated: &[Predicted]| {
                 let logs: Vec<usize> = (0..96).map(|block| block / 6).collect();
-                let (floor, drawn) = floor(cost.as_ref(), &own, simulated, &logs);
+                let (floor, drawn) = floor(cost.as_ref(), &recorded_blocks, simulated, &logs);
                 assert_eq!(drawn.len(), DRAWS as usize);
                 floor.unwrap()
             };
@@ -335,9 +335,9 @@ mod tests {
             fell_at: Some(10),
             ..Predicted::default()
         };
-        let block = found[2].of(&walk, 2);
+        let block = found[2].cut(&walk, 2);
         assert_eq!((block.position[0], block.position.len(), block.fell_at), (16.0, 10, Some(2)));
-        assert_eq!((found[1].of(&walk, 2).fell_at, found[3].of(&walk, 2).fell_at), (None, Some(0)));
+        assert_eq!((found[1].cut(&walk, 2).fell_at, found[3].cut(&walk, 2).fell_at), (None, Some(0)));
     }
 
     #[test]
@@ -353,10 +353,10 @@ mod tests {
     fn halves_have_as_much_of_each_log() {
         let logs = [0, 0, 0, 0, 1, 1, 1, 2, 2, 2, 2, 2];
         let (one, other) = halves(3, &logs);
-        let of = |half: &[usize], log: usize| half.iter().filter(|&&block| logs[block] == log).count();
-        assert_eq!([0, 1, 2].map(|log| of(&one, log) + of(&other, log)), [4, 3, 5]);
+        let count = |half: &[usize], log: usize| half.iter().filter(|&&block| logs[block] == log).count();
+        assert_eq!([0, 1, 2].map(|log| count(&one, log) + count(&other, log)), [4, 3, 5]);
         for log in 0..3 {
-            assert!(of(&one, log).abs_diff(of(&other, log)) <= 1, "{one:?} {other:?}");
+            assert!(count(&one, log).abs_diff(count(&other, log)) <= 1, "{one:?} {other:?}");
         }
         assert_ne!(halves(4, &logs), (one, other));
     }

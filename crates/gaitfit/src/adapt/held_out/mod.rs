@@ -165,7 +165,7 @@ impl HeldOut {
         }
         let Some(floor) = &self.floor else {
             return format!(
-                "the fit is {} from {logs} (wass; {nominal}), which are too short to say how far the robot is from itself",
+                "the fit is {} from {logs} (wass; {nominal}), which are too short to compare the robot with itself",
                 number(self.cost)
             );
         };

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Commands of two trials that differ by less than this, mean over samples and parts, are the same; m/s and rad/s.
 const SAME: f64 = 0.02;
 /// Trials that a comparison needs.
-const LEAST_PAIRS: usize = 3;
+const MIN_PAIRS: usize = 3;
 
 /// Distances of held-out logs to another trial of their commands, and of the fitted robot to the same logs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,12 +39,12 @@ impl Trials {
 
 /// The pairs of held-out logs and other trials of their commands, by number; of several trials the first.
 pub(super) fn pairs(held: &[Log], others: &[Log]) -> Vec<(usize, usize)> {
-    let of = |(number, log): (usize, &Log)| {
+    let pair = |(number, log): (usize, &Log)| {
         let other = others.iter().position(|other| same(log, other))?;
         Some((number, other))
     };
-    let found: Vec<(usize, usize)> = held.iter().enumerate().filter_map(of).collect();
-    if found.len() < LEAST_PAIRS { Vec::new() } else { found }
+    let found: Vec<(usize, usize)> = held.iter().enumerate().filter_map(pair).collect();
+    if found.len() < MIN_PAIRS { Vec::new() } else { found }
 }
 
 /// Whether two logs have the same commands, sample by sample as far as both go.

@@ -71,17 +71,18 @@ impl Leftover {
             (false, None) => return None,
             (false, Some(_)) => String::new(),
             (true, _) => format!(
-                "The errors are no noise of sensors: an error and that of the next sample have a correlation of {:.2}.",
+                "The errors are not sensor noise: errors of successive samples have a correlation of {:.2}.",
                 self.memory
             ),
         };
         if let Some(audit) = &self.audit {
             text +=
-                &format!(" They go most with {}, and most clearly at {}.", audit.most.0, audit.worst_joint.0);
+                &format!(" They depend most on {}, above all at {}.", audit.strongest.0, audit.worst_joint.0);
         }
         let kind = match &self.suspect {
             None => {
-                text += " The intervals are widened for it. Fit what else may differ, and check the log with `gaitfit inspect`.";
+                text += " The intervals are widened for it. Fit further parameters, and check the log with `gaitfit \
+                         inspect`.";
                 DoubtKind::Unexplained
             }
             Some(suspect) => {
@@ -144,14 +145,14 @@ pub(super) fn leftover(
     };
     // A search that was left early must not look like a simulator that lacks something.
     let end = descend(problem, values, STEPS, TOLERANCE).map_err(Error::failed)?;
-    let (end, least) = end.filter(|(_, least)| *least < cost).unwrap_or((values.to_vec(), cost));
+    let (end, min) = end.filter(|(_, min)| *min < cost).unwrap_or((values.to_vec(), cost));
     let Some(found) = unexplained(problem, &end).map_err(Error::failed)? else { return Ok(None) };
     let mut left = Leftover {
         error: found.error,
         memory: found.memory,
         reach: found.reach,
         end: end.clone(),
-        cost: least,
+        cost: min,
         noise_alone,
         audit: None,
         suspect: None,
@@ -159,14 +160,14 @@ pub(super) fn leftover(
     if left.remembers() {
         let robot = Robot { theta: &setup.theta, values: &end };
         let predicted = robot.simulate(problem.simulator, compared.resets())?;
-        left.audit = Audit::of(&setup.fit, &predicted, 0);
+        left.audit = Audit::new(&setup.fit, &predicted, 0);
         for suspicion in suspicions(setup) {
             let Some(suspect) = suspicion.tried(setup, problem, &end)? else { continue };
-            left.suspect = better(left.suspect, suspect, least);
+            left.suspect = better(left.suspect, suspect, min);
         }
     }
     if let Some(suspect) = ramped(setup, number, problem, &end)? {
-        left.suspect = better(left.suspect, suspect, least);
+        left.suspect = better(left.suspect, suspect, min);
     }
     Ok(Some(left))
 }

@@ -47,7 +47,8 @@ pub(super) fn ramped(
     let found = descend(problem, values, STEPS, TOLERANCE).map_err(Error::failed)?;
     Ok(found.map(|(moved, cost)| Suspect {
         what: "targets that move smoothly from one to the next".to_owned(),
-        remedy: "the robot had targets more often than the log has them; record every target at the rate at which it is sent"
+        remedy: "the robot got targets more often than the log shows; record every target at the rate at which it is \
+                 sent"
             .to_owned(),
         values: Vec::new(),
         cost,

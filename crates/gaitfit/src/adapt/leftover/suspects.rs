@@ -44,9 +44,9 @@ impl Suspect {
     }
 }
 
-/// The one that explains more, of those that explain enough of what a fit of cost `least` leaves.
-pub(super) fn better(first: Option<Suspect>, other: Suspect, least: f64) -> Option<Suspect> {
-    let limit = first.as_ref().map_or(NAMED * least, |one| BETTER * one.cost);
+/// The one that explains more, of those that explain enough of what a fit of cost `min` leaves.
+pub(super) fn better(first: Option<Suspect>, other: Suspect, min: f64) -> Option<Suspect> {
+    let limit = first.as_ref().map_or(NAMED * min, |one| BETTER * one.cost);
     if other.cost < limit { Some(other) } else { first }
 }
 
@@ -77,12 +77,12 @@ pub(super) fn suspicions(setup: &Setup) -> Vec<Suspicion> {
         },
         Suspicion {
             what: "other gains",
-            remedy: "check kp and kd in the log and in [gains]; where they are right, the motors are weaker or stronger \
-                     than they say: fit kp_scale and kd_scale",
+            remedy: "check kp and kd in the log and in [gains]; if they are right, the motors are weaker or stronger \
+                     than stated: fit kp_scale and kd_scale",
             rules: vec![scale(JointParameter::KpScale), scale(JointParameter::KdScale)],
         },
         Suspicion {
-            what: "other zeros of encoders",
+            what: "other encoder offsets",
             remedy: "check the zeros of the joints' positions, or fit encoder_bias with per = \"joint\"",
             rules: vec![within(-0.3, 0.3, rule(JointParameter::EncoderBias, Sharing::Joint))],
         },

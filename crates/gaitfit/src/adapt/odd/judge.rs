@@ -31,11 +31,11 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// Of all joints; `least`: no spring below this stiffness is worth a word, N·m/rad.
-    pub fn new(joints: &[Stiffness<'_>], least: f64) -> Self {
+    /// Of all joints; `min`: no spring below this stiffness is worth a word, N·m/rad.
+    pub fn new(joints: &[Stiffness<'_>], min: f64) -> Self {
         let off: Vec<f64> = (0..joints.len()).map(|at| joints[at].value - usual(joints, at)).collect();
         let scatter = MEDIAN_TO_DEVIATION * median(off.iter().map(|off| off.abs()).collect());
-        let limit = joints.iter().map(|joint| least.max(LIMIT * joint.deviation.hypot(scatter)));
+        let limit = joints.iter().map(|joint| min.max(LIMIT * joint.deviation.hypot(scatter)));
         Self { limit: limit.collect(), off }
     }
 

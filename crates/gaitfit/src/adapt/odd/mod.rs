@@ -23,9 +23,9 @@ use std::time::Instant;
 const FILE: &str = "odd_joints.json";
 /// Springs below this part of the joint's position gain are not worth a word: they move it by less than this part of what
 /// its target does.
-const LEAST: f64 = 0.02;
+const MIN_SHARE: f64 = 0.02;
 /// Stiffness that is not worth a word on a joint whose gain is not known, N·m/rad.
-const LEAST_STIFFNESS: f64 = 0.2;
+const MIN_STIFFNESS: f64 = 0.2;
 /// The first fit ends once steps are this part of the entries' deviations.
 const TOLERANCE: f64 = 1e-2;
 
@@ -144,8 +144,8 @@ fn compare(setup: &Setup, theta: &Theta, outcome: &CostOutcome) -> OddJoints {
         .collect();
     let gains = setup.method.walking().map(|walking| walking.task.walker.interface.kp.as_slice());
     let gain = gains.unwrap_or_default().iter().copied().filter(|gain| *gain > 0.0).reduce(f64::min);
-    let least = gain.map_or(LEAST_STIFFNESS, |gain| LEAST * gain);
-    let judged = Judged::new(&stiffness, least);
+    let min = gain.map_or(MIN_STIFFNESS, |gain| MIN_SHARE * gain);
+    let judged = Judged::new(&stiffness, min);
     let odd = judged.odd().into_iter().map(|at| springs[at].joint.clone()).collect();
     let found = springs.iter().enumerate().map(|(at, spring)| JointSpring {
         joint: spring.joint.clone(),
@@ -175,10 +175,10 @@ impl OddJoints {
     /// What was found, a sentence each; `springs`: of the fit proper.
     pub fn sentences(&self, springs: &[FoundSpring]) -> Vec<String> {
         if self.odd.is_empty() {
-            let most = self.springs.iter().map(|one| one.off.abs()).fold(0.0, f64::max);
+            let max = self.springs.iter().map(|one| one.off.abs()).fold(0.0, f64::max);
             let limit = self.springs.iter().map(|one| one.limit).fold(0.0, f64::max);
             return vec![format!(
-                "no joint differs from its siblings: springs fitted on every joint differ by at most {most:.2} N·m/rad from \
+                "no joint differs from its siblings: springs fitted on every joint differ by at most {max:.2} N·m/rad from \
                  those of the same joint of other legs, and {limit:.2} would count"
             )];
         }
@@ -190,8 +190,8 @@ impl OddJoints {
                 format!("{joint} has a spring that {alone}: {text}")
             } else {
                 format!(
-                    "{joint} differs from its siblings as if a spring pushed it on: {text}; its motor may be weak or its \
-                     gain low"
+                    "{joint} differs from its siblings as if it had a spring of negative stiffness: {text}; its motor \
+                     may be weak or its gain low"
                 )
             })
         };

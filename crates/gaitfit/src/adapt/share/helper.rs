@@ -135,7 +135,7 @@ fn predicted(
         rollouts.iter().map(|_| (0..simulator.recordings()).map(|_| Mutex::new(None)).collect()).collect();
     let keep = |rollout: usize, recording: usize, signals: Signals<'_>| {
         if let Some(slot) = found.get(rollout).and_then(|one| one.get(recording)) {
-            *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(Predicted::of(&signals));
+            *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(Predicted::from_signals(&signals));
         }
     };
     simulator.simulate(theta, rollouts, &keep, cancel)?;

@@ -59,13 +59,13 @@ impl Setup {
         let costs = self.costs.iter().map(|cost| cost.name().to_owned()).collect();
         let entries = self.theta.entries().iter().map(|entry| entry.name.clone()).collect();
         let shares = Shares { crew, costs, entries };
-        let share = |own, number| Box::new(Shared { own, number, shares: shares.clone() });
+        let share = |local, number| Box::new(Shared { local, number, shares: shares.clone() });
         match self.several.take() {
             Some(set) => self.several = Some(LogSet { simulator: share(set.simulator, 0), ..set }),
             None => self.fit.simulator = share(self.fit.simulator, 0),
         }
         let others = self.alternatives.into_iter().enumerate();
-        self.alternatives = others.map(|(at, other)| other.with(|own| share(own, at + 1))).collect();
+        self.alternatives = others.map(|(at, other)| other.with(|local| share(local, at + 1))).collect();
         self.shares = Some(shares);
         self
     }
@@ -81,16 +81,16 @@ impl Setup {
 
 impl Shares {
     /// Has the crew ask the sets of simulated logs of `numbers`, each by itself; see [`gaitfit_adapt::fit::World::ask`].
-    /// `told` is called for each that is done.
+    /// `notify` is called for each that is done.
     pub(super) fn ask(
         &self,
         cost: usize,
         problem: Problem<'_>,
         question: &Question,
         numbers: &[u32],
-        told: &dyn Fn(),
+        notify: &dyn Fn(),
     ) -> Result<Vec<Comparison>, Failure> {
-        let values = Values::of(problem.theta, &self.entries);
+        let values = Values::new(problem.theta, &self.entries);
         let task = |&number: &u32| {
             let work = Work::Ask { cost, draw: problem.draw, question: question.clone(), number };
             Task { simulator: 0, values: values.clone(), work }.bytes()
@@ -100,7 +100,7 @@ impl Shares {
         let mut answers: Vec<Option<Answered>> = vec![None; tasks.len()];
         let mut done = |number: usize, answer: &[u8]| {
             answers[number] = Some(task::read(answer)?);
-            told();
+            notify();
             Ok(())
         };
         self.crew.work(&tasks, &mut done, problem.cancel).map_err(FitError::from)?;

@@ -17,7 +17,7 @@ const POLICY: &str = "policy.safetensors";
 /// The folder of the files, under the names that they have from the root on.
 const FILES: &str = "files";
 /// Most bytes of an unpacked parcel.
-const MOST_BYTES: u64 = 16 << 30;
+const MAX_BYTES: u64 = 16 << 30;
 
 impl Setup {
     /// Everything that a [`super::Helper`] needs to simulate as this fit does.
@@ -74,7 +74,7 @@ pub(super) fn unpack(bytes: &[u8], folder: &Path) -> Result<AdaptConfig, Error> 
     let broken =
         |error: &dyn std::fmt::Display| Error::failed(format!("a parcel cannot be unpacked: {error}"));
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| broken(&error))?;
-    let mut left = MOST_BYTES;
+    let mut left = MAX_BYTES;
     for number in 0..archive.len() {
         let file = archive.by_index(number).map_err(|error| broken(&error))?;
         let name = file.enclosed_name().ok_or_else(|| broken(&"a name in it leads out of it"))?;
@@ -86,7 +86,7 @@ pub(super) fn unpack(bytes: &[u8], folder: &Path) -> Result<AdaptConfig, Error> 
         std::fs::create_dir_all(parent).map_err(|error| Error::unwritable(parent, error))?;
         std::fs::write(&path, content).map_err(|error| Error::unwritable(&path, error))?;
     }
-    let text = files::read_text(&folder.join(CONFIG), files::MOST_BYTES).map_err(|error| broken(&error))?;
+    let text = files::read_text(&folder.join(CONFIG), files::MAX_BYTES).map_err(|error| broken(&error))?;
     let mut config: AdaptConfig = toml::from_str(&text).map_err(|error| broken(&error))?;
     let named = config.logs.iter_mut().chain(&mut config.policy).chain(&mut config.known);
     let robot = Some(&mut config.robot).filter(|robot| !robot.is_empty());
@@ -106,7 +106,7 @@ impl Parcel {
         let place = place(path)?;
         if !self.0.contains_key(&place) {
             let bytes =
-                files::read(path, files::MOST_BYTES).map_err(|error| Error::unreadable(path, error))?;
+                files::read(path, files::MAX_BYTES).map_err(|error| Error::unreadable(path, error))?;
             self.0.insert(place.clone(), bytes);
         }
         Ok(place)

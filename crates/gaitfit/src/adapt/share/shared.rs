@@ -13,9 +13,9 @@ const TOGETHER: usize = 16;
 /// Tasks for each place of a crew: places that are slower, or lost, leave theirs to others.
 const EACH: usize = 3;
 
-/// The simulator that `own` is, elsewhere.
+/// The simulator `local`, on other machines.
 pub(super) struct Shared {
-    pub own: Box<dyn Simulator>,
+    pub local: Box<dyn Simulator>,
     /// As tasks name it.
     pub number: usize,
     pub shares: Shares,
@@ -24,7 +24,7 @@ pub(super) struct Shared {
 impl Shared {
     /// How `count` candidates are cut.
     fn pieces(&self, count: usize) -> Vec<Range<usize>> {
-        pieces(count, self.own.recordings(), self.shares.crew.places())
+        pieces(count, self.local.recordings(), self.shares.crew.places())
     }
 
     /// Whether work of so many pieces is done here.
@@ -46,7 +46,7 @@ impl Shared {
         mut take: impl FnMut(Range<usize>, &[u8]) -> Result<(), SimulatorError>,
         cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
-        let values = Values::of(theta, &self.shares.entries);
+        let values = Values::new(theta, &self.shares.entries);
         let task = |piece: &Range<usize>| {
             Task { simulator: self.number, values: values.clone(), work: work(piece.clone()) }.bytes()
         };
@@ -59,8 +59,8 @@ impl Shared {
 
 /// `count` candidates in pieces of about one size.
 fn pieces(count: usize, recordings: usize, places: usize) -> Vec<Range<usize>> {
-    let least = TOGETHER.div_ceil(recordings.max(1));
-    let pieces = places.saturating_mul(EACH).clamp(1, count.div_ceil(least).max(1));
+    let min = TOGETHER.div_ceil(recordings.max(1));
+    let pieces = places.saturating_mul(EACH).clamp(1, count.div_ceil(min).max(1));
     (0..pieces).map(|piece| piece * count / pieces..(piece + 1) * count / pieces).collect()
 }
 
@@ -80,19 +80,19 @@ fn all<T>(found: Vec<Option<T>>) -> Result<Vec<T>, FitError> {
 
 impl Simulator for Shared {
     fn joints(&self) -> &[String] {
-        self.own.joints()
+        self.local.joints()
     }
 
     fn recordings(&self) -> usize {
-        self.own.recordings()
+        self.local.recordings()
     }
 
     fn logs(&self) -> usize {
-        self.own.logs()
+        self.local.logs()
     }
 
     fn provides(&self, signal: Signal) -> bool {
-        self.own.provides(signal)
+        self.local.provides(signal)
     }
 
     fn simulate(
@@ -104,7 +104,7 @@ impl Simulator for Shared {
     ) -> Result<(), SimulatorError> {
         let pieces = self.pieces(candidates.len());
         if self.stays(pieces.len()) {
-            return self.own.simulate(theta, candidates, consume, cancel);
+            return self.local.simulate(theta, candidates, consume, cancel);
         }
         let take = |piece: Range<usize>, answer: &[u8]| {
             signals::read(answer, piece.len(), self.recordings(), |rollout, recording, found| {
@@ -122,7 +122,7 @@ impl Simulator for Shared {
         consume: &Consume<'_>,
         cancel: &Cancel<'_>,
     ) -> Result<bool, SimulatorError> {
-        self.own.differentiate(theta, candidate, consume, cancel)
+        self.local.differentiate(theta, candidate, consume, cancel)
     }
 
     fn costs(
@@ -135,7 +135,7 @@ impl Simulator for Shared {
         let numbers: Option<Vec<usize>> = costs.iter().map(|cost| self.cost(cost.as_ref())).collect();
         let pieces = self.pieces(jobs.len());
         let Some(numbers) = numbers.filter(|_| !self.stays(pieces.len())) else {
-            return self.own.costs(theta, costs, jobs, cancel);
+            return self.local.costs(theta, costs, jobs, cancel);
         };
         let named = |job: &Job| Job { cost: numbers[job.cost], ..job.clone() };
         let mut found: Vec<Option<Evaluation>> = vec![None; jobs.len()];
@@ -150,17 +150,17 @@ impl Simulator for Shared {
         theta: &Theta,
         views: &Views<'_>,
         rollouts: &[Rollout],
-        told: &(dyn Fn() + Sync),
+        notify: &(dyn Fn() + Sync),
         cancel: &Cancel<'_>,
     ) -> Result<(Vec<Costs>, usize), FitError> {
         let pieces = self.pieces(rollouts.len());
         let Some(cost) = self.cost(views.cost()).filter(|_| !self.stays(pieces.len())) else {
-            return self.own.views(theta, views, rollouts, told, cancel);
+            return self.local.views(theta, views, rollouts, notify, cancel);
         };
         let whole = views.count() == 1;
         let mut found: Vec<Option<Costs>> = vec![None; rollouts.len()];
         let take = |piece: Range<usize>, answer: &[u8]| {
-            piece.clone().for_each(|_| told());
+            piece.clone().for_each(|_| notify());
             put(&mut found, piece, read(answer)?)
         };
         let work = |piece: Range<usize>| Work::Views { cost, whole, rollouts: rollouts[piece].to_vec() };

@@ -57,7 +57,7 @@ impl Task {
 
 impl Values {
     /// What `theta` has besides `entries`, those of the fit's own.
-    pub fn of(theta: &Theta, entries: &[String]) -> Self {
+    pub fn new(theta: &Theta, entries: &[String]) -> Self {
         if theta.is_empty() {
             return Self::None;
         }

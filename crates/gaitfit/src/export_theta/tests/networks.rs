@@ -113,7 +113,7 @@ print(json.dumps(out))
         serde_json::from_str(&python(root.join(".venv/bin/python"), script, folder.path())).unwrap();
     for (number, name) in ["action_delta_FL_hip", "resid_act_RR_calf"].into_iter().enumerate() {
         let want: Vec<f64> = (0..200).map(|i| output(&weights(number), motion(i))).collect();
-        let span = want.iter().fold(0.0f64, |most, y| most.max((y - want[0]).abs()));
+        let span = want.iter().fold(0.0f64, |max, y| max.max((y - want[0]).abs()));
         assert!(span > 0.1, "{span}");
         for (kind, tolerance) in [("numpy", 1e-12), ("onnx", 1e-6)] {
             let found: Vec<f64> = serde_json::from_value(found[name][kind].clone()).unwrap();

@@ -1,28 +1,28 @@
-//! What logs can tell of the parameters together, before any fit is made.
+//! How precisely logs identify the parameters together, before any fit.
 
 use gaitfit_adapt::fit::Sensitivity;
 use nalgebra::DMatrix;
 
-/// Added to the diagonal, in parts of it, so that what logs do not tell has a large spread.
+/// Added to the diagonal, in parts of it, so that parameters that logs do not identify have a large spread.
 const RIDGE: f64 = 1e-9;
 
-/// What logs tell of `n` parameters. Logs add up. They may differ in how well they are predicted, which a fit by least
+/// Information that logs have about `n` parameters. Logs add up. They may differ in how well they are predicted, which a fit by least
 /// squares does not know, so that the covariance is A⁻¹ B A⁻¹ (Huber 1967).
 #[derive(Clone, Debug)]
-pub(super) struct Tells {
+pub(super) struct Information {
     /// A = JᵀJ, `n × n`.
     curvature: DMatrix<f64>,
     /// B = s² τ JᵀJ, `n × n`, with the logs' own differences s and correlated samples τ.
     noise: DMatrix<f64>,
 }
 
-impl Tells {
-    /// Nothing of `count` parameters.
+impl Information {
+    /// No information about `count` parameters.
     pub fn nothing(count: usize) -> Self {
         Self { curvature: DMatrix::zeros(count, count), noise: DMatrix::zeros(count, count) }
     }
 
-    /// Of logs of which `found` was found, with the variance `variance` of their differences.
+    /// That of logs with the sensitivity `found`, with the variance `variance` of their differences.
     pub fn new(found: &Sensitivity, variance: f64) -> Self {
         let count = found.curvature.len();
         let curvature = DMatrix::from_fn(count, count, |i, j| found.curvature[i][j]);
@@ -31,26 +31,27 @@ impl Tells {
 
     /// Of `curvature`, with the variance 1.
     #[cfg(test)]
-    pub fn of(curvature: DMatrix<f64>) -> Self {
+    pub fn from_curvature(curvature: DMatrix<f64>) -> Self {
         Self { noise: curvature.clone(), curvature }
     }
 
-    /// Adds `times` what `other` tells: 1, or −1 to take it away.
+    /// Adds `times` the information of `other`: 1, or −1 to take it away.
     pub fn add(&mut self, other: &Self, times: f64) {
         self.curvature += &other.curvature * times;
         self.noise += &other.noise * times;
     }
 
-    /// Standard deviations to expect in a fit; infinite for what the logs do not tell.
+    /// Standard deviations to expect in a fit; infinite for parameters that the logs do not identify.
     pub fn deviations(&self) -> Vec<f64> {
         let count = self.curvature.nrows();
-        let own = self.curvature.diagonal();
-        let scale = own.map(|own| if own > 0.0 { 1.0 / own.sqrt() } else { 0.0 });
-        let told = own.iter().filter(|own| **own > 0.0).count().max(1);
-        let scaled =
-            |of: &DMatrix<f64>| DMatrix::from_fn(count, count, |i, j| of[(i, j)] * scale[i] * scale[j]);
+        let diagonal = self.curvature.diagonal();
+        let scale = diagonal.map(|value| if value > 0.0 { 1.0 / value.sqrt() } else { 0.0 });
+        let identified = diagonal.iter().filter(|value| **value > 0.0).count().max(1);
+        let scaled = |matrix: &DMatrix<f64>| {
+            DMatrix::from_fn(count, count, |i, j| matrix[(i, j)] * scale[i] * scale[j])
+        };
         let (mut curvature, mut noise) = (scaled(&self.curvature), scaled(&self.noise));
-        let variance = noise.trace() / told as f64;
+        let variance = noise.trace() / identified as f64;
         for i in 0..count {
             let seen = scale[i] > 0.0;
             curvature[(i, i)] += if seen { RIDGE } else { 1.0 };
@@ -59,11 +60,11 @@ impl Tells {
         let Some(solved) = curvature.cholesky() else { return vec![f64::INFINITY; count] };
         let inverse = solved.inverse();
         let covariance = &inverse * noise * &inverse;
-        let of = |i: usize| match scale[i] > 0.0 {
+        let deviation = |i: usize| match scale[i] > 0.0 {
             true => covariance[(i, i)].max(0.0).sqrt() * scale[i],
             false => f64::INFINITY,
         };
-        (0..count).map(of).collect()
+        (0..count).map(deviation).collect()
     }
 }
 
@@ -73,26 +74,28 @@ mod tests {
 
     #[test]
     fn deviations_are_those_of_the_inverse() {
-        let found = Tells::of(DMatrix::from_row_slice(2, 2, &[4.0, 2.0, 2.0, 3.0])).deviations();
+        let found =
+            Information::from_curvature(DMatrix::from_row_slice(2, 2, &[4.0, 2.0, 2.0, 3.0])).deviations();
         assert!((found[0] - (3.0f64 / 8.0).sqrt()).abs() < 1e-6 && (found[1] - 0.5f64.sqrt()).abs() < 1e-6);
-        let found = Tells::of(DMatrix::from_diagonal(&vec![4.0, 0.0].into())).deviations();
+        let found = Information::from_curvature(DMatrix::from_diagonal(&vec![4.0, 0.0].into())).deviations();
         assert!((found[0] - 0.5).abs() < 1e-6 && found[1] == f64::INFINITY);
-        // Two that act alike: neither is told.
-        let found = Tells::of(DMatrix::from_row_slice(2, 2, &[1.0, 2.0, 2.0, 4.0])).deviations();
+        // Two that act alike: neither is identified.
+        let found =
+            Information::from_curvature(DMatrix::from_row_slice(2, 2, &[1.0, 2.0, 2.0, 4.0])).deviations();
         assert!(found.iter().all(|one| *one > 1e3), "{found:?}");
     }
 
     #[test]
     fn logs_that_are_predicted_badly_spoil_those_that_are_predicted_well() {
-        let tells = |curvature: f64, variance: f64| {
+        let information = |curvature: f64, variance: f64| {
             let curvature = DMatrix::from_element(1, 1, curvature);
-            Tells { noise: &curvature * variance, curvature }
+            Information { noise: &curvature * variance, curvature }
         };
-        let mut both = tells(1.0, 1.0);
-        both.add(&tells(1.0, 9.0), 1.0);
+        let mut both = information(1.0, 1.0);
+        both.add(&information(1.0, 9.0), 1.0);
         // A mean of one number with variance 1 and one with variance 9.
         assert!((both.deviations()[0] - (10.0f64 / 4.0).sqrt()).abs() < 1e-6);
-        both.add(&tells(1.0, 9.0), -1.0);
+        both.add(&information(1.0, 9.0), -1.0);
         assert!((both.deviations()[0] - 1.0).abs() < 1e-6);
     }
 }
