@@ -4,23 +4,18 @@
 use crate::common;
 
 use common::{errors, run};
-use npyz::WriterBuilder;
+use gaitfit_log::npy::{self, Npy};
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::Path;
 
-type Arrays = BTreeMap<String, (Vec<u64>, Vec<f64>)>;
+type Arrays = BTreeMap<String, (Vec<usize>, Vec<f64>)>;
 
 fn save(path: &Path, arrays: &Arrays) {
     let mut archive = zip::ZipWriter::new(std::fs::File::create(path).unwrap());
     for (name, (shape, values)) in arrays {
         archive.start_file(format!("{name}.npy"), zip::write::SimpleFileOptions::default()).unwrap();
-        let mut bytes = Vec::new();
-        let mut writer =
-            npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut bytes).begin_nd().unwrap();
-        writer.extend(values.iter().copied()).unwrap();
-        writer.finish().unwrap();
-        archive.write_all(&bytes).unwrap();
+        archive.write_all(&npy::bytes(shape, values)).unwrap();
     }
     archive.finish().unwrap();
 }
@@ -31,11 +26,11 @@ fn load(path: &Path) -> Arrays {
     names
         .iter()
         .map(|name| {
-            let file = npyz::NpyFile::new(archive.by_name(name).unwrap()).unwrap();
-            (
-                name.trim_end_matches(".npy").to_owned(),
-                (file.shape().to_vec(), file.into_vec::<f64>().unwrap()),
-            )
+            let mut bytes = Vec::new();
+            archive.by_name(name).unwrap().read_to_end(&mut bytes).unwrap();
+            let array = Npy::parse(&bytes).unwrap();
+            let values = array.numbers().unwrap();
+            (name.trim_end_matches(".npy").to_owned(), (array.shape, values))
         })
         .collect()
 }
@@ -68,9 +63,9 @@ fn a_fall_through_the_air_is_what_physics_says() {
     let done = run(&["forward", "assets/go2.xml", input.to_str().unwrap(), output.to_str().unwrap()]);
     assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
     let found = load(&output);
-    let shapes: Vec<(&str, &[u64])> =
+    let shapes: Vec<(&str, &[usize])> =
         found.iter().map(|(name, (shape, _))| (name.as_str(), &shape[..])).collect();
-    let expected: [(&str, &[u64]); 5] = [
+    let expected: [(&str, &[usize]); 5] = [
         ("M", &[2, 18, 18]),
         ("next_qpos", &[2, 19]),
         ("next_qvel", &[2, 18]),

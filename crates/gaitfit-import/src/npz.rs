@@ -1,14 +1,12 @@
 //! npy and npz files of NumPy.
 
-use crate::arrays::{Array, Arrays, count};
+use crate::arrays::{Array, Arrays};
 use crate::budget::{Budget, read_all};
-use crate::dtype::DType;
+use gaitfit_log::npy::{Npy, NpyError};
 use gaitfit_model::shown;
 use std::io::Cursor;
 use zip::ZipArchive;
 
-/// Longest header of an array, bytes: NumPy itself refuses longer ones.
-const MOST_HEADER: usize = 10_000;
 /// Most files in an archive.
 pub(crate) const MOST_ENTRIES: usize = 10_000;
 
@@ -30,125 +28,40 @@ pub(crate) fn read_npz(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, Stri
 
 /// Reads one npy file as the array `name`.
 pub(crate) fn add(name: &str, bytes: &[u8], arrays: &mut Arrays, budget: &mut Budget) -> Result<(), String> {
-    let refuse = |problem: &str| Err(format!("{}: {problem}", shown(name)));
-    let length = match bytes.get(6) {
-        Some(1) => bytes.get(8..10).map(|two| usize::from(u16::from_le_bytes([two[0], two[1]]))),
-        _ => bytes.get(8..12).map(|four| u32::from_le_bytes([four[0], four[1], four[2], four[3]]) as usize),
-    };
-    if !bytes.starts_with(b"\x93NUMPY") || length.is_none_or(|length| length > MOST_HEADER) {
-        return refuse("no NumPy array: its header is missing or too long");
+    let refuse = |problem: &dyn std::fmt::Display| format!("{}: {problem}", shown(name));
+    let array = Npy::parse(bytes).map_err(|error| refuse(&error))?;
+    budget.take_values(array.elements)?;
+    if array.dtype.is_text() {
+        let words = array.words().ok_or_else(|| refuse(&"words that are no text"))?;
+        arrays.words.insert(name.to_owned(), words);
+    } else {
+        let data = array.numbers().ok_or_else(|| refuse(&NpyError::Cut))?;
+        arrays.numbers.insert(name.to_owned(), Array { shape: array.shape, data });
     }
-    // Brackets in brackets take the header's parser long.
-    let header_end = bytes.len().min(12 + length.unwrap_or(0));
-    if bytes[..header_end].iter().filter(|byte| matches!(byte, b'(' | b'[' | b'{')).count() > 64 {
-        return refuse("a structured array; save plain arrays, one a quantity");
-    }
-    // The header's parser multiplies the sizes without looking.
-    if !small_enough(&String::from_utf8_lossy(&bytes[..header_end])) {
-        return refuse("its shape is too large");
-    }
-    let mut rest = bytes;
-    let header =
-        npyz::NpyHeader::from_reader(&mut rest).map_err(|error| format!("{}: {error}", shown(name)))?;
-    let dtype = match header.dtype() {
-        npyz::DType::Plain(plain) if plain.uses_pickled_array() => {
-            return refuse("an array of Python objects; save numbers: np.asarray(x, dtype=float)");
-        }
-        npyz::DType::Plain(plain) => DType::parse(&plain.to_string()),
-        _ => None,
-    };
-    let Some(dtype) = dtype else {
-        return refuse("a type of numbers that is not read; save it as float: np.asarray(x, dtype=float)");
-    };
-    let shape: Option<Vec<usize>> = header.shape().iter().map(|size| usize::try_from(*size).ok()).collect();
-    let Some(shape) = shape.filter(|shape| shape.len() <= 8) else { return refuse("its shape is too large") };
-    let elements =
-        count(&shape).filter(|count| count.checked_mul(dtype.bytes()).is_some_and(|n| n <= rest.len()));
-    let Some(elements) = elements else { return refuse("cut short: fewer numbers than its shape says") };
-    budget.take_values(elements)?;
-    if dtype.is_text() {
-        let words: Option<Vec<String>> = match dtype.bytes() {
-            0 => None,
-            size => rest.chunks_exact(size).take(elements).map(|word| dtype.text(word)).collect(),
-        };
-        match words {
-            Some(words) => arrays.words.insert(name.to_owned(), words),
-            None => return refuse("words that are no text"),
-        };
-        return Ok(());
-    }
-    let fortran = header.order() == npyz::Order::Fortran;
-    let data = numbers(rest, dtype, &shape, elements, fortran);
-    match data {
-        Some(data) => arrays.numbers.insert(name.to_owned(), Array { shape, data }),
-        None => return refuse("cut short"),
-    };
     Ok(())
-}
-
-/// Whether the sizes in a header's text have a product.
-fn small_enough(header: &str) -> bool {
-    let shape = header.split_once("'shape'").or_else(|| header.split_once("\"shape\""));
-    let sizes =
-        shape.and_then(|(_, after)| after.split_once('(')).and_then(|(_, after)| after.split_once(')'));
-    let Some((sizes, _)) = sizes else { return true };
-    let sizes =
-        sizes.split(',').map(|size| size.trim().trim_end_matches('L')).filter(|size| !size.is_empty());
-    sizes.map(str::parse::<u64>).try_fold(1u64, |product, size| product.checked_mul(size.ok()?)).is_some()
-}
-
-/// The numbers of an array in row-major order.
-pub(crate) fn numbers(
-    bytes: &[u8],
-    dtype: DType,
-    shape: &[usize],
-    elements: usize,
-    fortran: bool,
-) -> Option<Vec<f64>> {
-    let size = dtype.bytes();
-    let plain: Option<Vec<f64>> =
-        bytes.chunks_exact(size.max(1)).take(elements).map(|number| dtype.number(number)).collect();
-    let plain = plain.filter(|plain| plain.len() == elements)?;
-    if !fortran || shape.len() < 2 {
-        return Some(plain);
-    }
-    let mut strides = Vec::with_capacity(shape.len());
-    let mut stride = 1;
-    for size in shape {
-        strides.push(stride);
-        stride *= size;
-    }
-    let mut out = Vec::with_capacity(elements);
-    let mut place = vec![0usize; shape.len()];
-    for _ in 0..elements {
-        out.push(plain[place.iter().zip(&strides).map(|(i, stride)| i * stride).sum::<usize>()]);
-        for axis in (0..shape.len()).rev() {
-            place[axis] += 1;
-            if place[axis] < shape[axis] {
-                break;
-            }
-            place[axis] = 0;
-        }
-    }
-    Some(out)
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
+    use gaitfit_log::npy;
 
+    /// NumPy wrote the fixture: its files of numbers are those that gaitfit writes.
     #[test]
-    fn shapes_without_a_product_are_refused() {
-        assert!(small_enough("{'descr': '<f8', 'shape': (40, 12), }"));
-        assert!(small_enough("{'descr': '<f8', 'shape': (), }"));
-        for shape in ["(4294967296, 4294967296)", "(99999999999999999999,)", "(-1, 2)"] {
-            assert!(!small_enough(&format!("{{'descr': '<f8', 'shape': {shape}, }}")), "{shape}");
-            let text = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}");
-            let length = u16::try_from(text.len()).unwrap().to_le_bytes();
-            let file = [b"\x93NUMPY\x01\x00".as_slice(), &length, text.as_bytes(), &[0; 96]].concat();
-            let found = add("q", &file, &mut Arrays::default(), &mut Budget::new(1000, 1000));
-            assert!(found.is_err(), "{shape}");
+    fn arrays_are_written_as_numpy_writes_them() {
+        let bytes = include_bytes!("../tests/fixtures/motion.npz");
+        let mut archive = ZipArchive::new(Cursor::new(&bytes[..])).unwrap();
+        let mut compared = 0;
+        for i in 0..archive.len() {
+            let mut file = Vec::new();
+            std::io::Read::read_to_end(&mut archive.by_index(i).unwrap(), &mut file).unwrap();
+            let array = Npy::parse(&file).unwrap();
+            if array.dtype == npy::DType::parse("<f8").unwrap() && !array.fortran {
+                assert_eq!(npy::bytes(&array.shape, &array.numbers().unwrap()), file, "{:?}", array.shape);
+                compared += 1;
+            }
         }
+        assert!(compared > 1, "{compared}");
     }
 }

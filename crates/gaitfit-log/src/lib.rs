@@ -49,6 +49,7 @@ mod lines;
 mod metadata;
 mod motor;
 mod names;
+pub mod npy;
 mod ops;
 mod read;
 mod regular;

@@ -36,6 +36,7 @@ mod defaults;
 mod error;
 mod floor;
 mod geom;
+pub mod glob;
 mod inertia;
 mod inertial;
 mod joint;

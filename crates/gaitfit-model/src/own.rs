@@ -5,7 +5,7 @@
 
 use std::collections::BTreeSet;
 
-use globset::{Glob, GlobMatcher};
+use crate::glob::Glob;
 use serde::{Deserialize, Serialize};
 
 use crate::contact::{mix, numbered};
@@ -251,17 +251,14 @@ impl Parts {
 
     /// Parts that a name or pattern covers: geoms, or the colliding geoms of bodies.
     fn named(&self, name: &str, robot: &str) -> Result<Vec<usize>, SelfContactError> {
-        let glob = match Glob::new(name) {
-            Ok(glob) => glob.compile_matcher(),
-            Err(error) => {
-                let reason = error.kind().to_string();
-                return Err(SelfContactError::Syntax { pattern: name.to_owned(), reason });
-            }
+        let glob = Glob::new(name).map_err(|error| {
+            let reason = error.to_string();
+            SelfContactError::Syntax { pattern: name.to_owned(), reason }
+        })?;
+        let covers = |part: &Part| {
+            glob.matches(&part.geom.name) || (glob.matches(&part.body) && !part.surface.is_visual())
         };
-        let covers = |glob: &GlobMatcher, part: &Part| {
-            glob.is_match(&part.geom.name) || (glob.is_match(&part.body) && !part.surface.is_visual())
-        };
-        let found: Vec<usize> = (0..self.parts.len()).filter(|&p| covers(&glob, &self.parts[p])).collect();
+        let found: Vec<usize> = (0..self.parts.len()).filter(|&p| covers(&self.parts[p])).collect();
         if found.is_empty() {
             return Err(self.unknown(name, robot));
         }

@@ -5,8 +5,7 @@
 //! `FL_hip` all cover `FL_hip_joint`. In a table of numbers ([`table`]) a plain name goes before patterns, and of several
 //! patterns that cover a joint the last one counts. A pattern that covers no joint is an error.
 
-use globset::{Glob, GlobMatcher};
-
+use crate::glob::Glob;
 use crate::shown::shown;
 
 /// Names that an error suggests.
@@ -57,8 +56,8 @@ pub fn plain(joint: &str) -> &str {
 #[derive(Clone, Debug)]
 pub struct Pattern {
     text: String,
-    whole: GlobMatcher,
-    plain: GlobMatcher,
+    whole: Glob,
+    plain: Glob,
 }
 
 impl Pattern {
@@ -67,11 +66,9 @@ impl Pattern {
     /// # Errors
     /// [`PatternError::Syntax`].
     pub fn new(text: &str) -> Result<Self, PatternError> {
-        let compiled = |glob: &str| match Glob::new(glob) {
-            Ok(glob) => Ok(glob.compile_matcher()),
-            Err(error) => {
-                Err(PatternError::Syntax { pattern: text.to_owned(), reason: error.kind().to_string() })
-            }
+        let compiled = |glob: &str| {
+            let syntax = |reason| PatternError::Syntax { pattern: text.to_owned(), reason };
+            Glob::new(glob).map_err(|error| syntax(error.to_string()))
         };
         Ok(Self { text: text.to_owned(), whole: compiled(text)?, plain: compiled(plain(text))? })
     }
@@ -83,7 +80,7 @@ impl Pattern {
 
     /// Whether it matches the joint.
     pub fn covers(&self, joint: &str) -> bool {
-        self.whole.is_match(joint) || self.plain.is_match(plain(joint))
+        self.whole.matches(joint) || self.plain.matches(plain(joint))
     }
 
     /// Whether it is the joint's name, with or without a final `_joint`.

@@ -4,7 +4,7 @@ use super::damaged;
 use super::fields::{Field, Layout, Physical};
 use crate::budget::{Budget, unlz4, unzstd};
 use crate::columnar::{Frame, Values};
-use crate::dtype::DType;
+use gaitfit_log::npy::DType;
 use gaitfit_model::shown;
 use polars_arrow_format::ipc::planus::Vector;
 use polars_arrow_format::ipc::{BufferRef, CompressionType, FieldNodeRef, RecordBatchRef};

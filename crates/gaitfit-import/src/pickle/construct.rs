@@ -3,7 +3,7 @@
 use super::machine::{Id, Node};
 use crate::arrays::count;
 use crate::budget::Budget;
-use crate::dtype::DType;
+use gaitfit_log::npy::DType;
 use gaitfit_model::escaped;
 use std::rc::Rc;
 

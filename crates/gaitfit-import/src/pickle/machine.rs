@@ -27,9 +27,9 @@ pub(crate) enum Node {
     /// A NumPy array; its content comes after it is made.
     Array(Rc<construct::RawArray>),
     /// A NumPy type of numbers.
-    DType(crate::dtype::DType),
+    DType(gaitfit_log::npy::DType),
     /// Numbers in another file of the archive: key and type.
-    Storage(Rc<str>, crate::dtype::DType),
+    Storage(Rc<str>, gaitfit_log::npy::DType),
     /// A PyTorch tensor.
     Tensor(Rc<construct::Tensor>),
 }

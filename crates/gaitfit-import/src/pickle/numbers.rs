@@ -4,7 +4,7 @@ use super::construct::{RawArray, Tensor};
 use super::machine::{Id, Node, Pickle};
 use crate::arrays::{Array, Arrays, count};
 use crate::budget::Budget;
-use crate::npz::numbers;
+use gaitfit_log::npy::numbers;
 use indexmap::IndexMap;
 use std::rc::Rc;
 

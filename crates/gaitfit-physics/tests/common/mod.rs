@@ -8,8 +8,10 @@ pub mod kinematics;
 pub mod random;
 
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use gaitfit_log::npy::Npy;
 use gaitfit_model::{Cone, Integrator, Model, ReadOptions, Root, SelfContact, read};
 use gaitfit_physics::{Preset, Settings};
 
@@ -51,19 +53,13 @@ impl Arrays {
         let mut archive = zip::ZipArchive::new(std::fs::File::open(path).unwrap()).unwrap();
         let mut numbers = BTreeMap::new();
         for index in 0..archive.len() {
-            let entry = archive.by_index(index).unwrap();
+            let mut entry = archive.by_index(index).unwrap();
             let name = entry.name().unwrap().trim_end_matches(".npy").to_owned();
-            let npy = npyz::NpyFile::new(entry).unwrap();
-            let shape: Vec<usize> = npy.shape().iter().map(|&n| n as usize).collect();
-            let kind = npy.dtype().descr();
-            let values = if kind.contains("f8") {
-                npy.into_vec::<f64>().unwrap()
-            } else if kind.contains("i4") {
-                npy.into_vec::<i32>().unwrap().into_iter().map(f64::from).collect()
-            } else {
-                npy.into_vec::<i64>().unwrap().into_iter().map(|x| x as f64).collect()
-            };
-            numbers.insert(name, (shape, values));
+            let mut bytes = Vec::new();
+            entry.read_to_end(&mut bytes).unwrap();
+            let array = Npy::parse(&bytes).unwrap();
+            let values = array.numbers().unwrap();
+            numbers.insert(name, (array.shape, values));
         }
         Self { numbers }
     }

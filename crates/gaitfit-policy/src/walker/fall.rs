@@ -1,9 +1,9 @@
 //! When a robot counts as fallen.
 
+use gaitfit_model::glob::Glob;
 use gaitfit_model::rotation::{quat_of, up};
 use gaitfit_model::shown;
 use gaitfit_sim::{Batch, Motion};
-use globset::Glob;
 use serde::{Deserialize, Serialize};
 
 use super::WalkerError;
@@ -60,9 +60,8 @@ impl Fall {
             let Ok(glob) = Glob::new(pattern) else {
                 return refuse(format!("has `{}`, which is no pattern", shown(pattern)));
             };
-            let matcher = glob.compile_matcher();
             let before = geoms.len();
-            geoms.extend((0..contacts).filter(|&place| matcher.is_match(name(place))));
+            geoms.extend((0..contacts).filter(|&place| glob.matches(name(place))));
             if geoms.len() == before {
                 return refuse(format!(
                     "has `{}`, which matches no geom of {} that may touch the ground; {}",

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use gaitfit_import::{LiveMcap, McapHead, McapRow, McapState};
+use gaitfit_import::{McapHead, McapLog, McapRow, McapState};
 use gaitfit_policy::Interface;
 
 use super::record::{Acted, Log};
@@ -14,7 +14,7 @@ use crate::unitree::MOTORS;
 /// An MCAP log that is open.
 pub(super) struct View {
     path: PathBuf,
-    log: LiveMcap<Rows>,
+    log: McapLog<Rows>,
 }
 
 /// A file that is given whole rows.
@@ -54,7 +54,7 @@ impl View {
             gains: Some((&interface.kp, &interface.kd)),
             fell: false,
         };
-        match LiveMcap::live(rows, &head) {
+        match McapLog::live(rows, &head) {
             Ok(log) => Ok(Self { path, log }),
             Err(error) => Err(RobotError::Write { path, problem: error.to_string() }),
         }

@@ -8,8 +8,8 @@ use gaitfit_log::{
     CheckSpec, PerJoint, ReadOptions, ReadReport, Regular, Severity, Trajectory, check, read_csv_report,
 };
 use gaitfit_model::Model;
+use gaitfit_model::glob::Glob;
 use gaitfit_sim::Recording;
-use globset::Glob;
 use std::path::Path;
 
 /// Fewest samples of a log: fewer do not show how a joint moves.
@@ -84,14 +84,14 @@ pub fn matching<'a>(
     named: &str,
     path: &Path,
 ) -> Result<Option<&'a FileGains>, Error> {
-    let file = path.file_name().map(Path::new);
+    let file = path.file_name().map(|name| name.to_string_lossy());
     for entry in gains {
         for pattern in &entry.files {
             let glob = Glob::new(pattern).map_err(|error| {
-                Error::settings(format!("validate_gains: `{pattern}` is no file pattern: {}", error.kind()))
+                Error::settings(format!("validate_gains: `{pattern}` is no file pattern: {error}"))
             })?;
-            let glob = glob.compile_matcher();
-            if pattern == named || glob.is_match(named) || file.is_some_and(|file| glob.is_match(file)) {
+            if pattern == named || glob.matches(named) || file.as_ref().is_some_and(|file| glob.matches(file))
+            {
                 return Ok(Some(entry));
             }
         }

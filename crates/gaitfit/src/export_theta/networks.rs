@@ -2,6 +2,7 @@
 
 use crate::Error;
 use gaitfit_adapt::{SavedNetwork, ThetaFile};
+use gaitfit_log::npy;
 use gaitfit_policy::network::{Activation, Network, Shape};
 use gaitfit_policy::onnx;
 use std::io::{Cursor, Write};
@@ -29,8 +30,7 @@ pub(super) fn files(file: &ThetaFile) -> Result<Vec<(String, Vec<u8>)>, Error> {
             // Files of an archive carry no time: the same fit gives the same bytes.
             let plain = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
             archive.start_file(format!("{name}/{part}.npy"), plain).map_err(|error| failed(&error))?;
-            let bytes = npy(&shape, values).map_err(|error| failed(&error))?;
-            archive.write_all(&bytes).map_err(|error| failed(&error))?;
+            archive.write_all(&npy::bytes(&shape, values)).map_err(|error| failed(&error))?;
         }
     }
     let archive = archive.finish().map_err(|error| failed(&error))?.into_inner();
@@ -99,26 +99,15 @@ impl Parts {
     }
 
     /// Names, shapes and values.
-    fn arrays(&self) -> Vec<(String, Vec<u64>, &[f64])> {
-        let mut out: Vec<(String, Vec<u64>, &[f64])> = vec![
-            ("factor".to_owned(), vec![self.factor.len() as u64], &self.factor),
-            ("offset".to_owned(), vec![self.offset.len() as u64], &self.offset),
+    fn arrays(&self) -> Vec<(String, Vec<usize>, &[f64])> {
+        let mut out: Vec<(String, Vec<usize>, &[f64])> = vec![
+            ("factor".to_owned(), vec![self.factor.len()], &self.factor),
+            ("offset".to_owned(), vec![self.offset.len()], &self.offset),
         ];
         for (number, ((inputs, outputs), (weights, biases))) in LAYERS.iter().zip(&self.layers).enumerate() {
-            out.push((format!("w{number}"), vec![*inputs as u64, *outputs as u64], weights));
-            out.push((format!("b{number}"), vec![*outputs as u64], biases));
+            out.push((format!("w{number}"), vec![*inputs, *outputs], weights));
+            out.push((format!("b{number}"), vec![*outputs], biases));
         }
         out
     }
-}
-
-/// A file of NumPy's format with numbers in row-major order.
-fn npy(shape: &[u64], values: &[f64]) -> std::io::Result<Vec<u8>> {
-    use npyz::WriterBuilder;
-    let mut out = Vec::new();
-    let mut writer =
-        npyz::WriteOptions::<f64>::new().default_dtype().shape(shape).writer(&mut out).begin_nd()?;
-    writer.extend(values.iter().copied())?;
-    writer.finish()?;
-    Ok(out)
 }

@@ -2,8 +2,8 @@
 
 use crate::settings::AdaptConfig;
 use gaitfit_model::Model;
+use gaitfit_model::glob::Glob;
 use gaitfit_model::patterns::plain;
-use globset::Glob;
 
 /// Parts of a name that say which leg a joint is on.
 const SIDES: [&str; 22] = [
@@ -18,9 +18,8 @@ pub fn of(model: &Model) -> Option<Vec<(String, Vec<String>)>> {
         .iter()
         .flat_map(|(_, patterns)| patterns)
         .filter_map(|pattern| Glob::new(pattern).ok())
-        .map(|glob| glob.compile_matcher())
         .collect();
-    let grouped = |name: &str| patterns.iter().filter(|pattern| pattern.is_match(name)).count() == 1;
+    let grouped = |name: &str| patterns.iter().filter(|pattern| pattern.matches(name)).count() == 1;
     if model.joints.iter().all(|joint| grouped(&joint.name)) {
         return None;
     }

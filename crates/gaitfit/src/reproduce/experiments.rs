@@ -4,7 +4,7 @@ use super::paper::{Paper, PaperCell, Table};
 use crate::Error;
 use crate::settings::{self, LoopConfig, TargetKind};
 use gaitfit_adapt::cost::CostKind;
-use globset::Glob;
+use gaitfit_model::glob::Glob;
 use std::path::{Path, PathBuf};
 
 /// A cell and its file's settings.
@@ -37,14 +37,12 @@ pub fn read(
 ) -> Result<Vec<Experiment>, Error> {
     let matcher = only
         .map(|pattern| {
-            let glob =
-                Glob::new(pattern).map_err(|error| Error::settings(format!("--only {pattern}: {error}")))?;
-            Ok::<_, Error>(glob.compile_matcher())
+            Glob::new(pattern).map_err(|error| Error::settings(format!("--only {pattern}: {error}")))
         })
         .transpose()?;
     let mut experiments = Vec::with_capacity(table.cells.len());
     for cell in &table.cells {
-        let selected = matcher.as_ref().is_none_or(|matcher| matcher.is_match(&cell.name));
+        let selected = matcher.as_ref().is_none_or(|matcher| matcher.matches(&cell.name));
         // The paper's method takes values as its search finds them; --set can ask for more.
         let mut all = vec!["adapt.optimizer.replicates=0".to_owned()];
         if full {

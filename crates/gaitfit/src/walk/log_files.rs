@@ -3,8 +3,8 @@
 use crate::Error;
 use crate::paths;
 use gaitfit_log::{check_entry, csv_files};
+use gaitfit_model::glob::Glob;
 use gaitfit_model::shown_path;
-use globset::GlobBuilder;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -86,11 +86,10 @@ fn matching(entry: &str, config_path: &Path) -> Result<Vec<PathBuf>, Error> {
     let mut passed_over = None;
     for pattern in [&here, &beside] {
         let text = pattern.to_string_lossy();
-        let glob = GlobBuilder::new(&text).literal_separator(true).build().map_err(|error| {
+        let glob = Glob::paths(&text).map_err(|error| {
             Error::settings(format!(
-                "{}: `logs` has `{entry}`, which is no file pattern: {}",
-                config_path.display(),
-                error.kind()
+                "{}: `logs` has `{entry}`, which is no file pattern: {error}",
+                config_path.display()
             ))
         })?;
         // The folders before the first wildcard are names.
@@ -100,12 +99,11 @@ fn matching(entry: &str, config_path: &Path) -> Result<Vec<PathBuf>, Error> {
         let root: PathBuf = pattern.components().take_while(plain).collect();
         let depth =
             if text.contains("**") { 16 } else { pattern.components().count() - root.components().count() };
-        let matcher = glob.compile_matcher();
         let mut found = Vec::new();
         walk(&root, depth, &mut 0, &mut |path, linked_folder| {
             if linked_folder {
                 passed_over.get_or_insert_with(|| path.to_owned());
-            } else if matcher.is_match(path) {
+            } else if glob.matches(&path.to_string_lossy()) {
                 found.push(path.to_owned());
             }
         })?;

@@ -2,16 +2,16 @@
 
 use crate::exit::Failure;
 use gaitfit::files;
-use npyz::{NpyFile, Order, WriterBuilder};
+use gaitfit_log::npy::{self, Npy, NpyError};
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Error, ErrorKind, Seek, Write};
+use std::io::{BufReader, BufWriter, Error, Read, Seek, Write};
 use std::path::Path;
 use zip::ZipArchive;
 use zip::result::ZipError;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
-/// Most values of one array read: 512 MiB.
-const MAX_VALUES: u64 = 1 << 26;
+/// Max bytes of one array that is read: 2²⁶ numbers and a header.
+const MAX_BYTES: u64 = (1 << 29) + (1 << 14);
 
 /// An array of numbers, row-major.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,47 +61,25 @@ pub fn read(path: &Path, names: &[&str]) -> Result<Vec<Array>, Failure> {
             }
             Err(error) => return Err(Failure::failed(format!("{shown}: cannot read `{name}`: {error}"))),
         };
-        arrays.push(array(entry).map_err(|error| {
-            Failure::failed(format!("{shown}: `{name}`: {}; write it again with numpy.savez", brief(&error)))
+        arrays.push(array(entry).map_err(|problem| {
+            Failure::failed(format!("{shown}: `{name}`: {problem}; write it again with numpy.savez"))
         })?);
     }
     Ok(arrays)
 }
 
-/// An error in a line: a damaged header comes back whole in the parser's message.
-fn brief(error: &Error) -> String {
-    const MOST: usize = 160;
-    if error.kind() == ErrorKind::UnexpectedEof {
-        return "the array is cut short".to_owned();
+fn array(entry: impl Read) -> Result<Array, String> {
+    let mut bytes = Vec::new();
+    entry.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    if bytes.len() as u64 > MAX_BYTES {
+        return Err("more values than the program takes; split the file".into());
     }
-    let text = error.to_string();
-    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    match line.char_indices().nth(MOST) {
-        Some((end, _)) => format!("{}…", &line[..end]),
-        None => line,
+    let array = Npy::parse(&bytes).map_err(|error| error.to_string())?;
+    if !array.dtype.is_float() {
+        return Err("neither float64 nor float32; save astype(float) of it".into());
     }
-}
-
-fn array(entry: impl std::io::Read) -> Result<Array, Error> {
-    let refuse = |why: &str| Error::new(ErrorKind::InvalidData, why.to_owned());
-    let file = NpyFile::new(entry)?;
-    if file.order() != Order::C {
-        return Err(refuse("stored column by column; save numpy.ascontiguousarray(…) of it"));
-    }
-    let lengths = file.shape().to_vec();
-    let count = lengths.iter().try_fold(1_u64, |product, length| product.checked_mul(*length));
-    if count.is_none_or(|count| count > MAX_VALUES) {
-        return Err(refuse("more values than the program takes; split the file"));
-    }
-    let shape: Vec<usize> = lengths.iter().map(|length| *length as usize).collect();
-    let values = match file.try_data::<f64>() {
-        Ok(values) => values.collect::<Result<Vec<f64>, Error>>()?,
-        Err(file) => match file.try_data::<f32>() {
-            Ok(values) => values.map(|value| value.map(f64::from)).collect::<Result<Vec<f64>, Error>>()?,
-            Err(_) => return Err(refuse("neither float64 nor float32; save astype(float) of it")),
-        },
-    };
-    Ok(Array { rows: shape.first().copied().unwrap_or(0), shape, values })
+    let values = array.numbers().ok_or_else(|| NpyError::Cut.to_string())?;
+    Ok(Array { rows: array.shape.first().copied().unwrap_or(0), shape: array.shape, values })
 }
 
 /// Writes an archive whole or not at all.
@@ -113,11 +91,7 @@ fn fill(out: impl Write + Seek, arrays: &[(&'static str, Array)]) -> Result<(), 
     let mut archive = ZipWriter::new(out);
     for (name, array) in arrays {
         archive.start_file(format!("{name}.npy"), SimpleFileOptions::default())?;
-        let shape: Vec<u64> = array.shape.iter().map(|length| *length as u64).collect();
-        let mut writer =
-            npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut archive).begin_nd()?;
-        writer.extend(array.values.iter().copied())?;
-        writer.finish()?;
+        archive.write_all(&npy::bytes(&array.shape, &array.values))?;
     }
     archive.finish()?.flush()
 }

@@ -1,14 +1,12 @@
 //! A log as an MCAP file of ROS 2 messages, which Foxglove, PlotJuggler and ROS 2 open.
 
+use super::METADATA;
+use super::records::Writer;
 use crate::ImportError;
 use gaitfit_log::Trajectory;
-use mcap::records::{MessageHeader, Metadata};
-use mcap::write::NoSeek;
 use std::collections::BTreeMap;
-use std::io::{Cursor, Seek, Write};
+use std::io::Write;
 
-/// Name of the metadata record that holds what messages do not say.
-pub(crate) const METADATA: &str = "gaitfit";
 /// Unix times begin here, s; logs that begin earlier are written as if they began at 1 s.
 const UNIX_S: f64 = 1e9;
 
@@ -94,8 +92,8 @@ pub struct McapState<'a> {
 /// Topics: `/joint_states` and `/joint_targets`, `/joint_actions` (`sensor_msgs/JointState`; positions in rad, torques as
 /// efforts, actions without unit), `/cmd_vel` (`geometry_msgs/TwistStamped`), `/imu` (`sensor_msgs/Imu`, base frame),
 /// `/robot_state` (of gaitfit's own type, whose definition is in the file). Gains, rate and robot are in a metadata record.
-pub struct McapLog<W: Write + Seek> {
-    writer: mcap::Writer<W>,
+pub struct McapLog<W: Write> {
+    writer: Writer<W>,
     joints: Vec<String>,
     /// From the log's times to those of messages, s; known with the first row.
     shift: Option<f64>,
@@ -103,18 +101,14 @@ pub struct McapLog<W: Write + Seek> {
     channels: BTreeMap<&'static str, u16>,
 }
 
-/// An [`McapLog`] that may end at any moment.
-pub type LiveMcap<W> = McapLog<NoSeek<W>>;
-
-impl<W: Write> LiveMcap<W> {
+impl<W: Write> McapLog<W> {
     /// A log without chunks: `sink` is given whole records, and told to flush after each row. What it has then is read to
     /// that row, with the file's end or without it; the end is written when the log is dropped.
     ///
     /// # Errors
     /// What `sink` refuses.
     pub fn live(sink: W, head: &McapHead<'_>) -> Result<Self, ImportError> {
-        let options = mcap::WriteOptions::new().use_chunks(false).disable_seeking(true);
-        Self::begin(options, NoSeek::new(sink), head)
+        Self::begin(sink, false, head)
     }
 
     /// Writes a row's messages and flushes the sink.
@@ -125,13 +119,10 @@ impl<W: Write> LiveMcap<W> {
         self.row(row)?;
         self.writer.flush().map_err(|error| damaged(&error))
     }
-}
 
-impl<W: Write + Seek> McapLog<W> {
-    fn begin(options: mcap::WriteOptions, sink: W, head: &McapHead<'_>) -> Result<Self, ImportError> {
-        let options = options.compression(None).profile("ros2").library("gaitfit");
-        let mut writer = options.create(sink).map_err(|error| damaged(&error))?;
-        writer.write_metadata(&metadata(head)).map_err(|error| damaged(&error))?;
+    fn begin(sink: W, chunked: bool, head: &McapHead<'_>) -> Result<Self, ImportError> {
+        let mut writer = Writer::new(sink, chunked).map_err(|error| damaged(&error))?;
+        writer.metadata(METADATA, &metadata(head)).map_err(|error| damaged(&error))?;
         let joints = head.joints.to_vec();
         Ok(Self { writer, joints, shift: None, rows: 0, channels: BTreeMap::new() })
     }
@@ -181,28 +172,25 @@ impl<W: Write + Seek> McapLog<W> {
     /// # Errors
     /// What the sink refuses.
     pub fn finish(&mut self) -> Result<(), ImportError> {
-        self.writer.finish().map(|_| ()).map_err(|error| damaged(&error))
+        self.writer.finish().map_err(|error| damaged(&error))
     }
 
     fn send(&mut self, topic: &'static str, ns: u64, message: Message) -> Result<(), ImportError> {
-        let channel_id = match self.channels.get(topic) {
+        let channel = match self.channels.get(topic) {
             Some(channel) => *channel,
             None => {
                 let (kind, definition) = definition(topic);
-                let schema = self.writer.add_schema(kind, "ros2msg", definition.as_bytes());
-                let channel = schema
-                    .and_then(|schema| self.writer.add_channel(schema, topic, "cdr", &BTreeMap::new()))
-                    .map_err(|error| damaged(&error))?;
+                let channel =
+                    self.writer.channel(topic, kind, &definition).map_err(|error| damaged(&error))?;
                 self.channels.insert(topic, channel);
                 channel
             }
         };
-        let header = MessageHeader { channel_id, sequence: self.rows, log_time: ns, publish_time: ns };
-        self.writer.write_to_known_channel(&header, &message.0).map_err(|error| damaged(&error))
+        self.writer.message(channel, self.rows, ns, &message.0).map_err(|error| damaged(&error))
     }
 }
 
-fn damaged(error: &mcap::McapError) -> ImportError {
+fn damaged(error: &std::io::Error) -> ImportError {
     ImportError::Clock { stream: "the log".into(), problem: error.to_string() }
 }
 
@@ -230,8 +218,8 @@ pub fn mcap_bytes(log: &Trajectory) -> Result<(Vec<u8>, Vec<&'static str>), Impo
         gains: log.gains.as_ref().map(|gains| (&gains.kp[..], &gains.kd[..])),
         fell: log.fell,
     };
-    let mut bytes = Cursor::new(Vec::new());
-    let mut file = McapLog::begin(mcap::WriteOptions::new(), &mut bytes, &head)?;
+    let mut bytes = Vec::new();
+    let mut file = McapLog::begin(&mut bytes, true, &head)?;
     let width = log.joints.len();
     let base = log.base.clone().unwrap_or_default();
     for sample in 0..log.len() {
@@ -256,7 +244,7 @@ pub fn mcap_bytes(log: &Trajectory) -> Result<(Vec<u8>, Vec<&'static str>), Impo
         (base.linear_velocity.is_some(), "the base's velocity"),
     ];
     let left_out = left_out.into_iter().filter_map(|(is, what)| is.then_some(what)).collect();
-    Ok((bytes.into_inner(), left_out))
+    Ok((bytes, left_out))
 }
 
 /// A sample's numbers, `N` in a row.
@@ -265,7 +253,7 @@ fn numbers<const N: usize>(rows: &Option<Vec<f64>>, sample: usize) -> Option<[f6
 }
 
 /// What the log says beside its samples, as text.
-fn metadata(head: &McapHead<'_>) -> Metadata {
+fn metadata(head: &McapHead<'_>) -> BTreeMap<String, String> {
     let mut entries = BTreeMap::new();
     let mut add = |name: &str, text: String| drop(entries.insert(name.to_owned(), text));
     add("rate_hz", format!("{:?}", head.rate_hz));
@@ -279,7 +267,7 @@ fn metadata(head: &McapHead<'_>) -> Metadata {
     if head.fell {
         add("fell", "true".into());
     }
-    Metadata { name: METADATA.to_owned(), metadata: entries }
+    entries
 }
 
 /// A message in little-endian CDR that begins with a header.

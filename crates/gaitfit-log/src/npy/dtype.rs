@@ -2,7 +2,7 @@
 
 /// A type that is read: numbers, and words of fixed length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct DType {
+pub struct DType {
     kind: u8,
     size: usize,
     big: bool,
@@ -40,6 +40,11 @@ impl DType {
     /// Bytes of one element.
     pub fn bytes(self) -> usize {
         if self.kind == b'U' { 4 * self.size } else { self.size }
+    }
+
+    /// Whether elements are floating point.
+    pub fn is_float(self) -> bool {
+        self.kind == b'f'
     }
 
     /// Whether elements are words.
