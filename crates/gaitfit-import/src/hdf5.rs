@@ -8,8 +8,6 @@ use gaitfit_model::shown;
 use hdf5_pure::{DType, Dataset, File, Group, VlenStringReadOptions};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// First bytes.
-pub(crate) const MAGIC: &[u8] = b"\x89HDF\r\n\x1a\n";
 /// Deepest groups inside each other: links may lead in a ring.
 const MAX_DEPTH: usize = 8;
 /// Most groups and datasets.

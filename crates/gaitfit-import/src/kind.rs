@@ -1,6 +1,15 @@
 //! Which kind of file it is, by its first bytes.
 
-use crate::{arrow, hdf5, mcap, parquet, sqlite, torch};
+use crate::{mcap, sqlite, torch};
+
+/// First and last bytes of a Parquet file.
+pub(crate) const PARQUET: &[u8] = b"PAR1";
+/// First bytes of an Arrow file.
+pub(crate) const ARROW: &[u8] = b"ARROW1\0\0";
+/// First bytes of every Arrow message, and so of a stream.
+pub(crate) const ARROW_MESSAGE: &[u8] = &[0xff; 4];
+/// First bytes of an HDF5 file.
+const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
 
 /// A kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,11 +66,11 @@ pub(crate) fn kind(bytes: &[u8]) -> Option<Kind> {
         Some(Kind::Npy)
     } else if starts(b"PK\x03\x04") || starts(b"PK\x05\x06") {
         Some(if torch::is_torch(bytes) { Kind::Torch } else { Kind::Npz })
-    } else if starts(parquet::MAGIC) {
+    } else if starts(PARQUET) {
         Some(Kind::Parquet)
-    } else if starts(arrow::MAGIC) || starts(arrow::CONTINUED) {
+    } else if starts(ARROW) || starts(ARROW_MESSAGE) {
         Some(Kind::Arrow)
-    } else if starts(hdf5::MAGIC) {
+    } else if starts(HDF5) {
         Some(Kind::Hdf5)
     } else if starts(b"FEA1") {
         Some(Kind::Feather1)

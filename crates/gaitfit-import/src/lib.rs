@@ -6,8 +6,8 @@
 //! | --- | --- |
 //! | MCAP; ROS 2 bags (`.mcap`, `.db3`, folders of them) | `sensor_msgs/JointState`, `Imu`; Unitree `LowState`, `LowCmd`; `control_msgs` controller and joint states; `trajectory_msgs`; `geometry_msgs/Twist` as commands. Messages are decoded by the definitions in the file; types of one's own with the same fields are read too |
 //! | npz, npy | named arrays, one row a sample |
-//! | Parquet, Arrow (Feather, IPC files and streams) | columns of numbers, as of a CSV file; columns of lists as arrays |
-//! | HDF5 | datasets of numbers as arrays, named by their paths |
+//! | Parquet, Arrow (Feather, IPC files and streams); with the feature `all-formats` | columns of numbers, as of a CSV file; columns of lists as arrays |
+//! | HDF5; with the feature `all-formats` | datasets of numbers as arrays, named by their paths |
 //! | PyTorch (`.pt`) | dictionaries of tensors, such as PACE's recordings |
 //! | pickle (`.pkl`) | dictionaries of arrays, lists of dictionaries; walk-these-ways' deployment logs. Nothing in a pickle is run |
 //! | CSV | PlotJuggler's and any other, by known names or a [`Mapping`] |
@@ -28,14 +28,17 @@
 //! ```
 
 mod arrays;
+#[cfg(feature = "all-formats")]
 mod arrow;
 mod assemble;
 mod budget;
 mod clock;
+#[cfg(feature = "all-formats")]
 mod columnar;
 mod db3;
 mod dtype;
 mod error;
+#[cfg(feature = "all-formats")]
 mod hdf5;
 mod join;
 mod kind;
@@ -47,6 +50,7 @@ mod mcap_write;
 mod npz;
 mod observation;
 mod open;
+#[cfg(feature = "all-formats")]
 mod parquet;
 mod pickle;
 mod resolve;

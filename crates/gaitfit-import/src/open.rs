@@ -7,9 +7,9 @@ use crate::known::WALK_THESE_WAYS;
 use crate::mapping::Mapping;
 use crate::ros::Messages;
 use crate::table::Source;
-use crate::{
-    ImportError, Options, arrow, db3, hdf5, mcap, npz, parquet, pickle, text, torch, walk_these_ways,
-};
+use crate::{ImportError, Options, db3, mcap, npz, pickle, text, torch, walk_these_ways};
+#[cfg(feature = "all-formats")]
+use crate::{arrow, hdf5, parquet};
 use gaitfit_log::{ReadOptions, read_csv_report};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -59,12 +59,17 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
             .and_then(|arrays| arrays::source(&name, kind.name(), arrays, mapping, &mut budget)),
         Kind::Pickle => pickled(&name, &bytes, mapping, &mut budget),
         Kind::Text => text::read(&name, &bytes, mapping, &mut budget),
+        #[cfg(feature = "all-formats")]
         Kind::Parquet => parquet::read(&bytes, &mut budget)
             .and_then(|frame| frame.source(&name, kind.name(), mapping, &mut budget)),
+        #[cfg(feature = "all-formats")]
         Kind::Arrow => arrow::read(&bytes, &mut budget)
             .and_then(|frame| frame.source(&name, kind.name(), mapping, &mut budget)),
+        #[cfg(feature = "all-formats")]
         Kind::Hdf5 => hdf5::read(&bytes, &mut budget)
             .and_then(|arrays| arrays::source(&name, kind.name(), arrays, mapping, &mut budget)),
+        #[cfg(not(feature = "all-formats"))]
+        Kind::Parquet | Kind::Arrow | Kind::Hdf5 => return refused(kind.name(), to_npz(kind)),
         Kind::Feather1 => {
             return refused(
                 "a Feather file of the first version",
@@ -92,6 +97,29 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
         Kind::Zstd => Err("packed twice".into()),
     };
     found.map_err(|problem| content(path, kind, problem))
+}
+
+/// How to make an npz file of a kind that this build does not read.
+#[cfg(not(feature = "all-formats"))]
+fn to_npz(kind: Kind) -> String {
+    let python = match kind {
+        Kind::Hdf5 => {
+            "import h5py, numpy; a = {}; h5py.File('log.h5').visititems(lambda k, d: a.update({k: d[()]}) if hasattr(d, \
+             'shape') else None); numpy.savez('log.npz', **a)"
+        }
+        Kind::Arrow => {
+            "import numpy, pandas; t = pandas.read_feather('log.arrow'); numpy.savez('log.npz', **{k: \
+             numpy.array(v.tolist()) for k, v in t.items()})"
+        }
+        _ => {
+            "import numpy, pandas; t = pandas.read_parquet('log.parquet'); numpy.savez('log.npz', **{k: \
+             numpy.array(v.tolist()) for k, v in t.items()})"
+        }
+    };
+    format!(
+        "convert it: `python -c \"{python}\"`; or build gaitfit so that it reads it: `cargo install --path \
+         crates/gaitfit-cli --features all-formats`"
+    )
 }
 
 fn content(path: &Path, kind: Kind, problem: String) -> ImportError {

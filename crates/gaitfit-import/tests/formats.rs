@@ -9,13 +9,13 @@ use gaitfit_import::{ClockFinding, ImportError, Imported, Mapping, Options, impo
 use gaitfit_log::{ReadOptions, Trajectory, read_csv, write_csv};
 
 /// The reference, with joints in the order of `like`.
-fn reference(like: &Trajectory) -> Trajectory {
+pub(crate) fn reference(like: &Trajectory) -> Trajectory {
     let log = read_csv(&fixture("motion.csv"), &ReadOptions::default()).unwrap();
     log.select_joints(&like.joints).unwrap()
 }
 
 /// Checks positions, targets, times and gains against the reference; and velocities, if the file has them.
-fn same(imported: &Imported, velocities: bool, gains: bool, tolerance: f64) {
+pub(crate) fn same(imported: &Imported, velocities: bool, gains: bool, tolerance: f64) {
     let log = &imported.trajectory;
     let want = reference(log);
     assert_eq!(log.joints.len(), 12);
@@ -41,12 +41,6 @@ fn every_kind_of_file_gives_the_same_trajectory() {
         ("bag", "", false, 0.0),
         ("bag/bag.db3", "", false, 0.0),
         ("motion.npz", "", true, 0.0),
-        ("motion.parquet", "", false, 0.0),
-        ("lists.parquet", JOINTS, false, 0.0),
-        ("motion.arrow", "", false, 0.0),
-        ("lists.arrow", JOINTS, false, 0.0),
-        ("stream.arrow", "", false, 0.0),
-        ("motion.h5", "", true, 0.0),
         ("motion.pt", JOINTS, false, 0.0),
         ("motion.pkl", "", false, 0.0),
         ("walk_these_ways.pkl", "", true, 0.0),
@@ -388,54 +382,18 @@ fn arrays_of_other_lengths_are_named_with_them() {
     assert!((log.position[2] - 0.1f64.sin()).abs() < 1e-15);
 }
 
-/// Dictionaries, differences, split bytes, runs of bits, durations: all encodings of numbers give those of the CSV file.
+/// Without the feature `all-formats` a conversion is named that the importer reads.
+#[cfg(not(feature = "all-formats"))]
 #[test]
-fn encodings_of_parquet_are_read() {
-    let read = |name: &str| read(name, "").unwrap().trajectory;
-    let (found, want) = (read("kinds.parquet"), read("kinds.csv"));
-    assert_eq!((&found.joints, found.rate_hz), (&want.joints, 200.0));
-    assert_eq!((&found.position, &found.velocity), (&want.position, &want.velocity));
-    assert!(apart(&found.time, &want.time) < 1e-12);
-    assert!(want.position.iter().any(|q| *q > 10.0) && want.velocity.contains(&1.0));
-}
-
-#[test]
-fn one_of_several_episodes_is_named() {
-    let rate = "rate_hz = 200\n";
-    let error = read("episodes.h5", &format!("{rate}{JOINTS}")).unwrap_err().to_string();
-    assert!(
-        error.contains("data/demo_0/") && error.contains("data/demo_1/") && error.contains("--take"),
-        "{error}"
-    );
-    for (episode, scale) in [("data/demo_0", 1.0), ("data/demo_1", 0.5)] {
-        let mapping = format!("{rate}{JOINTS}[streams]\ntake = ['{episode}']");
-        let log = read("episodes.h5", &mapping).unwrap().trajectory;
-        let want = reference(&log);
-        let scaled = |values: &[f64]| values.iter().map(|value| scale * value).collect::<Vec<_>>();
-        assert_eq!(log.position, scaled(&want.position), "{episode}");
-        assert_eq!(log.velocity, scaled(&want.velocity));
-        assert_eq!(log.action.unwrap(), scaled(want.target.as_ref().unwrap()));
+fn kinds_of_files_that_are_not_built_in_are_named_with_a_conversion() {
+    for (name, kind, conversion) in [
+        ("motion.parquet", "Parquet", "pandas.read_parquet"),
+        ("motion.arrow", "Arrow", "pandas.read_feather"),
+        ("stream.arrow", "Arrow", "pandas.read_feather"),
+        ("motion.h5", "HDF5", "h5py.File"),
+    ] {
+        let error = read(name, "").unwrap_err().to_string();
+        assert!(error.contains(&format!("{name}: {kind} is not read here")), "{error}");
+        assert!(error.contains(conversion) && error.contains("--features all-formats"), "{error}");
     }
-    let error = read("episodes.h5", JOINTS).unwrap_err().to_string();
-    assert!(error.contains("same quantity"), "{error}");
-    let error =
-        read("episodes.h5", &format!("{JOINTS}[streams]\ntake = ['data/demo_0']")).unwrap_err().to_string();
-    assert!(error.contains("rate_hz"), "{error}");
-}
-
-/// Arrow's files are read as far as they go, Parquet's from their end.
-#[test]
-fn files_that_were_cut_off() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("cut");
-    let half = |name: &str| {
-        let bytes = std::fs::read(fixture(name)).unwrap();
-        std::fs::write(&path, &bytes[..bytes.len() * 2 / 3]).unwrap();
-        import(&[&path], &Options::default())
-    };
-    let imported = half("stream.arrow").unwrap();
-    assert_eq!(imported.trajectory.len(), 16);
-    assert!(imported.report.assumed.iter().any(|line| line.contains("cut off")));
-    let error = half("motion.parquet").unwrap_err().to_string();
-    assert!(error.contains("cut off") && error.contains("from their end"), "{error}");
 }

@@ -48,7 +48,7 @@ pub struct Cli {
 pub enum Command {
     /// Show a robot file, log, folder of logs or policy, with its faults
     Inspect(Inspect),
-    /// Convert a recording (MCAP, ROS bag, HDF5, npz, ...) to a log
+    /// Convert a recording (MCAP, ROS bag, npz, CSV, ...) to a log
     Import(Import),
     /// Rank what a robot has that its model lacks, by its walks
     Explain(Explain),

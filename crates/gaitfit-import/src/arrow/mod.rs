@@ -8,15 +8,11 @@ mod fields;
 
 use crate::budget::Budget;
 use crate::columnar::{Column, Frame};
+use crate::kind::{ARROW as MAGIC, ARROW_MESSAGE as CONTINUED};
 use fields::Field;
 use gaitfit_model::shown;
 use polars_arrow_format::ipc::planus::ReadAsRoot;
 use polars_arrow_format::ipc::{Endianness, MessageHeaderRef, MessageRef};
-
-/// First bytes of a file.
-pub(crate) const MAGIC: &[u8] = b"ARROW1\0\0";
-/// First bytes of every message, and so of a stream.
-pub(crate) const CONTINUED: &[u8] = &[0xff; 4];
 
 pub(super) fn damaged(error: impl std::fmt::Display) -> String {
     format!("{error}; the file is damaged")

@@ -7,12 +7,11 @@ mod schema;
 
 use crate::budget::Budget;
 use crate::columnar::{Column, Frame};
+use crate::kind::PARQUET as MAGIC;
 use gaitfit_model::shown;
 use polars_parquet_format::FileMetaData;
 use polars_parquet_format::thrift::protocol::TCompactInputProtocol;
 
-/// First and last bytes.
-pub(crate) const MAGIC: &[u8] = b"PAR1";
 /// Most bytes that the footer may make.
 const MAX_FOOTER: usize = 256 << 20;
 
