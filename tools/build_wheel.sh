@@ -4,6 +4,7 @@
 # It takes Rust and Python; maturin comes from the package index into a folder of its own. The wheel needs the C library that
 # it was built with, or a later one: its name says which (manylinux_2_35: glibc 2.35). For older ones build on an older system.
 # For `gaitfit run` on a robot over DDS:  tools/build_wheel.sh dist --features dds
+# For imports of Parquet, Arrow and HDF5, as in a release:  --features all-formats
 set -eu
 cd "$(dirname "$0")/.."
 out=${1:-dist}

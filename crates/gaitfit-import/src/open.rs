@@ -69,7 +69,7 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
         Kind::Hdf5 => hdf5::read(&bytes, &mut budget)
             .and_then(|arrays| arrays::source(&name, kind.name(), arrays, mapping, &mut budget)),
         #[cfg(not(feature = "all-formats"))]
-        Kind::Parquet | Kind::Arrow | Kind::Hdf5 => return refused(kind.name(), to_npz(kind)),
+        Kind::Parquet | Kind::Arrow | Kind::Hdf5 => return refused(kind.name(), to_npz(kind, &bytes)),
         Kind::Feather1 => {
             return refused(
                 "a Feather file of the first version",
@@ -101,20 +101,24 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
 
 /// How to make an npz file of a kind that this build does not read.
 #[cfg(not(feature = "all-formats"))]
-fn to_npz(kind: Kind) -> String {
+fn to_npz(kind: Kind, bytes: &[u8]) -> String {
+    let columns = |read: &str| {
+        format!(
+            "import numpy, pandas, pyarrow; t = {read}; numpy.savez('log.npz', **{{k: numpy.array(v.tolist()) if \
+             v.dtype.kind != 'M' else (v - v[0]).dt.total_seconds() for k, v in t.items()}})"
+        )
+    };
     let python = match kind {
         Kind::Hdf5 => {
-            "import h5py, numpy; a = {}; h5py.File('log.h5').visititems(lambda k, d: a.update({k: d[()]}) if hasattr(d, \
-             'shape') else None); numpy.savez('log.npz', **a)"
+            "import h5py, numpy; a = {}; h5py.File('log.h5').visititems(lambda k, d: a.update({k: d[()]}) if \
+             hasattr(d, 'shape') else None); numpy.savez('log.npz', **a)"
+                .to_owned()
         }
-        Kind::Arrow => {
-            "import numpy, pandas; t = pandas.read_feather('log.arrow'); numpy.savez('log.npz', **{k: \
-             numpy.array(v.tolist()) for k, v in t.items()})"
+        Kind::Arrow if bytes.starts_with(crate::kind::ARROW_MESSAGE) => {
+            columns("pyarrow.ipc.open_stream(open('log.arrow', 'rb')).read_pandas()")
         }
-        _ => {
-            "import numpy, pandas; t = pandas.read_parquet('log.parquet'); numpy.savez('log.npz', **{k: \
-             numpy.array(v.tolist()) for k, v in t.items()})"
-        }
+        Kind::Arrow => columns("pandas.read_feather('log.arrow')"),
+        _ => columns("pandas.read_parquet('log.parquet')"),
     };
     format!(
         "convert it: `python -c \"{python}\"`; or build gaitfit so that it reads it: `cargo install --path \

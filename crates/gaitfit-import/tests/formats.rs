@@ -389,7 +389,7 @@ fn kinds_of_files_that_are_not_built_in_are_named_with_a_conversion() {
     for (name, kind, conversion) in [
         ("motion.parquet", "Parquet", "pandas.read_parquet"),
         ("motion.arrow", "Arrow", "pandas.read_feather"),
-        ("stream.arrow", "Arrow", "pandas.read_feather"),
+        ("stream.arrow", "Arrow", "pyarrow.ipc.open_stream"),
         ("motion.h5", "HDF5", "h5py.File"),
     ] {
         let error = read(name, "").unwrap_err().to_string();
