@@ -157,8 +157,9 @@ fn regions_are_kept() {
         .collect();
     let pairs = compile::<f64>(&model, &settings).unwrap().model_pairs().len();
     let limits = model.joints.iter().filter(|joint| joint.range.is_some()).count();
-    // Three more guards a joint: friction at rest, friction under load, torque that falls with speed.
-    assert_eq!(guards.len(), pairs + limits + 3 * model.joints.len());
+    // One more guard a pair: softer ground. Three more a joint: friction at rest, friction under load, torque that falls
+    // with speed.
+    assert_eq!(guards.len(), 2 * pairs + limits + 3 * model.joints.len());
     assert_eq!(regions.iter().filter(|region| matches!(region.kind, RegionKind::Loop { .. })).count(), 2);
     let guarded = |region: &&Region| matches!(region.kind, RegionKind::Guarded(_));
     let inside: usize = regions.iter().filter(guarded).map(|region| region.nodes.len()).sum();
@@ -174,7 +175,7 @@ fn inputs_have_names() {
     let count = |wanted: fn(&Input) -> bool| program.inputs.iter().filter(|input| wanted(input)).count();
     let joints = model.joints.len();
     assert_eq!(count(|input| matches!(input, Input::Weight { .. })), 2 * 97 * joints);
-    assert_eq!(count(|input| matches!(input, Input::Params(slot) if slot.owner == Owner::Joint(3))), 18);
+    assert_eq!(count(|input| matches!(input, Input::Params(slot) if slot.owner == Owner::Joint(3))), 20);
     let links = count(|input| matches!(input, Input::Params(Slot { owner: Owner::Link(_), .. })));
     assert_eq!(links, 10 * (joints + 1), "mass, centre and inertia of each link");
 }

@@ -176,3 +176,36 @@ fn name_and_count(slot: Slot, number: &mut f64, names: &mut Vec<String>, next: &
     *next += 1.0;
     *number = *next;
 }
+
+/// Contacts that are slower by some part are those of a model whose `solref` is longer by it.
+#[test]
+fn softer_ground_is_a_longer_time_constant() {
+    for emulated_step in [None, Some(1e-3)] {
+        let model = robot("go2");
+        let softness = 0.7;
+        let mut soft = model.clone();
+        for pair in &mut soft.pairs {
+            pair.solref[0] *= 1.0 + softness;
+        }
+        let mut changed = Robot::nominal(&model);
+        changed.ground_softness = softness;
+        let [by_file, by_number] =
+            [(&soft, Robot::nominal(&soft)), (&model, changed)].map(|(model, robot)| {
+                let settings = Settings { emulated_step, ..converged(model) };
+                let tree = compile::<f64>(model, &settings).unwrap();
+                let params = robot.params(model).unwrap();
+                let mut state = State::new(&tree);
+                (state.base_position[2], state.base_linear[2]) = (0.31, -0.5);
+                (0..12).for_each(|j| state.qpos[j] = [0.0, 0.9, -1.8][j % 3]);
+                let (mut work, drives) = (Work::new(&tree), vec![Drive::zero(); 12]);
+                for _ in 0..200 {
+                    gaitfit_physics::in_f64::step(&tree, &params, &drives, &mut state, &mut work);
+                }
+                [state.base_position.to_vec(), state.qpos.clone(), state.qvel.clone()].concat()
+            });
+        assert!(by_file[2] < 0.3, "it fell onto the ground: {}", by_file[2]);
+        for (a, b) in by_file.iter().zip(&by_number) {
+            assert!((a - b).abs() < 1e-9, "{a} and {b}");
+        }
+    }
+}

@@ -14,5 +14,5 @@ fn rows_make_sense() {
             assert!(lower < upper && deviation > 0.0, "{name}");
         }
     }
-    assert_eq!(JointParameter::searched().count(), 20);
+    assert_eq!(JointParameter::searched().count(), 22);
 }
