@@ -46,13 +46,13 @@ pub struct Cli {
 /// What to do. [`groups`] lists the commands in the order of work.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Show a robot file, log, folder of logs or policy, with its faults
+    /// Show a robot, log, folder or policy, with its faults
     Inspect(Inspect),
-    /// Convert a recording (MCAP, ROS bag, npz, CSV, ...) to a log
+    /// Convert a recording (MCAP, ROS bag, npz, CSV) to a log
     Import(Import),
     /// Rank what a robot has that its model lacks, by its walks
     Explain(Explain),
-    /// Show a log beside its simulation, as two robots on one clock
+    /// Show a log and its simulation as two robots on one clock
     View(View),
     /// List runs with their results
     Runs(Runs),
@@ -63,7 +63,7 @@ pub enum Command {
     /// Fit the simulator's parameters to logs of a robot
     #[command(alias = "adapt")]
     Fit(Fit),
-    /// Predict how precisely logs identify each parameter, without a fit
+    /// Predict how well logs identify each parameter
     Sensitivity(Sensitivity),
     /// Write a motion or commands that identify the parameters
     Excite(Box<Excite>),
@@ -84,9 +84,9 @@ pub enum Command {
     /// Write a policy, log or theta.toml for other programs
     #[command(aliases = ["export-log", "export-theta"])]
     Export(Box<Export>),
-    /// Run a policy in a simulator or on a robot and write its logs
+    /// Run a policy in a simulator or on a robot; write logs
     Collect(Collect),
-    /// Run a policy on a robot: stand up, walk, lie down, with logs
+    /// Run a policy on a robot: stand up, walk, lie down
     Run(Box<Run>),
     /// Print every setting with its default
     Config(Config),

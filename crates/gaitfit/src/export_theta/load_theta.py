@@ -49,14 +49,18 @@ def stribeck(model, data, theta):
 
 def gears(spec, theta):
     """Play and compliance between motors and links: adds joints NAME_play and NAME_twist behind each joint that has them, to
-    an MjSpec before it is compiled. Actuators and encoders stay at joint NAME, the motor. Keyframes get longer."""
+    an MjSpec before it is compiled. Actuators and encoders stay at joint NAME, the motor. Keyframes get longer. MuJoCo's
+    joint stops are soft: play opens by some thousandths of a radian more."""
+    unit = math.degrees(1) if spec.compiler.degree else 1.0
     for name, joint in theta["joints"].items():
         motor = spec.joint(name)
-        between = {"type": motor.type, "axis": motor.axis, "pos": motor.pos, "armature": 1e-5}
+        # A part without mass between two joints needs some inertia, or its stop gives way.
+        armature = 1e-3 if joint["play"] and joint["compliance"] else 2e-4
+        between = {"type": motor.type, "axis": motor.axis, "pos": motor.pos, "armature": armature}
         if joint["play"]:
-            ends = [-joint["play"] / 2, joint["play"] / 2]
-            motor.parent.add_joint(name=f"{name}_play", range=ends, limited=True, solref_limit=[0.004, 1.0],
-                                   damping=[1e-3, 0, 0], **between)
+            end = unit * joint["play"] / 2
+            motor.parent.add_joint(name=f"{name}_play", range=[-end, end], limited=True, solref_limit=[0.004, 1.0],
+                                   solimp_limit=[0.99, 0.999, 0.001, 0.5, 2.0], damping=[1e-3, 0, 0], **between)
         if joint["compliance"]:
             stiffness = 1 / joint["compliance"]
             motor.parent.add_joint(name=f"{name}_twist", stiffness=[stiffness, 0, 0],

@@ -9,6 +9,7 @@ use gaitfit_adapt::fit::{FallPenalty, FitOptions, Method};
 use gaitfit_adapt::{NetworkStart, RobotNumber};
 use gaitfit_log::PerJoint;
 use gaitfit_model::{shown, shown_number};
+use gaitfit_physics::JointParameter;
 use std::path::Path;
 
 /// Refuses settings out of range, and those that a kind of log does not have.
@@ -48,6 +49,9 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
          order"
     } else if config.simulation.robot_timestep.is_some_and(|step| !not_negative(step)) {
         "`simulation.robot_timestep` must be at least 0 s"
+    } else if has_play(config) && optimizer.method == Method::LeastSquares {
+        "least squares do not find `play`: a joint crosses it or does not, which derivatives do not foresee. Set \
+         optimizer.method = \"cma-es\", with 500 generations or more"
     } else if !free && config.policy.is_some() {
         "`policy` is for walking logs; add base = \"free\" if the robot walked"
     } else if !(free || config.network.is_empty() && config.number.is_empty()) {
@@ -160,8 +164,18 @@ pub fn options(config: &AdaptConfig, falls: usize) -> FitOptions {
     }
 }
 
-/// How to search. Networks whose hidden weights are searched begin where no derivative shows a way.
+/// Whether play is searched in logs of legs in the air.
+fn has_play(config: &AdaptConfig) -> bool {
+    config.base == Base::Fixed && config.parameter.iter().any(|rule| rule.kind == JointParameter::Play)
+}
+
+/// How to search. Networks whose hidden weights are searched begin where no derivative shows a way; in replays of legs in
+/// the air a joint crosses its play or does not, which derivatives do not foresee.
 fn method(config: &AdaptConfig) -> Method {
     let hidden = config.network.iter().any(|rule| rule.start != NetworkStart::Features);
-    if hidden && config.optimizer.method == Method::Auto { Method::CmaEs } else { config.optimizer.method }
+    if (hidden || has_play(config)) && config.optimizer.method == Method::Auto {
+        Method::CmaEs
+    } else {
+        config.optimizer.method
+    }
 }

@@ -217,6 +217,8 @@ mod tests {
         assert_eq!(error.kind(), crate::ErrorKind::Settings);
         assert!(error.to_string().contains(":3:1:"), "{error}");
         assert!(error.to_string().contains("Did you mean `population`?"), "{error}");
+        let error = load_text("[adapt]\nswings = true\n", &[]).unwrap_err();
+        assert!(error.to_string().contains("run `gaitfit loop`"), "{error}");
         let error = load_text("[[parameter]]\nkind = \"armatur\"\n", &[]).unwrap_err();
         assert!(error.to_string().contains("Did you mean `armature`?"), "{error}");
     }

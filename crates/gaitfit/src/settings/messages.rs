@@ -51,6 +51,9 @@ pub fn line_and_column(text: &str, offset: usize) -> String {
     format!(":{line}:{column}")
 }
 
+/// Tables that only the configuration of a loop has.
+const OF_LOOPS: [&str; 4] = ["adapt", "target", "finetune", "controls"];
+
 /// The known name nearest to the unknown one in a message such as "unknown field `a`, expected one of `b`, `c`".
 fn nearest(message: &str) -> String {
     if !message.starts_with("unknown ") {
@@ -58,6 +61,9 @@ fn nearest(message: &str) -> String {
     }
     let mut quoted = message.split('`').skip(1).step_by(2);
     let Some(unknown) = quoted.next() else { return String::new() };
+    if OF_LOOPS.contains(&unknown) {
+        return ". This looks like the configuration of a loop: run `gaitfit loop` with it".to_owned();
+    }
     let scored = quoted.map(|known| (strsim::jaro_winkler(unknown, known), known));
     match scored.max_by(|a, b| a.0.total_cmp(&b.0)) {
         Some((score, known)) if score > 0.6 => format!(". Did you mean `{known}`?"),
