@@ -1,8 +1,8 @@
 """Writes crates/gaitfit-physics/tests/fixtures/gears.npz: a clamped Go2 in MuJoCo with a further joint between each motor
 and its link, whose targets swing. Tests hold the step's gears against it.
 
-Of each case `samples x joints` angles of the motors (rad) and of the links less those of the motors (rad), every 20 ms; the
-cases are in `main`. Needs the packages of tools/requirements.txt.
+Each case (see `main`) has two arrays, `samples x joints`, every 20 ms: the motors' angles, and the links' angles minus the
+motors' (rad). Needs the packages of tools/requirements.txt.
 """
 
 import math

@@ -99,7 +99,7 @@ pub(crate) fn input_spots(period: &Period, wanted: fn(&Input) -> bool) -> Vec<Sp
     inputs.filter(|(input, _)| wanted(input)).map(|(_, &place)| spot(layout, place)).collect()
 }
 
-/// The joint of each number that networks remember.
+/// The joint of each number that modifications remember; the number of joints for a number that starts at 0 (gears).
 pub(crate) fn memory_joints(period: &Period) -> Vec<usize> {
     let joint = |input: &Input| match *input {
         Input::Memory { zero: true, .. } => Some(period.joints()),

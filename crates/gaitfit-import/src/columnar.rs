@@ -94,7 +94,7 @@ impl Frame {
     /// Adds a column that is to be read.
     pub fn add(&mut self, name: String, column: Column) -> Result<(), String> {
         if self.columns.len() >= MAX_COLUMNS {
-            return Err(format!("more than {MAX_COLUMNS} columns; save only those of the joints"));
+            return Err(format!("more than {MAX_COLUMNS} columns; save only the joints' columns"));
         }
         let twice = format!("column `{}` is there twice; rename one", shown(&name));
         self.columns.insert(name, column).map_or(Ok(()), |_| Err(twice))

@@ -100,7 +100,7 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
 }
 
 /// How to make an npz file of a kind that this build does not read.
-#[cfg(not(feature = "all-formats"))]
+#[cfg(any(test, not(feature = "all-formats")))]
 fn to_npz(kind: Kind, bytes: &[u8]) -> String {
     let columns = |read: &str| {
         format!(
@@ -262,4 +262,23 @@ fn read_log(path: &Path, options: &Options) -> Result<Source, ImportError> {
     source.gains = log.gains.map(|gains| (gains.kp, gains.kd));
     source.tables.push(table);
     Ok(source)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_that_a_build_may_lack_are_named_with_a_conversion() {
+        for (kind, bytes, reader) in [
+            (Kind::Parquet, &b"PAR1"[..], "pandas.read_parquet"),
+            (Kind::Arrow, b"ARROW1\0\0", "pandas.read_feather"),
+            (Kind::Arrow, &[0xff; 8], "pyarrow.ipc.open_stream"),
+            (Kind::Hdf5, b"\x89HDF", "h5py.File"),
+        ] {
+            let remedy = to_npz(kind, bytes);
+            assert!(remedy.contains(reader) && remedy.contains("numpy.savez('log.npz'"), "{remedy}");
+            assert!(remedy.contains("--features all-formats"), "{remedy}");
+        }
+    }
 }

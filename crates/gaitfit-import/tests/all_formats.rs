@@ -21,7 +21,8 @@ fn every_kind_of_file_gives_the_same_trajectory() {
     }
 }
 
-/// Dictionaries, differences, split bytes, runs of bits, durations: all encodings of numbers give those of the CSV file.
+/// Every encoding of numbers gives the same numbers as the CSV file: dictionaries, differences, split bytes, runs of bits,
+/// durations.
 #[test]
 fn encodings_of_parquet_are_read() {
     let read = |name: &str| read(name, "").unwrap().trajectory;

@@ -6,7 +6,7 @@
 //! the modifications, and the clock.
 
 use crate::drive::pd;
-use crate::modify::{JointModification, Modify, for_each};
+use crate::modify::{Modify, for_each};
 use crate::smooth::smooth;
 use crate::{Owner, Period, Real, State, Tree, Work, solver, step};
 
@@ -29,9 +29,9 @@ pub fn before<T: Real>(p: &mut Period<'_, T>, clock: T, disturbance: &[T]) {
     }
     for_each(p.modifications, p.memory, |one, memory| {
         one.torques(p.params, p.state, memory, p.drives);
-        if let JointModification::Gears(gears) = one {
-            gears.engage(&p.tree.settings, p.params, p.state, memory, p.drives);
-        }
+    });
+    for_each(p.modifications, p.memory, |one, memory| {
+        one.engage(&p.tree.settings, p.params, p.state, memory, p.drives);
     });
     smooth(p.tree, p.params, p.state, p.drives, p.work);
 }
@@ -47,9 +47,7 @@ pub fn iterate<T: Real>(p: &mut Period<'_, T>, last: bool) {
 pub fn after<T: Real>(p: &mut Period<'_, T>) {
     step::integrate(p.tree, p.state, p.work);
     for_each(p.modifications, p.memory, |one, memory| {
-        if let JointModification::Gears(gears) = one {
-            gears.release(&p.tree.settings, p.state, memory, p.drives);
-        }
+        one.release(&p.tree.settings, p.state, memory, p.drives);
     });
 }
 

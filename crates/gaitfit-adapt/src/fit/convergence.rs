@@ -14,7 +14,7 @@ const NAMED: usize = 4;
 /// Why the search for `outcome` had not converged, each reason a sentence; none if it had. `course`: the smallest cost
 /// so far of the best run, one a generation.
 ///
-/// It had not, if changing one parameter alone lowers the cost by more than its noise
+/// It had not, if changing one parameter alone lowers the cost by three standard errors or more
 /// ([`super::Identification::better`]). It had not either, if the best run was cut short by its generations, a time
 /// limit or the optimiser's failure before its deviations shrank to the tolerance, and its cost was still falling or
 /// the seeds' values lie apart. Values of parameters that the logs do not identify may lie apart, and so may those of

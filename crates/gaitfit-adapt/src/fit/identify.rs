@@ -252,4 +252,23 @@ mod tests {
         assert_eq!(end(&[point(0.1), (0.3, None)]).0, 0.2, "divergence ends it");
         assert_eq!(end(&[]), (0.0, 0.0), "at a bound there is no side");
     }
+
+    #[test]
+    fn a_lower_cost_counts_from_three_standard_errors_on() {
+        let entry = Entry {
+            name: "p".into(),
+            kind: "p".into(),
+            joints: Vec::new(),
+            unit: "-".into(),
+            lower: 0.0,
+            upper: 1.0,
+            start: 0.5,
+            deviation: 0.1,
+        };
+        let better = |rise: f64| {
+            let points = [(0.4, Some((rise, 0.1))), (0.6, Some((1.0, 0.1)))];
+            verdict(&entry, 0.5, &points, NoiseSource::Recordings, |_| 0.0).better
+        };
+        assert_eq!((better(-0.29), better(-0.31)), (None, Some(0.4)));
+    }
 }

@@ -10,7 +10,7 @@ pub struct View {
     /// Log (.csv): legs in the air, or a walk
     #[arg(value_name = "LOG")]
     pub log: PathBuf,
-    /// Parameters of the simulated robot: theta.toml of a finished fit [default: those of the robot file]
+    /// Parameters of the simulated robot: theta.toml of a finished fit [default: the robot file's parameters]
     #[arg(long, value_name = "FILE")]
     pub theta: Option<PathBuf>,
     /// Configuration of the fit [default: config.toml beside theta.toml]

@@ -81,7 +81,7 @@ struct Inside {
 
 fn read(field: FieldRef<'_>, above: &str, inside: Inside, left: &mut usize) -> Result<Field, String> {
     // Fields may refer to one another, and a small file to many.
-    *left = left.checked_sub(1).ok_or("more than 4096 fields; save only those of the joints")?;
+    *left = left.checked_sub(1).ok_or("more than 4096 fields; save only the joints' columns")?;
     if inside.depth > MAX_DEPTH {
         return Err("fields inside fields, more than 32 deep; save plain columns".into());
     }

@@ -16,12 +16,12 @@ const ROTOR: f64 = 1e-6;
 /// Gears with `play` and `compliance` on all joints: outside the step the state is that of the motors, where encoders
 /// and controllers are; inside it is that of the links.
 ///
-/// Motor and link are two inertias with a spring in a gap between them (Nordin and Gutman 2002, eq. 8: a dead zone with
-/// stiffness and damping in it). The motor's half step of backward Euler is solved for the torque in the gear, which is
-/// linear in the link's velocity v' at the end of the step: τ = α − β v'. α enters the link's torque and h·β its
-/// inertia, so a stiff gear needs no small steps, and a rigid one without play adds the rotor's inertia. On which flank
-/// the gear lies and whether friction holds the rotor is decided by the link's velocity as the last acceleration
-/// predicts it.
+/// Motor and link are two inertias with a spring in a gap between them (the dead-zone model of Nordin and Gutman 2002,
+/// "Controlling mechanical systems with backlash: a survey", Automatica 38). A step of backward Euler for the motor gives
+/// the torque in the gear, which is linear in the link's velocity v' at the end of the step: τ = α − β v'. α enters the
+/// link's torque and h·β its inertia, so a stiff gear needs no small steps, and a rigid one without play adds the rotor's
+/// inertia. The link's velocity, predicted from its last acceleration, decides on which flank the gear lies and whether
+/// friction holds the rotor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gears {
     /// Joints of the robot.
@@ -43,11 +43,31 @@ pub struct Engaged<T> {
     motor: [T; 2],
 }
 
-impl Gears {
+impl<K: Copy> Modify<K> for Gears {
+    fn memory(&self) -> usize {
+        MEMORY * self.joints
+    }
+
+    fn memory_owner(&self, place: usize) -> Owner {
+        Owner::Joint(place / MEMORY)
+    }
+
+    fn settles_at_zero(&self) -> bool {
+        true
+    }
+
+    fn visit_weights_mut(&mut self, _visit: impl FnMut(Slot, &mut K)) {}
+
+    /// Links in the middle of their play.
+    #[inline(always)]
+    fn settle<T: Real<K = K>>(&self, _params: &Params<T>, _state: &State<T>, memory: &mut [T]) {
+        memory.fill(T::zero());
+    }
+
     /// Before the solver: replaces the motors' motion in `state` by that of the links, and hands the gears' torques to
     /// `drives`.
     #[inline(always)]
-    pub(crate) fn engage<T: Real>(
+    fn engage<T: Real<K = K>>(
         &self,
         settings: &Settings,
         params: &Params<T>,
@@ -62,41 +82,43 @@ impl Gears {
         for j in 0..self.joints {
             let p = &params.joints[j];
             let drive = &mut drives[j];
-            let [offset, drift, surge] = [memory[MEMORY * j], memory[MEMORY * j + 1], memory[MEMORY * j + 2]];
+            let [offset, offset_rate, offset_acceleration] =
+                [memory[MEMORY * j], memory[MEMORY * j + 1], memory[MEMORY * j + 2]];
             let (angle, velocity) = (state.qpos[j], state.qvel[j]);
-            let link = velocity + drift;
-            let acceleration = state.qacc[j] + surge;
+            let link = velocity + offset_rate;
+            let acceleration = state.qacc[j] + offset_acceleration;
             let ahead = h.fma(acceleration, link);
-            // The motor: inertia (over the step) and momentum with all torques but the gear's.
+            // The motor: `impedance` times its velocity after the step is `effort`, with all torques but the gear's. The impedance
+            // is its inertia over the step and what resists its velocity, N·m·s/rad.
             let torque = drive.torque;
             let controlled = T::select_lt(torque.abs(), p.torque_limit, p.torque_scale * p.kd, z);
             let damping = p.damping + controlled + drive.resistance;
-            let inertia =
+            let impedance =
                 T::lit(later).fma(damping, p.armature.max(T::lit(ROTOR)) * T::lit(1.0 / settings.timestep));
-            let momentum = inertia.fma(velocity, p.damping.fnma(velocity, torque));
+            let effort = impedance.fma(velocity, p.damping.fnma(velocity, torque));
             let friction = dry_friction(p, velocity, torque);
             // Where nothing touches.
-            let held = momentum.clamp(-friction, friction);
-            let free = (momentum - held).div(inertia);
+            let held = effort.clamp(-friction, friction);
+            let free = (effort - held).div(impedance);
             let twist = h.fma(free - ahead, -offset);
             let half = T::lit(0.5) * p.play;
             let side = T::select_lt(z, twist, half, -half);
-            // On a flank.
+            // On a flank: the gear's spring (N·m) and its impedance (`grip`, N·m·s/rad).
             let stiffness = p.compliance.max(T::lit(RIGID)).recip();
             let grip = stiffness * T::lit(settings.timestep + RETARDATION);
             let spring = stiffness * (-offset - side);
-            let sum = inertia + grip;
-            let pushed = grip.fma(ahead, momentum - spring);
+            let sum = impedance + grip;
+            let pushed = grip.fma(ahead, effort - spring);
             let rubbed = pushed.clamp(-friction, friction);
             let slips = |slip, stick| T::select_lt(pushed.abs(), friction, stick, slip);
             let share = grip.div(sum);
-            let driven = momentum - rubbed;
+            let driven = effort - rubbed;
             let torque_slip = share.fma(driven, (T::lit(1.0) - share) * spring);
-            let mobility = inertia.recip();
+            let mobility = impedance.recip();
             let touching = |flank, gap| T::select_lt(half, twist.abs(), flank, gap);
             drive.gear = Some(Engaged {
                 torque: touching(slips(torque_slip, spring), z),
-                resistance: touching(slips(share * inertia, grip), z),
+                resistance: touching(slips(share * impedance, grip), z),
                 rate: touching(slips(driven * mobility, z), free),
                 mobility: touching(slips(mobility, z), z),
                 motor: [angle, velocity],
@@ -109,7 +131,7 @@ impl Gears {
 
     /// After the step: moves the motors, and puts their motion in the place of the links'.
     #[inline(always)]
-    pub(crate) fn release<T: Real>(
+    fn release<T: Real<K = K>>(
         &self,
         settings: &Settings,
         state: &mut State<T>,
@@ -130,23 +152,5 @@ impl Gears {
             state.qvel[j] = velocity;
             state.qacc[j] = acceleration;
         }
-    }
-}
-
-impl<K: Copy> Modify<K> for Gears {
-    fn memory(&self) -> usize {
-        MEMORY * self.joints
-    }
-
-    fn memory_owner(&self, place: usize) -> Owner {
-        Owner::Joint(place / MEMORY)
-    }
-
-    fn visit_weights_mut(&mut self, _visit: impl FnMut(Slot, &mut K)) {}
-
-    /// Links in the middle of their play.
-    #[inline(always)]
-    fn settle<T: Real<K = K>>(&self, _params: &Params<T>, _state: &State<T>, memory: &mut [T]) {
-        memory.fill(T::zero());
     }
 }

@@ -13,7 +13,7 @@ pub use gears::{Engaged, Gears};
 pub use network::{JointNetwork, NETWORK_WEIGHTS, NetworkScales};
 pub use resid_act::ResidAct;
 
-use crate::{Drive, Owner, Params, Real, Slot, State};
+use crate::{Drive, Owner, Params, Real, Settings, Slot, State};
 
 /// A change of targets or torques, with numbers of its own that are the same for all environments: a candidate's
 /// weights. `memory` holds [`Modify::memory`] numbers an environment.
@@ -23,6 +23,11 @@ pub trait Modify<K: Copy> {
 
     /// What a number that it remembers belongs to.
     fn memory_owner(&self, place: usize) -> Owner;
+
+    /// Whether [`Modify::settle`] writes zeros. Otherwise it writes readings of joints' angles and velocities in turn.
+    fn settles_at_zero(&self) -> bool {
+        false
+    }
 
     /// Calls `visit` with every weight and its name, to change it.
     fn visit_weights_mut(&mut self, visit: impl FnMut(Slot, &mut K));
@@ -47,6 +52,30 @@ pub trait Modify<K: Copy> {
         &self,
         _params: &Params<T>,
         _state: &State<T>,
+        _memory: &mut [T],
+        _drives: &mut [Drive<T>],
+    ) {
+    }
+
+    /// Before the solver, after all torques are known: may replace the joints' motion by the motion of their links, and what
+    /// drives them by what drives the links; at every physics step.
+    #[inline(always)]
+    fn engage<T: Real<K = K>>(
+        &self,
+        _settings: &Settings,
+        _params: &Params<T>,
+        _state: &mut State<T>,
+        _memory: &[T],
+        _drives: &mut [Drive<T>],
+    ) {
+    }
+
+    /// After the integration: takes back what [`Modify::engage`] replaced.
+    #[inline(always)]
+    fn release<T: Real<K = K>>(
+        &self,
+        _settings: &Settings,
+        _state: &mut State<T>,
         _memory: &mut [T],
         _drives: &mut [Drive<T>],
     ) {
@@ -84,6 +113,10 @@ impl<K: Copy> Modify<K> for JointModification<K> {
         each!(self, one => Modify::<K>::memory_owner(one, place))
     }
 
+    fn settles_at_zero(&self) -> bool {
+        each!(self, one => Modify::<K>::settles_at_zero(one))
+    }
+
     fn visit_weights_mut(&mut self, visit: impl FnMut(Slot, &mut K)) {
         each!(self, one => Modify::<K>::visit_weights_mut(one, visit));
     }
@@ -114,6 +147,29 @@ impl<K: Copy> Modify<K> for JointModification<K> {
     ) {
         each!(self, one => one.torques(params, state, memory, drives));
     }
+
+    #[inline(always)]
+    fn engage<T: Real<K = K>>(
+        &self,
+        settings: &Settings,
+        params: &Params<T>,
+        state: &mut State<T>,
+        memory: &[T],
+        drives: &mut [Drive<T>],
+    ) {
+        each!(self, one => one.engage(settings, params, state, memory, drives));
+    }
+
+    #[inline(always)]
+    fn release<T: Real<K = K>>(
+        &self,
+        settings: &Settings,
+        state: &mut State<T>,
+        memory: &mut [T],
+        drives: &mut [Drive<T>],
+    ) {
+        each!(self, one => one.release(settings, state, memory, drives));
+    }
 }
 
 /// Numbers that all of `modifications` remember of an environment together.
@@ -124,7 +180,7 @@ pub fn memory_of<K: Copy>(modifications: &[JointModification<K>]) -> usize {
 /// What each number that `modifications` remember belongs to, and whether [`settle`] makes it 0.
 pub(crate) fn memory_places<K: Copy>(modifications: &[JointModification<K>]) -> Vec<(Owner, bool)> {
     let places = |one: &JointModification<K>| {
-        let zero = matches!(one, JointModification::Gears(_));
+        let zero = one.settles_at_zero();
         (0..one.memory()).map(|place| (one.memory_owner(place), zero)).collect::<Vec<_>>()
     };
     modifications.iter().flat_map(places).collect()

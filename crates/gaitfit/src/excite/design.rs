@@ -45,7 +45,8 @@ pub(super) fn choose(
         sum.add(&candidates[one], 1.0);
         chosen.push(one);
     }
-    // Of all chosen but one. To take one away from a sum would leave rounding where it alone identifies something.
+    // The information of all chosen motions without one, summed anew. Subtracting it from the total would leave rounding
+    // errors where it alone identifies a parameter.
     let but = |chosen: &[usize], place: Option<usize>| {
         let others = chosen.iter().enumerate().filter(|(at, _)| Some(*at) != place);
         others.fold(known.clone(), |sum, (_, &one)| with(&sum, one))

@@ -22,7 +22,7 @@ impl Information {
         Self { curvature: DMatrix::zeros(count, count), noise: DMatrix::zeros(count, count) }
     }
 
-    /// That of logs with the sensitivity `found`, with the variance `variance` of their differences.
+    /// The information in logs whose sensitivity is `found` and whose differences have the variance `variance`.
     pub fn new(found: &Sensitivity, variance: f64) -> Self {
         let count = found.curvature.len();
         let curvature = DMatrix::from_fn(count, count, |i, j| found.curvature[i][j]);

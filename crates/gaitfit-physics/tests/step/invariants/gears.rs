@@ -21,8 +21,8 @@ struct Case {
 
 const RIGID: Case = Case { play: 0.0, compliance: 0.0, friction: 0.2, gears: false };
 
-/// Motion of a clamped Go2 whose targets swing for a second: angles of the motors, and of the links less those of the
-/// motors, `samples × joints`, rad.
+/// Motion of a clamped Go2 whose targets swing for a second: the motors' angles, and the links' angles minus
+/// the motors', `samples × joints`, rad.
 fn swing(case: Case, timestep: f64) -> [Vec<f64>; 2] {
     let model = clamped("go2");
     let tree = compile::<f64>(&model, &Settings { timestep, ..converged(&model) }).unwrap();

@@ -116,7 +116,6 @@ pub(super) struct Block<T: Lanes> {
     work: Work<T>,
     drives: Vec<Drive<T>>,
     history: Vec<T>,
-    gears: Gears,
     /// What gears remember.
     memory: Vec<T>,
 }
@@ -129,7 +128,6 @@ impl<T: Lanes> Block<T> {
             work: Work::new(tree),
             drives: vec![Drive::zero(); n],
             history: vec![T::zero(); n * taps],
-            gears: Gears { joints: n },
             memory: Vec::new(),
         }
     }
@@ -167,7 +165,7 @@ impl<T: Lanes> Block<T> {
             }
         }
         seed(&mut self.state);
-        let gears = [JointModification::Gears(self.gears)];
+        let gears = [JointModification::Gears(Gears { joints: n })];
         let gears: &[JointModification<T::K>] =
             if lanes.iter().any(|lane| has_gears(&lane.params)) { &gears } else { &[] };
         self.memory.clear();

@@ -31,7 +31,7 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// Of all joints; `min`: no spring below this stiffness is worth a word, N·m/rad.
+    /// Judges all joints. Springs weaker than `min` (N·m/rad) are ignored.
     pub fn new(joints: &[Stiffness<'_>], min: f64) -> Self {
         let off: Vec<f64> = (0..joints.len()).map(|at| joints[at].value - usual(joints, at)).collect();
         let scatter = MEDIAN_TO_DEVIATION * median(off.iter().map(|off| off.abs()).collect());
