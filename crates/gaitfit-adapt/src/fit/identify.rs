@@ -257,7 +257,7 @@ mod tests {
     fn a_lower_cost_counts_from_three_standard_errors_on() {
         let entry = Entry {
             name: "p".into(),
-            kind: "p".into(),
+            kind: "p",
             joints: Vec::new(),
             unit: "-".into(),
             lower: 0.0,
