@@ -57,6 +57,11 @@ pub fn as_written(path: &Path, lenient: bool) -> Result<Model, Error> {
     Ok(gaitfit_model::read(path, &ReadOptions { lenient, root: None, add_floor: false })?)
 }
 
+/// Names of the robot's joints, in its order.
+pub fn joint_names(model: &Model) -> Vec<String> {
+    model.joints.iter().map(|joint| joint.name.clone()).collect()
+}
+
 /// What to know of a robot that was read, before trusting what it shows: what was added or mended, what a lenient
 /// reading took away, what bounds no torque or touches no ground.
 pub fn remarks(model: &Model) -> Vec<String> {

@@ -14,8 +14,9 @@ use crate::log::{self, Log};
 use crate::robot::Hold;
 use crate::settings::{AdaptConfig, Base, check};
 use crate::walk::logs::{self as walk_logs, LogNotes, Purpose};
+use crate::walk::sized;
 use crate::walk::swing::SwingFindings;
-use crate::walk::walking::{Walking, rest_angles};
+use crate::walk::walking::{self, Walking, rest_angles};
 use crate::{Error, machine, paths, policy_file, robot, theta};
 use gaitfit_adapt::cost::Cost;
 use gaitfit_adapt::fit::{FitOptions, Method as Search};
@@ -121,20 +122,27 @@ impl Setup {
         devices: &Devices,
         given: Option<&Policy>,
     ) -> Result<Self, Error> {
+        let stated = config;
         let mut config = config.clone();
         // The folder keeps every default, these too.
         config.parameter.iter_mut().for_each(ParameterRule::resolve);
         config.number.iter_mut().for_each(RobotRule::resolve);
         check::check(&config, config_path)?;
         let Robot { model, policy, base, known, mut files } = Robot::read(&config, config_path, given)?;
-        let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+        let joints = crate::robot::joint_names(&model);
+        config.groups = config.groups(&joints).into_iter().collect();
+        if let Some(policy) = &policy {
+            leave_held_out(&mut config, policy, &joints);
+            sized::fit_to(&mut config, stated, &model);
+            config.simulation.timestep = walking::timestep(&config, policy)?;
+        }
         let rest = match &policy {
             Some(policy) => rest_angles(policy, &model)?,
             None => vec![0.0; joints.len()],
         };
         let theta = config
             .rules()
-            .theta(&config.groups(), &joints, &rest)
+            .theta(&config.groups(&joints), &joints, &rest)
             .map_err(|error| Error::settings(format!("{}: {error}", config_path.display())))?;
         let (walker, robot) = (policy.clone(), model.clone());
         let gpus = devices.open()?;
@@ -249,9 +257,23 @@ fn sprung(config: &AdaptConfig, method: &Method, joints: &[String]) -> Result<Th
     }));
     rules.resolve();
     rules
-        .theta(&config.groups(), &names, &rest)
+        .theta(&config.groups(&names), &names, &rest)
         .and_then(|theta| theta.with_priors(&config.prior, config.optimizer.prior_weight))
         .map_err(|error| Error::settings(format!("`odd_joints` puts a spring on every joint: {error}")))
+}
+
+/// Limits rules with values for joints or groups to joints that the policy moves, unless the rule names its joints. Joints
+/// that the policy holds hardly move, and logs often lack them.
+fn leave_held_out(config: &mut AdaptConfig, policy: &Policy, joints: &[String]) {
+    let moved: Vec<String> =
+        joints.iter().filter(|&joint| policy.interface.joints.contains(joint)).cloned().collect();
+    if moved.is_empty() || moved.len() == joints.len() {
+        return;
+    }
+    let apart = |rule: &&mut ParameterRule| rule.per != Sharing::All && rule.joints == ["*"];
+    for rule in config.parameter.iter_mut().filter(apart) {
+        rule.joints.clone_from(&moved);
+    }
 }
 
 /// Whether fits of simulated logs, or simulated robots, may correct a fit of `config`.

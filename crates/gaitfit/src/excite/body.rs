@@ -215,7 +215,7 @@ fn theta(config: &AdaptConfig, names: &[String]) -> Result<Theta, Error> {
     (rules.network, rules.robot) = Default::default();
     rules.resolve();
     rules
-        .theta(&config.groups(), names, &vec![0.0; names.len()])
+        .theta(&config.groups(names), names, &vec![0.0; names.len()])
         .map_err(|error| Error::settings(format!("what is fitted: {error}")))
 }
 

@@ -142,7 +142,7 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     let policy = policy.ok_or_else(|| Error::settings("`policy` names no policy"))?;
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
     let rest = rest_angles(&policy, &model)?;
-    let theta = config.rules().theta(&config.groups(), &names, &rest).map_err(Error::settings)?;
+    let theta = config.rules().theta(&config.groups(&names), &names, &rest).map_err(Error::settings)?;
     let values = known_values(&config, &theta, settings.theta.as_deref())?;
     let asked = asked(&settings.parameters, &theta)?;
     let method = simulated(&config, Some(policy.clone()), model.clone(), &theta, &base, Some(threads))?;

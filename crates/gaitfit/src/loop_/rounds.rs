@@ -225,7 +225,7 @@ pub fn add_truth(setup: &Setup, config: &mut AdaptConfig) {
     let Some(ThetaFile { parameter, .. }) = &setup.truth else { return };
     let joints: Vec<String> = setup.model.joints.iter().map(|joint| joint.name.clone()).collect();
     let rest = vec![0.0; joints.len()];
-    let Ok(theta) = config.rules().theta(&config.groups(), &joints, &rest) else { return };
+    let Ok(theta) = config.rules().theta(&config.groups(&joints), &joints, &rest) else { return };
     for entry in theta.entries() {
         let covers = |joints: &[String]| entry.joints.iter().all(|joint| joints.contains(joint));
         // Later numbers win, as in the file.

@@ -3,6 +3,7 @@
 use crate::Error;
 use gaitfit_log::{CheckSpec, FindingKind, ReadOptions, Severity, check, csv_files, read_csv_report};
 use gaitfit_model::Model;
+use gaitfit_policy::Policy;
 use std::path::{Path, PathBuf};
 
 /// What the logs hold.
@@ -23,11 +24,11 @@ pub struct Logs {
 }
 
 impl Logs {
-    /// Reads the logs and compares their joints with the robot's.
+    /// Reads the logs and compares their joints with the robot's. Joints that the policy holds may be missing.
     ///
     /// # Errors
     /// A file or folder that cannot be read, or without logs; joints that are not the robot's.
-    pub fn read(named: &[PathBuf], model: &Model) -> Result<Self, Error> {
+    pub fn read(named: &[PathBuf], model: &Model, policy: Option<&Policy>) -> Result<Self, Error> {
         let mut files = Vec::new();
         for path in named {
             if path.is_dir() {
@@ -54,13 +55,13 @@ impl Logs {
             joints: Vec::new(),
         };
         for file in logs.files.clone() {
-            logs.add(&file, model)?;
+            logs.add(&file, model, policy)?;
         }
         logs.rates.sort_by(f64::total_cmp);
         Ok(logs)
     }
 
-    fn add(&mut self, file: &Path, model: &Model) -> Result<(), Error> {
+    fn add(&mut self, file: &Path, model: &Model, policy: Option<&Policy>) -> Result<(), Error> {
         let (log, report) = read_csv_report(file, &ReadOptions::default())?;
         let strange: Vec<&str> =
             log.joints.iter().filter(|name| model.find_joint(name).is_none()).map(String::as_str).collect();
@@ -77,6 +78,8 @@ impl Logs {
         let mut findings = report.findings();
         findings.extend(check(&log, &CheckSpec::of_robot(model, &log.joints)));
         let assumptions = [FindingKind::TimeUnit, FindingKind::SuspectUnit, FindingKind::RateMismatch];
+        let held = |joint: &String| policy.is_some_and(|policy| !policy.interface.joints.contains(joint));
+        findings.retain(|one| one.kind != FindingKind::MissingJoint || !one.joints.iter().all(held));
         for finding in
             findings.iter().filter(|one| assumptions.contains(&one.kind) || one.severity == Severity::Error)
         {

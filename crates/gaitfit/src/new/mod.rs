@@ -1,13 +1,12 @@
 //! A first configuration for a robot's logs: a fit of legs in the air, or with a policy the loop of a robot that walked.
 //! What is assumed is reported; what is missing is asked for by name.
 
-mod groups;
 mod logs;
 mod text;
 
 use crate::adapt::Setup;
 use crate::robot::{self, Hold};
-use crate::settings::{self, AdaptConfig, LoopConfig};
+use crate::settings::{self, AdaptConfig, LoopConfig, groups};
 use crate::{Error, files, init, paths, policy_file, robot_file};
 use gaitfit_log::PerJoint;
 use gaitfit_model::{Model, shown};
@@ -107,7 +106,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
         Some(path) => robot::read(path, settings.lenient, hold)?,
         None => robot::go2()?,
     };
-    let logs = Logs::read(&settings.logs, &model)?;
+    let logs = Logs::read(&settings.logs, &model, policy.as_ref())?;
     if let Some(log) = logs.files.iter().find(|log| is_sidecar(out, log)) {
         return Err(Error::settings(format!(
             "--out {}: a file of that name beside {} describes that log; give the configuration another name",
@@ -122,7 +121,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
         ));
     }
     let gains = if policy.is_some() { None } else { gains(settings, &model, &logs)? };
-    let groups = groups::from_model(&model);
+    let groups = groups::by_name(&crate::robot::joint_names(&model));
     let found = Found { settings, out, model, policy, logs, gains, groups };
     files::write(out, found.text().as_bytes())?;
     let mut written = found.checked();

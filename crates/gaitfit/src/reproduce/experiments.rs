@@ -232,12 +232,14 @@ mod tests {
                         assert!(kinds.is_empty(), "{}", cell.name);
                         // Full: all weights from zero, one network a joint, as the paper has it.
                         let rule = &config.adapt.network[0];
-                        let entries = config.adapt.rules().theta(&config.adapt.groups(), &joints, &[0.0; 12]);
+                        let entries =
+                            config.adapt.rules().theta(&config.adapt.groups(&joints), &joints, &[0.0; 12]);
                         let count = entries.unwrap().entries().len();
                         let networks = if scenario == "spring" { 1 } else { 12 };
                         if full {
                             assert_eq!((rule.lower, rule.upper, rule.deviation), (-1.0, 1.0, 0.25));
-                            assert_eq!((count, rule.output_scale), (97 * networks, 1.0), "{}", cell.name);
+                            let scale = if modification == "residact" { 10.0 } else { 1.0 };
+                            assert_eq!((count, rule.output_scale), (97 * networks, scale), "{}", cell.name);
                         } else {
                             assert_eq!(count, if scenario == "spring" { 5 } else { 15 }, "{}", cell.name);
                         }
@@ -247,8 +249,11 @@ mod tests {
                         let small = if scenario == "spring" { 100 } else { 200 };
                         assert_eq!(generations, if full { 10_000 } else { small }, "{}", cell.name);
                     }
-                    let theta =
-                        config.adapt.rules().theta(&config.adapt.groups(), &joints, &[0.0; 12]).unwrap();
+                    let theta = config
+                        .adapt
+                        .rules()
+                        .theta(&config.adapt.groups(&joints), &joints, &[0.0; 12])
+                        .unwrap();
                     let fitted: BTreeSet<&String> =
                         theta.entries().iter().flat_map(|entry| entry.joints.iter()).collect();
                     if scenario == "spring" {

@@ -12,6 +12,8 @@ pub struct Paper {
     full: Vec<String>,
     /// Those that cells with networks need besides.
     full_networks: Vec<String>,
+    /// Those that cells with ResidAct need besides.
+    full_resid_act: Vec<String>,
     /// Those that cells with networks on every joint need besides.
     full_every_joint: Vec<String>,
     /// True parameters of the model shift, N·m and kg·m².
@@ -96,10 +98,12 @@ impl Paper {
     pub fn full(&self, cell: &PaperCell) -> Vec<String> {
         let parts = cell.parts();
         let networks = parts.is_some_and(|[_, modification, _]| modification != "fricarm");
+        let resid_act = parts.is_some_and(|[_, modification, _]| modification == "residact");
         let everywhere = networks && parts.is_some_and(|[scenario, ..]| scenario != "spring");
         let chosen = |wanted: bool, list: &'_ [String]| if wanted { list.to_vec() } else { Vec::new() };
         let more = chosen(networks, &self.full_networks)
             .into_iter()
+            .chain(chosen(resid_act, &self.full_resid_act))
             .chain(chosen(everywhere, &self.full_every_joint));
         self.full.iter().cloned().chain(more).collect()
     }

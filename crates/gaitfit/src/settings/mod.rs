@@ -4,6 +4,7 @@
 pub mod check;
 mod controls;
 mod finetune;
+pub mod groups;
 mod load;
 mod loop_;
 mod messages;
@@ -24,6 +25,7 @@ pub use target::{TargetConfig, TargetKind, check_torque_noise};
 pub use task::{Task, TaskName, load_task};
 pub use text::{DEFAULTS, train_defaults};
 pub use train::TrainConfig;
+pub use walking::walk_defaults;
 
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::CostKind;
@@ -289,8 +291,13 @@ impl AdaptConfig {
         if self.sensed() { MIN_SENSED_S } else { MIN_STRETCH_S }
     }
 
-    /// Groups as the rules take them.
-    pub fn groups(&self) -> Vec<(String, Vec<String>)> {
+    /// Groups of `joints` as the rules take them: those of the configuration, or joints of the same name on every leg
+    /// where the configuration has the default ones and these do not hold all joints.
+    pub fn groups(&self, joints: &[String]) -> Vec<(String, Vec<String>)> {
+        let default = self.groups == Self::default().groups;
+        if let Some(groups) = default.then(|| groups::by_name(joints)).flatten() {
+            return groups;
+        }
         self.groups.iter().map(|(name, patterns)| (name.clone(), patterns.clone())).collect()
     }
 }

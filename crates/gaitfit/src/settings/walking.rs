@@ -5,6 +5,7 @@
 //! parameters come as near to walks that were not fitted as the robot comes to itself; short predictions (`matchr`) with
 //! friction and armature alone come out further off than the robot before the fit. See docs/results/accuracy.md.
 
+use super::AdaptConfig;
 use super::load::merge;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -32,6 +33,11 @@ fn walks(table: &DeTable<'_>) -> bool {
         Some(_) => false,
         None => table.contains_key("policy"),
     }
+}
+
+/// The defaults of walking logs, settings that they leave out as of a clamped robot's.
+pub fn walk_defaults() -> AdaptConfig {
+    toml::from_str(WALK_DEFAULTS).unwrap_or_default()
 }
 
 /// Fills in what settings of walking logs leave out.

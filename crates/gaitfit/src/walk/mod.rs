@@ -13,6 +13,7 @@ pub mod policy_check;
 pub mod rate;
 pub mod recorder;
 pub mod simulator;
+pub mod sized;
 pub mod swing;
 pub mod tilt;
 pub mod walking;

@@ -4,7 +4,7 @@ use super::simulator::WalkSimulator;
 use crate::Error;
 use crate::log::Log;
 use crate::robot;
-use crate::settings::{AdaptConfig, Preset};
+use crate::settings::{AdaptConfig, Preset, SimulationConfig};
 use gaitfit_adapt::{JointParameter, Theta};
 use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_model::Model;
@@ -99,14 +99,32 @@ fn substeps(period: f64, step: f64) -> usize {
     (period / step - 0.01).ceil().max(1.0) as usize
 }
 
+/// Largest physics step of a fit, s. If the configuration leaves the default, it is at most that of the policy's training:
+/// robots with stiff gains or much damping shake with longer ones.
+///
+/// # Errors
+/// A task in the policy's file that cannot be read.
+pub fn timestep(config: &AdaptConfig, policy: &Policy) -> Result<f64, Error> {
+    let step = config.simulation.timestep;
+    if step != SimulationConfig::default().timestep {
+        return Ok(step);
+    }
+    let trained = trained(policy)?.map(|task| policy.interface.control_dt / task.substeps.max(1) as f64);
+    Ok(trained.map_or(step, |trained| step.min(trained)))
+}
+
+/// The task in the policy's file, if it has one.
+fn trained(policy: &Policy) -> Result<Option<TaskSettings>, Error> {
+    let task = &policy.provenance.task;
+    let wrong = |error| Error::failed(format!("the task in the policy's file: {error}"));
+    if task.is_empty() { Ok(None) } else { toml::from_str(task).map(Some).map_err(wrong) }
+}
+
 /// The policy's task as the configuration has it simulated.
 fn settings(config: &AdaptConfig, policy: &Policy, model: &Model) -> Result<TaskSettings, Error> {
-    let task = &policy.provenance.task;
-    let mut settings = if task.is_empty() {
-        robot::usual_task(model)?
-    } else {
-        let wrong = |error| Error::failed(format!("the task in the policy's file: {error}"));
-        toml::from_str(task).map_err(wrong)?
+    let mut settings = match trained(policy)? {
+        Some(task) => task,
+        None => robot::usual_task(model)?,
     };
     settings.substeps = substeps(policy.interface.control_dt, config.simulation.timestep);
     settings.robot_timestep = config.simulation.robot_timestep.or(settings.robot_timestep);

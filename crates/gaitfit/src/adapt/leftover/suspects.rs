@@ -137,5 +137,5 @@ fn beside(setup: &Setup, more: Vec<ParameterRule>) -> Result<Theta, Error> {
     let mut rules = setup.config.rules();
     rules.parameter.extend(more);
     rules.resolve();
-    rules.theta(&setup.config.groups(), &joints, &vec![0.0; joints.len()]).map_err(Error::settings)
+    rules.theta(&setup.config.groups(&joints), &joints, &vec![0.0; joints.len()]).map_err(Error::settings)
 }

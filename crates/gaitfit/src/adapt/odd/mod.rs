@@ -159,7 +159,7 @@ fn compare(setup: &Setup, theta: &Theta, outcome: &CostOutcome) -> OddJoints {
 
 /// Groups of joints with their patterns.
 fn groups(setup: &Setup) -> Vec<(String, Vec<gaitfit_model::patterns::Pattern>)> {
-    let groups = setup.config.groups().into_iter();
+    let groups = setup.config.groups.clone().into_iter();
     groups.filter_map(|(name, patterns)| Some((name, compile(&patterns).ok()?))).collect()
 }
 

@@ -1,7 +1,6 @@
 //! Joints that are alike: the same joint of every leg.
 
-use crate::settings::AdaptConfig;
-use gaitfit_model::Model;
+use super::AdaptConfig;
 use gaitfit_model::patterns::plain;
 use globset::Glob;
 
@@ -11,25 +10,26 @@ const SIDES: [&str; 22] = [
     "front", "rear", "hind", "back", "middle",
 ];
 
-/// Groups of a robot's joints, by name and with exact names; `None` if the default groups hold all of them.
-pub fn from_model(model: &Model) -> Option<Vec<(String, Vec<String>)>> {
-    let defaults = AdaptConfig::default().groups();
+/// Groups of joints by their names without the leg, each with exact names; `None` if the default groups hold all of the
+/// joints.
+pub fn by_name(joints: &[String]) -> Option<Vec<(String, Vec<String>)>> {
+    let defaults = AdaptConfig::default().groups;
     let patterns: Vec<_> = defaults
-        .iter()
-        .flat_map(|(_, patterns)| patterns)
+        .values()
+        .flatten()
         .filter_map(|pattern| Glob::new(pattern).ok())
         .map(|glob| glob.compile_matcher())
         .collect();
     let grouped = |name: &str| patterns.iter().filter(|pattern| pattern.is_match(name)).count() == 1;
-    if model.joints.iter().all(|joint| grouped(&joint.name)) {
+    if joints.iter().all(|joint| grouped(joint)) {
         return None;
     }
     let mut groups: Vec<(String, Vec<String>)> = Vec::new();
-    for joint in &model.joints {
-        let key = key(&joint.name);
+    for joint in joints {
+        let key = key(joint);
         match groups.iter_mut().find(|(name, _)| *name == key) {
-            Some((_, joints)) => joints.push(joint.name.clone()),
-            None => groups.push((key, vec![joint.name.clone()])),
+            Some((_, alike)) => alike.push(joint.clone()),
+            None => groups.push((key, vec![joint.clone()])),
         }
     }
     Some(groups)
@@ -45,7 +45,24 @@ fn key(name: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::key;
+    use super::*;
+
+    #[test]
+    fn default_groups_give_way_to_names_of_another_robot() {
+        let config = AdaptConfig::default();
+        let names = |joints: &[&str]| joints.iter().map(|&joint| joint.to_owned()).collect::<Vec<_>>();
+        let quadruped = names(&["FL_hip_joint", "FR_hip_joint", "FL_calf_joint"]);
+        assert_eq!(config.groups(&quadruped).len(), 3, "the default ones stay");
+        let biped = names(&["Left_Knee_Pitch", "Right_Knee_Pitch", "Waist"]);
+        let expected = vec![
+            ("knee_pitch".to_owned(), names(&["Left_Knee_Pitch", "Right_Knee_Pitch"])),
+            ("waist".to_owned(), names(&["Waist"])),
+        ];
+        assert_eq!(config.groups(&biped), expected);
+        let stated =
+            AdaptConfig { groups: [("all".to_owned(), names(&["*"]))].into(), ..AdaptConfig::default() };
+        assert_eq!(stated.groups(&biped), [("all".to_owned(), names(&["*"]))]);
+    }
 
     #[test]
     fn a_leg_leaves_the_name() {

@@ -1,0 +1,168 @@
+//! Default search bounds of walks for a robot of another size than the Go2, for which they were chosen.
+
+use crate::robot::joint_names;
+use crate::settings::AdaptConfig;
+use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule};
+use gaitfit_model::Model;
+
+/// Mass of the robot for which the default bounds were chosen, kg.
+const MASS_KG: f64 = 15.0;
+/// Its motors' torque, the median of its joints, N·m.
+const TORQUE_NM: f64 = 23.7;
+/// Upper bounds are at least this many times the model's own value.
+const OWN: f64 = 3.0;
+
+/// How large a robot is beside the Go2, in powers of two: small differences keep the default bounds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Scale {
+    mass: f64,
+    torque: f64,
+}
+
+impl Scale {
+    fn new(model: &Model, moved: &[usize]) -> Self {
+        let mass: f64 = model.bodies.iter().map(|body| body.mass).sum();
+        let mut torques: Vec<f64> = moved.iter().filter_map(|&joint| model.effort(joint)).collect();
+        torques.sort_by(f64::total_cmp);
+        let torque = torques.get(torques.len() / 2).copied().unwrap_or(TORQUE_NM);
+        Self { mass: power(mass / MASS_KG), torque: power(torque / TORQUE_NM) }
+    }
+
+    fn joint(self, kind: JointParameter) -> f64 {
+        match kind {
+            JointParameter::FrictionLoss | JointParameter::Damping => self.torque,
+            JointParameter::Armature => self.mass,
+            _ => 1.0,
+        }
+    }
+
+    fn number(self, kind: RobotNumber) -> f64 {
+        match kind {
+            RobotNumber::BaseMass | RobotNumber::PayloadMass => self.mass,
+            RobotNumber::TorqueNoise => self.torque,
+            _ => 1.0,
+        }
+    }
+}
+
+/// The power of two that is next to a ratio, between 1/64 and 64.
+fn power(ratio: f64) -> f64 {
+    let exponent = ratio.log2().round();
+    if exponent.is_finite() { exponent.clamp(-6.0, 6.0).exp2() } else { 1.0 }
+}
+
+/// Scales the bounds, deviations and starts that `given` leaves to the defaults to the robot of `model`. `config` has the
+/// same rules with every default filled in. Values of the robot's file (damping 3 N·m·s/rad, say) lie inside the bounds and are
+/// where the search starts.
+pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model) {
+    let names = joint_names(model);
+    let usual: AdaptConfig = crate::settings::walk_defaults();
+    for (rule, given) in config.parameter.iter_mut().zip(&given.parameter) {
+        let covered: Vec<usize> =
+            names.iter().enumerate().filter(|(_, name)| covers(rule, name)).map(|(joint, _)| joint).collect();
+        let scale = Scale::new(model, &covered).joint(rule.kind);
+        let given = if usual.parameter.contains(given) { &ParameterRule::new(rule.kind) } else { given };
+        let mut own: Vec<f64> = covered.iter().filter_map(|&joint| value(model, rule.kind, joint)).collect();
+        own.sort_by(f64::total_cmp);
+        let middle = own.get(own.len() / 2).copied().unwrap_or_default();
+        let largest = own.last().copied().unwrap_or_default();
+        let upper = rule.upper.unwrap_or_default();
+        let wider = (upper * scale).max(OWN * largest);
+        if given.upper.is_none() {
+            rule.upper = Some(wider);
+        }
+        if given.deviation.is_none() && upper > 0.0 {
+            rule.deviation = rule.deviation.map(|deviation| deviation * wider / upper);
+        }
+        if given.start.is_none() && middle > 0.0 {
+            rule.start = Some(middle);
+        }
+    }
+    let every: Vec<usize> = (0..names.len()).collect();
+    for (rule, given) in config.number.iter_mut().zip(&given.number) {
+        let scale = Scale::new(model, &every).number(rule.kind);
+        let given = if usual.number.contains(given) { &RobotRule::new(rule.kind) } else { given };
+        let scaled = |chosen: Option<f64>, value: &mut Option<f64>| {
+            if chosen.is_none() {
+                *value = value.map(|value| value * scale);
+            }
+        };
+        scaled(given.lower, &mut rule.lower);
+        scaled(given.upper, &mut rule.upper);
+        scaled(given.deviation, &mut rule.deviation);
+    }
+}
+
+fn covers(rule: &ParameterRule, name: &str) -> bool {
+    gaitfit_model::patterns::compile(&rule.joints)
+        .is_ok_and(|patterns| patterns.iter().any(|pattern| pattern.covers(name)))
+}
+
+/// What the robot's file has of a parameter that the scale concerns.
+fn value(model: &Model, kind: JointParameter, joint: usize) -> Option<f64> {
+    let joint = &model.joints[joint];
+    match kind {
+        JointParameter::FrictionLoss => Some(joint.frictionloss),
+        JointParameter::Damping => Some(joint.damping),
+        JointParameter::Armature => Some(joint.armature),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    fn defaults(model: &Model) -> AdaptConfig {
+        let given = crate::settings::walk_defaults();
+        let mut config = given.clone();
+        config.parameter.iter_mut().for_each(ParameterRule::resolve);
+        config.number.iter_mut().for_each(RobotRule::resolve);
+        fit_to(&mut config, &given, model);
+        config
+    }
+
+    fn rule(config: &AdaptConfig, kind: JointParameter) -> ParameterRule {
+        config.parameter.iter().find(|rule| rule.kind == kind).unwrap().clone()
+    }
+
+    #[test]
+    fn the_go2_keeps_its_bounds() {
+        let config = defaults(&crate::robot::go2().unwrap());
+        let mut resolved = crate::settings::walk_defaults();
+        resolved.parameter.iter_mut().for_each(ParameterRule::resolve);
+        resolved.number.iter_mut().for_each(RobotRule::resolve);
+        assert_eq!((config.parameter, config.number), (resolved.parameter, resolved.number));
+    }
+
+    #[test]
+    fn a_heavier_robot_with_damping_of_its_own_gets_wider_bounds() {
+        let mut model = crate::robot::go2().unwrap();
+        model.bodies.iter_mut().for_each(|body| body.mass *= 2.1);
+        model.joints.iter_mut().for_each(|joint| joint.damping = 3.0);
+        let config = defaults(&model);
+        let damping = rule(&config, JointParameter::Damping);
+        assert_eq!((damping.start, damping.upper), (Some(3.0), Some(9.0)));
+        assert_eq!(rule(&config, JointParameter::Armature).upper, Some(0.2));
+        assert_eq!(rule(&config, JointParameter::FrictionLoss).upper, Some(2.0), "its motors are the same");
+        let mass = config.number.iter().find(|rule| rule.kind == RobotNumber::BaseMass).unwrap();
+        assert_eq!((mass.lower, mass.upper), (Some(-4.0), Some(10.0)));
+    }
+
+    #[test]
+    fn stated_bounds_stay() {
+        let mut model = crate::robot::go2().unwrap();
+        model.joints.iter_mut().for_each(|joint| joint.damping = 3.0);
+        let rule = ParameterRule {
+            upper: Some(5.0),
+            start: Some(1.0),
+            ..ParameterRule::new(JointParameter::Damping)
+        };
+        let given = AdaptConfig { parameter: vec![rule], number: Vec::new(), ..AdaptConfig::default() };
+        let mut config = given.clone();
+        config.parameter.iter_mut().for_each(ParameterRule::resolve);
+        fit_to(&mut config, &given, &model);
+        assert_eq!((config.parameter[0].start, config.parameter[0].upper), (Some(1.0), Some(5.0)));
+    }
+}
