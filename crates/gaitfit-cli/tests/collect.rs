@@ -81,7 +81,9 @@ fn logs_read_back_are_what_the_policy_saw_and_did() {
 fn shifts_seeds_and_threads() {
     let folders: Vec<_> = (0..4).map(|_| tempfile::tempdir().unwrap()).collect();
     let plain = collect(folders[0].path(), &["--threads", "1"]);
-    assert!(plain[0].base.is_none(), "a robot does not measure its base");
+    let base = plain[0].base.as_ref().unwrap();
+    assert!(base.quaternion.is_some() && base.angular_velocity.is_some(), "an inertial unit measures them");
+    assert!(base.position.is_none() && base.linear_velocity.is_none(), "a robot does not measure them");
     let signals =
         |logs: &[Trajectory]| -> Vec<Vec<f64>> { logs.iter().map(|log| log.position.clone()).collect() };
     assert!(signals(&plain) == signals(&collect(folders[1].path(), &["--threads", "2"])));

@@ -125,6 +125,7 @@ pub(crate) fn trajectory(
         base: (base != BaseState::default()).then_some(base),
         gains,
         lead,
+        simulated_step: sources.iter().find_map(|source| source.simulated_step),
         fell: sources.iter().any(|source| source.fell),
     };
     trajectory.validate()?;

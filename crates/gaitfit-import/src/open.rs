@@ -258,6 +258,7 @@ fn read_log(path: &Path, options: &Options) -> Result<Source, ImportError> {
     source.robot = log.robot.clone();
     source.fell = log.fell;
     source.lead = log.lead;
+    source.simulated_step = log.simulated_step;
     source.thinned = every > 1;
     source.gains = log.gains.map(|gains| (gains.kp, gains.kd));
     source.tables.push(table);

@@ -56,6 +56,8 @@ pub(crate) struct Source {
     pub gains: Option<(Vec<f64>, Vec<f64>)>,
     /// How long after their rows targets were stamped, where the file says it.
     pub lead: Option<Lead>,
+    /// Physics step of the simulator that made it, s.
+    pub simulated_step: Option<f64>,
     /// The robot's name, where the file says it.
     pub robot: Option<String>,
     /// Whether it is of messages on topics.

@@ -17,7 +17,8 @@ pub struct CollectOptions {
     pub seconds: f64,
     /// The log begins this long after the robot, drawn uniformly for each trajectory, s.
     pub shift: [f64; 2],
-    /// Whether the base's pose and velocity are recorded too, which a robot does not measure.
+    /// Whether the base's position and velocity are recorded too, which a robot does not measure. Orientation and body rates
+    /// always are: an inertial unit measures them.
     pub privileged: bool,
 }
 
@@ -33,8 +34,8 @@ pub struct Collected {
 /// Environments that one thread advances together.
 const TILE: usize = 64;
 
-/// Runs the subject's policy and records every robot's joint signals at the control rate: a row holds position
-/// and velocity as the policy saw them, and the action and target that followed. Commands are drawn as the task
+/// Runs the subject's policy and records every robot's joint signals and inertial unit at the control rate: a row holds
+/// position and velocity as the policy saw them, and the action and target that followed. Commands are drawn as the task
 /// says. Results do not depend on the number of threads.
 ///
 /// # Errors
@@ -136,14 +137,15 @@ impl Recorder {
             target: Some(Vec::new()),
             action: Some(Vec::new()),
             command: Some(Vec::new()),
-            base: options.privileged.then(|| BaseState {
-                position: Some(Vec::new()),
+            base: Some(BaseState {
+                position: options.privileged.then(Vec::new),
                 quaternion: Some(Vec::new()),
-                linear_velocity: Some(Vec::new()),
+                linear_velocity: options.privileged.then(Vec::new),
                 angular_velocity: Some(Vec::new()),
             }),
             gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
             lead: None,
+            simulated_step: Some(task.walker.physics_step()),
             fell: false,
         };
         Self {
@@ -184,10 +186,18 @@ impl Recorder {
         log.velocity.extend(next(actions));
         log.command.get_or_insert_default().extend(next(3));
         if let Some(base) = &mut log.base {
-            base.position.get_or_insert_default().extend(next(3));
-            base.quaternion.get_or_insert_default().extend(next(4));
-            base.linear_velocity.get_or_insert_default().extend(next(3));
-            base.angular_velocity.get_or_insert_default().extend(next(3));
+            let parts = [
+                &mut base.position,
+                &mut base.quaternion,
+                &mut base.linear_velocity,
+                &mut base.angular_velocity,
+            ];
+            for (part, width) in parts.into_iter().zip([3, 4, 3, 3]) {
+                let values = next(width);
+                if let Some(part) = part {
+                    part.extend(values);
+                }
+            }
         }
     }
 

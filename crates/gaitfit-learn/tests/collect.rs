@@ -126,7 +126,15 @@ fn threads_change_no_bit_and_falls_end_logs() {
     let options = CollectOptions { count: 70, seconds: 0.1, privileged: false, ..OPTIONS };
     let once = logs(&scene, &policy, &options, 1);
     assert!(once == logs(&scene, &policy, &options, 3));
-    assert!(once.iter().all(|log| log.base.is_none()));
+    for log in &once {
+        let base = log.base.as_ref().unwrap();
+        assert_eq!((&base.position, &base.linear_velocity), (&None, &None), "no inertial unit measures them");
+        let rows = log.len();
+        let [turned, rates] =
+            [&base.quaternion, &base.angular_velocity].map(|part| part.as_ref().unwrap().len());
+        assert_eq!((turned, rates), (4 * rows, 3 * rows));
+        assert_eq!(log.simulated_step, Some(scene.walker.physics_step()));
+    }
 
     let mut task = calm();
     task.policy.kp = gaitfit_learn::task::JointNumber::All(1e-3);

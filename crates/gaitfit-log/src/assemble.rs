@@ -117,6 +117,7 @@ pub(crate) fn assemble(
         base: (base != BaseState::default()).then_some(base),
         gains,
         lead,
+        simulated_step: metadata.simulated_step_s.map(|step| step.value),
         fell: metadata.fell.is_some_and(|fell| fell.value),
     };
     trajectory.validate()?;

@@ -84,6 +84,8 @@ pub(crate) struct Metadata {
     pub fell: Option<Sourced<bool>>,
     pub target_lead_s: Option<Sourced<f64>>,
     pub target_lead_spread_s: Option<Sourced<f64>>,
+    /// Physics step of the simulator that made the log, s.
+    pub simulated_step_s: Option<Sourced<f64>>,
     /// How the inertial unit's columns are to be read, key by key.
     pub imu: ImuSettings,
     /// Findings that do not forbid using the log.
@@ -101,6 +103,7 @@ pub(crate) struct Statements {
     pub fell: Option<bool>,
     pub target_lead_s: Option<f64>,
     pub target_lead_spread_s: Option<f64>,
+    pub simulated_step_s: Option<f64>,
     pub imu: Option<ImuSettings>,
     pub allow: Option<Vec<FindingKind>>,
     /// Free remarks of the recorder; not used.
@@ -111,7 +114,7 @@ pub(crate) struct Statements {
 /// Most characters of what the TOML reader says.
 const REASON: usize = 200;
 
-const KEYS: [&str; 13] = [
+const KEYS: [&str; 14] = [
     "robot",
     "rate_hz",
     "kp",
@@ -119,6 +122,7 @@ const KEYS: [&str; 13] = [
     "fell",
     "target_lead_s",
     "target_lead_spread_s",
+    "simulated_step_s",
     "allow",
     "imu.order",
     "imu.frame",
@@ -142,6 +146,7 @@ impl Metadata {
         fill(&mut self.fell, statements.fell, place);
         fill(&mut self.target_lead_s, statements.target_lead_s, place);
         fill(&mut self.target_lead_spread_s, statements.target_lead_spread_s, place);
+        fill(&mut self.simulated_step_s, statements.simulated_step_s, place);
         fill(&mut self.allow, statements.allow, place);
         self.imu = self.imu.or(statements.imu.unwrap_or_default());
     }
@@ -183,6 +188,7 @@ impl Metadata {
             "kd" => self.kd.as_ref().map(|said| &said.place),
             "target_lead_s" => self.target_lead_s.as_ref().map(|said| &said.place),
             "target_lead_spread_s" => self.target_lead_spread_s.as_ref().map(|said| &said.place),
+            "simulated_step_s" => self.simulated_step_s.as_ref().map(|said| &said.place),
             "fell" => self.fell.as_ref().map(|said| &said.place),
             "allow" => self.allow.as_ref().map(|said| &said.place),
             _ => None,
@@ -204,6 +210,7 @@ impl Metadata {
             fell: self.fell.or(other.fell),
             target_lead_s: self.target_lead_s.or(other.target_lead_s),
             target_lead_spread_s: self.target_lead_spread_s.or(other.target_lead_spread_s),
+            simulated_step_s: self.simulated_step_s.or(other.simulated_step_s),
             imu: self.imu.or(other.imu),
             allow: self.allow.or(other.allow),
         }
@@ -245,7 +252,7 @@ pub(crate) fn read_sidecars(path: &Path) -> Result<(Metadata, Vec<PathBuf>), Log
         let statements: Statements = toml::from_str(&text).map_err(|error| {
             refuse(format!(
                 "{}. A log's sidecar has the keys robot, rate_hz, kp, kd, fell, target_lead_s, \
-                 target_lead_spread_s, allow and the tables imu (order, frame, unit, negated, mounting) and notes. \
+                 target_lead_spread_s, simulated_step_s, allow and the tables imu (order, frame, unit, negated, mounting) and notes. \
                  If this file is \
                  something else, rename it, or read without sidecar files",
                 reason(&text, &error)

@@ -49,6 +49,8 @@ impl std::fmt::Display for Signal {
 
 /// Largest time between a row and its target's message, s.
 const MAX_LEAD_S: f64 = 1.0;
+/// Largest physics step of a simulator, s.
+const MAX_STEP_S: f64 = 0.1;
 
 /// Largest resampled trajectory, values (400 MB).
 pub(crate) const RESAMPLE_LIMIT: f64 = 5e7;
@@ -152,6 +154,13 @@ impl Trajectory {
                     ),
                 );
             }
+        }
+        if let Some(step) = self.simulated_step.filter(|step| !(*step > 0.0 && *step <= MAX_STEP_S)) {
+            let problem = format!(
+                "{} s; a simulator's physics step is above 0 and at most {MAX_STEP_S} s",
+                shown_number(step)
+            );
+            return refuse("simulated_step_s", problem);
         }
         if let Some(gains) = &self.gains {
             for (what, values) in [("gains.kp", &gains.kp), ("gains.kd", &gains.kd)] {
@@ -358,6 +367,7 @@ impl Trajectory {
             joints: self.joints.clone(),
             gains: self.gains.clone(),
             lead: self.lead,
+            simulated_step: self.simulated_step,
             fell: self.fell,
         }
     }
@@ -406,6 +416,7 @@ impl Trajectory {
             }),
             gains,
             lead: self.lead,
+            simulated_step: self.simulated_step,
             fell: self.fell,
         }
     }

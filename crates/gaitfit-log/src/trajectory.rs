@@ -34,6 +34,9 @@ pub struct Trajectory {
     pub gains: Option<Gains>,
     /// How long after its row's time each target (or action) was sent, where the log knows it; absent: at the row's time.
     pub lead: Option<Lead>,
+    /// Physics step, s, of the simulator that made the log; absent of a real robot's. Such steps are semi-implicit: positions
+    /// advance by the new velocity, so a velocity is the mean over the step before its row and belongs half a step earlier.
+    pub simulated_step: Option<f64>,
     /// The recording ends because the robot fell. A log that goes on after a fall shows it and need not say so.
     pub fell: bool,
 }
@@ -94,8 +97,14 @@ impl Trajectory {
             base: None,
             gains: None,
             lead: None,
+            simulated_step: None,
             fell: false,
         }
+    }
+
+    /// How late velocities are known to be against positions, s: half a physics step of a simulator's, 0 of a robot's.
+    pub fn known_lag(&self) -> f64 {
+        self.simulated_step.map_or(0.0, |step| step / 2.0)
     }
 
     /// Number of samples.

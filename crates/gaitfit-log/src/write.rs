@@ -7,7 +7,7 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 /// Writes `trajectory` so that [`read_csv`](crate::read_csv) gives the same numbers back, bit for bit (NaN as
-/// NaN), with robot, rate, gains, lead of the targets and whether it fell in header comments.
+/// NaN), with robot, rate, gains, lead of the targets, a simulator's step and whether it fell in header comments.
 ///
 /// Atomic: a temporary file in the same folder, synced, then renamed. On any error what was at `path` before
 /// is still there. Errors: a trajectory that fails [`Trajectory::validate`], a joint name that a header cannot
@@ -89,6 +89,9 @@ fn write_to(out: &mut impl Write, trajectory: &Trajectory) -> std::io::Result<()
     if let Some(lead) = &trajectory.lead {
         writeln!(out, "# target_lead_s = {:?}", lead.seconds)?;
         writeln!(out, "# target_lead_spread_s = {:?}", lead.spread)?;
+    }
+    if let Some(step) = trajectory.simulated_step {
+        writeln!(out, "# simulated_step_s = {step:?}")?;
     }
     if let Some(gains) = &trajectory.gains {
         writeln!(out, "# kp = {:?}", gains.kp)?;

@@ -29,6 +29,7 @@ fn log() -> Trajectory {
         }),
         gains: Some(Gains { kp: vec![1.0, 2.0], kd: vec![3.0, 4.0] }),
         lead: None,
+        simulated_step: None,
         fell: false,
     }
 }

@@ -11,7 +11,7 @@ use crate::watch::Watch;
 use crate::world::{World, WorldSettings};
 use gaitfit_learn::collect::{CollectOptions, Collected as Recording};
 use gaitfit_learn::evaluate::Subject;
-use gaitfit_log::{BaseState, Gains, Trajectory, csv_files};
+use gaitfit_log::{Gains, Trajectory, csv_files};
 use gaitfit_model::shown_number;
 use gaitfit_policy::follow;
 use gaitfit_random::{Purpose, Stream};
@@ -34,7 +34,7 @@ pub struct CollectSettings {
     pub seconds: f64,
     /// Each log begins this long after the robot, drawn between the two, s.
     pub log_shift: [f64; 2],
-    /// Whether logs have the base's pose and velocity too, which a robot does not measure.
+    /// Whether logs have the base's position and velocity too, which a robot does not measure.
     pub privileged: bool,
     /// A file of commands to play, one sequence a trajectory, instead of drawing them.
     pub commands: Option<PathBuf>,
@@ -198,6 +198,7 @@ fn play(
             base: None,
             gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
             lead: None,
+            simulated_step: Some(walker.physics_step()),
             fell: false,
         }
     };
@@ -210,11 +211,10 @@ fn play(
         let made = Recorded::new(walker, &scripts[number], track);
         let fell_at = made.fell_at;
         let mut log = made.instead_of(&templates[number]);
-        log.base = log.base.filter(|_| options.privileged).map(|base| BaseState {
-            position: Some(wide(&track.base_position)),
-            linear_velocity: Some(wide(&track.base_velocity)),
-            ..base
-        });
+        if let Some(base) = log.base.as_mut().filter(|_| options.privileged) {
+            base.position = Some(wide(&track.base_position));
+            base.linear_velocity = Some(wide(&track.base_velocity));
+        }
         found.lock().unwrap_or_else(PoisonError::into_inner)[number] = Some((log, fell_at));
     };
     follow::follow(walker, &world.policy, &scripts, &[job], threads, &keep, &|| watch.stop())?;

@@ -413,6 +413,7 @@ mod tests {
             base: None,
             gains: None,
             lead: None,
+            simulated_step: None,
             fell: false,
         };
         let recorded = Recorded::from_trajectory(&trajectory, &names(&["hip", "calf"]), 0).unwrap();

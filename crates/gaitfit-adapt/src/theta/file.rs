@@ -110,8 +110,14 @@ pub(super) const MAX_VALUE: f64 = 1e6;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ThetaFileError {
     /// It is not such a file.
-    #[error("{0}; give the theta.toml of a `gaitfit adapt` run")]
+    #[error("{0}; give the theta.toml of a `gaitfit fit` run")]
     Syntax(String),
+    /// It has a table of a configuration.
+    #[error(
+        "it has a table [[number]], which only configurations have. Here a number of the whole robot is a [[parameter]] without \
+         `joints`: name, kind (for example \"ground_softness\") and value"
+    )]
+    Number,
     /// It is not what was written.
     #[error(
         "its checksum does not fit the rest of it: the file was damaged, or edited by hand. If you edited it, delete the \
@@ -372,8 +378,13 @@ impl ThetaFile {
     /// [`ThetaFileError::Syntax`] with line and column, also of an unknown key; [`ThetaFileError::Format`];
     /// [`ThetaFileError::Checksum`] of a file that has a checksum and is not as it was written.
     pub fn parse(text: &str) -> Result<Self, ThetaFileError> {
-        let mut file: Self =
-            toml::from_str(text).map_err(|error| ThetaFileError::Syntax(checksum::at(text, &error)))?;
+        let mut file: Self = toml::from_str(text).map_err(|error| {
+            // A configuration has such tables.
+            match error.message().contains("unknown field `number`") {
+                true => ThetaFileError::Number,
+                false => ThetaFileError::Syntax(checksum::at(text, &error)),
+            }
+        })?;
         if !(1..=FORMAT).contains(&file.format) {
             return Err(ThetaFileError::Format(file.format));
         }

@@ -143,7 +143,7 @@ pub struct Collect {
     /// Delay of each log's start after the robot's, drawn between the two times, s
     #[arg(long, value_names = ["FROM", "TO"], num_args = 1..=2, default_values_t = [0.0], hide = true)]
     pub log_shift: Vec<f64>,
-    /// Also record the base's pose and velocity, which a robot does not measure
+    /// Also record the base's position and velocity, which a robot does not measure
     #[arg(long, hide = true)]
     pub privileged: bool,
     /// What simulates walks under random commands: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000 trajectories

@@ -1,15 +1,24 @@
 //! `gaitfit explain`: what a robot has that its model lacks, by its walks.
 
 use crate::cli::Explain;
-use crate::commands::inspect::{log, swings};
+use crate::commands::inspect::{log, swings as look};
 use crate::exit::Failure;
-use crate::{output, swings as tables};
+use crate::{output, swings};
 use gaitfit::robot;
 use gaitfit::walk::explain::{Cause, causes};
 use gaitfit::walk::swing::SwingFindings;
-use gaitfit_log::{CheckSpec, ReadOptions, Severity, Trajectory, read_csv_report, summarise_folder};
+use gaitfit_log::{
+    CheckSpec, ReadOptions, Severity, Trajectory, csv_files, read_csv, read_csv_report, summarise_folder,
+};
 use serde::Serialize;
 use std::ops::ControlFlow;
+use std::path::Path;
+
+/// The log, or the first of a folder's that can be read.
+fn first_log(path: &Path) -> Option<Trajectory> {
+    let files = if path.is_dir() { csv_files(path).unwrap_or_default() } else { vec![path.to_owned()] };
+    files.iter().find_map(|file| read_csv(file, &ReadOptions::default()).ok())
+}
 
 #[derive(Serialize)]
 struct Document<'a> {
@@ -29,7 +38,7 @@ pub fn run(args: &Explain) -> Result<(), Failure> {
         let mut progress = |_, _| ControlFlow::Continue(());
         let summary = summarise_folder(&args.logs, &ReadOptions::default(), &spec, &mut progress)
             .map_err(Failure::failed)?;
-        swings::of_folder(path, args.lenient, &summary)?
+        look::of_folder(path, args.lenient, &summary)?
     } else {
         let (log, report) = read_csv_report(&args.logs, &ReadOptions::default()).map_err(Failure::failed)?;
         let findings = log::findings(&log, &report, Some(&model));
@@ -39,14 +48,13 @@ pub fn run(args: &Explain) -> Result<(), Failure> {
                 args.logs.display()
             )));
         }
-        swings::look(path, args.lenient, &[&log])?
+        look::look(path, args.lenient, &[&log])?
     };
     let found = found.ok_or_else(|| {
         Failure::failed(format!(
-            "{}: no log that can be explained: a walk needs position targets, orientation and body rates of the base, \
-             and joints of {}",
+            "{}: no log that can be explained: {}",
             args.logs.display(),
-            args.robot.display()
+            look::lacks(&model, first_log(&args.logs).as_ref(), &args.robot)
         ))
     })?;
     if let (None, Some(why)) = (&found.swings, &found.why_not) {
@@ -61,5 +69,5 @@ pub fn run(args: &Explain) -> Result<(), Failure> {
             without_simulation: &found,
         });
     }
-    output::print(&tables::causes(&causes))
+    output::print(&swings::causes(&causes))
 }

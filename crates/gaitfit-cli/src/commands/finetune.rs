@@ -1,5 +1,6 @@
 //! `gaitfit finetune`: trains a policy further by PPO in a fitted simulator.
 
+use super::adapt::checked;
 use super::{run_name, train};
 use crate::cli;
 use crate::exit::Failure;
@@ -37,5 +38,7 @@ pub fn run(args: &cli::Finetune) -> Result<(), Failure> {
     output::devices(&setup.devices);
     interrupt::listen()?;
     let results = watched(train::LINES, |watch| gaitfit::train::train(&setup, args.run.resume, watch))?;
-    train::print(&results, &args.run)
+    train::print(&results, &args.run)?;
+    // It began with a policy that walked; after a training from nothing this is a matter of patience.
+    checked(results.unlearnt())
 }

@@ -193,6 +193,8 @@ pub(super) fn check(findings: &mut Findings, clock_is_right: bool) {
         return;
     }
     let Some(fine) = imu_fit::fine(findings.log) else { return };
+    // Rates of a simulator are as late as its joint velocities.
+    let late = fine.lag - findings.log.known_lag();
     if fine.bias > BIAS && fine.bias > SURE * fine.bias_error {
         let message = format!(
             "the rates (wx, wy, wz) have a bias of {} rad/s against the orientation; subtract what the unit reads at rest",
@@ -200,15 +202,15 @@ pub(super) fn check(findings: &mut Findings, clock_is_right: bool) {
         );
         findings.add(FindingKind::GyroBias, Severity::Warning, &[], None, message);
     }
-    if fine.lag.abs() > LAG && fine.lag.abs() > SURE * fine.lag_error {
-        let severity = if fine.lag.abs() > LONG_LAG { Severity::Error } else { Severity::Warning };
+    if late.abs() > LAG && late.abs() > SURE * fine.lag_error {
+        let severity = if late.abs() > LONG_LAG { Severity::Error } else { Severity::Warning };
         let message = format!(
             "the rates (wx, wy, wz) come {} ms {} than the orientation; record both at one moment, or shift one of them",
-            decimals(1e3 * fine.lag.abs(), 1),
-            if fine.lag > 0.0 { "later" } else { "earlier" }
+            decimals(1e3 * late.abs(), 1),
+            if late > 0.0 { "later" } else { "earlier" }
         );
         findings.add(FindingKind::GyroLag, severity, &[], None, message);
-    } else if verdict.as_named > FITS {
+    } else if verdict.as_named > FITS && findings.log.simulated_step.is_none() {
         let message = format!(
             "the rates (wx, wy, wz) leave {} of the orientation's turning unexplained; is one of them filtered, or are their \
              axes askew?",

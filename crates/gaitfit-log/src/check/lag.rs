@@ -3,11 +3,11 @@
 use super::{FindingKind, Findings, Severity, replayed};
 use crate::Trajectory;
 use crate::scale::{Scales, equal, typical_step};
-use crate::sensors::{Estimate, Ratio, add_lag};
+use crate::sensors::{self, Estimate};
 use serde::Serialize;
 
 /// A lag below this is none of a sensor, s. Exact velocities of a trot at 50 Hz show 0.4 ms; those of simulators, whose
-/// integrators have a velocity half a step before its position, 1.1 ms.
+/// integrators have a velocity half a step before its position and whose logs do not state the step, 1.1 ms.
 const HARMLESS_S: f64 = 1.5e-3;
 /// The same as a part of the interval between samples: between coarse samples the mean of two velocities is not that of the
 /// motion. Exact velocities of fast steps at 50 Hz show 2.7 ms.
@@ -59,7 +59,7 @@ impl std::fmt::Display for VelocityLag {
 /// Sums of one log or several.
 #[derive(Debug, Default)]
 pub(crate) struct LagSums {
-    ratio: Ratio,
+    sums: sensors::LagSums,
     /// Logs that were added.
     logs: usize,
     /// Longest interval between samples, s.
@@ -78,13 +78,13 @@ impl LagSums {
         let joints: Vec<usize> = (0..log.joints.len()).filter(usable).collect();
         let Some(step) = typical_step(&log.time).filter(|_| !joints.is_empty()) else { return };
         self.interval = self.interval.max(step);
-        add_lag(&mut self.ratio, self.logs, log, &joints);
+        self.sums.add(self.logs, log, &joints);
         self.logs += 1;
     }
 
     /// The lag of all that was added; `None` if that is too little.
     pub fn lag(&self) -> Option<VelocityLag> {
-        let Estimate { value: seconds, error } = self.ratio.estimate()?;
+        let Estimate { value: seconds, error } = self.sums.estimate()?;
         let lag = VelocityLag { seconds, error, interval: self.interval };
         (seconds.is_finite() && error.is_finite()).then_some(lag)
     }
@@ -140,6 +140,48 @@ mod tests {
                 lag(rate, 0.0, 0.05).unwrap_or(VelocityLag { seconds: 9.0, error: 0.0, interval: 0.0 });
             assert!(noisy.seconds.abs() < 1e-3 && !noisy.matters(), "{rate} {noisy:?}");
         }
+    }
+
+    #[test]
+    fn half_a_step_of_a_simulator_is_no_lag() {
+        let mut log = swinging(200.0, 0.005, 0.02);
+        let finding = |log: &Trajectory| {
+            let found = crate::check(log, &crate::CheckSpec::default());
+            found.iter().any(|one| one.kind == FindingKind::VelocityLag)
+        };
+        assert!(finding(&log));
+        log.simulated_step = Some(0.01);
+        assert!(!finding(&log));
+        let (shifted, said) = crate::Sensors::new(&[&log]).corrected(&log);
+        assert!(said.len() == 1 && said[0].contains("5.00 ms"), "{said:?}");
+        assert!(crate::velocity_lag(&[&shifted]).is_some_and(|lag| lag.value.abs() < 5e-4), "{said:?}");
+        // A lag beyond it stays one.
+        log.simulated_step = Some(0.001);
+        assert!(finding(&log));
+    }
+
+    /// A light limb that runs after targets that change at every sample: most of a velocity's change comes early in the
+    /// interval, and the mean of two velocities says too little.
+    #[test]
+    fn what_coarse_samples_hide_is_part_of_the_error() {
+        let (dt, tempo) = (0.02, 120.0);
+        let (mut time, mut position, mut velocity) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut q, mut v) = (0.0f64, 0.0f64);
+        for sample in 0..600 {
+            let t = dt * f64::from(sample);
+            let target = 0.4 * (15.0 * t).sin() + 0.3 * (23.0 * t).cos();
+            time.push(t);
+            position.push(q);
+            velocity.push(v);
+            // Critically damped towards the target: q = target + (a + b s) e^(−tempo s).
+            let (a, b) = (q - target, v + tempo * (q - target));
+            let decay = (-tempo * dt).exp();
+            q = target + (a + b * dt) * decay;
+            v = (b - tempo * (a + b * dt)) * decay;
+        }
+        let log = Trajectory::of_joints(vec!["knee".into()], 50.0, time, position, velocity);
+        let lag = crate::velocity_lag(&[&log]).unwrap_or(Estimate { value: 9.0, error: 0.0 });
+        assert!(lag.value.abs() > 3e-3 && !lag.matters(1e-3), "{lag:?}");
     }
 
     #[test]

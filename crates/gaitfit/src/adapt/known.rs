@@ -1,8 +1,11 @@
 //! What is measured of joints without a simulation, legs in the air for one, as priors of a fit.
 
 use crate::walk::swing::{Estimate, SwingNumber};
-use gaitfit_adapt::{Prior, Theta};
+use gaitfit_adapt::{Entry, Prior, SavedParameter, Theta, ThetaFile};
+use gaitfit_model::patterns::compile;
+use gaitfit_model::shown;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// Minimal standard error of a prior, as a part of the entry's bounds: a surer estimate would leave walks no say.
 const MIN_ERROR: f64 = 0.005;
@@ -35,11 +38,57 @@ pub fn priors(
     priors
 }
 
+/// Values of the file `known` at `path` that the entries of `theta` replace, each in a sentence.
+pub fn replaced(known: &ThetaFile, path: &Path, theta: &Theta) -> Vec<String> {
+    let sentence = |saved: &SavedParameter| {
+        let patterns = compile(&saved.joints).unwrap_or_default();
+        let shared = |entry: &&Entry| {
+            let covers = |joint: &String| patterns.iter().any(|pattern| pattern.covers(joint));
+            entry.kind == saved.kind && (entry.joints.is_empty() || entry.joints.iter().any(covers))
+        };
+        let searched: Vec<&str> =
+            theta.entries().iter().filter(shared).map(|entry| entry.name.as_str()).collect();
+        (!searched.is_empty()).then(|| {
+            format!(
+                "{}: it states `{}`, and the fit searches {}: the fitted value replaces the stated one. Leave one of them out",
+                path.display(),
+                shown(&saved.name),
+                searched.join(", ")
+            )
+        })
+    };
+    known.parameter.iter().filter_map(sentence).collect()
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
     use gaitfit_adapt::{JointParameter, ParameterRule, Sharing};
+
+    #[test]
+    fn a_known_value_that_is_searched_too_is_named() {
+        let joints = ["FL_hip", "FL_calf"].map(str::to_owned).to_vec();
+        let rules = [
+            ParameterRule { per: Sharing::Joint, ..ParameterRule::new(JointParameter::FrictionLoss) },
+            ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Delay) },
+        ];
+        let theta = Theta::from_rules(&rules, &[], &joints).unwrap();
+        let known = |kind: &str, joints: &str| {
+            let text = format!(
+                "format = 2\n[[parameter]]\nname = 'x'\nkind = '{kind}'\njoints = {joints}\nvalue = 0.1\n"
+            );
+            replaced(&ThetaFile::parse(&text).unwrap(), Path::new("mine.toml"), &theta)
+        };
+        let found = known("frictionloss", "['*_calf']");
+        assert_eq!(found.len(), 1);
+        assert!(
+            found[0].contains("mine.toml") && found[0].contains("searches frictionloss_FL_calf:"),
+            "{found:?}"
+        );
+        assert_eq!(known("armature", "['*_calf']"), Vec::<String>::new(), "it is not searched");
+        assert_eq!(known("frictionloss", "['*_thigh']"), Vec::<String>::new(), "another joint's");
+    }
 
     #[test]
     fn estimates_reach_the_entries_of_their_joints_and_what_is_given_wins() {

@@ -154,6 +154,7 @@ impl Setup {
         }
         if let Some((path, file)) = &known {
             warnings.extend(theta::doubts(file, path, method.model(), method.physics_step()));
+            warnings.extend(known::replaced(file, path, &theta));
         }
         let logs = Logs::read(&config, config_path, &method)?;
         files.extend(logs.files());

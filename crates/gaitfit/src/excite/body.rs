@@ -127,6 +127,7 @@ impl Body {
             base: None,
             gains: Some(self.gains.clone()),
             lead: None,
+            simulated_step: None,
             fell: false,
         }
     }

@@ -145,6 +145,7 @@ impl Look<'_> {
             base: None,
             gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
             lead: None,
+            simulated_step: None,
             fell: false,
         }
     }

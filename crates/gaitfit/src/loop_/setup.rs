@@ -191,8 +191,7 @@ impl Setup {
     ) -> Result<Target, Error> {
         match target.kind {
             TargetKind::Simulated => {
-                let privileged =
-                    self.config.adapt.costs.iter().any(|cost| cost.is_privileged() || cost.needs_imu());
+                let privileged = self.config.adapt.costs.iter().any(|cost| cost.is_privileged());
                 Ok(Target::Simulated(Box::new(Simulated::new(
                     &self.config,
                     target,

@@ -82,7 +82,7 @@ pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<(Theta
 
 impl Simulated {
     /// The target whose numbers stand in `theta` (see [`truth`]). `task`: that of the loop's first policy;
-    /// `privileged`: whether logs have the base's state; `device` simulates the logs.
+    /// `privileged`: whether logs have the base's position and velocity; `device` simulates the logs.
     pub fn new(
         config: &LoopConfig,
         target: &TargetConfig,

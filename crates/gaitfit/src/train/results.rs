@@ -3,7 +3,7 @@
 use super::metrics::Metric;
 use super::seed::Files;
 use gaitfit_learn::evaluate::GaitSummary;
-use gaitfit_view::Doubt;
+use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 
 /// Iterations at the end that results are means of.
@@ -42,6 +42,17 @@ pub struct Results {
     pub run_folder: String,
     /// Wall time of all seeds, over all sessions, s.
     pub wall_seconds: f64,
+}
+
+impl Results {
+    /// That the policy does not walk, in words; absent if it does.
+    pub fn unlearnt(&self) -> Option<String> {
+        let doubt = self.doubts.iter().find(|doubt| doubt.kind == DoubtKind::NotLearnt)?;
+        Some(format!(
+            "the trained policy does not walk: {} All results are in {}",
+            doubt.text, self.run_folder
+        ))
+    }
 }
 
 /// What results of earlier versions do not say.

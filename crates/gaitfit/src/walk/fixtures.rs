@@ -35,7 +35,8 @@ pub fn policy(scene: &Task, seed: u64) -> Policy {
 pub fn logs(scene: &Task, policy: &Policy, privileged: bool) -> Vec<Trajectory> {
     let subject = Subject { task: scene, policy, candidate: None, seed: 5 };
     let options = CollectOptions { count: 8, seconds: 1.0, shift: [0.0; 2], privileged };
-    collect(&subject, &options, 1).unwrap().into_iter().map(|log| log.trajectory).collect()
+    let logs = collect(&subject, &options, 1).unwrap().into_iter().map(|log| log.trajectory);
+    logs.map(|log| Trajectory { base: log.base.clone().filter(|_| privileged), ..log }).collect()
 }
 
 /// A log of joints that run after their targets with a push of their own, under the actions that `policy` chooses if it
@@ -60,6 +61,7 @@ pub fn puppet(policy: &Policy, number: usize, seconds: f64) -> Trajectory {
         base: None,
         gains: None,
         lead: None,
+        simulated_step: None,
         fell: false,
     };
     let mut scratch = Scratch::default();

@@ -105,6 +105,7 @@ mod tests {
             base: None,
             gains: None,
             lead: None,
+            simulated_step: None,
             fell: false,
         }
     }

@@ -79,7 +79,11 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         if !other && findings.iter().all(|finding| finding.severity != Severity::Error) {
             let robot = args.robot.as_ref().map_or("ROBOT".into(), |robot| robot.to_string_lossy());
             let log = args.file.display();
-            output::next(&[format!("gaitfit new --robot {robot} --logs {log} --out my-robot.toml")])?;
+            let policy = args
+                .policy
+                .as_ref()
+                .map_or(String::new(), |policy| format!(" --policy {}", policy.display()));
+            output::next(&[format!("gaitfit new --robot {robot}{policy} --logs {log} --out my-robot.toml")])?;
         }
     }
     if let Some(path) = &args.plot {

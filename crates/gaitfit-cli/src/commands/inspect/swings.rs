@@ -5,7 +5,7 @@ use crate::{output, swings};
 use gaitfit::robot;
 use gaitfit::walk::swing::{SwingFindings, SwingSettings};
 use gaitfit_log::{FolderSummary, LogContent, ReadOptions, Severity, Trajectory, read_csv};
-use gaitfit_model::Root;
+use gaitfit_model::{Model, Root, shown};
 use std::path::Path;
 
 /// Logs of a folder that are looked at, the first ones: enough for small errors in little time.
@@ -32,6 +32,47 @@ pub fn look(
         return Ok(None);
     }
     Ok(Some(SwingFindings::new(&model, &walks, &SwingSettings::default())))
+}
+
+/// Why nothing was looked at, and what to do; `log`: the first that could be read, `robot`: the file of `model`.
+pub fn lacks(model: &Model, log: Option<&Trajectory>, robot: &Path) -> String {
+    let Some(log) = log else { return "no CSV log can be read; `gaitfit inspect` tells why".to_owned() };
+    if model.root != Root::Floating {
+        return format!(
+            "the base of {} is fixed, and only walks can be explained; of legs in the air, `gaitfit fit` names what the model \
+             lacks",
+            robot.display()
+        );
+    }
+    if let Some(joint) = log.joints.iter().find(|joint| model.find_joint(joint).is_none()) {
+        return format!(
+            "{} has no joint `{}`; name the robot file that the log was made with",
+            robot.display(),
+            shown(joint)
+        );
+    }
+    let base = log.base.as_ref();
+    let [turned, rates] = [
+        base.is_some_and(|base| base.quaternion.is_some()),
+        base.is_some_and(|base| base.angular_velocity.is_some()),
+    ];
+    let mut missing = Vec::new();
+    if !turned {
+        missing.push(
+            "orientation (columns base_quat_w, base_quat_x, base_quat_y, base_quat_z, or roll, pitch, yaw)",
+        );
+    }
+    if !rates {
+        missing.push("body rates (columns wx, wy, wz)");
+    }
+    if missing.is_empty() {
+        return "no log is free of errors; `gaitfit inspect` names them".to_owned();
+    }
+    format!(
+        "the logs lack the {} of the inertial unit: record them, or join them from another recording (`gaitfit import`). \
+         `gaitfit fit` needs neither, and names what the model lacks less surely",
+        missing.join(" and the ")
+    )
 }
 
 /// Of the logs of a folder that may be used.
