@@ -206,3 +206,66 @@ fn offsets_of_encoders_and_masses_of_links_are_found_in_walks() {
     assert_eq!(told.status.code(), Some(0), "{}", errors(&told));
     assert!(json(&told)["parameters"].as_array().unwrap().iter().all(|one| one["told"] == true));
 }
+
+/// A tilted unit with a biased gyro changes what the policy does: whole walks show it, and so do standing feet and the gyro
+/// against the orientation, whose estimates are priors where they are asked for.
+#[test]
+fn a_tilted_and_biased_inertial_unit_is_found_in_walks() {
+    let folder = tempfile::tempdir().unwrap();
+    let truths = [
+        ("imu_roll", 0.04, 0.012),
+        ("imu_pitch", -0.03, 0.012),
+        ("gyro_bias_x", 0.05, 0.03),
+        ("gyro_bias_y", -0.04, 0.03),
+        ("gyro_bias_z", 0.03, 0.03),
+    ];
+    let (mut theta, mut fitted) = ("format = 2\n".to_owned(), String::new());
+    for (kind, value, _) in truths {
+        theta += &format!("[[parameter]]\nname = \"{kind}\"\nkind = \"{kind}\"\nvalue = {value}\n");
+        fitted += &format!("[[number]]\nkind = \"{kind}\"\n");
+    }
+    let (truth, config) = (folder.path().join("truth.toml"), folder.path().join("walk.toml"));
+    std::fs::write(&truth, theta).unwrap();
+    let (truth, logs) = (truth.to_str().unwrap(), folder.path().join("logs"));
+    let logs = logs.to_str().unwrap();
+    let collect = ["collect", "assets/go2-walk.safetensors", "--theta", truth, "--out", logs, "--privileged"];
+    let output = run(&[&collect[..], &["--trajectories", "8", "--seconds", "2", "--seed", "1"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
+    let text = format!(
+        "name = \"walk\"\nbase = \"free\"\npolicy = \"assets/go2-walk.safetensors\"\nlogs = [{logs:?}]\ncosts = [\"wass\"]\n\
+         parameter = []\nruns = \"{}\"\n{fitted}[optimizer]\nmethod = \"cma-es\"\npopulation = 16\ngenerations = 30\n\
+         seeds = 1\n[simulation]\npreset = \"fast\"\nskip_seconds = 0.0\n",
+        folder.path().display()
+    );
+    std::fs::write(&config, text).unwrap();
+    let fit = |name: &str, more: &[&str]| {
+        let name = format!("name={name}");
+        let args = [&["adapt", config.to_str().unwrap(), "--json", "--set", &name][..], more].concat();
+        let output = run(&args);
+        assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
+        json(&output)
+    };
+    let off = |found: &serde_json::Value| -> Vec<f64> {
+        let parameters = found["parameters"].as_array().unwrap();
+        let apart = |(kind, truth, within): &(&str, f64, f64)| {
+            let one = parameters.iter().find(|one| one["name"] == *kind).unwrap();
+            (one["value"].as_f64().unwrap() - truth).abs() / within
+        };
+        truths.iter().map(apart).collect()
+    };
+    let found = fit("alone", &[]);
+    assert!(off(&found).iter().all(|off| *off < 1.0), "{:?} {found}", off(&found));
+    let cost = |one: &serde_json::Value| one["cost"].as_f64().unwrap();
+    assert!(cost(&found["fitted"]) < 0.5 * cost(&found["baselines"][0]), "{found}");
+    let tilts = |found: &serde_json::Value| {
+        let doubts = found["doubts"].as_array().unwrap();
+        doubts.iter().any(|one| one.to_string().contains("inertial unit is tilted"))
+    };
+    assert!(!tilts(&found), "what is fitted is no doubt: {}", found["doubts"]);
+    // With the estimates of the logs alone as priors few generations do.
+    let short = ["--set", "swings=true", "--set", "optimizer.generations=3"];
+    let found = fit("priors", &short);
+    assert!(off(&found).iter().all(|off| *off < 0.5), "{:?} {found}", off(&found));
+    let found = fit("without", &["--set", "number=[{ kind = \"base_mass\" }]", short[2], short[3]]);
+    assert!(tilts(&found), "what is not fitted is a doubt: {}", found["doubts"]);
+}

@@ -20,7 +20,7 @@ use gaitfit_policy::follow::{Job, Script, Track, follow};
 use gaitfit_policy::network::Activation;
 use gaitfit_policy::walker::TorqueNoise;
 use gaitfit_policy::{Encoder, Front, Latent, Policy};
-use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, RobotState, Start};
+use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, RobotState, Sensors, Start};
 use host::{bytes, call, execute, floats, keep, take};
 
 fn go2() -> Model {
@@ -79,6 +79,11 @@ fn scripts(task: &Task, policy: &Policy, lengths: &[usize]) -> Vec<Script> {
     bare.into_iter().zip(&tracks).map(with).collect()
 }
 
+/// The state of a job's robot whose sensors read `reading`.
+fn placed(job: &Job, reading: &Start) -> Start {
+    job.candidate.sensors.imu().map_or_else(|| reading.clone(), |imu| imu.state(reading))
+}
+
 /// What the CPU finds, job after job.
 fn tracks(task: &Task, policy: &Policy, scripts: &[Script], jobs: &[Job]) -> Vec<Track> {
     let found = Mutex::new(vec![Track::default(); jobs.len() * scripts.len()]);
@@ -97,7 +102,7 @@ fn robots(task: &Task, scripts: &[Script], job: &Job, tracks: &[Track]) -> Vec<V
     let mut tile = walker.engine.tile(&walker.batch, &vec![params; count], &job.candidate.networks).unwrap();
     for (index, script) in scripts.iter().enumerate() {
         let start = if job.reset_every.is_some() { &script.states[0] } else { &script.start };
-        tile.place(index, start);
+        tile.place(index, &placed(job, start));
     }
     let mut motion = walker.batch.motion(count);
     let mut noise = TorqueNoise::default();
@@ -108,7 +113,7 @@ fn robots(task: &Task, scripts: &[Script], job: &Job, tracks: &[Track]) -> Vec<V
         for (index, (script, track)) in scripts.iter().zip(tracks).enumerate() {
             let inside = sample < script.commands.len();
             if inside && sample > 0 && job.reset_every.is_some_and(|every| sample % every == 0) {
-                tile.place(index, &script.states[sample]);
+                tile.place(index, &placed(job, &script.states[sample]));
             }
             // Behind its recording's end nobody looks at a robot.
             let row = sample.min(script.commands.len() - 1) * walker.joints.len();
@@ -216,7 +221,7 @@ fn compare(
             let reset = job.reset_every.is_some_and(|every| sample % every == 0);
             let kept = |name: &str| floats(&read(&format!("{name}.at{sample}")));
             if reset || sample == 0 {
-                let start = if reset { &script.states[sample] } else { &script.start };
+                let start = placed(job, if reset { &script.states[sample] } else { &script.start });
                 let parts: [&[f32]; 6] = [
                     &start.base_position,
                     &start.base_quaternion,
@@ -306,7 +311,7 @@ fn cxx_walks_are_the_cpus() {
     assert!(falls > 0);
 }
 
-/// Delays, biased encoders, torque noise, another physics step, joints in another order, clipped actions.
+/// Delays, biased encoders, tilted inertial units, torque noise, another physics step, joints in another order, clipped actions.
 #[test]
 #[ignore = "needs g++"]
 fn cxx_walks_of_fitted_robots_are_the_cpus() {
@@ -323,6 +328,7 @@ fn cxx_walks_of_fitted_robots_are_the_cpus() {
             candidate.robot.delay[j] = 0.002 * j as f64;
             candidate.robot.encoder_bias[j] = 0.01 * j as f64 - 0.05;
         }
+        candidate.sensors = Sensors { imu_tilt: [0.3 * amount, -0.05], gyro_bias: [0.1, amount, -0.07] };
         Job { candidate, reset_every, seed }
     };
     compare("fitted", &walking, &[job(0.1, 7, None), job(0.2, (5 << 32) + 1, Some(10))], &[40, 31], [4, 4]);

@@ -1,6 +1,7 @@
 //! Logs of a policy in a simulator, as a robot would record them.
 
 use gaitfit_log::{BaseState, Gains, Trajectory};
+use gaitfit_model::rotation::{quat_of, vec_of};
 use gaitfit_random::{Purpose, Stream};
 
 use crate::evaluate::Subject;
@@ -92,9 +93,13 @@ pub fn sensed(task: &Task, environment: &Environment<'_>, index: usize, row: &mu
     row.extend(joints.iter().map(|&joint| position[joint]));
     row.extend(joints.iter().map(|&joint| velocity[joint]));
     row.extend(environment.commands()[index]);
-    for base in [&motion.base_position, &motion.base_quaternion, &motion.base_linear, &motion.base_angular] {
-        row.extend(&base[range(base)]);
-    }
+    let (attitude, rates) =
+        (quat_of(&motion.base_quaternion[4 * index..]), vec_of(&motion.base_angular[3 * index..]));
+    let imu = environment.imu(index);
+    row.extend(&motion.base_position[range(&motion.base_position)]);
+    row.extend(imu.map_or(attitude, |imu| imu.attitude(attitude)));
+    row.extend(&motion.base_linear[range(&motion.base_linear)]);
+    row.extend(imu.map_or(rates, |imu| imu.rates(rates)));
 }
 
 /// Numbers of a row that [`Recorder::sense`] takes of a robot with this many actions.
@@ -170,8 +175,8 @@ impl Recorder {
 
     /// Adds what was there before a step's action, of a robot whose step is [recorded](Self::records). `row`, of
     /// [`sensed_width`] numbers: joint positions and velocities in the policy's order (rad, rad/s) as the policy sees them;
-    /// the command, forward and left (m/s) and yaw rate (rad/s); the base's position (m), quaternion (wxyz), velocity in
-    /// the world (m/s) and angular velocity in the body (rad/s).
+    /// the command, forward and left (m/s) and yaw rate (rad/s); the base's position (m), orientation as the inertial
+    /// unit reads it (wxyz), velocity in the world (m/s) and rates as the gyro reads them (rad/s).
     pub fn sense(&mut self, index: usize, row: &[f32]) {
         let Some(log) = self.logs.get_mut(index).map(|log| &mut log.trajectory) else { return };
         log.time.push(log.time.len() as f64 * self.dt);

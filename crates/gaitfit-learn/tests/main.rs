@@ -12,5 +12,6 @@ mod ppo_gae;
 mod ppo_learner;
 mod ppo_warmup;
 mod rewards;
+mod sensors;
 mod task;
 mod task_common;

@@ -3,8 +3,9 @@
 use std::sync::Mutex;
 use std::sync::PoisonError;
 
+use gaitfit_model::rotation::{quat_of, vec_of};
 use gaitfit_physics::Params;
-use gaitfit_sim::{Candidate, Motion, Start, pool};
+use gaitfit_sim::{Candidate, Imu, Motion, Start, Tile, pool};
 
 use crate::Policy;
 use crate::network::Scratch;
@@ -16,9 +17,10 @@ use crate::walker::{TorqueNoise, Walker, WalkerError};
 pub struct Script {
     /// Command at each sample: m/s, m/s, rad/s.
     pub commands: Vec<[f32; 3]>,
-    /// Where it begins.
+    /// Where it begins. Its orientation and rates are what an inertial unit reads: errors of the candidate's unit
+    /// ([`gaitfit_sim::Sensors`]) are taken out of them, the height stays.
     pub start: Start,
-    /// The logged state at each sample, for resets; empty where the log lacks it.
+    /// The logged state at each sample, for resets, as the start's; empty where the log lacks it.
     pub states: Vec<Start>,
     /// The logged actions, policy order, `samples × joints`: after a reset the policy's last action is the log's, and so
     /// are the past frames of what it observes.
@@ -38,9 +40,9 @@ pub struct Track {
     pub base_position: Vec<f32>,
     /// Base linear velocity, m/s, world frame; `samples × 3`.
     pub base_velocity: Vec<f32>,
-    /// Orientation of the base, wxyz; `samples × 4`.
+    /// Orientation of the base as the inertial unit reads it, wxyz; `samples × 4`.
     pub base_quaternion: Vec<f32>,
-    /// Angular velocity of the base, rad/s, body frame; `samples × 3`.
+    /// Angular velocity of the base as the gyro reads it, rad/s; `samples × 3`.
     pub base_rates: Vec<f32>,
     /// First sample at which the robot had fallen or diverged.
     pub fell_at: Option<usize>,
@@ -152,6 +154,11 @@ impl Worker {
         let (count, joints) = (scripts.len(), walker.joints.len());
         let robot: Params<f64> = walker.robot(&job.candidate).params(batch.model())?;
         let mut tile = walker.engine.tile(batch, &vec![robot; count], &job.candidate.networks)?;
+        let imu = job.candidate.sensors.imu();
+        let place = |tile: &mut Tile<'_>, index: usize, reading: &Start| match &imu {
+            Some(imu) => tile.place(index, &imu.state(reading)),
+            None => tile.place(index, reading),
+        };
         self.motion = batch.motion(count);
         self.action.resize(count * joints, 0.0);
         let mut last_action = LastAction::new(count, joints);
@@ -165,7 +172,7 @@ impl Worker {
         for (index, (script, track)) in scripts.iter().zip(&mut self.tracks).enumerate() {
             track.begin();
             let logged = job.reset_every.and_then(|_| script.states.first());
-            tile.place(index, logged.unwrap_or(&script.start));
+            place(&mut tile, index, logged.unwrap_or(&script.start));
         }
         tile.observe(&mut self.motion);
         let longest = scripts.iter().map(|script| script.commands.len()).max().unwrap_or(0);
@@ -177,9 +184,9 @@ impl Worker {
                 job.reset_every.is_some_and(|every| sample > 0 && sample.is_multiple_of(every.max(1)));
             for (index, (script, track)) in scripts.iter().zip(&mut self.tracks).enumerate() {
                 if sample < script.commands.len() {
-                    track.look(walker, &self.motion, index, sample);
+                    track.look(walker, &self.motion, index, imu.as_ref(), sample);
                     if resets {
-                        tile.place(index, &script.states[sample]);
+                        place(&mut tile, index, &script.states[sample]);
                         let row = (sample - 1) * joints..sample * joints;
                         last_action.set(index, &script.actions[row]);
                         script.recall(walker, sample, index, &mut sensed, &mut past);
@@ -191,7 +198,7 @@ impl Worker {
             }
             for (index, row) in self.observation.chunks_exact_mut(width).enumerate() {
                 let commands = &scripts[index].commands;
-                walker.sense(&self.motion, index, &mut sensed);
+                walker.sense(&self.motion, index, imu.as_ref(), &mut sensed);
                 let last = commands.len().saturating_sub(1);
                 sensed.command = commands.get(sample.min(last)).copied().unwrap_or_default();
                 sensed.last_action.copy_from_slice(last_action.row(index));
@@ -266,7 +273,14 @@ impl Track {
         self.fell_at = None;
     }
 
-    pub(crate) fn look(&mut self, walker: &Walker, motion: &Motion, index: usize, sample: usize) {
+    pub(crate) fn look(
+        &mut self,
+        walker: &Walker,
+        motion: &Motion,
+        index: usize,
+        imu: Option<&Imu>,
+        sample: usize,
+    ) {
         let width = walker.default_pose.len();
         let (position, velocity) = (
             &motion.joint_position[index * width..(index + 1) * width],
@@ -276,8 +290,10 @@ impl Track {
         self.velocity.extend(walker.joints.iter().map(|&joint| velocity[joint]));
         self.base_position.extend_from_slice(&motion.base_position[3 * index..3 * index + 3]);
         self.base_velocity.extend_from_slice(&motion.base_linear[3 * index..3 * index + 3]);
-        self.base_quaternion.extend_from_slice(&motion.base_quaternion[4 * index..4 * index + 4]);
-        self.base_rates.extend_from_slice(&motion.base_angular[3 * index..3 * index + 3]);
+        let attitude = quat_of(&motion.base_quaternion[4 * index..]);
+        let rates = vec_of(&motion.base_angular[3 * index..]);
+        self.base_quaternion.extend(imu.map_or(attitude, |imu| imu.attitude(attitude)));
+        self.base_rates.extend(imu.map_or(rates, |imu| imu.rates(rates)));
         // A diverged robot's numbers fail every comparison: it counts as fallen by name.
         let lost = !motion.base_position[3 * index..3 * index + 3].iter().all(|x| x.is_finite());
         if self.fell_at.is_none() && sample > 0 && (lost || walker.fallen(motion, index)) {

@@ -6,7 +6,7 @@ use gaitfit_physics::{
     ResidAct, Robot,
 };
 
-use crate::SimError;
+use crate::{Sensors, SimError};
 
 /// What a set of joint networks corrects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -94,12 +94,19 @@ pub struct Candidate {
     pub networks: Vec<JointNetworks>,
     /// Standard deviation of Gaussian torques added to every joint at every physics step, N·m.
     pub torque_noise: f64,
+    /// Errors of its sensors.
+    pub sensors: Sensors,
 }
 
 impl Candidate {
     /// The robot of the file.
     pub fn nominal(model: &Model) -> Self {
-        Self { robot: Robot::nominal(model), networks: Vec::new(), torque_noise: 0.0 }
+        Self {
+            robot: Robot::nominal(model),
+            networks: Vec::new(),
+            torque_noise: 0.0,
+            sensors: Sensors::default(),
+        }
     }
 
     /// The robot with the given gains (one a model joint), and the candidate's factors on them multiplied in.

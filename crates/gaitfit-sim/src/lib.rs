@@ -5,6 +5,7 @@ mod candidate;
 mod error;
 mod motion;
 mod replay;
+mod sensors;
 mod tile;
 
 pub mod bench;
@@ -18,4 +19,5 @@ pub use engine::{Cpu, Engine};
 pub use error::SimError;
 pub use motion::{Motion, Start};
 pub use replay::{Direction, JointSignals, Recording, Replay, ReplayOptions};
+pub use sensors::{IMU_NUMBERS, Imu, Sensors};
 pub use tile::{RobotState, Robots, Tile};

@@ -346,7 +346,7 @@ impl ThetaFile {
         let far = self.parameter.iter().filter_map(|parameter| {
             let (max, unit) = match parameter.kind.as_str() {
                 "link_com_x" | "link_com_y" | "link_com_z" => (1.0, "m"),
-                "encoder_bias" => (std::f64::consts::PI, "rad"),
+                "encoder_bias" | "imu_roll" | "imu_pitch" => (std::f64::consts::PI, "rad"),
                 _ => return None,
             };
             (parameter.value.abs() > max).then(|| {

@@ -1,4 +1,5 @@
-//! Numbers of the robot as a whole: torque noise, mass and centre of mass of the base, a load on it, friction of the floor.
+//! Numbers of the robot as a whole: torque noise, mass and centre of mass of the base, a load on it, friction of the floor,
+//! errors of the inertial unit.
 
 use super::file::MAX_VALUE;
 use super::{Defaults, Entry, Modification, ReadContext, SavedParameter, ThetaError, ThetaFileError};
@@ -31,11 +32,21 @@ pub enum RobotNumber {
     FloorFriction,
     /// By which part the time constant of the ground's contacts is longer than the model's.
     GroundSoftness,
+    /// Roll of the inertial unit's mounting error, rad; see [`gaitfit_sim::Sensors`].
+    ImuRoll,
+    /// Its pitch, rad.
+    ImuPitch,
+    /// What the gyro reads at rest about the unit's x axis, rad/s.
+    GyroBiasX,
+    /// About its y axis, rad/s.
+    GyroBiasY,
+    /// About its z axis, rad/s.
+    GyroBiasZ,
 }
 
 impl RobotNumber {
     /// Every one.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 16] = [
         Self::TorqueNoise,
         Self::BaseMass,
         Self::BaseComX,
@@ -47,6 +58,11 @@ impl RobotNumber {
         Self::PayloadZ,
         Self::FloorFriction,
         Self::GroundSoftness,
+        Self::ImuRoll,
+        Self::ImuPitch,
+        Self::GyroBiasX,
+        Self::GyroBiasY,
+        Self::GyroBiasZ,
     ];
 
     /// Name in files and tables.
@@ -63,6 +79,11 @@ impl RobotNumber {
             Self::PayloadZ => "payload_z",
             Self::FloorFriction => "floor_friction",
             Self::GroundSoftness => "ground_softness",
+            Self::ImuRoll => "imu_roll",
+            Self::ImuPitch => "imu_pitch",
+            Self::GyroBiasX => "gyro_bias_x",
+            Self::GyroBiasY => "gyro_bias_y",
+            Self::GyroBiasZ => "gyro_bias_z",
         }
     }
 
@@ -74,6 +95,8 @@ impl RobotNumber {
             Self::BaseComX | Self::BaseComY | Self::BaseComZ => "m",
             Self::PayloadX | Self::PayloadY | Self::PayloadZ => "m",
             Self::FloorFriction | Self::GroundSoftness => "-",
+            Self::ImuRoll | Self::ImuPitch => "rad",
+            Self::GyroBiasX | Self::GyroBiasY | Self::GyroBiasZ => "rad/s",
         }
     }
 
@@ -89,6 +112,8 @@ impl RobotNumber {
             Self::PayloadX | Self::PayloadY | Self::PayloadZ => (-0.5, 0.5, 0.0, 0.05),
             Self::FloorFriction => (0.1, 3.0, 1.0, 0.1),
             Self::GroundSoftness => (0.0, 5.0, 0.0, 0.3),
+            Self::ImuRoll | Self::ImuPitch => (-0.1, 0.1, 0.0, 0.01),
+            Self::GyroBiasX | Self::GyroBiasY | Self::GyroBiasZ => (-0.2, 0.2, 0.0, 0.02),
         };
         Defaults { lower, upper, start, deviation }
     }
@@ -116,6 +141,11 @@ impl RobotNumber {
             Self::PayloadZ => &mut candidate.robot.payload_position[2],
             Self::FloorFriction => &mut candidate.robot.friction_scale,
             Self::GroundSoftness => &mut candidate.robot.ground_softness,
+            Self::ImuRoll => &mut candidate.sensors.imu_tilt[0],
+            Self::ImuPitch => &mut candidate.sensors.imu_tilt[1],
+            Self::GyroBiasX => &mut candidate.sensors.gyro_bias[0],
+            Self::GyroBiasY => &mut candidate.sensors.gyro_bias[1],
+            Self::GyroBiasZ => &mut candidate.sensors.gyro_bias[2],
         }
     }
 }

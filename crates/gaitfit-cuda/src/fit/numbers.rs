@@ -1,7 +1,7 @@
 //! What of candidates goes to the GPU.
 
 use gaitfit_policy::follow::Job;
-use gaitfit_sim::{SimError, pool};
+use gaitfit_sim::{Imu, SimError, pool};
 
 use super::FitError;
 use super::scene::Subject;
@@ -20,6 +20,8 @@ pub struct Numbers {
     pub seeds: Vec<u32>,
     /// Standard deviations of torque noise, N·m.
     pub deviation: Vec<f64>,
+    /// Errors of the inertial units, [`IMU_NUMBERS`](gaitfit_sim::IMU_NUMBERS) each.
+    pub imus: Vec<f32>,
     /// Weights of networks, a list a candidate, as the step visits them.
     pub weights: Vec<Vec<f64>>,
 }
@@ -42,6 +44,7 @@ impl Numbers {
             all.every.push(every.map_or(0, |every| u32::try_from(every).unwrap_or(u32::MAX)));
             all.seeds.extend([job.seed as u32, (job.seed >> 32) as u32]);
             all.deviation.push(job.candidate.torque_noise);
+            all.imus.extend(Imu::numbers(job.candidate.sensors.imu().as_ref()));
             all.weights.push(weights.clone());
         }
         Ok(all)

@@ -7,6 +7,7 @@ use super::text::{program, widest};
 use crate::emit::Class;
 use crate::ppo::{Array, Id, Kind, Launch, Value};
 use crate::runtime::{Program, Shape};
+use gaitfit_sim::IMU_NUMBERS;
 
 /// Threads of a block, where each has an environment.
 const THREADS: u32 = 64;
@@ -84,6 +85,7 @@ impl Plan {
             ("every", Kind::U32, sizes.candidates),
             ("seeds", Kind::U32, 2 * sizes.candidates),
             ("deviation", Kind::F64, sizes.candidates),
+            ("imus", Kind::F32, IMU_NUMBERS * sizes.candidates),
             ("lengths", Kind::U32, sizes.recordings),
         ];
         own.extend(tables.singles.iter().map(|(name, numbers)| (*name, Kind::F32, numbers.len())));
@@ -172,6 +174,7 @@ impl Plan {
                     "states",
                     "actions",
                     "every",
+                    "imus",
                     "network",
                     "robot_params",
                     "robot_report",

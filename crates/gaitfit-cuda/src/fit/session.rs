@@ -189,6 +189,7 @@ impl Session {
         self.write(stream, "every", &numbers.every)?;
         self.write(stream, "seeds", &numbers.seeds)?;
         self.write(stream, "deviation", &numbers.deviation)?;
+        self.write(stream, "imus", &numbers.imus)?;
         if numbers.weights.iter().any(|weights| !weights.is_empty()) {
             self.batch.write_weights(stream, &numbers.weights)?;
         }

@@ -23,6 +23,7 @@ pub(super) fn program(scene: &Scene<'_>, rows: usize, group: usize) -> Program {
             &[
                 include_str!("../rollout/kernels/draws.cu"),
                 include_str!("../rollout/kernels/robot.cu"),
+                include_str!("../rollout/kernels/sensors.cu"),
                 include_str!("../rollout/kernels/observe.cu"),
                 include_str!("kernels/places.cu"),
                 include_str!("kernels/network.cu"),

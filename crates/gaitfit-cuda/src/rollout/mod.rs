@@ -24,7 +24,7 @@ mod trials;
 
 pub use collect::collect;
 pub use error::RolloutError;
-pub use packed::Packed;
+pub use packed::{Packed, imu_rows};
 pub use plan::{Home, Plan, control};
 pub use run::Rollout;
 pub use scene::{Mode, Scene, Sizes, check};

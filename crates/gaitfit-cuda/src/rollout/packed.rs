@@ -1,7 +1,7 @@
 //! Environments of the CPU as the kernels' arrays, and back.
 
 use gaitfit_learn::task::Snapshot;
-use gaitfit_sim::RobotState;
+use gaitfit_sim::{Candidate, IMU_NUMBERS, Imu, RobotState};
 
 use super::scene::Scene;
 use crate::emit::Class;
@@ -104,4 +104,12 @@ impl Packed {
         };
         (0..count).map(one).collect()
     }
+}
+
+/// Errors of the inertial units of environments around `candidates` in turn, as kernels read them: a row a number.
+pub fn imu_rows(candidates: &[Candidate], environments: usize) -> Vec<f32> {
+    let of = |candidate: &Candidate| Imu::numbers(candidate.sensors.imu().as_ref());
+    let units: Vec<[f32; IMU_NUMBERS]> = candidates.iter().map(of).collect();
+    let row = |k: usize| units.iter().map(move |unit| unit[k]).cycle().take(environments);
+    (0..IMU_NUMBERS).flat_map(row).collect()
 }

@@ -6,6 +6,7 @@ use crate::emit::Class;
 use crate::ppo::{Array, Id, Kind, Launch, Value};
 use crate::runtime::{Program, Shape};
 use gaitfit_learn::task::Interval;
+use gaitfit_sim::IMU_NUMBERS;
 
 /// Who has an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,6 +95,7 @@ impl Plan {
             ("parameters", learner, Kind::F32, scene.sizes.networks + actions),
             ("control", own, Kind::U32, CONTROL),
             ("deviation", own, Kind::F64, environments),
+            ("imu", own, Kind::F32, IMU_NUMBERS * environments),
             ("steps", own, Kind::U32, environments),
             ("fresh", own, Kind::U32, environments),
             ("command", own, Kind::F32, 3 * environments),
@@ -146,7 +148,7 @@ impl Plan {
 
     /// What is recorded before step `step`, where walks are.
     pub fn record(&self, step: usize) -> Option<Launch> {
-        let arrays = ["robot_state", "robot_params", "command", "records"];
+        let arrays = ["robot_state", "robot_params", "imu", "command", "records"];
         let launch = self.launch("record", Some(step), &arrays);
         let shape = Shape::cover(self.recorded * self.environments, RECORDERS);
         (self.recorded > 0).then_some(Launch { shape, ..launch })
@@ -168,6 +170,7 @@ impl Plan {
             "robot_state",
             "robot_params",
             "steps",
+            "imu",
             "command",
             "last_action",
             "observation",
@@ -226,6 +229,7 @@ impl Plan {
             "errors",
             "ends",
             "last_observation",
+            "imu",
         ];
         self.launch("finish", Some(step), &arrays)
     }

@@ -7,7 +7,7 @@ use gaitfit_sim::Candidate;
 
 use super::plan::{Home, Plan, control};
 use super::scene::{Scene, Sizes};
-use super::{Packed, RolloutError};
+use super::{Packed, RolloutError, imu_rows};
 use crate::emit::Class;
 use crate::physics::{self, Batch, Period};
 use crate::ppo::{Id, Launch, Learner, Storage, Stored, Value};
@@ -72,6 +72,7 @@ impl<'a> Rollout<'a> {
         let deviation = |environment: usize| candidates[environment % candidates.len()].torque_noise;
         let deviations: Vec<f64> = (0..sizes.environments).map(deviation).collect();
         rollout.write(stream, "deviation", &deviations)?;
+        rollout.write(stream, "imu", &imu_rows(candidates, sizes.environments))?;
         Ok(rollout)
     }
 

@@ -27,6 +27,7 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
     for part in [
         include_str!("kernels/draws.cu"),
         include_str!("kernels/robot.cu"),
+        include_str!("kernels/sensors.cu"),
         include_str!("kernels/observe.cu"),
         include_str!("kernels/rows.cu"),
         include_str!("kernels/act.cu"),

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use crate::host::{bytes, call, doubles, execute, floats, keep, take};
 use gaitfit_cuda::emit::Class;
 use gaitfit_cuda::physics::Period;
-use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, control};
+use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, control, imu_rows};
 use gaitfit_learn::ppo::Exploration;
 use gaitfit_learn::task::{Ended, Environment, Snapshot, Task, TaskSettings, preset, reward};
 use gaitfit_model::Model;
@@ -206,8 +206,8 @@ pub fn remembered(candidate: &Candidate, was: &Snapshot) -> Vec<f32> {
     joints.flat_map(|joint| [motion(joint), motion(joint)].concat()).collect()
 }
 
-/// The arrays of environments as they start, by their names on the device; `deviation` is of their torque noise, N·m.
-pub fn inputs(start: &Packed, params: &[f32], deviation: f64) -> HashMap<String, Vec<u8>> {
+/// The arrays of environments around `candidate` as they start, by their names on the device.
+pub fn inputs(start: &Packed, params: &[f32], candidate: &Candidate) -> HashMap<String, Vec<u8>> {
     let f = |numbers: &[f32]| bytes(numbers, f32::to_ne_bytes);
     let w = |words: &[u32]| bytes(words, u32::to_ne_bytes);
     let files = [
@@ -216,7 +216,8 @@ pub fn inputs(start: &Packed, params: &[f32], deviation: f64) -> HashMap<String,
         ("robot_report", f(&start.report)),
         ("robot_memory", f(&start.memory)),
         ("robot_params", f(params)),
-        ("deviation", bytes(&[deviation; ENVIRONMENTS], f64::to_ne_bytes)),
+        ("deviation", bytes(&[candidate.torque_noise; ENVIRONMENTS], f64::to_ne_bytes)),
+        ("imu", f(&imu_rows(std::slice::from_ref(candidate), ENVIRONMENTS))),
         ("steps", w(&start.steps)),
         ("fresh", w(&start.fresh)),
         ("command", f(&start.command)),
@@ -255,7 +256,7 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
 
     let f = |numbers: &[f32]| bytes(numbers, f32::to_ne_bytes);
     let robots = task.robots(std::slice::from_ref(candidate), SEED, 0, ENVIRONMENTS).unwrap();
-    let mut files = inputs(&start, &params(&period, &robots), candidate.torque_noise);
+    let mut files = inputs(&start, &params(&period, &robots), candidate);
     for (name, bytes) in [
         ("mean", f(&mean)),
         ("parameters", f(&[vec![f32::NAN; NETWORKS], log_std].concat())),

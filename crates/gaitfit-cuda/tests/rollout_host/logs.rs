@@ -9,14 +9,14 @@ use gaitfit_learn::task::{Ended, Environment, Snapshot, Task};
 use gaitfit_physics::Preset;
 use gaitfit_policy::ActionClip;
 use gaitfit_random::{Purpose, Stream};
-use gaitfit_sim::Candidate;
+use gaitfit_sim::{Candidate, Sensors};
 
 const STEPS: usize = 30;
 /// No multiple of anything.
 const FIRST: u32 = 1037;
 
 /// Logs that begin later, commands that are drawn anew every four steps, episodes of fifteen steps that go on, falls,
-/// pushes and torque noise; joints in another order, clipped actions, biased encoders, another physics step.
+/// pushes and torque noise; joints in another order, clipped actions, biased encoders, a tilted unit, another physics step.
 #[test]
 #[ignore = "needs g++"]
 fn cxx_logs_are_the_cpus() {
@@ -31,6 +31,7 @@ fn cxx_logs_are_the_cpus() {
     let task = Task::with_interface(&model, &settings, interface, Preset::Fast, 0.03).unwrap();
     let mut candidate = Candidate { torque_noise: 0.4, ..Candidate::nominal(&model) };
     candidate.robot.encoder_bias = (0..12).map(|j| 0.01 * f64::from(j) - 0.05).collect();
+    candidate.sensors = Sensors { imu_tilt: [0.06, -0.04], gyro_bias: [0.1, -0.15, 0.05] };
     let candidates = std::slice::from_ref(&candidate);
     let policy = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
     let policy = gaitfit_policy::read(policy.as_ref()).unwrap();
@@ -86,7 +87,7 @@ fn cxx_logs_are_the_cpus() {
     let robots = task.robots(candidates, SEED, FIRST, ENVIRONMENTS).unwrap();
     let quiet = [vec![f32::NAN; NETWORKS], vec![-1e4; actions]].concat();
     let ranges = task.settings.command.ranges(1.0);
-    let mut files = inputs(&start, &params(&period, &robots), candidate.torque_noise);
+    let mut files = inputs(&start, &params(&period, &robots), &candidate);
     for (name, bytes) in [
         ("mean", f(&mean)),
         ("parameters", f(&quiet)),

@@ -101,7 +101,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
     let w = |words: &[u32]| bytes(words, u32::to_ne_bytes);
     let robots = task.robots(candidates, SEED, 0, ENVIRONMENTS).unwrap();
     let start = Packed::new(&scene, &vec![one; ENVIRONMENTS], tiles);
-    let mut files = inputs(&start, &params(&period, &robots), candidate.torque_noise);
+    let mut files = inputs(&start, &params(&period, &robots), candidate);
     let ranges = task.settings.command.ranges(1.0);
     for (name, bytes) in [
         ("parameters", f(&vec![-1e4; width])),

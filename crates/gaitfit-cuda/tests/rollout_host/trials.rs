@@ -76,7 +76,7 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
     let robots = task.robots(candidates, SEED, FIRST, ENVIRONMENTS).unwrap();
     let quiet = [vec![f32::NAN; NETWORKS], vec![-1e4; actions]].concat();
     let ranges = task.settings.command.ranges(1.0);
-    let mut files = inputs(&start, &params(&period, &robots), candidate.torque_noise);
+    let mut files = inputs(&start, &params(&period, &robots), &candidate);
     for (name, bytes) in [
         ("mean", f(&mean)),
         ("parameters", f(&quiet)),

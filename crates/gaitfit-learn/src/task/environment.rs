@@ -4,7 +4,7 @@ use gaitfit_model::rotation::{self, quat_of, to_heading, vec_of};
 use gaitfit_policy::observation::{LastAction, Past};
 use gaitfit_policy::walker::{TorqueNoise, touching};
 use gaitfit_random::{Purpose, Stream};
-use gaitfit_sim::{Candidate, Motion, Tile};
+use gaitfit_sim::{Candidate, Imu, Motion, Tile};
 
 use super::command::{command, within};
 use super::error::refuse;
@@ -69,6 +69,8 @@ pub struct Environment<'a> {
     held_commands: bool,
     /// Deviation of each environment's torque noise, N·m.
     deviations: Vec<f64>,
+    /// The inertial unit of each environment, where it has errors.
+    imus: Vec<Option<Imu>>,
     noise: TorqueNoise,
 }
 
@@ -115,8 +117,9 @@ impl<'a> Environment<'a> {
         }
         let robots = task.robots(candidates, seed, first, count)?;
         let robot_number = |environment: u32| environment as usize % candidates.len();
-        let deviations = (first..first + count as u32)
-            .map(|environment| candidates[robot_number(environment)].torque_noise);
+        let own = || (first..first + count as u32).map(|number| &candidates[robot_number(number)]);
+        let deviations = own().map(|candidate| candidate.torque_noise).collect();
+        let imus = own().map(|candidate| candidate.sensors.imu()).collect();
         let joints = walker.joints.len();
         let mut environment = Self {
             task,
@@ -136,7 +139,8 @@ impl<'a> Environment<'a> {
             step_terms: Vec::with_capacity(task.rewards.len()),
             broken_term: None,
             held_commands: false,
-            deviations: deviations.collect(),
+            deviations,
+            imus,
             noise: TorqueNoise::default(),
         };
         for index in 0..count {
@@ -155,6 +159,11 @@ impl<'a> Environment<'a> {
     /// The tile's motion after the last step.
     pub fn motion(&self) -> &Motion {
         &self.motion
+    }
+
+    /// The inertial unit of environment `index`; absent if it has no errors.
+    pub fn imu(&self, index: usize) -> Option<&Imu> {
+        self.imus[index].as_ref()
     }
 
     /// Feet of environment `index`.

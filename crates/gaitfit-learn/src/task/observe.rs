@@ -7,7 +7,7 @@ use super::sensor_noise::{self, SensorNoise};
 use super::{Environment, Task};
 
 impl Environment<'_> {
-    /// Writes the actor's observations, with noise; one row an environment.
+    /// Writes the actor's observations, with noise and errors of the sensors; one row an environment.
     pub fn observe(&self, step: u32, rows: &mut [f32]) {
         let Task { settings, walker, .. } = self.task;
         let blocks =
@@ -18,7 +18,8 @@ impl Environment<'_> {
         self.write_observations(&walker.observation, &self.past[0], Some((&words, blocks.len())), rows);
     }
 
-    /// Writes the critic's observations, without noise; one row an environment.
+    /// Writes the critic's observations, without noise and as sensors without errors read them, but for encoder biases;
+    /// one row an environment.
     pub fn observe_critic(&self, rows: &mut [f32]) {
         self.write_observations(&self.task.walker.critic_observation, &self.past[1], None, rows);
     }
@@ -50,7 +51,8 @@ impl Environment<'_> {
         let Task { settings, walker, .. } = self.task;
         let mut sensed = Sensed::new(walker.joints.len());
         for (index, row) in rows.chunks_exact_mut(layout.width().max(1)).enumerate() {
-            walker.sense(&self.motion, index, &mut sensed);
+            let imu = noise.and_then(|_| self.imu(index));
+            walker.sense(&self.motion, index, imu, &mut sensed);
             sensed.command = self.command[index];
             sensed.last_action.copy_from_slice(self.last_action.row(index));
             sensed.clock = self.clock(index);

@@ -9,7 +9,7 @@ mod odometry;
 use gaitfit_model::Model;
 use gaitfit_model::kinematics::standing_height;
 use gaitfit_physics::Params;
-use gaitfit_sim::{Candidate, Motion, Start, Tile};
+use gaitfit_sim::{Candidate, Imu, Motion, Start, Tile};
 
 use crate::follow::{ASK, Track, in_tiles};
 use crate::walker::{TorqueNoise, Walker, WalkerError};
@@ -24,9 +24,9 @@ pub struct Course {
     pub position: Vec<f32>,
     /// Joint velocities, rad/s; `samples × joints`.
     pub velocity: Vec<f32>,
-    /// Orientation of the base, wxyz, unit. Its heading may drift.
+    /// Orientation of the inertial unit, wxyz, unit. Its heading may drift.
     pub quaternion: Vec<[f32; 4]>,
-    /// Angular velocity of the base, rad/s, body frame.
+    /// Angular velocity as the gyro reads it, rad/s.
     pub rates: Vec<[f32; 3]>,
     /// Where the feet are in the base's frame.
     legs: Legs,
@@ -65,26 +65,72 @@ impl Course {
         self.position.len() / self.samples()
     }
 
-    /// What the sensors of sample `sample` read, with the base where `place` and `linear` say. `bias`: of the encoders.
-    fn reading(&self, sample: usize, bias: &[f64], place: [f32; 3], linear: [f32; 3]) -> Start {
+    /// Orientation and angular velocity (rad/s, body frame) of the base at sample `sample`, without the errors of the
+    /// candidate's inertial unit.
+    fn base(&self, sample: usize, imu: Option<&Imu>) -> ([f32; 4], [f32; 3]) {
+        let (attitude, rates) = (self.quaternion[sample], self.rates[sample]);
+        imu.map_or((attitude, rates), |imu| imu.base(attitude, rates))
+    }
+
+    /// What the sensors of sample `sample` show of the robot, with the base where `place` and `linear` say.
+    fn shown(&self, sample: usize, correction: &Correction<'_>, place: [f32; 3], linear: [f32; 3]) -> Start {
         let row = sample * self.joints()..(sample + 1) * self.joints();
         let true_angle = |(&angle, &bias): (&f32, &f64)| (f64::from(angle) - bias) as f32;
+        let (base_quaternion, base_angular) = self.base(sample, correction.imu.as_ref());
         Start {
             base_position: place,
-            base_quaternion: self.quaternion[sample],
+            base_quaternion,
             base_linear: linear,
-            base_angular: self.rates[sample],
-            joint_position: self.position[row.clone()].iter().zip(bias).map(true_angle).collect(),
+            base_angular,
+            joint_position: self.position[row.clone()].iter().zip(correction.bias).map(true_angle).collect(),
             joint_velocity: self.velocity[row].to_vec(),
         }
     }
 
     /// The first state: feet on the ground, the base still. The first steps of a log teach how it moves.
-    fn start(&self, model: &Model, bias: &[f64]) -> Start {
-        let start = self.reading(0, bias, [0.0; 3], [0.0; 3]);
+    fn start(&self, model: &Model, correction: &Correction<'_>) -> Start {
+        let start = self.shown(0, correction, [0.0; 3], [0.0; 3]);
         let angles: Vec<f64> = start.joint_position.iter().map(|&angle| f64::from(angle)).collect();
-        let height = standing_height(model, self.quaternion[0].map(f64::from), &angles);
+        let height = standing_height(model, start.base_quaternion.map(f64::from), &angles);
         Start { base_position: [0.0, 0.0, height as f32], ..start }
+    }
+}
+
+/// How a job's robot is put right by what a log's sensors read.
+struct Correction<'a> {
+    /// Errors of its encoders, rad, and of its inertial unit: they are taken out of the readings.
+    bias: &'a [f64],
+    imu: Option<Imu>,
+    /// [`Job::feet_trust`].
+    feet_trust: f64,
+}
+
+impl<'a> Correction<'a> {
+    fn new(job: &'a Job) -> Self {
+        let Job { candidate, feet_trust, .. } = job;
+        Self { bias: &candidate.robot.encoder_bias, imu: candidate.sensors.imu(), feet_trust: *feet_trust }
+    }
+
+    /// Puts robot `index` where sample `sample` of `course` says.
+    fn make(
+        &self,
+        tile: &mut Tile<'_>,
+        feet: &Feet,
+        motion: &Motion,
+        index: usize,
+        course: &Course,
+        sample: usize,
+    ) {
+        let three = |rows: &[f32]| -> [f32; 3] { std::array::from_fn(|k| rows[3 * index + k]) };
+        let (mut place, mut linear) = (three(&motion.base_position), three(&motion.base_linear));
+        let base = course.base(sample, self.imu.as_ref());
+        if let Some(change) = course.legs.change(feet, motion, index, course, sample, base) {
+            place[2] += (self.feet_trust * change.height) as f32;
+            (0..3).for_each(|k| linear[k] += (self.feet_trust * change.linear[k]) as f32);
+        }
+        if linear.iter().chain(&place).all(|x| x.is_finite()) {
+            tile.correct(index, &course.shown(sample, self, place, linear));
+        }
     }
 }
 
@@ -151,13 +197,13 @@ impl Worker {
     ) -> Result<bool, WalkerError> {
         let (batch, count) = (&walker.batch, courses.len());
         let robot: Params<f64> = walker.robot(&job.candidate).params(batch.model())?;
-        let bias = &job.candidate.robot.encoder_bias;
+        let correction = Correction::new(job);
         let mut tile = walker.engine.tile(batch, &vec![robot; count], &job.candidate.networks)?;
         self.motion = batch.motion(count);
         self.tracks.resize_with(count.max(self.tracks.len()), Track::default);
         for (index, (course, track)) in courses.iter().zip(&mut self.tracks).enumerate() {
             track.begin();
-            tile.place(index, &course.start(batch.model(), bias));
+            tile.place(index, &course.start(batch.model(), &correction));
         }
         tile.observe(&mut self.motion);
         let longest = courses.iter().map(Course::samples).max().unwrap_or(0);
@@ -167,11 +213,11 @@ impl Worker {
             }
             for (index, course) in courses.iter().enumerate().filter(|(_, course)| sample < course.samples())
             {
-                self.tracks[index].look(walker, &self.motion, index, sample);
+                self.tracks[index].look(walker, &self.motion, index, correction.imu.as_ref(), sample);
                 // Who fell in a prediction is put on its feet again: a fall is no end here.
                 self.tracks[index].fell_at = None;
                 if sample > 0 && sample.is_multiple_of(job.every.max(1)) {
-                    correct(&mut tile, feet, &self.motion, index, course, sample, job);
+                    correction.make(&mut tile, feet, &self.motion, index, course, sample);
                 }
             }
             if sample + 1 == longest {
@@ -187,26 +233,5 @@ impl Worker {
             tile.step(&self.targets, torques, &mut self.motion);
         }
         Ok(true)
-    }
-}
-
-fn correct(
-    tile: &mut Tile<'_>,
-    feet: &Feet,
-    motion: &Motion,
-    index: usize,
-    course: &Course,
-    sample: usize,
-    job: &Job,
-) {
-    let three = |rows: &[f32]| -> [f32; 3] { std::array::from_fn(|k| rows[3 * index + k]) };
-    let (mut place, mut linear) = (three(&motion.base_position), three(&motion.base_linear));
-    if let Some(change) = course.legs.change(feet, motion, index, course, sample, job.feet_trust) {
-        place[2] += change.height;
-        (0..3).for_each(|k| linear[k] += change.linear[k]);
-    }
-    if linear.iter().chain(&place).all(|x| x.is_finite()) {
-        let bias = &job.candidate.robot.encoder_bias;
-        tile.correct(index, &course.reading(sample, bias, place, linear));
     }
 }

@@ -73,9 +73,9 @@ struct Place {
 /// How the base has to move.
 pub(super) struct Change {
     /// m.
-    pub height: f32,
+    pub height: f64,
     /// m/s, world frame.
-    pub linear: [f32; 3],
+    pub linear: Vec3,
 }
 
 fn scale(factor: f64, v: Vec3) -> Vec3 {
@@ -116,7 +116,8 @@ impl Legs {
     }
 
     /// How the base has to move for the standing feet to go on as they do in `motion` when robot `index` is put where
-    /// sample `sample` of `course` says, times `trust`; `None` where too little load rests on them.
+    /// sample `sample` of `course` says; `None` where too little load rests on them. `base`: orientation and
+    /// rates (rad/s, body frame) of the base there.
     pub fn change(
         &self,
         feet: &Feet,
@@ -124,7 +125,7 @@ impl Legs {
         index: usize,
         course: &Course,
         sample: usize,
-        trust: f64,
+        base: ([f32; 4], [f32; 3]),
     ) -> Option<Change> {
         let geoms = motion.normal_force.len() / (motion.base_position.len() / 3);
         let force = |&geom: &usize| f64::from(motion.normal_force[index * geoms + geom]);
@@ -136,9 +137,8 @@ impl Legs {
         let joints = course.joints();
         let wide = |v: &[f32]| -> Vec3 { std::array::from_fn(|k| f64::from(v[k])) };
         let simulated: [f64; 4] = std::array::from_fn(|k| f64::from(motion.base_quaternion[4 * index + k]));
-        let logged = course.quaternion[sample].map(f64::from);
-        let (rates, logged_rates) =
-            (wide(&motion.base_angular[3 * index..]), course.rates[sample].map(f64::from));
+        let logged = base.0.map(f64::from);
+        let (rates, logged_rates) = (wide(&motion.base_angular[3 * index..]), base.1.map(f64::from));
         let (mut height, mut linear) = (0.0, [0.0; 3]);
         let places = &self.places[sample * feet.feet.len()..];
         for (foot, place) in feet.feet.iter().zip(places) {
@@ -159,6 +159,6 @@ impl Legs {
             linear = add(linear, scale(share, sub(before, after)));
             height += share * (rotate(simulated, there)[2] - rotate(logged, at)[2]);
         }
-        Some(Change { height: (trust * height) as f32, linear: single(scale(trust, linear)) })
+        Some(Change { height, linear })
     }
 }

@@ -9,7 +9,7 @@ mod start;
 use gaitfit_model::rotation::{quat_of, rotate_back, vec_of};
 use gaitfit_model::{Model, Root, Surface};
 use gaitfit_physics::{Preset, Robot};
-use gaitfit_sim::{Batch, BatchOptions, Candidate, Cpu, Engine, Motion, Start};
+use gaitfit_sim::{Batch, BatchOptions, Candidate, Cpu, Engine, Imu, Motion, Start};
 
 use crate::Interface;
 use crate::observation::{Layout, Sensed};
@@ -178,12 +178,13 @@ impl Walker {
         clock(&self.interface, steps)
     }
 
-    /// What environment `index` of `motion` senses of its base and joints. Command, last action and clock of `sensed`
-    /// stay as they are.
+    /// What environment `index` of `motion` senses of its base and joints, the base by `imu` if it has errors. Command,
+    /// last action and clock of `sensed` stay as they are. The linear velocity is the base's own: no sensor of the unit
+    /// measures it.
     ///
     /// # Panics
     /// If `motion` has no such environment, or `sensed` is of another number of joints: errors of the caller.
-    pub fn sense(&self, motion: &Motion, index: usize, sensed: &mut Sensed) {
+    pub fn sense(&self, motion: &Motion, index: usize, imu: Option<&Imu>, sensed: &mut Sensed) {
         let joints = self.default_pose.len();
         let row = joints * index..joints * (index + 1);
         self.sense_parts(
@@ -194,9 +195,13 @@ impl Walker {
             &motion.joint_velocity[row],
             sensed,
         );
+        if let Some(imu) = imu {
+            sensed.base_angular_velocity = imu.rates(sensed.base_angular_velocity);
+            sensed.projected_gravity = imu.direction(sensed.projected_gravity);
+        }
     }
 
-    /// As [`Walker::sense`], of a robot in `state`, whose joint angles are as the encoders report them.
+    /// As [`Walker::sense`], of a robot whose sensors read `state`.
     ///
     /// # Panics
     /// If `state` or `sensed` is of another number of joints: an error of the caller.

@@ -1,4 +1,4 @@
-//! What is measured of joints without a simulation, legs in the air for one, as priors of a fit.
+//! What is measured of joints and sensors without a simulation, legs in the air for one, as priors of a fit.
 
 use crate::walk::swing::{Estimate, SwingNumber};
 use gaitfit_adapt::{Entry, Prior, SavedParameter, Theta, ThetaFile};
@@ -10,10 +10,11 @@ use std::path::Path;
 /// Minimal standard error of a prior, as a part of the entry's bounds: a surer estimate would leave walks no say.
 const MIN_ERROR: f64 = 0.005;
 
-/// Whether an estimate is of this kind and covers all these joints. One without joints covers all.
+/// Whether an estimate is of this kind and covers all these joints. One without joints covers all, and a number of the whole
+/// robot has none.
 fn covers(number: &SwingNumber, kind: &str, joints: &[String]) -> bool {
     let covered = |joint| number.joints.is_empty() || number.joints.contains(joint);
-    number.kind.name() == kind && !joints.is_empty() && joints.iter().all(covered)
+    number.kind == kind && (number.joints.is_empty() || !joints.is_empty()) && joints.iter().all(covered)
 }
 
 /// `given` priors, which win, and those that `measured` estimates give for the other entries of `theta`. An entry that
@@ -64,7 +65,8 @@ pub fn replaced(known: &ThetaFile, path: &Path, theta: &Theta) -> Vec<String> {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use gaitfit_adapt::{JointParameter, ParameterRule, Sharing};
+    use crate::walk::swing::{Standing, SwingFindings, sensor_numbers};
+    use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Rules, Sharing};
 
     #[test]
     fn a_known_value_that_is_searched_too_is_named() {
@@ -100,8 +102,8 @@ mod tests {
             ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Armature) },
         ];
         let theta = Theta::from_rules(&rules, &groups, &joints).unwrap();
-        let measured = |kind, of: &[usize], value, error| SwingNumber {
-            kind,
+        let measured = |kind: JointParameter, of: &[usize], value, error| SwingNumber {
+            kind: kind.name(),
             joints: of.iter().map(|joint| joints[*joint].clone()).collect(),
             estimate: Estimate { value, error },
         };
@@ -126,5 +128,17 @@ mod tests {
         );
         let stated = BTreeMap::from([("delay".to_owned(), Prior { value: 0.02, deviation: 0.001 })]);
         assert_eq!(priors(&theta, &all, &stated)["delay"], stated["delay"]);
+        // Errors of sensors are of no joint.
+        let rules = Rules { robot: vec![RobotRule::new(RobotNumber::ImuPitch)], ..Rules::default() };
+        let theta = rules.theta(&groups, &joints, &[]).unwrap();
+        let tilt = Estimate { value: 0.02, error: 0.0001 };
+        let shown =
+            SwingFindings { standing: Standing { tilt: Some([tilt, tilt]) }, ..SwingFindings::default() };
+        let all: Vec<SwingNumber> = all.into_iter().chain(sensor_numbers(&shown)).collect();
+        let found = priors(&theta, &all, &BTreeMap::new());
+        assert_eq!(
+            found,
+            BTreeMap::from([("imu_pitch".to_owned(), Prior { value: 0.02, deviation: 0.003 })])
+        );
     }
 }

@@ -4,7 +4,9 @@ use super::method::Method;
 use super::parameter::Parameter;
 use super::setup::Setup;
 use crate::log::Log;
-use crate::walk::swing::{Beside, Fitted, SwingFindings, SwingNumber, SwingSettings, beside, numbers};
+use crate::walk::swing::{
+    Beside, Fitted, SwingFindings, SwingNumber, SwingSettings, beside, numbers, sensor_numbers,
+};
 use gaitfit_adapt::Theta;
 use gaitfit_log::Gains;
 
@@ -15,10 +17,11 @@ pub fn findings(method: &Method, logs: &[Log]) -> Option<SwingFindings> {
     Some(SwingFindings::of_logs(method.model(), logs, &gains, &SwingSettings::default()))
 }
 
-/// The numbers of legs in the air as the fit's simulation has them; none where they show nothing.
+/// The numbers of legs in the air as the fit's simulation has them, where they show something, and those of sensors.
 pub fn numbers_of(method: &Method, findings: &SwingFindings) -> Vec<SwingNumber> {
     let found = findings.swings.as_ref().zip(targets_step(method));
-    found.map_or_else(Vec::new, |(report, step)| numbers(report, step))
+    let joints = found.map_or_else(Vec::new, |(report, step)| numbers(report, step));
+    joints.into_iter().chain(sensor_numbers(findings)).collect()
 }
 
 /// Step by whose half targets act early in the fit's simulation, s: that of the robot which it stands for, or its own.

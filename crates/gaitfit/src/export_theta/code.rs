@@ -130,6 +130,11 @@ pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candida
         "torque_noise: add normal numbers to the joint efforts at every physics step",
     );
     say(
+        candidate.sensors.imu().is_some(),
+        "imu_roll, imu_pitch, gyro_bias: drive.imu reads projected_gravity and base_ang_vel so; put it into their observation \
+         terms",
+    );
+    say(
         candidate.robot.ground_softness != 0.0,
         "ground_softness: softer contacts (compliant_contact_stiffness and _damping of the ground's material)",
     );

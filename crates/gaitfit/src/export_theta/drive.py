@@ -1,15 +1,25 @@
 """Joint torques of a PD controller as the fit has it: delay, encoder bias, factors on gains, offset, limits that may fall with
-speed, noise, networks.
+speed, noise, networks; and what an inertial unit with errors reads.
 
     drive = Drive(load(), kp=25.0, kd=0.5, step=model.opt.timestep)
     drive.send(target, q, dq)           # at every control period; targets and angles in the order of drive.joints
     data.ctrl[:] = drive.torque(q, dq)  # at every physics step, of motors without gains of their own
+    gravity, rates = imu(load(), gravity, rates)  # what the policy observes
 """
 
 import collections
 import math
 
 import numpy as np
+
+
+def imu(theta, gravity, rates):
+    """Direction of gravity and angular velocity (rad/s) as the robot's unit reads them, of those in the base's frame:
+    the unit is turned by roll and pitch in the base, and its gyro is biased. Vectors may be rows (..., 3)."""
+    roll, pitch = theta["sensors"]["imu_tilt"]
+    sr, cr, sp, cp = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch)
+    turn = np.array([[cp, sp * sr, sp * cr], [0.0, cr, -sr], [-sp, cp * sr, cp * cr]])
+    return np.asarray(gravity) @ turn, np.asarray(rates) @ turn + theta["sensors"]["gyro_bias"]
 
 
 class Network:

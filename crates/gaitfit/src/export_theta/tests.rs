@@ -71,6 +71,9 @@ fn theta_of(model: &Model, delay: f64) -> ThetaFile {
         ("payload_z", 0.1),
         ("floor_friction", 0.8),
         ("ground_softness", 0.5),
+        ("imu_roll", 0.02),
+        ("imu_pitch", -0.03),
+        ("gyro_bias_z", 0.01),
     ] {
         text.push_str(&format!("[[parameter]]\nname = \"{kind}\"\nkind = \"{kind}\"\nvalue = {value:?}\n"));
     }
@@ -147,6 +150,9 @@ fn an_exported_mjcf_is_the_fitted_robot() {
         assert_eq!(document["parameters"][0]["interval"], serde_json::json!([0.035 - 0.01, 0.035 + 0.01]));
         assert_eq!(document["parameters"][0]["identified"], true);
         assert_eq!(document["joints"][&model.joints[1].name]["torque_offset"], 0.5);
+        assert_eq!(document["sensors"]["imu_tilt"], serde_json::json!([0.02, -0.03]));
+        assert_eq!(document["sensors"]["gyro_bias"], serde_json::json!([0.0, 0.0, 0.01]));
+        assert!(content(&exported, "isaac_lab.py").contains("imu_roll") && !said.contains(&"imu_roll"));
     }
 }
 

@@ -115,6 +115,7 @@ pub fn missing(causes: &[Cause], theta: &Theta) -> Option<String> {
     let lacks = |cause: &&Cause| match cause.kind {
         // These do not change joints.
         CauseKind::GyroBias | CauseKind::EncoderStep => false,
+        CauseKind::Tilt => !(has("imu_roll", false) && has("imu_pitch", false)),
         CauseKind::LoadFriction => !has("load_friction", false),
         CauseKind::OddFriction => !has("frictionloss", true),
         CauseKind::Backlash => !has("play", false),
@@ -154,7 +155,10 @@ fn sensors(found: &SwingFindings) -> Vec<Cause> {
     if let Some(bias) = sensors.gyro_bias {
         let max = largest([largest([bias[0], bias[1]]), bias[2]]);
         if max.matters(matters::GYRO) {
-            let text = format!("the gyro reads {:.3} rad/s at rest on one axis", max.value);
+            let text = format!(
+                "the gyro reads {:.3} rad/s at rest on one axis (fit it: gyro_bias_x, gyro_bias_y, gyro_bias_z)",
+                max.value
+            );
             add(CauseKind::GyroBias, max, "rad/s", matters::GYRO, text);
         }
     }
@@ -163,8 +167,8 @@ fn sensors(found: &SwingFindings) -> Vec<Cause> {
         if max.value.abs() > matters::TILT && max.value.abs() > SUREST * max.error {
             let [roll, pitch] = tilt.map(|axis| axis.value.to_degrees());
             let text = format!(
-                "the inertial unit is tilted by {roll:.1}° of roll and {pitch:.1}° of pitch against the standing feet, or \
-                 the floor slopes"
+                "the inertial unit is tilted by {roll:.1}° of roll and {pitch:.1}° of pitch against the standing feet (fit \
+                 it: imu_roll, imu_pitch), or the floor slopes"
             );
             add(CauseKind::Tilt, max, "rad", matters::TILT, text);
         }
@@ -261,6 +265,8 @@ fn slack(group: &str, effects: &[Effect]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::walk::swing::Standing;
+    use gaitfit_adapt::{RobotNumber, RobotRule, Rules};
 
     fn findings(effects: &[(EffectKind, &str, f64, f64, f64)]) -> SwingFindings {
         let effect = |&(kind, of, value, error, share): &(EffectKind, &str, f64, f64, f64)| Effect {
@@ -299,5 +305,18 @@ mod tests {
         let text = missing(&found, &Theta::default()).unwrap_or_default();
         assert!(text.contains("grows by 0.090") && text.contains("9 mm apart"), "{text}");
         assert_eq!(missing(&[], &Theta::default()), None);
+        // A tilted unit is not missing from a simulator that has it tilted.
+        let standing = Standing { tilt: Some([Estimate { value: 0.03, error: 0.001 }; 2]) };
+        let tilted = causes(&SwingFindings { standing, ..SwingFindings::default() });
+        let theta = |kinds: &[RobotNumber]| {
+            let robot = kinds.iter().map(|kind| RobotRule::new(*kind)).collect();
+            Rules { robot, ..Rules::default() }.theta(&[], &[], &[]).unwrap_or_default()
+        };
+        let doubt = missing(&tilted, &theta(&[RobotNumber::BaseMass])).unwrap_or_default();
+        assert!(
+            doubt.contains("tilted by 1.7° of roll") && doubt.contains("fit it: imu_roll, imu_pitch"),
+            "{doubt}"
+        );
+        assert_eq!(missing(&tilted, &theta(&[RobotNumber::ImuRoll, RobotNumber::ImuPitch])), None);
     }
 }

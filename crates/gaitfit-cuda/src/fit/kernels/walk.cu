@@ -6,8 +6,11 @@
 // Numbers of a logged state: those of the state up to the joint velocities.
 #define LOGGED (13 + 2 * JOINTS)
 
-// The number `k` of environment `e`'s state: the log's; what a robot at rest in midst of nothing has of the rest.
-DEVICE void place_number(float* state, const float* from, u32 e, int k) { STATE(k) = k < LOGGED ? from[k] : 0.0f; }
+// The number `k` of environment `e`'s state: the log's, without errors of its inertial unit; what a robot at rest in midst of
+// nothing has of the rest.
+DEVICE void place_number(float* state, const float* imu, const float* from, u32 e, int k) {
+    STATE(k) = k < LOGGED ? true_number(imu, 1, from, k) : 0.0f;
+}
 
 DEVICE bool fallen(const float* state, const float* report, u32 e) {
     bool fallen = STATE(POSITION + 2) < MIN_HEIGHT;
@@ -24,10 +27,10 @@ DEVICE bool fallen(const float* state, const float* report, u32 e) {
 
 // Step `sample` of ROWS environments a block. `lengths`: samples of each recording, `samples` at most. `commands`, `states`,
 // `actions`: the log's, recordings x samples x their width; `starts`: a state a recording. `every`: of each candidate, the
-// samples between resets, or 0. `ends`: of each environment, the sample of its fall or the end.
+// samples between resets, or 0. `imus`: of each candidate, errors of its inertial unit. `ends`: of each environment, the sample of its fall or the end.
 KERNEL walk(
     u32 sample, u32 count, u32 places, u32 recordings, u32 samples, const u32* lengths, const float* commands,
-    const float* starts, const float* states, const float* actions, const u32* every, const float* network,
+    const float* starts, const float* states, const float* actions, const u32* every, const float* imus, const float* network,
     const float* params, const float* report, float* state, float* targets, float* memory, float* last_action,
     float* signals, u32* ends
 ) {
@@ -35,12 +38,13 @@ KERNEL walk(
     float *first = pool, *second = pool + WIDEST * ROWS;
     __shared__ u32 recording[ROWS], length[ROWS];
     __shared__ bool placed[ROWS];
-    __shared__ const float* logged[ROWS];
+    __shared__ const float *logged[ROWS], *imu[ROWS];
     u32 from = blockIdx.x * ROWS;
     int rows = places - from < ROWS ? (int)(places - from) : ROWS;
     int thread = (int)threadIdx.x, threads = (int)blockDim.x;
     if (thread < rows) {
         u32 own = source_of(from + thread, count), of = own % recordings, period = every[own / recordings];
+        imu[thread] = imus + (u64)(own / recordings) * IMU_NUMBERS;
         recording[thread] = of;
         length[thread] = lengths[of];
         bool reset = period > 0 && sample > 0 && sample % period == 0 && sample < lengths[of];
@@ -50,7 +54,7 @@ KERNEL walk(
     __syncthreads();
     if (sample == 0) {
         for (int i = thread; i < rows * STATE_COUNT; i += threads)
-            place_number(state, logged[i / STATE_COUNT], from + i / STATE_COUNT, i % STATE_COUNT);
+            place_number(state, imu[i / STATE_COUNT], logged[i / STATE_COUNT], from + i / STATE_COUNT, i % STATE_COUNT);
         for (int i = thread; i < rows * ACTIONS; i += threads) last_action[(u64)from * ACTIONS + i] = 0.0f;
         if (thread < rows && from + thread < count) ends[from + thread] = length[thread];
         __syncthreads();
@@ -78,7 +82,7 @@ KERNEL walk(
     if (sample > 0) {
         for (int i = thread; i < rows * STATE_COUNT; i += threads)
             if (placed[i / STATE_COUNT])
-                place_number(state, logged[i / STATE_COUNT], from + i / STATE_COUNT, i % STATE_COUNT);
+                place_number(state, imu[i / STATE_COUNT], logged[i / STATE_COUNT], from + i / STATE_COUNT, i % STATE_COUNT);
         for (int i = thread; i < rows * ACTIONS; i += threads) {
             int r = i / ACTIONS;
             u64 before = (u64)recording[r] * samples + sample - 1;
@@ -93,7 +97,7 @@ KERNEL walk(
         u32 e = from + r, last = length[r] - 1, now = sample < last ? sample : last;
         const float* command = commands + ((u64)recording[r] * samples + now) * 3;
         write_term(
-            part.term, part.from, part.from + 4, SCALES, nullptr, state, params, sample, command,
+            part.term, part.from, part.from + 4, SCALES, nullptr, state, params, sample, imu[r], command,
             last_action + (u64)e * ACTIONS, 1, e, second + r * OBSERVATION);
     }
     __syncthreads();

@@ -13,10 +13,11 @@ enum {
 };
 
 // Writes the numbers `from` to `until` of term `number` of TERMS into their places of a row; `from` is a multiple of 4. `scales`: those of the row. `noise`: draws of this environment
-// and step, or none. `command` and `last_action`: this robot's, `apart` numbers from each other.
+// and step, or none. `imu`: errors of this robot's inertial unit, or none; `command` and `last_action`: this robot's; all have
+// their numbers `apart` from each other.
 DEVICE void write_term(
     int number, int from, int until, const float* scales, const Draws* noise, const float* state, const float* params, u32 steps,
-    const float* command, const float* last_action, u32 apart, u32 e, float* out
+    const float* imu, const float* command, const float* last_action, u32 apart, u32 e, float* out
 ) {
     Term term = TERMS[number];
     Base base;
@@ -27,11 +28,13 @@ DEVICE void write_term(
         case BASE_ANGULAR_VELOCITY:
             base = base_of(state, e);
             for (int k = 0; k < 3; k++) vector[k] = base.angular[k];
+            read_rates(imu, apart, vector);
             break;
         case PROJECTED_GRAVITY:
             base = base_of(state, e);
             up_of(base.quaternion, vector);
             for (int k = 0; k < 3; k++) vector[k] = -vector[k];
+            read_direction(imu, apart, vector);
             break;
         case BASE_LINEAR_VELOCITY:
             base = base_of(state, e);

@@ -1,0 +1,209 @@
+//! Errors of an inertial unit: what policies observe and logs show of them, and simulations that take them out.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+use std::sync::Mutex;
+
+use crate::task_common::{calm, go2, scene_with};
+use gaitfit_learn::collect::{CollectOptions, collect, sensed};
+use gaitfit_learn::evaluate::Subject;
+use gaitfit_learn::task::{Ended, Environment, Task};
+use gaitfit_log::Trajectory;
+use gaitfit_model::rotation::{from_rpy, product, quat_of, rotate_back, vec_of};
+use gaitfit_physics::Preset;
+use gaitfit_policy::Policy;
+use gaitfit_policy::follow::{Job, Script, Track, follow};
+use gaitfit_policy::predict::{self, Course, predict};
+use gaitfit_sim::{Candidate, Sensors, Start};
+
+const SENSORS: Sensors = Sensors { imu_tilt: [0.05, -0.03], gyro_bias: [0.04, -0.02, 0.03] };
+
+/// A task whose critic observes what its actor does.
+fn scene() -> Task {
+    let mut task = calm();
+    task.start.tilt = 8.0;
+    task.start.angular_velocity = 1.0;
+    scene_with(&task, |interface| interface.critic_observation = interface.observation.clone())
+}
+
+fn turned(scene: &Task) -> Candidate {
+    Candidate { sensors: SENSORS, ..Candidate::nominal(scene.walker.model()) }
+}
+
+/// The unit reads Rᵀ of gravity and rates, and its bias. Nothing else of an observation or a log is another number.
+#[test]
+fn policies_and_logs_read_the_unit_and_critics_the_base() {
+    let scene = scene();
+    let count = 3;
+    let turn = from_rpy(SENSORS.imu_tilt[0], SENSORS.imu_tilt[1], 0.0);
+    let environment = |candidate: &Candidate| {
+        let mut environment = Environment::new(&scene, Some(candidate), 5, 0, count).unwrap();
+        let (mut reward, mut ended) = (vec![0.0; count], vec![Ended::No; count]);
+        for number in 1..=3 {
+            let actions: Vec<f32> = (0..12 * count).map(|k| 0.02 * k as f32 - 0.3).collect();
+            environment.step(number, &actions, &mut reward, &mut ended);
+        }
+        environment
+    };
+    let [with, without] =
+        [turned(&scene), Candidate::nominal(scene.walker.model())].map(|candidate| environment(&candidate));
+    assert_eq!(with.motion(), without.motion(), "sensors change nothing of the motion under given actions");
+    let width = scene.walker.interface.observation_width();
+    let rows = |environment: &Environment<'_>| {
+        let (mut actor, mut critic) = (vec![0.0; count * width], vec![0.0; count * width]);
+        environment.observe(4, &mut actor);
+        environment.observe_critic(&mut critic);
+        (actor, critic)
+    };
+    let ((read, critic), (plain, same)) = (rows(&with), rows(&without));
+    assert_eq!(critic, same);
+    let (mut log, mut plain_log) = (Vec::new(), Vec::new());
+    for (index, (read, plain)) in read.chunks_exact(width).zip(plain.chunks_exact(width)).enumerate() {
+        // The velocity task's row begins with a quarter of the rates, then gravity.
+        let rates = rotate_back(turn, vec_of(&plain[..3]).map(|w| f64::from(w) / 0.25));
+        let gravity = rotate_back(turn, vec_of(&plain[3..6]).map(f64::from));
+        for k in 0..3 {
+            let rate = 0.25 * (rates[k] + SENSORS.gyro_bias[k]);
+            assert!((f64::from(read[k]) - rate).abs() < 1e-6, "rate {k}: {} and {rate}", read[k]);
+            assert!((f64::from(read[3 + k]) - gravity[k]).abs() < 1e-6, "gravity {k}");
+            assert!((read[k] - plain[k]).abs() > 1e-4);
+        }
+        assert_eq!(read[6..], plain[6..]);
+        sensed(&scene, &with, index, &mut log);
+        sensed(&scene, &without, index, &mut plain_log);
+        let base = 27..40;
+        assert_eq!(log[..base.start], plain_log[..base.start]);
+        let (log, plain) = (&log[base.clone()], &plain_log[base]);
+        assert_eq!((&log[..3], &log[7..10]), (&plain[..3], &plain[7..10]), "position and velocity");
+        let attitude = product(quat_of(&plain[3..]).map(f64::from), turn);
+        let rates = rotate_back(turn, vec_of(&plain[10..]).map(f64::from));
+        for k in 0..4 {
+            assert!((f64::from(log[3 + k]) - attitude[k]).abs() < 1e-6, "orientation {k}");
+        }
+        for k in 0..3 {
+            let rate = rates[k] + SENSORS.gyro_bias[k];
+            assert!((f64::from(log[10 + k]) - rate).abs() < 1e-6, "logged rate {k}");
+        }
+    }
+}
+
+/// A policy that walks, and its task.
+fn walking() -> (Task, Policy) {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
+    let policy = gaitfit_policy::read(std::path::Path::new(path)).unwrap();
+    let scene = Task::with_interface(&go2(), &calm(), policy.interface.clone(), Preset::Fast, 0.0).unwrap();
+    (scene, policy)
+}
+
+fn logs(scene: &Task, policy: &Policy) -> Vec<Trajectory> {
+    let candidate = turned(scene);
+    let subject = Subject { task: scene, policy, candidate: Some(&candidate), seed: 5 };
+    let options = CollectOptions { count: 3, seconds: 0.5, shift: [0.0; 2], privileged: true };
+    collect(&subject, &options, 1).unwrap().into_iter().map(|log| log.trajectory).collect()
+}
+
+fn single(values: &[f64]) -> Vec<f32> {
+    values.iter().map(|&x| x as f32).collect()
+}
+
+fn row<const N: usize>(values: &Option<Vec<f64>>, row: usize) -> [f32; N] {
+    let values = values.as_ref().unwrap();
+    std::array::from_fn(|k| values[row * N + k] as f32)
+}
+
+fn script(log: &Trajectory) -> Script {
+    let base = log.base.as_ref().unwrap();
+    let states: Vec<Start> = (0..log.len())
+        .map(|sample| Start {
+            base_position: row(&base.position, sample),
+            base_quaternion: row(&base.quaternion, sample),
+            base_linear: row(&base.linear_velocity, sample),
+            base_angular: row(&base.angular_velocity, sample),
+            joint_position: single(&log.position[12 * sample..12 * (sample + 1)]),
+            joint_velocity: single(&log.velocity[12 * sample..12 * (sample + 1)]),
+        })
+        .collect();
+    Script {
+        commands: (0..log.len()).map(|sample| row(&log.command, sample)).collect(),
+        start: states[0].clone(),
+        states,
+        actions: single(log.action.as_ref().unwrap()),
+    }
+}
+
+fn worst(track: &[f32], log: &[f64]) -> f64 {
+    track.iter().zip(log).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max)
+}
+
+/// A start and resets are what sensors read, and so is a track: the true robot repeats its log.
+#[test]
+fn walks_of_the_true_unit_repeat_the_log_and_others_do_not() {
+    let (scene, policy) = walking();
+    let logs = logs(&scene, &policy);
+    let scripts: Vec<Script> = logs.iter().map(script).collect();
+    let nominal = Candidate::nominal(scene.walker.model());
+    let off = |candidate: &Candidate, reset_every| {
+        let found = Mutex::new(vec![Track::default(); scripts.len()]);
+        let keep = |_: usize, script: usize, track: &Track| found.lock().unwrap()[script] = track.clone();
+        let job = Job { candidate: candidate.clone(), reset_every, seed: 0 };
+        follow(&scene.walker, &policy, &scripts, &[job], 1, &keep, &|| false).unwrap();
+        let tracks = found.into_inner().unwrap();
+        let signals = tracks.iter().zip(&logs).map(|(track, log)| {
+            let base = log.base.as_ref().unwrap();
+            [
+                worst(&track.action, log.action.as_ref().unwrap()),
+                worst(&track.position, &log.position),
+                worst(&track.base_quaternion, base.quaternion.as_ref().unwrap()),
+                worst(&track.base_rates, base.angular_velocity.as_ref().unwrap()),
+            ]
+        });
+        signals.fold([0.0f64; 4], |all, one| std::array::from_fn(|k| all[k].max(one[k])))
+    };
+    let (near, far) = (off(&turned(&scene), None), off(&nominal, None));
+    assert!(near.iter().zip(&far).all(|(near, far)| *near < 0.05 * far), "{near:?} {far:?}");
+    let (near, far) = (off(&turned(&scene), Some(1)), off(&nominal, Some(1)));
+    // After a reset to every sample the policy observes what the log read, whoever the candidate is; the motion differs.
+    assert!(near[0] < 1e-5 && far[0] < 1e-5, "{near:?} {far:?}");
+    assert!((1..4).all(|k| near[k] < 0.05 * far[k]), "{near:?} {far:?}");
+}
+
+/// Short predictions start from the base, not from the readings of its unit.
+#[test]
+fn predictions_take_the_units_errors_out_of_what_they_start_from() {
+    let (scene, policy) = walking();
+    let logs = logs(&scene, &policy);
+    let courses: Vec<Course> = logs
+        .iter()
+        .map(|log| {
+            let base = log.base.as_ref().unwrap();
+            let samples = 0..log.len();
+            Course::new(
+                &scene.walker,
+                single(log.target.as_ref().unwrap()),
+                single(&log.position),
+                single(&log.velocity),
+                samples.clone().map(|sample| row(&base.quaternion, sample)).collect(),
+                samples.map(|sample| row(&base.angular_velocity, sample)).collect(),
+            )
+            .unwrap()
+        })
+        .collect();
+    let mean = |candidate: Candidate| {
+        let jobs = [predict::Job { candidate, every: 1, feet_trust: predict::FEET_TRUST, seed: 0 }];
+        let off = Mutex::new((0.0, 0.0));
+        let keep = |_: usize, course: usize, track: &Track| {
+            let read = logs[course].base.as_ref().unwrap();
+            let pairs = track.base_rates.iter().zip(read.angular_velocity.as_ref().unwrap());
+            let mut off = off.lock().unwrap();
+            // After the base's velocity has been found.
+            for (found, read) in pairs.skip(track.base_rates.len() / 3) {
+                off.0 += (f64::from(*found) - read).abs();
+                off.1 += 1.0;
+            }
+        };
+        predict(&scene.walker, &courses, &jobs, 1, &keep, &|| false).unwrap();
+        let (sum, count) = off.into_inner().unwrap();
+        sum / count
+    };
+    let (near, far) = (mean(turned(&scene)), mean(Candidate::nominal(scene.walker.model())));
+    assert!(near < 0.8 * far, "rates are off by {near} and {far} rad/s");
+}
