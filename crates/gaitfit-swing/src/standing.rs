@@ -19,6 +19,8 @@ const DELAY_S: f64 = 0.005;
 const BLOCK_S: f64 = 1.0;
 /// A tilt worth correcting, rad.
 const TILT: f64 = 0.005;
+/// Fewer feet do not show it: while both feet of a biped touch the ground, they roll over their edges.
+const MIN_FEET: usize = 3;
 /// Rounds in which a tilt is taken out and looked at again.
 const ROUNDS: usize = 3;
 
@@ -89,6 +91,10 @@ fn tilt(model: &Model, logs: &[&Trajectory]) -> Result<Option<[Estimate; 2]>, Sw
     for (number, log) in logs.iter().enumerate() {
         let walk = Walk::new(model, log)?;
         let ground = Ground::new(model, &walk, DELAY_S, &drag, None);
+        let all = ground.feet.first().map_or(0, Vec::len);
+        if all < MIN_FEET {
+            return Ok(None);
+        }
         for point in (0..walk.points()).filter(|&point| walk.valid[point]) {
             let block = ((number as u64) << 32) + (point as f64 * walk.step / BLOCK_S) as u64;
             let turn = walk.quaternion[point];
