@@ -87,6 +87,23 @@ fn walks_show_joints_and_sensors_without_a_simulation() {
     let output = run(&["explain", log.to_str().unwrap(), "--robot", "assets/go2.xml"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("suspect-unit"), "{}", errors(&output));
+    // Without an inertial unit it says what to record.
+    let output = run(&["explain", "examples/go2-demo/fit.csv", "--robot", "assets/go2.xml"]);
+    assert_eq!(output.status.code(), Some(1));
+    for word in ["base_quat_w", "wx, wy, wz", "gaitfit import"] {
+        assert!(errors(&output).contains(word), "{}", errors(&output));
+    }
+}
+
+#[test]
+fn the_next_command_has_what_this_one_was_given() {
+    let log = "examples/go2-ground/logs/trajectory_00.csv";
+    let output =
+        run(&["inspect", log, "--robot", "assets/go2.xml", "--policy", "assets/go2-walk.safetensors"]);
+    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
+    let said = String::from_utf8(output.stdout.clone()).unwrap() + &errors(&output);
+    let next = "gaitfit new --robot assets/go2.xml --policy assets/go2-walk.safetensors --logs ";
+    assert!(said.contains(next), "{said}");
 }
 
 #[test]
