@@ -277,7 +277,7 @@ fn constant_dimensions_are_left_out() {
 /// `cargo test --release -p gaitfit-adapt --test tests cost_oracle -- --ignored --nocapture`
 #[test]
 #[ignore = "a timing; run it alone, in release"]
-fn costs_are_fast() {
+fn timing_costs_are_fast() {
     use gaitfit_random::{Purpose, Stream};
     let (joints, samples, recordings) = (12, 4_700, 6);
     let run = |seed: u64, spread: f64| -> Vec<f64> {

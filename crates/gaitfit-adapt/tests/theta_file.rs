@@ -107,6 +107,9 @@ fn an_unknown_key_and_an_edit_under_the_checksum_are_refused() {
         let error = ThetaFile::parse(&changed).unwrap_err().to_string();
         assert!(error.contains("line ") && error.contains(&format!("unknown field `{found}`")), "{error}");
     }
+    let text = "format = 2\n[[number]]\nname = \"soft\"\nkind = \"ground_softness\"\nvalue = 0.1\n";
+    let error = ThetaFile::parse(text).unwrap_err().to_string();
+    assert!(error.contains("[[parameter]] without `joints`"), "{error}");
     let long = format!("format = 2\nrobot = \"go2\"\n{} = 1\n", "a".repeat(90_000));
     let error = ThetaFile::parse(&long).unwrap_err().to_string();
     assert!(error.contains("line 3, column 1") && error.len() < 600, "{} bytes", error.len());

@@ -87,6 +87,23 @@ fn walks_show_joints_and_sensors_without_a_simulation() {
     let output = run(&["explain", log.to_str().unwrap(), "--robot", "assets/go2.xml"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("suspect-unit"), "{}", errors(&output));
+    // Without an inertial unit it says what to record.
+    let output = run(&["explain", "examples/go2-demo/fit.csv", "--robot", "assets/go2.xml"]);
+    assert_eq!(output.status.code(), Some(1));
+    for word in ["base_quat_w", "wx, wy, wz", "gaitfit import"] {
+        assert!(errors(&output).contains(word), "{}", errors(&output));
+    }
+}
+
+#[test]
+fn the_next_command_has_what_this_one_was_given() {
+    let log = "examples/go2-ground/logs/trajectory_00.csv";
+    let output =
+        run(&["inspect", log, "--robot", "assets/go2.xml", "--policy", "assets/go2-walk.safetensors"]);
+    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
+    let said = String::from_utf8(output.stdout.clone()).unwrap() + &errors(&output);
+    let next = "gaitfit new --robot assets/go2.xml --policy assets/go2-walk.safetensors --logs ";
+    assert!(said.contains(next), "{said}");
 }
 
 #[test]
@@ -109,11 +126,15 @@ fn shared_a_robot_that_lies_or_is_stuck_is_told_from_one_that_trots() {
 
 #[test]
 fn a_folder_of_logs_shows_what_they_share() {
-    let output = run(&["inspect", "examples/go2-ground/logs", "--robot", "assets/go2.xml"]);
+    let walks = tempfile::tempdir().unwrap();
+    let names: Vec<String> = (0..6).map(|number| format!("trajectory_0{number}.csv")).collect();
+    for file in names.iter().map(String::as_str).chain(["log.toml"]) {
+        std::fs::copy(root().join("examples/go2-ground/logs").join(file), walks.path().join(file)).unwrap();
+    }
+    let output = run(&["inspect", walks.path().to_str().unwrap(), "--robot", "assets/go2.xml"]);
     assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
     let text = String::from_utf8(output.stdout).unwrap();
-    for part in ["64 logs", "robot: go2", "rate: 50 Hz (64 logs)", "trajectory_63.csv", "nothing suspicious"]
-    {
+    for part in ["6 logs", "robot: go2", "rate: 50 Hz (6 logs)", "trajectory_05.csv", "nothing suspicious"] {
         assert!(text.contains(part), "`{part}` is not in:\n{text}");
     }
     let folder = tempfile::tempdir().unwrap();

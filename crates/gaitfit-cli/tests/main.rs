@@ -7,6 +7,7 @@ mod bad_input;
 mod chromium;
 mod collect;
 mod common;
+mod conventions;
 mod docs;
 mod evaluate;
 mod export;

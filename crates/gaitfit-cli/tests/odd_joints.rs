@@ -11,7 +11,7 @@ fn walks(folder: &Path, springs: &[&str], cost: &str) -> String {
     let out = folder.join("logs");
     let mut args =
         vec!["collect", "assets/go2-robust.safetensors", "--theta", "examples/go2-ground/truth.toml"];
-    args.extend(["--out", out.to_str().unwrap(), "--trajectories", "8", "--seconds", "2", "--privileged"]);
+    args.extend(["--out", out.to_str().unwrap(), "--trajectories", "8", "--seconds", "2"]);
     args.extend(springs.iter().flat_map(|spring| ["--spring", spring]));
     let collected = run(&args);
     assert_eq!(collected.status.code(), Some(0), "{}", errors(&collected));

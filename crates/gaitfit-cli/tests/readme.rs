@@ -30,8 +30,8 @@ fn commands(page: &str) -> Vec<String> {
 const SHORTER: [(&str, &str); 4] = [
     (
         "gaitfit loop examples/go2-ground/loop.toml",
-        "--set 'logs=[\"examples/go2-ground/logs/trajectory_0*.csv\"]' --set adapt.optimizer.generations=2 \
-         --set adapt.simulation.timestep=0.01 --set finetune.train.environments=32 \
+        "--set 'logs=[\"examples/go2-ground/logs/trajectory_0[0-3].csv\"]' --set adapt.optimizer.generations=2 \
+         --set adapt.optimizer.replicates=0 --set adapt.simulation.timestep=0.01 --set finetune.train.environments=32 \
          --set finetune.train.iterations=1 --set finetune.ppo.critic_warmup=0 \
          --set evaluate.trajectories=32 --set evaluate.drift=1",
     ),

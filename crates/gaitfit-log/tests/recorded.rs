@@ -81,7 +81,7 @@ fn faults_put_into_the_examples_are_found() {
 
 #[test]
 #[ignore = "needs the recordings of real robots in ../shared/data"]
-fn a_real_robot_with_its_legs_in_the_air_raises_nothing() {
+fn shared_a_real_robot_with_its_legs_in_the_air_raises_nothing() {
     let air = summarise("../shared/data/go2_air", &gains([20.0, 20.0, 40.0], [1.0, 1.0, 2.0]));
     assert_eq!(air.findings, []);
     assert_eq!((air.logs.len(), air.common_joints.len(), air.rates.len()), (8, 12, 1));
@@ -95,7 +95,7 @@ fn a_real_robot_with_its_legs_in_the_air_raises_nothing() {
 
 #[test]
 #[ignore = "needs the recordings of real robots in ../shared/data"]
-fn a_real_robot_that_is_stuck_is_told_from_one_that_trots() {
+fn shared_a_real_robot_that_is_stuck_is_told_from_one_that_trots() {
     let ground = summarise("../shared/data/go2_ground", &gains([20.0; 3], [0.5; 3]));
     let [stuck, trot] = [0, 1];
     let of = |log: usize| ground.findings.iter().filter(move |group| group.logs.contains(&log));

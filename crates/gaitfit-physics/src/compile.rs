@@ -3,8 +3,8 @@
 use gaitfit_model::{ContactPair, Ground, Joint, Model, Root, Shape};
 
 use crate::obstacles::Obstacles;
-use crate::own;
 use crate::seat::{IDENTITY, Seat, mat_mul, seats, unit};
+use crate::self_contact;
 use crate::tree::*;
 use crate::vec3::*;
 use crate::{PhysicsError, Real, Settings};
@@ -81,7 +81,7 @@ fn mujoco_reference(solref: &[f64; 2], dmax: f64, timestep: f64) -> (f64, f64) {
 }
 
 /// Longest emulated step, in steps: beyond it dampers would push.
-const MOST_EMULATED: f64 = 2.0;
+const MAX_EMULATED: f64 = 2.0;
 
 /// Compiles `model` for the scalar `T`.
 ///
@@ -97,7 +97,7 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
         });
     }
     if let Some(step) = settings.emulated_step
-        && !(0.0..=MOST_EMULATED * settings.timestep).contains(&step)
+        && !(0.0..=MAX_EMULATED * settings.timestep).contains(&step)
     {
         return Err(PhysicsError::Value {
             object: "settings".to_owned(),
@@ -169,7 +169,8 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
             }
         }
     }
-    let own = own::compile::<T>(model, settings, &seats, &mut links, &segments, &mut touching)?;
+    let self_contact =
+        self_contact::compile::<T>(model, settings, &seats, &mut links, &segments, &mut touching)?;
     let free = model.free_joint.filter(|_| floating).map(|free| {
         let d = impedance_at_zero(&free.solimp_friction);
         let (_, b, gain) = reference(&free.solref_friction, free.solimp_friction[1], settings);
@@ -202,7 +203,7 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
         points,
         spins,
         touching,
-        own,
+        self_contact,
         impratio: model.options.impratio,
         elliptic: settings.cone == gaitfit_model::Cone::Elliptic,
         settings: *settings,
@@ -334,8 +335,8 @@ fn compile_pair<T: Real>(
     let (stiffness, damping, gain) = reference(&pair.solref, dmax, settings);
     let elliptic = settings.cone == gaitfit_model::Cone::Elliptic;
     // A pyramid's edges mix normal and tangent, so they have one reference.
-    let own = elliptic && pair.solreffriction != [0.0; 2];
-    let friction_ref = if own { pair.solreffriction } else { pair.solref };
+    let separate = elliptic && pair.solreffriction != [0.0; 2];
+    let friction_ref = if separate { pair.solreffriction } else { pair.solref };
     let isotropic = pair.friction[0] == pair.friction[1];
     let touched = match pair.ground {
         Ground::Plane(plane) => Touched::Plane(plane),

@@ -21,8 +21,8 @@ pub enum RowKind {
     Limit(usize),
     /// Contact of a geom–plane pair (index in `Model::pairs`, point of the pair).
     Contact(usize, usize),
-    /// Contact between own parts (index in `Model::self_pairs`, point of the pair).
-    Own(usize, usize),
+    /// Self-contact (index in `Model::self_pairs`, point of the pair).
+    SelfContact(usize, usize),
 }
 
 /// One row of MuJoCo's constraint: cost s(J a − aref) with stiffness D.
@@ -174,16 +174,16 @@ pub fn constraint_rows(
     };
     let mut rows = Vec::new();
     let rubbing = tree.free.iter().filter(|free| free.frictionloss > 0.0);
-    for own in rubbing.flat_map(|_| &work.free) {
+    for each in rubbing.flat_map(|_| &work.free) {
         for dof in 0..6 {
             let mut jacobian = vec![0.0; n];
             jacobian[dof] = 1.0;
             let (part, axis) = (1 - dof / 3, dof % 3);
-            let d = own.friction_d[part];
+            let d = each.friction_d[part];
             rows.push(Row {
                 kind: RowKind::Free(dof),
                 jacobian,
-                aref: -own.friction_bias[part][axis] / d,
+                aref: -each.friction_bias[part][axis] / d,
                 d,
             });
         }
@@ -223,22 +223,22 @@ pub fn constraint_rows(
             }
         }
     }
-    for (index, pair) in tree.own.pairs.iter().enumerate() {
-        let (active, mu) = &work.own.pairs[index];
+    for (index, pair) in tree.self_contact.pairs.iter().enumerate() {
+        let (active, mu) = &work.self_contact.pairs[index];
         for number in (0..pair.points.len()).filter(|_| *active) {
-            let point = &work.own.points[pair.points.start + number];
+            let point = &work.self_contact.points[pair.points.start + number];
             if point.d > 0.0 {
-                let joints = &tree.own.joints[pair.joints.clone()];
+                let joints = &tree.self_contact.joints[pair.joints.clone()];
                 let start = pair.rows + number * pair.dims * joints.len();
                 let mut jacobian = vec![vec![0.0; n]; pair.dims];
                 for (k, row) in jacobian.iter_mut().enumerate() {
                     for (place, joint) in joints.iter().enumerate() {
-                        row[first + joint.joint] = work.own.rows[start + k * joints.len() + place];
+                        row[first + joint.joint] = work.self_contact.rows[start + k * joints.len() + place];
                     }
                 }
                 let one =
                     Contact { condim: pair.condim, mu, d: point.d, jacobian, residual: &point.residual };
-                one.rows(tree, RowKind::Own(index, number), &mut rows);
+                one.rows(tree, RowKind::SelfContact(index, number), &mut rows);
             }
         }
     }

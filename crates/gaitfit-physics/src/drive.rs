@@ -3,7 +3,7 @@
 use gaitfit_model::Model;
 
 use crate::modify::Engaged;
-use crate::robot::MOST_SPEED;
+use crate::robot::MAX_SPEED;
 use crate::{JointParams, Params, Real, Settings, State};
 
 /// What drives one joint during one physics step.
@@ -75,7 +75,7 @@ pub(crate) fn pd<T: Real>(
         let error = target - (state.qpos[j] + p.encoder_bias);
         let torque = p.torque_scale.fma(p.kd.fnma(state.qvel[j], p.kp * error), p.torque_offset);
         let mut reach = [Reach { limit: p.torque_limit, fall: z }; 2];
-        let falling = p.no_load_speed.unless_ge(T::lit(MOST_SPEED));
+        let falling = p.no_load_speed.unless_ge(T::lit(MAX_SPEED));
         if T::enter(falling) {
             let [up, down] = [motor(p, state.qvel[j]), motor(p, -state.qvel[j])];
             T::leave(falling);
@@ -112,7 +112,7 @@ impl<T: Real> Reach<T> {
 /// clip(stall_torque · (1 − q̇ / no_load_speed), 0, torque_limit), as Isaac Lab's `DCMotor` has it.
 #[inline(always)]
 fn motor<T: Real>(p: &JointParams<T>, qd: T) -> Reach<T> {
-    let (z, most) = (T::zero(), T::lit(MOST_SPEED));
+    let (z, most) = (T::zero(), T::lit(MAX_SPEED));
     let fall = p.stall_torque.div(p.no_load_speed);
     let line = fall.fma(-qd, p.stall_torque);
     let slope = T::select_lt(line, p.torque_limit, T::select_lt(z, line, fall, z), z);

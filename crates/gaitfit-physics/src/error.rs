@@ -55,7 +55,7 @@ pub enum PhysicsError {
     #[error(
         "{geom} and {other} cannot touch each other: spheres touch spheres, capsules and boxes, and capsules touch capsules; leave the pair out"
     )]
-    OwnShapes {
+    SelfContactShapes {
         /// The first geom with its shape.
         geom: String,
         /// The second.

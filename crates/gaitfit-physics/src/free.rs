@@ -58,14 +58,14 @@ pub(crate) fn prepare<T: Real>(tree: &Tree<T::K>, params: &Params<T>, state: &St
     // The root's velocity is that without the boost.
     let velocity: V6<T> = [node.motion.velocity[0], state.base_linear];
     node.wrench = axpy6(armature, state.base_acceleration, axpy6(damping, velocity, node.wrench));
-    let own = &mut work.free[0];
-    own.implicit = implicit;
+    let scratch = &mut work.free[0];
+    scratch.implicit = implicit;
     let weight = T::k(free.friction_weight);
-    own.friction_d = [params.free[1] * weight, params.free[0] * weight];
+    scratch.friction_d = [params.free[1] * weight, params.free[0] * weight];
     let b = T::k(free.friction_b);
     let rates: V6<T> = [state.base_angular, state.base_linear];
     for part in 0..2 {
-        own.friction_bias[part] = scale(own.friction_d[part] * b, rates[part]);
+        scratch.friction_bias[part] = scale(scratch.friction_d[part] * b, rates[part]);
     }
 }
 
@@ -76,19 +76,19 @@ pub(crate) fn terms<T: Real>(tree: &Tree<T::K>, hessian: bool, state: &State<T>,
     let z = T::zero();
     let loss = T::k(free.frictionloss);
     let node = &mut work.nodes[0];
-    let own = &mut work.free[0];
+    let scratch = &mut work.free[0];
     let rotation = node.motion.rotation;
     let a = in_joint_axes(&rotation, state.base_acceleration);
     let mut weight: V6<T> = zero6();
     for part in 0..2 {
-        let d = own.friction_d[part];
+        let d = scratch.friction_d[part];
         for k in 0..3 {
-            let slip = d.fma(a[part][k], own.friction_bias[part][k]);
-            own.row[part][k] = slip.clamp(-loss, loss);
+            let slip = d.fma(a[part][k], scratch.friction_bias[part][k]);
+            scratch.row[part][k] = slip.clamp(-loss, loss);
             weight[part][k] = T::select_lt(slip.abs(), loss, d, z);
         }
     }
-    node.residual = add6(node.residual, [rotate(&rotation, own.row[0]), own.row[1]]);
+    node.residual = add6(node.residual, [rotate(&rotation, scratch.row[0]), scratch.row[1]]);
     if hessian {
         let [x, y, w] = weight[0];
         let turned = sym_rotate(&rotation, &[x, y, w, z, z, z]);
@@ -100,10 +100,10 @@ pub(crate) fn terms<T: Real>(tree: &Tree<T::K>, hessian: bool, state: &State<T>,
         }
     } else {
         for k in 0..3 {
-            node.inertia.aa[k] = node.inertia.aa[k] + own.implicit;
-            node.inertia.ll[k] = node.inertia.ll[k] + own.implicit;
+            node.inertia.aa[k] = node.inertia.aa[k] + scratch.implicit;
+            node.inertia.ll[k] = node.inertia.ll[k] + scratch.implicit;
         }
-        node.residual = axpy6(own.implicit, state.base_acceleration, node.residual);
+        node.residual = axpy6(scratch.implicit, state.base_acceleration, node.residual);
     }
 }
 
@@ -111,9 +111,9 @@ pub(crate) fn terms<T: Real>(tree: &Tree<T::K>, hessian: bool, state: &State<T>,
 #[inline(always)]
 pub(crate) fn steps<T: Real>(step: V6<T>, work: &mut Work<T>) -> T {
     let rotation = work.nodes[0].motion.rotation;
-    let own = &mut work.free[0];
-    own.step = in_joint_axes(&rotation, step);
-    dot6(own.row, own.step)
+    let scratch = &mut work.free[0];
+    scratch.step = in_joint_axes(&rotation, step);
+    dot6(scratch.row, scratch.step)
 }
 
 /// `g` with the first and second derivative of the rows' cost at `alpha` along the step.
@@ -127,14 +127,15 @@ pub(crate) fn along<T: Real>(
 ) -> (T, T) {
     let Some(free) = &tree.free else { return g };
     let loss = T::k(free.frictionloss);
-    let own = &work.free[0];
-    let a = axpy6(alpha, own.step, in_joint_axes(&work.nodes[0].motion.rotation, state.base_acceleration));
+    let scratch = &work.free[0];
+    let a =
+        axpy6(alpha, scratch.step, in_joint_axes(&work.nodes[0].motion.rotation, state.base_acceleration));
     let mut g = g;
     for part in 0..2 {
-        let d = own.friction_d[part];
+        let d = scratch.friction_d[part];
         for k in 0..3 {
-            let step = own.step[part][k];
-            let slip = d.fma(a[part][k], own.friction_bias[part][k]);
+            let step = scratch.step[part][k];
+            let slip = d.fma(a[part][k], scratch.friction_bias[part][k]);
             g.0 = step.fma(slip.clamp(-loss, loss), g.0);
             let curve = T::select_lt(slip.abs(), loss, d * step, T::zero());
             g.1 = curve.fma(step, g.1);

@@ -92,13 +92,13 @@ pub(crate) fn invweights(
         })
         .collect();
     let first = n - tree.joints();
-    let of = |dof: usize| {
+    let weight = |dof: usize| {
         let mut e = vec![0.0; n];
         e[dof] = 1.0;
         inverse_form(&factor, n, &e)
     };
-    let joints = (0..tree.joints()).map(|j| of(first + j)).collect();
-    let mean = |dofs: Range<usize>| dofs.map(of).sum::<f64>() / 3.0;
+    let joints = (0..tree.joints()).map(|j| weight(first + j)).collect();
+    let mean = |dofs: Range<usize>| dofs.map(weight).sum::<f64>() / 3.0;
     let free = if tree.floating { [mean(0..3), mean(3..6)] } else { [1.0; 2] };
     Ok(Invweights { bodies, joints, free })
 }

@@ -1,6 +1,6 @@
 //! Parameters in which robots seldom differ from their model, for programs written for robots that keep them.
 
-use crate::robot::MOST_SPEED;
+use crate::robot::MAX_SPEED;
 use crate::visit::{Owner, Slot};
 use crate::{Params, Robot};
 
@@ -24,7 +24,7 @@ pub struct Kept {
 
 impl Kept {
     /// What `robot` keeps.
-    pub fn of(robot: &Robot) -> Self {
+    pub fn from_robot(robot: &Robot) -> Self {
         let all = |numbers: &[f64], model: f64| numbers.iter().all(|&number| number == model);
         let shifts = [&robot.link_com_x, &robot.link_com_y, &robot.link_com_z];
         Self {
@@ -33,7 +33,7 @@ impl Kept {
             load_friction: all(&robot.load_friction, 0.0),
             gears: all(&robot.play, 0.0) && all(&robot.compliance, 0.0),
             ground: robot.ground_softness == 0.0,
-            motors: robot.no_load_speed.iter().all(|&speed| speed >= MOST_SPEED),
+            motors: robot.no_load_speed.iter().all(|&speed| speed >= MAX_SPEED),
         }
     }
 

@@ -8,7 +8,7 @@ use crate::vec3::*;
 use crate::{PhysicsError, Real};
 
 /// Most vertices of a field: their numbers are exact in single precision.
-const MOST_VERTICES: usize = 1 << 24;
+const MAX_VERTICES: usize = 1 << 24;
 
 /// The obstacles of a model.
 pub(crate) struct Obstacles<K> {
@@ -83,12 +83,12 @@ impl<K> Obstacles<K> {
 
 /// How far a ceiling looks, m, and over how many cells at most: the parts of a walking robot reach no further.
 const LOOK: f64 = 0.2;
-const MOST_CELLS: usize = 64;
+const MAX_CELLS: usize = 64;
 
 /// The greatest heights about each block of cells.
 fn ceiling<T: Real>(field: &HeightField) -> Ceiling<T::K> {
     let steps = field.steps();
-    let cells = ((LOOK / steps[0].min(steps[1])).ceil() as usize).clamp(1, MOST_CELLS);
+    let cells = ((LOOK / steps[0].min(steps[1])).ceil() as usize).clamp(1, MAX_CELLS);
     let blocks = [field.columns, field.rows].map(|vertices| (vertices - 1).div_ceil(cells));
     // Vertices of a block, and of those on either side.
     let range = |block: usize, vertices: usize| {
@@ -126,7 +126,7 @@ fn check(field: &HeightField, name: &str) -> Result<(), PhysicsError> {
     if rows < 3 || columns < 3 {
         return wrong("the number of rows or columns", rows.min(columns) as f64, "at least 3");
     }
-    if rows.checked_mul(columns) != Some(field.heights.len()) || field.heights.len() > MOST_VERTICES {
+    if rows.checked_mul(columns) != Some(field.heights.len()) || field.heights.len() > MAX_VERTICES {
         return wrong(
             "the number of heights",
             field.heights.len() as f64,

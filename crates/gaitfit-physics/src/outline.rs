@@ -20,7 +20,7 @@ pub struct LinkOutline {
 impl<K> Tree<K> {
     /// The links, the root first, parents before children. Link `i` moves with joint `i − 1`.
     pub fn outline(&self) -> Vec<LinkOutline> {
-        let own = |number: usize| {
+        let outline = |number: usize| {
             let link = &self.links[number];
             let mut kind = format!("{:?} turned {} sprung {}", link.axis, link.turn.is_some(), link.sprung);
             let _ = match &link.limit {
@@ -44,7 +44,7 @@ impl<K> Tree<K> {
             }
             LinkOutline { parent: link.parent, kind, pairs: link.pairs.clone() }
         };
-        (0..self.links.len()).map(own).collect()
+        (0..self.links.len()).map(outline).collect()
     }
 }
 

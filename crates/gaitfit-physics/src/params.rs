@@ -66,7 +66,7 @@ pub struct Params<T> {
     pub links: Vec<LinkInertia<T>>,
     /// One a joint.
     pub joints: Vec<JointParams<T>>,
-    /// One a compiled contact pair, in `Tree` order; then one a pair of own parts, the sum of both bodies'.
+    /// One a compiled contact pair, in `Tree` order; then one a self-contact pair, the sum of both bodies'.
     pub pairs: Vec<PairInvweight<T>>,
     /// Inertia that a free joint sees at the reference pose, kg and kg·m²: translation and rotation, each a mean over three
     /// axes (the reciprocals of MuJoCo's `dof_invweight0`); empty where nothing but inertia resists the base.
@@ -80,23 +80,23 @@ pub struct Params<T> {
 macro_rules! params_numbers {
     ($params:ident, $visit:ident, $numbers:ident, [$($reference:tt)+]) => {
         for (i, link) in ($($reference)+ $params.links).into_iter().enumerate() {
-            let slot = Slot::of(Owner::Link(i), "mass");
+            let slot = Slot::new(Owner::Link(i), "mass");
             $visit(slot, $($reference)+ link.mass);
             all(&mut $visit, Slot { name: "com", ..slot }, $($reference)+ link.com);
             all(&mut $visit, Slot { name: "inertia", ..slot }, $($reference)+ link.inertia);
         }
         for (j, joint) in ($($reference)+ $params.joints).into_iter().enumerate() {
             for (name, number) in joint.$numbers() {
-                $visit(Slot::of(Owner::Joint(j), name), number);
+                $visit(Slot::new(Owner::Joint(j), name), number);
             }
         }
         for (p, pair) in ($($reference)+ $params.pairs).into_iter().enumerate() {
-            $visit(Slot::of(Owner::Pair(p), "translation"), $($reference)+ pair.translation);
-            $visit(Slot::of(Owner::Pair(p), "rotation"), $($reference)+ pair.rotation);
+            $visit(Slot::new(Owner::Pair(p), "translation"), $($reference)+ pair.translation);
+            $visit(Slot::new(Owner::Pair(p), "rotation"), $($reference)+ pair.rotation);
         }
-        all(&mut $visit, Slot::of(Owner::Base, "free_weight"), $($reference)+ $params.free);
-        $visit(Slot::of(Owner::Base, "friction_scale"), $($reference)+ $params.friction_scale);
-        $visit(Slot::of(Owner::Base, "ground_softness"), $($reference)+ $params.ground_softness);
+        all(&mut $visit, Slot::new(Owner::Base, "free_weight"), $($reference)+ $params.free);
+        $visit(Slot::new(Owner::Base, "friction_scale"), $($reference)+ $params.friction_scale);
+        $visit(Slot::new(Owner::Base, "ground_softness"), $($reference)+ $params.ground_softness);
     };
 }
 

@@ -9,9 +9,9 @@ use crate::vec3::*;
 use crate::{Params, PhysicsError, invweight};
 
 /// Largest torque limit, N·m: an infinite one would make NaN of nothing in single precision.
-const MOST_TORQUE: f64 = 1e30;
+const MAX_TORQUE: f64 = 1e30;
 /// No-load speed from which on a motor's largest torque does not fall with its speed, rad/s.
-pub(crate) const MOST_SPEED: f64 = 1e9;
+pub(crate) const MAX_SPEED: f64 = 1e9;
 
 /// How a body differs from the model's.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,9 +101,9 @@ macro_rules! define {
             fn joint_params(&self, j: usize, weight: f64) -> JointParams<f64> {
                 let mut params = JointParams { $($field: self.$field[j],)* weight };
                 $(params.$of *= self.$ffield[j];)*
-                params.torque_limit = params.torque_limit.min(MOST_TORQUE);
-                params.stall_torque = params.stall_torque.min(MOST_TORQUE);
-                params.no_load_speed = params.no_load_speed.min(MOST_SPEED);
+                params.torque_limit = params.torque_limit.min(MAX_TORQUE);
+                params.stall_torque = params.stall_torque.min(MAX_TORQUE);
+                params.no_load_speed = params.no_load_speed.min(MAX_SPEED);
                 params
             }
         }
@@ -136,7 +136,7 @@ impl Robot {
         }
         let motors = self.no_load_speed.iter().zip(&self.stall_torque);
         for ((speed, torque), joint) in motors.zip(&model.joints) {
-            if *speed < MOST_SPEED && torque.is_infinite() {
+            if *speed < MAX_SPEED && torque.is_infinite() {
                 return Err(PhysicsError::Value {
                     object: format!("joint `{}`", joint.name),
                     quantity: "stall_torque",

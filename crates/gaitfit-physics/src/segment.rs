@@ -80,14 +80,14 @@ pub(crate) fn eliminate<T: Real, const N: usize>(
     work: &mut Work<T>,
 ) -> T {
     let segment = &tree.segments[index];
-    let own = &work.segments[index];
-    let mut block = Block { h: own.mass, f: own.force, r: own.residual };
+    let scratch = &work.segments[index];
+    let mut block = Block { h: scratch.mass, f: scratch.force, r: scratch.residual };
     for k in 0..N {
         let (curvature, row) = joint_terms(segment.first + k - 1, hessian, state, work);
         block.h[k] = block.h[k] + curvature;
         block.r[k] = block.r[k] + row;
-        if !tree.own.is_empty() {
-            block.r[k] = block.r[k] + work.own.torque[segment.first + k - 1];
+        if !tree.self_contact.is_empty() {
+            block.r[k] = block.r[k] + work.self_contact.torque[segment.first + k - 1];
         }
     }
     if let Some(node) = segment.node {
@@ -227,7 +227,7 @@ pub(crate) fn back_substitute<T: Real, const N: usize>(
     work: &mut Work<T>,
 ) -> (T, T) {
     let segment = &tree.segments[index];
-    let own = &mut work.segments[index];
+    let scratch = &mut work.segments[index];
     let above = work.nodes[segment.parent].step;
     let mut step = [T::zero(); SEGMENT];
     if corrected {
@@ -236,9 +236,9 @@ pub(crate) fn back_substitute<T: Real, const N: usize>(
         }
     } else {
         for k in (0..N).rev() {
-            let mut s = own.inverse[k].fnma(dot6(own.coupling[k], above), -own.solved[k]);
+            let mut s = scratch.inverse[k].fnma(dot6(scratch.coupling[k], above), -scratch.solved[k]);
             for i in k + 1..N {
-                s = own.lower[i + k - 1].fnma(step[i], s);
+                s = scratch.lower[i + k - 1].fnma(step[i], s);
             }
             step[k] = s;
         }
@@ -249,7 +249,7 @@ pub(crate) fn back_substitute<T: Real, const N: usize>(
     if let Some(node) = segment.node {
         let mut a = above;
         for k in 0..N {
-            a = axpy6(step[k], own.axis[k], a);
+            a = axpy6(step[k], scratch.axis[k], a);
         }
         work.nodes[node].step = a;
     }
@@ -260,14 +260,14 @@ pub(crate) fn back_substitute<T: Real, const N: usize>(
     let parent = &mut work.nodes[segment.parent];
     let mut wrench = parent.step_wrench;
     for k in 0..N {
-        wrench = axpy6(step[k], own.force[k], wrench);
-        let mut change = own.mass[k].fma(step[k], dot6(own.force[k], above));
+        wrench = axpy6(step[k], scratch.force[k], wrench);
+        let mut change = scratch.mass[k].fma(step[k], dot6(scratch.force[k], above));
         for i in 0..N {
             if i != k {
-                change = own.mass[below(k.max(i), k.min(i))].fma(step[i], change);
+                change = scratch.mass[below(k.max(i), k.min(i))].fma(step[i], change);
             }
         }
-        own.step_residual[k] = change;
+        scratch.step_residual[k] = change;
         curvature = change.fma(step[k], curvature);
         slope = work.joints[segment.first + k - 1].row.fma(step[k], slope);
     }

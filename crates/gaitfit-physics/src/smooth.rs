@@ -7,7 +7,7 @@
 use crate::contact::{impedance, link_contacts};
 use crate::drive::Drive;
 use crate::free;
-use crate::own::own_contacts;
+use crate::self_contact::self_contacts;
 use crate::spatial::{Rigid, V6, add6, axpy6, dot6, dot6_add, zero6};
 use crate::state::{Motion, Pose, State, Work};
 use crate::tree::{Axis, Link, Tree};
@@ -70,8 +70,8 @@ pub(crate) fn smooth<T: Real>(
     for index in 0..tree.touching.len() {
         link_contacts(&pass, index, origin, origin_velocity, work);
     }
-    if !tree.own.is_empty() {
-        own_contacts(&pass, work);
+    if !tree.self_contact.is_empty() {
+        self_contacts(&pass, work);
     }
 }
 

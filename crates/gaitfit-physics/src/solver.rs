@@ -10,8 +10,8 @@ use core::ops::Range;
 use crate::cone::{Kinks, ellipse, ellipse_line, ellipse3, pyramid, pyramid_line, pyramid3, pyramid3_line};
 use crate::contact::components;
 use crate::free;
-use crate::own;
 use crate::segment::{Wanted, back_substitute, eliminate};
+use crate::self_contact;
 use crate::separate::separate;
 use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6, zero6};
 use crate::state::{Point, State, Work};
@@ -63,8 +63,8 @@ separate! {
         work: &mut Work<T>,
     ) -> (T, T) {
         contact_terms(tree, work);
-        if !tree.own.is_empty() {
-            own::terms(tree, work);
+        if !tree.self_contact.is_empty() {
+            self_contact::terms(tree, work);
         }
         for node in &mut work.nodes {
             node.inertia = Articulated::from_rigid(&node.rigid);
@@ -90,7 +90,7 @@ separate! {
             step = root.inertia.solve_neg(root.residual);
             slope = slope + dot6(root.residual, step);
         }
-        let corrected = hessian && !tree.own.is_empty() && T::enter(work.own.touching);
+        let corrected = hessian && !tree.self_contact.is_empty() && T::enter(work.self_contact.touching);
         if corrected {
             work.nodes[0].step = step;
             for index in 0..tree.segments.len() {
@@ -100,9 +100,9 @@ separate! {
                     _ => back_substitute::<T, 3>(tree, index, Wanted::Step, false, work),
                 };
             }
-            slope = slope + own::correct(tree, state, work);
+            slope = slope + self_contact::correct(tree, state, work);
             step = work.nodes[0].step;
-            T::leave(work.own.touching);
+            T::leave(work.self_contact.touching);
         }
         if tree.floating && wanted == Wanted::Everything {
             slope = slope - point_steps(tree, tree.links[0].pairs.clone(), step, work);
@@ -122,8 +122,8 @@ separate! {
             slope = slope - rows;
             curvature = curvature + smooth;
         }
-        if wanted == Wanted::Everything && !tree.own.is_empty() {
-            slope = slope - own::steps(tree, work);
+        if wanted == Wanted::Everything && !tree.self_contact.is_empty() {
+            slope = slope - self_contact::steps(tree, work);
         }
         for node in &work.nodes {
             curvature = dot6_add(node.step, node.step_wrench, curvature);
@@ -408,8 +408,8 @@ fn rows_along<T: Real>(
     if tree.free.is_some() {
         g = free::along(tree, alpha, state, work, g);
     }
-    if !tree.own.is_empty() {
-        g = own::points_along(tree, alpha, work, g, kinks);
+    if !tree.self_contact.is_empty() {
+        g = self_contact::points_along(tree, alpha, work, g, kinks);
     }
     g
 }
@@ -446,7 +446,7 @@ fn advance<T: Real>(tree: &Tree<T::K>, alpha: T, last: bool, state: &mut State<T
         }
         T::leave(active);
     }
-    if !tree.own.is_empty() {
-        own::advance(tree, alpha, work);
+    if !tree.self_contact.is_empty() {
+        self_contact::advance(tree, alpha, work);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::Real;
 use crate::free::FreeWork;
-use crate::own::OwnWork;
+use crate::self_contact::SelfContactWork;
 use crate::spatial::{Articulated, Rigid, V6, zero6};
 use crate::tree::{SEGMENT, Tree};
 use crate::vec3::*;
@@ -48,19 +48,19 @@ impl<T: Real> State<T> {
 
 macro_rules! state_numbers {
     ($state:ident, $visit:ident, $numbers:ident, [$($reference:tt)+]) => {
-        let base = |name| Slot::of(Owner::Base, name);
+        let base = |name| Slot::new(Owner::Base, name);
         all(&mut $visit, base("position"), $($reference)+ $state.base_position);
         all(&mut $visit, base("quaternion"), $($reference)+ $state.base_quaternion);
         all(&mut $visit, base("linear"), $($reference)+ $state.base_linear);
         all(&mut $visit, base("angular"), $($reference)+ $state.base_angular);
         for (j, angle) in ($($reference)+ $state.qpos).into_iter().enumerate() {
-            $visit(Slot::of(Owner::Joint(j), "qpos"), angle);
+            $visit(Slot::new(Owner::Joint(j), "qpos"), angle);
         }
         for (j, velocity) in ($($reference)+ $state.qvel).into_iter().enumerate() {
-            $visit(Slot::of(Owner::Joint(j), "qvel"), velocity);
+            $visit(Slot::new(Owner::Joint(j), "qvel"), velocity);
         }
         for (j, acceleration) in ($($reference)+ $state.qacc).into_iter().enumerate() {
-            $visit(Slot::of(Owner::Joint(j), "qacc"), acceleration);
+            $visit(Slot::new(Owner::Joint(j), "qacc"), acceleration);
         }
         let acceleration = ($($reference)+ $state.base_acceleration).into_iter().flatten();
         all(&mut $visit, base("acceleration"), acceleration);
@@ -217,98 +217,98 @@ pub struct Work<T: Real> {
     pub(crate) touching: Vec<Pose<T>>,
     /// Of a free joint that resists the base's motion; empty without one.
     pub(crate) free: Vec<FreeWork<T>>,
-    /// Contact between own parts. `visit` leaves it out: what is recorded has none.
-    pub(crate) own: OwnWork<T>,
+    /// Self-contact. `visit` leaves it out: what is recorded has none.
+    pub(crate) self_contact: SelfContactWork<T>,
 }
 
 macro_rules! work_numbers {
     ($work:ident, $visit:ident, $numbers:ident, [$($reference:tt)+], $tree:ident) => {
-        let node = |link, name| Slot::of(Owner::Link(link), name);
-        for (own, &link) in ($($reference)+ $work.nodes).into_iter().zip(&$tree.nodes) {
-            let motion = $($reference)+ own.motion;
+        let node = |link, name| Slot::new(Owner::Link(link), name);
+        for (each, &link) in ($($reference)+ $work.nodes).into_iter().zip(&$tree.nodes) {
+            let motion = $($reference)+ each.motion;
             all(&mut $visit, node(link, "rotation"), ($($reference)+ motion.rotation).into_iter().flatten());
             all(&mut $visit, node(link, "position"), $($reference)+ motion.position);
             all(&mut $visit, node(link, "velocity"), ($($reference)+ motion.velocity).into_iter().flatten());
             all(&mut $visit, node(link, "acceleration"), ($($reference)+ motion.acceleration).into_iter().flatten());
-            let jacobian = ($($reference)+ own.jacobian_acceleration).into_iter().flatten();
+            let jacobian = ($($reference)+ each.jacobian_acceleration).into_iter().flatten();
             all(&mut $visit, node(link, "jacobian_acceleration"), jacobian);
-            $visit(node(link, "rigid_mass"), $($reference)+ own.rigid.m);
-            all(&mut $visit, node(link, "rigid_moment"), $($reference)+ own.rigid.h);
-            all(&mut $visit, node(link, "rigid_inertia"), $($reference)+ own.rigid.i);
-            all(&mut $visit, node(link, "wrench"), ($($reference)+ own.wrench).into_iter().flatten());
-            all(&mut $visit, node(link, "inertia_angular"), $($reference)+ own.inertia.aa);
-            all(&mut $visit, node(link, "inertia_mixed"), ($($reference)+ own.inertia.al).into_iter().flatten());
-            all(&mut $visit, node(link, "inertia_linear"), $($reference)+ own.inertia.ll);
-            all(&mut $visit, node(link, "newton_residual"), ($($reference)+ own.residual).into_iter().flatten());
-            all(&mut $visit, node(link, "newton_step"), ($($reference)+ own.step).into_iter().flatten());
-            all(&mut $visit, node(link, "step_wrench"), ($($reference)+ own.step_wrench).into_iter().flatten());
+            $visit(node(link, "rigid_mass"), $($reference)+ each.rigid.m);
+            all(&mut $visit, node(link, "rigid_moment"), $($reference)+ each.rigid.h);
+            all(&mut $visit, node(link, "rigid_inertia"), $($reference)+ each.rigid.i);
+            all(&mut $visit, node(link, "wrench"), ($($reference)+ each.wrench).into_iter().flatten());
+            all(&mut $visit, node(link, "inertia_angular"), $($reference)+ each.inertia.aa);
+            all(&mut $visit, node(link, "inertia_mixed"), ($($reference)+ each.inertia.al).into_iter().flatten());
+            all(&mut $visit, node(link, "inertia_linear"), $($reference)+ each.inertia.ll);
+            all(&mut $visit, node(link, "newton_residual"), ($($reference)+ each.residual).into_iter().flatten());
+            all(&mut $visit, node(link, "newton_step"), ($($reference)+ each.step).into_iter().flatten());
+            all(&mut $visit, node(link, "step_wrench"), ($($reference)+ each.step_wrench).into_iter().flatten());
         }
-        for (own, segment) in ($($reference)+ $work.segments).into_iter().zip(&$tree.segments) {
+        for (each, segment) in ($($reference)+ $work.segments).into_iter().zip(&$tree.segments) {
             // What belongs to several joints goes by the first.
-            let joint = |name| Slot::of(Owner::Joint(segment.first - 1), name);
+            let joint = |name| Slot::new(Owner::Joint(segment.first - 1), name);
             let count = segment.len;
-            let axis = ($($reference)+ own.axis).into_iter().take(count).flatten().flatten();
+            let axis = ($($reference)+ each.axis).into_iter().take(count).flatten().flatten();
             all(&mut $visit, joint("axis"), axis);
-            all(&mut $visit, joint("mass"), $($reference)+ own.mass);
-            let force = ($($reference)+ own.force).into_iter().take(count).flatten().flatten();
+            all(&mut $visit, joint("mass"), $($reference)+ each.mass);
+            let force = ($($reference)+ each.force).into_iter().take(count).flatten().flatten();
             all(&mut $visit, joint("force"), force);
-            all(&mut $visit, joint("residual"), ($($reference)+ own.residual).into_iter().take(count));
-            all(&mut $visit, joint("step_residual"), ($($reference)+ own.step_residual).into_iter().take(count));
-            all(&mut $visit, joint("lower"), $($reference)+ own.lower);
-            let coupling = ($($reference)+ own.coupling).into_iter().take(count).flatten().flatten();
+            all(&mut $visit, joint("residual"), ($($reference)+ each.residual).into_iter().take(count));
+            all(&mut $visit, joint("step_residual"), ($($reference)+ each.step_residual).into_iter().take(count));
+            all(&mut $visit, joint("lower"), $($reference)+ each.lower);
+            let coupling = ($($reference)+ each.coupling).into_iter().take(count).flatten().flatten();
             all(&mut $visit, joint("coupling"), coupling);
-            all(&mut $visit, joint("inverse"), ($($reference)+ own.inverse).into_iter().take(count));
-            all(&mut $visit, joint("solved"), ($($reference)+ own.solved).into_iter().take(count));
+            all(&mut $visit, joint("inverse"), ($($reference)+ each.inverse).into_iter().take(count));
+            all(&mut $visit, joint("solved"), ($($reference)+ each.solved).into_iter().take(count));
         }
-        for (j, own) in ($($reference)+ $work.joints).into_iter().enumerate() {
-            let joint = |name| Slot::of(Owner::Joint(j), name);
-            $visit(joint("tau"), $($reference)+ own.tau);
-            $visit(joint("armature"), $($reference)+ own.armature);
-            $visit(joint("implicit"), $($reference)+ own.implicit);
-            $visit(joint("friction_d"), $($reference)+ own.friction_d);
-            $visit(joint("friction_bias"), $($reference)+ own.friction_bias);
-            $visit(joint("frictionloss"), $($reference)+ own.frictionloss);
-            $visit(joint("limit_sign"), $($reference)+ own.limit_sign);
-            $visit(joint("limit_d"), $($reference)+ own.limit_d);
-            $visit(joint("limit_bias"), $($reference)+ own.limit_bias);
-            $visit(joint("row"), $($reference)+ own.row);
-            $visit(joint("step"), $($reference)+ own.step);
+        for (j, each) in ($($reference)+ $work.joints).into_iter().enumerate() {
+            let joint = |name| Slot::new(Owner::Joint(j), name);
+            $visit(joint("tau"), $($reference)+ each.tau);
+            $visit(joint("armature"), $($reference)+ each.armature);
+            $visit(joint("implicit"), $($reference)+ each.implicit);
+            $visit(joint("friction_d"), $($reference)+ each.friction_d);
+            $visit(joint("friction_bias"), $($reference)+ each.friction_bias);
+            $visit(joint("frictionloss"), $($reference)+ each.frictionloss);
+            $visit(joint("limit_sign"), $($reference)+ each.limit_sign);
+            $visit(joint("limit_d"), $($reference)+ each.limit_d);
+            $visit(joint("limit_bias"), $($reference)+ each.limit_bias);
+            $visit(joint("row"), $($reference)+ each.row);
+            $visit(joint("step"), $($reference)+ each.step);
         }
-        for own in $($reference)+ $work.free {
-            let base = |name| Slot::of(Owner::Base, name);
-            $visit(base("free_implicit"), $($reference)+ own.implicit);
-            all(&mut $visit, base("free_friction_d"), $($reference)+ own.friction_d);
-            all(&mut $visit, base("free_friction_bias"), ($($reference)+ own.friction_bias).into_iter().flatten());
-            all(&mut $visit, base("free_row"), ($($reference)+ own.row).into_iter().flatten());
-            all(&mut $visit, base("free_step"), ($($reference)+ own.step).into_iter().flatten());
+        for each in $($reference)+ $work.free {
+            let base = |name| Slot::new(Owner::Base, name);
+            $visit(base("free_implicit"), $($reference)+ each.implicit);
+            all(&mut $visit, base("free_friction_d"), $($reference)+ each.friction_d);
+            all(&mut $visit, base("free_friction_bias"), ($($reference)+ each.friction_bias).into_iter().flatten());
+            all(&mut $visit, base("free_row"), ($($reference)+ each.row).into_iter().flatten());
+            all(&mut $visit, base("free_step"), ($($reference)+ each.step).into_iter().flatten());
         }
         for (j, (sine, cosine)) in ($($reference)+ $work.turns).into_iter().enumerate() {
-            $visit(Slot::of(Owner::Joint(j), "sine"), sine);
-            $visit(Slot::of(Owner::Joint(j), "cosine"), cosine);
+            $visit(Slot::new(Owner::Joint(j), "sine"), sine);
+            $visit(Slot::new(Owner::Joint(j), "cosine"), cosine);
         }
-        for (p, own) in ($($reference)+ $work.pairs).into_iter().enumerate() {
-            all(&mut $visit, Slot::of(Owner::Pair(p), "friction"), $($reference)+ own.friction);
+        for (p, each) in ($($reference)+ $work.pairs).into_iter().enumerate() {
+            all(&mut $visit, Slot::new(Owner::Pair(p), "friction"), $($reference)+ each.friction);
         }
         // Of each pair: its points' numbers in a row.
         let owners = $tree.pairs.iter().enumerate();
         let owners = owners.flat_map(|(p, pair)| (0..pair.points.len()).map(move |k| (p, k, pair.condim)));
         let mut spins = ($($reference)+ $work.spins).into_iter();
-        for (own, (p, k, condim)) in ($($reference)+ $work.points).into_iter().zip(owners) {
-            let point = |name, width| Slot { index: k * width, ..Slot::of(Owner::Pair(p), name) };
+        for (each, (p, k, condim)) in ($($reference)+ $work.points).into_iter().zip(owners) {
+            let point = |name, width| Slot { index: k * width, ..Slot::new(Owner::Pair(p), name) };
             let parts = if condim > 3 { 2 } else { 1 };
-            all(&mut $visit, point("point", 3), $($reference)+ own.x);
-            $visit(point("distance", 1), $($reference)+ own.distance);
-            $visit(point("d", 1), $($reference)+ own.d);
-            let residual = ($($reference)+ own.residual).into_iter().take(parts).flatten();
+            all(&mut $visit, point("point", 3), $($reference)+ each.x);
+            $visit(point("distance", 1), $($reference)+ each.distance);
+            $visit(point("d", 1), $($reference)+ each.d);
+            let residual = ($($reference)+ each.residual).into_iter().take(parts).flatten();
             all(&mut $visit, point("residual", 6), residual);
-            let step = ($($reference)+ own.step).into_iter().take(parts).flatten();
+            let step = ($($reference)+ each.step).into_iter().take(parts).flatten();
             all(&mut $visit, point("step", 6), step);
-            let force = ($($reference)+ own.force).into_iter().take(parts).flatten();
+            let force = ($($reference)+ each.force).into_iter().take(parts).flatten();
             all(&mut $visit, point("contact_force", 6), force);
-            all(&mut $visit, point("world_force", 3), $($reference)+ own.world_force);
-            all(&mut $visit, point("weight", 6), $($reference)+ own.weight);
-            all(&mut $visit, point("columns", 9), ($($reference)+ own.columns).into_iter().flatten());
-            all(&mut $visit, point("frame", 9), ($($reference)+ own.frame).into_iter().flatten());
+            all(&mut $visit, point("world_force", 3), $($reference)+ each.world_force);
+            all(&mut $visit, point("weight", 6), $($reference)+ each.weight);
+            all(&mut $visit, point("columns", 9), ($($reference)+ each.columns).into_iter().flatten());
+            all(&mut $visit, point("frame", 9), ($($reference)+ each.frame).into_iter().flatten());
             if condim > 3 {
                 if let Some((wrench, inertia)) = spins.next() {
                     all(&mut $visit, point("spin_wrench", 6), wrench.into_iter().flatten());
@@ -318,9 +318,9 @@ macro_rules! work_numbers {
                 }
             }
         }
-        for (own, &(link, _)) in ($($reference)+ $work.touching).into_iter().zip(&$tree.touching) {
-            all(&mut $visit, node(link, "pose_rotation"), ($($reference)+ own.rotation).into_iter().flatten());
-            all(&mut $visit, node(link, "pose_position"), $($reference)+ own.position);
+        for (each, &(link, _)) in ($($reference)+ $work.touching).into_iter().zip(&$tree.touching) {
+            all(&mut $visit, node(link, "pose_rotation"), ($($reference)+ each.rotation).into_iter().flatten());
+            all(&mut $visit, node(link, "pose_position"), $($reference)+ each.position);
         }
     };
 }
@@ -393,7 +393,7 @@ impl<T: Real> Work<T> {
             points: vec![point; tree.points],
             spins: vec![(zero6(), Articulated::zero()); tree.spins],
             touching: vec![pose; tree.touching.len()],
-            own: OwnWork::new(&tree.own, tree.links.len(), tree.floating),
+            self_contact: SelfContactWork::new(&tree.self_contact, tree.links.len(), tree.floating),
         }
     }
 

@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use crate::Settings;
-use crate::own::Own;
+use crate::self_contact::SelfContacts;
 use crate::terrain::{Block, Field};
 
 /// Smallest positive number MuJoCo divides by (`mjMINVAL`).
@@ -198,10 +198,10 @@ pub struct Tree<K> {
     pub(crate) points: usize,
     /// Points with spin.
     pub(crate) spins: usize,
-    /// Links with contact pairs or own parts that touch, and the segment of each (none for the root).
+    /// Links with contact pairs or in self-contact, and the segment of each (none for the root).
     pub(crate) touching: Vec<(usize, Option<usize>)>,
     /// Contact between the robot's own parts.
-    pub(crate) own: Own<K>,
+    pub(crate) self_contact: SelfContacts<K>,
     pub(crate) impratio: f64,
     pub(crate) elliptic: bool,
     pub(crate) settings: Settings,
@@ -240,7 +240,7 @@ impl<K> Tree<K> {
 
     /// Whether the robot's own parts may touch each other.
     pub fn has_self_contact(&self) -> bool {
-        !self.own.is_empty()
+        !self.self_contact.is_empty()
     }
 
     /// Settings it was compiled with.

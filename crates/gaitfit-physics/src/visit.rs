@@ -29,7 +29,7 @@ pub struct Slot {
 
 impl Slot {
     /// A single number.
-    pub(crate) fn of(owner: Owner, name: &'static str) -> Self {
+    pub(crate) fn new(owner: Owner, name: &'static str) -> Self {
         Self { owner, name, index: 0 }
     }
 }

@@ -125,7 +125,8 @@ pub fn identify(
         verdict(entry, values[at], &rises, noise, charged)
     };
     let mut found: Vec<Identification> = theta.entries().iter().enumerate().map(of_entry).collect();
-    let around = Around { simulator, theta, values, views: &views, centre: &centre, draw, cancel };
+    let around =
+        Around { simulator, theta, values, views: &views, centre: &centre, draw, rise: &rise, cancel };
     joint(&around, alternatives, &mut found)?;
     Ok(found)
 }
@@ -226,7 +227,7 @@ fn verdict(
 
 /// How far out the cost rises no more than its noise, and the noise there. `side` is ordered by distance. Beyond the
 /// last point whose rise is noise the end is found by the two's growth: the rise as δ², the noise as δ or not at all.
-fn end(side: &[(f64, Rise)]) -> (f64, f64) {
+pub(super) fn end(side: &[(f64, Rise)]) -> (f64, f64) {
     let within = |rise: &Rise| rise.is_some_and(|(rise, noise)| rise <= noise);
     let last = side.iter().rposition(|(_, rise)| within(rise));
     let from = last.map_or(0.0, |last| side[last].0);

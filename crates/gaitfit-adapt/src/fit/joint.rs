@@ -6,17 +6,18 @@
 //! is a parabola throughout. One Newton step leads to where the minimum would be without a group of recordings (a
 //! jackknife of one-step estimates; its covariance is the sandwich of Huber 1967), and to where another simulator would
 //! have its minimum: each such shift counts as one standard deviation, for no number of recordings shows that the
-//! simulator is not the robot.
+//! simulator is not the robot. Where parameters make up for each other, the cost itself tells how far ([`super::valley`]).
 
 use super::identification::Identification;
+use super::valley::reach;
 use super::views::{Views, jackknife};
 use super::{Alternative, FitError};
 use crate::{Cancel, Rollout, Simulator, Theta};
 use gaitfit_sim::stats;
 use nalgebra::{DMatrix, DVector};
 
-/// Most free parameters whose pairs are simulated: 12 are 132 moves of two.
-const MAX_FREE: usize = 12;
+/// Max free parameters whose pairs are simulated: 20 are 380 moves of two.
+const MAX_FREE: usize = 20;
 /// Least eigenvalue of the curvature, parts of its mean diagonal: flatter directions are not told apart from noise.
 const FLATTEST: f64 = 0.05;
 /// Part of a parameter's range that it must be able to move to both sides.
@@ -32,14 +33,16 @@ pub(super) struct Around<'a> {
     /// The costs at the values, one a view.
     pub(super) centre: &'a [f64],
     pub(super) draw: u64,
+    /// The rise of costs, one a view, above those at the values, and what of it may be noise.
+    pub(super) rise: &'a dyn Fn(&Vec<f64>) -> (f64, f64),
     pub(super) cancel: &'a Cancel<'a>,
 }
 
 /// A parameter that can move: its number, and how far it is moved.
 #[derive(Clone, Copy)]
-struct Free {
-    entry: usize,
-    size: f64,
+pub(super) struct Free {
+    pub(super) entry: usize,
+    pub(super) size: f64,
 }
 
 /// Widens the intervals `found` to joint ones. Those of parameters that rest on a bound, or that the logs do not
@@ -96,7 +99,7 @@ pub(super) fn joint(
             found[free.entry].widen(&theta.entries()[free.entry], values[free.entry], half);
         }
     }
-    Ok(())
+    flat.iter().try_for_each(|direction| reach(around, &free, direction, found))
 }
 
 impl Around<'_> {

@@ -19,6 +19,7 @@ mod outcome;
 mod predicted;
 mod regression;
 mod run;
+mod valley;
 mod views;
 
 pub use baseline::{TargetSignal, best_delay, delayed};

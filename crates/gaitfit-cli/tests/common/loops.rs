@@ -36,7 +36,7 @@ checkpoint_seconds = 0.0
 [adapt]
 simulation = { timestep = 0.01, skip_seconds = 0.0 }
 falls.margin_seconds = 0.1
-optimizer = { generations = 2, seeds = 1 }
+optimizer = { generations = 2, seeds = 1, replicates = 0 }
 [finetune]
 train = { environments = 8, iterations = 1 }
 ppo.critic_warmup = 0

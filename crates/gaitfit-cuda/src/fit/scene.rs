@@ -40,7 +40,7 @@ impl Structure {
     /// Of a candidate.
     pub fn new(candidate: &Candidate) -> Self {
         let networks = candidate.networks.iter().map(|one| (one.kind, one.joints.clone())).collect();
-        Self { networks, disturbed: candidate.torque_noise > 0.0, kept: Kept::of(&candidate.robot) }
+        Self { networks, disturbed: candidate.torque_noise > 0.0, kept: Kept::from_robot(&candidate.robot) }
     }
 }
 

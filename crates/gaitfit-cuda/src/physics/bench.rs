@@ -86,7 +86,7 @@ pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<P
     let drawn: Vec<Robot> = (0..robots).map(|number| random_robot(&model, number as u32)).collect();
     let sets = drawn.iter().map(|robot| robot.params(&model)).collect::<Result<Vec<_>, _>>();
     let sets: Vec<Params<f64>> = sets.map_err(DeviceError::from)?.into_iter().map(rounded).collect();
-    let kept = drawn.iter().map(Kept::of).reduce(Kept::both);
+    let kept = drawn.iter().map(Kept::from_robot).reduce(Kept::both);
     let fixed = kept.zip(sets.first()).map_or(Vec::new(), |(kept, set)| kept.numbers(set));
     let report = Report { fixed, ..Report::default() };
     let start = Instant::now();

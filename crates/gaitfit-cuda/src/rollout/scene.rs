@@ -130,7 +130,7 @@ impl<'a> Scene<'a> {
         let disturbed = candidates.iter().any(|candidate| candidate.torque_noise > 0.0);
         let (model, settings) = (task.walker.model(), batch.settings());
         // Randomisation does not change what may be kept.
-        let kept = candidates.iter().map(|candidate| Kept::of(&candidate.robot)).reduce(Kept::both);
+        let kept = candidates.iter().map(|candidate| Kept::from_robot(&candidate.robot)).reduce(Kept::both);
         let fixed = match (candidates.first(), kept) {
             (Some(first), Some(kept)) => {
                 kept.numbers(&task.walker.robot(first).params(model).map_err(TaskError::from)?)

@@ -163,7 +163,7 @@ fn gpu_batches_refuse_wrong_counts() {
     assert!(batch.write_params(&stream, &[]).is_err());
 
     let mut one = Robot::nominal(&model);
-    let fixed = Kept::of(&one).numbers(&one.params(&model).unwrap());
+    let fixed = Kept::from_robot(&one).numbers(&one.params(&model).unwrap());
     let report = Report { fixed, ..Report::default() };
     let period = Arc::new(Period::reporting(&model, &settings, options, &[], &report).unwrap());
     let mut batch = Batch::new(&device, &period, 10, 1).unwrap();

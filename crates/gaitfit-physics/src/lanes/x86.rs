@@ -19,7 +19,7 @@ macro_rules! lane_type {
         $add:ident $sub:ident $mul:ident $div:ident $sqrt:ident $min:ident $max:ident
         $xor:ident $andnot:ident $set1:ident;
         Real { $($real:tt)* }
-        Lanes { $($own:tt)* }
+        Lanes { $($operations:tt)* }
     ) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug)]
@@ -120,7 +120,7 @@ macro_rules! lane_type {
                 let numbers = unsafe { core::mem::transmute::<$register, [f32; $lanes]>(self.0) };
                 x[..$lanes].copy_from_slice(&numbers);
             }
-            $($own)*
+            $($operations)*
         }
     };
 }

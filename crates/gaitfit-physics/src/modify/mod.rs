@@ -194,8 +194,8 @@ pub(crate) fn for_each<K: Copy, T>(
     mut act: impl FnMut(&JointModification<K>, &mut [T]),
 ) {
     for modification in modifications {
-        let (own, rest) = memory.split_at_mut(modification.memory());
-        act(modification, own);
+        let (part, rest) = memory.split_at_mut(modification.memory());
+        act(modification, part);
         memory = rest;
     }
 }
@@ -207,5 +207,5 @@ pub fn settle<T: Real>(
     state: &State<T>,
     memory: &mut [T],
 ) {
-    for_each(modifications, memory, |modification, own| modification.settle(params, state, own));
+    for_each(modifications, memory, |modification, part| modification.settle(params, state, part));
 }

@@ -61,7 +61,7 @@ impl<K: Copy> JointNetwork<K> {
 
     /// Calls `visit` with every weight as it is used, scales folded in.
     pub(super) fn visit_weights_mut(&mut self, name: &'static str, visit: &mut impl FnMut(Slot, &mut K)) {
-        let first = Slot::of(Owner::Joint(self.joint), name);
+        let first = Slot::new(Owner::Joint(self.joint), name);
         for (index, weight) in self.weights.iter_mut().enumerate() {
             visit(Slot { index, ..first }, weight);
         }

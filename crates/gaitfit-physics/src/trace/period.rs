@@ -143,8 +143,8 @@ pub fn record_period_with(
         params.free = vec![Traced::zero(); tree.free_weights()];
         let fixed: HashMap<Slot, f64> = report.fixed.iter().copied().collect();
         params.visit_mut(|slot, number| {
-            let own = input(Input::Params(slot));
-            *number = fixed.get(&slot).map_or(own, |&value| Traced::lit(value));
+            let given = input(Input::Params(slot));
+            *number = fixed.get(&slot).map_or(given, |&value| Traced::lit(value));
         });
         let mut targets: Vec<Traced> = (0..taps * joints)
             .map(|index| input(Input::Target { tap: index / joints, joint: index % joints }))
@@ -199,9 +199,9 @@ pub fn record_period_with(
         outputs.extend((0..memory.len()).map(Output::Memory));
         all.extend(memory);
         let corrected = modifications.iter().any(|one| matches!(one, JointModification::ActionDelta(_)));
-        let told = if corrected && taps > 1 { 0..joints } else { 0..0 };
-        outputs.extend(told.clone().map(|joint| Output::Target { joint }));
-        all.extend_from_slice(&targets[told]);
+        let observed = if corrected && taps > 1 { 0..joints } else { 0..0 };
+        outputs.extend(observed.clone().map(|joint| Output::Target { joint }));
+        all.extend_from_slice(&targets[observed]);
         outputs.extend(slots.into_iter().map(Output::Report));
         all.extend(shown);
         all
@@ -256,11 +256,11 @@ fn iterated<'a>(period: &'a mut Period<'_, Traced>, forces: &'a mut [Traced]) ->
 fn reported(tree: &Tree<Known>, report: &Report) -> Vec<Slot> {
     let mut slots = Vec::new();
     if report.forces {
-        slots.extend((0..tree.joints()).map(|joint| Slot::of(Owner::Joint(joint), "torque")));
-        slots.extend((0..tree.pairs.len()).map(|pair| Slot::of(Owner::Pair(pair), "normal_force")));
+        slots.extend((0..tree.joints()).map(|joint| Slot::new(Owner::Joint(joint), "torque")));
+        slots.extend((0..tree.pairs.len()).map(|pair| Slot::new(Owner::Pair(pair), "normal_force")));
     }
     for &pair in &report.tracked {
-        slots.extend((0..3).map(|index| Slot { index, ..Slot::of(Owner::Pair(pair), "place") }));
+        slots.extend((0..3).map(|index| Slot { index, ..Slot::new(Owner::Pair(pair), "place") }));
     }
     slots
 }

@@ -153,7 +153,7 @@ fn compare_rows(
     for row in &rows[at..] {
         let geom = match row.kind {
             RowKind::Contact(pair, _) => Some(model.pairs[pair].geom),
-            RowKind::Own(..) => None,
+            RowKind::SelfContact(..) => None,
             other => panic!("{other:?} after the limits"),
         };
         if last != Some(row.kind) {

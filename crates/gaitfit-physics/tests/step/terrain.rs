@@ -95,8 +95,10 @@ fn parallel_rods_touch_twice() {
     let mut forward = Forward::new(&model, &settings(&model)).unwrap();
     let state = state_from(forward.tree(), &[-0.07, 0.075], &[-0.3, 0.2]).unwrap();
     let rows = constraint_rows(forward.tree(), forward.params(), &state, &mut Work::new(forward.tree()));
-    let points: std::collections::BTreeSet<usize> =
-        rows.iter().map(|row| if let RowKind::Own(0, point) = row.kind { point } else { panic!() }).collect();
+    let points: std::collections::BTreeSet<usize> = rows
+        .iter()
+        .map(|row| if let RowKind::SelfContact(0, point) = row.kind { point } else { panic!() })
+        .collect();
     assert_eq!(points.len(), 2);
     let found = forward.evaluate(&[-0.07, 0.075], &[-0.3, 0.2], &[]).unwrap();
     for (got, want) in found.qacc.iter().zip([44.68554897270969, -37.725605111583356]) {

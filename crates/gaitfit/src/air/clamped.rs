@@ -14,6 +14,11 @@ const MAX_SUBSTEPS: usize = 1000;
 /// Longest delay of a robot whose delay is not fitted, s: a fit tries whether one would explain its errors.
 const SUSPECTED_DELAY: f64 = 0.05;
 
+/// Longest interval between samples, s.
+fn longest(logs: &[Log]) -> f64 {
+    logs.iter().map(|log| log.trajectory.dt()).fold(0.0, f64::max)
+}
+
 /// A clamped robot.
 pub struct Clamped {
     /// The robot.
@@ -43,9 +48,26 @@ impl Clamped {
     /// # Errors
     /// Logs whose rates differ; a physics step too small for them.
     pub fn simulator(&self, base: Candidate, logs: &[Log]) -> Result<ReplaySimulator, Error> {
-        let longest = logs.iter().map(|log| log.trajectory.dt()).fold(0.0, f64::max);
+        self.finer(base, logs, 1)
+    }
+
+    /// Physics step of a replay of `logs`, s.
+    pub fn step(&self, logs: &[Log]) -> f64 {
+        longest(logs) / self.substeps(logs) as f64
+    }
+
+    /// Physics steps of a sample.
+    fn substeps(&self, logs: &[Log]) -> usize {
         // A log at 5.001 ms and a step of 5 ms mean one step a sample: a percent is clock error, not a finer rate.
-        let substeps = (longest / self.timestep - 0.01).ceil().max(1.0) as usize;
+        (longest(logs) / self.timestep - 0.01).ceil().max(1.0) as usize
+    }
+
+    /// As [`Clamped::simulator`], with `parts` physics steps in the place of one.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn finer(&self, base: Candidate, logs: &[Log], parts: usize) -> Result<ReplaySimulator, Error> {
+        let (longest, substeps) = (longest(logs), self.substeps(logs).saturating_mul(parts));
         if substeps > MAX_SUBSTEPS {
             return Err(Error::settings(format!(
                 "`simulation.timestep` {} s splits a sample of {longest} s into {substeps} steps, more than \

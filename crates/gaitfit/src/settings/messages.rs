@@ -62,7 +62,7 @@ fn nearest(message: &str) -> String {
     let mut quoted = message.split('`').skip(1).step_by(2);
     let Some(unknown) = quoted.next() else { return String::new() };
     if OF_LOOPS.contains(&unknown) {
-        return ". This looks like the configuration of a loop: run `gaitfit loop` with it".to_owned();
+        return ". This looks like the configuration of a loop: run `gaitfit loop` with it; a fit of its walks alone takes the lines `policy` and `logs`".to_owned();
     }
     let scored = quoted.map(|known| (strsim::jaro_winkler(unknown, known), known));
     match scored.max_by(|a, b| a.0.total_cmp(&b.0)) {

@@ -5,6 +5,7 @@
 //! does not have, and a few other parameters are fitted besides, to see whether they explain the rest much better.
 
 mod seldom;
+mod step;
 mod suspects;
 
 pub use suspects::Suspect;
@@ -19,6 +20,7 @@ use gaitfit_adapt::{Cancel, Resets};
 use gaitfit_view::{Doubt, DoubtKind};
 use seldom::ramped;
 use serde::{Deserialize, Serialize};
+use step::finer;
 use suspects::{STEPS, TOLERANCE, better, suspicions};
 
 /// From this correlation between an error and that of the next sample on, a simulator lacks something. Simulated robots that
@@ -161,6 +163,10 @@ pub(super) fn leftover(
         let robot = Robot { theta: &setup.theta, values: &end };
         let predicted = robot.simulate(problem.simulator, compared.resets())?;
         left.audit = Audit::new(&setup.fit, &predicted, 0);
+        // The step comes first: it is no property of the robot.
+        if let Some(suspect) = finer(setup, problem, &end)? {
+            left.suspect = better(left.suspect, suspect, min);
+        }
         for suspicion in suspicions(setup) {
             let Some(suspect) = suspicion.tried(setup, problem, &end)? else { continue };
             left.suspect = better(left.suspect, suspect, min);
@@ -176,6 +182,8 @@ pub(super) fn leftover(
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
+    use crate::adapt::log_set::LogSet;
+    use crate::adapt::method::Method;
     use crate::settings;
     use std::path::Path;
 
@@ -184,6 +192,12 @@ mod tests {
     /// What is left of the first seconds of the demo's log, header and rows changed by `edit`, where the parameters have
     /// their true values.
     fn left(edit: impl Fn(&str) -> String, delay: bool) -> Leftover {
+        let setup = setup(edit, delay, &[]);
+        leftover(&setup, 0, &TRUTH[..setup.theta.len()], 1.0, false, &gaitfit_adapt::never).unwrap().unwrap()
+    }
+
+    /// The fit of such a log; `more`: further settings.
+    fn setup(edit: impl Fn(&str) -> String, delay: bool, more: &[&str]) -> Setup {
         let place = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let text = std::fs::read_to_string(place.join("examples/go2-demo/fit.csv")).unwrap();
         let folder = tempfile::tempdir().unwrap();
@@ -202,10 +216,36 @@ mod tests {
                 ["frictionloss", "armature", "damping"].map(|kind| format!("{{kind={kind:?},upper=1.5}}"));
             changes.push(format!("parameter=[{}]", kinds.join(",")));
         }
-        let setup =
-            crate::adapt::Setup::open(&settings::load(Some(&file), &changes).unwrap(), &file, Some(2))
-                .unwrap();
-        leftover(&setup, 0, &TRUTH[..setup.theta.len()], 1.0, false, &gaitfit_adapt::never).unwrap().unwrap()
+        changes.extend(more.iter().map(|&change| change.to_owned()));
+        Setup::open(&settings::load(Some(&file), &changes).unwrap(), &file, Some(2)).unwrap()
+    }
+
+    /// A robot at 50 Hz as fine steps simulate it, fitted with one step a sample.
+    #[test]
+    fn a_physics_step_that_is_too_long_is_named() {
+        let rows = std::cell::Cell::new(0);
+        let seldom = |line: &str| {
+            let number = line.starts_with(|first: char| first.is_ascii_digit());
+            rows.set(rows.get() + usize::from(number));
+            if number && rows.get() % 4 != 1 { String::new() } else { line.to_owned() }
+        };
+        let mut coarse = setup(seldom, true, &["simulation.timestep=0.02"]);
+        let Method::Replay(clamped) = &coarse.method else { unreachable!() };
+        let fine = clamped.finer(coarse.base.clone(), &coarse.fit.logs, 16).unwrap();
+        let robot = Robot { theta: &coarse.theta, values: &TRUTH };
+        let walked = robot.simulate(&fine, Resets::Never).unwrap();
+        let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect::<Vec<f64>>();
+        let mut logs = coarse.fit.logs.clone();
+        logs[0].trajectory.position = wide(&walked[0].position);
+        logs[0].trajectory.velocity = wide(&walked[0].velocity);
+        coarse.fit = LogSet::new(&coarse.config, &coarse.method, &coarse.base, logs).unwrap();
+        coarse.costs = coarse.fit.costs(&coarse.config).unwrap();
+        let left = leftover(&coarse, 0, &TRUTH, 1.0, false, &gaitfit_adapt::never).unwrap().unwrap();
+        let doubt = left.doubt().unwrap();
+        assert!(
+            doubt.text.contains("physics steps of 5.00 ms") && doubt.text.contains("simulation.timestep"),
+            "{doubt:?} {left:?}"
+        );
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Contacts between own parts in Newton's method: forces, the dense correction of a step, the line search.
+//! Self-contacts in Newton's method: forces, the dense correction of a step, the line search.
 //!
 //! With H₀ the Hessian along the tree, C = JᵀWJ of these contacts and g the gradient, the tree gives s₀ = −H₀⁻¹ g.
 //! The step is s = −(H₀ + C)⁻¹ g = s₀ − (H₀ + C)⁻¹ C s₀. H₀ is put together as composite rigid bodies make a mass
@@ -6,8 +6,8 @@
 
 use crate::Real;
 use crate::cone::{Kinks, ellipse, ellipse_line, pyramid, pyramid_line};
-use crate::own::OwnPair;
 use crate::segment::joint_terms;
+use crate::self_contact::SelfContactPair;
 use crate::separate::separate;
 use crate::spatial::{Articulated, V6, add6, dot6, dot6_add, zero6};
 use crate::state::{State, Work};
@@ -16,41 +16,41 @@ use crate::tree::Tree;
 separate! {
     /// Forces and Hessians of the contacts at their residuals, and the torques of them on the joints.
     pub(crate) fn terms<T>(tree: &Tree<T::K>, work: &mut Work<T>) {
-        let own = &mut work.own;
-        for torque in &mut own.torque {
+        let contacts = &mut work.self_contact;
+        for torque in &mut contacts.torque {
             *torque = T::zero();
         }
-        if !T::enter(own.touching) {
+        if !T::enter(contacts.touching) {
             return;
         }
-        for index in 0..tree.own.pairs.len() {
-            let pair = &tree.own.pairs[index];
-            let (active, mu) = own.pairs[index];
+        for index in 0..tree.self_contact.pairs.len() {
+            let pair = &tree.self_contact.pairs[index];
+            let (active, mu) = contacts.pairs[index];
             if !T::enter(active) {
                 continue;
             }
-            let joints = &tree.own.joints[pair.joints.clone()];
+            let joints = &tree.self_contact.joints[pair.joints.clone()];
             for number in 0..pair.points.len() {
-                let point = &mut own.points[pair.points.start + number];
+                let point = &mut contacts.points[pair.points.start + number];
                 let (force, weight) = cone(tree, pair, &mu, point.d, &point.residual);
                 point.force = force;
                 let start = pair.weights + number * pair.dims * pair.dims;
                 for k in 0..pair.dims {
                     for l in 0..pair.dims {
-                        own.weights[start + k * pair.dims + l] = weight[k][l];
+                        contacts.weights[start + k * pair.dims + l] = weight[k][l];
                     }
                 }
                 let rows = pair.rows + number * pair.dims * joints.len();
                 for k in 0..pair.dims {
                     for (place, joint) in joints.iter().enumerate() {
-                        let row = own.rows[rows + k * joints.len() + place];
-                        own.torque[joint.joint] = row.fma(force[k], own.torque[joint.joint]);
+                        let row = contacts.rows[rows + k * joints.len() + place];
+                        contacts.torque[joint.joint] = row.fma(force[k], contacts.torque[joint.joint]);
                     }
                 }
             }
             T::leave(active);
         }
-        T::leave(own.touching);
+        T::leave(contacts.touching);
     }
 }
 
@@ -58,7 +58,7 @@ separate! {
 #[inline(always)]
 fn cone<T: Real>(
     tree: &Tree<T::K>,
-    pair: &OwnPair<T::K>,
+    pair: &SelfContactPair<T::K>,
     mu: &[T; 5],
     d: T,
     j: &[T; 6],
@@ -92,30 +92,30 @@ separate! {
         solve(work);
         let joints = tree.joints();
         for j in 0..joints {
-            work.joints[j].step = work.joints[j].step + work.own.change[j];
+            work.joints[j].step = work.joints[j].step + work.self_contact.change[j];
         }
         if tree.floating {
             let step = &mut work.nodes[0].step;
             for k in 0..3 {
-                step[0][k] = step[0][k] + work.own.change[joints + k];
-                step[1][k] = step[1][k] + work.own.change[joints + 3 + k];
+                step[0][k] = step[0][k] + work.self_contact.change[joints + k];
+                step[1][k] = step[1][k] + work.self_contact.change[joints + 3 + k];
             }
         }
         // gᵀ(s − s₀) = s₀ᵀ C s; the points' steps are still those of s₀.
         let mut slope = T::zero();
-        for index in 0..tree.own.pairs.len() {
-            let pair = &tree.own.pairs[index];
-            let active = work.own.pairs[index].0;
+        for index in 0..tree.self_contact.pairs.len() {
+            let pair = &tree.self_contact.pairs[index];
+            let active = work.self_contact.pairs[index].0;
             if !T::enter(active) {
                 continue;
             }
             for number in 0..pair.points.len() {
-                let before = work.own.points[pair.points.start + number].step;
+                let before = work.self_contact.points[pair.points.start + number].step;
                 let after = point_step(tree, pair, number, work);
                 let start = pair.weights + number * pair.dims * pair.dims;
                 for k in 0..pair.dims {
                     for l in 0..pair.dims {
-                        let weight = work.own.weights[start + k * pair.dims + l];
+                        let weight = work.self_contact.weights[start + k * pair.dims + l];
                         slope = (weight * before[k]).fma(after[l], slope);
                     }
                 }
@@ -128,31 +128,36 @@ separate! {
 
 /// `J` of the joints' steps at one point.
 #[inline(always)]
-fn point_step<T: Real>(tree: &Tree<T::K>, pair: &OwnPair<T::K>, number: usize, work: &Work<T>) -> [T; 6] {
-    let joints = &tree.own.joints[pair.joints.clone()];
+fn point_step<T: Real>(
+    tree: &Tree<T::K>,
+    pair: &SelfContactPair<T::K>,
+    number: usize,
+    work: &Work<T>,
+) -> [T; 6] {
+    let joints = &tree.self_contact.joints[pair.joints.clone()];
     let start = pair.rows + number * pair.dims * joints.len();
     let mut step = [T::zero(); 6];
     for k in 0..pair.dims {
         for (place, joint) in joints.iter().enumerate() {
-            let row = work.own.rows[start + k * joints.len() + place];
+            let row = work.self_contact.rows[start + k * joints.len() + place];
             step[k] = row.fma(work.joints[joint.joint].step, step[k]);
         }
     }
     step
 }
 
-/// The tree's Hessian, in `work.own.matrix`.
+/// The tree's Hessian, in `work.self_contact.matrix`.
 #[inline(always)]
 fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
     let joints = tree.joints();
-    for number in &mut work.own.matrix {
+    for number in &mut work.self_contact.matrix {
         *number = T::zero();
     }
-    for carried in &mut work.own.carried {
+    for carried in &mut work.self_contact.carried {
         *carried = Articulated::zero();
     }
     for (node, &link) in work.nodes.iter().zip(&tree.nodes) {
-        work.own.carried[link] = Articulated::from_rigid(&node.rigid);
+        work.self_contact.carried[link] = Articulated::from_rigid(&node.rigid);
     }
     for index in 0..tree.pairs.len() {
         let pair = &tree.pairs[index];
@@ -160,12 +165,12 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
         if !T::enter(active) {
             continue;
         }
-        let link = tree.own.ground_links[index];
+        let link = tree.self_contact.ground_links[index];
         for (number, point) in work.points[pair.points.clone()].iter().enumerate() {
             if pair.condim > 3 {
-                work.own.carried[link].add(&work.spins[pair.spin + number].1);
+                work.self_contact.carried[link].add(&work.spins[pair.spin + number].1);
             } else {
-                work.own.carried[link].add(&Articulated::point(point.x, &point.weight));
+                work.self_contact.carried[link].add(&Articulated::point(point.x, &point.weight));
             }
         }
         T::leave(active);
@@ -173,40 +178,40 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
     for link in (1..=joints).rev() {
         let j = link - 1;
         let (curvature, _) = joint_terms(j, true, state, work);
-        let (home, member) = tree.own.homes[j];
+        let (home, member) = tree.self_contact.homes[j];
         let segment = &work.segments[home];
         let axis = segment.axis[member];
-        let carried = work.own.carried[link];
+        let carried = work.self_contact.carried[link];
         let force = carried.mul(axis);
-        work.own.matrix[at(j, j)] = dot6_add(axis, force, segment.mass[member] + curvature);
+        work.self_contact.matrix[at(j, j)] = dot6_add(axis, force, segment.mass[member] + curvature);
         let first = tree.segments[home].first;
         for i in 0..member {
             let inner = dot6_add(segment.axis[i], force, segment.mass[2 + member + i]);
-            work.own.matrix[at(j, first + i - 1)] = inner;
+            work.self_contact.matrix[at(j, first + i - 1)] = inner;
         }
         let force = add6(force, segment.force[member]);
         let mut outer = tree.links[first].parent;
         while outer > 0 {
-            let (home, member) = tree.own.homes[outer - 1];
-            work.own.matrix[at(j, outer - 1)] = dot6(work.segments[home].axis[member], force);
+            let (home, member) = tree.self_contact.homes[outer - 1];
+            work.self_contact.matrix[at(j, outer - 1)] = dot6(work.segments[home].axis[member], force);
             outer = tree.links[outer].parent;
         }
         if tree.floating {
             for k in 0..3 {
-                work.own.matrix[at(joints + k, j)] = force[0][k];
-                work.own.matrix[at(joints + 3 + k, j)] = force[1][k];
+                work.self_contact.matrix[at(joints + k, j)] = force[0][k];
+                work.self_contact.matrix[at(joints + 3 + k, j)] = force[1][k];
             }
         }
-        work.own.carried[tree.links[link].parent].add(&carried);
+        work.self_contact.carried[tree.links[link].parent].add(&carried);
     }
     if tree.floating {
-        let root = work.own.carried[0];
+        let root = work.self_contact.carried[0];
         for k in 0..6 {
             let mut unit: V6<T> = zero6();
             unit[k / 3][k % 3] = T::lit(1.0);
             let force = root.mul(unit);
             for i in k..6 {
-                work.own.matrix[at(joints + i, joints + k)] = force[i / 3][i % 3];
+                work.self_contact.matrix[at(joints + i, joints + k)] = force[i / 3][i % 3];
             }
         }
     }
@@ -215,21 +220,21 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
 /// Adds the contacts' Hessian C to the matrix, and puts −C s₀ on the right side; keeps the points' steps at s₀.
 #[inline(always)]
 fn couple<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
-    for number in &mut work.own.change {
+    for number in &mut work.self_contact.change {
         *number = T::zero();
     }
-    for index in 0..tree.own.pairs.len() {
-        let pair = &tree.own.pairs[index];
-        let active = work.own.pairs[index].0;
+    for index in 0..tree.self_contact.pairs.len() {
+        let pair = &tree.self_contact.pairs[index];
+        let active = work.self_contact.pairs[index].0;
         if !T::enter(active) {
             continue;
         }
-        let joints = &tree.own.joints[pair.joints.clone()];
+        let joints = &tree.self_contact.joints[pair.joints.clone()];
         let count = joints.len();
         for number in 0..pair.points.len() {
             let step = point_step(tree, pair, number, work);
-            let own = &mut work.own;
-            own.points[pair.points.start + number].step = step;
+            let contacts = &mut work.self_contact;
+            contacts.points[pair.points.start + number].step = step;
             let rows = pair.rows + number * pair.dims * count;
             let weights = pair.weights + number * pair.dims * pair.dims;
             for (place, joint) in joints.iter().enumerate() {
@@ -237,22 +242,22 @@ fn couple<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
                 let mut column = [T::zero(); 6];
                 for k in 0..pair.dims {
                     for l in 0..pair.dims {
-                        let weight = own.weights[weights + k * pair.dims + l];
-                        column[k] = weight.fma(own.rows[rows + l * count + place], column[k]);
+                        let weight = contacts.weights[weights + k * pair.dims + l];
+                        column[k] = weight.fma(contacts.rows[rows + l * count + place], column[k]);
                     }
                 }
-                let mut right = own.change[joint.joint];
+                let mut right = contacts.change[joint.joint];
                 for k in 0..pair.dims {
                     right = column[k].fnma(step[k], right);
                 }
-                own.change[joint.joint] = right;
+                contacts.change[joint.joint] = right;
                 for other in place..count {
                     let element = at(joints[other].joint, joint.joint);
-                    let mut sum = own.matrix[element];
+                    let mut sum = contacts.matrix[element];
                     for k in 0..pair.dims {
-                        sum = own.rows[rows + k * count + other].fma(column[k], sum);
+                        sum = contacts.rows[rows + k * count + other].fma(column[k], sum);
                     }
-                    own.matrix[element] = sum;
+                    contacts.matrix[element] = sum;
                 }
             }
         }
@@ -263,32 +268,32 @@ fn couple<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
 /// Solves the matrix for the right side in `change`, by LDLᵀ.
 #[inline(always)]
 fn solve<T: Real>(work: &mut Work<T>) {
-    let own = &mut work.own;
-    let n = own.change.len();
+    let contacts = &mut work.self_contact;
+    let n = contacts.change.len();
     // The diagonal becomes D⁻¹.
     for i in 0..n {
-        let mut diagonal = own.matrix[at(i, i)];
-        let mut right = own.change[i];
+        let mut diagonal = contacts.matrix[at(i, i)];
+        let mut right = contacts.change[i];
         for j in 0..i {
-            let mut element = own.matrix[at(i, j)];
+            let mut element = contacts.matrix[at(i, j)];
             for k in 0..j {
-                element = own.row[k].fnma(own.matrix[at(j, k)], element);
+                element = contacts.row[k].fnma(contacts.matrix[at(j, k)], element);
             }
-            own.row[j] = element;
-            let lower = element * own.matrix[at(j, j)];
-            own.matrix[at(i, j)] = lower;
+            contacts.row[j] = element;
+            let lower = element * contacts.matrix[at(j, j)];
+            contacts.matrix[at(i, j)] = lower;
             diagonal = lower.fnma(element, diagonal);
-            right = lower.fnma(own.change[j], right);
+            right = lower.fnma(contacts.change[j], right);
         }
-        own.matrix[at(i, i)] = diagonal.recip();
-        own.change[i] = right;
+        contacts.matrix[at(i, i)] = diagonal.recip();
+        contacts.change[i] = right;
     }
     for i in (0..n).rev() {
-        let mut x = own.matrix[at(i, i)] * own.change[i];
+        let mut x = contacts.matrix[at(i, i)] * contacts.change[i];
         for k in i + 1..n {
-            x = own.matrix[at(k, i)].fnma(own.change[k], x);
+            x = contacts.matrix[at(k, i)].fnma(contacts.change[k], x);
         }
-        own.change[i] = x;
+        contacts.change[i] = x;
     }
 }
 
@@ -296,18 +301,18 @@ separate! {
     /// Keeps the points' steps; returns the slope of their cost.
     pub(crate) fn steps<T>(tree: &Tree<T::K>, work: &mut Work<T>) -> T {
         let mut slope = T::zero();
-        if !T::enter(work.own.touching) {
+        if !T::enter(work.self_contact.touching) {
             return slope;
         }
-        for index in 0..tree.own.pairs.len() {
-            let pair = &tree.own.pairs[index];
-            let active = work.own.pairs[index].0;
+        for index in 0..tree.self_contact.pairs.len() {
+            let pair = &tree.self_contact.pairs[index];
+            let active = work.self_contact.pairs[index].0;
             if !T::enter(active) {
                 continue;
             }
             for number in 0..pair.points.len() {
                 let step = point_step(tree, pair, number, work);
-                let point = &mut work.own.points[pair.points.start + number];
+                let point = &mut work.self_contact.points[pair.points.start + number];
                 point.step = step;
                 for k in 0..pair.dims {
                     slope = point.force[k].fma(step[k], slope);
@@ -315,7 +320,7 @@ separate! {
             }
             T::leave(active);
         }
-        T::leave(work.own.touching);
+        T::leave(work.self_contact.touching);
         slope
     }
 }
@@ -330,16 +335,16 @@ separate! {
         kinks: &mut Kinks<T>,
     ) -> (T, T) {
         let mut g = before;
-        if !T::enter(work.own.touching) {
+        if !T::enter(work.self_contact.touching) {
             return g;
         }
-        for index in 0..tree.own.pairs.len() {
-            let pair = &tree.own.pairs[index];
-            let (active, mu) = work.own.pairs[index];
+        for index in 0..tree.self_contact.pairs.len() {
+            let pair = &tree.self_contact.pairs[index];
+            let (active, mu) = work.self_contact.pairs[index];
             if !T::enter(active) {
                 continue;
             }
-            for point in &work.own.points[pair.points.clone()] {
+            for point in &work.self_contact.points[pair.points.clone()] {
                 if pair.condim == 1 {
                     let j = alpha.fma(point.step[0], point.residual[0]);
                     let push = T::select_lt(j, T::zero(), point.d * point.step[0], T::zero());
@@ -353,7 +358,7 @@ separate! {
             }
             T::leave(active);
         }
-        T::leave(work.own.touching);
+        T::leave(work.self_contact.touching);
         g
     }
 }
@@ -361,22 +366,22 @@ separate! {
 separate! {
     /// Moves the residuals by `alpha` of the step.
     pub(crate) fn advance<T>(tree: &Tree<T::K>, alpha: T, work: &mut Work<T>) {
-        if !T::enter(work.own.touching) {
+        if !T::enter(work.self_contact.touching) {
             return;
         }
-        for index in 0..tree.own.pairs.len() {
-            let pair = &tree.own.pairs[index];
-            let active = work.own.pairs[index].0;
+        for index in 0..tree.self_contact.pairs.len() {
+            let pair = &tree.self_contact.pairs[index];
+            let active = work.self_contact.pairs[index].0;
             if !T::enter(active) {
                 continue;
             }
-            for point in &mut work.own.points[pair.points.clone()] {
+            for point in &mut work.self_contact.points[pair.points.clone()] {
                 for k in 0..pair.dims {
                     point.residual[k] = alpha.fma(point.step[k], point.residual[k]);
                 }
             }
             T::leave(active);
         }
-        T::leave(work.own.touching);
+        T::leave(work.self_contact.touching);
     }
 }

@@ -20,12 +20,12 @@ use crate::spatial::Articulated;
 use crate::tree::{Impedance, Reference};
 
 pub(crate) use compile::compile;
-pub(crate) use rows::own_contacts;
+pub(crate) use rows::self_contacts;
 pub(crate) use solve::{advance, correct, points_along, steps, terms};
 
 /// A shape in its link's frame.
 #[derive(Clone, Debug)]
-pub(crate) struct OwnShape<K> {
+pub(crate) struct SelfContactShape<K> {
     /// Place of its link's pose among those of links that touch.
     pub pose: usize,
     pub center: [K; 3],
@@ -45,8 +45,8 @@ pub(crate) enum Form<K> {
 
 /// Two shapes that may touch, in the order of MuJoCo's geom types.
 #[derive(Clone, Debug)]
-pub(crate) struct OwnPair<K> {
-    pub shapes: [OwnShape<K>; 2],
+pub(crate) struct SelfContactPair<K> {
+    pub shapes: [SelfContactShape<K>; 2],
     /// Square of the distance of the centres beyond which they cannot touch, m².
     pub reach2: K,
     pub condim: usize,
@@ -68,16 +68,16 @@ pub(crate) struct OwnPair<K> {
 
 /// A joint of a pair, and whether it moves the second shape.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct OwnJoint {
+pub(crate) struct SelfContactJoint {
     pub joint: usize,
     pub second: bool,
 }
 
-/// All pairs of own parts of a tree.
+/// All self-contact pairs of a tree.
 #[derive(Clone, Debug)]
-pub(crate) struct Own<K> {
-    pub pairs: Vec<OwnPair<K>>,
-    pub joints: Vec<OwnJoint>,
+pub(crate) struct SelfContacts<K> {
+    pub pairs: Vec<SelfContactPair<K>>,
+    pub joints: Vec<SelfContactJoint>,
     /// Segment of each joint and its place there.
     pub homes: Vec<(usize, usize)>,
     /// Link of each pair with the ground.
@@ -88,7 +88,7 @@ pub(crate) struct Own<K> {
     pub weights: usize,
 }
 
-impl<K> Own<K> {
+impl<K> SelfContacts<K> {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.pairs.is_empty()
@@ -96,11 +96,11 @@ impl<K> Own<K> {
 }
 
 /// Most points of a pair.
-pub(crate) const MOST_POINTS: usize = 2;
+pub(crate) const MAX_POINTS: usize = 2;
 
-/// One contact point of own parts. Components are in the order normal, tangents, and the same of the rotation.
+/// One point of self-contact. Components are in the order normal, tangents, and the same of the rotation.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct OwnPoint<T> {
+pub(crate) struct SelfContactPoint<T> {
     /// D of the normal (elliptic) or of every edge (pyramidal); zero without contact.
     pub d: T,
     /// `J a − aref`.
@@ -111,12 +111,12 @@ pub(crate) struct OwnPoint<T> {
     pub force: [T; 6],
 }
 
-/// Scratch of the contacts between own parts; empty for robots without.
+/// Scratch of the self-contacts; empty for robots without.
 #[derive(Clone, Debug)]
-pub(crate) struct OwnWork<T: Real> {
+pub(crate) struct SelfContactWork<T: Real> {
     /// Guards and friction of the pairs.
     pub pairs: Vec<(T::Guard, [T; 5])>,
-    pub points: Vec<OwnPoint<T>>,
+    pub points: Vec<SelfContactPoint<T>>,
     /// Rows of the Jacobian over the pair's joints, and the Hessians of the cones.
     pub rows: Vec<T>,
     pub weights: Vec<T>,
@@ -133,19 +133,19 @@ pub(crate) struct OwnWork<T: Real> {
     pub carried: Vec<Articulated<T>>,
 }
 
-impl<T: Real> OwnWork<T> {
+impl<T: Real> SelfContactWork<T> {
     /// Scratch for the pairs of a tree with so many links; `floating`: whether the base moves.
-    pub fn new<K>(own: &Own<K>, links: usize, floating: bool) -> Self {
+    pub fn new<K>(contacts: &SelfContacts<K>, links: usize, floating: bool) -> Self {
         let z = T::zero();
-        let some = |count: usize| if own.is_empty() { 0 } else { count };
+        let some = |count: usize| if contacts.is_empty() { 0 } else { count };
         let joints = links - 1;
         let n = some(joints + if floating { 6 } else { 0 });
-        let point = OwnPoint { d: z, residual: [z; 6], step: [z; 6], force: [z; 6] };
+        let point = SelfContactPoint { d: z, residual: [z; 6], step: [z; 6], force: [z; 6] };
         Self {
-            pairs: vec![(T::never(), [z; 5]); own.pairs.len()],
-            points: vec![point; own.points],
-            rows: vec![z; own.rows],
-            weights: vec![z; own.weights],
+            pairs: vec![(T::never(), [z; 5]); contacts.pairs.len()],
+            points: vec![point; contacts.points],
+            rows: vec![z; contacts.rows],
+            weights: vec![z; contacts.weights],
             touching: T::never(),
             torque: vec![z; some(joints)],
             matrix: vec![z; n * (n + 1) / 2],

@@ -1,10 +1,12 @@
-//! From a model's pairs of own parts to those of a tree.
+//! From a model's self-contact pairs to those of a tree.
 
 use gaitfit_model::{Geom, Model, SelfPair, Shape};
 
 use crate::compile::{impedance, reference};
-use crate::own::{Form, MOST_POINTS, Own, OwnJoint, OwnPair, OwnShape};
 use crate::seat::{Seat, mat_mul};
+use crate::self_contact::{
+    Form, MAX_POINTS, SelfContactJoint, SelfContactPair, SelfContactShape, SelfContacts,
+};
 use crate::tree::{Link, Reference, Segment};
 use crate::vec3::*;
 use crate::{PhysicsError, Real, Settings};
@@ -12,7 +14,7 @@ use crate::{PhysicsError, Real, Settings};
 /// Share of a pair's reach for rounding.
 const SLACK: f64 = 1e-3;
 
-/// Compiles the pairs of own parts of `model`. `links` get their place among those that touch.
+/// Compiles the self-contact pairs of `model`. `links` get their place among those that touch.
 ///
 /// # Errors
 /// Names the geom whose numbers the step cannot honour.
@@ -23,8 +25,8 @@ pub(crate) fn compile<T: Real>(
     links: &mut [Link<T::K>],
     segments: &[Segment],
     touching: &mut Vec<(usize, Option<usize>)>,
-) -> Result<Own<T::K>, PhysicsError> {
-    let mut own = Own {
+) -> Result<SelfContacts<T::K>, PhysicsError> {
+    let mut contacts = SelfContacts {
         pairs: Vec::new(),
         joints: Vec::new(),
         homes: Vec::new(),
@@ -34,15 +36,15 @@ pub(crate) fn compile<T: Real>(
         weights: 0,
     };
     if model.self_pairs.is_empty() {
-        return Ok(own);
+        return Ok(contacts);
     }
     let home = |link: usize| segments.iter().position(|s| (s.first..s.first + s.len).contains(&link));
     for link in 1..links.len() {
         let segment = home(link).unwrap_or(0);
-        own.homes.push((segment, link - segments[segment].first));
+        contacts.homes.push((segment, link - segments[segment].first));
     }
     for (number, link) in links.iter().enumerate() {
-        own.ground_links.extend(link.pairs.clone().map(|_| number));
+        contacts.ground_links.extend(link.pairs.clone().map(|_| number));
     }
     for pair in &model.self_pairs {
         let found = [0, 1].map(|side| seats[pair.geoms[side].body]);
@@ -57,18 +59,18 @@ pub(crate) fn compile<T: Real>(
             shape::<T>(&pair.geoms[side], &found[side], pose)
         });
         let moved = carriers(links, found.map(|seat| seat.link));
-        let pair = compile_pair::<T>(pair, settings, shapes, moved.len(), &own)?;
-        own.joints.extend(moved);
-        own.points = pair.points.end;
-        own.rows += pair.points.len() * pair.dims * pair.joints.len();
-        own.weights += pair.points.len() * pair.dims * pair.dims;
-        own.pairs.push(pair);
+        let pair = compile_pair::<T>(pair, settings, shapes, moved.len(), &contacts)?;
+        contacts.joints.extend(moved);
+        contacts.points = pair.points.end;
+        contacts.rows += pair.points.len() * pair.dims * pair.joints.len();
+        contacts.weights += pair.points.len() * pair.dims * pair.dims;
+        contacts.pairs.push(pair);
     }
-    Ok(own)
+    Ok(contacts)
 }
 
 /// Joints that carry one of two links alone, in rising order.
-fn carriers<K>(links: &[Link<K>], ends: [usize; 2]) -> Vec<OwnJoint> {
+fn carriers<K>(links: &[Link<K>], ends: [usize; 2]) -> Vec<SelfContactJoint> {
     let chain = |mut link: usize| {
         let mut chain = Vec::new();
         while link > 0 {
@@ -82,17 +84,17 @@ fn carriers<K>(links: &[Link<K>], ends: [usize; 2]) -> Vec<OwnJoint> {
     let ours = first
         .iter()
         .filter(|link| alone(link, &second))
-        .map(|link| OwnJoint { joint: link - 1, second: false });
+        .map(|link| SelfContactJoint { joint: link - 1, second: false });
     let theirs = second
         .iter()
         .filter(|link| alone(link, &first))
-        .map(|link| OwnJoint { joint: link - 1, second: true });
-    let mut joints: Vec<OwnJoint> = ours.chain(theirs).collect();
-    joints.sort_by_key(|own| own.joint);
+        .map(|link| SelfContactJoint { joint: link - 1, second: true });
+    let mut joints: Vec<SelfContactJoint> = ours.chain(theirs).collect();
+    joints.sort_by_key(|contacts| contacts.joint);
     joints
 }
 
-fn shape<T: Real>(geom: &Geom, seat: &Seat, pose: usize) -> OwnShape<T::K> {
+fn shape<T: Real>(geom: &Geom, seat: &Seat, pose: usize) -> SelfContactShape<T::K> {
     let k = |x: f64| T::constant(x);
     let k3 = |v: V3<f64>| [k(v[0]), k(v[1]), k(v[2])];
     let rotation = mat_mul(&seat.rotation, &quat_matrix(&geom.quat));
@@ -106,7 +108,7 @@ fn shape<T: Real>(geom: &Geom, seat: &Seat, pose: usize) -> OwnShape<T::K> {
         }
     };
     let center = k3(add(seat.position, rotate(&seat.rotation, geom.pos)));
-    OwnShape { pose, center, radius: k(radius), form }
+    SelfContactShape { pose, center, radius: k(radius), form }
 }
 
 /// Radius of the ball about a shape's centre that holds it, m.
@@ -122,18 +124,18 @@ fn extent(shape: &Shape) -> f64 {
 fn compile_pair<T: Real>(
     pair: &SelfPair,
     settings: &Settings,
-    shapes: [OwnShape<T::K>; 2],
+    shapes: [SelfContactShape<T::K>; 2],
     joints: usize,
-    own: &Own<T::K>,
-) -> Result<OwnPair<T::K>, PhysicsError> {
+    contacts: &SelfContacts<T::K>,
+) -> Result<SelfContactPair<T::K>, PhysicsError> {
     let k = |x: f64| T::constant(x);
     let [first, second] = &pair.geoms;
     let count = match (&first.shape, &second.shape) {
         (Shape::Sphere { .. }, Shape::Sphere { .. } | Shape::Capsule { .. } | Shape::Box { .. }) => 1,
-        (Shape::Capsule { .. }, Shape::Capsule { .. }) => MOST_POINTS,
+        (Shape::Capsule { .. }, Shape::Capsule { .. }) => MAX_POINTS,
         _ => {
             let [geom, other] = [first, second].map(|geom| format!("{} `{}`", geom.shape.name(), geom.name));
-            return Err(PhysicsError::OwnShapes { geom, other });
+            return Err(PhysicsError::SelfContactShapes { geom, other });
         }
     };
     if !matches!(pair.condim, 1 | 3 | 4 | 6) {
@@ -146,7 +148,7 @@ fn compile_pair<T: Real>(
     let separate = elliptic && pair.solreffriction != [0.0; 2];
     let friction_ref = if separate { pair.solreffriction } else { pair.solref };
     let reach = (extent(&first.shape) + extent(&second.shape) + pair.margin.max(0.0)) * (1.0 + SLACK);
-    Ok(OwnPair {
+    Ok(SelfContactPair {
         shapes,
         reach2: k(reach * reach),
         condim: usize::from(pair.condim),
@@ -155,10 +157,10 @@ fn compile_pair<T: Real>(
         impedance: impedance(&pair.solimp, k, &name)?,
         reference: Reference { k: k(stiffness), b: k(damping), gain: k(1.0 / gain) },
         friction_b: k(reference(&friction_ref, dmax, settings).1),
-        points: own.points..own.points + count,
+        points: contacts.points..contacts.points + count,
         dims: if pair.condim > 3 { 6 } else { 3 },
-        joints: own.joints.len()..own.joints.len() + joints,
-        rows: own.rows,
-        weights: own.weights,
+        joints: contacts.joints.len()..contacts.joints.len() + joints,
+        rows: contacts.rows,
+        weights: contacts.weights,
     })
 }

@@ -3,7 +3,7 @@
 
 use crate::Real;
 use crate::contact::normal_frame;
-use crate::own::{Form, MOST_POINTS, OwnPair, OwnShape};
+use crate::self_contact::{Form, MAX_POINTS, SelfContactPair, SelfContactShape};
 use crate::state::Pose;
 use crate::terrain::{TINY, nearest_of_box};
 use crate::vec3::*;
@@ -29,10 +29,10 @@ impl<T: Real> Spot<T> {
 /// The points of a pair; `centers` and poses are those of its two shapes.
 #[inline(always)]
 pub(crate) fn spots<T: Real>(
-    pair: &OwnPair<T::K>,
+    pair: &SelfContactPair<T::K>,
     poses: [&Pose<T>; 2],
     centers: [V3<T>; 2],
-) -> [Spot<T>; MOST_POINTS] {
+) -> [Spot<T>; MAX_POINTS] {
     let [first, second] = &pair.shapes;
     let radii = [T::k(first.radius), T::k(second.radius)];
     match (&first.form, &second.form) {
@@ -40,7 +40,7 @@ pub(crate) fn spots<T: Real>(
             let axis = rotate_k_add(&poses[1].rotation, axis, zero3());
             let along = dot(axis, sub(centers[0], centers[1])).div(dot(axis, axis));
             let one = T::lit(1.0);
-            [balls(centers[0], axpy(along.clamp(-one, one), axis, centers[1]), radii); MOST_POINTS]
+            [balls(centers[0], axpy(along.clamp(-one, one), axis, centers[1]), radii); MAX_POINTS]
         }
         (Form::Rod(one), Form::Rod(other)) => {
             let one = rotate_k_add(&poses[0].rotation, one, zero3());
@@ -48,9 +48,9 @@ pub(crate) fn spots<T: Real>(
             rods(centers, [one, other], radii, pair)
         }
         (Form::Ball, Form::Block(axes, half)) => {
-            [ball_box(centers, &poses[1].rotation, axes, half, radii[0]); MOST_POINTS]
+            [ball_box(centers, &poses[1].rotation, axes, half, radii[0]); MAX_POINTS]
         }
-        _ => [balls(centers[0], centers[1], radii); MOST_POINTS],
+        _ => [balls(centers[0], centers[1], radii); MAX_POINTS],
     }
 }
 
@@ -100,8 +100,8 @@ fn rods<T: Real>(
     centers: [V3<T>; 2],
     axes: [V3<T>; 2],
     radii: [T; 2],
-    pair: &OwnPair<T::K>,
-) -> [Spot<T>; MOST_POINTS] {
+    pair: &SelfContactPair<T::K>,
+) -> [Spot<T>; MAX_POINTS] {
     let (one, tiny) = (T::lit(1.0), T::lit(TINY));
     let apart = sub(centers[0], centers[1]);
     let r = Rods {
@@ -127,7 +127,7 @@ fn rods<T: Real>(
     // Parallel: opposite the ends, the first two that touch.
     let places = [(one, r.second(one)), (-one, r.second(-one)), (r.first(one), one), (r.first(-one), -one)];
     let far = T::lit(1e3);
-    let mut found = [Spot { distance: far, ..skew }; MOST_POINTS];
+    let mut found = [Spot { distance: far, ..skew }; MAX_POINTS];
     let margin = T::k(pair.margin);
     for (x1, x2) in places {
         let spot = balls(axpy(x1, axes[0], centers[0]), axpy(x2, axes[1], centers[1]), radii);
@@ -171,6 +171,6 @@ fn ball_box<T: Real>(
 
 /// Centre of a shape from the reference point, world axes.
 #[inline(always)]
-pub(crate) fn center<T: Real>(shape: &OwnShape<T::K>, pose: &Pose<T>) -> V3<T> {
+pub(crate) fn center<T: Real>(shape: &SelfContactShape<T::K>, pose: &Pose<T>) -> V3<T> {
     rotate_k_add(&pose.rotation, &shape.center, pose.position)
 }

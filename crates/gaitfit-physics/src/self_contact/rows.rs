@@ -1,38 +1,38 @@
-//! The rows of contacts between own parts.
+//! The rows of self-contacts.
 
 use crate::Real;
 use crate::contact::{MIN_FRICTION, impedance, row_scale};
-use crate::own::narrow::{Spot, center, spots};
-use crate::own::{OwnPair, OwnPoint};
+use crate::self_contact::narrow::{Spot, center, spots};
+use crate::self_contact::{SelfContactPair, SelfContactPoint};
 use crate::separate::separate;
 use crate::smooth::Pass;
 use crate::state::Work;
 use crate::vec3::*;
 
 separate! {
-    /// Contact points of all pairs of own parts.
-    pub(crate) fn own_contacts<T>(pass: &Pass<'_, T>, work: &mut Work<T>) {
+    /// Contact points of all self-contact pairs.
+    pub(crate) fn self_contacts<T>(pass: &Pass<'_, T>, work: &mut Work<T>) {
         let Pass { tree, params, .. } = *pass;
-        let own = &tree.own;
+        let contacts = &tree.self_contact;
         // How far the surfaces are from a contact, where they are nearest to one.
         let mut gap = T::lit(1.0);
-        for index in 0..own.pairs.len() {
-            let pair = &own.pairs[index];
+        for index in 0..contacts.pairs.len() {
+            let pair = &contacts.pairs[index];
             let [first, second] = &pair.shapes;
             let poses = [&work.touching[first.pose], &work.touching[second.pose]];
             let centers = [center(first, poses[0]), center(second, poses[1])];
             let between = sub(centers[1], centers[0]);
             let active = (dot(between, between) - T::k(pair.reach2)).unless_ge(T::zero());
-            work.own.pairs[index].0 = active;
+            work.self_contact.pairs[index].0 = active;
             if !T::enter(active) {
                 continue;
             }
             let found = spots(pair, poses, centers);
             for k in 0..5 {
                 let mu = params.friction_scale * T::k(pair.friction[k]);
-                work.own.pairs[index].1[k] = mu.max(T::lit(MIN_FRICTION));
+                work.self_contact.pairs[index].1[k] = mu.max(T::lit(MIN_FRICTION));
             }
-            let friction = work.own.pairs[index].1[0];
+            let friction = work.self_contact.pairs[index].1[0];
             let weight = params.pairs[tree.pairs.len() + index].translation;
             let inverse_scale = row_scale(tree, pair.condim, friction, weight) * T::k(pair.reference.gain);
             let before = gap;
@@ -43,7 +43,7 @@ separate! {
             T::leave(active);
             gap = gap.merge(active, before);
         }
-        work.own.touching = gap.unless_ge(T::zero());
+        work.self_contact.touching = gap.unless_ge(T::zero());
     }
 }
 
@@ -51,7 +51,7 @@ separate! {
 #[inline(always)]
 fn point<T: Real>(
     pass: &Pass<'_, T>,
-    pair: &OwnPair<T::K>,
+    pair: &SelfContactPair<T::K>,
     number: usize,
     spot: &Spot<T>,
     inverse_scale: T,
@@ -59,20 +59,20 @@ fn point<T: Real>(
 ) {
     let Pass { tree, state, .. } = *pass;
     let frame = spot.frame();
-    let joints = &tree.own.joints[pair.joints.clone()];
+    let joints = &tree.self_contact.joints[pair.joints.clone()];
     let count = joints.len();
     let start = pair.rows + number * pair.dims * count;
     let (mut v, mut a) = ([T::zero(); 6], [T::zero(); 6]);
-    for (place, own) in joints.iter().enumerate() {
-        let (segment, member) = tree.own.homes[own.joint];
+    for (place, contacts) in joints.iter().enumerate() {
+        let (segment, member) = tree.self_contact.homes[contacts.joint];
         let axis = work.segments[segment].axis[member];
-        let sign = T::lit(if own.second { 1.0 } else { -1.0 });
+        let sign = T::lit(if contacts.second { 1.0 } else { -1.0 });
         let linear = scale(sign, rotate(&frame, cross_add(axis[0], spot.x, axis[1])));
         let angular = scale(sign, rotate(&frame, axis[0]));
-        let (qd, qacc) = (state.qvel[own.joint], state.qacc[own.joint]);
+        let (qd, qacc) = (state.qvel[contacts.joint], state.qacc[contacts.joint]);
         for k in 0..pair.dims {
             let row = if k < 3 { linear[k] } else { angular[k - 3] };
-            work.own.rows[start + k * count + place] = row;
+            work.self_contact.rows[start + k * count + place] = row;
             v[k] = qd.fma(row, v[k]);
             a[k] = qacc.fma(row, a[k]);
         }
@@ -88,6 +88,6 @@ fn point<T: Real>(
     for k in 1..pair.dims {
         residual[k] = bf.fma(v[k], a[k]);
     }
-    work.own.points[pair.points.start + number] =
-        OwnPoint { d: T::select_lt(depth, z, d, z), residual, step: [z; 6], force: [z; 6] };
+    work.self_contact.points[pair.points.start + number] =
+        SelfContactPoint { d: T::select_lt(depth, z, d, z), residual, step: [z; 6], force: [z; 6] };
 }
