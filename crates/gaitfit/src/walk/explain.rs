@@ -115,13 +115,13 @@ pub fn missing(causes: &[Cause], theta: &Theta) -> Option<String> {
     let lacks = |cause: &&Cause| match cause.kind {
         // These do not change joints.
         CauseKind::GyroBias | CauseKind::EncoderStep => false,
+        CauseKind::VelocityLag => !has("velocity_lag", false),
         CauseKind::Tilt => !(has("imu_roll", false) && has("imu_pitch", false)),
         CauseKind::LoadFriction => !has("load_friction", false),
         CauseKind::OddFriction => !has("frictionloss", true),
         CauseKind::Backlash => !has("play", false),
         CauseKind::Elasticity => !has("compliance", false),
         CauseKind::Ground => !has("ground_softness", false),
-        _ => true,
     };
     let listed: Vec<&str> =
         causes.iter().filter(lacks).take(NAMED).map(|cause| cause.text.as_str()).collect();
@@ -145,7 +145,7 @@ fn sensors(found: &SwingFindings) -> Vec<Cause> {
     let sensors = &found.sensors;
     if let Some(lag) = sensors.velocity_lag.filter(|lag| lag.matters(matters::LAG)) {
         let text = format!(
-            "joint velocities lag positions by {:.1} ms (a filter, or a late reading)",
+            "joint velocities lag positions by {:.1} ms (a filter, or a late reading; fit it: velocity_lag)",
             1e3 * lag.value
         );
         add(CauseKind::VelocityLag, lag, "s", matters::LAG, text);
@@ -267,6 +267,7 @@ mod tests {
     use super::*;
     use crate::walk::swing::Standing;
     use gaitfit_adapt::{RobotNumber, RobotRule, Rules};
+    use gaitfit_log::Sensors;
 
     fn findings(effects: &[(EffectKind, &str, f64, f64, f64)]) -> SwingFindings {
         let effect = |&(kind, of, value, error, share): &(EffectKind, &str, f64, f64, f64)| Effect {
@@ -318,5 +319,11 @@ mod tests {
             "{doubt}"
         );
         assert_eq!(missing(&tilted, &theta(&[RobotNumber::ImuRoll, RobotNumber::ImuPitch])), None);
+        let velocity_lag = Some(Estimate { value: 0.004, error: 0.0001 });
+        let sensors = Sensors { velocity_lag, ..Sensors::default() };
+        let late = causes(&SwingFindings { sensors, ..SwingFindings::default() });
+        let doubt = missing(&late, &theta(&[RobotNumber::ImuRoll])).unwrap_or_default();
+        assert!(doubt.contains("by 4.0 ms") && doubt.contains("fit it: velocity_lag"), "{doubt}");
+        assert_eq!(missing(&late, &theta(&[RobotNumber::VelocityLag])), None);
     }
 }
