@@ -408,7 +408,11 @@ fn nvrtc_compiles_fits() {
     let mut with = Candidate::nominal(&go2());
     with.networks = vec![networks(NetworkKind::ResidAct, 0.1)];
     with.torque_noise = 1.0;
-    for (label, candidate) in [("plain", Candidate::nominal(&go2())), ("networks", with)] {
+    let mut slow = Candidate::nominal(&go2());
+    slow.robot.velocity_lag = 0.004;
+    for (label, candidate) in
+        [("plain", Candidate::nominal(&go2())), ("networks", with), ("slow sensors", slow)]
+    {
         let period = subject.period(&candidate).unwrap();
         for rows in [8, 16] {
             let sizes = Sizes { candidates: 24, recordings: 1, samples: 10, tiles: 3, rows, group: 4 };

@@ -221,7 +221,10 @@ fn what_a_gpu_does_not_do_is_refused() {
 fn nvrtc_compiles_rollouts() {
     let model = go2();
     let nominal = Candidate::nominal(&model);
+    let mut slow = nominal.clone();
+    slow.robot.velocity_lag = 0.004;
     for (label, name, candidate) in [
+        ("slow sensors", "velocity", slow),
         ("velocity", "velocity", nominal.clone()),
         ("biped", "biped", nominal),
         ("networks", "velocity", with_networks()),

@@ -157,9 +157,10 @@ pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumb
     tilt.chain(bias).chain(lag).map(|(kind, estimate)| number(kind, &estimate)).collect()
 }
 
-/// The numbers as the table `[prior]` of a fit with physics steps of `step` s. Lines of what a fit does not change must be
+/// The numbers as the table `[prior]` of a fit with physics steps of `step` s; those of sensors, which no fit has by
+/// default, as comments. Lines of what a fit does not change must be
 /// left out there.
-pub fn prior_toml(report: &SwingReport, step: f64) -> String {
+pub fn prior_toml(found: &SwingFindings, report: &SwingReport, step: f64) -> String {
     let mut text = format!("[prior] # by legs in the air, for physics steps of {} ms\n", 1e3 * step);
     let mut line = |kind: JointParameter, group: &str, Estimate { value, error }: Estimate| {
         let name = if group.is_empty() { kind.name().to_owned() } else { format!("{}_{group}", kind.name()) };
@@ -171,6 +172,9 @@ pub fn prior_toml(report: &SwingReport, step: f64) -> String {
         line(JointParameter::Damping, &group.group, group.damping);
     }
     line(JointParameter::Delay, "", Estimate { value: report.delay.value + step / 2.0, ..report.delay });
+    for SwingNumber { kind, estimate: Estimate { value, error }, .. } in sensor_numbers(found, Some(step)) {
+        text += &format!("# {kind} = {{ value = {value:.5}, deviation = {:.5} }}\n", error.max(1e-5));
+    }
     text
 }
 
@@ -292,7 +296,10 @@ mod tests {
 
     #[test]
     fn swings_are_priors_that_settings_read() {
-        let text = prior_toml(&report(), 0.005);
+        let tilt = Some([Estimate { value: 0.02, error: 0.0001 }; 2]);
+        let found = SwingFindings { standing: Standing { tilt }, ..SwingFindings::default() };
+        let text = prior_toml(&found, &report(), 0.005);
+        assert!(text.contains("# imu_pitch = { value = 0.02000, deviation = 0.00300 }"), "{text}");
         let settings: crate::settings::AdaptConfig = toml::from_str(&text).unwrap();
         let calf = settings.prior["frictionloss_calf"];
         assert_eq!((calf.value, calf.deviation), (0.65, 0.05));
