@@ -15,7 +15,7 @@ pub fn text(found: &SwingFindings, beside: &[Beside]) -> String {
         let _ = writeln!(text, "corrected before the legs were examined: {sentence}");
     }
     match (&found.swings, &found.why_not) {
-        (Some(report), _) => joints(&mut text, report, beside),
+        (Some(report), _) => joints(&mut text, found, report, beside),
         (None, Some(why)) => {
             let _ = writeln!(text, "\nlegs in the air: {why}");
         }
@@ -74,7 +74,7 @@ fn sensors(found: &SwingFindings) -> String {
     format!("{rows}\n")
 }
 
-fn joints(text: &mut String, report: &SwingReport, beside: &[Beside]) {
+fn joints(text: &mut String, found: &SwingFindings, report: &SwingReport, beside: &[Beside]) {
     let mut rows = table(
         &["legs in the air", "friction N·m", "damping N·m·s/rad", "armature kg·m²", "left N·m", "swings"],
         &[1, 2, 3, 4, 5],
@@ -105,7 +105,7 @@ fn joints(text: &mut String, report: &SwingReport, beside: &[Beside]) {
         let _ = writeln!(text, "not in the air long enough: {}", report.unseen.join(", "));
     }
     if beside.is_empty() {
-        let _ = writeln!(text, "\n{}", prior_toml(report, STEP_S));
+        let _ = writeln!(text, "\n{}", prior_toml(found, report, STEP_S));
         return;
     }
     let mut rows = table(&["parameter", "fitted", "in swings", "unit", ""], &[1, 2]);

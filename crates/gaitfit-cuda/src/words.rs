@@ -35,6 +35,12 @@ impl Words {
         self.table("Spot", name, rows);
     }
 
+    /// Where the readings of slow sensors are among the numbers that a period's modifications remember, if it has such.
+    pub fn filter(&mut self, period: &Period) {
+        self.define("HAS_FILTER", usize::from(period.filter().is_some()));
+        self.define("FILTER_AT", period.filter().unwrap_or_default());
+    }
+
     /// A table of whole numbers.
     pub fn integers(&mut self, name: &str, numbers: &[usize]) {
         self.table("int", name, numbers.iter().map(ToString::to_string).collect());

@@ -180,6 +180,11 @@ fn compare(
         files.insert(format!("robot_state.moved{sample}"), after(Class::State, |one| one.state.clone()));
         let report = after(Class::Report, |one| [one.torque.clone(), one.normal_force.clone()].concat());
         files.insert(format!("robot_report.moved{sample}"), report);
+        if jobs[0].candidate.robot.velocity_lag > 0.0 {
+            let memory = after(Class::Memory, |one| one.memory.clone());
+            files.insert(format!("robot_memory.moved{sample}"), memory);
+            statements.push_str(&take(&plan.arrays, "robot_memory", &format!("moved{sample}")));
+        }
         statements.push_str(&take(&plan.arrays, "robot_state", &format!("moved{sample}")));
         statements.push_str(&take(&plan.arrays, "robot_report", &format!("moved{sample}")));
     }
@@ -235,7 +240,7 @@ fn compare(
                 assert_eq!(of(&period, Class::State, &kept("robot_state"), e), want, "{label}: start of {e}");
                 let memory = of(&period, Class::Memory, &kept("robot_memory"), e);
                 for (place, &found) in memory.iter().enumerate() {
-                    // Gears begin in the middle of their play.
+                    // Gears begin in the middle of their play, filters with the velocity.
                     let Some(joint) = period_memory(&period)[place] else {
                         assert_eq!(found, 0.0, "{label}: memory {place} of environment {e}");
                         continue;
@@ -311,7 +316,7 @@ fn cxx_walks_are_the_cpus() {
     assert!(falls > 0);
 }
 
-/// Delays, biased encoders, tilted inertial units, torque noise, another physics step, joints in another order, clipped actions.
+/// Delays, biased encoders, tilted inertial units, slow sensors of velocity, torque noise, another physics step, joints in another order, clipped actions.
 #[test]
 #[ignore = "needs g++"]
 fn cxx_walks_of_fitted_robots_are_the_cpus() {
@@ -328,6 +333,7 @@ fn cxx_walks_of_fitted_robots_are_the_cpus() {
             candidate.robot.delay[j] = 0.002 * j as f64;
             candidate.robot.encoder_bias[j] = 0.01 * j as f64 - 0.05;
         }
+        candidate.robot.velocity_lag = 0.002 + 0.02 * amount;
         candidate.sensors = Sensors { imu_tilt: [0.3 * amount, -0.05], gyro_bias: [0.1, amount, -0.07] };
         Job { candidate, reset_every, seed }
     };
@@ -402,7 +408,11 @@ fn nvrtc_compiles_fits() {
     let mut with = Candidate::nominal(&go2());
     with.networks = vec![networks(NetworkKind::ResidAct, 0.1)];
     with.torque_noise = 1.0;
-    for (label, candidate) in [("plain", Candidate::nominal(&go2())), ("networks", with)] {
+    let mut slow = Candidate::nominal(&go2());
+    slow.robot.velocity_lag = 0.004;
+    for (label, candidate) in
+        [("plain", Candidate::nominal(&go2())), ("networks", with), ("slow sensors", slow)]
+    {
         let period = subject.period(&candidate).unwrap();
         for rows in [8, 16] {
             let sizes = Sizes { candidates: 24, recordings: 1, samples: 10, tiles: 3, rows, group: 4 };

@@ -88,7 +88,7 @@ pub fn sensed(task: &Task, environment: &Environment<'_>, index: usize, row: &mu
         index * width..(index + 1) * width
     };
     let position = &motion.joint_position[range(&motion.joint_position)];
-    let velocity = &motion.joint_velocity[range(&motion.joint_velocity)];
+    let velocity = &motion.velocity_readings()[range(&motion.joint_velocity)];
     row.clear();
     row.extend(joints.iter().map(|&joint| position[joint]));
     row.extend(joints.iter().map(|&joint| velocity[joint]));

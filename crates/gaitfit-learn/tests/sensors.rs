@@ -1,4 +1,4 @@
-//! Errors of an inertial unit: what policies observe and logs show of them, and simulations that take them out.
+//! Errors of sensors: what policies observe and logs show of them, and simulations that take them out.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 use std::sync::Mutex;
@@ -13,8 +13,9 @@ use gaitfit_physics::Preset;
 use gaitfit_policy::Policy;
 use gaitfit_policy::follow::{Job, Script, Track, follow};
 use gaitfit_policy::predict::{self, Course, predict};
-use gaitfit_sim::{Candidate, Sensors, Start};
+use gaitfit_sim::{Candidate, Motion, Sensors, Start};
 
+const LAG: f64 = 0.006;
 const SENSORS: Sensors = Sensors { imu_tilt: [0.05, -0.03], gyro_bias: [0.04, -0.02, 0.03] };
 
 /// A task whose critic observes what its actor does.
@@ -26,12 +27,14 @@ fn scene() -> Task {
 }
 
 fn turned(scene: &Task) -> Candidate {
-    Candidate { sensors: SENSORS, ..Candidate::nominal(scene.walker.model()) }
+    let mut candidate = Candidate { sensors: SENSORS, ..Candidate::nominal(scene.walker.model()) };
+    candidate.robot.velocity_lag = LAG;
+    candidate
 }
 
-/// The unit reads Rᵀ of gravity and rates, and its bias. Nothing else of an observation or a log is another number.
+/// The unit reads Rᵀ of gravity and rates, and its bias; velocities are read through a filter. Nothing else of an observation or a log is another number.
 #[test]
-fn policies_and_logs_read_the_unit_and_critics_the_base() {
+fn policies_and_logs_read_sensors_and_critics_the_robot() {
     let scene = scene();
     let count = 3;
     let turn = from_rpy(SENSORS.imu_tilt[0], SENSORS.imu_tilt[1], 0.0);
@@ -46,7 +49,12 @@ fn policies_and_logs_read_the_unit_and_critics_the_base() {
     };
     let [with, without] =
         [turned(&scene), Candidate::nominal(scene.walker.model())].map(|candidate| environment(&candidate));
-    assert_eq!(with.motion(), without.motion(), "sensors change nothing of the motion under given actions");
+    let motion = Motion { filtered_velocity: Vec::new(), ..with.motion().clone() };
+    assert_eq!(&motion, without.motion(), "sensors change nothing of the motion under given actions");
+    let velocities = with.motion().velocity_readings();
+    let slow =
+        velocities.iter().zip(&motion.joint_velocity).filter(|(read, own)| (*read - *own).abs() > 0.01);
+    assert!(slow.count() > velocities.len() / 2);
     let width = scene.walker.interface.observation_width();
     let rows = |environment: &Environment<'_>| {
         let (mut actor, mut critic) = (vec![0.0; count * width], vec![0.0; count * width]);
@@ -67,11 +75,15 @@ fn policies_and_logs_read_the_unit_and_critics_the_base() {
             assert!((f64::from(read[3 + k]) - gravity[k]).abs() < 1e-6, "gravity {k}");
             assert!((read[k] - plain[k]).abs() > 1e-4);
         }
-        assert_eq!(read[6..], plain[6..]);
+        // The command and joint positions, a twentieth of the velocities, the action.
+        let velocities = &velocities[12 * index..12 * (index + 1)];
+        assert_eq!((&read[6..21], &read[33..]), (&plain[6..21], &plain[33..]));
+        assert_eq!(read[21..33], velocities.iter().map(|velocity| 0.05 * velocity).collect::<Vec<_>>());
         sensed(&scene, &with, index, &mut log);
         sensed(&scene, &without, index, &mut plain_log);
         let base = 27..40;
-        assert_eq!(log[..base.start], plain_log[..base.start]);
+        assert_eq!((&log[..12], &log[24..27]), (&plain_log[..12], &plain_log[24..27]));
+        assert_eq!(log[12..24], *velocities);
         let (log, plain) = (&log[base.clone()], &plain_log[base]);
         assert_eq!((&log[..3], &log[7..10]), (&plain[..3], &plain[7..10]), "position and velocity");
         let attitude = product(quat_of(&plain[3..]).map(f64::from), turn);
@@ -94,9 +106,8 @@ fn walking() -> (Task, Policy) {
     (scene, policy)
 }
 
-fn logs(scene: &Task, policy: &Policy) -> Vec<Trajectory> {
-    let candidate = turned(scene);
-    let subject = Subject { task: scene, policy, candidate: Some(&candidate), seed: 5 };
+fn logs(scene: &Task, policy: &Policy, candidate: &Candidate) -> Vec<Trajectory> {
+    let subject = Subject { task: scene, policy, candidate: Some(candidate), seed: 5 };
     let options = CollectOptions { count: 3, seconds: 0.5, shift: [0.0; 2], privileged: true };
     collect(&subject, &options, 1).unwrap().into_iter().map(|log| log.trajectory).collect()
 }
@@ -138,10 +149,10 @@ fn worst(track: &[f32], log: &[f64]) -> f64 {
 #[test]
 fn walks_of_the_true_unit_repeat_the_log_and_others_do_not() {
     let (scene, policy) = walking();
-    let logs = logs(&scene, &policy);
-    let scripts: Vec<Script> = logs.iter().map(script).collect();
     let nominal = Candidate::nominal(scene.walker.model());
-    let off = |candidate: &Candidate, reset_every| {
+    let off = |truth: &Candidate, candidate: &Candidate, reset_every| {
+        let logs = logs(&scene, &policy, truth);
+        let scripts: Vec<Script> = logs.iter().map(script).collect();
         let found = Mutex::new(vec![Track::default(); scripts.len()]);
         let keep = |_: usize, script: usize, track: &Track| found.lock().unwrap()[script] = track.clone();
         let job = Job { candidate: candidate.clone(), reset_every, seed: 0 };
@@ -151,16 +162,19 @@ fn walks_of_the_true_unit_repeat_the_log_and_others_do_not() {
             let base = log.base.as_ref().unwrap();
             [
                 worst(&track.action, log.action.as_ref().unwrap()),
-                worst(&track.position, &log.position),
+                worst(&track.position, &log.position).max(worst(&track.velocity, &log.velocity)),
                 worst(&track.base_quaternion, base.quaternion.as_ref().unwrap()),
                 worst(&track.base_rates, base.angular_velocity.as_ref().unwrap()),
             ]
         });
         signals.fold([0.0f64; 4], |all, one| std::array::from_fn(|k| all[k].max(one[k])))
     };
-    let (near, far) = (off(&turned(&scene), None), off(&nominal, None));
+    let truth = turned(&scene);
+    let (near, far) = (off(&truth, &truth, None), off(&truth, &nominal, None));
     assert!(near.iter().zip(&far).all(|(near, far)| *near < 0.05 * far), "{near:?} {far:?}");
-    let (near, far) = (off(&turned(&scene), Some(1)), off(&nominal, Some(1)));
+    // A reset is to velocities as they are read.
+    let truth = Candidate { sensors: SENSORS, ..nominal.clone() };
+    let (near, far) = (off(&truth, &truth, Some(1)), off(&truth, &nominal, Some(1)));
     // After a reset to every sample the policy observes what the log read, whoever the candidate is; the motion differs.
     assert!(near[0] < 1e-5 && far[0] < 1e-5, "{near:?} {far:?}");
     assert!((1..4).all(|k| near[k] < 0.05 * far[k]), "{near:?} {far:?}");
@@ -170,7 +184,7 @@ fn walks_of_the_true_unit_repeat_the_log_and_others_do_not() {
 #[test]
 fn predictions_take_the_units_errors_out_of_what_they_start_from() {
     let (scene, policy) = walking();
-    let logs = logs(&scene, &policy);
+    let logs = logs(&scene, &policy, &turned(&scene));
     let courses: Vec<Course> = logs
         .iter()
         .map(|log| {
@@ -187,23 +201,30 @@ fn predictions_take_the_units_errors_out_of_what_they_start_from() {
             .unwrap()
         })
         .collect();
+    // Mean errors of rates and joint velocities.
     let mean = |candidate: Candidate| {
         let jobs = [predict::Job { candidate, every: 1, feet_trust: predict::FEET_TRUST, seed: 0 }];
-        let off = Mutex::new((0.0, 0.0));
+        let off = Mutex::new([[0.0; 2]; 2]);
         let keep = |_: usize, course: usize, track: &Track| {
-            let read = logs[course].base.as_ref().unwrap();
-            let pairs = track.base_rates.iter().zip(read.angular_velocity.as_ref().unwrap());
-            let mut off = off.lock().unwrap();
-            // After the base's velocity has been found.
-            for (found, read) in pairs.skip(track.base_rates.len() / 3) {
-                off.0 += (f64::from(*found) - read).abs();
-                off.1 += 1.0;
+            let read = logs[course].base.as_ref().unwrap().angular_velocity.as_ref().unwrap();
+            let signals = [(&track.base_rates, read), (&track.velocity, &logs[course].velocity)];
+            for (sums, (found, read)) in off.lock().unwrap().iter_mut().zip(signals) {
+                // After the base's velocity has been found.
+                for (found, read) in found.iter().zip(read).skip(read.len() / 3) {
+                    sums[0] += (f64::from(*found) - read).abs();
+                    sums[1] += 1.0;
+                }
             }
         };
         predict(&scene.walker, &courses, &jobs, 1, &keep, &|| false).unwrap();
-        let (sum, count) = off.into_inner().unwrap();
-        sum / count
+        off.into_inner().unwrap().map(|[sum, count]| sum / count)
     };
-    let (near, far) = (mean(turned(&scene)), mean(Candidate::nominal(scene.walker.model())));
-    assert!(near < 0.8 * far, "rates are off by {near} and {far} rad/s");
+    let truth = turned(&scene);
+    let [near, far] = [truth.clone(), Candidate::nominal(scene.walker.model())].map(mean);
+    assert!(near[0] < 0.8 * far[0] && near[1] < 0.8 * far[1], "off by {near:?} and {far:?} rad/s");
+    let quick = mean(Candidate { sensors: SENSORS, ..Candidate::nominal(scene.walker.model()) });
+    assert!(
+        near[1] < 0.8 * quick[1],
+        "velocities without the lag are off by {quick:?}, with it by {near:?} rad/s"
+    );
 }

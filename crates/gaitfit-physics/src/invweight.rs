@@ -44,6 +44,7 @@ pub(crate) fn invweights(
         free: vec![1.0; tree.free_weights()],
         friction_scale: 1.0,
         ground_softness: 0.0,
+        velocity_lag: 0.0,
     };
     let mut state = State::<f64>::new(&tree);
     if tree.floating {

@@ -18,6 +18,8 @@ pub struct Kept {
     pub gears: bool,
     /// Whether the ground is as hard as the model's.
     pub ground: bool,
+    /// Whether sensors read joint velocities at once.
+    pub velocities: bool,
     /// Whether the largest torque of every motor is the same at any speed.
     pub motors: bool,
 }
@@ -33,6 +35,7 @@ impl Kept {
             load_friction: all(&robot.load_friction, 0.0),
             gears: all(&robot.play, 0.0) && all(&robot.compliance, 0.0),
             ground: robot.ground_softness == 0.0,
+            velocities: robot.velocity_lag == 0.0,
             motors: robot.no_load_speed.iter().all(|&speed| speed >= MAX_SPEED),
         }
     }
@@ -45,6 +48,7 @@ impl Kept {
             load_friction: self.load_friction && other.load_friction,
             gears: self.gears && other.gears,
             ground: self.ground && other.ground,
+            velocities: self.velocities && other.velocities,
             motors: self.motors && other.motors,
         }
     }
@@ -59,6 +63,7 @@ impl Kept {
                 (_, "load_friction") => self.load_friction,
                 (_, "play" | "compliance") => self.gears,
                 (_, "ground_softness") => self.ground,
+                (_, "velocity_lag") => self.velocities,
                 (_, "no_load_speed") => self.motors,
                 _ => false,
             };

@@ -59,7 +59,7 @@ pub use kept::Kept;
 pub use lanes::*;
 pub use modify::{
     ActionDelta, Engaged, Gears, JointModification, JointNetwork, Modify, NETWORK_WEIGHTS, NetworkScales,
-    ResidAct, memory_of, settle,
+    ResidAct, VelocityFilter, memory_of, settle,
 };
 pub use outline::LinkOutline;
 pub use params::{JointParams, LinkInertia, PairInvweight, Params};

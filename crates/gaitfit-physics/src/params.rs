@@ -75,6 +75,9 @@ pub struct Params<T> {
     pub friction_scale: T,
     /// By which part the time constant of the ground's contacts is longer than the model's.
     pub ground_softness: T,
+    /// Time constant of the filter through which sensors read joint velocities, s; see
+    /// [`VelocityFilter`](crate::VelocityFilter).
+    pub velocity_lag: T,
 }
 
 macro_rules! params_numbers {
@@ -97,6 +100,7 @@ macro_rules! params_numbers {
         all(&mut $visit, Slot::new(Owner::Base, "free_weight"), $($reference)+ $params.free);
         $visit(Slot::new(Owner::Base, "friction_scale"), $($reference)+ $params.friction_scale);
         $visit(Slot::new(Owner::Base, "ground_softness"), $($reference)+ $params.ground_softness);
+        $visit(Slot::new(Owner::Base, "velocity_lag"), $($reference)+ $params.velocity_lag);
     };
 }
 
@@ -115,6 +119,7 @@ impl<T: Real> Params<T> {
             free: Vec::new(),
             friction_scale: z,
             ground_softness: z,
+            velocity_lag: z,
         }
     }
 

@@ -28,7 +28,7 @@ pub fn before<T: Real>(p: &mut Period<'_, T>, clock: T, disturbance: &[T]) {
         drive.torque = drive.torque + torque;
     }
     for_each(p.modifications, p.memory, |one, memory| {
-        one.torques(p.params, p.state, memory, p.drives);
+        one.torques(&p.tree.settings, p.params, p.state, memory, p.drives);
     });
     for_each(p.modifications, p.memory, |one, memory| {
         one.engage(&p.tree.settings, p.params, p.state, memory, p.drives);
@@ -47,7 +47,7 @@ pub fn iterate<T: Real>(p: &mut Period<'_, T>, last: bool) {
 pub fn after<T: Real>(p: &mut Period<'_, T>) {
     step::integrate(p.tree, p.state, p.work);
     for_each(p.modifications, p.memory, |one, memory| {
-        one.release(&p.tree.settings, p.state, memory, p.drives);
+        one.release(&p.tree.settings, p.params, p.state, memory, p.drives);
     });
 }
 

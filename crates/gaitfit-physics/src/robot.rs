@@ -60,6 +60,9 @@ macro_rules! define {
             /// By which part the time constant of the ground's contacts (MuJoCo's `solref`) is longer than the model's: 1
             /// for twice as long, which lets feet sink in four times as deep.
             pub ground_softness: f64,
+            /// Time constant of the filter through which sensors read joint velocities, s; 0 for none. The motion does
+            /// not depend on it.
+            pub velocity_lag: f64,
         }
 
         impl Robot {
@@ -76,6 +79,7 @@ macro_rules! define {
                     payload_position: [0.0; 3],
                     friction_scale: 1.0,
                     ground_softness: 0.0,
+                    velocity_lag: 0.0,
                 }
             }
 
@@ -156,6 +160,14 @@ impl Robot {
                 });
             }
         }
+        if !(self.velocity_lag >= 0.0 && self.velocity_lag.is_finite()) {
+            return Err(PhysicsError::Value {
+                object: format!("robot `{}`", model.name),
+                quantity: "the lag of its joint velocities",
+                value: self.velocity_lag,
+                must: "zero or positive",
+            });
+        }
         let mass = model.bodies[0].mass + self.base_mass;
         if !(mass >= 0.0 || model.root == Root::Fixed) {
             return Err(base_mass_error(model, mass, "zero or positive"));
@@ -211,6 +223,7 @@ impl Robot {
             free,
             friction_scale: self.friction_scale,
             ground_softness: self.ground_softness,
+            velocity_lag: self.velocity_lag,
         })
     }
 

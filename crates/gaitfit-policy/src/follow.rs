@@ -32,7 +32,7 @@ pub struct Script {
 pub struct Track {
     /// Joint positions as the encoders report them, rad, policy order; `samples × joints`.
     pub position: Vec<f32>,
-    /// Joint velocities, rad/s; `samples × joints`.
+    /// Joint velocities as sensors read them, rad/s; `samples × joints`.
     pub velocity: Vec<f32>,
     /// Actions; `samples × joints`.
     pub action: Vec<f32>,
@@ -284,7 +284,7 @@ impl Track {
         let width = walker.default_pose.len();
         let (position, velocity) = (
             &motion.joint_position[index * width..(index + 1) * width],
-            &motion.joint_velocity[index * width..(index + 1) * width],
+            &motion.velocity_readings()[index * width..(index + 1) * width],
         );
         self.position.extend(walker.joints.iter().map(|&joint| position[joint]));
         self.velocity.extend(walker.joints.iter().map(|&joint| velocity[joint]));

@@ -2,8 +2,8 @@
 
 use gaitfit_model::Model;
 use gaitfit_physics::{
-    ActionDelta, Gears, JointModification, JointNetwork, NETWORK_WEIGHTS, NetworkScales, Params, Real,
-    ResidAct, Robot,
+    ActionDelta, Gears, JointModification, JointNetwork, Kept, NETWORK_WEIGHTS, NetworkScales, Params, Real,
+    ResidAct, Robot, VelocityFilter,
 };
 
 use crate::{Sensors, SimError};
@@ -66,18 +66,45 @@ impl JointNetworks {
     }
 }
 
-/// What changes the drives of robots with these networks, as the step of `model` takes it; the last one are the gears, if
-/// there are `gears` with play or compliance.
+/// What the step of robots has besides its own: gears with play or compliance, and a filter of the joint velocities that
+/// sensors read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Extras {
+    /// Whether a robot has such gears.
+    pub gears: bool,
+    /// Whether a robot has such a filter.
+    pub filter: bool,
+}
+
+impl Extras {
+    /// Those that any of some robots needs.
+    pub fn of<'a>(robots: impl IntoIterator<Item = &'a Params<f64>>) -> Self {
+        robots.into_iter().fold(Self::default(), |all, robot| Self {
+            gears: all.gears || has_gears(robot),
+            filter: all.filter || robot.velocity_lag != 0.0,
+        })
+    }
+
+    /// Those of robots that keep this of their model.
+    pub fn beyond(kept: Kept) -> Self {
+        Self { gears: !kept.gears, filter: !kept.velocities }
+    }
+}
+
+/// What changes the drives of robots with these networks, as the step of `model` takes it; behind the networks stand the
+/// gears, then the filter of velocities, if there are such.
 ///
 /// # Errors
 /// Networks that do not fit the robot.
 pub fn modifications<T: Real>(
     model: &Model,
     networks: &[JointNetworks],
-    gears: bool,
+    extras: Extras,
 ) -> Result<Vec<JointModification<T::K>>, SimError> {
-    let gears = gears.then_some(JointModification::Gears(Gears { joints: model.joints.len() }));
-    networks.iter().map(|one| one.compile::<T>(model)).chain(gears.map(Ok)).collect()
+    let joints = model.joints.len();
+    let gears = extras.gears.then_some(JointModification::Gears(Gears { joints }));
+    let filter = extras.filter.then_some(JointModification::VelocityFilter(VelocityFilter { joints }));
+    networks.iter().map(|one| one.compile::<T>(model)).chain(gears.map(Ok)).chain(filter.map(Ok)).collect()
 }
 
 /// Whether a robot with these parameters has gears with play or compliance.

@@ -17,6 +17,8 @@ pub struct Motion {
     pub joint_position: Vec<f32>,
     /// Joint velocities, rad/s; `× joints`.
     pub joint_velocity: Vec<f32>,
+    /// The same as sensors read them; empty where they read them at once. See [`Motion::velocity_readings`].
+    pub filtered_velocity: Vec<f32>,
     /// Joint accelerations of the last physics step, rad/s²; `× joints`.
     pub joint_acceleration: Vec<f32>,
     /// Torques on the joints in the last physics step, N·m: the motors', with modifications and disturbances;
@@ -40,11 +42,17 @@ impl Motion {
             base_angular: rows(3),
             joint_position: rows(joints),
             joint_velocity: rows(joints),
+            filtered_velocity: Vec::new(),
             joint_acceleration: rows(joints),
             torque: rows(joints),
             normal_force: rows(geoms),
             tracked: rows(3 * tracked),
         }
+    }
+
+    /// Joint velocities as sensors read them, rad/s; `× joints`.
+    pub fn velocity_readings(&self) -> &[f32] {
+        if self.filtered_velocity.is_empty() { &self.joint_velocity } else { &self.filtered_velocity }
     }
 }
 

@@ -2,3 +2,4 @@
 
 mod batch;
 mod replay;
+mod velocity_filter;

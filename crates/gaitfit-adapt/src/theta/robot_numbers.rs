@@ -1,5 +1,5 @@
 //! Numbers of the robot as a whole: torque noise, mass and centre of mass of the base, a load on it, friction of the floor,
-//! errors of the inertial unit.
+//! errors of sensors.
 
 use super::file::MAX_VALUE;
 use super::{Defaults, Entry, Modification, ReadContext, SavedParameter, ThetaError, ThetaFileError};
@@ -42,11 +42,13 @@ pub enum RobotNumber {
     GyroBiasY,
     /// About its z axis, rad/s.
     GyroBiasZ,
+    /// Time constant of the filter through which joint velocities are read, s.
+    VelocityLag,
 }
 
 impl RobotNumber {
     /// Every one.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::TorqueNoise,
         Self::BaseMass,
         Self::BaseComX,
@@ -63,6 +65,7 @@ impl RobotNumber {
         Self::GyroBiasX,
         Self::GyroBiasY,
         Self::GyroBiasZ,
+        Self::VelocityLag,
     ];
 
     /// Name in files and tables.
@@ -84,6 +87,7 @@ impl RobotNumber {
             Self::GyroBiasX => "gyro_bias_x",
             Self::GyroBiasY => "gyro_bias_y",
             Self::GyroBiasZ => "gyro_bias_z",
+            Self::VelocityLag => "velocity_lag",
         }
     }
 
@@ -97,6 +101,7 @@ impl RobotNumber {
             Self::FloorFriction | Self::GroundSoftness => "-",
             Self::ImuRoll | Self::ImuPitch => "rad",
             Self::GyroBiasX | Self::GyroBiasY | Self::GyroBiasZ => "rad/s",
+            Self::VelocityLag => "s",
         }
     }
 
@@ -114,6 +119,7 @@ impl RobotNumber {
             Self::GroundSoftness => (0.0, 5.0, 0.0, 0.3),
             Self::ImuRoll | Self::ImuPitch => (-0.1, 0.1, 0.0, 0.01),
             Self::GyroBiasX | Self::GyroBiasY | Self::GyroBiasZ => (-0.2, 0.2, 0.0, 0.02),
+            Self::VelocityLag => (0.0, 0.02, 0.0, 0.002),
         };
         Defaults { lower, upper, start, deviation }
     }
@@ -121,7 +127,7 @@ impl RobotNumber {
     /// Smallest value with a meaning.
     fn lower_limit(self) -> f64 {
         match self {
-            Self::TorqueNoise | Self::PayloadMass | Self::GroundSoftness => 0.0,
+            Self::TorqueNoise | Self::PayloadMass | Self::GroundSoftness | Self::VelocityLag => 0.0,
             // Contacts without any friction are another kind, which a fit cannot reach.
             Self::FloorFriction => 1e-3,
             _ => f64::NEG_INFINITY,
@@ -146,6 +152,7 @@ impl RobotNumber {
             Self::GyroBiasX => &mut candidate.sensors.gyro_bias[0],
             Self::GyroBiasY => &mut candidate.sensors.gyro_bias[1],
             Self::GyroBiasZ => &mut candidate.sensors.gyro_bias[2],
+            Self::VelocityLag => &mut candidate.robot.velocity_lag,
         }
     }
 }

@@ -77,6 +77,7 @@ fn sizes(words: &mut Words, scene: &Scene<'_>) {
     words.spots("TARGET_SPOTS", &scene.targets);
     words.spots("MEMORY_SPOTS", &scene.memory);
     words.integers("MEMORY_OF", &scene.memory_of);
+    words.filter(scene.period);
     words.spots("DISTURBANCE_SPOTS", &scene.disturbance);
     words.spots("REPORT_SPOTS", &scene.report);
     let gains = scene.gains().into_iter().map(|gain| gain.map_or("-1".to_owned(), |gain| gain.to_string()));

@@ -50,6 +50,7 @@ impl Shared {
                 }
                 // On all joints already.
                 JointModification::Gears(gears) => JointModification::Gears(*gears),
+                JointModification::VelocityFilter(filter) => JointModification::VelocityFilter(*filter),
                 JointModification::ResidAct(ResidAct(asked)) => {
                     JointModification::ResidAct(ResidAct([asked.as_slice(), &further].concat()))
                 }

@@ -45,6 +45,8 @@ pub struct Period {
     joints: usize,
     taps: usize,
     substeps: usize,
+    /// Whether sensors read velocities through a filter; see [`Period::filter`].
+    filtered: bool,
     text: String,
 }
 
@@ -75,6 +77,7 @@ impl Period {
         report: &Report,
     ) -> Result<Self, DeviceError> {
         let tree = compile::<Traced>(model, settings)?;
+        let filtered = matches!(modifications.last(), Some(JointModification::VelocityFilter(_)));
         let outline = tree.outline();
         let alone = Seating::alone(&outline);
         let lanes = [4, 2].into_iter().filter(|&lanes| lanes <= options.lanes);
@@ -99,6 +102,7 @@ impl Period {
             joints: tree.joints(),
             taps: options.taps,
             substeps: options.substeps,
+            filtered,
             text,
         })
     }
@@ -150,6 +154,12 @@ impl Period {
     /// Physics steps in the period.
     pub fn substeps(&self) -> usize {
         self.substeps
+    }
+
+    /// Among the numbers that modifications remember, the place of the first that sensors read beyond a joint's velocity; those
+    /// of the other joints follow. Absent where they read velocities as they are.
+    pub(crate) fn filter(&self) -> Option<usize> {
+        self.filtered.then(|| self.memory.len() - self.joints)
     }
 
     /// What the program takes, in the recording's order.

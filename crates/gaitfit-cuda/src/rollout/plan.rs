@@ -148,7 +148,7 @@ impl Plan {
 
     /// What is recorded before step `step`, where walks are.
     pub fn record(&self, step: usize) -> Option<Launch> {
-        let arrays = ["robot_state", "robot_params", "imu", "command", "records"];
+        let arrays = ["robot_state", "robot_params", "robot_memory", "imu", "command", "records"];
         let launch = self.launch("record", Some(step), &arrays);
         let shape = Shape::cover(self.recorded * self.environments, RECORDERS);
         (self.recorded > 0).then_some(Launch { shape, ..launch })
@@ -169,6 +169,7 @@ impl Plan {
             "control",
             "robot_state",
             "robot_params",
+            "robot_memory",
             "steps",
             "imu",
             "command",
@@ -229,6 +230,7 @@ impl Plan {
             "errors",
             "ends",
             "last_observation",
+            "robot_memory",
             "imu",
         ];
         self.launch("finish", Some(step), &arrays)
@@ -273,6 +275,7 @@ impl Plan {
             "control",
             "robot_state",
             "robot_report",
+            "robot_memory",
             "steps",
             "fresh",
             "command",

@@ -103,6 +103,7 @@ impl Words {
         self.spots("TARGET_SPOTS", &scene.targets);
         self.spots("MEMORY_SPOTS", &scene.memory);
         self.integers("MEMORY_OF", &scene.memory_of);
+        self.filter(scene.period);
         self.spots("REPORT_SPOTS", &scene.report);
         self.spots("DISTURBANCE_SPOTS", &scene.disturbance);
         self.define("DISTURBED", scene.disturbance.len());

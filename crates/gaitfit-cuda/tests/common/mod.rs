@@ -8,7 +8,7 @@ use gaitfit_physics::in_f64::control_period;
 use gaitfit_physics::trace::{PeriodGraph, Report, Traced, record_period_with};
 use gaitfit_physics::{
     ActionDelta, Drive, Gears, JointModification, JointNetwork, Modify, NetworkScales, Params, Period, Real,
-    ResidAct, Robot, Settings, State, Tree, Work, compile, memory_of, settle,
+    ResidAct, Robot, Settings, State, Tree, VelocityFilter, Work, compile, memory_of, settle,
 };
 
 /// A robot of the repository: `go2` or one of the physics tests'.
@@ -60,11 +60,12 @@ pub fn shared(
     PeriodProgram::new(period, &seating, EmitOptions { min_guarded }).unwrap()
 }
 
-/// One ActionDelta and one ResidAct on all joints, with weights that matter, and gears.
+/// One ActionDelta and one ResidAct on all joints, with weights that matter, gears, and a filter of velocities.
 pub fn modifications<T: Real>(joints: usize) -> Vec<JointModification<T::K>> {
     let all: Vec<usize> = (0..joints).collect();
     let mut all = networks::<T>(&all, &all);
     all.push(JointModification::Gears(Gears { joints }));
+    all.push(JointModification::VelocityFilter(VelocityFilter { joints }));
     all
 }
 
@@ -168,6 +169,7 @@ pub fn samples_with(
             robot.stribeck_velocity.fill(0.5);
             robot.load_friction.fill(0.1);
             robot.play.fill(0.01);
+            robot.velocity_lag = 0.004;
             robot.compliance.fill(0.003);
             (0..joints).step_by(2).for_each(|j| robot.no_load_speed[j] = 6.0);
             robot.stall_torque.fill(15.0);

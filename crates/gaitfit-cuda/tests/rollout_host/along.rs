@@ -193,7 +193,8 @@ pub fn flat(snapshot: &Snapshot) -> Vec<f32> {
         .collect()
 }
 
-/// What a robot's networks remember before a control period: where its joints are, if it is new.
+/// What a robot's networks remember before a control period: where its joints are, if it is new; then, if it has one, what its
+/// filter of velocities does.
 pub fn remembered(candidate: &Candidate, was: &Snapshot) -> Vec<f32> {
     if !was.robot.fresh {
         return was.robot.memory.clone();
@@ -203,7 +204,9 @@ pub fn remembered(candidate: &Candidate, was: &Snapshot) -> Vec<f32> {
         let bias = candidate.robot.encoder_bias[joint] as f32;
         [was.robot.state[13 + joint] + bias, was.robot.state[13 + 12 + joint]]
     };
-    joints.flat_map(|joint| [motion(joint), motion(joint)].concat()).collect()
+    let networks = joints.flat_map(|joint| [motion(joint), motion(joint)].concat());
+    let filter = if candidate.robot.velocity_lag > 0.0 { 12 } else { 0 };
+    networks.chain(std::iter::repeat_n(0.0, filter)).collect()
 }
 
 /// The arrays of environments around `candidate` as they start, by their names on the device.

@@ -16,7 +16,8 @@ const STEPS: usize = 30;
 const FIRST: u32 = 1037;
 
 /// Logs that begin later, commands that are drawn anew every four steps, episodes of fifteen steps that go on, falls,
-/// pushes and torque noise; joints in another order, clipped actions, biased encoders, a tilted unit, another physics step.
+/// pushes and torque noise; joints in another order, clipped actions, biased encoders, a tilted unit, slow sensors of
+/// velocity, another physics step.
 #[test]
 #[ignore = "needs g++"]
 fn cxx_logs_are_the_cpus() {
@@ -31,6 +32,7 @@ fn cxx_logs_are_the_cpus() {
     let task = Task::with_interface(&model, &settings, interface, Preset::Fast, 0.03).unwrap();
     let mut candidate = Candidate { torque_noise: 0.4, ..Candidate::nominal(&model) };
     candidate.robot.encoder_bias = (0..12).map(|j| 0.01 * f64::from(j) - 0.05).collect();
+    candidate.robot.velocity_lag = 0.004;
     candidate.sensors = Sensors { imu_tilt: [0.06, -0.04], gyro_bias: [0.1, -0.15, 0.05] };
     let candidates = std::slice::from_ref(&candidate);
     let policy = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
@@ -100,11 +102,13 @@ fn cxx_logs_are_the_cpus() {
         let packed = Packed::new(&scene, moved, tiles);
         files.insert(format!("robot_state.moved{t}"), f(&packed.state));
         files.insert(format!("robot_report.moved{t}"), f(&packed.report));
+        files.insert(format!("robot_memory.moved{t}"), f(&packed.memory));
         statements.push_str(&call(&plan.record(t).unwrap()));
         statements.push_str(&call(&plan.observe(t)));
         statements.push_str(&call(&plan.act(t)));
         statements.push_str(&take(&plan.arrays, "robot_state", &format!("moved{t}")));
         statements.push_str(&take(&plan.arrays, "robot_report", &format!("moved{t}")));
+        statements.push_str(&take(&plan.arrays, "robot_memory", &format!("moved{t}")));
         statements.push_str(&call(&plan.finish(t)));
     }
     for name in ["records", "action", "done"] {

@@ -34,7 +34,8 @@ fn cxx_steps_on_hind_legs_are_the_cpus() {
     compare("biped", &task, &Candidate::nominal(&go2()));
 }
 
-/// A robot that was fitted: delays, biased encoders, a tilted unit whose gyro is biased, another physics step, joints in another order, clipped actions.
+/// A robot that was fitted: delays, biased encoders, a tilted unit whose gyro is biased, slow sensors of velocity,
+/// another physics step, joints in another order, clipped actions.
 fn fitted() -> (Task, Candidate) {
     let model = go2();
     let mut settings = lively("velocity");
@@ -53,6 +54,7 @@ fn fitted() -> (Task, Candidate) {
         candidate.robot.delay[j] = 0.002 * j as f64;
         candidate.robot.encoder_bias[j] = 0.01 * j as f64 - 0.05;
     }
+    candidate.robot.velocity_lag = 0.004;
     candidate.sensors = Sensors { imu_tilt: [0.06, -0.04], gyro_bias: [0.1, -0.15, 0.05] };
     (task, candidate)
 }
@@ -219,7 +221,10 @@ fn what_a_gpu_does_not_do_is_refused() {
 fn nvrtc_compiles_rollouts() {
     let model = go2();
     let nominal = Candidate::nominal(&model);
+    let mut slow = nominal.clone();
+    slow.robot.velocity_lag = 0.004;
     for (label, name, candidate) in [
+        ("slow sensors", "velocity", slow),
         ("velocity", "velocity", nominal.clone()),
         ("biped", "biped", nominal),
         ("networks", "velocity", with_networks()),

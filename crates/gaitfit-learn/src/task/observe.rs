@@ -51,8 +51,10 @@ impl Environment<'_> {
         let Task { settings, walker, .. } = self.task;
         let mut sensed = Sensed::new(walker.joints.len());
         for (index, row) in rows.chunks_exact_mut(layout.width().max(1)).enumerate() {
-            let imu = noise.and_then(|_| self.imu(index));
-            walker.sense(&self.motion, index, imu, &mut sensed);
+            match noise {
+                Some(_) => walker.sense(&self.motion, index, self.imu(index), &mut sensed),
+                None => walker.sense_rightly(&self.motion, index, &mut sensed),
+            }
             sensed.command = self.command[index];
             sensed.last_action.copy_from_slice(self.last_action.row(index));
             sensed.clock = self.clock(index);

@@ -134,6 +134,7 @@ impl<K: Copy> Modify<K> for Gears {
     fn release<T: Real<K = K>>(
         &self,
         settings: &Settings,
+        _params: &Params<T>,
         state: &mut State<T>,
         memory: &mut [T],
         drives: &mut [Drive<T>],

@@ -7,11 +7,13 @@ mod action_delta;
 mod gears;
 mod network;
 mod resid_act;
+mod velocity_filter;
 
 pub use action_delta::ActionDelta;
 pub use gears::{Engaged, Gears};
 pub use network::{JointNetwork, NETWORK_WEIGHTS, NetworkScales};
 pub use resid_act::ResidAct;
+pub use velocity_filter::VelocityFilter;
 
 use crate::{Drive, Owner, Params, Real, Settings, Slot, State};
 
@@ -50,6 +52,7 @@ pub trait Modify<K: Copy> {
     #[inline(always)]
     fn torques<T: Real<K = K>>(
         &self,
+        _settings: &Settings,
         _params: &Params<T>,
         _state: &State<T>,
         _memory: &mut [T],
@@ -75,6 +78,7 @@ pub trait Modify<K: Copy> {
     fn release<T: Real<K = K>>(
         &self,
         _settings: &Settings,
+        _params: &Params<T>,
         _state: &mut State<T>,
         _memory: &mut [T],
         _drives: &mut [Drive<T>],
@@ -91,6 +95,8 @@ pub enum JointModification<K> {
     ResidAct(ResidAct<K>),
     /// Gears with play and compliance between motors and links.
     Gears(Gears),
+    /// Joint velocities as slow sensors read them.
+    VelocityFilter(VelocityFilter),
 }
 
 /// Calls the method of whichever modification it is.
@@ -100,6 +106,7 @@ macro_rules! each {
             JointModification::ActionDelta($one) => $call,
             JointModification::ResidAct($one) => $call,
             JointModification::Gears($one) => $call,
+            JointModification::VelocityFilter($one) => $call,
         }
     };
 }
@@ -140,12 +147,13 @@ impl<K: Copy> Modify<K> for JointModification<K> {
     #[inline(always)]
     fn torques<T: Real<K = K>>(
         &self,
+        settings: &Settings,
         params: &Params<T>,
         state: &State<T>,
         memory: &mut [T],
         drives: &mut [Drive<T>],
     ) {
-        each!(self, one => one.torques(params, state, memory, drives));
+        each!(self, one => one.torques(settings, params, state, memory, drives));
     }
 
     #[inline(always)]
@@ -164,11 +172,12 @@ impl<K: Copy> Modify<K> for JointModification<K> {
     fn release<T: Real<K = K>>(
         &self,
         settings: &Settings,
+        params: &Params<T>,
         state: &mut State<T>,
         memory: &mut [T],
         drives: &mut [Drive<T>],
     ) {
-        each!(self, one => one.release(settings, state, memory, drives));
+        each!(self, one => one.release(settings, params, state, memory, drives));
     }
 }
 

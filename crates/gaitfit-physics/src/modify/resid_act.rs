@@ -2,7 +2,7 @@
 
 use super::Modify;
 use super::network::{JointNetwork, PAST};
-use crate::{Drive, Owner, Params, Real, Slot, State};
+use crate::{Drive, Owner, Params, Real, Settings, Slot, State};
 
 /// Networks whose outputs (N·m) are added to the PD torques after their limits, at the physics' rate; their past is
 /// sampled at that rate too (Dao and Fern's residual actuator model). After the limits, as what is missing may be
@@ -40,6 +40,7 @@ impl<K: Copy> Modify<K> for ResidAct<K> {
     #[inline(always)]
     fn torques<T: Real<K = K>>(
         &self,
+        _settings: &Settings,
         params: &Params<T>,
         state: &State<T>,
         memory: &mut [T],

@@ -129,7 +129,14 @@ impl<'a> Correction<'a> {
             (0..3).for_each(|k| linear[k] += (self.feet_trust * change.linear[k]) as f32);
         }
         if linear.iter().chain(&place).all(|x| x.is_finite()) {
-            tile.correct(index, &course.shown(sample, self, place, linear));
+            let mut state = course.shown(sample, self, place, linear);
+            let rows = index * course.joints()..(index + 1) * course.joints();
+            let (read, own) = (&motion.velocity_readings()[rows.clone()], &motion.joint_velocity[rows]);
+            // A filter keeps what it reads beyond the velocity, so that it reads what the log's sensors do.
+            for ((velocity, read), own) in state.joint_velocity.iter_mut().zip(read).zip(own) {
+                *velocity -= read - own;
+            }
+            tile.correct(index, &state);
         }
     }
 }

@@ -152,7 +152,7 @@ impl Legs {
                 };
                 let column = wide(column);
                 there = add(there, scale(error(&motion.joint_position, &course.position), column));
-                moving = add(moving, scale(error(&motion.joint_velocity, &course.velocity), column));
+                moving = add(moving, scale(error(motion.velocity_readings(), &course.velocity), column));
             }
             let before = rotate(simulated, add(moving, cross(rates, there)));
             let after = rotate(logged, add(velocity, cross(logged_rates, at)));

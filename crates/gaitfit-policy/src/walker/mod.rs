@@ -178,13 +178,29 @@ impl Walker {
         clock(&self.interface, steps)
     }
 
-    /// What environment `index` of `motion` senses of its base and joints, the base by `imu` if it has errors. Command,
-    /// last action and clock of `sensed` stay as they are. The linear velocity is the base's own: no sensor of the unit
-    /// measures it.
+    /// What environment `index` of `motion` senses of its base and joints, with the errors of its sensors: the base by `imu`
+    /// if that has errors. Command, last action and clock of `sensed` stay as they are. The linear velocity is the base's
+    /// own: no sensor measures it.
     ///
     /// # Panics
     /// If `motion` has no such environment, or `sensed` is of another number of joints: errors of the caller.
     pub fn sense(&self, motion: &Motion, index: usize, imu: Option<&Imu>, sensed: &mut Sensed) {
+        self.sense_motion(motion, index, motion.velocity_readings(), sensed);
+        if let Some(imu) = imu {
+            sensed.base_angular_velocity = imu.rates(sensed.base_angular_velocity);
+            sensed.projected_gravity = imu.direction(sensed.projected_gravity);
+        }
+    }
+
+    /// As [`Walker::sense`], without errors of sensors but for encoder biases: what a critic observes.
+    ///
+    /// # Panics
+    /// As [`Walker::sense`].
+    pub fn sense_rightly(&self, motion: &Motion, index: usize, sensed: &mut Sensed) {
+        self.sense_motion(motion, index, &motion.joint_velocity, sensed);
+    }
+
+    fn sense_motion(&self, motion: &Motion, index: usize, velocities: &[f32], sensed: &mut Sensed) {
         let joints = self.default_pose.len();
         let row = joints * index..joints * (index + 1);
         self.sense_parts(
@@ -192,13 +208,9 @@ impl Walker {
             vec_of(&motion.base_linear[3 * index..]),
             vec_of(&motion.base_angular[3 * index..]),
             &motion.joint_position[row.clone()],
-            &motion.joint_velocity[row],
+            &velocities[row],
             sensed,
         );
-        if let Some(imu) = imu {
-            sensed.base_angular_velocity = imu.rates(sensed.base_angular_velocity);
-            sensed.projected_gravity = imu.direction(sensed.projected_gravity);
-        }
     }
 
     /// As [`Walker::sense`], of a robot whose sensors read `state`.

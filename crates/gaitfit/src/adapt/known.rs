@@ -67,6 +67,7 @@ mod tests {
     use super::*;
     use crate::walk::swing::{Standing, SwingFindings, sensor_numbers};
     use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Rules, Sharing};
+    use gaitfit_log::Sensors;
 
     #[test]
     fn a_known_value_that_is_searched_too_is_named() {
@@ -129,16 +130,18 @@ mod tests {
         let stated = BTreeMap::from([("delay".to_owned(), Prior { value: 0.02, deviation: 0.001 })]);
         assert_eq!(priors(&theta, &all, &stated)["delay"], stated["delay"]);
         // Errors of sensors are of no joint.
-        let rules = Rules { robot: vec![RobotRule::new(RobotNumber::ImuPitch)], ..Rules::default() };
-        let theta = rules.theta(&groups, &joints, &[]).unwrap();
-        let tilt = Estimate { value: 0.02, error: 0.0001 };
-        let shown =
-            SwingFindings { standing: Standing { tilt: Some([tilt, tilt]) }, ..SwingFindings::default() };
-        let all: Vec<SwingNumber> = all.into_iter().chain(sensor_numbers(&shown)).collect();
+        let robot = [RobotNumber::ImuPitch, RobotNumber::VelocityLag].map(RobotRule::new).to_vec();
+        let theta = Rules { robot, ..Rules::default() }.theta(&groups, &joints, &[]).unwrap();
+        let sure = |value| Estimate { value, error: 0.0001 };
+        let shown = SwingFindings {
+            standing: Standing { tilt: Some([sure(0.02); 2]) },
+            sensors: Sensors { velocity_lag: Some(sure(0.006)), ..Sensors::default() },
+            ..SwingFindings::default()
+        };
+        let all: Vec<SwingNumber> = all.into_iter().chain(sensor_numbers(&shown, Some(0.005))).collect();
         let found = priors(&theta, &all, &BTreeMap::new());
-        assert_eq!(
-            found,
-            BTreeMap::from([("imu_pitch".to_owned(), Prior { value: 0.02, deviation: 0.003 })])
-        );
+        assert_eq!(found["imu_pitch"], Prior { value: 0.02, deviation: 0.003 });
+        assert!((found["velocity_lag"].value - 0.0035).abs() < 1e-12, "less half a step: {found:?}");
+        assert_eq!((found["velocity_lag"].deviation, found.len()), (0.002, 2));
     }
 }

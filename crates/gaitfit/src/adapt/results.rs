@@ -289,8 +289,10 @@ pub(super) fn results(
     let mut doubts = standing::doubts(&first, &evidence);
     let swings = setup.swings.clone().or_else(|| swing::findings(&setup.method, &setup.fit.logs));
     let causes = swings.as_ref().map_or_else(Vec::new, explain::causes);
-    doubts
-        .extend(explain::missing(&causes, &setup.theta).map(|text| Doubt::new(DoubtKind::Unexplained, text)));
+    doubts.extend(
+        explain::missing(&causes, &setup.theta, &setup.base)
+            .map(|text| Doubt::new(DoubtKind::Unexplained, text)),
+    );
     doubts.sort_by_key(|doubt| doubt.kind);
     let beside_swings = swings
         .as_ref()

@@ -21,7 +21,7 @@ pub fn findings(method: &Method, logs: &[Log]) -> Option<SwingFindings> {
 pub fn numbers_of(method: &Method, findings: &SwingFindings) -> Vec<SwingNumber> {
     let found = findings.swings.as_ref().zip(targets_step(method));
     let joints = found.map_or_else(Vec::new, |(report, step)| numbers(report, step));
-    joints.into_iter().chain(sensor_numbers(findings)).collect()
+    joints.into_iter().chain(sensor_numbers(findings, targets_step(method))).collect()
 }
 
 /// Step by whose half targets act early in the fit's simulation, s: that of the robot which it stands for, or its own.

@@ -135,6 +135,10 @@ pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candida
          terms",
     );
     say(
+        candidate.robot.velocity_lag != 0.0,
+        "velocity_lag: drive.Velocities reads joint_vel so; put it into its observation term",
+    );
+    say(
         candidate.robot.ground_softness != 0.0,
         "ground_softness: softer contacts (compliant_contact_stiffness and _damping of the ground's material)",
     );

@@ -68,7 +68,7 @@ pub(super) fn document(
         },
         "links": links,
         "friction_factor": robot.friction_scale, "ground_softness": robot.ground_softness, "torque_noise": candidate.torque_noise, "networks": networks,
-        "sensors": {"imu_tilt": candidate.sensors.imu_tilt, "gyro_bias": candidate.sensors.gyro_bias},
+        "sensors": {"imu_tilt": candidate.sensors.imu_tilt, "gyro_bias": candidate.sensors.gyro_bias, "velocity_lag": robot.velocity_lag},
     });
     serde_json::to_string_pretty(&whole)
         .map(|text| text + "\n")

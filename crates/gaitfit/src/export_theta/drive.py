@@ -1,10 +1,12 @@
 """Joint torques of a PD controller as the fit has it: delay, encoder bias, factors on gains, offset, limits that may fall with
-speed, noise, networks; and what an inertial unit with errors reads.
+speed, noise, networks; and what sensors with errors read.
 
     drive = Drive(load(), kp=25.0, kd=0.5, step=model.opt.timestep)
     drive.send(target, q, dq)           # at every control period; targets and angles in the order of drive.joints
     data.ctrl[:] = drive.torque(q, dq)  # at every physics step, of motors without gains of their own
     gravity, rates = imu(load(), gravity, rates)  # what the policy observes
+    velocities = Velocities(load(), model.opt.timestep)
+    dq_read = velocities(dq)            # at every physics step; what the policy observes is the last one
 """
 
 import collections
@@ -20,6 +22,18 @@ def imu(theta, gravity, rates):
     sr, cr, sp, cp = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch)
     turn = np.array([[cp, sp * sr, sp * cr], [0.0, cr, -sr], [-sp, cp * sr, cp * cr]])
     return np.asarray(gravity) @ turn, np.asarray(rates) @ turn + theta["sensors"]["gyro_bias"]
+
+
+class Velocities:
+    """Joint velocities as slow sensors read them: a first-order filter."""
+
+    def __init__(self, theta, step):
+        self.share, self.read = step / (theta["sensors"]["velocity_lag"] + step), None
+
+    def __call__(self, dq):
+        dq = np.asarray(dq, dtype=float)
+        self.read = dq if self.read is None else self.read + self.share * (dq - self.read)
+        return self.read
 
 
 class Network:

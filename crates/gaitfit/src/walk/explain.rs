@@ -6,6 +6,7 @@
 
 use super::swing::{Estimate, SwingFindings};
 use gaitfit_adapt::Theta;
+use gaitfit_sim::Candidate;
 use gaitfit_swing::{Effect, EffectKind};
 use serde::{Deserialize, Serialize};
 
@@ -107,21 +108,24 @@ pub fn causes(found: &SwingFindings) -> Vec<Cause> {
     causes
 }
 
-/// What is not in the model that is fitted, in a sentence; absent where nothing is.
-pub fn missing(causes: &[Cause], theta: &Theta) -> Option<String> {
+/// What the simulator lacks that is fitted, in a sentence; absent where it lacks nothing. `base`: the robot that θ changes, with
+/// what is known of it already.
+pub fn missing(causes: &[Cause], theta: &Theta, base: &Candidate) -> Option<String> {
+    let Candidate { robot, sensors, .. } = base;
+    let some = |numbers: &[f64]| numbers.iter().any(|number| *number != 0.0);
     let has = |kind: &str, alone: bool| {
         theta.entries().iter().any(|entry| entry.kind == kind && (!alone || entry.joints.len() == 1))
     };
     let lacks = |cause: &&Cause| match cause.kind {
         // These do not change joints.
         CauseKind::GyroBias | CauseKind::EncoderStep => false,
-        CauseKind::Tilt => !(has("imu_roll", false) && has("imu_pitch", false)),
-        CauseKind::LoadFriction => !has("load_friction", false),
+        CauseKind::VelocityLag => !(has("velocity_lag", false) || robot.velocity_lag != 0.0),
+        CauseKind::Tilt => !(has("imu_roll", false) && has("imu_pitch", false) || some(&sensors.imu_tilt)),
+        CauseKind::LoadFriction => !(has("load_friction", false) || some(&robot.load_friction)),
         CauseKind::OddFriction => !has("frictionloss", true),
-        CauseKind::Backlash => !has("play", false),
-        CauseKind::Elasticity => !has("compliance", false),
-        CauseKind::Ground => !has("ground_softness", false),
-        _ => true,
+        CauseKind::Backlash => !(has("play", false) || some(&robot.play)),
+        CauseKind::Elasticity => !(has("compliance", false) || some(&robot.compliance)),
+        CauseKind::Ground => !(has("ground_softness", false) || robot.ground_softness != 0.0),
     };
     let listed: Vec<&str> =
         causes.iter().filter(lacks).take(NAMED).map(|cause| cause.text.as_str()).collect();
@@ -145,7 +149,7 @@ fn sensors(found: &SwingFindings) -> Vec<Cause> {
     let sensors = &found.sensors;
     if let Some(lag) = sensors.velocity_lag.filter(|lag| lag.matters(matters::LAG)) {
         let text = format!(
-            "joint velocities lag positions by {:.1} ms (a filter, or a late reading)",
+            "joint velocities lag positions by {:.1} ms (a filter, or a late reading; fit it: velocity_lag)",
             1e3 * lag.value
         );
         add(CauseKind::VelocityLag, lag, "s", matters::LAG, text);
@@ -263,10 +267,12 @@ fn slack(group: &str, effects: &[Effect]) -> bool {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
     use crate::walk::swing::Standing;
     use gaitfit_adapt::{RobotNumber, RobotRule, Rules};
+    use gaitfit_log::Sensors;
 
     fn findings(effects: &[(EffectKind, &str, f64, f64, f64)]) -> SwingFindings {
         let effect = |&(kind, of, value, error, share): &(EffectKind, &str, f64, f64, f64)| Effect {
@@ -297,14 +303,16 @@ mod tests {
     }
 
     #[test]
-    fn what_is_fitted_is_not_missing() {
+    fn what_is_fitted_or_known_is_not_missing() {
+        let model = crate::robot::go2().unwrap();
+        let base = Candidate::nominal(&model);
         let found = causes(&findings(&[
             (EffectKind::LoadFriction, "calf", 0.09, 0.003, 0.7),
             (EffectKind::UnevenGround, "", 0.009, 0.0003, 1.0),
         ]));
-        let text = missing(&found, &Theta::default()).unwrap_or_default();
+        let text = missing(&found, &Theta::default(), &base).unwrap_or_default();
         assert!(text.contains("grows by 0.090") && text.contains("9 mm apart"), "{text}");
-        assert_eq!(missing(&[], &Theta::default()), None);
+        assert_eq!(missing(&[], &Theta::default(), &base), None);
         // A tilted unit is not missing from a simulator that has it tilted.
         let standing = Standing { tilt: Some([Estimate { value: 0.03, error: 0.001 }; 2]) };
         let tilted = causes(&SwingFindings { standing, ..SwingFindings::default() });
@@ -312,11 +320,20 @@ mod tests {
             let robot = kinds.iter().map(|kind| RobotRule::new(*kind)).collect();
             Rules { robot, ..Rules::default() }.theta(&[], &[], &[]).unwrap_or_default()
         };
-        let doubt = missing(&tilted, &theta(&[RobotNumber::BaseMass])).unwrap_or_default();
+        let doubt = missing(&tilted, &theta(&[RobotNumber::BaseMass]), &base).unwrap_or_default();
         assert!(
             doubt.contains("tilted by 1.7° of roll") && doubt.contains("fit it: imu_roll, imu_pitch"),
             "{doubt}"
         );
-        assert_eq!(missing(&tilted, &theta(&[RobotNumber::ImuRoll, RobotNumber::ImuPitch])), None);
+        assert_eq!(missing(&tilted, &theta(&[RobotNumber::ImuRoll, RobotNumber::ImuPitch]), &base), None);
+        let mut known = base.clone();
+        known.sensors.imu_tilt = [0.03, 0.03];
+        assert_eq!(missing(&tilted, &Theta::default(), &known), None);
+        let velocity_lag = Some(Estimate { value: 0.004, error: 0.0001 });
+        let sensors = Sensors { velocity_lag, ..Sensors::default() };
+        let late = causes(&SwingFindings { sensors, ..SwingFindings::default() });
+        let doubt = missing(&late, &theta(&[RobotNumber::ImuRoll]), &base).unwrap_or_default();
+        assert!(doubt.contains("by 4.0 ms") && doubt.contains("fit it: velocity_lag"), "{doubt}");
+        assert_eq!(missing(&late, &theta(&[RobotNumber::VelocityLag]), &base), None);
     }
 }

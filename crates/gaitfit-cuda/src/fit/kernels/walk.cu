@@ -55,6 +55,7 @@ KERNEL walk(
     if (sample == 0) {
         for (int i = thread; i < rows * STATE_COUNT; i += threads)
             place_number(state, imu[i / STATE_COUNT], logged[i / STATE_COUNT], from + i / STATE_COUNT, i % STATE_COUNT);
+        for (int i = thread; i < rows * JOINTS; i += threads) begin_filter(memory, from + i / JOINTS, i % JOINTS);
         for (int i = thread; i < rows * ACTIONS; i += threads) last_action[(u64)from * ACTIONS + i] = 0.0f;
         if (thread < rows && from + thread < count) ends[from + thread] = length[thread];
         __syncthreads();
@@ -68,7 +69,7 @@ KERNEL walk(
         if (k < ACTIONS)
             row[k] = joint_position(state, params, e, JOINT_OF[k]);
         else if (k < 2 * ACTIONS)
-            row[k] = joint_velocity(state, e, JOINT_OF[k - ACTIONS]);
+            row[k] = read_velocity(state, memory, e, JOINT_OF[k - ACTIONS]);
         else if (k == 2 * ACTIONS) {
             Base base = base_of(state, e);
             for (int axis = 0; axis < 3; axis++) {
@@ -83,6 +84,8 @@ KERNEL walk(
         for (int i = thread; i < rows * STATE_COUNT; i += threads)
             if (placed[i / STATE_COUNT])
                 place_number(state, imu[i / STATE_COUNT], logged[i / STATE_COUNT], from + i / STATE_COUNT, i % STATE_COUNT);
+        for (int i = thread; i < rows * JOINTS; i += threads)
+            if (placed[i / JOINTS]) begin_filter(memory, from + i / JOINTS, i % JOINTS);
         for (int i = thread; i < rows * ACTIONS; i += threads) {
             int r = i / ACTIONS;
             u64 before = (u64)recording[r] * samples + sample - 1;
@@ -97,7 +100,7 @@ KERNEL walk(
         u32 e = from + r, last = length[r] - 1, now = sample < last ? sample : last;
         const float* command = commands + ((u64)recording[r] * samples + now) * 3;
         write_term(
-            part.term, part.from, part.from + 4, SCALES, nullptr, state, params, sample, imu[r], command,
+            part.term, part.from, part.from + 4, SCALES, nullptr, state, params, memory, sample, imu[r], command,
             last_action + (u64)e * ACTIONS, 1, e, second + r * OBSERVATION);
     }
     __syncthreads();

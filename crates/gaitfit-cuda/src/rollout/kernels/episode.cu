@@ -80,7 +80,7 @@ struct Placing {
 
 // A new episode of environment `e` that begins at `step`: all threads of the block share the work.
 DEVICE void start_episode(
-    const u32* control, u32 e, u32 step, Placing& placing, float* state, float* report, float* command
+    const u32* control, u32 e, u32 step, Placing& placing, float* state, float* report, float* memory, float* command
 ) {
     Draws draws = draws_of(control, RESET_DRAWS, e, step);
 #define EITHER(draw, half) within(draws, draw, -(half), half)
@@ -111,6 +111,7 @@ DEVICE void start_episode(
         STATE(QPOS + j) = (float)placing.angles[j];
         STATE(QVEL + j) = (float)EITHER(8 + JOINTS + j, START_JOINT_VELOCITY);
         TORQUE(j) = 0.0f;
+        begin_filter(memory, e, j);
     }
     for (int k = thread; k < GEOMS; k += threads) FORCE(k) = 0.0f;
     for (int k = thread; k < FEET; k += threads)

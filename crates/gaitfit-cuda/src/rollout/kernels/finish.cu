@@ -61,12 +61,13 @@ DEVICE void forget_episode(u32* fresh, float* last_action, float* feet, u32 e) {
 
 // New episodes from `step` on of those environments of the block that begin anew: all its threads share the work.
 DEVICE void start_episodes(
-    const u32* control, u32 step, const u32* begins, Placing& placing, float* state, float* report, float* command
+    const u32* control, u32 step, const u32* begins, Placing& placing, float* state, float* report, float* memory,
+    float* command
 ) {
     __syncthreads();
     for (u32 k = 0; k < THREADS; k++) {
         if (!begins[k]) continue;
-        start_episode(control, blockIdx.x * blockDim.x + k, step, placing, state, report, command);
+        start_episode(control, blockIdx.x * blockDim.x + k, step, placing, state, report, memory, command);
         __syncthreads();
     }
 }
@@ -75,7 +76,7 @@ DEVICE void start_episodes(
 DEVICE bool finish_step(
     u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
     float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
-    float* tail, double* tally, float* errors, unsigned char* ends, float* last_observation, const float* imu, u32 e
+    float* tail, double* tally, float* errors, unsigned char* ends, float* last_observation, const float* memory, const float* imu, u32 e
 ) {
     u64 row = (u64)step * ENVIRONMENTS + e;
     u32 number = control[FIRST_STEP] + step, age = steps[e] + 1;
@@ -146,7 +147,7 @@ DEVICE bool finish_step(
     ends[ENDS_APART + e] = ended == TIME_OUT;
     ends[2 * ENDS_APART + e] = ended != GOES_ON;
     if (ended != GOES_ON)
-        write_last_row(control, state, params, age, imu, command, last_action, broken, e, number + 1, last_observation);
+        write_last_row(control, state, params, memory, age, imu, command, last_action, broken, e, number + 1, last_observation);
 #else
     u32 slot = step / EPISODE_STEPS_MAX;
     if (ended == TIME_OUT) {
@@ -176,7 +177,7 @@ DEVICE bool finish_step(
 KERNEL finish(
     u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
     float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
-    float* tail, double* tally, float* errors, unsigned char* ends, float* last_observation, const float* imu
+    float* tail, double* tally, float* errors, unsigned char* ends, float* last_observation, float* memory, const float* imu
 ) {
     // Which environments of the block begin anew.
     __shared__ u32 begins[THREADS];
@@ -185,8 +186,8 @@ KERNEL finish(
     bool inside = e < ENVIRONMENTS;
     begins[threadIdx.x] = inside && finish_step(
         step, control, state, params, report, action, reward, done, steps, fresh, command, last_action, feet, returns, cut,
-        tail, tally, errors, ends, last_observation, imu, e) ? 1 : 0;
-    start_episodes(control, control[FIRST_STEP] + step + 1, begins, placing, state, report, command);
+        tail, tally, errors, ends, last_observation, memory, imu, e) ? 1 : 0;
+    start_episodes(control, control[FIRST_STEP] + step + 1, begins, placing, state, report, memory, command);
 }
 
 // Before a rollout: sums of 0, no episode cut off.

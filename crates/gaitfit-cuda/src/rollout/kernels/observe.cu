@@ -13,11 +13,11 @@ enum {
 };
 
 // Writes the numbers `from` to `until` of term `number` of TERMS into their places of a row; `from` is a multiple of 4. `scales`: those of the row. `noise`: draws of this environment
-// and step, or none. `imu`: errors of this robot's inertial unit, or none; `command` and `last_action`: this robot's; all have
+// and step, or none. `memory` and `imu`: errors of this robot's sensors, or none; `command` and `last_action`: this robot's; all have
 // their numbers `apart` from each other.
 DEVICE void write_term(
-    int number, int from, int until, const float* scales, const Draws* noise, const float* state, const float* params, u32 steps,
-    const float* imu, const float* command, const float* last_action, u32 apart, u32 e, float* out
+    int number, int from, int until, const float* scales, const Draws* noise, const float* state, const float* params,
+    const float* memory, u32 steps, const float* imu, const float* command, const float* last_action, u32 apart, u32 e, float* out
 ) {
     Term term = TERMS[number];
     Base base;
@@ -60,7 +60,7 @@ DEVICE void write_term(
             float value = 0.0f;
             switch (term.quantity) {
                 case JOINT_POSITION: value = joint_position(state, params, e, JOINT_OF[k]) - HOME[k]; break;
-                case JOINT_VELOCITY: value = joint_velocity(state, e, JOINT_OF[k]); break;
+                case JOINT_VELOCITY: value = read_velocity(state, memory, e, JOINT_OF[k]); break;
                 case LAST_ACTION: value = last_action[k * apart]; break;
                 default: value = i < 3 ? vector[i] : 0.0f;
             }

@@ -6,7 +6,7 @@
 #define RECORDED (2 * ACTIONS + 16)
 
 // The rows of step `step`, before its action; a thread a number. `records`: steps x environments x RECORDED.
-KERNEL record(u32 step, const float* state, const float* params, const float* imu, const float* command, float* records) {
+KERNEL record(u32 step, const float* state, const float* params, const float* memory, const float* imu, const float* command, float* records) {
     u32 i = blockIdx.x * blockDim.x + threadIdx.x, e = i / RECORDED;
     int k = (int)(i % RECORDED);
     if (e >= ENVIRONMENTS) return;
@@ -14,7 +14,7 @@ KERNEL record(u32 step, const float* state, const float* params, const float* im
     if (k < ACTIONS)
         value = joint_position(state, params, e, JOINT_OF[k]);
     else if (k < 2 * ACTIONS)
-        value = joint_velocity(state, e, JOINT_OF[k - ACTIONS]);
+        value = read_velocity(state, memory, e, JOINT_OF[k - ACTIONS]);
     else if (k < 2 * ACTIONS + 3)
         value = command[(k - 2 * ACTIONS) * ENVIRONMENTS + e];
     else {

@@ -5,21 +5,21 @@ DEVICE void write_critic_row(
 ) {
     for (int t = CRITIC_ROW.first; t < CRITIC_ROW.first + CRITIC_ROW.terms; t++)
         write_term(
-            t, 0, TERMS[t].width, SCALES + CRITIC_ROW.scale, nullptr, state, params, steps, nullptr, command + e, last_action + e,
+            t, 0, TERMS[t].width, SCALES + CRITIC_ROW.scale, nullptr, state, params, nullptr, steps, nullptr, command + e, last_action + e,
             ENVIRONMENTS, e, out);
 }
 
 #if STEPWISE
 // What the actor of environment `e` observes at step `number`, at an episode's end; zeros if its simulation came apart.
 DEVICE void write_last_row(
-    const u32* control, const float* state, const float* params, u32 steps, const float* imu, const float* command,
+    const u32* control, const float* state, const float* params, const float* memory, u32 steps, const float* imu, const float* command,
     const float* last_action, bool broken, u32 e, u32 number, float* rows
 ) {
     float* out = rows + (u64)e * ACTOR_ROW.width;
     Draws noise = draws_of(control, NOISE_DRAWS, e, number);
     for (int t = ACTOR_ROW.first; t < ACTOR_ROW.first + ACTOR_ROW.terms; t++)
         write_term(
-            t, 0, TERMS[t].width, SCALES + ACTOR_ROW.scale, &noise, state, params, steps, imu + e, command + e,
+            t, 0, TERMS[t].width, SCALES + ACTOR_ROW.scale, &noise, state, params, memory, steps, imu + e, command + e,
             last_action + e, ENVIRONMENTS, e, out);
     for (int k = 0; k < ACTOR_ROW.width && broken; k++) out[k] = 0.0f;
 }
@@ -27,7 +27,7 @@ DEVICE void write_last_row(
 
 // The rows of step `step` of the samples: a block column for each term of the actor, then of the critic.
 KERNEL observe(
-    u32 step, const u32* control, const float* state, const float* params, const u32* steps, const float* imu,
+    u32 step, const u32* control, const float* state, const float* params, const float* memory, const u32* steps, const float* imu,
     const float* command, const float* last_action, float* observation, float* critic_observation
 ) {
     u32 e = blockIdx.x * blockDim.x + threadIdx.x;
@@ -38,7 +38,8 @@ KERNEL observe(
     Draws noise = draws_of(control, NOISE_DRAWS, e, control[FIRST_STEP] + step);
     float* out = actor ? observation + row * ACTOR_ROW.width : critic_observation + row * CRITIC_ROW.width;
     write_term(
-        number, 0, TERMS[number].width, SCALES + (actor ? ACTOR_ROW.scale : CRITIC_ROW.scale), actor ? &noise : nullptr, state, params, steps[e],
+        number, 0, TERMS[number].width, SCALES + (actor ? ACTOR_ROW.scale : CRITIC_ROW.scale), actor ? &noise : nullptr, state, params,
+        actor ? memory : nullptr, steps[e],
         actor ? imu + e : nullptr, command + e, last_action + e, ENVIRONMENTS, e, out);
 }
 
@@ -50,6 +51,6 @@ KERNEL observe_end(
     if (e >= ENVIRONMENTS) return;
     int number = CRITIC_ROW.first + (int)blockIdx.y;
     write_term(
-        number, 0, TERMS[number].width, SCALES + CRITIC_ROW.scale, nullptr, state, params, steps[e], nullptr, command + e,
+        number, 0, TERMS[number].width, SCALES + CRITIC_ROW.scale, nullptr, state, params, nullptr, steps[e], nullptr, command + e,
         last_action + e, ENVIRONMENTS, e, tail + (u64)e * CRITIC_ROW.width);
 }

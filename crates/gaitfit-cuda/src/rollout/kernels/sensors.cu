@@ -1,4 +1,23 @@
-// Errors of a robot's inertial unit, as `gaitfit_sim::Imu` has them.
+// Errors of a robot's sensors.
+
+// The velocity of joint `j` as a slow sensor reads it: the physics remembers what it reads beyond the true one. Who observes
+// without errors has no `memory`.
+DEVICE float read_velocity(const float* state, const float* memory, u32 e, int j) {
+    float velocity = joint_velocity(state, e, j);
+#if HAS_FILTER
+    if (memory) velocity = velocity + REMEMBERED(FILTER_AT + j);
+#endif
+    return velocity;
+}
+
+// A robot that is put somewhere: its sensors read the velocities it has there.
+DEVICE void begin_filter(float* memory, u32 e, int j) {
+#if HAS_FILTER
+    REMEMBERED(FILTER_AT + j) = 0.0f;
+#endif
+}
+
+// The inertial unit, as `gaitfit_sim::Imu` has it.
 
 // Numbers of a robot, `apart` from each other: whether there are errors, the unit's orientation in the base, its three axes
 // there, and what its gyro reads at rest.

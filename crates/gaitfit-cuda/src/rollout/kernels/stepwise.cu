@@ -16,8 +16,8 @@ KERNEL next_step(u32* control) {
 
 // New episodes for all environments, as if each had ended in the present step.
 KERNEL restart(
-    const u32* control, float* state, float* report, u32* steps, u32* fresh, float* command, float* last_action, float* feet,
-    float* returns
+    const u32* control, float* state, float* report, float* memory, u32* steps, u32* fresh, float* command, float* last_action,
+    float* feet, float* returns
 ) {
     __shared__ u32 begins[THREADS];
     __shared__ Placing placing;
@@ -29,5 +29,5 @@ KERNEL restart(
         steps[e] = 0;
         returns[e] = returns[ENVIRONMENTS + e] = 0.0f;
     }
-    start_episodes(control, control[FIRST_STEP] + 1, begins, placing, state, report, command);
+    start_episodes(control, control[FIRST_STEP] + 1, begins, placing, state, report, memory, command);
 }

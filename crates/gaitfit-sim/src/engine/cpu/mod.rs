@@ -9,7 +9,7 @@ use gaitfit_physics::{Params, Robot, with_lanes};
 use super::{Cancel, ConsumeSignals, Engine};
 use crate::SimError;
 use crate::batch::Batch;
-use crate::candidate::{JointNetworks, has_gears, modifications};
+use crate::candidate::{Extras, JointNetworks, modifications};
 use crate::replay::{Direction, Replay};
 use crate::tile::Tile;
 use tile::{LaneRobots, Parts};
@@ -65,7 +65,7 @@ impl Engine for Cpu {
             let must = "at most the batch's max_delay";
             return Err(SimError::Option { option: "a robot's delay", value: delay.to_string(), must });
         }
-        let modifications = modifications::<f32>(batch.model(), networks, robots.iter().any(has_gears))?;
+        let modifications = modifications::<f32>(batch.model(), networks, Extras::of(robots))?;
         let parts = Parts {
             tree: &batch.tree,
             taps: batch.taps,

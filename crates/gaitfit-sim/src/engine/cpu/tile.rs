@@ -33,6 +33,15 @@ pub(crate) struct Parts<'a> {
     pub modifications: Vec<JointModification<f32>>,
 }
 
+impl Parts<'_> {
+    /// Where the filter of velocities remembers what sensors read beyond them: at the end.
+    fn filter(&self) -> Option<usize> {
+        let last = self.modifications.last()?;
+        let filter = matches!(last, JointModification::VelocityFilter(_));
+        filter.then(|| memory_of(&self.modifications) - self.tree.joints())
+    }
+}
+
 pub(crate) struct LaneRobots<'a, T: Lanes> {
     parts: Parts<'a>,
     environments: usize,
@@ -41,6 +50,8 @@ pub(crate) struct LaneRobots<'a, T: Lanes> {
     drives: Vec<Drive<T>>,
     disturbance: Vec<T>,
     settled: Vec<T>,
+    /// See [`Parts::filter`].
+    filter: Option<usize>,
 }
 
 impl<'a, T: Lanes> LaneRobots<'a, T> {
@@ -65,6 +76,7 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
         };
         let blocks = robots.chunks(T::LANES).map(block).collect();
         Self {
+            filter: parts.filter(),
             parts,
             environments: robots.len(),
             blocks,
@@ -97,6 +109,9 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
     fn report(&self, index: usize, motion: &mut Motion) {
         let block = &self.blocks[index];
         let (state, first, joints) = (&block.state, index * T::LANES, self.parts.tree.joints());
+        if self.filter.is_some() {
+            motion.filtered_velocity.resize(self.environments * joints, 0.0);
+        }
         // A diverged robot's acceleration times 0 is no 0.
         let lead = Some(self.parts.tree.settings().lead()).filter(|&lead| lead != 0.0).map(T::lit);
         let base = lead.map_or([[T::zero(); 3]; 2], |lead| velocity_change(state, lead));
@@ -113,6 +128,10 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
             self.scatter(reading, &mut motion.joint_position, first, joints, j);
             let velocity = lead.map_or(state.qvel[j], |lead| lead.fma(state.qacc[j], state.qvel[j]));
             self.scatter(velocity, &mut motion.joint_velocity, first, joints, j);
+            if let Some(filter) = self.filter {
+                let reading = velocity + block.memory[filter + j];
+                self.scatter(reading, &mut motion.filtered_velocity, first, joints, j);
+            }
             self.scatter(state.qacc[j], &mut motion.joint_acceleration, first, joints, j);
             self.scatter(block.torque[j], &mut motion.torque, first, joints, j);
         }
@@ -176,6 +195,12 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
             set_lane(number, lane, 0.0);
         }
         block.tracked.iter_mut().flatten().for_each(|number| set_lane(number, lane, 0.0));
+        // What sensors read before the first step is the start's too.
+        block
+            .memory
+            .iter_mut()
+            .skip(self.filter.unwrap_or(usize::MAX))
+            .for_each(|number| set_lane(number, lane, 0.0));
         block.fresh[lane] = true;
     }
 

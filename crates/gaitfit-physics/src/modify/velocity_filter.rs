@@ -1,0 +1,77 @@
+//! Joint velocities as slow sensors read them.
+
+use super::Modify;
+use crate::{Drive, Owner, Params, Real, Settings, Slot, State};
+
+/// A first-order low-pass filter of all joint velocities, with the time constant [`Params::velocity_lag`], advanced at every
+/// physics step by backward Euler: f' = f + h / (lag + h) · (v' − f). Slow motions are read late by the time constant, whatever
+/// the step h. It changes nothing of the motion: the PD controller is where the motors are. What it remembers is f − v, what
+/// a sensor reads beyond the true velocity, rad/s.
+///
+/// It must stand behind [`super::Gears`]: sensors are at the motors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VelocityFilter {
+    /// Joints of the robot.
+    pub joints: usize,
+}
+
+/// Velocity of a joint at the moment for which readings are, see [`Settings::lead`].
+#[inline(always)]
+fn velocity<T: Real>(settings: &Settings, state: &State<T>, joint: usize) -> T {
+    let lead = settings.lead();
+    if lead == 0.0 { state.qvel[joint] } else { T::lit(lead).fma(state.qacc[joint], state.qvel[joint]) }
+}
+
+impl<K: Copy> Modify<K> for VelocityFilter {
+    fn memory(&self) -> usize {
+        self.joints
+    }
+
+    fn memory_owner(&self, place: usize) -> Owner {
+        Owner::Joint(place)
+    }
+
+    fn settles_at_zero(&self) -> bool {
+        true
+    }
+
+    fn visit_weights_mut(&mut self, _visit: impl FnMut(Slot, &mut K)) {}
+
+    /// A robot that has moved evenly reads its velocity.
+    #[inline(always)]
+    fn settle<T: Real<K = K>>(&self, _params: &Params<T>, _state: &State<T>, memory: &mut [T]) {
+        memory.fill(T::zero());
+    }
+
+    /// At the start of a step: f in the place of f − v.
+    #[inline(always)]
+    fn torques<T: Real<K = K>>(
+        &self,
+        settings: &Settings,
+        _params: &Params<T>,
+        state: &State<T>,
+        memory: &mut [T],
+        _drives: &mut [Drive<T>],
+    ) {
+        for (j, reading) in memory.iter_mut().enumerate() {
+            *reading = *reading + velocity(settings, state, j);
+        }
+    }
+
+    /// At its end: f' − v' = lag / (lag + h) · (f − v').
+    #[inline(always)]
+    fn release<T: Real<K = K>>(
+        &self,
+        settings: &Settings,
+        params: &Params<T>,
+        state: &mut State<T>,
+        memory: &mut [T],
+        _drives: &mut [Drive<T>],
+    ) {
+        let lag = params.velocity_lag;
+        let kept = lag.div(lag + T::lit(settings.timestep));
+        for (j, reading) in memory.iter_mut().enumerate() {
+            *reading = kept * (*reading - velocity(settings, state, j));
+        }
+    }
+}
