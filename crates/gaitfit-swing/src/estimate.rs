@@ -193,6 +193,7 @@ impl Choice {
         SwingReport {
             groups: estimates,
             delay,
+            delay_by_strength: self.fit.by_strength[self.fit.by_strength.len() - 1] * settings.delay_step_s,
             law: FrictionLaw::ALL[self.law],
             clearance_m: settings.clearances_m[self.clearance],
             logs: self.fit.logs,
@@ -215,6 +216,8 @@ struct Fit {
     /// All unknowns, the delay in steps last; and without the bounds at 0.
     values: DVector<f64>,
     free: DVector<f64>,
+    /// How all unknowns change with the motors' strength.
+    by_strength: DVector<f64>,
     scales: Vec<f64>,
     /// Largest position gain of each group, N·m/rad.
     stiffest: Vec<f64>,
@@ -327,6 +330,7 @@ impl Fit {
             first,
             variances,
             scales: held.as_ref().unwrap_or(&free).scales.clone(),
+            by_strength: held.as_ref().unwrap_or(&free).by_strength.clone(),
             values: held.map_or_else(|| free.values.clone(), |held| held.values),
             free: free.values,
         })
@@ -371,6 +375,7 @@ impl Fit {
                     friction: number(0),
                     damping: number(1),
                     armature: number(2),
+                    by_strength: std::array::from_fn(|unknown| self.by_strength[self.first[place] + unknown]),
                     swings: self.counts[place][0],
                     windows: self.counts[place][1],
                     residual: self.scales[place],

@@ -86,6 +86,10 @@ pub struct GroupEstimate {
     pub damping: Estimate,
     /// Armature, kg·m².
     pub armature: Estimate,
+    /// How friction, damping and armature change with the motors' strength, per 1: they are with motors that give what gains
+    /// and limits say, and a motor that gives 0.9 of it has values that are lower by a tenth of this.
+    #[serde(default)]
+    pub by_strength: [f64; 3],
     /// Swings that count.
     pub swings: usize,
     /// Averaged equations that count.
@@ -116,6 +120,9 @@ pub struct SwingReport {
     /// targets acted before their row. A simulation with
     /// semi-implicit steps of h acts as if targets came h/2 earlier; its delay is longer by that.
     pub delay: Estimate,
+    /// How it changes with the motors' strength, s per 1.
+    #[serde(default)]
+    pub delay_by_strength: f64,
     /// Friction law that explains the logs better.
     pub law: FrictionLaw,
     /// Height above the lowest foot from which a foot counted as in the air, m.

@@ -7,6 +7,7 @@
 use crate::dynamics::{BaseMotion, Motion};
 use crate::effects::{Base, Effect, EffectKind, block};
 use crate::feet::{Foot, Ground, is_below};
+use crate::standing::MIN_FEET;
 use crate::torques::{Bump, Drag, Needed};
 use crate::walk::Walk;
 use gaitfit_log::Estimate;
@@ -42,7 +43,8 @@ pub(crate) fn effects(
     delay: f64,
     drag: &[Drag],
 ) -> Vec<Effect> {
-    if model.root == Root::Fixed {
+    let feet = grounds.first().and_then(|ground| ground.feet.first()).map_or(0, Vec::len);
+    if model.root == Root::Fixed || feet < MIN_FEET {
         return Vec::new();
     }
     let every = walks.iter().map(Walk::points).sum::<usize>().div_ceil(MAX_POINTS).max(1);

@@ -20,7 +20,7 @@ const BLOCK_S: f64 = 1.0;
 /// A tilt worth correcting, rad.
 const TILT: f64 = 0.005;
 /// Fewer feet do not show it: while both feet of a biped touch the ground, they roll over their edges.
-const MIN_FEET: usize = 3;
+pub(crate) const MIN_FEET: usize = 3;
 /// Rounds in which a tilt is taken out and looked at again.
 const ROUNDS: usize = 3;
 

@@ -21,6 +21,9 @@ pub(crate) struct Together {
     pub values: DVector<f64>,
     /// What the equations of each group leave unexplained beside the base's acceleration, N·m.
     pub scales: Vec<f64>,
+    /// How the values change with the motors' strength: torques are taken as gains and limits say, and a motor that gives a
+    /// share `s` of them has values of `values + (s − 1) by_strength`.
+    pub by_strength: DVector<f64>,
     /// Covariances by each kind of clusters that was asked for; absent where there are too few.
     pub covariances: Vec<Option<DMatrix<f64>>>,
 }
@@ -37,6 +40,11 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
+    /// The motor's torque, N·m.
+    fn motor(&self, values: &DVector<f64>) -> f64 {
+        self.window.motor + self.window.driven_at(values[values.len() - 1])
+    }
+
     /// Residual and the row of all unknowns, at these values.
     fn at(&self, values: &DVector<f64>) -> (f64, DVector<f64>) {
         let last = values.len() - 1;
@@ -130,6 +138,18 @@ pub(crate) fn together(
         shaking = shakes / moments.len() as f64;
     }
     let bread = normal.try_inverse()?;
+    let mut stronger = DVector::zeros(columns);
+    for rows in moments.values() {
+        let motors: Vec<(f64, DVector<f64>)> =
+            rows.iter().map(|row| (row.motor(&values), row.at(&values).1)).collect();
+        let Common { answer, spread } = Common::new(rows, &motors, &variances, &shaking)?;
+        for (row, (motor, unknowns)) in rows.iter().zip(&motors) {
+            stronger.axpy(row.weight / variances[row.group] * motor, unknowns, 1.0);
+        }
+        stronger -= &answer.0 * (spread * answer.1);
+    }
+    held.iter().for_each(|&place| stronger[place] = 0.0);
+    let by_strength = &bread * stronger;
     let covariance = |cluster: &&dyn Fn(&Window) -> u64| -> Option<DMatrix<f64>> {
         let mut scores: BTreeMap<u64, DVector<f64>> = BTreeMap::new();
         for rows in moments.values() {
@@ -151,6 +171,7 @@ pub(crate) fn together(
     };
     Some(Together {
         covariances: clusters.iter().map(covariance).collect(),
+        by_strength,
         scales: variances.iter().map(|variance| variance.sqrt()).collect(),
         values,
     })

@@ -43,6 +43,8 @@ pub struct Theta {
     entries: Vec<Entry>,
     /// What is known of each entry before the fit; empty without any such knowledge.
     priors: Vec<Option<Prior>>,
+    /// The strength of the motors of each entry, as the number of its entry.
+    strengths: Vec<Option<usize>>,
     /// What a distance of one standard error from a prior adds to the cost.
     prior_weight: f64,
 }
@@ -181,7 +183,8 @@ impl Theta {
         if entries.is_empty() {
             return Err(ThetaError::Empty);
         }
-        let theta = Self { modifications, entries, priors: Vec::new(), prior_weight: 0.0 };
+        let theta =
+            Self { modifications, entries, priors: Vec::new(), strengths: Vec::new(), prior_weight: 0.0 };
         theta.check()?;
         Ok(theta)
     }

@@ -1,6 +1,6 @@
 //! What is known of a number before the fit, from elsewhere.
 
-use super::{Theta, ThetaError};
+use super::{JointParameter, Theta, ThetaError};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -17,9 +17,31 @@ pub struct Prior {
     pub value: f64,
     /// Its standard error, in the same unit.
     pub deviation: f64,
+    /// How the estimate changes with the motors' strength (`torque_scale` of the entry's joints), per 1. Legs in the air show
+    /// what joints resist beside the torque of their motors, so the estimate is one of motors with a strength of 1.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub by_strength: f64,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 impl Prior {
+    /// An estimate and its standard error.
+    pub fn new(value: f64, deviation: f64) -> Self {
+        Self { value, deviation, by_strength: 0.0 }
+    }
+
+    /// The estimate for motors of another strength than 1, which is known to `error`.
+    pub fn with_strength(&self, strength: f64, error: f64) -> Self {
+        Self {
+            value: self.value + self.by_strength * (strength - 1.0),
+            deviation: self.deviation.hypot(self.by_strength * error),
+            by_strength: 0.0,
+        }
+    }
+
     /// How many standard errors `value` is away from the estimate; negative below it.
     pub fn away(&self, value: f64) -> f64 {
         (value - self.value) / self.deviation
@@ -42,8 +64,11 @@ impl Theta {
                 let names: Vec<&str> = self.entries.iter().map(|entry| entry.name.as_str()).collect();
                 return Err(refused(&format!("is not fitted; fitted are {}", names.join(", "))));
             };
-            if !(prior.value.is_finite() && prior.deviation.is_finite() && prior.deviation > 0.0) {
-                return Err(refused("needs a finite `value` and a `deviation` above 0"));
+            let finite = [prior.value, prior.deviation, prior.by_strength].iter().all(|one| one.is_finite());
+            if !finite || prior.deviation <= 0.0 {
+                return Err(refused(
+                    "needs a finite `value`, a `deviation` above 0 and, if given, a finite `by_strength`",
+                ));
             }
             let entry = &mut self.entries[at];
             let range = entry.upper - entry.lower;
@@ -51,6 +76,7 @@ impl Theta {
             entry.deviation = prior.deviation.clamp(STEPS[0] * range, STEPS[1] * range).min(entry.deviation);
             found[at] = Some(*prior);
         }
+        self.strengths = (0..self.entries.len()).map(|at| self.strength(at)).collect();
         self.priors = found;
         self.prior_weight = weight;
         Ok(self)
@@ -66,6 +92,15 @@ impl Theta {
         self.priors.get(at)?.as_ref()
     }
 
+    /// The entry that is the strength of the motors of entry number `at`, if one holds for all of its joints.
+    pub fn strength(&self, at: usize) -> Option<usize> {
+        let joints = &self.entries.get(at)?.joints;
+        self.entries.iter().position(|entry| {
+            let covered = joints.iter().all(|joint| entry.joints.contains(joint));
+            entry.kind == JointParameter::TorqueScale.name() && covered && !joints.is_empty()
+        })
+    }
+
     /// What one standard error from a prior adds to the cost.
     pub fn prior_weight(&self) -> f64 {
         self.prior_weight
@@ -74,11 +109,11 @@ impl Theta {
     /// What the priors add to the cost of `values`: weight · Σ ((value − estimate) / standard error)². It is the negative
     /// logarithm of independent normal densities up to a constant, in units in which the cost's own noise is the weight.
     pub fn prior_cost(&self, values: &[f64]) -> f64 {
-        let squares = self
-            .priors
-            .iter()
-            .zip(values)
-            .filter_map(|(prior, value)| Some(prior.as_ref()?.away(*value).powi(2)));
+        let squares = self.priors.iter().zip(values).enumerate().filter_map(|(at, (prior, value))| {
+            let prior = prior.as_ref()?;
+            let strength = self.strengths.get(at).copied().flatten().and_then(|at| values.get(at));
+            Some(strength.map_or(*prior, |one| prior.with_strength(*one, 0.0)).away(*value).powi(2))
+        });
         self.prior_weight * squares.sum::<f64>()
     }
 }

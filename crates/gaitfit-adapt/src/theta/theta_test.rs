@@ -289,7 +289,7 @@ fn a_value_on_a_bound_is_seen() {
 fn a_prior_moves_the_start_and_charges_by_standard_errors() {
     let theta = || Theta::from_rules(&ParameterRule::fric_arm(), &groups(), &joints()).unwrap();
     let prior =
-        |name: &str, value, deviation| BTreeMap::from([(name.to_owned(), Prior { value, deviation })]);
+        |name: &str, value, deviation| BTreeMap::from([(name.to_owned(), Prior::new(value, deviation))]);
     let known = theta().with_priors(&prior("frictionloss_calf", 0.4, 0.02), 0.5).unwrap();
     let at = known.entries().iter().position(|entry| entry.name == "frictionloss_calf").unwrap();
     assert_eq!((known.start(7)[at], known.entries()[at].deviation), (0.4, 0.02));

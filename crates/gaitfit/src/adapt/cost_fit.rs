@@ -51,16 +51,24 @@ pub(super) fn fit(
     doubts.extend(left.as_ref().and_then(Leftover::doubt));
     let has = |kind| doubts.iter().any(|doubt| doubt.kind == kind);
     let wider = audit.as_ref().map_or(1.0, widening);
+    let prior = |at: usize| {
+        let prior = setup.theta.prior(at)?;
+        let strength = setup.theta.strength(at).and_then(|place| outcome.parameters.get(place));
+        // What legs in the air show depends on the motors' strength.
+        Some(strength.map_or(*prior, |one| {
+            let reach = one.identification.as_ref().map_or(0.0, |known| known.upper - known.lower);
+            prior.with_strength(one.value, reach / 4.0)
+        }))
+    };
     let parameters: Vec<Parameter> = outcome
         .parameters
         .iter()
-        .zip(setup.theta.priors())
         .enumerate()
-        .map(|(at, (found, prior))| {
+        .map(|(at, found)| {
             let mut parameter = Parameter {
                 truth: config.truth.get(&found.name).copied(),
                 published: config.published.get(&found.name).copied(),
-                prior: prior.copied(),
+                prior: prior(at),
                 interval: found.identification.as_ref().map(|one| [one.lower, one.upper]),
                 identified: found.identification.as_ref().map(|one| one.identified),
                 found: found.clone(),

@@ -33,7 +33,8 @@ pub fn priors(
         if let Some(one) = measurement {
             let Estimate { value, error } = one.estimate;
             let deviation = error.max(MIN_ERROR * (entry.upper - entry.lower));
-            priors.entry(entry.name.clone()).or_insert(Prior { value, deviation });
+            let prior = Prior { by_strength: one.by_strength, ..Prior::new(value, deviation) };
+            priors.entry(entry.name.clone()).or_insert(prior);
         }
     }
     priors
@@ -104,6 +105,7 @@ mod tests {
         ];
         let theta = Theta::from_rules(&rules, &groups, &joints).unwrap();
         let measured = |kind: JointParameter, of: &[usize], value, error| SwingNumber {
+            by_strength: 0.0,
             kind: kind.name(),
             joints: of.iter().map(|joint| joints[*joint].clone()).collect(),
             estimate: Estimate { value, error },
@@ -116,18 +118,14 @@ mod tests {
             measured(JointParameter::Delay, &[], 0.008, 0.002),
         ];
         let found = priors(&theta, &all, &BTreeMap::new());
-        assert_eq!(found["frictionloss_hip"], Prior { value: -0.01, deviation: 0.05 });
-        assert_eq!(
-            found["frictionloss_calf"],
-            Prior { value: 0.55, deviation: 0.0025 },
-            "half a hundredth of [0, 0.5]"
-        );
-        assert_eq!(found["delay"], Prior { value: 0.008, deviation: 0.002 });
+        assert_eq!(found["frictionloss_hip"], Prior::new(-0.01, 0.05));
+        assert_eq!(found["frictionloss_calf"], Prior::new(0.55, 0.0025), "half a hundredth of [0, 0.5]");
+        assert_eq!(found["delay"], Prior::new(0.008, 0.002));
         assert!(
             !found.contains_key("armature"),
             "one value for all joints, measured of hips alone: {found:?}"
         );
-        let stated = BTreeMap::from([("delay".to_owned(), Prior { value: 0.02, deviation: 0.001 })]);
+        let stated = BTreeMap::from([("delay".to_owned(), Prior::new(0.02, 0.001))]);
         assert_eq!(priors(&theta, &all, &stated)["delay"], stated["delay"]);
         // Errors of sensors are of no joint.
         let robot = [RobotNumber::ImuPitch, RobotNumber::VelocityLag].map(RobotRule::new).to_vec();
@@ -140,7 +138,7 @@ mod tests {
         };
         let all: Vec<SwingNumber> = all.into_iter().chain(sensor_numbers(&shown, Some(0.005))).collect();
         let found = priors(&theta, &all, &BTreeMap::new());
-        assert_eq!(found["imu_pitch"], Prior { value: 0.02, deviation: 0.003 });
+        assert_eq!(found["imu_pitch"], Prior::new(0.02, 0.003));
         assert!((found["velocity_lag"].value - 0.0035).abs() < 1e-12, "less half a step: {found:?}");
         assert_eq!((found["velocity_lag"].deviation, found.len()), (0.002, 2));
     }

@@ -30,6 +30,11 @@ pub struct Parameter {
 }
 
 impl Parameter {
+    /// Its standard error by the interval; 0 without one.
+    pub fn error(&self) -> f64 {
+        self.interval.map_or(0.0, |[low, high]| (high - low) / 4.0)
+    }
+
     /// The longer side of its interval, which stands after ±; absent where it was not measured.
     pub fn half(&self) -> Option<f64> {
         self.interval.map(|[lower, upper]| (self.found.value - lower).max(upper - self.found.value).max(0.0))
@@ -116,7 +121,7 @@ mod tests {
 
     #[test]
     fn what_is_known_is_the_interval_where_the_fit_agrees() {
-        let known = Prior { value: 0.6, deviation: 0.05 };
+        let known = Prior::new(0.6, 0.05);
         let mut one = friction(0.64, [0.1, 2.0], known);
         one.combine();
         let [lower, upper] = one.interval.unwrap_or_default();

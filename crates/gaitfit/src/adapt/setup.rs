@@ -133,7 +133,8 @@ impl Setup {
         config.groups = config.groups(&joints).into_iter().collect();
         if let Some(policy) = &policy {
             leave_held_out(&mut config, policy, &joints);
-            sized::fit_to(&mut config, stated, &model);
+            let feet = walking::feet(&config, policy, &model)?;
+            sized::fit_to(&mut config, stated, &model, feet);
             config.simulation.timestep = walking::timestep(&config, policy)?;
         }
         let rest = match &policy {

@@ -465,7 +465,7 @@ mod tests {
 
     #[test]
     fn walks_that_contradict_what_was_known_say_so() {
-        let prior = Some(Prior { value: 0.55, deviation: 0.1 });
+        let prior = Some(Prior::new(0.55, 0.1));
         let reached = |value| {
             fit(vec![Parameter {
                 prior,

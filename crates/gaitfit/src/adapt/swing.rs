@@ -7,8 +7,8 @@ use crate::log::Log;
 use crate::walk::swing::{
     Beside, Fitted, SwingFindings, SwingNumber, SwingSettings, beside, numbers, sensor_numbers,
 };
-use gaitfit_adapt::Theta;
-use gaitfit_log::Gains;
+use gaitfit_adapt::{JointParameter, Theta};
+use gaitfit_log::{Estimate, Gains};
 
 /// What the fitted logs say without a simulation; absent for a clamped robot.
 pub fn findings(method: &Method, logs: &[Log]) -> Option<SwingFindings> {
@@ -52,5 +52,11 @@ pub fn compared(
             interval: parameter.interval,
         })
     };
-    beside(report, step, parameters.iter().filter_map(fitted))
+    let strengths = theta.entries().iter().filter(|entry| entry.kind == JointParameter::TorqueScale.name());
+    let mut known = strengths.filter_map(|entry| parameters.iter().find(|one| one.found.name == entry.name));
+    let strength = match (known.next(), known.next()) {
+        (Some(one), None) => Estimate { value: one.found.value, error: one.error() },
+        _ => Estimate { value: 1.0, error: 0.0 },
+    };
+    beside(report, step, strength, parameters.iter().filter_map(fitted))
 }

@@ -173,6 +173,10 @@ impl Configuration for LoopConfig {
         {
             let distributions = walking::searches_distributions(given);
             walking::trim(fitted, given);
+            // Groups of the user replace the default ones, they do not join them.
+            if given.contains_key("groups") {
+                fitted.remove("groups");
+            }
             if !distributions {
                 let short = DeTable::parse(SHORT).map(Spanned::into_inner).unwrap_or_default();
                 merge(fitted, short);
@@ -285,8 +289,6 @@ impl LoopConfig {
         // Rounds draw different candidates.
         let offset = u64::from(round - 1).saturating_mul(adapt.optimizer.seeds as u64);
         adapt.optimizer.seed = adapt.optimizer.seed.saturating_add(offset).min(MAX_SEED);
-        adapt.parameter.iter_mut().for_each(gaitfit_adapt::ParameterRule::resolve);
-        adapt.number.iter_mut().for_each(gaitfit_adapt::RobotRule::resolve);
         adapt
     }
 

@@ -9,6 +9,10 @@ use gaitfit_model::Model;
 const MASS_KG: f64 = 15.0;
 /// Its motors' torque, the median of its joints, N·m.
 const TORQUE_NM: f64 = 23.7;
+/// A fit takes at most this share of the base's mass away.
+const LIGHTER: f64 = 0.5;
+/// Feet of a biped.
+const BIPED: usize = 2;
 /// Upper bounds are at least this many times the model's own value.
 const OWN: f64 = 3.0;
 
@@ -54,7 +58,8 @@ fn power(ratio: f64) -> f64 {
 /// Scales the bounds, deviations and starts that `given` leaves to the defaults to the robot of `model`. `config` has the
 /// same rules with every default filled in. Values of the robot's file (damping 3 N·m·s/rad, say) lie inside the bounds and are
 /// where the search starts.
-pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model) {
+/// A biped with the default numbers gets a load with a place instead of a heavier base: it falls by where its load is.
+pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet: usize) {
     let names = joint_names(model);
     let usual: AdaptConfig = crate::settings::walk_defaults();
     for (rule, given) in config.parameter.iter_mut().zip(&given.parameter) {
@@ -90,7 +95,28 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model) {
         scaled(given.lower, &mut rule.lower);
         scaled(given.upper, &mut rule.upper);
         scaled(given.deviation, &mut rule.deviation);
+        if rule.kind == RobotNumber::BaseMass && given.lower.is_none() {
+            rule.lower = rule.lower.map(|lower| lower.max(-LIGHTER * base_mass(model)));
+        }
     }
+    let base = RobotRule::new(RobotNumber::BaseMass);
+    if feet <= BIPED && usual.number == given.number && usual.number.contains(&base) {
+        config.number.retain(|rule| rule.kind != base.kind);
+        let scale = Scale::new(model, &every).mass;
+        for kind in [RobotNumber::PayloadMass, RobotNumber::PayloadX, RobotNumber::PayloadZ] {
+            let mut rule = RobotRule::new(kind);
+            rule.resolve();
+            if kind == RobotNumber::PayloadMass {
+                rule.upper = rule.upper.map(|upper| upper * scale);
+            }
+            config.number.push(rule);
+        }
+    }
+}
+
+/// Mass of the base itself, kg.
+fn base_mass(model: &Model) -> f64 {
+    model.bodies.first().map_or(0.0, |body| body.mass)
 }
 
 fn covers(rule: &ParameterRule, name: &str) -> bool {
@@ -119,7 +145,7 @@ mod tests {
         let mut config = given.clone();
         config.parameter.iter_mut().for_each(ParameterRule::resolve);
         config.number.iter_mut().for_each(RobotRule::resolve);
-        fit_to(&mut config, &given, model);
+        fit_to(&mut config, &given, model, 4);
         config
     }
 
@@ -151,6 +177,19 @@ mod tests {
     }
 
     #[test]
+    fn a_biped_gets_a_load_with_a_place() {
+        let given = crate::settings::walk_defaults();
+        let mut config = given.clone();
+        config.number.iter_mut().for_each(RobotRule::resolve);
+        fit_to(&mut config, &given, &crate::robot::go2().unwrap(), 2);
+        let kinds: Vec<RobotNumber> = config.number.iter().map(|rule| rule.kind).collect();
+        assert!(
+            kinds.contains(&RobotNumber::PayloadX) && !kinds.contains(&RobotNumber::BaseMass),
+            "{kinds:?}"
+        );
+    }
+
+    #[test]
     fn stated_bounds_stay() {
         let mut model = crate::robot::go2().unwrap();
         model.joints.iter_mut().for_each(|joint| joint.damping = 3.0);
@@ -162,7 +201,7 @@ mod tests {
         let given = AdaptConfig { parameter: vec![rule], number: Vec::new(), ..AdaptConfig::default() };
         let mut config = given.clone();
         config.parameter.iter_mut().for_each(ParameterRule::resolve);
-        fit_to(&mut config, &given, &model);
+        fit_to(&mut config, &given, &model, 4);
         assert_eq!((config.parameter[0].start, config.parameter[0].upper), (Some(1.0), Some(5.0)));
     }
 }

@@ -108,6 +108,8 @@ pub struct SwingNumber {
     pub joints: Vec<String>,
     /// Value and standard error, in the parameter's unit.
     pub estimate: Estimate,
+    /// How it changes with the motors' strength, per 1.
+    pub by_strength: f64,
 }
 
 /// The numbers of a report as a simulation with physics steps of `step` s has them: in semi-implicit steps targets act half
@@ -115,16 +117,24 @@ pub struct SwingNumber {
 pub fn numbers(report: &SwingReport, step: f64) -> Vec<SwingNumber> {
     let mut numbers = Vec::new();
     for group in &report.groups {
-        for (kind, estimate) in [
-            (JointParameter::FrictionLoss, group.friction),
-            (JointParameter::Damping, group.damping),
-            (JointParameter::Armature, group.armature),
-        ] {
-            numbers.push(SwingNumber { kind: kind.name(), joints: group.joints.clone(), estimate });
+        let kinds = [JointParameter::FrictionLoss, JointParameter::Damping, JointParameter::Armature];
+        let estimates = [group.friction, group.damping, group.armature];
+        for ((kind, estimate), by_strength) in kinds.into_iter().zip(estimates).zip(group.by_strength) {
+            numbers.push(SwingNumber {
+                kind: kind.name(),
+                joints: group.joints.clone(),
+                estimate,
+                by_strength,
+            });
         }
     }
     let delay = Estimate { value: report.delay.value + step / 2.0, ..report.delay };
-    numbers.push(SwingNumber { kind: JointParameter::Delay.name(), joints: Vec::new(), estimate: delay });
+    numbers.push(SwingNumber {
+        kind: JointParameter::Delay.name(),
+        joints: Vec::new(),
+        estimate: delay,
+        by_strength: report.delay_by_strength,
+    });
     numbers
 }
 
@@ -142,6 +152,7 @@ pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumb
         kind: kind.name(),
         joints: Vec::new(),
         estimate: *estimate,
+        by_strength: 0.0,
     };
     let careful = |tilt: &Estimate| Estimate { error: tilt.error.max(MIN_TILT_ERROR), ..*tilt };
     let tilt = found.standing.tilt.iter().flatten().map(careful);
@@ -219,10 +230,12 @@ fn matters(kind: &str) -> f64 {
     }
 }
 
-/// Each fitted value that swings say something of, beside it. `step`: physics step of the fit, s.
+/// Each fitted value that swings say something of, beside it. `step`: physics step of the fit, s. `strength`: the fitted
+/// strength of motors and its standard error, with which swings are read.
 pub fn beside<'a>(
     report: &SwingReport,
     step: f64,
+    strength: Estimate,
     fitted: impl IntoIterator<Item = Fitted<'a>>,
 ) -> Vec<Beside> {
     let numbers = numbers(report, step);
@@ -235,13 +248,18 @@ pub fn beside<'a>(
         };
         let number = numbers.iter().find(covers)?;
         let error = one.interval.map_or(0.0, |[low, high]| (high - low) / 4.0);
-        let apart = (one.value - number.estimate.value).abs();
+        let Estimate { value, error: sure } = number.estimate;
+        let swings = Estimate {
+            value: value + number.by_strength * (strength.value - 1.0),
+            error: sure.hypot(number.by_strength * strength.error),
+        };
+        let apart = (one.value - swings.value).abs();
         Some(Beside {
             name: one.name.to_owned(),
             unit: one.unit.to_owned(),
             fitted: one.value,
-            swings: number.estimate,
-            differ: apart > 2.0 * error.hypot(number.estimate.error) && apart > matters(number.kind),
+            swings,
+            differ: apart > 2.0 * error.hypot(swings.error) && apart > matters(number.kind),
         })
     };
     fitted.into_iter().filter_map(beside).collect()
@@ -280,6 +298,7 @@ mod tests {
             friction: number(0.65, 0.05),
             damping: number(-0.01, 0.03),
             armature: number(0.018, 0.001),
+            by_strength: [0.0; 3],
             swings: 100,
             windows: 1000,
             residual: 0.4,
@@ -287,6 +306,7 @@ mod tests {
         SwingReport {
             groups: vec![calf],
             delay: number(0.0062, 0.0015),
+            delay_by_strength: 0.0,
             law: FrictionLaw::Coulomb,
             clearance_m: 0.012,
             logs: 12,
@@ -323,7 +343,8 @@ mod tests {
             one("delay", "delay", &[], 0.0, None),
             one("load", "base_mass", &[], 3.0, None),
         ];
-        let beside = beside(&report(), 0.005, fitted);
+        let strength = Estimate { value: 1.0, error: 0.0 };
+        let beside = beside(&report(), 0.005, strength, fitted);
         let named: Vec<(&str, bool)> = beside.iter().map(|one| (one.name.as_str(), one.differ)).collect();
         let expected = [
             ("frictionloss_calf", true),

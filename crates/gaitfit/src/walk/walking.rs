@@ -113,6 +113,14 @@ pub fn timestep(config: &AdaptConfig, policy: &Policy) -> Result<f64, Error> {
     Ok(trained.map_or(step, |trained| step.min(trained)))
 }
 
+/// How many feet the robot of the policy's task has.
+///
+/// # Errors
+/// A task in the policy's file that cannot be read.
+pub fn feet(config: &AdaptConfig, policy: &Policy, model: &Model) -> Result<usize, Error> {
+    Ok(settings(config, policy, model)?.feet.len())
+}
+
 /// The task in the policy's file, if it has one.
 fn trained(policy: &Policy) -> Result<Option<TaskSettings>, Error> {
     let task = &policy.provenance.task;
