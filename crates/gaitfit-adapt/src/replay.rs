@@ -104,12 +104,9 @@ impl ReplaySimulator {
     /// As [`Self::candidate`], refusing what a replay does not simulate.
     fn robot(&self, theta: &Theta, values: &[f64]) -> Result<Robot, SimulatorError> {
         let candidate = self.candidate(theta, values);
-        if !candidate.networks.is_empty()
-            || candidate.torque_noise != 0.0
-            || candidate.robot.velocity_lag != 0.0
-        {
+        if !candidate.networks.is_empty() || candidate.torque_noise != 0.0 {
             return Err(SimulatorError::failed(
-                "a replay of a clamped robot has neither networks nor torque noise nor velocity_lag: fit them to logs of a walking \
+                "a replay of a clamped robot has neither networks nor torque noise: fit them to logs of a walking \
                  robot, or remove them from what is fitted",
             ));
         }

@@ -38,6 +38,7 @@ fn cxx_replays_are_the_cpus() {
         one.robot.encoder_bias = (0..joints).map(|j| 0.01 * (j * number) as f64).collect();
         one.robot.kp_scale = vec![1.0 + 0.1 * number as f64; joints];
         one.robot.kd_scale = vec![1.3; joints];
+        one.robot.velocity_lag = 0.002 * (1 + number) as f64;
         one
     };
     let jobs: Vec<Job> =
@@ -58,7 +59,10 @@ fn cxx_replays_are_the_cpus() {
     Cpu { threads: 1 }.replay(&replay, &robots, &consume, &|| false).unwrap();
     let wanted = found.into_inner().unwrap();
 
-    // Each sample the CPU's positions and velocities go in as a state without acceleration.
+    // Each sample the CPU's positions and velocities go in as a state, parts of these as accelerations and as what slow
+    // sensors read beyond the velocity.
+    let beyond = 0.125;
+    let memory = tiled(&period, Class::Memory, tiles, &vec![vec![beyond; joints]; 6]);
     let mut files = files_of(&tables, &numbers);
     let mut statements = call(&plan.spread());
     let mut rest = tables.singles.iter().find(|(name, _)| *name == "rest").unwrap().1.clone();
@@ -75,7 +79,7 @@ fn cxx_replays_are_the_cpus() {
             let row = (sample + 1).min(signals.position.len() / joints - 1) * joints;
             for j in 0..joints {
                 rest[13 + j] = signals.position[row + j] - bias[j] as f32;
-                rest[13 + joints + j] = signals.velocity[row + j] - 0.25;
+                rest[13 + joints + j] = signals.velocity[row + j] - 0.25 - beyond;
                 rest[13 + 2 * joints + j] = 0.25 / (0.5 * 0.005);
             }
             rest.clone()
@@ -84,6 +88,8 @@ fn cxx_replays_are_the_cpus() {
         let moved = tiled(&period, Class::State, tiles, &all);
         files.insert(format!("robot_state.moved{sample}"), bytes(&moved, f32::to_ne_bytes));
         statements.push_str(&take(&plan.arrays, "robot_state", &format!("moved{sample}")));
+        files.insert(format!("robot_memory.moved{sample}"), bytes(&memory, f32::to_ne_bytes));
+        statements.push_str(&take(&plan.arrays, "robot_memory", &format!("moved{sample}")));
     }
     for name in ["signals", "ends", "robot_params"] {
         statements.push_str(&keep(&plan.arrays, name, "out"));

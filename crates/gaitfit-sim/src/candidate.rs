@@ -101,10 +101,15 @@ pub fn modifications<T: Real>(
     networks: &[JointNetworks],
     extras: Extras,
 ) -> Result<Vec<JointModification<T::K>>, SimError> {
-    let joints = model.joints.len();
+    let others = drives(model.joints.len(), extras).into_iter().map(Ok);
+    networks.iter().map(|one| one.compile::<T>(model)).chain(others).collect()
+}
+
+/// The same without networks, of a robot of `joints` joints.
+pub(crate) fn drives<K: Copy>(joints: usize, extras: Extras) -> Vec<JointModification<K>> {
     let gears = extras.gears.then_some(JointModification::Gears(Gears { joints }));
     let filter = extras.filter.then_some(JointModification::VelocityFilter(VelocityFilter { joints }));
-    networks.iter().map(|one| one.compile::<T>(model)).chain(gears.map(Ok)).chain(filter.map(Ok)).collect()
+    gears.into_iter().chain(filter).collect()
 }
 
 /// Whether a robot with these parameters has gears with play or compliance.

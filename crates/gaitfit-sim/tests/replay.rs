@@ -239,6 +239,32 @@ fn a_delay_beyond_the_history_is_refused() {
 }
 
 /// The encoders report true position plus bias, to the log and to the controller alike.
+/// With one physics step a sample every velocity is seen: slow readings follow from the quick ones by the filter's equation.
+#[test]
+fn slow_sensors_read_filtered_velocities_and_the_motion_is_the_same() {
+    let model = go2();
+    let replay = Replay::new(&model, vec![recording(&model, 80, 0.0)], options(0.02)).unwrap();
+    let quick = candidates(&model, 4)[2].clone();
+    for play in [0.0, 0.02] {
+        let quick = Robot { play: vec![play; 12], ..quick.clone() };
+        let slow = Robot { velocity_lag: 0.008, ..quick.clone() };
+        let found = run(&replay, &[quick, slow], 1);
+        let [quick, slow] = [&found[0][0], &found[1][0]];
+        assert_eq!(quick.position, slow.position);
+        let mut reading: Vec<f64> = quick.velocity[..12].iter().map(|&v| f64::from(v)).collect();
+        assert_eq!(quick.velocity[..12], slow.velocity[..12]);
+        let mut apart = 0.0f64;
+        for (velocities, readings) in quick.velocity.chunks(12).zip(slow.velocity.chunks(12)).skip(1) {
+            for ((wanted, velocity), found) in reading.iter_mut().zip(velocities).zip(readings) {
+                *wanted += DT / (0.008 + DT) * (f64::from(*velocity) - *wanted);
+                assert!((f64::from(*found) - *wanted).abs() < 2e-5, "{found} {wanted}");
+                apart = apart.max(f64::from((found - velocity).abs()));
+            }
+        }
+        assert!(apart > 0.3, "{apart} rad/s");
+    }
+}
+
 #[test]
 fn encoder_bias_moves_the_robot_and_not_the_reading() {
     let model = go2();

@@ -97,13 +97,9 @@ impl<S: OnGpu> GpuSimulator<S> {
     fn job(&self, theta: &Theta, rollout: &Rollout) -> Result<follow::Job, SimulatorError> {
         let candidate = self.host.robot(theta, &rollout.values);
         let clamped = matches!(self.host.subject(), Subject::Replay(_));
-        if clamped
-            && !(candidate.networks.is_empty()
-                && candidate.torque_noise == 0.0
-                && candidate.robot.velocity_lag == 0.0)
-        {
+        if clamped && !(candidate.networks.is_empty() && candidate.torque_noise == 0.0) {
             return Err(SimulatorError::failed(
-                "a replay of a clamped robot has neither networks nor torque noise nor velocity_lag: fit them to logs of a walking \
+                "a replay of a clamped robot has neither networks nor torque noise: fit them to logs of a walking \
                  robot, or remove them from what is fitted",
             ));
         }

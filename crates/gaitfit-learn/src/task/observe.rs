@@ -53,7 +53,7 @@ impl Environment<'_> {
         for (index, row) in rows.chunks_exact_mut(layout.width().max(1)).enumerate() {
             match noise {
                 Some(_) => walker.sense(&self.motion, index, self.imu(index), &mut sensed),
-                None => walker.sense_rightly(&self.motion, index, &mut sensed),
+                None => walker.sense_without_errors(&self.motion, index, &mut sensed),
             }
             sensed.command = self.command[index];
             sensed.last_action.copy_from_slice(self.last_action.row(index));

@@ -15,10 +15,10 @@ pub struct VelocityFilter {
     pub joints: usize,
 }
 
-/// Velocity of a joint at the moment for which readings are, see [`Settings::lead`].
+/// Velocity of a joint at the moment for which readings are: that of PD control, see [`Settings::lead`].
 #[inline(always)]
 fn velocity<T: Real>(settings: &Settings, state: &State<T>, joint: usize) -> T {
-    let lead = settings.lead();
+    let lead = settings.drive_lead();
     if lead == 0.0 { state.qvel[joint] } else { T::lit(lead).fma(state.qacc[joint], state.qvel[joint]) }
 }
 

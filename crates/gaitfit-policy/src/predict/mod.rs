@@ -130,11 +130,13 @@ impl<'a> Correction<'a> {
         }
         if linear.iter().chain(&place).all(|x| x.is_finite()) {
             let mut state = course.shown(sample, self, place, linear);
-            let rows = index * course.joints()..(index + 1) * course.joints();
-            let (read, own) = (&motion.velocity_readings()[rows.clone()], &motion.joint_velocity[rows]);
-            // A filter keeps what it reads beyond the velocity, so that it reads what the log's sensors do.
-            for ((velocity, read), own) in state.joint_velocity.iter_mut().zip(read).zip(own) {
-                *velocity -= read - own;
+            if !motion.filtered_velocity.is_empty() {
+                let rows = index * course.joints()..(index + 1) * course.joints();
+                let (read, own) = (&motion.filtered_velocity[rows.clone()], &motion.joint_velocity[rows]);
+                // A filter keeps what it reads beyond the velocity, so that it reads what the log's sensors do.
+                for ((velocity, read), own) in state.joint_velocity.iter_mut().zip(read).zip(own) {
+                    *velocity -= read - own;
+                }
             }
             tile.correct(index, &state);
         }

@@ -196,7 +196,7 @@ impl Walker {
     ///
     /// # Panics
     /// As [`Walker::sense`].
-    pub fn sense_rightly(&self, motion: &Motion, index: usize, sensed: &mut Sensed) {
+    pub fn sense_without_errors(&self, motion: &Motion, index: usize, sensed: &mut Sensed) {
         self.sense_motion(motion, index, &motion.joint_velocity, sensed);
     }
 

@@ -20,7 +20,7 @@ type Change = fn(&mut Robot, f64);
 
 /// What changes, by how much differences are taken, and how. Narrower ones are spoilt where the signals jump, as those of
 /// a solver do that stops before its end.
-const CHANGES: [(&str, f64, Change); 8] = [
+const CHANGES: [(&str, f64, Change); 9] = [
     ("frictionloss", 1.6e-2, |robot, by| robot.frictionloss.iter_mut().for_each(|x| *x += by)),
     ("armature", 4e-4, |robot, by| robot.armature.iter_mut().for_each(|x| *x += by)),
     ("damping", 1e-2, |robot, by| robot.damping.iter_mut().for_each(|x| *x += by)),
@@ -28,6 +28,7 @@ const CHANGES: [(&str, f64, Change); 8] = [
     ("kp_scale", 1e-2, |robot, by| robot.kp_scale.iter_mut().for_each(|x| *x += by)),
     ("kd_scale", 1e-2, |robot, by| robot.kd_scale.iter_mut().for_each(|x| *x += by)),
     ("encoder_bias", 1.6e-2, |robot, by| robot.encoder_bias.iter_mut().for_each(|x| *x += by)),
+    ("velocity_lag", 2e-4, |robot, by| robot.velocity_lag += by),
     ("one calf's torque_offset", 5e-2, |robot, by| robot.torque_offset[2] += by),
 ];
 
@@ -43,6 +44,7 @@ fn derivatives_are_those_of_the_signals() {
     let recordings = vec![recording(&model, 150, 0.0), recording(&model, 120, 0.7)];
     let mut robot = candidates(&model, 4)[2].clone();
     robot.delay.iter_mut().for_each(|x| *x = 0.0073);
+    robot.velocity_lag = 0.004;
     let direction = |(_, _, change): &(&str, f64, Change)| Direction {
         robot: robot.clone(),
         ahead: moved(&robot, *change, 1e-6),
@@ -70,12 +72,37 @@ fn derivatives_are_those_of_the_signals() {
                     off += (f64::from(*slope) - wanted).powi(2);
                     all += wanted * wanted;
                 }
+                if *name == "velocity_lag" && signal == "position" {
+                    assert_eq!((off, all), (0.0, 0.0), "sensors do not move the robot");
+                    continue;
+                }
                 let error = (off / all).sqrt();
                 println!("recording {recording}, {name} {signal}: {error:.1e} of {:.3}", all.sqrt());
                 assert!(error < 0.15, "{name}: {signal} is off by {error}");
             }
         }
     }
+}
+
+/// A lag is 0 where a search begins, and its derivative there is that of robots with one.
+#[test]
+fn a_lag_of_none_has_a_derivative() {
+    let model = go2();
+    let replay = Replay::new(&model, vec![recording(&model, 60, 0.0)], options(0.01)).unwrap();
+    let quick = Robot::nominal(&model);
+    let with = |lag: f64| Robot { velocity_lag: lag, ..quick.clone() };
+    let (ahead, behind) = (with(1e-5), quick.clone());
+    let direction = Direction { robot: quick.clone(), ahead, behind, distance: 1e-5 };
+    let slopes = along(&replay, &[direction], 1);
+    let near = run(&replay, &[quick.clone(), with(1e-5)], 1);
+    let (mut off, mut all) = (0.0, 0.0);
+    let pairs = near[0][0].velocity.iter().zip(&near[1][0].velocity);
+    for (slope, (here, there)) in slopes[0][0].velocity.iter().zip(pairs) {
+        let wanted = f64::from(there - here) / 1e-5;
+        off += (f64::from(*slope) - wanted).powi(2);
+        all += wanted * wanted;
+    }
+    assert!(all > 100.0 && off < 1e-3 * all, "{off} of {all}");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use super::{AdaptConfig, Base, MAX_SEED, MIN_STRETCH_S};
 const MAX_STARTS: usize = 64;
 use crate::Error;
 use gaitfit_adapt::fit::{FallPenalty, FitOptions, Method};
-use gaitfit_adapt::{NetworkStart, RobotNumber};
+use gaitfit_adapt::{NetworkStart, RobotNumber, RobotRule};
 use gaitfit_log::PerJoint;
 use gaitfit_model::{shown, shown_number};
 use gaitfit_physics::JointParameter;
@@ -54,8 +54,8 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
          optimizer.method = \"cma-es\", with 500 generations or more"
     } else if !free && config.policy.is_some() {
         "`policy` is for walking logs; add base = \"free\" if the robot walked"
-    } else if !(free || config.network.is_empty() && config.number.is_empty()) {
-        "[[network]] and [[number]] are for walking logs; add base = \"free\" if the robot walked"
+    } else if !(free || config.network.is_empty() && config.number.iter().all(of_joints)) {
+        "[[network]] and [[number]] (but for velocity_lag) are for walking logs; add base = \"free\" if the robot walked"
     } else if free && config.policy.is_none() {
         "base = \"free\" needs `policy`, the file of the policy that walked"
     } else if free && !config.validate_gains.is_empty() {
@@ -162,6 +162,11 @@ pub fn options(config: &AdaptConfig, falls: usize) -> FitOptions {
         falls: FallPenalty { penalty: config.falls.penalty, robot: falls },
         random_numbers: optimizer.random_numbers,
     }
+}
+
+/// Whether a number of the whole robot shows in the joints of a clamped one.
+fn of_joints(rule: &RobotRule) -> bool {
+    rule.kind == RobotNumber::VelocityLag
 }
 
 /// Whether play is searched in logs of legs in the air.

@@ -23,7 +23,8 @@ KERNEL replay(
         STATE(QPOS + j) = angle;
         STATE(QVEL + j) = velocities[recording * JOINTS + j];
         STATE(QACC + j) = 0.0f;
-        // Gears at rest in the middle of their play: nothing else remembers anything here.
+        // Gears at rest in the middle of their play, sensors that read the velocity; nothing else remembers anything here. Both
+        // remember as many numbers of every joint, so a thread reads what it wrote.
         for (int k = j; k < MEMORY; k += JOINTS) REMEMBERED(k) = 0.0f;
         if (j == 0 && e < count) ends[e] = length;
     }
@@ -32,6 +33,10 @@ KERNEL replay(
         row[j] = joint_position(state, params, e, j);
         // The integrator's velocity belongs to half a step before the position.
         row[JOINTS + j] = STATE(QVEL + j) + HALF_STEP * STATE(QACC + j);
+#if HAS_FILTER
+        // A slow sensor.
+        row[JOINTS + j] = row[JOINTS + j] + REMEMBERED(FILTER_AT + j);
+#endif
     }
     u32 now = sample < length ? sample : length - 1;
     float target = logged[((u64)recording * samples + now) * JOINTS + j];

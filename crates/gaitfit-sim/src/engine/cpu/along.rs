@@ -3,6 +3,7 @@
 use gaitfit_physics::{Dual, Lanes, Params, Portable, Robot, State};
 
 use super::replay::{Block, Lane, Recorder, full, jobs, params};
+use crate::candidate::Extras;
 use crate::engine::{Cancel, ConsumeSignals};
 use crate::replay::{Direction, Replay};
 use crate::{SimError, pool};
@@ -51,11 +52,15 @@ pub(super) fn run(
                     angle.tangent = -joint.encoder_bias;
                 }
             };
-            let record = |sample: usize, state: &State<Dual<Portable>>| {
+            let record = |sample: usize, state: &State<Dual<Portable>>, beyond: &[Dual<Portable>]| {
+                let beyond: Vec<Portable> = beyond.iter().map(|number| number.tangent).collect();
                 let numbers = |j: usize| [state.qpos[j], state.qvel[j], state.qacc[j]];
-                recorder.record(sample, |j| numbers(j).map(|number| number.tangent));
+                recorder.record(sample, &beyond, |j| numbers(j).map(|number| number.tangent));
             };
-            if !block.run(replay, &lanes, &packed, seed, record, cancel) {
+            let of = |lanes: &[Lane]| Extras::of(lanes.iter().map(|lane| &lane.params));
+            // A lag of 0 changes along a direction too. Gears are others where there are none.
+            let extras = Extras { filter: of(&lanes).filter || of(&rates).filter, ..of(&lanes) };
+            if !block.run(replay, &lanes, (&packed, extras), seed, record, cancel) {
                 return;
             }
             for (slopes, &(direction, recording)) in recorder.signals.iter().zip(blocks[index]) {

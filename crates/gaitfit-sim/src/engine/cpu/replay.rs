@@ -1,10 +1,8 @@
 //! A replay in blocks of lanes over threads.
 
-use gaitfit_physics::{
-    Drive, Gears, JointModification, Lanes, Params, Period, Robot, State, Tree, WIDEST, Work, memory_of,
-};
+use gaitfit_physics::{Drive, Lanes, Params, Period, Robot, State, Tree, WIDEST, Work, memory_of};
 
-use crate::candidate::has_gears;
+use crate::candidate::{Extras, drives};
 use crate::engine::Cancel;
 use crate::replay::{JointSignals, Replay};
 use crate::{SimError, pool};
@@ -32,10 +30,11 @@ pub(super) fn run<T: Lanes>(
             let lanes: Vec<Lane> = blocks[index].iter().map(lane).collect();
             recorder.begin(replay, &lanes);
             let packed = Params::<T>::in_lanes(&full(&lanes, T::LANES));
-            let record = |sample: usize, state: &State<T>| {
-                recorder.record(sample, |j| [state.qpos[j], state.qvel[j], state.qacc[j]]);
+            let record = |sample: usize, state: &State<T>, beyond: &[T]| {
+                recorder.record(sample, beyond, |j| [state.qpos[j], state.qvel[j], state.qacc[j]]);
             };
-            if !block.run(replay, &lanes, &packed, |_| {}, record, cancel) {
+            let extras = Extras::of(lanes.iter().map(|lane| &lane.params));
+            if !block.run(replay, &lanes, (&packed, extras), |_| {}, record, cancel) {
                 return;
             }
             for (signals, &(candidate, recording)) in recorder.signals.iter().zip(blocks[index]) {
@@ -78,7 +77,7 @@ pub(super) fn jobs(replay: &Replay, count: usize) -> Vec<(usize, usize)> {
 pub(super) struct Lane {
     recording: usize,
     /// The robot, with the recording's gains.
-    params: Params<f64>,
+    pub params: Params<f64>,
 }
 
 impl Lane {
@@ -116,7 +115,7 @@ pub(super) struct Block<T: Lanes> {
     work: Work<T>,
     drives: Vec<Drive<T>>,
     history: Vec<T>,
-    /// What gears remember.
+    /// What gears and the filter of velocities remember.
     memory: Vec<T>,
 }
 
@@ -132,15 +131,16 @@ impl<T: Lanes> Block<T> {
         }
     }
 
-    /// Runs `lanes` with their parameters `params`; missing lanes repeat the last one. `seed` may change the first state,
-    /// `record` is called at every sample. False if it gave up.
+    /// Runs `lanes` with their parameters and what their steps have besides; missing lanes repeat the last one. `seed` may
+    /// change the first state, `record` is called at every sample with the state and what sensors read beyond the joints'
+    /// velocities, empty if nothing. False if it gave up.
     pub fn run(
         &mut self,
         replay: &Replay,
         lanes: &[Lane],
-        params: &Params<T>,
+        (params, extras): (&Params<T>, Extras),
         seed: impl FnOnce(&mut State<T>),
-        mut record: impl FnMut(usize, &State<T>),
+        mut record: impl FnMut(usize, &State<T>, &[T]),
         cancel: &Cancel<'_>,
     ) -> bool {
         let n = replay.model.joints.len();
@@ -165,17 +165,16 @@ impl<T: Lanes> Block<T> {
             }
         }
         seed(&mut self.state);
-        let gears = [JointModification::Gears(Gears { joints: n })];
-        let gears: &[JointModification<T::K>] =
-            if lanes.iter().any(|lane| has_gears(&lane.params)) { &gears } else { &[] };
+        let modifications = drives(n, extras);
         self.memory.clear();
-        self.memory.resize(memory_of(gears), T::zero());
+        self.memory.resize(memory_of(&modifications), T::zero());
+        let beyond = self.memory.len() - if extras.filter { n } else { 0 };
         let longest = lanes.iter().map(|lane| recordings[lane.recording].target.len() / n).max().unwrap_or(0);
         for sample in 0..longest {
             if sample.is_multiple_of(ASK) && cancel() {
                 return false;
             }
-            record(sample, &self.state);
+            record(sample, &self.state, &self.memory[beyond..]);
             if sample + 1 == longest {
                 break;
             }
@@ -192,7 +191,7 @@ impl<T: Lanes> Block<T> {
                 params,
                 targets: &mut self.history,
                 disturbance: &[],
-                modifications: gears,
+                modifications: &modifications,
                 memory: &mut self.memory,
                 substeps: replay.options.substeps,
                 state: &mut self.state,
@@ -244,20 +243,24 @@ impl Recorder {
     }
 
     /// Writes the encoder positions and velocities of one sample; `of` gives a joint's angle, velocity and acceleration.
-    pub fn record<T: Lanes>(&mut self, sample: usize, of: impl Fn(usize) -> [T; 3]) {
+    /// `beyond`: what sensors read beyond the velocities, one a joint, or empty.
+    pub fn record<T: Lanes>(&mut self, sample: usize, beyond: &[T], of: impl Fn(usize) -> [T; 3]) {
         let n = self.joints;
         let (mut q, mut qd, mut qacc) = ([0.0f32; WIDEST], [0.0f32; WIDEST], [0.0f32; WIDEST]);
+        let mut more = [0.0f32; WIDEST];
         for j in 0..n {
             let numbers = of(j);
             numbers[0].store(&mut q);
             numbers[1].store(&mut qd);
             numbers[2].store(&mut qacc);
+            let slow = beyond.get(j).map(|number| number.store(&mut more)).is_some();
             for (lane, &length) in self.lengths.iter().enumerate() {
                 if sample < length {
                     let signals = &mut self.signals[lane];
                     signals.position[sample * n + j] = q[lane] + self.biases[lane * n + j];
                     // The integrator's velocity belongs to half a step before the position.
-                    signals.velocity[sample * n + j] = qd[lane] + self.half_step * qacc[lane];
+                    let velocity = qd[lane] + self.half_step * qacc[lane];
+                    signals.velocity[sample * n + j] = if slow { velocity + more[lane] } else { velocity };
                 }
             }
         }

@@ -304,25 +304,47 @@ mod tests {
         assert!(left.doubt().unwrap().text.contains("kind \"delay\""));
     }
 
-    #[test]
-    fn filtered_velocities_leave_errors_that_nothing_explains() {
-        let lines = std::cell::RefCell::new(Vec::<f64>::new());
-        let filtered = |line: &str| {
+    /// A log whose cells from number `from` on, twelve of them, are `change`d from row to row; each has the row's before.
+    fn cells(from: usize, change: impl Fn(&[f64], &[f64]) -> Vec<f64>) -> impl Fn(&str) -> String {
+        let before = std::cell::RefCell::new(Vec::<f64>::new());
+        move |line: &str| {
             let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
             if cells.len() < 30 || cells[0].parse::<f64>().is_err() {
                 return line.to_owned();
             }
-            let mut last = lines.borrow_mut();
-            let now: Vec<f64> = cells[13..25].iter().map(|cell| cell.parse().unwrap()).collect();
-            if last.is_empty() {
-                last.clone_from(&now);
-            }
-            // 75 % of the new value at 200 Hz: 1.7 ms late, too little for a finding.
-            last.iter_mut().zip(&now).for_each(|(last, now)| *last += 0.75 * (now - *last));
-            cells.iter_mut().skip(13).zip(last.iter()).for_each(|(cell, last)| *cell = last.to_string());
+            let now: Vec<f64> = cells[from..from + 12].iter().map(|cell| cell.parse().unwrap()).collect();
+            let mut before = before.borrow_mut();
+            let last = if before.is_empty() { now.clone() } else { before.clone() };
+            *before = change(&last, &now);
+            cells.iter_mut().skip(from).zip(before.iter()).for_each(|(cell, new)| *cell = new.to_string());
             cells.join(",")
+        }
+    }
+
+    #[test]
+    fn velocities_that_are_filtered_are_named() {
+        // 75 % of the new value at 200 Hz: 1.7 ms late, too little for a finding.
+        let filter = |last: &[f64], now: &[f64]| -> Vec<f64> {
+            last.iter().zip(now).map(|(last, now)| last + 0.75 * (now - last)).collect()
         };
-        let left = left(filtered, true);
+        let left = left(cells(13, filter), true);
+        let doubt = left.doubt().unwrap();
+        assert!(left.memory > 0.5 && doubt.text.contains("of kind \"velocity_lag\""), "{}", doubt.text);
+        let suspect = left.suspect.unwrap();
+        assert!((suspect.values[0].1 - 0.005 / 3.0).abs() < 2e-4, "{:?}", suspect.values);
+        for (at, truth) in TRUTH.iter().enumerate() {
+            let [without, with] = [left.end[at], suspect.moved[at]].map(|value| (value / truth - 1.0).abs());
+            assert!(with < 0.1, "{at}: {with} {without}");
+        }
+    }
+
+    #[test]
+    fn errors_that_nothing_explains_widen_the_intervals() {
+        // Encoders that are not round.
+        let wobble = |_: &[f64], now: &[f64]| -> Vec<f64> {
+            now.iter().map(|angle| angle + 0.003 * (25.0 * angle).sin()).collect()
+        };
+        let left = left(cells(1, wobble), true);
         let doubt = left.doubt().unwrap();
         assert!(left.memory > 0.5 && doubt.kind == DoubtKind::Unexplained, "{left:?}");
         for (at, truth) in TRUTH.iter().enumerate() {

@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::adapt::setup::Setup;
 use gaitfit_adapt::fit::{Problem, descend};
-use gaitfit_adapt::{JointParameter, ParameterRule, Sharing, Theta};
+use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Sharing, Theta};
 use serde::{Deserialize, Serialize};
 
 /// Max steps of least squares for a suspect.
@@ -55,6 +55,8 @@ pub(super) struct Suspicion {
     what: &'static str,
     remedy: &'static str,
     rules: Vec<ParameterRule>,
+    /// Numbers of the whole robot.
+    numbers: Vec<RobotRule>,
 }
 
 /// Those whose parameters are not fitted already, the simplest first.
@@ -67,6 +69,7 @@ pub(super) fn suspicions(setup: &Setup) -> Vec<Suspicion> {
             what: "a delay",
             remedy: "add a [[parameter]] of kind \"delay\"",
             rules: vec![within(0.0, 0.05, rule(JointParameter::Delay, Sharing::All))],
+            numbers: Vec::new(),
         },
         Suspicion {
             what: "what resists motion",
@@ -74,23 +77,34 @@ pub(super) fn suspicions(setup: &Setup) -> Vec<Suspicion> {
             rules: [JointParameter::FrictionLoss, JointParameter::Armature, JointParameter::Damping]
                 .map(ParameterRule::new)
                 .to_vec(),
+            numbers: Vec::new(),
         },
         Suspicion {
             what: "other gains",
             remedy: "check kp and kd in the log and in [gains]; if they are right, the motors are weaker or stronger \
                      than stated: fit kp_scale and kd_scale",
             rules: vec![scale(JointParameter::KpScale), scale(JointParameter::KdScale)],
+            numbers: Vec::new(),
         },
         Suspicion {
             what: "other encoder offsets",
             remedy: "check the zeros of the joints' positions, or fit encoder_bias with per = \"joint\"",
             rules: vec![within(-0.3, 0.3, rule(JointParameter::EncoderBias, Sharing::Joint))],
+            numbers: Vec::new(),
+        },
+        Suspicion {
+            what: "joint velocities that are read late",
+            remedy: "add a [[number]] of kind \"velocity_lag\"",
+            rules: Vec::new(),
+            numbers: vec![RobotRule::new(RobotNumber::VelocityLag)],
         },
     ];
+    let fitted_number = |kind: RobotNumber| setup.config.number.iter().any(|rule| rule.kind == kind);
     let fitted = |kind: JointParameter| setup.config.parameter.iter().any(|rule| rule.kind == kind);
     let open = |mut one: Suspicion| {
         one.rules.retain(|rule| !fitted(rule.kind));
-        (!one.rules.is_empty()).then_some(one)
+        one.numbers.retain(|rule| !fitted_number(rule.kind));
+        (!(one.rules.is_empty() && one.numbers.is_empty())).then_some(one)
     };
     all.into_iter().filter_map(open).collect()
 }
@@ -103,7 +117,7 @@ impl Suspicion {
         problem: Problem<'_>,
         values: &[f64],
     ) -> Result<Option<Suspect>, Error> {
-        let Ok(theta) = beside(setup, self.rules) else { return Ok(None) };
+        let Ok(theta) = beside(setup, self.rules, self.numbers) else { return Ok(None) };
         let fitted = setup.theta.entries();
         let place = |name: &str| fitted.iter().position(|entry| entry.name == name);
         let start: Vec<f64> = theta
@@ -132,10 +146,11 @@ impl Suspicion {
 }
 
 /// θ with further parameters.
-fn beside(setup: &Setup, more: Vec<ParameterRule>) -> Result<Theta, Error> {
+fn beside(setup: &Setup, more: Vec<ParameterRule>, numbers: Vec<RobotRule>) -> Result<Theta, Error> {
     let joints: Vec<String> = setup.method.model().joints.iter().map(|joint| joint.name.clone()).collect();
     let mut rules = setup.config.rules();
     rules.parameter.extend(more);
+    rules.robot.extend(numbers);
     rules.resolve();
     rules.theta(&setup.config.groups(&joints), &joints, &vec![0.0; joints.len()]).map_err(Error::settings)
 }
