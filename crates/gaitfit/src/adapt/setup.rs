@@ -137,6 +137,10 @@ impl Setup {
             sized::fit_to(&mut config, stated, &model, feet);
             config.simulation.timestep = walking::timestep(&config, policy)?;
         }
+        let feet = match &policy {
+            Some(policy) => Some(walking::feet(&config, policy, &model)?),
+            None => None,
+        };
         let rest = match &policy {
             Some(policy) => rest_angles(policy, &model)?,
             None => vec![0.0; joints.len()],
@@ -161,7 +165,8 @@ impl Setup {
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
         let swings = if config.swings { swing::findings(&method, &logs.fit) } else { None };
-        let numbers = swings.as_ref().map_or_else(Vec::new, |found| swing::numbers_of(&method, found));
+        let mut numbers = swings.as_ref().map_or_else(Vec::new, |found| swing::numbers_of(&method, found));
+        numbers.extend(feet.filter(|_| config.swings).and_then(sized::zeros));
         // The folder keeps them, as it keeps the defaults.
         config.prior = known::priors(&theta, &numbers, &config.prior);
         let theta = theta

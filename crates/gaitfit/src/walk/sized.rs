@@ -1,6 +1,7 @@
 //! Default search bounds of walks for a robot of another size than the Go2, for which they were chosen.
 
 use crate::robot::joint_names;
+use super::swing::{Estimate, SwingNumber};
 use crate::settings::AdaptConfig;
 use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule};
 use gaitfit_model::Model;
@@ -11,6 +12,8 @@ const MASS_KG: f64 = 15.0;
 const TORQUE_NM: f64 = 23.7;
 /// A fit takes at most this share of the base's mass away.
 const LIGHTER: f64 = 0.5;
+/// Standard deviation of the encoders' zeros of a biped, rad.
+const ZERO_RAD: f64 = 0.01;
 /// Feet of a biped.
 const BIPED: usize = 2;
 /// Upper bounds are at least this many times the model's own value.
@@ -77,7 +80,7 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
             rule.upper = Some(wider);
         }
         if given.deviation.is_none() && upper > 0.0 {
-            rule.deviation = rule.deviation.map(|deviation| deviation * wider / upper);
+            rule.deviation = rule.deviation.map(|deviation| deviation * (wider / upper));
         }
         if given.start.is_none() && middle > 0.0 {
             rule.start = Some(middle);
@@ -112,6 +115,17 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
             config.number.push(rule);
         }
     }
+}
+
+/// What is assumed of a biped's encoders before its logs: zeros that are right within [`ZERO_RAD`]. Which way it leans is
+/// seen, and a load and the zeros of hips, knees and ankles explain that equally well.
+pub fn zeros(feet: usize) -> Option<SwingNumber> {
+    (feet <= BIPED).then(|| SwingNumber {
+        kind: JointParameter::EncoderBias.name(),
+        joints: Vec::new(),
+        estimate: Estimate { value: 0.0, error: ZERO_RAD },
+        by_strength: 0.0,
+    })
 }
 
 /// Mass of the base itself, kg.
