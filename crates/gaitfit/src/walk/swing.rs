@@ -123,9 +123,17 @@ pub fn numbers(report: &SwingReport, step: f64) -> Vec<SwingNumber> {
             numbers.push(SwingNumber { kind, joints: group.joints.clone(), estimate });
         }
     }
-    let delay = Estimate { value: report.delay.value + step / 2.0, ..report.delay };
+    let delay = delay(report, step);
     numbers.push(SwingNumber { kind: JointParameter::Delay, joints: Vec::new(), estimate: delay });
     numbers
+}
+
+/// The delay in a simulation with physics steps of `step` s. No target acts before it is sent: a delay below 0 is an error of
+/// at least that size. Logs of simulators with long steps, and of fast joints at 50 Hz, show such delays.
+fn delay(report: &SwingReport, step: f64) -> Estimate {
+    let Estimate { value, error } = report.delay;
+    let value = value + step / 2.0;
+    Estimate { value: value.max(0.0), error: error.hypot(value.min(0.0)) }
 }
 
 /// The numbers as the table `[prior]` of a fit with physics steps of `step` s. Lines of what a fit does not change must be
@@ -141,7 +149,7 @@ pub fn prior_toml(report: &SwingReport, step: f64) -> String {
         line(JointParameter::Armature, &group.group, group.armature);
         line(JointParameter::Damping, &group.group, group.damping);
     }
-    line(JointParameter::Delay, "", Estimate { value: report.delay.value + step / 2.0, ..report.delay });
+    line(JointParameter::Delay, "", delay(report, step));
     text
 }
 
@@ -269,6 +277,9 @@ mod tests {
         assert_eq!((calf.value, calf.deviation), (0.65, 0.05));
         assert!((settings.prior["delay"].value - 0.0087).abs() < 1e-9);
         assert_eq!(settings.prior.len(), 4);
+        let early = SwingReport { delay: Estimate { value: -0.0065, error: 0.003 }, ..report() };
+        let delay = numbers(&early, 0.005).pop().unwrap().estimate;
+        assert!(delay.value == 0.0 && (delay.error - 0.005).abs() < 1e-12, "{delay:?}");
     }
 
     #[test]
