@@ -66,9 +66,11 @@ fn identification_takes_a_draw_in_which_the_robot_stays_up() {
     assert!(found[0].identified, "{found:?}");
 }
 
-/// The pendulum with other parameters: its damping is the mean of the first two values and `more`, the third one is b.
+/// The pendulum with other parameters: its damping is the sum of the first two values times `parts` and of `more`, the third
+/// one is b.
 struct Mean {
     pendulum: Pendulum,
+    parts: [f64; 2],
     more: f64,
 }
 
@@ -92,7 +94,8 @@ impl Simulator for Mean {
         consume: &Consume<'_>,
         cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
-        let mean = |values: &[f64]| vec![0.5 * (values[0] + values[1]) + self.more, values[2]];
+        let [one, other] = self.parts;
+        let mean = |values: &[f64]| vec![one * values[0] + other * values[1] + self.more, values[2]];
         let of = |rollout: &Rollout| Rollout { values: mean(&rollout.values), ..rollout.clone() };
         let candidates: Vec<Rollout> = candidates.iter().map(of).collect();
         self.pendulum.simulate(theta, &candidates, consume, cancel)
@@ -102,7 +105,7 @@ impl Simulator for Mean {
 /// Two parameters that make up for each other look well known one at a time.
 #[test]
 fn parameters_that_make_up_for_each_other_have_wide_intervals() {
-    let simulator = Mean { pendulum: Pendulum::new(8, 0.5), more: 0.0 };
+    let simulator = Mean { pendulum: Pendulum::new(8, 0.5), parts: [0.5; 2], more: 0.0 };
     let cost = simulator.pendulum.cost("matchs");
     let values = [TRUTH[0], TRUTH[0], TRUTH[1]];
     let both = theta(&["one", "other", "b"], 1.0);
@@ -122,7 +125,8 @@ fn parameters_that_make_up_for_each_other_have_wide_intervals() {
 /// A simulator with more damping would find less: the interval reaches there.
 #[test]
 fn intervals_hold_what_other_simulators_would_find() {
-    let mean = |more| Mean { pendulum: Pendulum::new(8, 0.05), more };
+    // The second value does nothing.
+    let mean = |more| Mean { pendulum: Pendulum::new(8, 0.05), parts: [1.0, 0.0], more };
     let (simulator, damped) = (mean(0.0), mean(0.1));
     let cost = simulator.pendulum.cost("matchs");
     let theta = theta(&["one", "other", "b"], 1.0);

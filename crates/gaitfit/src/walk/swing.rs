@@ -128,14 +128,21 @@ pub fn numbers(report: &SwingReport, step: f64) -> Vec<SwingNumber> {
             });
         }
     }
-    let delay = Estimate { value: report.delay.value + step / 2.0, ..report.delay };
     numbers.push(SwingNumber {
         kind: JointParameter::Delay.name(),
         joints: Vec::new(),
-        estimate: delay,
+        estimate: delay(report, step),
         by_strength: report.delay_by_strength,
     });
     numbers
+}
+
+/// The delay in a simulation with physics steps of `step` s. No target acts before it is sent: a delay below 0 is an error of
+/// at least that size. Logs of simulators with long steps, and of fast joints at 50 Hz, show such delays.
+fn delay(report: &SwingReport, step: f64) -> Estimate {
+    let Estimate { value, error } = report.delay;
+    let value = value + step / 2.0;
+    Estimate { value: value.max(0.0), error: error.hypot(value.min(0.0)) }
 }
 
 /// A standard error of a tilt below this is not believed, rad: on simulated robots whose unit was late and whose encoders
@@ -169,20 +176,20 @@ pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumb
 }
 
 /// The numbers as the table `[prior]` of a fit with physics steps of `step` s; those of sensors, which no fit has by
-/// default, as comments. Lines of what a fit does not change must be
-/// left out there.
+/// default, as comments. Lines of what a fit does not change must be left out there.
 pub fn prior_toml(found: &SwingFindings, report: &SwingReport, step: f64) -> String {
     let mut text = format!("[prior] # by legs in the air, for physics steps of {} ms\n", 1e3 * step);
-    let mut line = |kind: JointParameter, group: &str, Estimate { value, error }: Estimate| {
+    let mut line = |kind: JointParameter, group: &str, Estimate { value, error }: Estimate, slope: f64| {
         let name = if group.is_empty() { kind.name().to_owned() } else { format!("{}_{group}", kind.name()) };
-        text += &format!("{name} = {{ value = {value:.5}, deviation = {:.5} }}\n", error.max(1e-5));
+        let error = error.max(1e-5);
+        text += &format!("{name} = {{ value = {value:.5}, deviation = {error:.5}, by_strength = {slope:.5} }}\n");
     };
     for group in &report.groups {
-        line(JointParameter::FrictionLoss, &group.group, group.friction);
-        line(JointParameter::Armature, &group.group, group.armature);
-        line(JointParameter::Damping, &group.group, group.damping);
+        line(JointParameter::FrictionLoss, &group.group, group.friction, group.by_strength[0]);
+        line(JointParameter::Armature, &group.group, group.armature, group.by_strength[2]);
+        line(JointParameter::Damping, &group.group, group.damping, group.by_strength[1]);
     }
-    line(JointParameter::Delay, "", Estimate { value: report.delay.value + step / 2.0, ..report.delay });
+    line(JointParameter::Delay, "", delay(report, step), report.delay_by_strength);
     for SwingNumber { kind, estimate: Estimate { value, error }, .. } in sensor_numbers(found, Some(step)) {
         text += &format!("# {kind} = {{ value = {value:.5}, deviation = {:.5} }}\n", error.max(1e-5));
     }
@@ -325,6 +332,9 @@ mod tests {
         assert_eq!((calf.value, calf.deviation), (0.65, 0.05));
         assert!((settings.prior["delay"].value - 0.0087).abs() < 1e-9);
         assert_eq!(settings.prior.len(), 4);
+        let early = SwingReport { delay: Estimate { value: -0.0065, error: 0.003 }, ..report() };
+        let delay = numbers(&early, 0.005).pop().unwrap().estimate;
+        assert!(delay.value == 0.0 && (delay.error - 0.005).abs() < 1e-12, "{delay:?}");
     }
 
     #[test]
