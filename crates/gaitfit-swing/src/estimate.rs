@@ -194,6 +194,7 @@ impl Choice {
             groups: estimates,
             delay,
             delay_by_strength: self.fit.by_strength[self.fit.by_strength.len() - 1] * settings.delay_step_s,
+            strength: Estimate { value: 1.0 + self.fit.strength[0], error: self.fit.strength[1] },
             law: FrictionLaw::ALL[self.law],
             clearance_m: settings.clearances_m[self.clearance],
             logs: self.fit.logs,
@@ -218,6 +219,7 @@ struct Fit {
     free: DVector<f64>,
     /// How all unknowns change with the motors' strength.
     by_strength: DVector<f64>,
+    strength: [f64; 2],
     scales: Vec<f64>,
     /// Largest position gain of each group, N·m/rad.
     stiffest: Vec<f64>,
@@ -331,6 +333,7 @@ impl Fit {
             variances,
             scales: held.as_ref().unwrap_or(&free).scales.clone(),
             by_strength: held.as_ref().unwrap_or(&free).by_strength.clone(),
+            strength: held.as_ref().unwrap_or(&free).strength,
             values: held.map_or_else(|| free.values.clone(), |held| held.values),
             free: free.values,
         })

@@ -98,6 +98,11 @@ pub struct GroupEstimate {
     pub residual: f64,
 }
 
+/// The strength in reports that do not have it.
+fn unknown() -> Estimate {
+    Estimate { value: 1.0, error: 1.0 }
+}
+
 impl GroupEstimate {
     /// The values as a joint may have them: nothing below 0, and 0 where an error is too large to say anything.
     pub fn drag(&self) -> Drag {
@@ -123,6 +128,9 @@ pub struct SwingReport {
     /// How it changes with the motors' strength, s per 1.
     #[serde(default)]
     pub delay_by_strength: f64,
+    /// What the motors give of the torque that gains and limits say, 1 for all of it.
+    #[serde(default = "unknown")]
+    pub strength: Estimate,
     /// Friction law that explains the logs better.
     pub law: FrictionLaw,
     /// Height above the lowest foot from which a foot counted as in the air, m.

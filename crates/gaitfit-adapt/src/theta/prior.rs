@@ -77,6 +77,14 @@ impl Theta {
             found[at] = Some(*prior);
         }
         self.strengths = (0..self.entries.len()).map(|at| self.strength(at)).collect();
+        // The search begins where the estimates belong to the strength with which it begins.
+        for (at, strength) in self.strengths.iter().enumerate() {
+            if let (Some(prior), Some(strength)) = (found[at], strength) {
+                let value = prior.with_strength(self.entries[*strength].start, 0.0).value;
+                let entry = &mut self.entries[at];
+                entry.start = value.clamp(entry.lower, entry.upper);
+            }
+        }
         self.priors = found;
         self.prior_weight = weight;
         Ok(self)

@@ -1,7 +1,7 @@
 //! Default search bounds of walks for a robot of another size than the Go2, for which they were chosen.
 
-use crate::robot::joint_names;
 use super::swing::{Estimate, SwingNumber};
+use crate::robot::joint_names;
 use crate::settings::AdaptConfig;
 use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule};
 use gaitfit_model::Model;

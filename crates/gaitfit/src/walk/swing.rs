@@ -112,6 +112,9 @@ pub struct SwingNumber {
     pub by_strength: f64,
 }
 
+/// An estimate of the motors' strength with a larger error says no more than what is usual.
+const SURE_STRENGTH: f64 = 0.1;
+
 /// The numbers of a report as a simulation with physics steps of `step` s has them: in semi-implicit steps targets act half
 /// a step early, so its delay is longer.
 pub fn numbers(report: &SwingReport, step: f64) -> Vec<SwingNumber> {
@@ -134,6 +137,14 @@ pub fn numbers(report: &SwingReport, step: f64) -> Vec<SwingNumber> {
         estimate: delay(report, step),
         by_strength: report.delay_by_strength,
     });
+    if report.strength.error < SURE_STRENGTH {
+        numbers.push(SwingNumber {
+            kind: JointParameter::TorqueScale.name(),
+            joints: Vec::new(),
+            estimate: report.strength,
+            by_strength: 0.0,
+        });
+    }
     numbers
 }
 
@@ -182,7 +193,8 @@ pub fn prior_toml(found: &SwingFindings, report: &SwingReport, step: f64) -> Str
     let mut line = |kind: JointParameter, group: &str, Estimate { value, error }: Estimate, slope: f64| {
         let name = if group.is_empty() { kind.name().to_owned() } else { format!("{}_{group}", kind.name()) };
         let error = error.max(1e-5);
-        text += &format!("{name} = {{ value = {value:.5}, deviation = {error:.5}, by_strength = {slope:.5} }}\n");
+        text +=
+            &format!("{name} = {{ value = {value:.5}, deviation = {error:.5}, by_strength = {slope:.5} }}\n");
     };
     for group in &report.groups {
         line(JointParameter::FrictionLoss, &group.group, group.friction, group.by_strength[0]);
@@ -314,6 +326,7 @@ mod tests {
             groups: vec![calf],
             delay: number(0.0062, 0.0015),
             delay_by_strength: 0.0,
+            strength: number(1.0, 0.2),
             law: FrictionLaw::Coulomb,
             clearance_m: 0.012,
             logs: 12,
