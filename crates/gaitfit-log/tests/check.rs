@@ -205,6 +205,31 @@ fn limits_are_held_by_name() {
 }
 
 #[test]
+fn a_fall_may_drive_a_joint_beyond_its_limits_for_a_moment() {
+    let mut log = healthy();
+    let joint = log.joints.iter().position(|name| name == "j1").unwrap();
+    let joints = log.joints.len();
+    let samples = log.position.len() / joints;
+    // Far beyond the limits at the end, while the robot falls.
+    let knock = |log: &mut Trajectory, from: usize| {
+        (from..samples).for_each(|sample| log.position[sample * joints + joint] = 3.0);
+    };
+    knock(&mut log, samples - samples / 20);
+    let mut tight = spec();
+    tight.position_limits.insert("j1".into(), [-1.5, 1.5]);
+    let severity = |log: &Trajectory| {
+        let found = check(log, &tight);
+        found.iter().find(|one| one.kind == FindingKind::BeyondPositionLimit).unwrap().severity
+    };
+    assert_eq!(severity(&log), Severity::Error);
+    log.fell = true;
+    assert_ne!(severity(&log), Severity::Error);
+    // A joint that is beyond them all the time is another joint, or in degrees.
+    knock(&mut log, 0);
+    assert_eq!(severity(&log), Severity::Error);
+}
+
+#[test]
 fn a_joint_that_is_pushed_against_its_stop_is_a_note() {
     let mut log = healthy();
     let limit = log.column(Signal::Position, "j1").unwrap().into_iter().fold(0.0, f64::max) - 0.05;

@@ -15,6 +15,8 @@ const MOMENT_S: f64 = 0.1;
 const POSITION_IMPOSSIBLE: f64 = 0.2;
 /// Measured speed may exceed the actuator's limit when the ground drives the joint; not this many times.
 const SPEED_IMPOSSIBLE: f64 = 2.0;
+/// Part of the samples of a log that ends in a fall in which the fall may drive a joint beyond what it can do.
+const FALLING: f64 = 0.1;
 /// No leg joint turns two full turns, rad; in degrees it does so in any step.
 const TWO_TURNS: f64 = 12.6;
 /// Faster than this, rad/s, only a wheel's motor turns; a leg in degrees does so in any step.
@@ -80,6 +82,7 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
         let mut worst: Option<(usize, f64)> = None;
         let mut joints = Vec::new();
         let mut at_stops = true;
+        let mut impossible = false;
         for (joint, name) in log.joints.iter().enumerate() {
             let (Some([low, high]), Some(column)) =
                 (spec.position_limits.get(name), log.column_at(signal, joint))
@@ -89,6 +92,8 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
             let Some((min, max)) = range(&column) else { continue };
             let over = (low - min).max(max - high);
             if over > POSITION_SLACK {
+                let beyond = |q: f64| q < low - POSITION_IMPOSSIBLE || q > high + POSITION_IMPOSSIBLE;
+                impossible |= over > POSITION_IMPOSSIBLE && !falls(log, &column, beyond);
                 joints.push(joint);
                 at_stops &= hits_its_stop(log, joint, &column, [*low, *high]);
                 if worst.is_none_or(|(_, max)| over > max) {
@@ -99,7 +104,8 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
         let Some((joint, over)) = worst else { continue };
         let name = &log.joints[joint];
         let [low, high] = spec.position_limits[name];
-        let impossible = signal == Signal::Position && over > POSITION_IMPOSSIBLE;
+        let impossible = signal == Signal::Position && impossible;
+        let falls = signal == Signal::Position && over > POSITION_IMPOSSIBLE;
         let message = format!(
             "{signal} of {} beyond limits, most {}, {} rad outside [{}, {}]; {}",
             findings.names(&joints),
@@ -111,6 +117,8 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
                 "check unit (rad), sign, zero and which column is which joint"
             } else if signal == Signal::Target {
                 "a PD controller may ask for that to push against its limit; the joint will not get there"
+            } else if falls {
+                "the robot falls in this log, which drives joints beyond their stops"
             } else if at_stops {
                 "the joint hits its stop, which gives a little"
             } else {
@@ -144,10 +152,17 @@ fn hits_its_stop(log: &Trajectory, joint: usize, column: &[f64], [low, high]: [f
     )
 }
 
+/// Whether a robot that falls explains the few samples of a joint that are `beyond` what it can do.
+fn falls(log: &Trajectory, column: &[f64], beyond: impl Fn(f64) -> bool) -> bool {
+    let many = column.iter().filter(|value| beyond(**value)).count();
+    log.fell && many as f64 <= FALLING * column.len() as f64
+}
+
 fn velocity_limits(findings: &mut Findings, spec: &CheckSpec) {
     let log = findings.log;
     let mut worst: Option<(usize, f64, f64)> = None;
     let mut joints = Vec::new();
+    let mut impossible = false;
     for (joint, name) in log.joints.iter().enumerate() {
         let (Some(&limit), Some(column)) =
             (spec.velocity_limits.get(name), log.column_at(Signal::Velocity, joint))
@@ -157,6 +172,8 @@ fn velocity_limits(findings: &mut Findings, spec: &CheckSpec) {
         let Some((low, high)) = range(&column) else { continue };
         let ratio = high.max(-low) / limit;
         if ratio > 1.0 {
+            let beyond = |speed: f64| speed.abs() > SPEED_IMPOSSIBLE * limit;
+            impossible |= ratio > SPEED_IMPOSSIBLE && !falls(log, &column, beyond);
             joints.push(joint);
             if worst.is_none_or(|(_, max, _)| ratio > max) {
                 worst = Some((joint, ratio, high.max(-low)));
@@ -166,7 +183,6 @@ fn velocity_limits(findings: &mut Findings, spec: &CheckSpec) {
     let Some((joint, ratio, speed)) = worst else { return };
     let name = &log.joints[joint];
     let limit = spec.velocity_limits[name];
-    let impossible = ratio > SPEED_IMPOSSIBLE;
     let message = format!(
         "velocity of {} beyond limits, most {} with {} of {} rad/s; {}",
         findings.names(&joints),

@@ -117,7 +117,7 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
     }
 }
 
-/// What is assumed of a biped's encoders before its logs: zeros that are right within [`ZERO_RAD`]. Which way it leans is
+/// What is assumed of a biped's encoders before its logs: zeros that are right within 0.01 rad. Which way it leans is
 /// seen, and a load and the zeros of hips, knees and ankles explain that equally well.
 pub fn zeros(feet: usize) -> Option<SwingNumber> {
     (feet <= BIPED).then(|| SwingNumber {
