@@ -95,8 +95,9 @@ fn joints(text: &mut String, found: &SwingFindings, report: &SwingReport, beside
     };
     let _ = writeln!(
         text,
-        "\n{rows}\ndelay of targets {} ms; {law}; {} log{}, feet {:.0} mm or more above the lowest",
+        "\n{rows}\ndelay of targets {} ms; strength of motors {}; {law}; {} log{}, feet {:.0} mm or more above the lowest",
         number(report.delay, 1e3, 1),
+        number(report.strength, 1.0, 2),
         report.logs,
         if report.logs == 1 { "" } else { "s" },
         1e3 * report.clearance_m

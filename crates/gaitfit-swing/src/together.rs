@@ -176,7 +176,9 @@ pub(crate) fn together(
     };
     let [low, _] = by(&|row, unknowns| motor(row) - unknowns.dot(&by_strength));
     let [high, error] = by(&|row, unknowns| driven(row) - unknowns.dot(&by_target));
-    let strength = [0.5 * (low + high), error.hypot(0.5 * (high - low))];
+    let strength = Some([0.5 * (low + high), error.hypot(0.5 * (high - low))]);
+    // Logs whose targets stand still show nothing of it.
+    let strength = strength.filter(|one| one.iter().all(|part| part.is_finite())).unwrap_or([0.0, 1.0]);
     let covariance = |cluster: &&dyn Fn(&Window) -> u64| -> Option<DMatrix<f64>> {
         let mut scores: BTreeMap<u64, DVector<f64>> = BTreeMap::new();
         for rows in moments.values() {

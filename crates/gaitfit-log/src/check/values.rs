@@ -180,7 +180,7 @@ fn velocity_limits(findings: &mut Findings, spec: &CheckSpec) {
             }
         }
     }
-    let Some((joint, ratio, speed)) = worst else { return };
+    let Some((joint, _, speed)) = worst else { return };
     let name = &log.joints[joint];
     let limit = spec.velocity_limits[name];
     let message = format!(
