@@ -1,10 +1,10 @@
-//! What `.ci/run` takes for granted of the tests: without it, tests would not run and nobody would notice.
+//! Conventions of the tests on which `.ci/run` relies: without them, some tests would not run, and nobody would notice.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use crate::common::root;
 use std::path::{Path, PathBuf};
 
-/// How names of ignored tests begin: what they need, or why `.ci/run` leaves them out.
+/// Prefixes of the names of ignored tests: what a test needs, or why `.ci/run` leaves it out.
 const NEEDS: [&str; 10] =
     ["shared_", "node_", "chromium_", "python_", "torch_", "cxx_", "nvrtc_", "gpu_", "long_", "timing_"];
 

@@ -56,7 +56,7 @@ fn args(runs: &Path, policy: &Path, iterations: u32, more: &[&str]) -> Vec<Strin
     args
 }
 
-/// The document of a run that ended; a policy that does not walk afterwards ends with 3 and says so.
+/// The document of a run that ended. If the policy does not walk afterwards, the run warns and ends with exit code 3.
 fn ended(output: &std::process::Output) -> serde_json::Value {
     let result = json(output);
     let doubted = result["doubts"].as_array().is_some_and(|doubts| !doubts.is_empty());

@@ -87,7 +87,7 @@ fn walks_show_joints_and_sensors_without_a_simulation() {
     let output = run(&["explain", log.to_str().unwrap(), "--robot", "assets/go2.xml"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("suspect-unit"), "{}", errors(&output));
-    // Without an inertial unit it says what to record.
+    // Without an inertial unit it prints what to record.
     let output = run(&["explain", "examples/go2-demo/fit.csv", "--robot", "assets/go2.xml"]);
     assert_eq!(output.status.code(), Some(1));
     for word in ["base_quat_w", "wx, wy, wz", "gaitfit import"] {

@@ -72,7 +72,7 @@ fn commands_find_the_robot_of_the_training_from_its_run_folder() {
     assert!(found["simulator"].as_str().unwrap_or_default().contains("quad"), "{found}");
     done(&folder, &format!("evaluate runs/walk/seed-1/policy.safetensors {short}"));
     done(&folder, "collect runs/walk --trajectories 2 --seconds 0.2 --out logs");
-    // It trains and saves; so short a training walks nowhere, which ends with 3.
+    // It trains and saves. After so short a training the policy does not walk, so the exit code is 3.
     let output = run(&folder, &format!("finetune runs/walk --name tuned {TINY} --set ppo.critic_warmup=0"));
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
     assert!(errors(&output).contains("does not walk"), "{}", errors(&output));

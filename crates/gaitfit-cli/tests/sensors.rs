@@ -210,8 +210,8 @@ fn offsets_of_encoders_and_masses_of_links_are_found_in_walks() {
     assert!(json(&told)["parameters"].as_array().unwrap().iter().all(|one| one["told"] == true));
 }
 
-/// A tilted unit with a biased gyro and slow sensors of velocity change what the policy does: whole walks show them. So do
-/// the logs alone, whose estimates are priors where they are asked for.
+/// A tilted unit with a biased gyro and slow sensors of velocity change what the policy does, so whole walks show
+/// them. The logs alone show them too; with `swings = true` those estimates are priors.
 #[test]
 fn errors_of_sensors_are_found_in_walks() {
     let folder = tempfile::tempdir().unwrap();
@@ -266,7 +266,7 @@ fn errors_of_sensors_are_found_in_walks() {
         doubts.iter().any(|one| one.to_string().contains("inertial unit is tilted"))
     };
     assert!(!tilts(&found), "what is fitted is no doubt: {}", found["doubts"]);
-    // With the estimates of the logs alone as priors few generations do.
+    // With the estimates from the logs alone as priors, few generations are enough.
     let short = ["--set", "swings=true", "--set", "optimizer.generations=3"];
     let found = fit("priors", &short);
     assert!(off(&found).iter().all(|off| *off < 0.5), "{:?} {found}", off(&found));

@@ -35,7 +35,7 @@ impl Words {
         self.table("Spot", name, rows);
     }
 
-    /// Where the readings of slow sensors are among the numbers that a period's modifications remember, if it has such.
+    /// The place of slow sensors' readings among the numbers that a period's modifications remember, if there are any.
     pub fn filter(&mut self, period: &Period) {
         self.define("HAS_FILTER", usize::from(period.filter().is_some()));
         self.define("FILTER_AT", period.filter().unwrap_or_default());

@@ -1,4 +1,4 @@
-//! Errors of sensors: what policies observe and logs show of them, and simulations that take them out.
+//! Errors of sensors: policies observe them, logs show them, and simulations that start from logs remove them.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 use std::sync::Mutex;
@@ -32,7 +32,8 @@ fn turned(scene: &Task) -> Candidate {
     candidate
 }
 
-/// The unit reads Rᵀ of gravity and rates, and its bias; velocities are read through a filter. Nothing else of an observation or a log is another number.
+/// The unit reads Rᵀ of gravity and rates, and its bias; velocities are read through a filter. All other
+/// numbers of observations and logs stay the same.
 #[test]
 fn policies_and_logs_read_sensors_and_critics_the_robot() {
     let scene = scene();
@@ -172,7 +173,7 @@ fn walks_of_the_true_unit_repeat_the_log_and_others_do_not() {
     let truth = turned(&scene);
     let (near, far) = (off(&truth, &truth, None), off(&truth, &nominal, None));
     assert!(near.iter().zip(&far).all(|(near, far)| *near < 0.05 * far), "{near:?} {far:?}");
-    // A reset is to velocities as they are read.
+    // A reset sets the true velocities to the log's readings.
     let truth = Candidate { sensors: SENSORS, ..nominal.clone() };
     let (near, far) = (off(&truth, &truth, Some(1)), off(&truth, &nominal, Some(1)));
     // After a reset to every sample the policy observes what the log read, whoever the candidate is; the motion differs.

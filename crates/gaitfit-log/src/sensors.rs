@@ -159,8 +159,8 @@ fn whole(log: &Trajectory, first: usize, last: usize) -> bool {
 /// Over one interval h, Δq − h·mean(q̇) = lag·Δq̇. Δq̇ is noisy, which pulls a regression on it towards 0; so the change of
 /// the positions' slopes from the interval before to the one after stands in for it, whose noise is independent of both sides
 /// (an instrumental variable).
-/// Between coarse samples the mean of two velocities is not that of the motion, least of all where every sample brings a new
-/// target: that shows as scatter about the lag, of which a part counts as error.
+/// Between coarse samples the mean of two velocities is not that of the motion, above all if every sample brings a new
+/// target. The data then scatter about the lag, and a part of this scatter counts as error.
 pub fn velocity_lag(logs: &[&Trajectory]) -> Option<Estimate> {
     let mut sums = LagSums::default();
     for (number, log) in logs.iter().enumerate() {
@@ -171,7 +171,8 @@ pub fn velocity_lag(logs: &[&Trajectory]) -> Option<Estimate> {
     Some(Estimate { value, error: error.hypot(COARSE * sums.scatter(value)) })
 }
 
-/// Part of the scatter that counts as error. Exact velocities of simulated walks at 50 Hz show a lag of 0.17 to 0.31 of it.
+/// Part of the scatter that counts as error. Exact velocities of simulated walks at 50 Hz show a lag of 0.17 to
+/// 0.31 of the scatter.
 const COARSE: f64 = 0.2;
 
 /// Sums of [`velocity_lag`].

@@ -102,7 +102,7 @@ impl Trajectory {
         }
     }
 
-    /// How late velocities are known to be against positions, s: half a physics step of a simulator's, 0 of a robot's.
+    /// Known lag of velocities behind positions, s: half a physics step in a simulator's log, 0 in a robot's.
     pub fn known_lag(&self) -> f64 {
         self.simulated_step.map_or(0.0, |step| step / 2.0)
     }

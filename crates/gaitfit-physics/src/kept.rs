@@ -18,7 +18,7 @@ pub struct Kept {
     pub gears: bool,
     /// Whether the ground is as hard as the model's.
     pub ground: bool,
-    /// Whether sensors read joint velocities at once.
+    /// Whether sensors read joint velocities without lag.
     pub velocities: bool,
     /// Whether the largest torque of every motor is the same at any speed.
     pub motors: bool,

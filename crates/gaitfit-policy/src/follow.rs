@@ -17,8 +17,8 @@ use crate::walker::{TorqueNoise, Walker, WalkerError};
 pub struct Script {
     /// Command at each sample: m/s, m/s, rad/s.
     pub commands: Vec<[f32; 3]>,
-    /// Where it begins. Its orientation and rates are what an inertial unit reads: errors of the candidate's unit
-    /// ([`gaitfit_sim::Sensors`]) are taken out of them, the height stays.
+    /// Where it begins. Its orientation and rates are readings of an inertial unit: errors of the candidate's unit
+    /// ([`gaitfit_sim::Sensors`]) are removed from them. The height stays.
     pub start: Start,
     /// The logged state at each sample, for resets, as the start's; empty where the log lacks it.
     pub states: Vec<Start>,

@@ -66,8 +66,7 @@ impl JointNetworks {
     }
 }
 
-/// What the step of robots has besides its own: gears with play or compliance, and a filter of the joint velocities that
-/// sensors read.
+/// Optional parts of a robot's step: gears with play or compliance, and a filter of the joint velocities that sensors read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Extras {
     /// Whether a robot has such gears.
@@ -77,7 +76,7 @@ pub struct Extras {
 }
 
 impl Extras {
-    /// Those that any of some robots needs.
+    /// The parts that at least one of these robots needs.
     pub fn of<'a>(robots: impl IntoIterator<Item = &'a Params<f64>>) -> Self {
         robots.into_iter().fold(Self::default(), |all, robot| Self {
             gears: all.gears || has_gears(robot),
@@ -91,8 +90,8 @@ impl Extras {
     }
 }
 
-/// What changes the drives of robots with these networks, as the step of `model` takes it; behind the networks stand the
-/// gears, then the filter of velocities, if there are such.
+/// The modifications of the drives of robots with these networks, as the step of `model` takes them: first the networks, then
+/// the gears, then the filter of velocities, if there are any.
 ///
 /// # Errors
 /// Networks that do not fit the robot.

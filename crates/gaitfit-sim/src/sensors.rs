@@ -1,6 +1,6 @@
-//! What a robot's sensors do to what they read, apart from noise.
+//! Errors of a robot's sensors, apart from noise.
 //!
-//! Sensors are outside the physics: they change what a policy observes and what a log shows, and nothing of the motion.
+//! Sensors are outside the physics: their errors change what a policy observes and what a log shows, but not the motion.
 
 use gaitfit_model::rotation::{add, axes, dot, from_rpy, inverse, product, sub};
 
@@ -12,12 +12,12 @@ pub struct Sensors {
     /// Roll and pitch of the inertial unit's mounting error, rad: the unit's frame is the base's frame turned by
     /// Ry(pitch)·Rx(roll).
     pub imu_tilt: [f64; 2],
-    /// What the gyro reads at rest, rad/s, axes of the unit.
+    /// Reading of the gyro at rest, rad/s, axes of the unit.
     pub gyro_bias: [f64; 3],
 }
 
 impl Sensors {
-    /// The inertial unit; `None` if it reads what the base does.
+    /// The inertial unit; `None` if it has no errors.
     pub fn imu(&self) -> Option<Imu> {
         (self.imu_tilt != [0.0; 2] || self.gyro_bias != [0.0; 3]).then(|| Imu::new(self))
     }
@@ -54,7 +54,7 @@ impl Imu {
         self.axes.map(|axis| dot(axis, v))
     }
 
-    /// What the gyro reads, rad/s, of angular velocity `rates` of the base (rad/s, body frame).
+    /// Reading of the gyro, rad/s, for angular velocity `rates` of the base (rad/s, body frame).
     pub fn rates(&self, rates: [f32; 3]) -> [f32; 3] {
         add(self.direction(rates), self.bias)
     }

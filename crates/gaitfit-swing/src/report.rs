@@ -86,8 +86,8 @@ pub struct GroupEstimate {
     pub damping: Estimate,
     /// Armature, kg·m².
     pub armature: Estimate,
-    /// How friction, damping and armature change with the motors' strength, per 1: they are with motors that give what gains
-    /// and limits say, and a motor that gives 0.9 of it has values that are lower by a tenth of this.
+    /// How friction, damping and armature change with the motors' strength, per 1. The values above assume motors that give
+    /// the torque that gains and limits state; for a motor that gives 0.9 of it, they are lower by a tenth of this.
     #[serde(default)]
     pub by_strength: [f64; 3],
     /// Swings that count.
@@ -125,10 +125,10 @@ pub struct SwingReport {
     /// targets acted before their row. A simulation with
     /// semi-implicit steps of h acts as if targets came h/2 earlier; its delay is longer by that.
     pub delay: Estimate,
-    /// How it changes with the motors' strength, s per 1.
+    /// How the delay changes with the motors' strength, s per 1.
     #[serde(default)]
     pub delay_by_strength: f64,
-    /// What the motors give of the torque that gains and limits say, 1 for all of it.
+    /// The share of the torque stated by gains and limits that the motors give; 1: all of it.
     #[serde(default = "unknown")]
     pub strength: Estimate,
     /// Friction law that explains the logs better.

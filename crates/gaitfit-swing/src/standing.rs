@@ -19,7 +19,7 @@ const DELAY_S: f64 = 0.005;
 const BLOCK_S: f64 = 1.0;
 /// A tilt worth correcting, rad.
 const TILT: f64 = 0.005;
-/// Fewer feet do not show it: while both feet of a biped touch the ground, they roll over their edges.
+/// Fewer feet do not show a tilt: the feet of a biped roll over their edges while both touch the ground.
 pub(crate) const MIN_FEET: usize = 3;
 /// Rounds in which a tilt is taken out and looked at again.
 const ROUNDS: usize = 3;

@@ -21,8 +21,8 @@ pub(crate) struct Together {
     pub values: DVector<f64>,
     /// What the equations of each group leave unexplained beside the base's acceleration, N·m.
     pub scales: Vec<f64>,
-    /// How the values change with the motors' strength: torques are taken as gains and limits say, and a motor that gives a
-    /// share `s` of them has values of `values + (s − 1) by_strength`.
+    /// How the values change with the motors' strength. `values` assume the torques that gains and limits state; for a motor
+    /// that gives a share `s` of them, the values are `values + (s − 1) by_strength`.
     pub by_strength: DVector<f64>,
     /// The motors' strength beyond 1, and its standard error.
     pub strength: [f64; 2],
@@ -158,9 +158,9 @@ pub(crate) fn together(
     let motor = |row: &Row<'_>| row.motor(&values);
     let driven = |row: &Row<'_>| row.window.driven_at(values[columns - 1]);
     let (by_strength, by_target) = (explained(&motor)?, explained(&driven)?);
-    // Noise moves the joint and with it the motor's torque, against the noise: by least squares the strength comes out low. The
-    // targets do not follow the noise (an instrument: Söderström & Stoica 1983, "Instrumental Variable Methods for System
-    // Identification"), but on simulated robots they give too much. The two bracket it.
+    // Noise moves the joint, and the motor's torque then acts against the noise, so least squares estimate too low a strength.
+    // The targets do not follow the noise, so they are an instrument (Söderström & Stoica 1983, "Instrumental Variable
+    // Methods for System Identification"), but on simulated robots this estimate is too high. The two bracket the strength.
     let by = |instrument: &dyn Fn(&Row<'_>, &DVector<f64>) -> f64| {
         let mut sums: BTreeMap<u64, [f64; 2]> = BTreeMap::new();
         for rows in moments.values() {
@@ -177,7 +177,7 @@ pub(crate) fn together(
     let [low, _] = by(&|row, unknowns| motor(row) - unknowns.dot(&by_strength));
     let [high, error] = by(&|row, unknowns| driven(row) - unknowns.dot(&by_target));
     let strength = Some([0.5 * (low + high), error.hypot(0.5 * (high - low))]);
-    // Logs whose targets stand still show nothing of it.
+    // Logs whose targets stand still do not show the strength.
     let strength = strength.filter(|one| one.iter().all(|part| part.is_finite())).unwrap_or([0.0, 1.0]);
     let covariance = |cluster: &&dyn Fn(&Window) -> u64| -> Option<DMatrix<f64>> {
         let mut scores: BTreeMap<u64, DVector<f64>> = BTreeMap::new();

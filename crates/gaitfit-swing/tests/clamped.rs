@@ -21,6 +21,11 @@ fn clamped() -> Model {
 /// Targets with which joints of the properties above move as sums of sines, at 2 kHz: what the motors must give beyond the
 /// PD law's feedback, over kp, `DELAY` later.
 fn log(model: &Model, phase: f64) -> Trajectory {
+    weak_log(model, phase, 1.0)
+}
+
+/// The same of motors that give the share `strength` of their torque.
+fn weak_log(model: &Model, phase: f64, strength: f64) -> Trajectory {
     let count = model.joints.len();
     let (kp, kd) = (25.0, 0.5);
     let at = |t: f64| -> [Vec<f64>; 3] {
@@ -48,7 +53,7 @@ fn log(model: &Model, phase: f64) -> Trajectory {
         for j in 0..count {
             let k = j % 3;
             let drag = FRICTION[k] * dq[j].signum() + DAMPING[k] * dq[j] + ARMATURE[k] * ddq[j];
-            target.push(q[j] + (torques[j] + drag + kd * dq[j]) / kp);
+            target.push(q[j] + ((torques[j] + drag) / strength + kd * dq[j]) / kp);
         }
     }
     Trajectory {
@@ -79,6 +84,25 @@ fn joints_of_a_clamped_robot_come_out_as_they_were_put_in() {
         assert!(near(group.damping.value, DAMPING[k]), "{group:?}");
         assert!(near(group.armature.value, ARMATURE[k]), "{group:?}");
         assert!(group.residual < 0.02, "{group:?}");
+    }
+}
+
+#[test]
+fn weak_motors_show_their_strength_and_what_joints_resist_with_it() {
+    const STRENGTH: f64 = 0.85;
+    let model = clamped();
+    let logs = [weak_log(&model, 0.0, STRENGTH), weak_log(&model, 1.3, STRENGTH)];
+    let settings = SwingSettings { hop_s: 0.05, clearances_m: vec![0.02], ..SwingSettings::default() };
+    let report = estimate(&model, &[&logs[0], &logs[1]], &settings).unwrap();
+    assert!((report.strength.value - STRENGTH).abs() < 0.02, "{:?}", report.strength);
+    assert!(report.strength.error < 0.05, "{:?}", report.strength);
+    for (k, group) in report.groups.iter().enumerate() {
+        let truths = [FRICTION[k], DAMPING[k], ARMATURE[k]];
+        let found = [group.friction.value, group.damping.value, group.armature.value];
+        for ((truth, found), slope) in truths.into_iter().zip(found).zip(group.by_strength) {
+            let moved = found + slope * (STRENGTH - 1.0);
+            assert!((moved - truth).abs() < 0.08 * truth, "{truth}: {moved}, {group:?}");
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 //! is a parabola throughout. One Newton step leads to where the minimum would be without a group of recordings (a
 //! jackknife of one-step estimates; its covariance is the sandwich of Huber 1967), and to where another simulator would
 //! have its minimum: each such shift counts as one standard deviation, for no number of recordings shows that the
-//! simulator is not the robot. Where parameters make up for each other, the cost itself tells how far ([`super::valley`]).
+//! simulator is not the robot. Where parameters compensate each other, the cost itself shows how far ([`super::valley`]).
 
 use super::identification::Identification;
 use super::valley::reach;
@@ -33,7 +33,7 @@ pub(super) struct Around<'a> {
     /// The costs at the values, one a view.
     pub(super) centre: &'a [f64],
     pub(super) draw: u64,
-    /// The rise of costs, one a view, above those at the values, and what of it may be noise.
+    /// The rise of costs, one a view, above those at the values, and the part of it that may be noise.
     pub(super) rise: &'a dyn Fn(&Vec<f64>) -> (f64, f64),
     pub(super) cancel: &'a Cancel<'a>,
 }

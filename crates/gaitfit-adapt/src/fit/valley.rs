@@ -1,9 +1,9 @@
-//! How far a valley of the cost reaches: a direction in which parameters make up for each other, for example motors' damping
-//! (`kd_scale`) and friction (`damping`) of one joint, of which only the sum moves the joint.
+//! Length of a valley of the cost: a direction in which parameters compensate each other. An example is `kd_scale` and
+//! `damping` of one joint: the motion shows only their sum.
 //!
-//! A quadratic around the best values knows only that such a direction is flat there. So the values are moved along it, in
-//! steps that double, to the first bound; the valley ends where the cost rises by more than its noise, as a single
-//! parameter's interval does.
+//! A quadratic around the best values shows only that such a direction is flat there. So [`reach`] moves the values along
+//! it, in steps that double, up to the first bound. The valley ends where the cost rises by more than its noise; a single
+//! parameter's interval ends there too.
 
 use super::FitError;
 use super::identification::Identification;
@@ -15,7 +15,7 @@ use nalgebra::DVector;
 /// Max steps to either side; the last is 2¹⁵ of a parameter's own interval.
 const STEPS: i32 = 16;
 
-/// Widens the intervals `found` by as far as the values can move along `direction`, in sizes of the `free` parameters.
+/// Widens the intervals `found` as far as the values can move along `direction`, in units of the `free` parameters' sizes.
 ///
 /// # Errors
 /// As [`super::evaluate`].

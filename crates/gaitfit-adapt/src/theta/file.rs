@@ -112,7 +112,7 @@ pub enum ThetaFileError {
     /// It is not such a file.
     #[error("{0}; give the theta.toml of a `gaitfit fit` run")]
     Syntax(String),
-    /// It has a table of a configuration.
+    /// The file has a table that belongs to a configuration.
     #[error(
         "it has a table [[number]], which only configurations have. Here a number of the whole robot is a [[parameter]] without \
          `joints`: name, kind (for example \"ground_softness\") and value"
@@ -379,7 +379,7 @@ impl ThetaFile {
     /// [`ThetaFileError::Checksum`] of a file that has a checksum and is not as it was written.
     pub fn parse(text: &str) -> Result<Self, ThetaFileError> {
         let mut file: Self = toml::from_str(text).map_err(|error| {
-            // A configuration has such tables.
+            // Configurations have such tables.
             match error.message().contains("unknown field `number`") {
                 true => ThetaFileError::Number,
                 false => ThetaFileError::Syntax(checksum::at(text, &error)),

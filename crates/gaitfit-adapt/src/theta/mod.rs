@@ -43,7 +43,7 @@ pub struct Theta {
     entries: Vec<Entry>,
     /// What is known of each entry before the fit; empty without any such knowledge.
     priors: Vec<Option<Prior>>,
-    /// The strength of the motors of each entry, as the number of its entry.
+    /// For each entry, the index of the entry that is the strength of its motors.
     strengths: Vec<Option<usize>>,
     /// What a distance of one standard error from a prior adds to the cost.
     prior_weight: f64,

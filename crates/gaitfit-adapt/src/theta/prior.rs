@@ -17,8 +17,8 @@ pub struct Prior {
     pub value: f64,
     /// Its standard error, in the same unit.
     pub deviation: f64,
-    /// How the estimate changes with the motors' strength (`torque_scale` of the entry's joints), per 1. Legs in the air show
-    /// what joints resist beside the torque of their motors, so the estimate is one of motors with a strength of 1.
+    /// How the estimate changes with the motors' strength (`torque_scale` of the entry's joints), per 1. Legs in the air
+    /// show the joints' resistance relative to the motors' torque, so the estimate assumes motors with a strength of 1.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub by_strength: f64,
 }
@@ -33,7 +33,7 @@ impl Prior {
         Self { value, deviation, by_strength: 0.0 }
     }
 
-    /// The estimate for motors of another strength than 1, which is known to `error`.
+    /// The estimate for motors whose strength is not 1; `error`: the standard error of that strength.
     pub fn with_strength(&self, strength: f64, error: f64) -> Self {
         Self {
             value: self.value + self.by_strength * (strength - 1.0),
@@ -77,7 +77,7 @@ impl Theta {
             found[at] = Some(*prior);
         }
         self.strengths = (0..self.entries.len()).map(|at| self.strength(at)).collect();
-        // The search begins where the estimates belong to the strength with which it begins.
+        // The search begins at the estimates for the strength with which it begins.
         for (at, strength) in self.strengths.iter().enumerate() {
             if let (Some(prior), Some(strength)) = (found[at], strength) {
                 let value = prior.with_strength(self.entries[*strength].start, 0.0).value;
@@ -100,7 +100,7 @@ impl Theta {
         self.priors.get(at)?.as_ref()
     }
 
-    /// The entry that is the strength of the motors of entry number `at`, if one holds for all of its joints.
+    /// The entry that is the strength of the motors of entry number `at`, if one entry covers all of its joints.
     pub fn strength(&self, at: usize) -> Option<usize> {
         let joints = &self.entries.get(at)?.joints;
         self.entries.iter().position(|entry| {

@@ -34,15 +34,15 @@ pub enum RobotNumber {
     GroundSoftness,
     /// Roll of the inertial unit's mounting error, rad; see [`gaitfit_sim::Sensors`].
     ImuRoll,
-    /// Its pitch, rad.
+    /// Pitch of the inertial unit's mounting error, rad.
     ImuPitch,
-    /// What the gyro reads at rest about the unit's x axis, rad/s.
+    /// Reading of the gyro at rest about the unit's x axis, rad/s.
     GyroBiasX,
-    /// About its y axis, rad/s.
+    /// Reading of the gyro at rest about the unit's y axis, rad/s.
     GyroBiasY,
-    /// About its z axis, rad/s.
+    /// Reading of the gyro at rest about the unit's z axis, rad/s.
     GyroBiasZ,
-    /// Time constant of the filter through which joint velocities are read, s.
+    /// Time constant of the filter of the sensors of joint velocity, s.
     VelocityLag,
 }
 

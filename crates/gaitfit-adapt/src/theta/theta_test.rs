@@ -286,6 +286,31 @@ fn a_value_on_a_bound_is_seen() {
 }
 
 #[test]
+fn priors_move_with_the_strength_of_the_motors() {
+    let strength = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::TorqueScale) };
+    let rules = [ParameterRule::new(JointParameter::Damping), strength];
+    let theta = Theta::from_rules(&rules, &groups(), &joints()).unwrap();
+    let place = |name: &str| theta.entries().iter().position(|entry| entry.name == name).unwrap();
+    let (damping, scale) = (place("damping_calf"), place("torque_scale"));
+    assert_eq!((theta.strength(damping), theta.strength(scale)), (Some(scale), Some(scale)));
+    let seen = Prior { by_strength: 0.4, ..Prior::new(0.4, 0.02) };
+    let priors = |strength: Option<Prior>| {
+        let weak = strength.map(|prior| ("torque_scale".to_owned(), prior));
+        [("damping_calf".to_owned(), seen)].into_iter().chain(weak).collect::<BTreeMap<_, _>>()
+    };
+    let known = theta.with_priors(&priors(Some(Prior::new(0.8, 0.05))), 1.0).unwrap();
+    // The search begins with the strength and what belongs to it.
+    let mut values = known.start(7);
+    assert!((values[scale] - 0.8).abs() < 1e-12 && (values[damping] - 0.32).abs() < 1e-12, "{values:?}");
+    assert!(known.prior_cost(&values).abs() < 1e-12);
+    // With motors as they should be the estimate is 0.4, and the strength is four errors away.
+    (values[scale], values[damping]) = (1.0, 0.4);
+    assert!((known.prior_cost(&values) - 16.0).abs() < 1e-9);
+    let shifted = seen.with_strength(0.8, 0.1);
+    assert!((shifted.value - 0.32).abs() < 1e-12 && (shifted.deviation - 0.02f64.hypot(0.04)).abs() < 1e-12);
+}
+
+#[test]
 fn a_prior_moves_the_start_and_charges_by_standard_errors() {
     let theta = || Theta::from_rules(&ParameterRule::fric_arm(), &groups(), &joints()).unwrap();
     let prior =

@@ -116,7 +116,7 @@ fn parameters_that_make_up_for_each_other_have_wide_intervals() {
     // Alone each would seem twice as uncertain as their mean.
     for half in &found[..2] {
         assert!(width(half) > 4.0 * width(&alone[0]), "{half:?} {:?}", alone[0]);
-        // Each may be anything from nothing to the whole, if the other makes up for it.
+        // Each may be anything from 0 to the whole sum, because the other compensates it.
         assert!(half.lower < 0.05 && half.upper > 2.0 * TRUTH[0] - 0.05, "{half:?}");
     }
     assert!(width(&found[2]) < 1.5 * width(&alone[1]), "{found:?} {alone:?}");

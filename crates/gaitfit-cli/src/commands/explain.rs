@@ -14,7 +14,7 @@ use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// The log, or the first of a folder's that can be read.
+/// The log, or the first log of a folder that can be read.
 fn first_log(path: &Path) -> Option<Trajectory> {
     let files = if path.is_dir() { csv_files(path).unwrap_or_default() } else { vec![path.to_owned()] };
     files.iter().find_map(|file| read_csv(file, &ReadOptions::default()).ok())
@@ -52,7 +52,7 @@ pub fn run(args: &Explain) -> Result<(), Failure> {
     };
     let found = found.ok_or_else(|| {
         Failure::failed(format!(
-            "{}: no log that can be explained: {}",
+            "{}: none of the logs can be explained: {}",
             args.logs.display(),
             look::lacks(&model, first_log(&args.logs).as_ref(), &args.robot)
         ))

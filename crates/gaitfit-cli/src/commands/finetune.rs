@@ -39,6 +39,6 @@ pub fn run(args: &cli::Finetune) -> Result<(), Failure> {
     interrupt::listen()?;
     let results = watched(train::LINES, |watch| gaitfit::train::train(&setup, args.run.resume, watch))?;
     train::print(&results, &args.run)?;
-    // It began with a policy that walked; after a training from nothing this is a matter of patience.
+    // `finetune` starts from a policy that walked. A new policy that does not walk yet may only need longer training.
     checked(results.unlearnt())
 }

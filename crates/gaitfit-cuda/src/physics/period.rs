@@ -156,8 +156,8 @@ impl Period {
         self.substeps
     }
 
-    /// Among the numbers that modifications remember, the place of the first that sensors read beyond a joint's velocity; those
-    /// of the other joints follow. Absent where they read velocities as they are.
+    /// Modifications remember, for each joint, how much a sensor's reading differs from the true velocity. This is the place
+    /// of the first joint's; the other joints follow. Absent if sensors read the true velocities.
     pub(crate) fn filter(&self) -> Option<usize> {
         self.filtered.then(|| self.memory.len() - self.joints)
     }

@@ -106,7 +106,7 @@ impl Packed {
     }
 }
 
-/// Errors of the inertial units of environments around `candidates` in turn, as kernels read them: a row a number.
+/// Errors of the environments' inertial units, with `candidates` in turn, as kernels read them: one row for each number.
 pub fn imu_rows(candidates: &[Candidate], environments: usize) -> Vec<f32> {
     let of = |candidate: &Candidate| Imu::numbers(candidate.sensors.imu().as_ref());
     let units: Vec<[f32; IMU_NUMBERS]> = candidates.iter().map(of).collect();

@@ -18,8 +18,8 @@ impl Environment<'_> {
         self.write_observations(&walker.observation, &self.past[0], Some((&words, blocks.len())), rows);
     }
 
-    /// Writes the critic's observations, without noise and as sensors without errors read them, but for encoder biases;
-    /// one row an environment.
+    /// Writes the critic's observations, one row an environment: without noise and without errors of sensors, except
+    /// encoder biases.
     pub fn observe_critic(&self, rows: &mut [f32]) {
         self.write_observations(&self.task.walker.critic_observation, &self.past[1], None, rows);
     }

@@ -6,8 +6,8 @@ use crate::scale::{Scales, equal, typical_step};
 use crate::sensors::{self, Estimate};
 use serde::Serialize;
 
-/// A lag below this is none of a sensor, s. Exact velocities of a trot at 50 Hz show 0.4 ms; those of simulators, whose
-/// integrators have a velocity half a step before its position and whose logs do not state the step, 1.1 ms.
+/// A lag below this does not count as a sensor's, s. Exact velocities of a trot at 50 Hz show 0.4 ms. Velocities of
+/// simulators are half a step before their positions; in logs that do not state the step they show 1.1 ms.
 const HARMLESS_S: f64 = 1.5e-3;
 /// The same as a part of the interval between samples: between coarse samples the mean of two velocities is not that of the
 /// motion. Exact velocities of fast steps at 50 Hz show 2.7 ms.
@@ -155,7 +155,7 @@ mod tests {
         let (shifted, said) = crate::Sensors::new(&[&log]).corrected(&log);
         assert!(said.len() == 1 && said[0].contains("5.00 ms"), "{said:?}");
         assert!(crate::velocity_lag(&[&shifted]).is_some_and(|lag| lag.value.abs() < 5e-4), "{said:?}");
-        // A lag beyond it stays one.
+        // A lag beyond half a step still counts.
         log.simulated_step = Some(0.001);
         assert!(finding(&log));
     }

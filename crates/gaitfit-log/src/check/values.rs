@@ -15,7 +15,7 @@ const MOMENT_S: f64 = 0.1;
 const POSITION_IMPOSSIBLE: f64 = 0.2;
 /// Measured speed may exceed the actuator's limit when the ground drives the joint; not this many times.
 const SPEED_IMPOSSIBLE: f64 = 2.0;
-/// Part of the samples of a log that ends in a fall in which the fall may drive a joint beyond what it can do.
+/// In a log that ends in a fall, the part of the samples in which the fall may drive a joint beyond its limits.
 const FALLING: f64 = 0.1;
 /// No leg joint turns two full turns, rad; in degrees it does so in any step.
 const TWO_TURNS: f64 = 12.6;
@@ -152,7 +152,7 @@ fn hits_its_stop(log: &Trajectory, joint: usize, column: &[f64], [low, high]: [f
     )
 }
 
-/// Whether a robot that falls explains the few samples of a joint that are `beyond` what it can do.
+/// Whether the robot's fall explains the few samples of a joint that are `beyond` its limits.
 fn falls(log: &Trajectory, column: &[f64], beyond: impl Fn(f64) -> bool) -> bool {
     let many = column.iter().filter(|value| beyond(**value)).count();
     log.fell && many as f64 <= FALLING * column.len() as f64

@@ -5,17 +5,17 @@ use crate::{Drive, Owner, Params, Real, Settings, Slot, State};
 
 /// A first-order low-pass filter of all joint velocities, with the time constant [`Params::velocity_lag`], advanced at every
 /// physics step by backward Euler: f' = f + h / (lag + h) · (v' − f). Slow motions are read late by the time constant, whatever
-/// the step h. It changes nothing of the motion: the PD controller is where the motors are. What it remembers is f − v, what
-/// a sensor reads beyond the true velocity, rad/s.
+/// the step h. It does not change the motion, because the PD controller has the true velocities. It remembers f − v, the
+/// sensor's reading minus the true velocity, rad/s.
 ///
-/// It must stand behind [`super::Gears`]: sensors are at the motors.
+/// It must come after [`super::Gears`], because sensors are at the motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VelocityFilter {
     /// Joints of the robot.
     pub joints: usize,
 }
 
-/// Velocity of a joint at the moment for which readings are: that of PD control, see [`Settings::lead`].
+/// Velocity of a joint at the moment of the reading, which is the moment of PD control; see [`Settings::lead`].
 #[inline(always)]
 fn velocity<T: Real>(settings: &Settings, state: &State<T>, joint: usize) -> T {
     let lead = settings.drive_lead();

@@ -72,7 +72,7 @@ impl Course {
         imu.map_or((attitude, rates), |imu| imu.base(attitude, rates))
     }
 
-    /// What the sensors of sample `sample` show of the robot, with the base where `place` and `linear` say.
+    /// The robot's state by the sensors at sample `sample`, with the base's position `place` and velocity `linear`.
     fn shown(&self, sample: usize, correction: &Correction<'_>, place: [f32; 3], linear: [f32; 3]) -> Start {
         let row = sample * self.joints()..(sample + 1) * self.joints();
         let true_angle = |(&angle, &bias): (&f32, &f64)| (f64::from(angle) - bias) as f32;
@@ -96,9 +96,9 @@ impl Course {
     }
 }
 
-/// How a job's robot is put right by what a log's sensors read.
+/// How a job's robot is corrected by the readings of a log's sensors.
 struct Correction<'a> {
-    /// Errors of its encoders, rad, and of its inertial unit: they are taken out of the readings.
+    /// Errors of its encoders, rad, and of its inertial unit; they are removed from the readings.
     bias: &'a [f64],
     imu: Option<Imu>,
     /// [`Job::feet_trust`].
@@ -133,7 +133,7 @@ impl<'a> Correction<'a> {
             if !motion.filtered_velocity.is_empty() {
                 let rows = index * course.joints()..(index + 1) * course.joints();
                 let (read, own) = (&motion.filtered_velocity[rows.clone()], &motion.joint_velocity[rows]);
-                // A filter keeps what it reads beyond the velocity, so that it reads what the log's sensors do.
+                // The filter keeps its difference from the true velocity, so that its reading is the log's.
                 for ((velocity, read), own) in state.joint_velocity.iter_mut().zip(read).zip(own) {
                     *velocity -= read - own;
                 }

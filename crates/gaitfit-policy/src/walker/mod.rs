@@ -178,8 +178,8 @@ impl Walker {
         clock(&self.interface, steps)
     }
 
-    /// What environment `index` of `motion` senses of its base and joints, with the errors of its sensors: the base by `imu`
-    /// if that has errors. Command, last action and clock of `sensed` stay as they are. The linear velocity is the base's
+    /// The readings of the sensors of environment `index` of `motion`, with their errors: base and joints; the base by `imu`
+    /// if it has errors. Command, last action and clock of `sensed` stay as they are. The linear velocity is the base's
     /// own: no sensor measures it.
     ///
     /// # Panics
@@ -192,7 +192,7 @@ impl Walker {
         }
     }
 
-    /// As [`Walker::sense`], without errors of sensors but for encoder biases: what a critic observes.
+    /// As [`Walker::sense`], without errors of sensors except encoder biases, as a critic observes them.
     ///
     /// # Panics
     /// As [`Walker::sense`].

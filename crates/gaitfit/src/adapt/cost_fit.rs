@@ -54,7 +54,7 @@ pub(super) fn fit(
     let prior = |at: usize| {
         let prior = setup.theta.prior(at)?;
         let strength = setup.theta.strength(at).and_then(|place| outcome.parameters.get(place));
-        // What legs in the air show depends on the motors' strength.
+        // Estimates from legs in the air depend on the motors' strength.
         Some(strength.map_or(*prior, |one| {
             let reach = one.identification.as_ref().map_or(0.0, |known| known.upper - known.lower);
             prior.with_strength(one.value, reach / 4.0)

@@ -1,4 +1,4 @@
-//! What is measured of joints and sensors without a simulation, legs in the air for one, as priors of a fit.
+//! Priors of a fit from estimates that need no simulation: of joints (legs in the air) and of sensors.
 
 use crate::walk::swing::{Estimate, SwingNumber};
 use gaitfit_adapt::{Entry, Prior, SavedParameter, Theta, ThetaFile};
@@ -40,7 +40,7 @@ pub fn priors(
     priors
 }
 
-/// Values of the file `known` at `path` that the entries of `theta` replace, each in a sentence.
+/// Values of the file `known` at `path` that entries of `theta` replace, one sentence each.
 pub fn replaced(known: &ThetaFile, path: &Path, theta: &Theta) -> Vec<String> {
     let sentence = |saved: &SavedParameter| {
         let patterns = compile(&saved.joints).unwrap_or_default();

@@ -17,7 +17,7 @@ pub fn findings(method: &Method, logs: &[Log]) -> Option<SwingFindings> {
     Some(SwingFindings::of_logs(method.model(), logs, &gains, &SwingSettings::default()))
 }
 
-/// The numbers of legs in the air as the fit's simulation has them, where they show something, and those of sensors.
+/// The estimates from legs in the air, if there are any, and those of sensors, converted to the fit's simulation.
 pub fn numbers_of(method: &Method, findings: &SwingFindings) -> Vec<SwingNumber> {
     let found = findings.swings.as_ref().zip(targets_step(method));
     let joints = found.map_or_else(Vec::new, |(report, step)| numbers(report, step));

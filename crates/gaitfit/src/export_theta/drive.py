@@ -16,7 +16,7 @@ import numpy as np
 
 
 def imu(theta, gravity, rates):
-    """Direction of gravity and angular velocity (rad/s) as the robot's unit reads them, of those in the base's frame:
+    """Readings of the robot's inertial unit for a direction of gravity and angular velocity (rad/s) in the base's frame:
     the unit is turned by roll and pitch in the base, and its gyro is biased. Vectors may be rows (..., 3)."""
     roll, pitch = theta["sensors"]["imu_tilt"]
     sr, cr, sp, cp = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch)

@@ -12,7 +12,7 @@ pub struct Paper {
     full: Vec<String>,
     /// Those that cells with networks need besides.
     full_networks: Vec<String>,
-    /// Those that cells with ResidAct need besides.
+    /// Further settings of cells with ResidAct.
     full_resid_act: Vec<String>,
     /// Those that cells with networks on every joint need besides.
     full_every_joint: Vec<String>,

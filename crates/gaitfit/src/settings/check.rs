@@ -55,7 +55,7 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
     } else if !free && config.policy.is_some() {
         "`policy` is for walking logs; add base = \"free\" if the robot walked"
     } else if !(free || config.network.is_empty() && config.number.iter().all(of_joints)) {
-        "[[network]] and [[number]] (but for velocity_lag) are for walking logs; add base = \"free\" if the robot walked"
+        "[[network]] and [[number]] (except velocity_lag) are for walking logs; add base = \"free\" if the robot walked"
     } else if free && config.policy.is_none() {
         "base = \"free\" needs `policy`, the file of the policy that walked"
     } else if free && !config.validate_gains.is_empty() {

@@ -10,8 +10,8 @@ const SIDES: [&str; 22] = [
     "front", "rear", "hind", "back", "middle",
 ];
 
-/// Groups of joints by their names without the leg, each with exact names; `None` if the default groups hold all of the
-/// joints.
+/// Groups of joints by their names without the leg, each with exact names; `None` if the default groups contain all of
+/// the joints.
 pub fn by_name(joints: &[String]) -> Option<Vec<(String, Vec<String>)>> {
     let defaults = AdaptConfig::default().groups;
     let patterns: Vec<_> = defaults

@@ -173,7 +173,7 @@ impl Configuration for LoopConfig {
         {
             let distributions = walking::searches_distributions(given);
             walking::trim(fitted, given);
-            // Groups of the user replace the default ones, they do not join them.
+            // The user's groups replace the default ones; they are not added to them.
             if given.contains_key("groups") {
                 fitted.remove("groups");
             }

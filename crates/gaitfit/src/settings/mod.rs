@@ -291,8 +291,8 @@ impl AdaptConfig {
         if self.sensed() { MIN_SENSED_S } else { MIN_STRETCH_S }
     }
 
-    /// Groups of `joints` as the rules take them: those of the configuration, or joints of the same name on every leg
-    /// where the configuration has the default ones and these do not hold all joints.
+    /// Groups of `joints` for the rules: those of the configuration. If these are the default ones and do not contain all
+    /// joints, the groups are joints of the same name on every leg.
     pub fn groups(&self, joints: &[String]) -> Vec<(String, Vec<String>)> {
         let default = self.groups == Self::default().groups;
         if let Some(groups) = default.then(|| groups::by_name(joints)).flatten() {

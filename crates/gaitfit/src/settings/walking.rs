@@ -35,7 +35,7 @@ fn walks(table: &DeTable<'_>) -> bool {
     }
 }
 
-/// The defaults of walking logs, settings that they leave out as of a clamped robot's.
+/// The defaults of fits of walking logs. Settings without one keep the default of a clamped robot's fit.
 pub fn walk_defaults() -> AdaptConfig {
     toml::from_str(WALK_DEFAULTS).unwrap_or_default()
 }

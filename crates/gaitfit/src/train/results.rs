@@ -45,7 +45,7 @@ pub struct Results {
 }
 
 impl Results {
-    /// That the policy does not walk, in words; absent if it does.
+    /// A sentence if the policy does not walk; absent if it does.
     pub fn unlearnt(&self) -> Option<String> {
         let doubt = self.doubts.iter().find(|doubt| doubt.kind == DoubtKind::NotLearnt)?;
         Some(format!(

@@ -108,8 +108,8 @@ pub fn causes(found: &SwingFindings) -> Vec<Cause> {
     causes
 }
 
-/// What the simulator lacks that is fitted, in a sentence; absent where it lacks nothing. `base`: the robot that θ changes, with
-/// what is known of it already.
+/// A sentence about the effects that the fitted simulator lacks; absent if it lacks none. `base`: the robot that θ changes,
+/// with its known values.
 pub fn missing(causes: &[Cause], theta: &Theta, base: &Candidate) -> Option<String> {
     let Candidate { robot, sensors, .. } = base;
     let some = |numbers: &[f64]| numbers.iter().any(|number| *number != 0.0);
@@ -313,7 +313,7 @@ mod tests {
         let text = missing(&found, &Theta::default(), &base).unwrap_or_default();
         assert!(text.contains("grows by 0.090") && text.contains("9 mm apart"), "{text}");
         assert_eq!(missing(&[], &Theta::default(), &base), None);
-        // A tilted unit is not missing from a simulator that has it tilted.
+        // A simulator whose unit is tilted does not lack the tilt.
         let standing = Standing { tilt: Some([Estimate { value: 0.03, error: 0.001 }; 2]) };
         let tilted = causes(&SwingFindings { standing, ..SwingFindings::default() });
         let theta = |kinds: &[RobotNumber]| {

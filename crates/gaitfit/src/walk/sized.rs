@@ -1,4 +1,4 @@
-//! Default search bounds of walks for a robot of another size than the Go2, for which they were chosen.
+//! Default search bounds of walks. They were chosen for a Go2; here they are scaled to robots of other sizes.
 
 use super::swing::{Estimate, SwingNumber};
 use crate::robot::joint_names;
@@ -8,9 +8,9 @@ use gaitfit_model::Model;
 
 /// Mass of the robot for which the default bounds were chosen, kg.
 const MASS_KG: f64 = 15.0;
-/// Its motors' torque, the median of its joints, N·m.
+/// Motor torque of that robot, the median of its joints, N·m.
 const TORQUE_NM: f64 = 23.7;
-/// A fit takes at most this share of the base's mass away.
+/// Max share of the base's mass that a fit removes.
 const LIGHTER: f64 = 0.5;
 /// Standard deviation of the encoders' zeros of a biped, rad.
 const ZERO_RAD: f64 = 0.01;
@@ -19,7 +19,7 @@ const BIPED: usize = 2;
 /// Upper bounds are at least this many times the model's own value.
 const OWN: f64 = 3.0;
 
-/// How large a robot is beside the Go2, in powers of two: small differences keep the default bounds.
+/// Size of a robot relative to the Go2, in powers of two, so that small differences keep the default bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Scale {
     mass: f64,
@@ -52,7 +52,7 @@ impl Scale {
     }
 }
 
-/// The power of two that is next to a ratio, between 1/64 and 64.
+/// The power of two nearest to a ratio, between 1/64 and 64.
 fn power(ratio: f64) -> f64 {
     let exponent = ratio.log2().round();
     if exponent.is_finite() { exponent.clamp(-6.0, 6.0).exp2() } else { 1.0 }
@@ -61,7 +61,8 @@ fn power(ratio: f64) -> f64 {
 /// Scales the bounds, deviations and starts that `given` leaves to the defaults to the robot of `model`. `config` has the
 /// same rules with every default filled in. Values of the robot's file (damping 3 N·m·s/rad, say) lie inside the bounds and are
 /// where the search starts.
-/// A biped with the default numbers gets a load with a place instead of a heavier base: it falls by where its load is.
+/// A biped with the default numbers gets a load with a position instead of a heavier base: the position decides whether it
+/// falls.
 pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet: usize) {
     let names = joint_names(model);
     let usual: AdaptConfig = crate::settings::walk_defaults();
@@ -117,8 +118,8 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
     }
 }
 
-/// What is assumed of a biped's encoders before its logs: zeros that are right within 0.01 rad. Which way it leans is
-/// seen, and a load and the zeros of hips, knees and ankles explain that equally well.
+/// Prior of a biped's encoders: their zeros are right within 0.01 rad. The logs show which way it leans, but a load and the
+/// zeros of hips, knees and ankles explain this equally well.
 pub fn zeros(feet: usize) -> Option<SwingNumber> {
     (feet <= BIPED).then(|| SwingNumber {
         kind: JointParameter::EncoderBias.name(),
@@ -138,7 +139,7 @@ fn covers(rule: &ParameterRule, name: &str) -> bool {
         .is_ok_and(|patterns| patterns.iter().any(|pattern| pattern.covers(name)))
 }
 
-/// What the robot's file has of a parameter that the scale concerns.
+/// The robot file's values of a parameter that the scale changes.
 fn value(model: &Model, kind: JointParameter, joint: usize) -> Option<f64> {
     let joint = &model.joints[joint];
     match kind {

@@ -99,7 +99,7 @@ fn recorded(log: &Log) -> Option<Trajectory> {
     enough.then_some(whole)
 }
 
-/// A number that logs show without a simulation, as a fit has it.
+/// An estimate from logs without a simulation, of a number that a fit can have.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SwingNumber {
     /// The name of its kind, [`JointParameter::name`] or [`RobotNumber::name`].
@@ -108,11 +108,11 @@ pub struct SwingNumber {
     pub joints: Vec<String>,
     /// Value and standard error, in the parameter's unit.
     pub estimate: Estimate,
-    /// How it changes with the motors' strength, per 1.
+    /// How the value changes with the motors' strength, per 1.
     pub by_strength: f64,
 }
 
-/// An estimate of the motors' strength with a larger error says no more than what is usual.
+/// Max error of an estimate of the motors' strength; with a larger one it adds nothing to the usual range.
 const SURE_STRENGTH: f64 = 0.1;
 
 /// The numbers of a report as a simulation with physics steps of `step` s has them: in semi-implicit steps targets act half
@@ -156,15 +156,15 @@ fn delay(report: &SwingReport, step: f64) -> Estimate {
     Estimate { value: value.max(0.0), error: error.hypot(value.min(0.0)) }
 }
 
-/// A standard error of a tilt below this is not believed, rad: on simulated robots whose unit was late and whose encoders
-/// were coarse the estimate was off by up to 0.002 rad, with standard errors of 0.0002 to 0.0007 rad.
+/// Min standard error of a tilt, rad: on simulated robots whose unit was late and whose encoders were coarse, the estimate
+/// was off by up to 0.002 rad, with standard errors of 0.0002 to 0.0007 rad.
 const MIN_TILT_ERROR: f64 = 0.003;
 
-/// The same of a lag of velocities, s: on simulated walks at 50 Hz the estimate was up to 1.8 ms too large.
+/// Min standard error of a lag of velocities, s: on simulated walks at 50 Hz the estimate was up to 1.8 ms too large.
 const MIN_LAG_ERROR: f64 = 2e-3;
 
-/// The errors of sensors that a fit can have among its parameters, as a simulation with physics steps of `step` s has them:
-/// velocities of a semi-implicit step belong to half a step before the positions.
+/// The errors of sensors that a fit can have among its parameters, converted to a simulation with physics steps of `step` s:
+/// in a semi-implicit step, velocities belong to a time half a step before the positions.
 pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumber> {
     let number = |kind: RobotNumber, estimate: &Estimate| SwingNumber {
         kind: kind.name(),
@@ -187,7 +187,8 @@ pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumb
 }
 
 /// The numbers as the table `[prior]` of a fit with physics steps of `step` s; those of sensors, which no fit has by
-/// default, as comments. Lines of what a fit does not change must be left out there.
+/// default, as comments. Leave out the lines of parameters that the fit does not
+/// change.
 pub fn prior_toml(found: &SwingFindings, report: &SwingReport, step: f64) -> String {
     let mut text = format!("[prior] # by legs in the air, for physics steps of {} ms\n", 1e3 * step);
     let mut line = |kind: JointParameter, group: &str, Estimate { value, error }: Estimate, slope: f64| {
@@ -249,8 +250,8 @@ fn matters(kind: &str) -> f64 {
     }
 }
 
-/// Each fitted value that swings say something of, beside it. `step`: physics step of the fit, s. `strength`: the fitted
-/// strength of motors and its standard error, with which swings are read.
+/// Each fitted value for which swings have an estimate, beside that estimate. `step`: physics step of the fit, s. `strength`:
+/// the fitted strength of motors and its standard error, for which the swings' estimates are computed.
 pub fn beside<'a>(
     report: &SwingReport,
     step: f64,

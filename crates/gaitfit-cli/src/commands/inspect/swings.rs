@@ -34,13 +34,13 @@ pub fn look(
     Ok(Some(SwingFindings::new(&model, &walks, &SwingSettings::default())))
 }
 
-/// Why nothing was looked at, and what to do; `log`: the first that could be read, `robot`: the file of `model`.
+/// Why no log was used, and what to do. `log`: the first that could be read; `robot`: the file of `model`.
 pub fn lacks(model: &Model, log: Option<&Trajectory>, robot: &Path) -> String {
-    let Some(log) = log else { return "no CSV log can be read; `gaitfit inspect` tells why".to_owned() };
+    let Some(log) = log else { return "no CSV log can be read; `gaitfit inspect` prints why".to_owned() };
     if model.root != Root::Floating {
         return format!(
-            "the base of {} is fixed, and only walks can be explained; of legs in the air, `gaitfit fit` names what the model \
-             lacks",
+            "the base of {} is fixed, and `gaitfit explain` needs walks; for legs in the air, `gaitfit fit` names what the \
+             model lacks",
             robot.display()
         );
     }
@@ -70,7 +70,7 @@ pub fn lacks(model: &Model, log: Option<&Trajectory>, robot: &Path) -> String {
     }
     format!(
         "the logs lack the {} of the inertial unit: record them, or join them from another recording (`gaitfit import`). \
-         `gaitfit fit` needs neither, and names what the model lacks less surely",
+         `gaitfit fit` needs neither, but is less certain what the model lacks",
         missing.join(" and the ")
     )
 }

@@ -58,7 +58,7 @@ pub(super) fn run(
                 recorder.record(sample, &beyond, |j| numbers(j).map(|number| number.tangent));
             };
             let of = |lanes: &[Lane]| Extras::of(lanes.iter().map(|lane| &lane.params));
-            // A lag of 0 changes along a direction too. Gears are others where there are none.
+            // A lag of 0 changes along a direction too. Gears need other code than no gears.
             let extras = Extras { filter: of(&lanes).filter || of(&rates).filter, ..of(&lanes) };
             if !block.run(replay, &lanes, (&packed, extras), seed, record, cancel) {
                 return;

@@ -131,7 +131,7 @@ impl<T: Lanes> Block<T> {
         }
     }
 
-    /// Runs `lanes` with their parameters and what their steps have besides; missing lanes repeat the last one. `seed` may
+    /// Runs `lanes` with their parameters and the optional parts of their steps; missing lanes repeat the last one. `seed` may
     /// change the first state, `record` is called at every sample with the state and what sensors read beyond the joints'
     /// velocities, empty if nothing. False if it gave up.
     pub fn run(

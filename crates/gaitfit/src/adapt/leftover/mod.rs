@@ -161,7 +161,7 @@ pub(super) fn leftover(
     };
     let smooth = ramped(setup, number, problem, &end)?;
     let explains = smooth.as_ref().is_some_and(|suspect| better(None, suspect.clone(), min).is_some());
-    // The step comes first: it is no property of the robot, and smooth targets are simulated in shorter steps too.
+    // The step comes first: it is no property of the robot, and smooth targets also shorten the simulation's steps.
     if (left.remembers() || explains)
         && let Some(suspect) = finer(setup, problem, &end)?
     {

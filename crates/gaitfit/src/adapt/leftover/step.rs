@@ -1,4 +1,4 @@
-//! A physics step that is too long for the robot: then a finer one explains what a fit leaves.
+//! A physics step that is too long for the robot: a shorter one then explains the errors that a fit leaves.
 
 use super::suspects::{STEPS, Suspect, TOLERANCE};
 use crate::Error;
@@ -6,11 +6,11 @@ use crate::adapt::method::Method;
 use crate::adapt::setup::Setup;
 use gaitfit_adapt::fit::{Problem, descend};
 
-/// Steps in the place of one. The error of a step is of first order in it, so a quarter remains.
+/// Number of shorter steps that replace one. The error is of first order in the step, so a quarter of it remains.
 const PARTS: usize = 4;
 
-/// What the fit would leave with shorter physics steps: its values are fitted further there, from `values` on. `None` where
-/// they cannot be simulated.
+/// The errors that the fit would leave with shorter physics steps: it is continued with these from `values`. `None` if they
+/// cannot be simulated.
 pub(super) fn finer(setup: &Setup, problem: Problem<'_>, values: &[f64]) -> Result<Option<Suspect>, Error> {
     let Method::Replay(clamped) = &setup.method else { return Ok(None) };
     let logs = &setup.fit.logs;
