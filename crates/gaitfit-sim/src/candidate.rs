@@ -77,7 +77,7 @@ pub struct Extras {
 
 impl Extras {
     /// The parts that at least one of these robots needs.
-    pub fn of<'a>(robots: impl IntoIterator<Item = &'a Params<f64>>) -> Self {
+    pub fn from_robots<'a>(robots: impl IntoIterator<Item = &'a Params<f64>>) -> Self {
         robots.into_iter().fold(Self::default(), |all, robot| Self {
             gears: all.gears || has_gears(robot),
             filter: all.filter || robot.velocity_lag != 0.0,

@@ -67,9 +67,9 @@ impl Imu {
     /// Orientation and angular velocity (rad/s, body frame) of the base of which the unit reads these: the inverse of
     /// [`Imu::attitude`] and [`Imu::rates`].
     pub fn base(&self, attitude: [f32; 4], rates: [f32; 3]) -> ([f32; 4], [f32; 3]) {
-        let own = sub(rates, self.bias);
+        let unbiased = sub(rates, self.bias);
         let [x, y, z] = self.axes;
-        let rates = std::array::from_fn(|k| x[k] * own[0] + y[k] * own[1] + z[k] * own[2]);
+        let rates = std::array::from_fn(|k| x[k] * unbiased[0] + y[k] * unbiased[1] + z[k] * unbiased[2]);
         (product(attitude, inverse(self.turn)), rates)
     }
 
@@ -84,8 +84,8 @@ impl Imu {
     pub fn numbers(imu: Option<&Self>) -> [f32; IMU_NUMBERS] {
         let mut all = [0.0; IMU_NUMBERS];
         if let Some(Self { turn, axes, bias }) = imu {
-            let own = turn.iter().chain(axes.iter().flatten()).chain(bias);
-            all.iter_mut().zip(std::iter::once(&1.0).chain(own)).for_each(|(to, &number)| *to = number);
+            let numbers = turn.iter().chain(axes.iter().flatten()).chain(bias);
+            all.iter_mut().zip(std::iter::once(&1.0).chain(numbers)).for_each(|(to, &number)| *to = number);
         }
         all
     }

@@ -108,8 +108,8 @@ impl Packed {
 
 /// Errors of the environments' inertial units, with `candidates` in turn, as kernels read them: one row for each number.
 pub fn imu_rows(candidates: &[Candidate], environments: usize) -> Vec<f32> {
-    let of = |candidate: &Candidate| Imu::numbers(candidate.sensors.imu().as_ref());
-    let units: Vec<[f32; IMU_NUMBERS]> = candidates.iter().map(of).collect();
+    let numbers = |candidate: &Candidate| Imu::numbers(candidate.sensors.imu().as_ref());
+    let units: Vec<[f32; IMU_NUMBERS]> = candidates.iter().map(numbers).collect();
     let row = |k: usize| units.iter().map(move |unit| unit[k]).cycle().take(environments);
     (0..IMU_NUMBERS).flat_map(row).collect()
 }

@@ -117,9 +117,10 @@ impl<'a> Environment<'a> {
         }
         let robots = task.robots(candidates, seed, first, count)?;
         let robot_number = |environment: u32| environment as usize % candidates.len();
-        let own = || (first..first + count as u32).map(|number| &candidates[robot_number(number)]);
-        let deviations = own().map(|candidate| candidate.torque_noise).collect();
-        let imus = own().map(|candidate| candidate.sensors.imu()).collect();
+        let tile_candidates =
+            || (first..first + count as u32).map(|number| &candidates[robot_number(number)]);
+        let deviations = tile_candidates().map(|candidate| candidate.torque_noise).collect();
+        let imus = tile_candidates().map(|candidate| candidate.sensors.imu()).collect();
         let joints = walker.joints.len();
         let mut environment = Self {
             task,

@@ -131,16 +131,14 @@ impl Setup {
         let Robot { model, policy, base, known, mut files } = Robot::read(&config, config_path, given)?;
         let joints = crate::robot::joint_names(&model);
         config.groups = config.groups(&joints).into_iter().collect();
+        let mut feet = None;
         if let Some(policy) = &policy {
             leave_held_out(&mut config, policy, &joints);
-            let feet = walking::feet(&config, policy, &model)?;
-            sized::fit_to(&mut config, stated, &model, feet);
+            let count = walking::feet(&config, policy, &model)?;
+            sized::fit_to(&mut config, stated, &model, count);
             config.simulation.timestep = walking::timestep(&config, policy)?;
+            feet = Some(count);
         }
-        let feet = match &policy {
-            Some(policy) => Some(walking::feet(&config, policy, &model)?),
-            None => None,
-        };
         let rest = match &policy {
             Some(policy) => rest_angles(policy, &model)?,
             None => vec![0.0; joints.len()],

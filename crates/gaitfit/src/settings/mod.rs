@@ -291,8 +291,8 @@ impl AdaptConfig {
         if self.sensed() { MIN_SENSED_S } else { MIN_STRETCH_S }
     }
 
-    /// Groups of `joints` for the rules: those of the configuration. If these are the default ones and do not contain all
-    /// joints, the groups are joints of the same name on every leg.
+    /// Names of the joint groups with the patterns of their joints. The configuration states them. If it leaves the default
+    /// and that does not cover all `joints`, each group holds the joints of one name on all legs.
     pub fn groups(&self, joints: &[String]) -> Vec<(String, Vec<String>)> {
         let default = self.groups == Self::default().groups;
         if let Some(groups) = default.then(|| groups::by_name(joints)).flatten() {

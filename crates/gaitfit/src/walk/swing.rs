@@ -177,12 +177,15 @@ pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumb
     let tilt = [RobotNumber::ImuRoll, RobotNumber::ImuPitch].into_iter().zip(tilt);
     let bias = [RobotNumber::GyroBiasX, RobotNumber::GyroBiasY, RobotNumber::GyroBiasZ];
     let bias = bias.into_iter().zip(found.sensors.gyro_bias.iter().flatten().copied());
-    let own = |lag: Estimate, step: f64| Estimate {
+    let sensor_lag = |lag: Estimate, step: f64| Estimate {
         value: (lag.value - step / 2.0).max(0.0),
         error: lag.error.max(MIN_LAG_ERROR),
     };
-    let lag =
-        found.sensors.velocity_lag.zip(step).map(|(lag, step)| (RobotNumber::VelocityLag, own(lag, step)));
+    let lag = found
+        .sensors
+        .velocity_lag
+        .zip(step)
+        .map(|(lag, step)| (RobotNumber::VelocityLag, sensor_lag(lag, step)));
     tilt.chain(bias).chain(lag).map(|(kind, estimate)| number(kind, &estimate)).collect()
 }
 

@@ -57,9 +57,10 @@ pub(super) fn run(
                 let numbers = |j: usize| [state.qpos[j], state.qvel[j], state.qacc[j]];
                 recorder.record(sample, &beyond, |j| numbers(j).map(|number| number.tangent));
             };
-            let of = |lanes: &[Lane]| Extras::of(lanes.iter().map(|lane| &lane.params));
-            // A lag of 0 changes along a direction too. Gears need other code than no gears.
-            let extras = Extras { filter: of(&lanes).filter || of(&rates).filter, ..of(&lanes) };
+            let extras_in = |lanes: &[Lane]| Extras::from_robots(lanes.iter().map(|lane| &lane.params));
+            // A direction may change a lag of 0, so the filter is there too. Gears are there only if the robot has them.
+            let extras =
+                Extras { filter: extras_in(&lanes).filter || extras_in(&rates).filter, ..extras_in(&lanes) };
             if !block.run(replay, &lanes, (&packed, extras), seed, record, cancel) {
                 return;
             }

@@ -65,7 +65,7 @@ impl Engine for Cpu {
             let must = "at most the batch's max_delay";
             return Err(SimError::Option { option: "a robot's delay", value: delay.to_string(), must });
         }
-        let modifications = modifications::<f32>(batch.model(), networks, Extras::of(robots))?;
+        let modifications = modifications::<f32>(batch.model(), networks, Extras::from_robots(robots))?;
         let parts = Parts {
             tree: &batch.tree,
             taps: batch.taps,

@@ -33,7 +33,7 @@ pub(super) fn run<T: Lanes>(
             let record = |sample: usize, state: &State<T>, beyond: &[T]| {
                 recorder.record(sample, beyond, |j| [state.qpos[j], state.qvel[j], state.qacc[j]]);
             };
-            let extras = Extras::of(lanes.iter().map(|lane| &lane.params));
+            let extras = Extras::from_robots(lanes.iter().map(|lane| &lane.params));
             if !block.run(replay, &lanes, (&packed, extras), |_| {}, record, cancel) {
                 return;
             }
