@@ -5,8 +5,8 @@
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::{Cost, MatchO, Recorded, Reference, Wass, Weights};
 use gaitfit_adapt::fit::{
-    Checkpoint, FallPenalty, Fit, FitError, FitOptions, Job, Method, RandomNumbers, Stop, compare, evaluate,
-    simulate_one,
+    Checkpoint, CostOutcome, FallPenalty, Final, Fit, FitError, FitOptions, Job, Method, RandomNumbers,
+    RunOutcome, Stop, compare, evaluate, simulate_one,
 };
 use gaitfit_adapt::{
     Cancel, Consume, JointParameter, ParameterRule, Resets, Rollout, Sharing, Signals, Simulator,
@@ -302,4 +302,44 @@ fn diverged_candidates_are_counted_and_ranked_last() {
     let mut fit = Fit::new(&hopeless, &theta, &costs[..1], options(5)).unwrap();
     let error = fit.step(&never).unwrap_err();
     assert!(matches!(error, FitError::AllDiverged { generation: 1, .. }), "{error}");
+}
+
+#[test]
+fn the_last_candidates_are_compared_again_and_a_lucky_one_does_not_win() {
+    let simulator = sines(1.5);
+    let theta = theta();
+    let costs = costs(&simulator);
+    let [lucky, diverging, near] =
+        [[0.7, 0.02, -0.03], [1.9, 0.02, -0.03], [0.81, 0.02, -0.03]].map(Vec::from);
+    let outcome = |mean: &[f64]| {
+        let run = RunOutcome {
+            seed: 1,
+            best_cost: 1e-9,
+            values: lucky.clone(),
+            generations: 10,
+            stop: Some(Stop::Patience),
+            diverged: 0,
+            falls: 0,
+            deviations: Vec::new(),
+            mean: mean.to_vec(),
+        };
+        CostOutcome::new(costs[0].name().to_owned(), &theta, vec![run]).unwrap()
+    };
+    let falls = FallPenalty::default();
+    let contest =
+        Final { simulator: &simulator, theta: &theta, costs: &costs, cost: 0, falls: &falls, cancel: &never };
+    let course = [near.clone(), diverging.clone(), lucky.clone()];
+    let chosen = |mean: &[f64], course: &[Vec<f64>]| {
+        let mut outcome = outcome(mean);
+        outcome.choose(&contest, course.iter().map(Vec::as_slice)).unwrap();
+        (outcome.values(), outcome.best_cost)
+    };
+    let job = Job { cost: 0, values: near.clone(), draw: 0 };
+    let cost = evaluate(&simulator, &theta, &costs, &falls, &[job], &never).unwrap()[0].cost.unwrap();
+    let (values, mean_cost) = chosen(&lucky, &course);
+    assert!(values == near && (mean_cost - cost).abs() < 1e-12, "{values:?} {mean_cost} {cost}");
+    // The mean of the distribution takes part, within the bounds.
+    assert_eq!(chosen(&TRUTH, &course).0, TRUTH);
+    let (only, kept) = chosen(&[1.9, 0.02, -0.03], &[diverging]);
+    assert_eq!((only, kept), (lucky, 1e-9), "no finalist can be simulated");
 }

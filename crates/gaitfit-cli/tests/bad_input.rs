@@ -48,7 +48,7 @@ fn settings() {
         ("costs=[\"matchr1\"]", &["if the robot walked, add base = \"free\" and `policy`"]),
         ("costs=[\"matchs20\"]", &["if the robot walked add base = \"free\" and `policy`"]),
         ("logs=[]", &["`logs` names no log"]),
-        ("optimizer.seeds=0", &["`optimizer.seeds`"]),
+        ("optimizer.seeds=1001", &["`optimizer.seeds`"]),
         ("name=../up", &["cannot name a run folder"]),
         ("runs=\"\"", &["`runs` names no folder"]),
         ("check.rmse_rad=nan", &["`check.rmse_rad`"]),

@@ -127,6 +127,7 @@ mod tests {
             diverged: 0,
             falls: 0,
             deviations: Vec::new(),
+            mean: Vec::new(),
         };
         let parameter = ParameterOutcome {
             name: "p".into(),

@@ -10,6 +10,7 @@ mod driver;
 mod error;
 mod evaluate;
 mod falls;
+mod finalists;
 mod identification;
 mod identify;
 mod joint;
@@ -29,6 +30,7 @@ pub use driver::{Fit, FitOptions, Generation, Method, RandomNumbers, RunGenerati
 pub use error::FitError;
 pub use evaluate::{Evaluation, Job, accumulate, evaluate, simulate_one};
 pub use falls::FallPenalty;
+pub use finalists::Final;
 pub use identification::{Identification, NoiseSource};
 pub use identify::{MAX_SCANNED, cost_error, identify};
 pub use least_squares::{

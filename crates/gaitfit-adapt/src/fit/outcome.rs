@@ -91,6 +91,9 @@ pub struct RunOutcome {
     /// chosen. Empty of a search that came to its end, and of least squares.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub deviations: Vec<f64>,
+    /// Mean of the search's distribution where it ended. Empty of least squares.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub mean: Vec<f64>,
 }
 
 impl CostOutcome {
@@ -295,6 +298,7 @@ mod tests {
             diverged: 0,
             falls: 0,
             deviations: Vec::new(),
+            mean: Vec::new(),
         };
         let mut outcome = CostOutcome::new("wass".into(), &theta, vec![run]).unwrap();
         for (parameter, entry) in outcome.parameters.iter_mut().zip(theta.entries()) {
@@ -333,6 +337,7 @@ mod tests {
             diverged: 0,
             falls: 0,
             deviations: Vec::new(),
+            mean: Vec::new(),
         };
         let runs = vec![run(1, 0.5, 0.1), run(2, 0.2, 0.2), run(3, 0.4, 0.3)];
         let outcome = CostOutcome::new("matcho".into(), &theta, runs).unwrap();

@@ -184,6 +184,10 @@ impl Run {
             diverged: self.diverged,
             falls: self.falls,
             deviations: self.deviations(),
+            mean: match &self.by {
+                By::CmaEs { search, .. } => search.current().mean(),
+                By::LeastSquares(_) => Vec::new(),
+            },
         })
     }
 

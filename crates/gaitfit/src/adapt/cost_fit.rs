@@ -9,11 +9,11 @@ use super::score::{Robot, mean, validation};
 use super::setup::Setup;
 use super::standing::widening;
 use crate::Error;
-use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
     Agreement, CostOutcome, Evaluation, FallPenalty, FitError, Job, RunGeneration, compare, evaluate,
 };
 use gaitfit_adapt::never;
+use gaitfit_adapt::{Prior, Theta};
 use gaitfit_view::DoubtKind;
 
 /// One evaluation of a robot by cost number `cost`, without a charge for falls.
@@ -51,36 +51,34 @@ pub(super) fn fit(
     doubts.extend(left.as_ref().and_then(Leftover::doubt));
     let has = |kind| doubts.iter().any(|doubt| doubt.kind == kind);
     let wider = audit.as_ref().map_or(1.0, widening);
+    let parameter = |at: usize, prior: Option<Prior>| {
+        let found = &outcome.parameters[at];
+        let mut parameter = Parameter {
+            truth: config.truth.get(&found.name).copied(),
+            published: config.published.get(&found.name).copied(),
+            prior,
+            interval: found.identification.as_ref().map(|one| [one.lower, one.upper]),
+            identified: found.identification.as_ref().map(|one| one.identified),
+            found: found.clone(),
+        };
+        parameter.widen(wider);
+        if let Some(left) = &left {
+            left.widen(at, &mut parameter);
+        }
+        parameter.combine();
+        parameter
+    };
     let prior = |at: usize| {
-        let prior = setup.theta.prior(at)?;
-        let strength = setup.theta.strength(at).and_then(|place| outcome.parameters.get(place));
-        // Estimates from legs in the air depend on the motors' strength.
-        Some(strength.map_or(*prior, |one| {
-            let reach = one.identification.as_ref().map_or(0.0, |known| known.upper - known.lower);
-            prior.with_strength(one.value, reach / 4.0)
+        let prior = *setup.theta.prior(at)?;
+        let strength = setup.theta.strength(at).filter(|place| *place < outcome.parameters.len());
+        // Estimates from legs in the air depend on the motors' strength, and are as unsure as it is.
+        Some(strength.filter(|_| prior.by_strength != 0.0).map_or(prior, |place| {
+            let strength = parameter(place, setup.theta.prior(place).copied());
+            prior.with_strength(strength.found.value, strength.error())
         }))
     };
-    let parameters: Vec<Parameter> = outcome
-        .parameters
-        .iter()
-        .enumerate()
-        .map(|(at, found)| {
-            let mut parameter = Parameter {
-                truth: config.truth.get(&found.name).copied(),
-                published: config.published.get(&found.name).copied(),
-                prior: prior(at),
-                interval: found.identification.as_ref().map(|one| [one.lower, one.upper]),
-                identified: found.identification.as_ref().map(|one| one.identified),
-                found: found.clone(),
-            };
-            parameter.widen(wider);
-            if let Some(left) = &left {
-                left.widen(at, &mut parameter);
-            }
-            parameter.combine();
-            parameter
-        })
-        .collect();
+    let parameters: Vec<Parameter> =
+        (0..outcome.parameters.len()).map(|at| parameter(at, prior(at))).collect();
     let error = |parameter: &Parameter| {
         let truth = parameter.truth.filter(|truth| *truth != 0.0)?;
         Some(100.0 * (parameter.found.value / truth - 1.0).abs())

@@ -14,13 +14,14 @@ use crate::log::{self, Log};
 use crate::robot::Hold;
 use crate::settings::{AdaptConfig, Base, check};
 use crate::walk::logs::{self as walk_logs, LogNotes, Purpose};
+use crate::walk::remedy::Remedies;
 use crate::walk::sized;
 use crate::walk::swing::SwingFindings;
 use crate::walk::walking::{self, Walking, rest_angles};
 use crate::{Error, machine, paths, policy_file, robot, theta};
 use gaitfit_adapt::cost::Cost;
 use gaitfit_adapt::fit::{FitOptions, Method as Search};
-use gaitfit_adapt::{JointParameter, ParameterRule, RobotRule, Sharing, Theta, ThetaFile};
+use gaitfit_adapt::{JointParameter, ParameterRule, RobotRule, Sharing, Theta, ThetaError, ThetaFile};
 use gaitfit_model::Model;
 use gaitfit_policy::{self as policy, Policy};
 use gaitfit_sim::Candidate;
@@ -125,6 +126,7 @@ impl Setup {
         let stated = config;
         let mut config = config.clone();
         // The folder keeps every default, these too.
+        config.optimizer.seeds = config.optimizer.searches(devices.are_gpus());
         config.parameter.iter_mut().for_each(ParameterRule::resolve);
         config.number.iter_mut().for_each(RobotRule::resolve);
         check::check(&config, config_path)?;
@@ -143,10 +145,8 @@ impl Setup {
             Some(policy) => rest_angles(policy, &model)?,
             None => vec![0.0; joints.len()],
         };
-        let theta = config
-            .rules()
-            .theta(&config.groups(&joints), &joints, &rest)
-            .map_err(|error| Error::settings(format!("{}: {error}", config_path.display())))?;
+        let in_file = |error: ThetaError| Error::settings(format!("{}: {error}", config_path.display()));
+        let theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
         let (walker, robot) = (policy.clone(), model.clone());
         let gpus = devices.open()?;
         let method = self::method(&config, policy, model, &theta, &base, threads)?.on(gpus.clone());
@@ -164,12 +164,18 @@ impl Setup {
         warnings.extend(logs.warnings.iter().cloned());
         let swings = if config.swings { swing::findings(&method, &logs.fit) } else { None };
         let mut numbers = swings.as_ref().map_or_else(Vec::new, |found| swing::numbers_of(&method, found));
+        let mut theta = theta;
+        if let Some(found) = swings.as_ref().filter(|_| config.effects) {
+            let remedies = Remedies::new(found, &theta, &base);
+            remedies.extend(&mut config, &joints);
+            remedies.loosen(&mut numbers);
+            warnings.extend(remedies.note());
+            theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
+        }
         numbers.extend(feet.filter(|_| config.swings).and_then(sized::zeros));
         // The folder keeps them, as it keeps the defaults.
         config.prior = known::priors(&theta, &numbers, &config.prior);
-        let theta = theta
-            .with_priors(&config.prior, config.optimizer.prior_weight)
-            .map_err(|error| Error::settings(format!("{}: {error}", config_path.display())))?;
+        let theta = theta.with_priors(&config.prior, config.optimizer.prior_weight).map_err(in_file)?;
         let named =
             if config.odd_joints { sprung(&config, &method, &method.joints())? } else { theta.clone() };
         warnings.extend(unused(&config, &named, &logs.validate)?);

@@ -7,8 +7,8 @@ use super::setup::Setup;
 use crate::Error;
 use crate::run::RunFolder;
 use crate::watch::Watch;
-use gaitfit_adapt::Resets;
-use gaitfit_adapt::fit::{Alternative, CostOutcome, FitError, Problem, RunGeneration, cost_error};
+use gaitfit_adapt::fit::{Alternative, CostOutcome, Final, FitError, Problem, RunGeneration, cost_error};
+use gaitfit_adapt::{Resets, RobotNumber};
 
 /// The outcome of cost number `cost`, corrected where that can be, with the interval of each parameter, where there are not
 /// too many; and why it is not corrected where it should be. `course`: the generations of its runs.
@@ -28,12 +28,39 @@ pub(super) fn identified(
         let problem = Problem { simulator: &scan, theta, cost, draw, cancel: &stop };
         trusted(setup, number, &mut outcome, problem, watch)
     } else {
-        measured(setup, number, &mut outcome, course, &scan, watch)
+        chosen(setup, number, &mut outcome, course, watch)
+            .and_then(|()| measured(setup, number, &mut outcome, course, &scan, watch))
     };
     match measured {
         Ok(refused) => Ok((outcome, refused)),
         Err(error) => Err(stopped(error, folder)),
     }
+}
+
+/// Takes the best of the last candidates over fresh draws, where simulations of θ have draws.
+fn chosen(
+    setup: &Setup,
+    cost: usize,
+    outcome: &mut CostOutcome,
+    course: &[RunGeneration],
+    watch: &Watch<'_>,
+) -> Result<(), FitError> {
+    let noise = RobotNumber::TorqueNoise.name();
+    let fitted = setup.theta.entries().iter().any(|entry| entry.kind == noise);
+    if !fitted && setup.base.torque_noise == 0.0 {
+        return Ok(());
+    }
+    let contest = Final {
+        simulator: setup.searched().simulator.as_ref(),
+        theta: &setup.theta,
+        costs: &setup.costs,
+        cost,
+        falls: &setup.options.falls,
+        cancel: &|| watch.stop(),
+    };
+    let name = outcome.cost.clone();
+    let best = course.iter().filter(|one| one.cost == name).map(|one| one.best_values.as_slice());
+    outcome.choose(&contest, best)
 }
 
 /// What ended the work after a search, whose values `folder` has.

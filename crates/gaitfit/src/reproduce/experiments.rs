@@ -137,7 +137,8 @@ impl Experiment {
             target.seed = target.seed.saturating_add(offset);
         }
         let optimizer = &mut config.adapt.optimizer;
-        optimizer.seed = optimizer.seed.saturating_add(offset.saturating_mul(optimizer.seeds as u64));
+        optimizer.seed =
+            optimizer.seed.saturating_add(offset.saturating_mul(optimizer.searches(true) as u64));
         for training in &mut config.finetune.seeds {
             *training = training.saturating_add(offset);
         }

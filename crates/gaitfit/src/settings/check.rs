@@ -66,8 +66,8 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "`falls.margin_seconds` and `falls.penalty` must be at least 0"
     } else if optimizer.generations == 0 {
         "`optimizer.generations` must be at least 1"
-    } else if optimizer.seeds == 0 || optimizer.seeds > 1000 {
-        "`optimizer.seeds` must be 1 to 1000"
+    } else if optimizer.seeds > 1000 {
+        "`optimizer.seeds` must be 1 to 1000, or 0: three on a GPU, one on the CPU"
     } else if optimizer.seed.checked_add(optimizer.seeds as u64).is_none_or(|last| last > MAX_SEED) {
         "`optimizer.seed`, and with it the last of `optimizer.seeds` seeds, must be below 2^63"
     } else if optimizer.population == 1 || optimizer.population > 10_000 {
@@ -154,7 +154,7 @@ pub fn options(config: &AdaptConfig, falls: usize) -> FitOptions {
         population: optimizer.population,
         generations: optimizer.generations,
         restarts: optimizer.restarts,
-        seeds: (0..optimizer.seeds as u64).map(|offset| optimizer.seed + offset).collect(),
+        seeds: (0..optimizer.seeds.max(1) as u64).map(|offset| optimizer.seed + offset).collect(),
         covariance: optimizer.covariance,
         bounds: optimizer.bounds,
         patience: optimizer.patience,

@@ -168,10 +168,15 @@ impl Configuration for LoopConfig {
             }
         }
         let mut defaults = DeTable::parse(LOOP_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
+        let logs = given.get("logs").map(Spanned::get_ref);
+        let is_of_logs = matches!(logs, Some(DeValue::Array(logs)) if !logs.is_empty());
         if let (Some(DeValue::Table(fitted)), Some(DeValue::Table(given))) =
             (defaults.get_mut("adapt").map(Spanned::get_mut), given.get("adapt").map(Spanned::get_ref))
         {
             let distributions = walking::searches_distributions(given);
+            if is_of_logs {
+                walking::with_motor_boards(fitted);
+            }
             walking::trim(fitted, given);
             // The user's groups replace the default ones; they are not added to them.
             if given.contains_key("groups") {
@@ -322,6 +327,21 @@ mod tests {
 
     const TARGET: &str =
         "[target]\nkind = \"simulated\"\n[[target.parameter]]\nkind = \"armature\"\nvalue = 0.1\n";
+
+    #[test]
+    fn a_loop_of_logs_has_the_settings_of_a_fit_of_them() {
+        let step = |text: &str| read(text).unwrap().adapt.simulation.robot_timestep;
+        let fit = crate::settings::walk_defaults().simulation.robot_timestep;
+        assert!(fit.is_some());
+        assert_eq!(step("policy = \"p\"\nlogs = [\"l\"]\n"), fit);
+        assert_eq!(
+            step("policy = \"p\"\nlogs = [\"l\"]\n[adapt.simulation]\nrobot_timestep = 0.002\n"),
+            Some(0.002)
+        );
+        assert_eq!(step("policy = \"p\"\nlogs = []\n"), None, "its target is a simulated robot");
+        let chosen = "policy = \"p\"\nlogs = [\"l\"]\n[[adapt.parameter]]\nkind = \"armature\"\n";
+        assert_eq!(step(chosen), None, "who chooses the parameters chooses the step too");
+    }
 
     #[test]
     fn the_printed_settings_are_the_defaults_and_complete() {

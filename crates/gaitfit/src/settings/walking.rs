@@ -21,8 +21,11 @@ const NOISE: &str = "torque_noise";
 const SEARCH: [&str; 2] = ["optimizer", "simulation"];
 /// Settings of the simulation that go with the default parameters alone. Whoever chooses the parameters chooses these too.
 const OF_DEFAULTS: [&str; 2] = ["starts", "robot_timestep"];
-/// Whether legs in the air give priors: with the default parameters and cost alone.
-const SWINGS: &str = "swings";
+/// Whether legs in the air give priors, and whether effects that the logs show are fitted too: with the default parameters
+/// and cost alone.
+const WITHOUT_SIMULATION: [&str; 2] = ["swings", "effects"];
+/// The period of motor boards in the defaults.
+const MOTOR_BOARDS: &str = "simulation.robot_timestep = 0.001";
 /// The cost of the defaults.
 const COST: &str = "wass";
 
@@ -57,19 +60,25 @@ pub(super) fn complete(table: &mut DeTable<'_>) {
 pub(super) fn trim(defaults: &mut DeTable<'_>, own: &DeTable<'_>) {
     if FITTED.iter().any(|list| own.contains_key(*list)) {
         FITTED.iter().for_each(|list| drop(defaults.remove(*list)));
-        defaults.remove(SWINGS);
+        WITHOUT_SIMULATION.iter().for_each(|key| drop(defaults.remove(*key)));
         if let Some(DeValue::Table(simulation)) = defaults.get_mut(SEARCH[1]).map(Spanned::get_mut) {
             OF_DEFAULTS.iter().for_each(|key| drop(simulation.remove(*key)));
         }
     }
     if !searches_distributions(own) {
         SEARCH.iter().for_each(|name| drop(defaults.remove(*name)));
-        defaults.remove(SWINGS);
+        WITHOUT_SIMULATION.iter().for_each(|key| drop(defaults.remove(*key)));
         if let Some(DeValue::Array(numbers)) = defaults.get_mut(NUMBERS).map(Spanned::get_mut) {
             let kept = numbers.iter().filter(|one| !of_distributions(one.get_ref())).cloned();
             *numbers = kept.collect();
         }
     }
+}
+
+/// Gives the settings of a loop's fits the period of motor boards that fits of walks assume. A loop whose target is a
+/// simulated robot knows better; one that begins with logs does not.
+pub(super) fn with_motor_boards(fitted: &mut DeTable<'_>) {
+    merge(fitted, DeTable::parse(MOTOR_BOARDS).map(Spanned::into_inner).unwrap_or_default());
 }
 
 /// Whether only distributions show a number of the robot: torque noise makes predictions worse, whatever it is.

@@ -111,30 +111,43 @@ pub fn causes(found: &SwingFindings) -> Vec<Cause> {
 /// A sentence about the effects that the fitted simulator lacks; absent if it lacks none. `base`: the robot that θ changes,
 /// with its known values.
 pub fn missing(causes: &[Cause], theta: &Theta, base: &Candidate) -> Option<String> {
-    let Candidate { robot, sensors, .. } = base;
-    let some = |numbers: &[f64]| numbers.iter().any(|number| *number != 0.0);
-    let has = |kind: &str, alone: bool| {
-        theta.entries().iter().any(|entry| entry.kind == kind && (!alone || entry.joints.len() == 1))
-    };
-    let lacks = |cause: &&Cause| match cause.kind {
-        // These do not change joints.
-        CauseKind::GyroBias | CauseKind::EncoderStep => false,
-        CauseKind::VelocityLag => !(has("velocity_lag", false) || robot.velocity_lag != 0.0),
-        CauseKind::Tilt => !(has("imu_roll", false) && has("imu_pitch", false) || some(&sensors.imu_tilt)),
-        CauseKind::LoadFriction => !(has("load_friction", false) || some(&robot.load_friction)),
-        CauseKind::OddFriction => !has("frictionloss", true),
-        CauseKind::Backlash => !(has("play", false) || some(&robot.play)),
-        CauseKind::Elasticity => !(has("compliance", false) || some(&robot.compliance)),
-        CauseKind::Ground => !(has("ground_softness", false) || robot.ground_softness != 0.0),
-    };
-    let listed: Vec<&str> =
-        causes.iter().filter(lacks).take(NAMED).map(|cause| cause.text.as_str()).collect();
+    // These do not change joints.
+    let harmless = [CauseKind::GyroBias, CauseKind::EncoderStep];
+    let listed: Vec<&str> = causes
+        .iter()
+        .filter(|cause| !harmless.contains(&cause.kind) && !covered(cause.kind, theta, base))
+        .take(NAMED)
+        .map(|cause| cause.text.as_str())
+        .collect();
     (!listed.is_empty()).then(|| {
         format!(
             "The logs show effects that the fitted simulator lacks: {}. Its values compensate for them.",
             listed.join("; ")
         )
     })
+}
+
+/// Whether a simulator has an effect: θ searches its parameters, or `base` has them.
+pub fn covered(kind: CauseKind, theta: &Theta, base: &Candidate) -> bool {
+    let Candidate { robot, sensors, .. } = base;
+    let some = |numbers: &[f64]| numbers.iter().any(|number| *number != 0.0);
+    let has = |kind: &str, alone: bool| {
+        theta.entries().iter().any(|entry| entry.kind == kind && (!alone || entry.joints.len() == 1))
+    };
+    match kind {
+        CauseKind::GyroBias => {
+            ["gyro_bias_x", "gyro_bias_y", "gyro_bias_z"].iter().all(|kind| has(kind, false))
+                || some(&sensors.gyro_bias)
+        }
+        CauseKind::EncoderStep => false,
+        CauseKind::VelocityLag => has("velocity_lag", false) || robot.velocity_lag != 0.0,
+        CauseKind::Tilt => (has("imu_roll", false) && has("imu_pitch", false)) || some(&sensors.imu_tilt),
+        CauseKind::LoadFriction => has("load_friction", false) || some(&robot.load_friction),
+        CauseKind::OddFriction => has("frictionloss", true),
+        CauseKind::Backlash => has("play", false) || some(&robot.play),
+        CauseKind::Elasticity => has("compliance", false) || some(&robot.compliance),
+        CauseKind::Ground => has("ground_softness", false) || robot.ground_softness != 0.0,
+    }
 }
 
 /// Causes that a doubt names.

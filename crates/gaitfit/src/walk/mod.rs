@@ -12,6 +12,7 @@ pub mod observation;
 pub mod policy_check;
 pub mod rate;
 pub mod recorder;
+pub mod remedy;
 pub mod simulator;
 pub mod sized;
 pub mod swing;

@@ -1,0 +1,279 @@
+//! Parameters for effects that logs show without a simulation and that the default parameters of a fit lack.
+//!
+//! A fit with the parameters of an effect that the robot does not have keeps its other values and puts these near 0 (docs,
+//! "Effects that the model lacks"), so they are added before the search and not after a first fit.
+
+use super::explain::{CauseKind, causes, covered};
+use super::swing::{SwingFindings, SwingNumber};
+use crate::settings::AdaptConfig;
+use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Sharing, Theta};
+use gaitfit_model::patterns::compile;
+use gaitfit_sim::Candidate;
+use gaitfit_swing::{Effect, EffectKind, GroupEstimate};
+
+/// What is fitted besides the default parameters, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Remedies {
+    /// Rules to add, for one value a joint group.
+    parameter: Vec<ParameterRule>,
+    /// Numbers of the whole robot to add.
+    number: Vec<RobotRule>,
+    /// Groups of joints whose dry friction is fitted joint by joint, and how much a joint of each differs, N·m.
+    apart: Vec<(Vec<String>, f64)>,
+    /// The effects, each in a sentence.
+    effects: Vec<String>,
+}
+
+impl Remedies {
+    /// The remedies for those effects in `found` that neither `theta` nor `base` covers.
+    pub fn new(found: &SwingFindings, theta: &Theta, base: &Candidate) -> Self {
+        let mut remedies =
+            Self { parameter: Vec::new(), number: Vec::new(), apart: Vec::new(), effects: Vec::new() };
+        for cause in causes(found).iter().filter(|cause| !covered(cause.kind, theta, base)) {
+            if remedies.add(cause.kind, found) {
+                let text = cause.text.split(" (fit it").next().unwrap_or_default();
+                remedies.effects.push(text.to_owned());
+            }
+        }
+        remedies
+    }
+
+    /// Adds the remedy of a cause; returns whether it has one.
+    fn add(&mut self, cause: CauseKind, found: &SwingFindings) -> bool {
+        use RobotNumber::{GroundSoftness, GyroBiasX, GyroBiasY, GyroBiasZ, ImuPitch, ImuRoll, VelocityLag};
+        match cause {
+            CauseKind::Backlash => self.joints(JointParameter::Play),
+            CauseKind::Elasticity => self.joints(JointParameter::Compliance),
+            CauseKind::LoadFriction => self.joints(JointParameter::LoadFriction),
+            CauseKind::Tilt => self.numbers(&[ImuRoll, ImuPitch]),
+            CauseKind::GyroBias => self.numbers(&[GyroBiasX, GyroBiasY, GyroBiasZ]),
+            CauseKind::VelocityLag => self.numbers(&[VelocityLag]),
+            CauseKind::Ground => self.numbers(&[GroundSoftness]),
+            // A leg that differs in one joint may differ in the others, where the logs show it less.
+            CauseKind::OddFriction => {
+                let groups = found.swings.as_ref().map_or(&[][..], |report| report.groups.as_slice());
+                let largest = |group: &GroupEstimate| {
+                    let odd = |effect: &&Effect| {
+                        effect.kind == EffectKind::OddFriction && group.joints.contains(&effect.of)
+                    };
+                    let sizes = found.effects.iter().filter(odd).map(|effect| effect.size.value.abs());
+                    sizes.fold(0.0, f64::max)
+                };
+                self.apart = groups.iter().map(|group| (group.joints.clone(), largest(group))).collect();
+            }
+            CauseKind::EncoderStep => return false,
+        }
+        true
+    }
+
+    fn joints(&mut self, kind: JointParameter) {
+        if self.parameter.iter().all(|rule| rule.kind != kind) {
+            self.parameter.push(ParameterRule::new(kind));
+        }
+    }
+
+    fn numbers(&mut self, kinds: &[RobotNumber]) {
+        self.number.extend(kinds.iter().map(|kind| RobotRule::new(*kind)));
+    }
+
+    /// Adds the rules to those of `config`, with every default filled in. `joints`: the robot's.
+    pub fn extend(&self, config: &mut AdaptConfig, joints: &[String]) {
+        // The added parameters cover the joints that the other ones do.
+        let usual = config.parameter.iter().find(|rule| rule.per == Sharing::Group);
+        let covered = usual.map(|rule| rule.joints.clone());
+        for rule in &self.parameter {
+            let mut rule = rule.clone();
+            rule.joints = covered.clone().unwrap_or(rule.joints);
+            rule.resolve();
+            config.parameter.push(rule);
+        }
+        for rule in &self.number {
+            let mut rule = rule.clone();
+            rule.resolve();
+            config.number.push(rule);
+        }
+        for (group, _) in &self.apart {
+            split(config, group, joints);
+        }
+    }
+
+    /// Estimates of a whole group hold for its single joints only within the difference that the logs show.
+    pub fn loosen(&self, numbers: &mut [SwingNumber]) {
+        for (group, size) in &self.apart {
+            let friction = |number: &&mut SwingNumber| {
+                number.kind == JointParameter::FrictionLoss.name() && number.joints == *group
+            };
+            for number in numbers.iter_mut().filter(friction) {
+                number.estimate.error = number.estimate.error.hypot(*size);
+            }
+        }
+    }
+
+    /// What was added and why, in a sentence; absent without remedies.
+    pub fn note(&self) -> Option<String> {
+        let mut kinds: Vec<&str> = self.parameter.iter().map(|rule| rule.kind.name()).collect();
+        kinds.extend(self.number.iter().map(|rule| rule.kind.name()));
+        if !self.apart.is_empty() {
+            kinds.push("frictionloss joint by joint");
+        }
+        (!kinds.is_empty()).then(|| {
+            format!(
+                "the logs show effects beyond the default parameters: {}. So the fit also has {}; `effects = false` leaves \
+                 them out",
+                self.effects.join("; "),
+                kinds.join(", ")
+            )
+        })
+    }
+}
+
+/// Gives each joint of `group` a dry friction of its own, in place of the group's.
+fn split(config: &mut AdaptConfig, group: &[String], joints: &[String]) {
+    let friction =
+        |rule: &&mut ParameterRule| rule.kind == JointParameter::FrictionLoss && rule.per == Sharing::Group;
+    let Some(rule) = config.parameter.iter_mut().find(friction) else { return };
+    let patterns = compile(&rule.joints).unwrap_or_default();
+    let covers = |joint: &&String| patterns.iter().any(|pattern| pattern.covers(joint));
+    let (single, rest): (Vec<&String>, Vec<&String>) =
+        joints.iter().filter(covers).partition(|joint| group.contains(joint));
+    let mut each = rule.clone();
+    each.per = Sharing::Joint;
+    each.joints = single.into_iter().cloned().collect();
+    rule.joints = rest.into_iter().cloned().collect();
+    let place = config.parameter.iter().position(|rule| rule.kind == JointParameter::FrictionLoss);
+    let place = place.map_or(0, |place| place + 1);
+    config.parameter.insert(place, each);
+    config.parameter.retain(|rule| !rule.joints.is_empty());
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::robot::joint_names;
+    use crate::settings::walk_defaults;
+    use crate::walk::swing::{Estimate, Standing};
+    use gaitfit_swing::{FrictionLaw, SwingReport};
+
+    fn estimate(value: f64, error: f64) -> Estimate {
+        Estimate { value, error }
+    }
+
+    fn calves() -> Vec<String> {
+        ["FL", "FR", "RL", "RR"].map(|leg| format!("{leg}_calf_joint")).to_vec()
+    }
+
+    /// What logs show of a robot with these effects.
+    fn findings(effects: &[(EffectKind, &str, f64, f64, f64)]) -> SwingFindings {
+        let group = GroupEstimate {
+            group: "calf".into(),
+            joints: calves(),
+            friction: estimate(0.4, 0.02),
+            damping: estimate(0.1, 0.02),
+            armature: estimate(0.03, 0.001),
+            by_strength: [0.0; 3],
+            swings: 100,
+            windows: 1000,
+            residual: 0.4,
+        };
+        let report = SwingReport {
+            groups: vec![group],
+            delay: estimate(0.005, 0.001),
+            delay_by_strength: 0.0,
+            strength: estimate(1.0, 0.2),
+            law: FrictionLaw::Coulomb,
+            clearance_m: 0.012,
+            logs: 12,
+            unseen: vec![],
+        };
+        let effect = |&(kind, of, value, error, share): &(EffectKind, &str, f64, f64, f64)| Effect {
+            kind,
+            of: of.to_owned(),
+            size: estimate(value, error),
+            share,
+        };
+        let effects = effects.iter().map(effect).collect();
+        SwingFindings { effects, swings: Some(report), ..SwingFindings::default() }
+    }
+
+    /// The settings and θ of a walking Go2's default fit.
+    fn defaults() -> (AdaptConfig, Theta, Candidate, Vec<String>) {
+        let model = crate::robot::go2().unwrap();
+        let joints = joint_names(&model);
+        let mut config = walk_defaults();
+        config.parameter.iter_mut().for_each(ParameterRule::resolve);
+        config.number.iter_mut().for_each(RobotRule::resolve);
+        let theta = theta(&config, &joints);
+        (config, theta, Candidate::nominal(&model), joints)
+    }
+
+    fn theta(config: &AdaptConfig, joints: &[String]) -> Theta {
+        config.rules().theta(&config.groups(joints), joints, &vec![0.0; joints.len()]).unwrap()
+    }
+
+    #[test]
+    fn effects_bring_their_parameters_and_no_others() {
+        let (mut config, before, base, joints) = defaults();
+        let none = Remedies::new(&findings(&[]), &before, &base);
+        none.extend(&mut config, &joints);
+        assert_eq!((none.note(), theta(&config, &joints).len()), (None, before.len()));
+
+        let ground = (EffectKind::UnevenGround, "", 0.009, 0.0003, 1.0);
+        let twist = (EffectKind::Elasticity, "thigh", 0.005, 0.0001, 0.9);
+        let load = (EffectKind::LoadFriction, "calf", 0.09, 0.003, 0.7);
+        let tilted = Standing { tilt: Some([estimate(0.03, 0.001), estimate(0.0, 0.001)]) };
+        let found = SwingFindings { standing: tilted, ..findings(&[ground, twist, load]) };
+        let remedies = Remedies::new(&found, &before, &base);
+        remedies.extend(&mut config, &joints);
+        let after = theta(&config, &joints);
+        let new: Vec<&str> = after
+            .entries()
+            .iter()
+            .filter(|entry| before.entries().iter().all(|old| old.name != entry.name))
+            .map(|entry| entry.name.as_str())
+            .collect();
+        let expected = [
+            "compliance_calf",
+            "compliance_hip",
+            "compliance_thigh",
+            "imu_roll",
+            "imu_pitch",
+            "ground_softness",
+        ];
+        let mut sorted = (new.clone(), expected.to_vec());
+        sorted.0.sort_unstable();
+        sorted.1.sort_unstable();
+        assert_eq!(sorted.0, sorted.1, "friction under load is fitted anyway");
+        let note = remedies.note().unwrap();
+        assert!(note.contains("9 mm apart") && note.contains("ground_softness"), "{note}");
+        assert_eq!(Remedies::new(&found, &after, &base).note(), None, "once");
+        let mut soft = base.clone();
+        soft.robot.ground_softness = 1.0;
+        let known = Remedies::new(&findings(&[ground]), &before, &soft);
+        assert_eq!(known.note(), None, "a known softness is not searched");
+    }
+
+    #[test]
+    fn a_joint_unlike_its_siblings_brings_one_friction_for_each_of_them() {
+        let (mut config, before, base, joints) = defaults();
+        let odd = (EffectKind::OddFriction, "FL_calf_joint", 0.12, 0.01, 0.2);
+        let remedies = Remedies::new(&findings(&[odd]), &before, &base);
+        remedies.extend(&mut config, &joints);
+        let after = theta(&config, &joints);
+        assert_eq!(after.len(), before.len() + 3);
+        let friction = |entry: &&gaitfit_adapt::Entry| entry.kind == "frictionloss";
+        let names: Vec<&str> =
+            after.entries().iter().filter(friction).map(|entry| entry.name.as_str()).collect();
+        assert!(names.contains(&"frictionloss_hip") && names.contains(&"frictionloss_FL_calf"), "{names:?}");
+        assert!(!names.contains(&"frictionloss_calf"), "{names:?}");
+        let number = SwingNumber {
+            kind: "frictionloss",
+            joints: calves(),
+            estimate: estimate(0.4, 0.05),
+            by_strength: 0.0,
+        };
+        let mut numbers = [number];
+        remedies.loosen(&mut numbers);
+        assert_eq!(numbers[0].estimate, estimate(0.4, 0.13));
+    }
+}
