@@ -13,7 +13,7 @@ use gaitfit_adapt::fit::{
     Agreement, CostOutcome, Evaluation, FallPenalty, FitError, Job, RunGeneration, compare, evaluate,
 };
 use gaitfit_adapt::never;
-use gaitfit_adapt::{Prior, Theta};
+use gaitfit_adapt::{Prior, RobotNumber, Theta};
 use gaitfit_view::DoubtKind;
 
 /// One evaluation of a robot by cost number `cost`, without a charge for falls.
@@ -77,8 +77,12 @@ pub(super) fn fit(
             prior.with_strength(strength.found.value, strength.error())
         }))
     };
-    let parameters: Vec<Parameter> =
+    let mut parameters: Vec<Parameter> =
         (0..outcome.parameters.len()).map(|at| parameter(at, prior(at))).collect();
+    weigh_load(&mut parameters);
+    if outcome.uncertainty.is_some() && has(DoubtKind::NotConverged) {
+        reach_seeds(&mut parameters);
+    }
     let error = |parameter: &Parameter| {
         let truth = parameter.truth.filter(|truth| *truth != 0.0)?;
         Some(100.0 * (parameter.found.value / truth - 1.0).abs())
@@ -115,6 +119,32 @@ pub(super) fn fit(
     })
 }
 
+/// Widens the interval of a load's mass. Walks show the load's moment, mass × distance, better than either factor, and
+/// intervals are measured with the distance held.
+fn weigh_load(parameters: &mut [Parameter]) {
+    let place =
+        |kind: RobotNumber, all: &[Parameter]| all.iter().position(|one| one.found.name == kind.name());
+    let places = [RobotNumber::PayloadMass, RobotNumber::PayloadX].map(|kind| place(kind, parameters));
+    let [Some(mass), Some(distance)] = places else { return };
+    let (x, ends) = (parameters[distance].found.value, parameters[distance].interval);
+    let moment = parameters[mass].found.value * x;
+    for end in ends.unwrap_or_default() {
+        let other = if end * x > 0.0 { moment / end } else { parameters[mass].found.upper };
+        parameters[mass].reach(other);
+    }
+}
+
+/// Widens intervals to the values of all seeds. Seeds of least squares that end apart show more of what the logs leave open
+/// than the slopes at one of them.
+fn reach_seeds(parameters: &mut [Parameter]) {
+    for parameter in parameters {
+        let moved = parameter.found.value - parameter.found.uncorrected.unwrap_or(parameter.found.value);
+        for value in parameter.found.per_run.clone() {
+            parameter.reach(value + moved);
+        }
+    }
+}
+
 /// What the errors of short predictions of the fitted logs go with; absent of other costs.
 fn audited(setup: &Setup, cost: usize, values: &[f64]) -> Result<Option<Audit>, Error> {
     let kind = setup.config.costs[cost];
@@ -144,4 +174,58 @@ pub(super) fn beside(
         }
     };
     compare(first, other, cost_of(&first.cost), cost_of(&other.cost)).map_err(Error::failed)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use gaitfit_adapt::fit::ParameterOutcome;
+
+    fn parameter(name: &str, value: f64, [lower, upper]: [f64; 2], interval: [f64; 2]) -> Parameter {
+        let found = ParameterOutcome {
+            name: name.to_owned(),
+            unit: "-".to_owned(),
+            value,
+            uncorrected: None,
+            spread: None,
+            lower,
+            upper,
+            start: 0.0,
+            at_bound: false,
+            per_run: vec![value],
+            identification: None,
+        };
+        let (interval, identified) = (Some(interval), Some(true));
+        Parameter { found, interval, identified, truth: None, published: None, prior: None }
+    }
+
+    #[test]
+    fn a_load_is_as_unsure_as_its_place() {
+        let load = |place: [f64; 2]| {
+            let mut parameters = [
+                parameter("payload_mass", 3.0, [0.0, 20.0], [2.8, 3.2]),
+                parameter("payload_x", -0.4, [-0.5, 0.5], place),
+            ];
+            weigh_load(&mut parameters);
+            (parameters[0].interval.unwrap(), parameters[0].identified)
+        };
+        let (near, identified) = load([-0.5, -0.2]);
+        assert!((near[0] - 2.4).abs() < 1e-12 && (near[1] - 6.0).abs() < 1e-12, "{near:?}");
+        assert_eq!(identified, Some(true));
+        assert_eq!(load([-0.45, 0.3]), ([2.4 / 0.9, 20.0].map(|end: f64| end), Some(false)));
+    }
+
+    #[test]
+    fn intervals_reach_to_the_seeds() {
+        let mut one = [parameter("armature", 0.008, [0.0, 0.1], [0.0079, 0.0081])];
+        one[0].found.per_run = vec![0.009, 0.006];
+        one[0].found.uncorrected = Some(0.009);
+        reach_seeds(&mut one);
+        let [lower, upper] = one[0].interval.unwrap();
+        assert!(
+            (lower - 0.005).abs() < 1e-12 && (upper - 0.0081).abs() < 1e-12,
+            "as corrected as the best one"
+        );
+    }
 }

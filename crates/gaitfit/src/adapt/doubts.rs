@@ -70,12 +70,9 @@ pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
 fn unidentified(fit: &CostFit) -> Option<String> {
     let range = |parameter: &Parameter| {
         let found = &parameter.found;
-        let identification = found.identification.as_ref().filter(|one| !one.identified)?;
+        let [lower, upper] = parameter.interval.filter(|_| parameter.identified == Some(false))?;
         let unit = if found.unit == "-" { String::new() } else { format!(" {}", found.unit) };
-        Some(format!(
-            "{} (anything from {:.3} to {:.3}{unit} fits as well)",
-            found.name, identification.lower, identification.upper
-        ))
+        Some(format!("{} (anything from {lower:.3} to {upper:.3}{unit} fits as well)", found.name))
     };
     let ranges: Vec<String> = fit.parameters.iter().filter_map(range).collect();
     (!ranges.is_empty()).then(|| format!("the logs do not identify {}", ranges.join(", ")))

@@ -81,7 +81,8 @@ pub struct AdaptResults {
     /// Walking logs: what they say of joints and sensors without a simulation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub swings: Option<SwingFindings>,
-    /// What the robot has that its model lacks, as the fitted logs show it without a simulation, the weightiest first.
+    /// What the robot has that the fitted simulator lacks, as the fitted logs show it without a simulation, the weightiest
+    /// first.
     #[serde(default)]
     pub causes: Vec<Cause>,
     /// The values beside what legs in the air say of them.
@@ -288,7 +289,8 @@ pub(super) fn results(
     };
     let mut doubts = standing::doubts(&first, &evidence);
     let swings = setup.swings.clone().or_else(|| swing::findings(&setup.method, &setup.fit.logs));
-    let causes = swings.as_ref().map_or_else(Vec::new, explain::causes);
+    let mut causes = swings.as_ref().map_or_else(Vec::new, explain::causes);
+    causes.retain(|cause| !explain::covered(cause.kind, &setup.theta, &setup.base));
     doubts.extend(
         explain::missing(&causes, &setup.theta, &setup.base)
             .map(|text| Doubt::new(DoubtKind::Unexplained, text)),

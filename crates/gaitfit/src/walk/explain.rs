@@ -87,6 +87,8 @@ const OF_HEIGHTS: f64 = 0.3;
 const SLACK: [f64; 2] = [-0.25, 0.25];
 /// Play above this is no play, rad.
 const MAX_PLAY: f64 = 0.1;
+/// Friction of gears grows with load by less than this; a larger estimate shows something else.
+const MAX_LOAD: f64 = 0.4;
 /// A joint whose friction is said to differ by more than this many times its group's is not understood.
 const TOO_ODD: f64 = 3.0;
 
@@ -208,7 +210,7 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
         groups.iter().find(|group| group.joints.contains(of)).map(|group| group.friction.value)
     };
     let (kind, unit, min, text) = match effect.kind {
-        EffectKind::LoadFriction if enough(matters::LOAD, SURER, OF_SWINGS) => (
+        EffectKind::LoadFriction if enough(matters::LOAD, SURER, OF_SWINGS) && value < MAX_LOAD => (
             CauseKind::LoadFriction,
             "-",
             matters::LOAD,
@@ -305,6 +307,7 @@ mod tests {
         let load = |value, error, share| (EffectKind::LoadFriction, "calf", value, error, share);
         assert_eq!(kinds(&[load(0.09, 0.003, 0.7)]), [CauseKind::LoadFriction]);
         assert_eq!(kinds(&[load(0.09, 0.02, 0.7), load(0.02, 0.001, 0.7), load(0.09, 0.003, 0.05)]), []);
+        assert_eq!(kinds(&[load(0.68, 0.06, 0.7)]), [], "no gear loses two thirds");
         let play = (EffectKind::Backlash, "thigh", 0.015, 0.002, 0.03);
         let strength = |value| (EffectKind::Strength, "thigh", value, 0.03, 0.4);
         assert_eq!(kinds(&[play, strength(-0.05)]), [], "links answer as they should");

@@ -14,6 +14,8 @@ const TORQUE_NM: f64 = 23.7;
 const LIGHTER: f64 = 0.5;
 /// Standard deviation of the encoders' zeros of a biped, rad.
 const ZERO_RAD: f64 = 0.01;
+/// Standard deviation of the place of a biped's load, from the base, m.
+const LOAD_M: f64 = 0.15;
 /// Feet of a biped.
 const BIPED: usize = 2;
 /// Upper bounds are at least this many times the model's own value.
@@ -118,15 +120,24 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
     }
 }
 
-/// Prior of a biped's encoders: their zeros are right within 0.01 rad. The logs show which way it leans, but a load and the
-/// zeros of hips, knees and ankles explain this equally well.
-pub fn zeros(feet: usize) -> Option<SwingNumber> {
-    (feet <= BIPED).then(|| SwingNumber {
-        kind: JointParameter::EncoderBias.name(),
+/// What is usual of a biped: encoders' zeros are right within 0.01 rad, and a load is near the middle of the trunk. The
+/// logs show which way it leans, but a light load far away, a heavy one nearby and the zeros of hips, knees and ankles explain
+/// this equally well.
+pub fn usual(feet: usize) -> Vec<SwingNumber> {
+    if feet > BIPED {
+        return Vec::new();
+    }
+    let zero = |kind: &'static str, error: f64| SwingNumber {
+        kind,
         joints: Vec::new(),
-        estimate: Estimate { value: 0.0, error: ZERO_RAD },
+        estimate: Estimate { value: 0.0, error },
         by_strength: 0.0,
-    })
+    };
+    vec![
+        zero(JointParameter::EncoderBias.name(), ZERO_RAD),
+        zero(RobotNumber::PayloadX.name(), LOAD_M),
+        zero(RobotNumber::PayloadZ.name(), LOAD_M),
+    ]
 }
 
 /// Mass of the base itself, kg.
