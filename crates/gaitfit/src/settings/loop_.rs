@@ -170,13 +170,15 @@ impl Configuration for LoopConfig {
         let mut defaults = DeTable::parse(LOOP_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
         let logs = given.get("logs").map(Spanned::get_ref);
         let is_of_logs = matches!(logs, Some(DeValue::Array(logs)) if !logs.is_empty());
+        if let Some(DeValue::Table(fitted)) =
+            defaults.get_mut("adapt").map(Spanned::get_mut).filter(|_| is_of_logs)
+        {
+            walking::with_motor_boards(fitted);
+        }
         if let (Some(DeValue::Table(fitted)), Some(DeValue::Table(given))) =
             (defaults.get_mut("adapt").map(Spanned::get_mut), given.get("adapt").map(Spanned::get_ref))
         {
             let distributions = walking::searches_distributions(given);
-            if is_of_logs {
-                walking::with_motor_boards(fitted);
-            }
             walking::trim(fitted, given);
             // The user's groups replace the default ones; they are not added to them.
             if given.contains_key("groups") {
