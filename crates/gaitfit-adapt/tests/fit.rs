@@ -5,8 +5,8 @@
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::{Cost, MatchO, Recorded, Reference, Wass, Weights};
 use gaitfit_adapt::fit::{
-    Checkpoint, CostOutcome, FallPenalty, Final, Fit, FitError, FitOptions, Job, Method, RandomNumbers,
-    RunOutcome, Stop, compare, evaluate, simulate_one,
+    Checkpoint, CostOutcome, FallPenalty, FinalComparison, Fit, FitError, FitOptions, Job, Method,
+    RandomNumbers, RunOutcome, Stop, compare, evaluate, simulate_one,
 };
 use gaitfit_adapt::{
     Cancel, Consume, JointParameter, ParameterRule, Resets, Rollout, Sharing, Signals, Simulator,
@@ -326,20 +326,26 @@ fn the_last_candidates_are_compared_again_and_a_lucky_one_does_not_win() {
         CostOutcome::new(costs[0].name().to_owned(), &theta, vec![run]).unwrap()
     };
     let falls = FallPenalty::default();
-    let contest =
-        Final { simulator: &simulator, theta: &theta, costs: &costs, cost: 0, falls: &falls, cancel: &never };
+    let comparison = FinalComparison {
+        simulator: &simulator,
+        theta: &theta,
+        costs: &costs,
+        cost: 0,
+        falls: &falls,
+        cancel: &never,
+    };
     let course = [near.clone(), diverging.clone(), lucky.clone()];
     let chosen = |mean: &[f64], course: &[Vec<f64>]| {
         let mut outcome = outcome(mean);
-        outcome.choose(&contest, course.iter().map(Vec::as_slice)).unwrap();
+        outcome.choose_finalist(&comparison, course.iter().map(Vec::as_slice)).unwrap();
         (outcome.values(), outcome.best_cost)
     };
     let job = Job { cost: 0, values: near.clone(), draw: 0 };
     let cost = evaluate(&simulator, &theta, &costs, &falls, &[job], &never).unwrap()[0].cost.unwrap();
     let (values, mean_cost) = chosen(&lucky, &course);
     assert!(values == near && (mean_cost - cost).abs() < 1e-12, "{values:?} {mean_cost} {cost}");
-    // The mean of the distribution takes part, within the bounds.
+    // The mean of the distribution is a finalist too, clipped to the bounds.
     assert_eq!(chosen(&TRUTH, &course).0, TRUTH);
     let (only, kept) = chosen(&[1.9, 0.02, -0.03], &[diverging]);
-    assert_eq!((only, kept), (lucky, 1e-9), "no finalist can be simulated");
+    assert_eq!((only, kept), (lucky, 1e-9), "all finalists diverge, so the outcome stays");
 }

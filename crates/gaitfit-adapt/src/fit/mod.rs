@@ -30,7 +30,7 @@ pub use driver::{Fit, FitOptions, Generation, Method, RandomNumbers, RunGenerati
 pub use error::FitError;
 pub use evaluate::{Evaluation, Job, accumulate, evaluate, simulate_one};
 pub use falls::FallPenalty;
-pub use finalists::Final;
+pub use finalists::FinalComparison;
 pub use identification::{Identification, NoiseSource};
 pub use identify::{MAX_SCANNED, cost_error, identify};
 pub use least_squares::{

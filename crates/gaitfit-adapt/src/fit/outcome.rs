@@ -91,7 +91,7 @@ pub struct RunOutcome {
     /// chosen. Empty of a search that came to its end, and of least squares.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub deviations: Vec<f64>,
-    /// Mean of the search's distribution where it ended. Empty of least squares.
+    /// Mean of the search's distribution at its end, in the entries' units. Empty for least squares.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub mean: Vec<f64>,
 }

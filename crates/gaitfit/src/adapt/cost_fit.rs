@@ -71,7 +71,7 @@ pub(super) fn fit(
     let prior = |at: usize| {
         let prior = *setup.theta.prior(at)?;
         let strength = setup.theta.strength(at).filter(|place| *place < outcome.parameters.len());
-        // Estimates from legs in the air depend on the motors' strength, and are as unsure as it is.
+        // Estimates from legs in the air depend on the motors' strength, so its error is part of theirs.
         Some(strength.filter(|_| prior.by_strength != 0.0).map_or(prior, |place| {
             let strength = parameter(place, setup.theta.prior(place).copied());
             prior.with_strength(strength.found.value, strength.error())
@@ -79,9 +79,9 @@ pub(super) fn fit(
     };
     let mut parameters: Vec<Parameter> =
         (0..outcome.parameters.len()).map(|at| parameter(at, prior(at))).collect();
-    weigh_load(&mut parameters);
+    widen_load_mass(&mut parameters);
     if outcome.uncertainty.is_some() && has(DoubtKind::NotConverged) {
-        reach_seeds(&mut parameters);
+        widen_to_seeds(&mut parameters);
     }
     let error = |parameter: &Parameter| {
         let truth = parameter.truth.filter(|truth| *truth != 0.0)?;
@@ -119,9 +119,9 @@ pub(super) fn fit(
     })
 }
 
-/// Widens the interval of a load's mass. Walks show the load's moment, mass × distance, better than either factor, and
-/// intervals are measured with the distance held.
-fn weigh_load(parameters: &mut [Parameter]) {
+/// Widens the interval of a load's mass by the interval of its distance. Walks show the load's moment, mass × distance,
+/// better than either factor. But the interval of the mass is measured at one distance.
+fn widen_load_mass(parameters: &mut [Parameter]) {
     let place =
         |kind: RobotNumber, all: &[Parameter]| all.iter().position(|one| one.found.name == kind.name());
     let places = [RobotNumber::PayloadMass, RobotNumber::PayloadX].map(|kind| place(kind, parameters));
@@ -134,9 +134,9 @@ fn weigh_load(parameters: &mut [Parameter]) {
     }
 }
 
-/// Widens intervals to the values of all seeds. Seeds of least squares that end apart show more of what the logs leave open
-/// than the slopes at one of them.
-fn reach_seeds(parameters: &mut [Parameter]) {
+/// Widens intervals to the values of all seeds. An interval of least squares comes from the slopes at one seed's values. If
+/// seeds end at different values, the logs allow more than this interval contains.
+fn widen_to_seeds(parameters: &mut [Parameter]) {
     for parameter in parameters {
         let moved = parameter.found.value - parameter.found.uncorrected.unwrap_or(parameter.found.value);
         for value in parameter.found.per_run.clone() {
@@ -207,7 +207,7 @@ mod tests {
                 parameter("payload_mass", 3.0, [0.0, 20.0], [2.8, 3.2]),
                 parameter("payload_x", -0.4, [-0.5, 0.5], place),
             ];
-            weigh_load(&mut parameters);
+            widen_load_mass(&mut parameters);
             (parameters[0].interval.unwrap(), parameters[0].identified)
         };
         let (near, identified) = load([-0.5, -0.2]);
@@ -223,11 +223,11 @@ mod tests {
         let mut one = [parameter("armature", 0.008, [0.0, 0.1], [0.0079, 0.0081])];
         one[0].found.per_run = vec![0.009, 0.006];
         one[0].found.uncorrected = Some(0.009);
-        reach_seeds(&mut one);
+        widen_to_seeds(&mut one);
         let [lower, upper] = one[0].interval.unwrap();
         assert!(
             (lower - 0.005).abs() < 1e-12 && (upper - 0.0081).abs() < 1e-12,
-            "as corrected as the best one"
+            "all seeds get the correction of the best one"
         );
     }
 }

@@ -81,8 +81,7 @@ pub struct AdaptResults {
     /// Walking logs: what they say of joints and sensors without a simulation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub swings: Option<SwingFindings>,
-    /// What the robot has that the fitted simulator lacks, as the fitted logs show it without a simulation, the weightiest
-    /// first.
+    /// Effects that the fitted logs show without a simulation and that the fitted simulator lacks, the weightiest first.
     #[serde(default)]
     pub causes: Vec<Cause>,
     /// The values beside what legs in the air say of them.

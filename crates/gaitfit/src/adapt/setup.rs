@@ -126,7 +126,7 @@ impl Setup {
         let stated = config;
         let mut config = config.clone();
         // The folder keeps every default, these too.
-        config.optimizer.seeds = config.optimizer.searches(devices.are_gpus());
+        config.optimizer.seeds = config.optimizer.seed_count(devices.are_gpus());
         config.parameter.iter_mut().for_each(ParameterRule::resolve);
         config.number.iter_mut().for_each(RobotRule::resolve);
         check::check(&config, config_path)?;
@@ -168,11 +168,11 @@ impl Setup {
         if let Some(found) = swings.as_ref().filter(|_| config.effects) {
             let remedies = Remedies::new(found, &theta, &base);
             remedies.extend(&mut config, &joints);
-            remedies.loosen(&mut numbers);
+            remedies.widen_priors(&mut numbers);
             warnings.extend(remedies.note());
             theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
         }
-        numbers.extend(feet.filter(|_| config.swings).into_iter().flat_map(sized::usual));
+        numbers.extend(feet.filter(|_| config.swings).into_iter().flat_map(sized::biped_priors));
         // The folder keeps them, as it keeps the defaults.
         config.prior = known::priors(&theta, &numbers, &config.prior);
         let theta = theta.with_priors(&config.prior, config.optimizer.prior_weight).map_err(in_file)?;

@@ -7,7 +7,9 @@ use super::setup::Setup;
 use crate::Error;
 use crate::run::RunFolder;
 use crate::watch::Watch;
-use gaitfit_adapt::fit::{Alternative, CostOutcome, Final, FitError, Problem, RunGeneration, cost_error};
+use gaitfit_adapt::fit::{
+    Alternative, CostOutcome, FinalComparison, FitError, Problem, RunGeneration, cost_error,
+};
 use gaitfit_adapt::{Resets, RobotNumber};
 
 /// The outcome of cost number `cost`, corrected where that can be, with the interval of each parameter, where there are not
@@ -28,7 +30,7 @@ pub(super) fn identified(
         let problem = Problem { simulator: &scan, theta, cost, draw, cancel: &stop };
         trusted(setup, number, &mut outcome, problem, watch)
     } else {
-        chosen(setup, number, &mut outcome, course, watch)
+        choose_among_last(setup, number, &mut outcome, course, watch)
             .and_then(|()| measured(setup, number, &mut outcome, course, &scan, watch))
     };
     match measured {
@@ -37,8 +39,8 @@ pub(super) fn identified(
     }
 }
 
-/// Takes the best of the last candidates over fresh draws, where simulations of θ have draws.
-fn chosen(
+/// Takes the best of the last candidates over fresh draws. Without torque noise there are no draws, and nothing changes.
+fn choose_among_last(
     setup: &Setup,
     cost: usize,
     outcome: &mut CostOutcome,
@@ -50,7 +52,7 @@ fn chosen(
     if !fitted && setup.base.torque_noise == 0.0 {
         return Ok(());
     }
-    let contest = Final {
+    let comparison = FinalComparison {
         simulator: setup.searched().simulator.as_ref(),
         theta: &setup.theta,
         costs: &setup.costs,
@@ -60,7 +62,7 @@ fn chosen(
     };
     let name = outcome.cost.clone();
     let best = course.iter().filter(|one| one.cost == name).map(|one| one.best_values.as_slice());
-    outcome.choose(&contest, best)
+    outcome.choose_finalist(&comparison, best)
 }
 
 /// What ended the work after a search, whose values `folder` has.

@@ -138,7 +138,7 @@ impl Experiment {
         }
         let optimizer = &mut config.adapt.optimizer;
         optimizer.seed =
-            optimizer.seed.saturating_add(offset.saturating_mul(optimizer.searches(true) as u64));
+            optimizer.seed.saturating_add(offset.saturating_mul(optimizer.seed_count(true) as u64));
         for training in &mut config.finetune.seeds {
             *training = training.saturating_add(offset);
         }

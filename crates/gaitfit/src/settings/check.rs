@@ -67,7 +67,7 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
     } else if optimizer.generations == 0 {
         "`optimizer.generations` must be at least 1"
     } else if optimizer.seeds > 1000 {
-        "`optimizer.seeds` must be 1 to 1000, or 0: three on a GPU, one on the CPU"
+        "`optimizer.seeds` must be 0 to 1000; 0 means three on a GPU and one on the CPU"
     } else if optimizer.seed.checked_add(optimizer.seeds as u64).is_none_or(|last| last > MAX_SEED) {
         "`optimizer.seed`, and with it the last of `optimizer.seeds` seeds, must be below 2^63"
     } else if optimizer.population == 1 || optimizer.population > 10_000 {

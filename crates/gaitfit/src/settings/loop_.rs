@@ -169,11 +169,11 @@ impl Configuration for LoopConfig {
         }
         let mut defaults = DeTable::parse(LOOP_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
         let logs = given.get("logs").map(Spanned::get_ref);
-        let is_of_logs = matches!(logs, Some(DeValue::Array(logs)) if !logs.is_empty());
+        let has_logs = matches!(logs, Some(DeValue::Array(logs)) if !logs.is_empty());
         if let Some(DeValue::Table(fitted)) =
-            defaults.get_mut("adapt").map(Spanned::get_mut).filter(|_| is_of_logs)
+            defaults.get_mut("adapt").map(Spanned::get_mut).filter(|_| has_logs)
         {
-            walking::with_motor_boards(fitted);
+            walking::set_motor_board_period(fitted);
         }
         if let (Some(DeValue::Table(fitted)), Some(DeValue::Table(given))) =
             (defaults.get_mut("adapt").map(Spanned::get_mut), given.get("adapt").map(Spanned::get_ref))
@@ -331,7 +331,7 @@ mod tests {
         "[target]\nkind = \"simulated\"\n[[target.parameter]]\nkind = \"armature\"\nvalue = 0.1\n";
 
     #[test]
-    fn a_loop_of_logs_has_the_settings_of_a_fit_of_them() {
+    fn a_loop_with_logs_has_the_defaults_of_a_fit_of_walks() {
         let step = |text: &str| read(text).unwrap().adapt.simulation.robot_timestep;
         let fit = crate::settings::walk_defaults().simulation.robot_timestep;
         assert!(fit.is_some());
@@ -340,9 +340,9 @@ mod tests {
             step("policy = \"p\"\nlogs = [\"l\"]\n[adapt.simulation]\nrobot_timestep = 0.002\n"),
             Some(0.002)
         );
-        assert_eq!(step("policy = \"p\"\nlogs = []\n"), None, "its target is a simulated robot");
+        assert_eq!(step("policy = \"p\"\nlogs = []\n"), None, "without logs the target is a simulated robot");
         let chosen = "policy = \"p\"\nlogs = [\"l\"]\n[[adapt.parameter]]\nkind = \"armature\"\n";
-        assert_eq!(step(chosen), None, "who chooses the parameters chooses the step too");
+        assert_eq!(step(chosen), None, "chosen parameters come without the default step");
     }
 
     #[test]

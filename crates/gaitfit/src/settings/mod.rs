@@ -70,8 +70,8 @@ pub struct AdaptConfig {
     pub odd_joints: bool,
     /// Whether what legs in the air show of friction, damping, armature and delay becomes a prior of a walk's fit.
     pub swings: bool,
-    /// Whether a fit of walks also has parameters for effects that its logs show without a simulation and that the other
-    /// parameters lack, as play, a soft ground or a tilted IMU.
+    /// Whether a fit of walks gets further parameters for effects that its logs show without a simulation. Examples are play,
+    /// soft ground and a tilted IMU.
     pub effects: bool,
     /// Folder that holds the run folders.
     pub runs: String,
@@ -209,8 +209,8 @@ pub struct OptimizerConfig {
     pub generations: usize,
     /// Starts after the first, each with twice the population of the one before.
     pub restarts: u32,
-    /// Independent fits; the spread of a parameter is its standard deviation over them. 0: as many as
-    /// [`OptimizerConfig::searches`] chooses for the device.
+    /// Independent fits; the spread of a parameter is its standard deviation over them. With 0
+    /// [`OptimizerConfig::seed_count`] chooses their number for the device.
     pub seeds: usize,
     /// First seed; the others follow it.
     pub seed: u64,
@@ -256,9 +256,10 @@ pub struct CheckConfig {
 }
 
 impl OptimizerConfig {
-    /// Independent fits on a GPU or on the CPU, where [`OptimizerConfig::seeds`] leaves it open. A GPU does three fits of
-    /// walks in little more time than one. The best of three is nearer to walks that were not fitted, and falls less often.
-    pub fn searches(&self, on_gpu: bool) -> usize {
+    /// Number of independent fits: [`OptimizerConfig::seeds`], or if that is 0, three on a GPU and one on the CPU. A GPU runs
+    /// three fits of walks in little more time than one. The best of three falls less often, and is nearer to walks that were
+    /// not fitted.
+    pub fn seed_count(&self, on_gpu: bool) -> usize {
         match self.seeds {
             0 if on_gpu => 3,
             0 => 1,

@@ -21,11 +21,11 @@ const NOISE: &str = "torque_noise";
 const SEARCH: [&str; 2] = ["optimizer", "simulation"];
 /// Settings of the simulation that go with the default parameters alone. Whoever chooses the parameters chooses these too.
 const OF_DEFAULTS: [&str; 2] = ["starts", "robot_timestep"];
-/// Whether legs in the air give priors, and whether effects that the logs show are fitted too: with the default parameters
-/// and cost alone.
-const WITHOUT_SIMULATION: [&str; 2] = ["swings", "effects"];
-/// The period of motor boards in the defaults.
-const MOTOR_BOARDS: &str = "simulation.robot_timestep = 0.001";
+/// Settings that use what logs show without a simulation: priors from legs in the air, and parameters for effects. They are
+/// defaults only with the default parameters and the default cost.
+const FROM_LOGS_ALONE: [&str; 2] = ["swings", "effects"];
+/// The default period of motor boards.
+const MOTOR_BOARD_PERIOD: &str = "simulation.robot_timestep = 0.001";
 /// The cost of the defaults.
 const COST: &str = "wass";
 
@@ -60,14 +60,14 @@ pub(super) fn complete(table: &mut DeTable<'_>) {
 pub(super) fn trim(defaults: &mut DeTable<'_>, own: &DeTable<'_>) {
     if FITTED.iter().any(|list| own.contains_key(*list)) {
         FITTED.iter().for_each(|list| drop(defaults.remove(*list)));
-        WITHOUT_SIMULATION.iter().for_each(|key| drop(defaults.remove(*key)));
+        FROM_LOGS_ALONE.iter().for_each(|key| drop(defaults.remove(*key)));
         if let Some(DeValue::Table(simulation)) = defaults.get_mut(SEARCH[1]).map(Spanned::get_mut) {
             OF_DEFAULTS.iter().for_each(|key| drop(simulation.remove(*key)));
         }
     }
     if !searches_distributions(own) {
         SEARCH.iter().for_each(|name| drop(defaults.remove(*name)));
-        WITHOUT_SIMULATION.iter().for_each(|key| drop(defaults.remove(*key)));
+        FROM_LOGS_ALONE.iter().for_each(|key| drop(defaults.remove(*key)));
         if let Some(DeValue::Array(numbers)) = defaults.get_mut(NUMBERS).map(Spanned::get_mut) {
             let kept = numbers.iter().filter(|one| !of_distributions(one.get_ref())).cloned();
             *numbers = kept.collect();
@@ -75,10 +75,10 @@ pub(super) fn trim(defaults: &mut DeTable<'_>, own: &DeTable<'_>) {
     }
 }
 
-/// Gives the settings of a loop's fits the period of motor boards that fits of walks assume. A loop whose target is a
-/// simulated robot knows better; one that begins with logs does not.
-pub(super) fn with_motor_boards(fitted: &mut DeTable<'_>) {
-    merge(fitted, DeTable::parse(MOTOR_BOARDS).map(Spanned::into_inner).unwrap_or_default());
+/// Sets the period of motor boards in a loop's fits to the default of fits of walks. It is for loops that begin with logs: if
+/// the target is a simulated robot, the loop knows the period.
+pub(super) fn set_motor_board_period(fitted: &mut DeTable<'_>) {
+    merge(fitted, DeTable::parse(MOTOR_BOARD_PERIOD).map(Spanned::into_inner).unwrap_or_default());
 }
 
 /// Whether only distributions show a number of the robot: torque noise makes predictions worse, whatever it is.

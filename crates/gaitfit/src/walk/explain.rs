@@ -51,6 +51,16 @@ pub struct Cause {
     pub text: String,
 }
 
+impl Cause {
+    /// The sentence without its remedy.
+    pub fn effect(&self) -> &str {
+        self.text.split(REMEDY).next().unwrap_or_default()
+    }
+}
+
+/// The words before a remedy.
+const REMEDY: &str = " (fit it";
+
 /// Smallest sizes that change how a robot walks.
 mod matters {
     /// s
@@ -87,8 +97,8 @@ const OF_HEIGHTS: f64 = 0.3;
 const SLACK: [f64; 2] = [-0.25, 0.25];
 /// Play above this is no play, rad.
 const MAX_PLAY: f64 = 0.1;
-/// Friction of gears grows with load by less than this; a larger estimate shows something else.
-const MAX_LOAD: f64 = 0.4;
+/// Max friction under load of a gear, N·m for each N·m. A larger estimate has another cause.
+const MAX_LOAD_FRICTION: f64 = 0.4;
 /// A joint whose friction is said to differ by more than this many times its group's is not understood.
 const TOO_ODD: f64 = 3.0;
 
@@ -113,7 +123,7 @@ pub fn causes(found: &SwingFindings) -> Vec<Cause> {
 /// A sentence about the effects that the fitted simulator lacks; absent if it lacks none. `base`: the robot that θ changes,
 /// with its known values.
 pub fn missing(causes: &[Cause], theta: &Theta, base: &Candidate) -> Option<String> {
-    // These do not change joints.
+    // No fitted value of a joint compensates for these.
     let harmless = [CauseKind::GyroBias, CauseKind::EncoderStep];
     let listed: Vec<&str> = causes
         .iter()
@@ -129,7 +139,7 @@ pub fn missing(causes: &[Cause], theta: &Theta, base: &Candidate) -> Option<Stri
     })
 }
 
-/// Whether a simulator has an effect: θ searches its parameters, or `base` has them.
+/// Whether the fitted simulator has an effect: θ contains its parameters, or `base` has values for them.
 pub fn covered(kind: CauseKind, theta: &Theta, base: &Candidate) -> bool {
     let Candidate { robot, sensors, .. } = base;
     let some = |numbers: &[f64]| numbers.iter().any(|number| *number != 0.0);
@@ -210,7 +220,7 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
         groups.iter().find(|group| group.joints.contains(of)).map(|group| group.friction.value)
     };
     let (kind, unit, min, text) = match effect.kind {
-        EffectKind::LoadFriction if enough(matters::LOAD, SURER, OF_SWINGS) && value < MAX_LOAD => (
+        EffectKind::LoadFriction if enough(matters::LOAD, SURER, OF_SWINGS) && value < MAX_LOAD_FRICTION => (
             CauseKind::LoadFriction,
             "-",
             matters::LOAD,
@@ -307,7 +317,7 @@ mod tests {
         let load = |value, error, share| (EffectKind::LoadFriction, "calf", value, error, share);
         assert_eq!(kinds(&[load(0.09, 0.003, 0.7)]), [CauseKind::LoadFriction]);
         assert_eq!(kinds(&[load(0.09, 0.02, 0.7), load(0.02, 0.001, 0.7), load(0.09, 0.003, 0.05)]), []);
-        assert_eq!(kinds(&[load(0.68, 0.06, 0.7)]), [], "no gear loses two thirds");
+        assert_eq!(kinds(&[load(0.68, 0.06, 0.7)]), [], "a gear does not lose two thirds of its torque");
         let play = (EffectKind::Backlash, "thigh", 0.015, 0.002, 0.03);
         let strength = |value| (EffectKind::Strength, "thigh", value, 0.03, 0.4);
         assert_eq!(kinds(&[play, strength(-0.05)]), [], "links answer as they should");

@@ -1,7 +1,7 @@
-//! Parameters for effects that logs show without a simulation and that the default parameters of a fit lack.
+//! Adds parameters to a default fit for effects that the logs show without a simulation.
 //!
-//! A fit with the parameters of an effect that the robot does not have keeps its other values and puts these near 0 (docs,
-//! "Effects that the model lacks"), so they are added before the search and not after a first fit.
+//! They are added before the search, without a first fit that lacks them. This does little harm: if the robot does not have
+//! the effect, these parameters end near 0 and the other values stay (docs, "Effects that the model lacks").
 
 use super::explain::{CauseKind, causes, covered};
 use super::swing::{SwingFindings, SwingNumber};
@@ -11,34 +11,33 @@ use gaitfit_model::patterns::compile;
 use gaitfit_sim::Candidate;
 use gaitfit_swing::{Effect, EffectKind, GroupEstimate};
 
-/// What is fitted besides the default parameters, and why.
+/// Parameters that a fit gets besides the default ones, and the effects that are the reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remedies {
-    /// Rules to add, for one value a joint group.
+    /// Rules to add, each with one value for each joint group.
     parameter: Vec<ParameterRule>,
     /// Numbers of the whole robot to add.
     number: Vec<RobotRule>,
-    /// Groups of joints whose dry friction is fitted joint by joint, and how much a joint of each differs, N·m.
-    apart: Vec<(Vec<String>, f64)>,
-    /// The effects, each in a sentence.
+    /// Groups whose dry friction is fitted joint by joint: joint names, and the largest difference of a joint, N·m.
+    split_groups: Vec<(Vec<String>, f64)>,
+    /// One sentence for each effect.
     effects: Vec<String>,
 }
 
 impl Remedies {
-    /// The remedies for those effects in `found` that neither `theta` nor `base` covers.
+    /// Remedies for the effects in `found`, except those that `theta` or `base` covers.
     pub fn new(found: &SwingFindings, theta: &Theta, base: &Candidate) -> Self {
         let mut remedies =
-            Self { parameter: Vec::new(), number: Vec::new(), apart: Vec::new(), effects: Vec::new() };
+            Self { parameter: Vec::new(), number: Vec::new(), split_groups: Vec::new(), effects: Vec::new() };
         for cause in causes(found).iter().filter(|cause| !covered(cause.kind, theta, base)) {
             if remedies.add(cause.kind, found) {
-                let text = cause.text.split(" (fit it").next().unwrap_or_default();
-                remedies.effects.push(text.to_owned());
+                remedies.effects.push(cause.effect().to_owned());
             }
         }
         remedies
     }
 
-    /// Adds the remedy of a cause; returns whether it has one.
+    /// Adds the remedy for a cause. Returns false if the cause has none.
     fn add(&mut self, cause: CauseKind, found: &SwingFindings) -> bool {
         use RobotNumber::{GroundSoftness, GyroBiasX, GyroBiasY, GyroBiasZ, ImuPitch, ImuRoll, VelocityLag};
         match cause {
@@ -49,17 +48,19 @@ impl Remedies {
             CauseKind::GyroBias => self.numbers(&[GyroBiasX, GyroBiasY, GyroBiasZ]),
             CauseKind::VelocityLag => self.numbers(&[VelocityLag]),
             CauseKind::Ground => self.numbers(&[GroundSoftness]),
-            // A leg that differs in one joint may differ in the others, where the logs show it less.
+            // If one joint of a leg differs, its other joints may differ too, but the logs show them less well.
             CauseKind::OddFriction => {
                 let groups = found.swings.as_ref().map_or(&[][..], |report| report.groups.as_slice());
                 let largest = |group: &GroupEstimate| {
-                    let odd = |effect: &&Effect| {
+                    let is_odd_friction = |effect: &&Effect| {
                         effect.kind == EffectKind::OddFriction && group.joints.contains(&effect.of)
                     };
-                    let sizes = found.effects.iter().filter(odd).map(|effect| effect.size.value.abs());
+                    let sizes =
+                        found.effects.iter().filter(is_odd_friction).map(|effect| effect.size.value.abs());
                     sizes.fold(0.0, f64::max)
                 };
-                self.apart = groups.iter().map(|group| (group.joints.clone(), largest(group))).collect();
+                self.split_groups =
+                    groups.iter().map(|group| (group.joints.clone(), largest(group))).collect();
             }
             CauseKind::EncoderStep => return false,
         }
@@ -76,11 +77,11 @@ impl Remedies {
         self.number.extend(kinds.iter().map(|kind| RobotRule::new(*kind)));
     }
 
-    /// Adds the rules to those of `config`, with every default filled in. `joints`: the robot's.
+    /// Adds the rules to those of `config` and fills in their defaults. `joints`: names of all joints of the robot.
     pub fn extend(&self, config: &mut AdaptConfig, joints: &[String]) {
-        // The added parameters cover the joints that the other ones do.
-        let usual = config.parameter.iter().find(|rule| rule.per == Sharing::Group);
-        let covered = usual.map(|rule| rule.joints.clone());
+        // The added parameters cover the same joints as the default ones.
+        let group_rule = config.parameter.iter().find(|rule| rule.per == Sharing::Group);
+        let covered = group_rule.map(|rule| rule.joints.clone());
         for rule in &self.parameter {
             let mut rule = rule.clone();
             rule.joints = covered.clone().unwrap_or(rule.joints);
@@ -92,14 +93,15 @@ impl Remedies {
             rule.resolve();
             config.number.push(rule);
         }
-        for (group, _) in &self.apart {
+        for (group, _) in &self.split_groups {
             split(config, group, joints);
         }
     }
 
-    /// Estimates of a whole group hold for its single joints only within the difference that the logs show.
-    pub fn loosen(&self, numbers: &mut [SwingNumber]) {
-        for (group, size) in &self.apart {
+    /// Adds the difference between joints to the error of a group's friction. The estimate is of the whole group, and becomes
+    /// the prior of its single joints.
+    pub fn widen_priors(&self, numbers: &mut [SwingNumber]) {
+        for (group, size) in &self.split_groups {
             let friction = |number: &&mut SwingNumber| {
                 number.kind == JointParameter::FrictionLoss.name() && number.joints == *group
             };
@@ -109,17 +111,17 @@ impl Remedies {
         }
     }
 
-    /// What was added and why, in a sentence; absent without remedies.
+    /// The added parameters and the reason, for the user; absent without remedies.
     pub fn note(&self) -> Option<String> {
         let mut kinds: Vec<&str> = self.parameter.iter().map(|rule| rule.kind.name()).collect();
         kinds.extend(self.number.iter().map(|rule| rule.kind.name()));
-        if !self.apart.is_empty() {
+        if !self.split_groups.is_empty() {
             kinds.push("frictionloss joint by joint");
         }
         (!kinds.is_empty()).then(|| {
             format!(
-                "the logs show effects beyond the default parameters: {}. So the fit also has {}; `effects = false` leaves \
-                 them out",
+                "the logs show effects that the default parameters do not cover: {}. So the fit also has the parameters {}. \
+                 `effects = false` leaves them out",
                 self.effects.join("; "),
                 kinds.join(", ")
             )
@@ -127,7 +129,7 @@ impl Remedies {
     }
 }
 
-/// Gives each joint of `group` a dry friction of its own, in place of the group's.
+/// Replaces the one dry friction of `group` by one for each of its joints.
 fn split(config: &mut AdaptConfig, group: &[String], joints: &[String]) {
     let friction =
         |rule: &&mut ParameterRule| rule.kind == JointParameter::FrictionLoss && rule.per == Sharing::Group;
@@ -163,7 +165,7 @@ mod tests {
         ["FL", "FR", "RL", "RR"].map(|leg| format!("{leg}_calf_joint")).to_vec()
     }
 
-    /// What logs show of a robot with these effects.
+    /// Findings of logs with these effects: kind, joint or group, size, standard error, share of the residual.
     fn findings(effects: &[(EffectKind, &str, f64, f64, f64)]) -> SwingFindings {
         let group = GroupEstimate {
             group: "calf".into(),
@@ -243,14 +245,14 @@ mod tests {
         let mut sorted = (new.clone(), expected.to_vec());
         sorted.0.sort_unstable();
         sorted.1.sort_unstable();
-        assert_eq!(sorted.0, sorted.1, "friction under load is fitted anyway");
+        assert_eq!(sorted.0, sorted.1, "friction under load is a default parameter");
         let note = remedies.note().unwrap();
-        assert!(note.contains("9 mm apart") && note.contains("ground_softness"), "{note}");
-        assert_eq!(Remedies::new(&found, &after, &base).note(), None, "once");
+        assert!(note.contains("9 mm split_groups") && note.contains("ground_softness"), "{note}");
+        assert_eq!(Remedies::new(&found, &after, &base).note(), None, "effects are not added twice");
         let mut soft = base.clone();
         soft.robot.ground_softness = 1.0;
         let known = Remedies::new(&findings(&[ground]), &before, &soft);
-        assert_eq!(known.note(), None, "a known softness is not searched");
+        assert_eq!(known.note(), None, "a known softness is not fitted");
     }
 
     #[test]
@@ -273,7 +275,7 @@ mod tests {
             by_strength: 0.0,
         };
         let mut numbers = [number];
-        remedies.loosen(&mut numbers);
+        remedies.widen_priors(&mut numbers);
         assert_eq!(numbers[0].estimate, estimate(0.4, 0.13));
     }
 }

@@ -14,8 +14,8 @@ const TORQUE_NM: f64 = 23.7;
 const LIGHTER: f64 = 0.5;
 /// Standard deviation of the encoders' zeros of a biped, rad.
 const ZERO_RAD: f64 = 0.01;
-/// Standard deviation of the place of a biped's load, from the base, m.
-const LOAD_M: f64 = 0.15;
+/// Standard deviation of the distance of a biped's load from the base, along each axis, m.
+const LOAD_DISTANCE_M: f64 = 0.15;
 /// Feet of a biped.
 const BIPED: usize = 2;
 /// Upper bounds are at least this many times the model's own value.
@@ -120,10 +120,10 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
     }
 }
 
-/// What is usual of a biped: encoders' zeros are right within 0.01 rad, and a load is near the middle of the trunk. The
-/// logs show which way it leans, but a light load far away, a heavy one nearby and the zeros of hips, knees and ankles explain
-/// this equally well.
-pub fn usual(feet: usize) -> Vec<SwingNumber> {
+/// Priors for a biped: its encoder zeros are right within about 0.01 rad, and its load is near the base. The logs show how the
+/// biped leans, but not why: a light load far away, a heavy load nearby, or wrong zeros of hips, knees and ankles explain it
+/// equally well. Empty for robots with more feet.
+pub fn biped_priors(feet: usize) -> Vec<SwingNumber> {
     if feet > BIPED {
         return Vec::new();
     }
@@ -135,8 +135,8 @@ pub fn usual(feet: usize) -> Vec<SwingNumber> {
     };
     vec![
         zero(JointParameter::EncoderBias.name(), ZERO_RAD),
-        zero(RobotNumber::PayloadX.name(), LOAD_M),
-        zero(RobotNumber::PayloadZ.name(), LOAD_M),
+        zero(RobotNumber::PayloadX.name(), LOAD_DISTANCE_M),
+        zero(RobotNumber::PayloadZ.name(), LOAD_DISTANCE_M),
     ]
 }
 
