@@ -247,7 +247,7 @@ mod tests {
         sorted.1.sort_unstable();
         assert_eq!(sorted.0, sorted.1, "friction under load is a default parameter");
         let note = remedies.note().unwrap();
-        assert!(note.contains("9 mm split_groups") && note.contains("ground_softness"), "{note}");
+        assert!(note.contains("9 mm apart") && note.contains("ground_softness"), "{note}");
         assert_eq!(Remedies::new(&found, &after, &base).note(), None, "effects are not added twice");
         let mut soft = base.clone();
         soft.robot.ground_softness = 1.0;
