@@ -180,32 +180,14 @@ pub(super) fn beside(
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use gaitfit_adapt::fit::ParameterOutcome;
-
-    fn parameter(name: &str, value: f64, [lower, upper]: [f64; 2], interval: [f64; 2]) -> Parameter {
-        let found = ParameterOutcome {
-            name: name.to_owned(),
-            unit: "-".to_owned(),
-            value,
-            uncorrected: None,
-            spread: None,
-            lower,
-            upper,
-            start: 0.0,
-            at_bound: false,
-            per_run: vec![value],
-            identification: None,
-        };
-        let (interval, identified) = (Some(interval), Some(true));
-        Parameter { found, interval, identified, truth: None, published: None, prior: None }
-    }
+    use crate::adapt::parameter::example;
 
     #[test]
     fn a_load_is_as_unsure_as_its_place() {
         let load = |place: [f64; 2]| {
             let mut parameters = [
-                parameter("payload_mass", 3.0, [0.0, 20.0], [2.8, 3.2]),
-                parameter("payload_x", -0.4, [-0.5, 0.5], place),
+                example("payload_mass", 3.0, [0.0, 20.0], [2.8, 3.2]),
+                example("payload_x", -0.4, [-0.5, 0.5], place),
             ];
             widen_load_mass(&mut parameters);
             (parameters[0].interval.unwrap(), parameters[0].identified)
@@ -220,7 +202,7 @@ mod tests {
 
     #[test]
     fn intervals_reach_to_the_seeds() {
-        let mut one = [parameter("armature", 0.008, [0.0, 0.1], [0.0079, 0.0081])];
+        let mut one = [example("armature", 0.008, [0.0, 0.1], [0.0079, 0.0081])];
         one[0].found.per_run = vec![0.009, 0.006];
         one[0].found.uncorrected = Some(0.009);
         widen_to_seeds(&mut one);

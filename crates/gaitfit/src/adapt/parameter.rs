@@ -90,32 +90,35 @@ impl Parameter {
     }
 }
 
+/// A parameter for tests, with one run.
+#[cfg(test)]
+pub(super) fn example(name: &str, value: f64, [lower, upper]: [f64; 2], interval: [f64; 2]) -> Parameter {
+    let found = ParameterOutcome {
+        name: name.to_owned(),
+        unit: "N·m".to_owned(),
+        value,
+        uncorrected: None,
+        spread: None,
+        lower,
+        upper,
+        start: 0.0,
+        at_bound: value <= lower || value >= upper,
+        per_run: vec![value],
+        identification: None,
+    };
+    let (interval, identified) = (Some(interval), Some(true));
+    Parameter { found, interval, identified, truth: None, published: None, prior: None }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn friction(value: f64, interval: [f64; 2], prior: Prior) -> Parameter {
-        let found = ParameterOutcome {
-            name: "frictionloss_calf".to_owned(),
-            unit: "N·m".to_owned(),
-            value,
-            uncorrected: None,
-            spread: None,
-            lower: 0.0,
-            upper: 2.0,
-            start: 0.0,
-            at_bound: false,
-            per_run: vec![value],
-            identification: None,
-        };
-        let interval = Some(interval);
         Parameter {
-            found,
-            interval,
             identified: Some(false),
-            truth: None,
-            published: None,
             prior: Some(prior),
+            ..example("frictionloss_calf", value, [0.0, 2.0], interval)
         }
     }
 

@@ -291,25 +291,11 @@ fn listed(names: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::adapt::parameter::example;
     use gaitfit_adapt::Prior;
-    use gaitfit_adapt::fit::ParameterOutcome;
 
     fn parameter(name: &str, value: f64, interval: [f64; 2]) -> Parameter {
-        let found = ParameterOutcome {
-            name: name.to_owned(),
-            value,
-            uncorrected: None,
-            unit: "N·m".to_owned(),
-            spread: None,
-            lower: 0.0,
-            upper: 2.0,
-            start: 0.0,
-            at_bound: value <= 0.0 || value >= 2.0,
-            per_run: vec![value],
-            identification: None,
-        };
-        let (interval, identified) = (Some(interval), Some(true));
-        Parameter { found, interval, identified, truth: None, published: None, prior: None }
+        example(name, value, [0.0, 2.0], interval)
     }
 
     fn fit(parameters: Vec<Parameter>) -> CostFit {
