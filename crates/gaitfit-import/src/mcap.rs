@@ -6,6 +6,7 @@ use crate::ros::{Channel, Messages};
 use gaitfit_model::shown;
 use mcap::records::{Record, op};
 use std::collections::HashMap;
+use std::rc::Rc;
 
 /// The first bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"\x89MCAP0\r\n";
@@ -13,10 +14,17 @@ pub(crate) const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 /// Schemas and channels seen so far.
 #[derive(Default)]
 struct Seen {
-    /// Name, encoding and text of schemas.
-    schemas: HashMap<u16, (String, String, String)>,
+    /// Schemas by number. Any number of channels may have the same one.
+    schemas: HashMap<u16, Schema>,
     /// The number of each channel's topic.
     channels: HashMap<u16, usize>,
+}
+
+/// A message type as the file has it.
+struct Schema {
+    name: Rc<str>,
+    encoding: String,
+    text: Rc<str>,
 }
 
 /// Adds all messages of a file. A file that was cut off is read as far as it goes; returns whether it was.
@@ -57,22 +65,23 @@ fn records(
             op::SCHEMA => {
                 if let Record::Schema { header, data } = parse(code, body)? {
                     budget.take_bytes(data.len())?;
-                    let text = String::from_utf8_lossy(&data).into_owned();
-                    seen.schemas.insert(header.id, (header.name, header.encoding, text));
+                    let text = String::from_utf8_lossy(&data).into();
+                    let schema = Schema { name: header.name.into(), encoding: header.encoding, text };
+                    seen.schemas.insert(header.id, schema);
                 }
             }
             op::CHANNEL => {
                 if let Record::Channel(channel) = parse(code, body)? {
-                    let (kind, encoding, text) =
-                        seen.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                    let schema = seen.schemas.get(&channel.schema_id);
                     // Other languages of definitions are not read; types of ROS and Unitree are known without.
-                    let definition = if encoding == "ros2msg" { text } else { String::new() };
-                    let number = messages.channel(Channel {
+                    let readable = schema.filter(|schema| schema.encoding == "ros2msg");
+                    let channel_of_topic = Channel {
                         topic: channel.topic,
-                        kind,
+                        kind: schema.map(|schema| schema.name.clone()).unwrap_or_default(),
                         encoding: channel.message_encoding,
-                        definition,
-                    })?;
+                        definition: readable.map(|schema| schema.text.clone()).unwrap_or_default(),
+                    };
+                    let number = messages.channel(channel_of_topic, budget)?;
                     seen.channels.insert(channel.id, number);
                 }
             }

@@ -86,6 +86,7 @@ pub(crate) fn call(nodes: &[Node], function: Id, arguments: Id, budget: &mut Bud
         "_reconstruct" => Ok(Node::None),
         "scalar" => match (argument(0), argument(1)) {
             (Some(Node::DType(dtype)), Some(Node::Bytes(bytes))) if dtype.is_text() => {
+                budget.take_bytes(bytes.len())?;
                 dtype.text(bytes).map(|text| Node::Text(text.into())).ok_or_else(wrong)
             }
             (Some(Node::DType(dtype)), Some(Node::Bytes(bytes))) => {

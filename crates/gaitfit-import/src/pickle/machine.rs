@@ -232,7 +232,7 @@ impl<'a> Machine<'a> {
             }
             b'c' => {
                 let (module, name) = (self.line()?, self.line()?);
-                self.push(Node::Global(format!("{module}.{name}").into()))?;
+                self.global(module, name, budget)?;
             }
             0x93 => {
                 let names = self.pop_many(2)?;
@@ -240,8 +240,8 @@ impl<'a> Machine<'a> {
                 else {
                     return Err("the name of a class is no text".into());
                 };
-                let name = format!("{module}.{name}").into();
-                self.push(Node::Global(name))?;
+                let (module, name) = (module.clone(), name.clone());
+                self.global(&module, &name, budget)?;
             }
             b'Q' => {
                 let id = self.pop()?;
@@ -306,6 +306,12 @@ impl<'a> Machine<'a> {
         self.nodes.push(node);
         self.stack.push(self.nodes.len() - 1);
         Ok(())
+    }
+
+    fn global(&mut self, module: &str, name: &str, budget: &mut Budget) -> Result<(), String> {
+        // Texts that are in the pickle once may name many classes.
+        budget.take_bytes(module.len() + name.len() + 1)?;
+        self.push(Node::Global(format!("{module}.{name}").into()))
     }
 
     fn text(&mut self, bytes: &[u8], budget: &mut Budget) -> Result<(), String> {

@@ -49,7 +49,8 @@ impl Numbers<'_, '_> {
     /// Adds what `id` holds under `name`.
     fn gather(&mut self, name: &str, id: Id, depth: usize, out: &mut Arrays) -> Result<(), String> {
         self.visits += 1;
-        if depth > DEEPEST || out.numbers.len() >= MAX_ARRAYS || self.visits > MAX_VISITS {
+        let full = out.numbers.len() + out.words.len() >= MAX_ARRAYS;
+        if depth > DEEPEST || full || self.visits > MAX_VISITS {
             return Ok(());
         }
         let nodes = self.nodes;
@@ -57,17 +58,19 @@ impl Numbers<'_, '_> {
             Node::Dict(entries) => {
                 for (key, value) in entries {
                     let key = match &nodes[*key] {
-                        Node::Text(text) => text.to_string(),
-                        Node::Number(number) => number.to_string(),
+                        Node::Text(text) => text.clone(),
+                        Node::Number(number) => number.to_string().into(),
                         _ => continue,
                     };
-                    let name = if name.is_empty() { key } else { format!("{name}/{key}") };
+                    // One long key may be that of many entries.
+                    self.budget.take_bytes(name.len() + key.len())?;
+                    let name = if name.is_empty() { key.to_string() } else { format!("{name}/{key}") };
                     self.gather(&name, *value, depth + 1, out)?;
                 }
             }
             Node::List(items) => {
                 self.budget.take_values(items.len())?;
-                if let Some(words) = self.words(items) {
+                if let Some(words) = self.words(items)? {
                     out.words.insert(name.to_owned(), words);
                 } else if !items.is_empty() && items.iter().all(|item| matches!(nodes[*item], Node::Dict(_)))
                 {
@@ -84,6 +87,10 @@ impl Numbers<'_, '_> {
                 }
             }
             Node::Array(raw) if raw.dtype.is_text() => {
+                self.take_words(
+                    raw.bytes.len().checked_div(raw.dtype.bytes()).unwrap_or(0),
+                    raw.bytes.len(),
+                )?;
                 let words: Option<Vec<String>> = match raw.dtype.bytes() {
                     0 => None,
                     size => raw.bytes.chunks_exact(size).map(|word| raw.dtype.text(word)).collect(),
@@ -102,12 +109,24 @@ impl Numbers<'_, '_> {
         Ok(())
     }
 
-    fn words(&self, items: &[Id]) -> Option<Vec<String>> {
+    /// The words in a list that holds nothing else.
+    fn words(&mut self, items: &[Id]) -> Result<Option<Vec<String>>, String> {
         let word = |id: &Id| match &self.nodes[*id] {
-            Node::Text(text) => Some(text.to_string()),
+            Node::Text(text) => Some(text),
             _ => None,
         };
-        if items.is_empty() { None } else { items.iter().map(word).collect() }
+        let Some(words) = items.iter().map(word).collect::<Option<Vec<_>>>() else { return Ok(None) };
+        if words.is_empty() {
+            return Ok(None);
+        }
+        // One long text may be in the list many times.
+        self.take_words(words.len(), words.iter().map(|word| word.len()).sum())?;
+        Ok(Some(words.into_iter().map(|word| word.to_string()).collect()))
+    }
+
+    /// Takes the memory of `count` words of `bytes` together.
+    fn take_words(&mut self, count: usize, bytes: usize) -> Result<(), String> {
+        self.budget.take_bytes(bytes.saturating_add(count.saturating_mul(size_of::<String>())))
     }
 
     /// Stacks dictionaries, one a sample. What is not numbers of one shape in all rows is left out.

@@ -5,6 +5,8 @@ use super::value::Value;
 
 /// Deepest type in types.
 const DEEPEST: usize = 32;
+/// Most elements of a message. Each takes some tens of bytes; pictures and point clouds are not counted.
+const MAX_ELEMENTS: usize = 4_000_000;
 /// Sequences of bytes longer than this are pictures or point clouds and are passed over.
 const MAX_KEPT: usize = 1 << 16;
 
@@ -27,7 +29,7 @@ pub(crate) fn decode(schema: &Schema, message: &[u8]) -> Result<Value, String> {
         [0, 7] => (false, 4),
         _ => return Err(format!("encoding {:02x}{:02x} of a message; plain CDR is read", head[0], head[1])),
     };
-    let fuel = bytes.len() * 8 + 10_000;
+    let fuel = (bytes.len() * 8 + 10_000).min(MAX_ELEMENTS);
     Reader { bytes, at: 0, big, most_alignment, fuel }.structure(schema, 0, 0)
 }
 

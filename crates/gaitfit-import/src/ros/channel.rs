@@ -9,20 +9,25 @@ use crate::table::{MAX_COLUMNS, Source, Sparse, Table};
 use gaitfit_model::shown;
 use indexmap::IndexMap;
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 /// Most topics of a bag.
 const MAX_TOPICS: usize = 10_000;
+/// Largest message in JSON, bytes: decoded it takes some thirty times as much.
+const MAX_JSON: usize = 8 << 20;
+/// Memory of a field of a definition, in numbers of 8 bytes.
+const FIELD_VALUES: usize = 10;
 
 /// A topic as a bag describes it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Channel {
     pub topic: String,
     /// Type, such as `sensor_msgs/msg/JointState`.
-    pub kind: String,
+    pub kind: Rc<str>,
     /// `cdr` or `json`.
     pub encoding: String,
     /// Definition of the type, if the bag has it.
-    pub definition: String,
+    pub definition: Rc<str>,
 }
 
 struct Stream {
@@ -43,7 +48,7 @@ struct Stream {
 /// Collects the messages of a bag.
 pub(crate) struct Messages<'a> {
     mapping: &'a Mapping,
-    streams: IndexMap<(String, String), Stream>,
+    streams: IndexMap<(String, Rc<str>), Stream>,
     /// What a file that this program wrote says beside its messages.
     metadata: BTreeMap<String, String>,
 }
@@ -59,7 +64,7 @@ impl<'a> Messages<'a> {
     }
 
     /// The number to give with the topic's messages.
-    pub fn channel(&mut self, channel: Channel) -> Result<usize, String> {
+    pub fn channel(&mut self, channel: Channel, budget: &mut Budget) -> Result<usize, String> {
         let key = (channel.topic.clone(), channel.kind.clone());
         if let Some(number) = self.streams.get_index_of(&key) {
             return Ok(number);
@@ -83,6 +88,9 @@ impl<'a> Messages<'a> {
             "cdr" | "" => schema::parse(&channel.kind, &channel.definition),
             other => Err(format!("messages in encoding `{}`; cdr and json are read", shown(other))),
         };
+        // Each topic has its own fields, though thousands may share one text.
+        let fields = schema.as_ref().map_or(0, |schema| schema.types.iter().map(Vec::len).sum());
+        budget.take_values(fields * FIELD_VALUES)?;
         let stream = Stream {
             channel,
             schema,
@@ -123,6 +131,9 @@ impl<'a> Messages<'a> {
         }
         let Ok(schema) = &stream.schema else { return Ok(()) };
         let decoded = match stream.channel.encoding.as_str() {
+            "json" if bytes.len() > MAX_JSON => {
+                Err(format!("a message of more than {MAX_JSON} bytes in JSON"))
+            }
             "json" => {
                 serde_json::from_slice(bytes).map(|json| Value::from_json(&json)).map_err(|e| e.to_string())
             }

@@ -9,6 +9,8 @@ use std::rc::Rc;
 const MAX_BYTES: usize = 1 << 20;
 const MAX_TYPES: usize = 2000;
 const MAX_FIELDS: usize = 20_000;
+/// Longest name of a type or a field, bytes. A package's name is repeated in those of all its types.
+const MAX_NAME: usize = 256;
 
 /// What a field holds, one element of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,7 +74,11 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, String> {
     if text.len() > MAX_BYTES {
         return Err(format!("a definition of more than {MAX_BYTES} bytes"));
     }
-    let root = short_name(name);
+    let named = |name: &str| match short_name(name) {
+        name if name.len() > MAX_NAME => Err(format!("a type's name of more than {MAX_NAME} bytes")),
+        name => Ok(name),
+    };
+    let root = named(name)?;
     let mut texts: HashMap<String, &str> = HashMap::new();
     let mut rest = text;
     let mut key = root.clone();
@@ -97,7 +103,7 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, String> {
         let Some(name) = first.trim().strip_prefix("MSG:") else {
             return Err("a separator without the name of a type after it".into());
         };
-        key = short_name(name.trim());
+        key = named(name.trim())?;
         rest = others;
     }
     if texts.get(&root).is_none_or(|own| own.trim().is_empty()) {
@@ -164,7 +170,7 @@ fn field(line: &str) -> Result<Option<Written<'_>>, String> {
     if rest[name.len()..].trim_start().starts_with('=') {
         return Ok(None);
     }
-    if name.is_empty() || name.len() > 256 {
+    if name.is_empty() || name.len() > MAX_NAME || kind.len() > MAX_NAME {
         return Err(format!("`{}` is no field", shown(line)));
     }
     let (kind, count) = match kind.split_once('[') {
