@@ -3,6 +3,7 @@
 use crate::budget::Budget;
 use crate::known::{Role, role};
 use crate::mapping::{ColumnNames, Mapping, Names};
+use crate::problem::Problem;
 use crate::table::{MAX_COLUMNS, Source, Table};
 use gaitfit_model::shown;
 use indexmap::IndexMap;
@@ -70,7 +71,7 @@ pub(crate) fn named(columns: &ColumnNames) -> [(Role, &Option<Names>); 8] {
 }
 
 /// Refuses two arrays of one quantity, such as those of several recordings in one file.
-fn one_each(arrays: &Arrays, mapping: &Mapping) -> Result<(), String> {
+fn one_each(arrays: &Arrays, mapping: &Mapping) -> Result<(), Problem> {
     let mut seen: Vec<(Role, &str)> = Vec::new();
     for (name, array) in &arrays.numbers {
         let Some(role) = role_of(name, mapping).filter(|role| *role != Role::Time) else { continue };
@@ -83,7 +84,7 @@ fn one_each(arrays: &Arrays, mapping: &Mapping) -> Result<(), String> {
                 "`{}` and `{}` hold the same quantity; name what to read by `--take`, such as the beginning of a path",
                 shown(other),
                 shown(name)
-            ));
+            ).into());
         }
         seen.push((role, name));
     }
@@ -91,7 +92,7 @@ fn one_each(arrays: &Arrays, mapping: &Mapping) -> Result<(), String> {
 }
 
 /// Refuses positions with another number of rows than there are times.
-fn differing(arrays: &Arrays, mapping: &Mapping, rows: usize) -> Result<(), String> {
+fn differing(arrays: &Arrays, mapping: &Mapping, rows: usize) -> Result<(), Problem> {
     let array = |wanted: Role| {
         let found = arrays.numbers.iter().find(|(name, _)| role_of(name, mapping) == Some(wanted));
         found.filter(|(_, array)| !array.shape.is_empty())
@@ -107,7 +108,8 @@ fn differing(arrays: &Arrays, mapping: &Mapping, rows: usize) -> Result<(), Stri
         shown(time),
         shown(position),
         array.shape[0]
-    ))
+    )
+    .into())
 }
 
 /// One table of all arrays that have a row a sample.
@@ -117,7 +119,7 @@ pub(crate) fn source(
     mut arrays: Arrays,
     mapping: &Mapping,
     budget: &mut Budget,
-) -> Result<Source, String> {
+) -> Result<Source, Problem> {
     let mut source = Source { kind, ..Source::default() };
     let take = &mapping.streams.take;
     if !take.is_empty() {
@@ -161,7 +163,8 @@ pub(crate) fn source(
         return Err(format!(
             "no array `{}`, which `[time] column` of the mapping names; it has {names}",
             shown(column)
-        ));
+        )
+        .into());
     }
     differing(&arrays, mapping, rows)?;
     let mut gains: [Option<Vec<f64>>; 2] = [None, None];
@@ -187,7 +190,9 @@ pub(crate) fn source(
                 budget.take_values(rows.saturating_mul(columns.len()))?;
                 for (i, column) in columns.into_iter().enumerate() {
                     if table.columns.len() >= MAX_COLUMNS {
-                        return Err(format!("more than {MAX_COLUMNS} columns; save only the joints' arrays"));
+                        return Err(
+                            format!("more than {MAX_COLUMNS} columns; save only the joints' arrays").into()
+                        );
                     }
                     let values = array.data.iter().skip(i).step_by(width).copied().collect();
                     table.columns.insert(column, values);

@@ -1,8 +1,9 @@
 //! ROS 2 bags of the kind db3 (`rosbag2_storage_sqlite3`).
 
 use crate::budget::{Budget, unzstd};
+use crate::problem::Problem;
 use crate::ros::{Channel, Messages};
-use crate::sqlite::{Database, needed};
+use crate::sqlite::{Database, SqliteError, TableInfo, needed};
 use std::collections::HashMap;
 use std::rc::Rc;
 
@@ -11,7 +12,7 @@ const ZSTD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 
 /// Adds all messages of a bag. Bags before Iron do not hold the definitions of their types; those of ROS and Unitree are
 /// known here.
-pub(crate) fn read(bytes: &[u8], messages: &mut Messages<'_>, budget: &mut Budget) -> Result<(), String> {
+pub(crate) fn read(bytes: &[u8], messages: &mut Messages<'_>, budget: &mut Budget) -> Result<(), Problem> {
     let database = Database::open(bytes)?;
     let mut definitions: HashMap<String, Rc<str>> = HashMap::new();
     if let Some(table) = database.table("message_definitions")?
@@ -29,9 +30,8 @@ pub(crate) fn read(bytes: &[u8], messages: &mut Messages<'_>, budget: &mut Budge
     }
 
     let table = needed(&database, "topics")?;
-    let column = |table: &crate::sqlite::TableInfo, name: &str| {
-        table.column(name).ok_or_else(|| format!("its table has no column `{name}`: no ROS 2 bag"))
-    };
+    let column =
+        |table: &TableInfo, name: &'static str| table.column(name).ok_or(SqliteError::NoColumn(name));
     let (id, name, kind) = (column(&table, "id")?, column(&table, "name")?, column(&table, "type")?);
     let format = table.column("serialization_format");
     let mut topics: HashMap<i64, usize> = HashMap::new();

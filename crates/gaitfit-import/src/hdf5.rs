@@ -4,6 +4,7 @@
 
 use crate::arrays::{Array, Arrays, count};
 use crate::budget::Budget;
+use crate::problem::Problem;
 use gaitfit_model::shown;
 use hdf5_pure::{DType, Dataset, File, Group, VlenStringReadOptions};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -16,13 +17,13 @@ const MAX_OBJECTS: usize = 10_000;
 const MAX_WORDS: usize = 1 << 20;
 
 /// The arrays of the file.
-pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Arrays, String> {
+pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Arrays, Problem> {
     // The library refuses what it does not understand. Should it panic over a damaged file instead, that is an error too.
     catch_unwind(AssertUnwindSafe(|| whole(file, budget)))
         .unwrap_or_else(|_| Err("its reader gave up; the file is damaged".into()))
 }
 
-fn whole(file: &[u8], budget: &mut Budget) -> Result<Arrays, String> {
+fn whole(file: &[u8], budget: &mut Budget) -> Result<Arrays, Problem> {
     budget.take_bytes(file.len())?;
     let file = File::from_bytes(file.to_vec()).map_err(|error| error.to_string())?;
     let mut reader = Reader { arrays: Arrays::default(), objects: 0, budget };
@@ -37,15 +38,17 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn count(&mut self) -> Result<(), String> {
+    fn count(&mut self) -> Result<(), Problem> {
         self.objects += 1;
         if self.objects > MAX_OBJECTS {
-            return Err(format!("more than {MAX_OBJECTS} groups and datasets; save one recording a file"));
+            return Err(
+                format!("more than {MAX_OBJECTS} groups and datasets; save one recording a file").into()
+            );
         }
         Ok(())
     }
 
-    fn group(&mut self, group: &Group, above: &str, depth: usize) -> Result<(), String> {
+    fn group(&mut self, group: &Group, above: &str, depth: usize) -> Result<(), Problem> {
         let damaged = |error: hdf5_pure::Error| format!("group `{}`: {error}", shown(above));
         let path = |name: &str| if above.is_empty() { name.to_owned() } else { format!("{above}/{name}") };
         for name in group.datasets().map_err(damaged)? {
@@ -66,7 +69,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn dataset(&mut self, dataset: &Dataset, path: &str) -> Result<(), String> {
+    fn dataset(&mut self, dataset: &Dataset, path: &str) -> Result<(), Problem> {
         let text = |error: hdf5_pure::Error| error.to_string();
         let too_large = || "its shape is too large".to_owned();
         let shape: Option<Vec<usize>> =
@@ -115,7 +118,8 @@ impl Reader<'_> {
             return Err(format!(
                 "{} numbers where its shape says {elements}; the file is damaged",
                 data.len()
-            ));
+            )
+            .into());
         }
         self.arrays.numbers.insert(path.to_owned(), Array { shape, data });
         Ok(())

@@ -53,6 +53,7 @@ mod open;
 #[cfg(feature = "all-formats")]
 mod parquet;
 mod pickle;
+mod problem;
 mod resolve;
 mod ros;
 mod sqlite;
@@ -62,13 +63,19 @@ mod torch;
 mod walk_these_ways;
 mod zeros;
 
+pub use budget::{BudgetError, UnpackError};
 pub use clock::{ClockFinding, StreamReport};
 pub use error::ImportError;
 pub use mapping::{
     AngleUnit, ColumnNames, MAX_MAPPING_BYTES, Mapping, Names, ObservedNumber, StreamNames, TimeColumn,
     UnitName,
 };
+pub use mcap::McapError;
 pub use mcap_write::{LiveMcap, McapHead, McapLog, McapRow, McapState, mcap_bytes};
+pub use pickle::PickleError;
+pub use problem::Problem;
+pub use ros::MessageError;
+pub use sqlite::SqliteError;
 
 use gaitfit_log::{Finding, Lead, Trajectory};
 use serde::Serialize;

@@ -2,6 +2,7 @@
 
 use crate::budget::{Budget, unlz4, unzstd};
 use crate::mcap_write::METADATA;
+use crate::problem::Problem;
 use crate::ros::{Channel, Messages};
 use gaitfit_model::shown;
 use mcap::records::{Record, op};
@@ -10,6 +11,24 @@ use std::rc::Rc;
 
 /// The first bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"\x89MCAP0\r\n";
+
+/// What is wrong with an MCAP file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum McapError {
+    /// Other first bytes.
+    #[error("it does not begin as MCAP files do")]
+    NotMcap,
+    /// Chunks that are packed by another program.
+    #[error("chunks packed by `{}`; zstd and lz4 are read", shown(.0))]
+    Packer(String),
+    /// A record states a length that it does not have.
+    #[error("a record is damaged: a text in it is longer than the record")]
+    TextBeyond,
+    /// A record that cannot be read.
+    #[error("a record is damaged: {0}")]
+    Damaged(mcap::McapError),
+}
 
 /// Schemas and channels seen so far.
 #[derive(Default)]
@@ -28,8 +47,8 @@ struct Schema {
 }
 
 /// Adds all messages of a file. A file that was cut off is read as far as it goes; returns whether it was.
-pub(crate) fn read(bytes: &[u8], messages: &mut Messages<'_>, budget: &mut Budget) -> Result<bool, String> {
-    let rest = bytes.strip_prefix(MAGIC).ok_or("it does not begin as MCAP files do")?;
+pub(crate) fn read(bytes: &[u8], messages: &mut Messages<'_>, budget: &mut Budget) -> Result<bool, Problem> {
+    let rest = bytes.strip_prefix(MAGIC).ok_or(McapError::NotMcap)?;
     let mut seen = Seen::default();
     records(rest, &mut seen, messages, budget, true)
 }
@@ -40,7 +59,7 @@ fn records(
     messages: &mut Messages<'_>,
     budget: &mut Budget,
     outside: bool,
-) -> Result<bool, String> {
+) -> Result<bool, Problem> {
     while let Some((head, after)) = rest.split_at_checked(9) {
         let code = head[0];
         let size = head[1..].iter().rev().fold(0u64, |sum, byte| (sum << 8) | u64::from(*byte));
@@ -57,7 +76,7 @@ fn records(
                     "zstd" => Some(unzstd(packed, budget)?),
                     "lz4" => Some(unlz4(packed, budget)?),
                     other => {
-                        return Err(format!("chunks packed by `{}`; zstd and lz4 are read", shown(other)));
+                        return Err(McapError::Packer(other.to_owned()).into());
                     }
                 };
                 records(unpacked.as_deref().unwrap_or(packed), seen, messages, budget, false)?;
@@ -145,11 +164,11 @@ fn text(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
 }
 
-fn parse(code: u8, body: &[u8]) -> Result<Record<'_>, String> {
+fn parse(code: u8, body: &[u8]) -> Result<Record<'_>, Problem> {
     if !lengths_fit(code, body) {
-        return Err("a record is damaged: a text in it is longer than the record".to_owned());
+        return Err(McapError::TextBeyond.into());
     }
-    mcap::parse_record(code, body).map_err(|error| format!("a record is damaged: {error}"))
+    Ok(mcap::parse_record(code, body).map_err(McapError::Damaged)?)
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use crate::arrays::{Array, Arrays, count};
 use crate::budget::{Budget, read_all};
 use crate::dtype::DType;
+use crate::problem::Problem;
 use gaitfit_model::shown;
 use std::io::Cursor;
 use zip::ZipArchive;
@@ -13,10 +14,10 @@ const MAX_HEADER: usize = 10_000;
 pub(crate) const MAX_ENTRIES: usize = 10_000;
 
 /// The arrays of an npz archive. Arrays of Python objects are refused: they are pickles.
-pub(crate) fn read_npz(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, String> {
+pub(crate) fn read_npz(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, Problem> {
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("zip: {error}"))?;
     if archive.len() > MAX_ENTRIES {
-        return Err(format!("{} files in it; is this a log?", archive.len()));
+        return Err(format!("{} files in it; is this a log?", archive.len()).into());
     }
     let mut arrays = Arrays::default();
     for i in 0..archive.len() {
@@ -29,8 +30,8 @@ pub(crate) fn read_npz(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, Stri
 }
 
 /// Reads one npy file as the array `name`.
-pub(crate) fn add(name: &str, bytes: &[u8], arrays: &mut Arrays, budget: &mut Budget) -> Result<(), String> {
-    let refuse = |problem: &str| Err(format!("{}: {problem}", shown(name)));
+pub(crate) fn add(name: &str, bytes: &[u8], arrays: &mut Arrays, budget: &mut Budget) -> Result<(), Problem> {
+    let refuse = |problem: &str| Err(Problem::Other(format!("{}: {problem}", shown(name))));
     let length = match bytes.get(6) {
         Some(1) => bytes.get(8..10).map(|two| usize::from(u16::from_le_bytes([two[0], two[1]]))),
         _ => bytes.get(8..12).map(|four| u32::from_le_bytes([four[0], four[1], four[2], four[3]]) as usize),

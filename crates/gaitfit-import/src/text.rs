@@ -3,6 +3,7 @@
 use crate::budget::Budget;
 use crate::known::{Role, canonical, role};
 use crate::mapping::Mapping;
+use crate::problem::Problem;
 use crate::table::{MAX_COLUMNS, Source, Sparse};
 use gaitfit_model::shown;
 use std::collections::HashSet;
@@ -17,7 +18,7 @@ pub(crate) fn read(
     bytes: &[u8],
     mapping: &Mapping,
     budget: &mut Budget,
-) -> Result<Source, String> {
+) -> Result<Source, Problem> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes).map_err(|_| "not UTF-8 text; save the file as UTF-8".to_owned())?;
     let header = text
@@ -39,7 +40,7 @@ pub(crate) fn read(
     let damaged = |error: csv::Error| format!("{error}");
     let names: Vec<String> = reader.headers().map_err(damaged)?.iter().map(str::to_owned).collect();
     if names.len() > MAX_COLUMNS {
-        return Err(format!("{} columns, more than {MAX_COLUMNS}; drop unused ones", names.len()));
+        return Err(format!("{} columns, more than {MAX_COLUMNS}; drop unused ones", names.len()).into());
     }
     if names.iter().all(|name| name.parse::<f64>().is_ok()) {
         return Err(
@@ -48,7 +49,7 @@ pub(crate) fn read(
     }
     let mut seen = HashSet::new();
     if let Some(twice) = names.iter().find(|name| !seen.insert(name.as_str())) {
-        return Err(format!("column `{}` is there twice; rename one", shown(twice)));
+        return Err(format!("column `{}` is there twice; rename one", shown(twice)).into());
     }
 
     let time = time_column(&names, mapping)?;
@@ -69,7 +70,8 @@ pub(crate) fn read(
                     "line {line}: {} cells where the header names {}",
                     record.len(),
                     names.len()
-                ));
+                )
+                .into());
             }
         }
         let row = u32::try_from(sparse.time.len()).map_err(|_| "too many rows; cut the log".to_owned())?;
@@ -123,11 +125,11 @@ pub(crate) fn read(
 }
 
 /// The place of the time column among `names`; `None`: the mapping gives a rate instead.
-pub(crate) fn time_column(names: &[String], mapping: &Mapping) -> Result<Option<usize>, String> {
+pub(crate) fn time_column(names: &[String], mapping: &Mapping) -> Result<Option<usize>, Problem> {
     if let Some(wanted) = &mapping.time.column {
         let found = names.iter().position(|name| name == wanted);
         return found.map(Some).ok_or_else(|| {
-            format!("no column `{}`, which `[time] column` of the mapping names", shown(wanted))
+            format!("no column `{}`, which `[time] column` of the mapping names", shown(wanted)).into()
         });
     }
     let usual = names.iter().position(|name| canonical(name).is_none() && role(name) == Some(Role::Time));

@@ -4,6 +4,7 @@ use crate::arrays::Arrays;
 use crate::budget::{Budget, read_all};
 use crate::npz::MAX_ENTRIES;
 use crate::pickle;
+use crate::problem::Problem;
 use std::collections::HashMap;
 use std::io::Cursor;
 use std::rc::Rc;
@@ -24,7 +25,7 @@ fn pickle_name(archive: &ZipArchive<Cursor<&[u8]>>) -> Option<String> {
 }
 
 /// The named arrays of the file.
-pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, String> {
+pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, Problem> {
     let damaged = |error| format!("zip: {error}");
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(damaged)?;
     let name = pickle_name(&archive).ok_or("it has no data.pkl")?;
@@ -37,12 +38,12 @@ pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, String> 
     }
     let entry = archive.by_name(&name).map_err(damaged)?;
     if entry.size() > MAX_PICKLE {
-        return Err(format!("its data.pkl is larger than {MAX_PICKLE} bytes; save plain tensors"));
+        return Err(format!("its data.pkl is larger than {MAX_PICKLE} bytes; save plain tensors").into());
     }
     let content = read_all(entry, budget, "zip")?;
     let pickle = pickle::read(&content, budget)?;
     let mut read: HashMap<String, Rc<[u8]>> = HashMap::new();
-    let mut storages = |key: &str, budget: &mut Budget| -> Result<Rc<[u8]>, String> {
+    let mut storages = |key: &str, budget: &mut Budget| -> Result<Rc<[u8]>, Problem> {
         if let Some(bytes) = read.get(key) {
             return Ok(bytes.clone());
         }

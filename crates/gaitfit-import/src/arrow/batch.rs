@@ -5,6 +5,7 @@ use super::fields::{Field, Layout, Physical};
 use crate::budget::{Budget, unlz4, unzstd};
 use crate::columnar::{Frame, Values};
 use crate::dtype::DType;
+use crate::problem::Problem;
 use gaitfit_model::shown;
 use polars_arrow_format::ipc::planus::Vector;
 use polars_arrow_format::ipc::{BufferRef, CompressionType, FieldNodeRef, RecordBatchRef};
@@ -19,7 +20,7 @@ pub(super) fn read(
     fields: &[Field],
     frame: &mut Frame,
     budget: &mut Budget,
-) -> Result<(), String> {
+) -> Result<(), Problem> {
     let rows = usize::try_from(header.length().map_err(damaged)?).map_err(damaged)?;
     let packed = match header.compression().map_err(damaged)? {
         None => None,
@@ -71,7 +72,7 @@ impl<'a> Batch<'a, '_> {
         length: usize,
         valid: Option<&[bool]>,
         lists: Option<&[u32]>,
-    ) -> Result<(), String> {
+    ) -> Result<(), Problem> {
         let node = self.nodes.get(self.node).ok_or(CUT)?;
         self.node += 1;
         // A field knows its own number of places, and a list's may have more than its lists cover.
@@ -80,7 +81,8 @@ impl<'a> Batch<'a, '_> {
             return Err(format!(
                 "`{}` has {places} places where {length} are; the file is damaged",
                 shown(&field.name)
-            ));
+            )
+            .into());
         }
         if field.layout == Layout::None {
             return Ok(());
@@ -105,11 +107,11 @@ impl<'a> Batch<'a, '_> {
             }
             Layout::Lists(size) => {
                 let offsets = self.take()?;
-                let at = |i: usize| -> Result<usize, String> {
+                let at = |i: usize| -> Result<usize, Problem> {
                     let number = offsets.get(i * size..(i + 1) * size).ok_or(CUT)?;
                     let mut word = [0u8; 8];
                     word[..size].copy_from_slice(number);
-                    usize::try_from(u64::from_le_bytes(word)).map_err(damaged)
+                    Ok(usize::try_from(u64::from_le_bytes(word)).map_err(damaged)?)
                 };
                 let mut lengths = Vec::new();
                 let first = if length == 0 { 0 } else { at(0)? };
@@ -121,7 +123,9 @@ impl<'a> Batch<'a, '_> {
                         .ok_or("lists that end before they begin; the file is damaged")?;
                     lengths.push(if is_valid(i) { u32::try_from(wide).map_err(damaged)? } else { 0 });
                     if !is_valid(i) && wide > 0 {
-                        return Err(format!("`{}` has values where its list is missing", shown(&field.name)));
+                        return Err(
+                            format!("`{}` has values where its list is missing", shown(&field.name)).into()
+                        );
                     }
                     last = end;
                 }
@@ -130,18 +134,18 @@ impl<'a> Batch<'a, '_> {
             Layout::FixedLists(size) => {
                 let values = length.checked_mul(size).ok_or(CUT)?;
                 if (0..length).any(|i| !is_valid(i)) {
-                    return Err(format!("`{}` has rows without a list; fill them", shown(&field.name)));
+                    return Err(format!("`{}` has rows without a list; fill them", shown(&field.name)).into());
                 }
                 self.list(field, 0, values, &vec![u32::try_from(size).map_err(damaged)?; length])
             }
-            Layout::None | Layout::Skipped(_) | Layout::Views => Err(CUT.to_owned()),
+            Layout::None | Layout::Skipped(_) | Layout::Views => Err(CUT.into()),
         }
     }
 
     /// The inside of lists, whose values are those from `first` to `last`.
-    fn list(&mut self, field: &Field, first: usize, last: usize, lengths: &[u32]) -> Result<(), String> {
+    fn list(&mut self, field: &Field, first: usize, last: usize, lengths: &[u32]) -> Result<(), Problem> {
         if first > 0 {
-            return Err(format!("`{}` is a part of a longer table; write it anew", shown(&field.name)));
+            return Err(format!("`{}` is a part of a longer table; write it anew", shown(&field.name)).into());
         }
         field.children.iter().try_for_each(|child| self.field(child, last, None, Some(lengths)))
     }
@@ -154,14 +158,14 @@ impl<'a> Batch<'a, '_> {
         length: usize,
         is_valid: &dyn Fn(usize) -> bool,
         lists: Option<&[u32]>,
-    ) -> Result<(), String> {
+    ) -> Result<(), Problem> {
         self.budget.take_values(length.saturating_add(length / 2))?;
         let values = values(physical, data, length)?;
         let row = self.frame.rows;
         let Some(column) = self.frame.columns.get_mut(&field.name) else { return Ok(()) };
         if let (Some(own), Some(lists)) = (&mut column.lengths, lists) {
             if (0..length).any(|i| !is_valid(i)) {
-                return Err(format!("`{}` has lists with empty places; fill them", shown(&field.name)));
+                return Err(format!("`{}` has lists with empty places; fill them", shown(&field.name)).into());
             }
             own.extend(lists);
             column.values.append(values);
@@ -178,7 +182,7 @@ impl<'a> Batch<'a, '_> {
     }
 
     /// Passes the buffers of a field that is not read; `begun`: its node has been taken.
-    fn skip(&mut self, field: &Field, begun: bool) -> Result<(), String> {
+    fn skip(&mut self, field: &Field, begun: bool) -> Result<(), Problem> {
         self.node += usize::from(!begun);
         self.buffer += match field.layout {
             Layout::None => 0,
@@ -195,7 +199,7 @@ impl<'a> Batch<'a, '_> {
     }
 
     /// The next buffer, unpacked.
-    fn take(&mut self) -> Result<Cow<'a, [u8]>, String> {
+    fn take(&mut self) -> Result<Cow<'a, [u8]>, Problem> {
         let buffer = self.buffers.get(self.buffer).ok_or(CUT)?;
         self.buffer += 1;
         let begin = usize::try_from(buffer.offset()).map_err(damaged)?;
@@ -214,7 +218,7 @@ impl<'a> Batch<'a, '_> {
 }
 
 /// `length` numbers of a buffer.
-fn values(physical: Physical, data: &[u8], length: usize) -> Result<Values, String> {
+fn values(physical: Physical, data: &[u8], length: usize) -> Result<Values, Problem> {
     let numbers =
         |bytes: usize| length.checked_mul(bytes).and_then(|all| data.get(..all)).ok_or(CUT.to_owned());
     Ok(match physical {

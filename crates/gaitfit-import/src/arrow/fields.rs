@@ -1,6 +1,7 @@
 //! What a schema's fields are, and which buffers each of them has.
 
 use super::damaged;
+use crate::problem::Problem;
 use polars_arrow_format::ipc::planus::Vector;
 use polars_arrow_format::ipc::{FieldRef, Precision, TimeUnit, TypeRef};
 
@@ -64,7 +65,7 @@ impl Field {
 /// Reads the schema's fields.
 pub(super) fn fields<'a>(
     all: Option<Vector<'a, polars_arrow_format::ipc::planus::Result<FieldRef<'a>>>>,
-) -> Result<Vec<Field>, String> {
+) -> Result<Vec<Field>, Problem> {
     let mut left = crate::table::MAX_COLUMNS;
     let all = all.ok_or("a schema without fields; the file is damaged")?;
     all.iter().map(|field| read(field.map_err(damaged)?, "", Inside::default(), &mut left)).collect()
@@ -79,7 +80,7 @@ struct Inside {
     refused: Option<&'static str>,
 }
 
-fn read(field: FieldRef<'_>, above: &str, inside: Inside, left: &mut usize) -> Result<Field, String> {
+fn read(field: FieldRef<'_>, above: &str, inside: Inside, left: &mut usize) -> Result<Field, Problem> {
     // Fields may refer to one another, and a small file to many.
     *left = left.checked_sub(1).ok_or("more than 4096 fields; save only the joints' columns")?;
     if inside.depth > MAX_DEPTH {
@@ -113,7 +114,7 @@ fn read(field: FieldRef<'_>, above: &str, inside: Inside, left: &mut usize) -> R
 }
 
 /// The buffers of a type, why it is not read, and of times the units a second.
-fn layout(kind: &TypeRef<'_>) -> Result<(Layout, Option<&'static str>, Option<f64>), String> {
+fn layout(kind: &TypeRef<'_>) -> Result<(Layout, Option<&'static str>, Option<f64>), Problem> {
     let per_second = |unit: TimeUnit| match unit {
         TimeUnit::Second => 1.0,
         TimeUnit::Millisecond => 1e3,

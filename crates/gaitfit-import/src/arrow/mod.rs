@@ -9,6 +9,7 @@ mod fields;
 use crate::budget::Budget;
 use crate::columnar::{Column, Frame};
 use crate::kind::{ARROW as MAGIC, ARROW_MESSAGE as CONTINUED};
+use crate::problem::Problem;
 use fields::Field;
 use gaitfit_model::shown;
 use polars_arrow_format::ipc::planus::ReadAsRoot;
@@ -19,7 +20,7 @@ pub(super) fn damaged(error: impl std::fmt::Display) -> String {
 }
 
 /// The columns of a file or stream.
-pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, String> {
+pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, Problem> {
     let mut rest = file.strip_prefix(MAGIC).unwrap_or(file);
     let mut frame = Frame::default();
     let mut fields: Option<Vec<Field>> = None;

@@ -2,6 +2,7 @@
 //! for, which the caller takes from its budget.
 
 use crate::columnar::Values;
+use crate::problem::Problem;
 
 const CUT: &str = "a page is cut short; the file is damaged";
 
@@ -34,7 +35,7 @@ impl Physical {
         }
     }
 
-    fn read(self, bytes: &[u8], into: &mut Values) -> Result<(), String> {
+    fn read(self, bytes: &[u8], into: &mut Values) -> Result<(), Problem> {
         match (self, into) {
             (Physical::Int { bytes: 4, .. }, Values::Integers(out)) => {
                 out.push(self.integer(i64::from(i32::from_le_bytes(array(bytes)?))));
@@ -42,7 +43,7 @@ impl Physical {
             (Physical::Int { .. }, Values::Integers(out)) => out.push(i64::from_le_bytes(array(bytes)?)),
             (Physical::Float, Values::Reals(out)) => out.push(f64::from(f32::from_le_bytes(array(bytes)?))),
             (Physical::Double, Values::Reals(out)) => out.push(f64::from_le_bytes(array(bytes)?)),
-            _ => return Err(CUT.to_owned()),
+            _ => return Err(CUT.into()),
         }
         Ok(())
     }
@@ -55,12 +56,12 @@ impl Physical {
     }
 }
 
-fn array<const N: usize>(bytes: &[u8]) -> Result<[u8; N], String> {
-    bytes.first_chunk::<N>().copied().ok_or_else(|| CUT.to_owned())
+fn array<const N: usize>(bytes: &[u8]) -> Result<[u8; N], Problem> {
+    bytes.first_chunk::<N>().copied().ok_or_else(|| CUT.into())
 }
 
 /// An unsigned number of 7 bits a byte.
-pub(super) fn varint(bytes: &mut &[u8]) -> Result<u64, String> {
+pub(super) fn varint(bytes: &mut &[u8]) -> Result<u64, Problem> {
     let mut value = 0u64;
     for shift in (0..64).step_by(7) {
         let (first, rest) = bytes.split_first().ok_or(CUT)?;
@@ -70,7 +71,7 @@ pub(super) fn varint(bytes: &mut &[u8]) -> Result<u64, String> {
             return Ok(value);
         }
     }
-    Err(CUT.to_owned())
+    Err(CUT.into())
 }
 
 /// Number `index` of numbers of `width` bits, lowest bits first; bits beyond the end are 0.
@@ -85,7 +86,7 @@ fn packed(bytes: &[u8], width: usize, index: usize) -> u64 {
 }
 
 /// `count` numbers of `width` bits, in runs and packed groups (RLE and bit-packing hybrid).
-pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec<u32>, String> {
+pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec<u32>, Problem> {
     if width > 32 {
         return Err("numbers of more than 32 bits where levels or places are; the file is damaged".into());
     }
@@ -99,7 +100,7 @@ pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec
         let left = count - out.len();
         let wanted = usize::try_from(header >> 1).map_err(|_| CUT)?;
         if wanted == 0 {
-            return Err(CUT.to_owned());
+            return Err(CUT.into());
         }
         if header & 1 == 0 {
             let size = width.div_ceil(8);
@@ -112,7 +113,7 @@ pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec
             let size = wanted.checked_mul(width).ok_or(CUT)?.min(bytes.len());
             let numbers = wanted.saturating_mul(8).min(8 * size / width).min(left);
             if numbers == 0 {
-                return Err(CUT.to_owned());
+                return Err(CUT.into());
             }
             let (group, rest) = bytes.split_at(size);
             out.extend((0..numbers).map(|i| packed(group, width, i) as u32));
@@ -123,11 +124,11 @@ pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec
 }
 
 /// `count` numbers as they are.
-pub(super) fn plain(bytes: &[u8], physical: Physical, count: usize) -> Result<Values, String> {
+pub(super) fn plain(bytes: &[u8], physical: Physical, count: usize) -> Result<Values, Problem> {
     let mut out = physical.empty();
     if physical == Physical::Bool {
         if bytes.len() < count.div_ceil(8) {
-            return Err(CUT.to_owned());
+            return Err(CUT.into());
         }
         return Ok(Values::Integers((0..count).map(|i| packed(bytes, 1, i) as i64).collect()));
     }
@@ -140,7 +141,7 @@ pub(super) fn plain(bytes: &[u8], physical: Physical, count: usize) -> Result<Va
 }
 
 /// `count` numbers whose first bytes come first, then all second bytes, and so on (BYTE_STREAM_SPLIT).
-pub(super) fn split(bytes: &[u8], physical: Physical, count: usize) -> Result<Values, String> {
+pub(super) fn split(bytes: &[u8], physical: Physical, count: usize) -> Result<Values, Problem> {
     let size = physical.size();
     let bytes = count.checked_mul(size).and_then(|length| bytes.get(..length)).ok_or(CUT)?;
     let mut out = physical.empty();
@@ -153,7 +154,7 @@ pub(super) fn split(bytes: &[u8], physical: Physical, count: usize) -> Result<Va
 }
 
 /// `count` entries of a dictionary by their places.
-pub(super) fn dictionary(bytes: &[u8], entries: &Values, count: usize) -> Result<Values, String> {
+pub(super) fn dictionary(bytes: &[u8], entries: &Values, count: usize) -> Result<Values, Problem> {
     let (width, rest) = bytes.split_first().ok_or(CUT)?;
     let places = hybrid(rest, usize::from(*width), count)?;
     let missing = || "a place beyond its dictionary; the file is damaged".to_owned();
@@ -176,14 +177,14 @@ pub(super) fn dictionary(bytes: &[u8], entries: &Values, count: usize) -> Result
 }
 
 /// `count` integers by their differences, in packed blocks (DELTA_BINARY_PACKED).
-pub(super) fn delta(mut bytes: &[u8], physical: Physical, count: usize) -> Result<Values, String> {
+pub(super) fn delta(mut bytes: &[u8], physical: Physical, count: usize) -> Result<Values, Problem> {
     let bytes = &mut bytes;
     let zigzag = |value: u64| (value >> 1) as i64 ^ -((value & 1) as i64);
     let block = usize::try_from(varint(bytes)?).map_err(|_| CUT)?;
     let parts = usize::try_from(varint(bytes)?).map_err(|_| CUT)?;
     let total = usize::try_from(varint(bytes)?).map_err(|_| CUT)?;
     if parts == 0 || parts > 1 << 16 || block == 0 || block > 1 << 24 || block % parts != 0 || total < count {
-        return Err(CUT.to_owned());
+        return Err(CUT.into());
     }
     let each = block / parts;
     let mut value = zigzag(varint(bytes)?);
@@ -200,7 +201,7 @@ pub(super) fn delta(mut bytes: &[u8], physical: Physical, count: usize) -> Resul
                 break;
             }
             if width > 64 {
-                return Err(CUT.to_owned());
+                return Err(CUT.into());
             }
             // The last part may be cut where its numbers do not count.
             let size = (each * width).div_ceil(8).min(bytes.len());

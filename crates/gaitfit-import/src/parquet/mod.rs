@@ -8,6 +8,7 @@ mod schema;
 use crate::budget::Budget;
 use crate::columnar::{Column, Frame};
 use crate::kind::PARQUET as MAGIC;
+use crate::problem::Problem;
 use gaitfit_model::shown;
 use polars_parquet_format::FileMetaData;
 use polars_parquet_format::thrift::protocol::TCompactInputProtocol;
@@ -16,7 +17,7 @@ use polars_parquet_format::thrift::protocol::TCompactInputProtocol;
 const MAX_FOOTER: usize = 256 << 20;
 
 /// The columns of the file.
-pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, String> {
+pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, Problem> {
     let cut =
         || "its end is missing; the file was cut off, and Parquet files are read from their end".to_owned();
     let footer = file.strip_suffix(MAGIC).ok_or_else(cut)?;
@@ -54,7 +55,8 @@ pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, String> {
                 let name = shown(&leaf.name);
                 return Err(format!(
                     "column `{name}`: {found} rows in a part of {rows}; the file is damaged"
-                ));
+                )
+                .into());
             }
         }
         frame.rows += rows;

@@ -4,6 +4,7 @@ use super::encodings::{Physical, delta, dictionary, hybrid, plain, split};
 use super::schema::Leaf;
 use crate::budget::{Budget, read_all, unzstd};
 use crate::columnar::{Column, Values};
+use crate::problem::Problem;
 use polars_parquet_format::thrift::protocol::TCompactInputProtocol;
 use polars_parquet_format::{ColumnMetaData, CompressionCodec, Encoding, PageHeader, PageType};
 use std::borrow::Cow;
@@ -20,7 +21,7 @@ pub(super) fn read(
     first: usize,
     column: &mut Column,
     budget: &mut Budget,
-) -> Result<usize, String> {
+) -> Result<usize, Problem> {
     let place = |offset: i64| usize::try_from(offset).ok().filter(|at| *at < file.len());
     let begin = match chunk.dictionary_page_offset.filter(|offset| *offset > 0) {
         Some(offset) => place(offset.min(chunk.data_page_offset)),
@@ -84,7 +85,7 @@ pub(super) fn read(
 }
 
 /// Takes `length` bytes from a page's beginning.
-fn take<'a>(page: &mut &'a [u8], length: i32) -> Result<&'a [u8], String> {
+fn take<'a>(page: &mut &'a [u8], length: i32) -> Result<&'a [u8], Problem> {
     let length = usize::try_from(length).ok().filter(|length| *length <= page.len()).ok_or(CUT)?;
     let (taken, rest) = page.split_at(length);
     *page = rest;
@@ -97,7 +98,7 @@ fn width(max: u32) -> usize {
 }
 
 /// The levels at the beginning of a page of the first version: 4 bytes of length, then runs.
-fn levels(page: &mut &[u8], encoding: Encoding, max: u32, count: usize) -> Result<Vec<u32>, String> {
+fn levels(page: &mut &[u8], encoding: Encoding, max: u32, count: usize) -> Result<Vec<u32>, Problem> {
     if max == 0 {
         return Ok(Vec::new());
     }
@@ -125,7 +126,7 @@ fn decode(
     physical: Physical,
     count: usize,
     entries: Option<&Values>,
-) -> Result<Values, String> {
+) -> Result<Values, Problem> {
     match (encoding, physical) {
         (Encoding::PLAIN, _) => plain(page, physical, count),
         (Encoding::PLAIN_DICTIONARY | Encoding::RLE_DICTIONARY, _) => {
@@ -151,7 +152,7 @@ fn place_values(
     repeated: &[u32],
     defined: &[u32],
     values: Values,
-) -> Result<usize, String> {
+) -> Result<usize, Problem> {
     let many = || "too many rows; cut the log".to_owned();
     let defined_at = |i: usize| defined.get(i).copied().unwrap_or(leaf.defined);
     if let Some(lengths) = &mut column.lengths {
@@ -164,7 +165,7 @@ fn place_values(
             if defined_at(i) == leaf.defined {
                 *length += 1;
             } else if defined_at(i) >= leaf.in_list {
-                return Err(format!("`{}` has lists with empty places; fill them", leaf.name));
+                return Err(format!("`{}` has lists with empty places; fill them", leaf.name).into());
             }
         }
     } else {
@@ -189,7 +190,7 @@ struct Packed {
 }
 
 impl Packed {
-    fn open<'a>(self, page: &'a [u8], budget: &mut Budget) -> Result<Cow<'a, [u8]>, String> {
+    fn open<'a>(self, page: &'a [u8], budget: &mut Budget) -> Result<Cow<'a, [u8]>, Problem> {
         let size = usize::try_from(self.size).map_err(|_| CUT)?;
         // An empty page is not packed.
         if self.codec == CompressionCodec::UNCOMPRESSED || page.is_empty() {
@@ -199,7 +200,7 @@ impl Packed {
             CompressionCodec::SNAPPY => {
                 let length = snap::raw::decompress_len(page).map_err(|error| format!("snappy: {error}"))?;
                 if length != size {
-                    return Err(CUT.to_owned());
+                    return Err(CUT.into());
                 }
                 budget.take_bytes(length)?;
                 snap::raw::Decoder::new().decompress_vec(page).map_err(|error| format!("snappy: {error}"))?

@@ -1,6 +1,7 @@
 //! The columns that a Parquet file has: leaves of its schema's tree.
 
 use super::encodings::Physical;
+use crate::problem::Problem;
 use polars_parquet_format::{ConvertedType, FieldRepetitionType, LogicalType, SchemaElement, TimeUnit, Type};
 
 /// Deepest groups inside each other.
@@ -40,7 +41,7 @@ struct Above {
 }
 
 /// The leaves of a schema, in the order of a row group's columns.
-pub(super) fn leaves(schema: &[SchemaElement]) -> Result<Vec<Leaf>, String> {
+pub(super) fn leaves(schema: &[SchemaElement]) -> Result<Vec<Leaf>, Problem> {
     let root = schema.first().ok_or("no schema; the file is damaged")?;
     let mut out = Vec::new();
     let mut next = 1;
@@ -56,7 +57,7 @@ fn walk(
     next: &mut usize,
     above: &Above,
     out: &mut Vec<Leaf>,
-) -> Result<(), String> {
+) -> Result<(), Problem> {
     let damaged = "a schema that does not fit together; the file is damaged";
     let element = schema.get(*next).ok_or(damaged)?;
     *next += 1;

@@ -1,0 +1,46 @@
+//! What can be wrong with a file's content.
+
+use crate::budget::{BudgetError, UnpackError};
+use crate::mcap::McapError;
+use crate::pickle::PickleError;
+use crate::ros::MessageError;
+use crate::sqlite::SqliteError;
+
+/// What is wrong with a file's content, and what to do.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Problem {
+    /// It needs more than [`crate::Options`] allow.
+    #[error(transparent)]
+    Budget(#[from] BudgetError),
+    /// A packed part of it cannot be unpacked.
+    #[error(transparent)]
+    Unpack(#[from] UnpackError),
+    /// A pickle is damaged, or is no plain data.
+    #[error(transparent)]
+    Pickle(#[from] PickleError),
+    /// An MCAP file is damaged.
+    #[error(transparent)]
+    Mcap(#[from] McapError),
+    /// A message's definition, or a message, cannot be read.
+    #[error(transparent)]
+    Message(#[from] MessageError),
+    /// A database is damaged, or is no bag.
+    #[error(transparent)]
+    Sqlite(#[from] SqliteError),
+    /// What the reader of another kind of file says, in words.
+    #[error("{0}")]
+    Other(String),
+}
+
+impl From<String> for Problem {
+    fn from(words: String) -> Self {
+        Self::Other(words)
+    }
+}
+
+impl From<&str> for Problem {
+    fn from(words: &str) -> Self {
+        Self::Other(words.to_owned())
+    }
+}
