@@ -5,6 +5,7 @@ use crate::budget::Budget;
 use crate::mapping::Mapping;
 use crate::problem::Problem;
 use crate::table::{MAX_COLUMNS, Source, Sparse};
+use crate::table_error::TableError;
 use crate::text::time_column;
 use gaitfit_model::shown;
 use indexmap::IndexMap;
@@ -95,10 +96,12 @@ impl Frame {
     /// Adds a column that is to be read.
     pub fn add(&mut self, name: String, column: Column) -> Result<(), Problem> {
         if self.columns.len() >= MAX_COLUMNS {
-            return Err(format!("more than {MAX_COLUMNS} columns; save only the joints' columns").into());
+            return Err(TableError::MoreColumns { what: "columns" }.into());
         }
-        let twice = format!("column `{}` is there twice; rename one", shown(&name));
-        self.columns.insert(name, column).map_or(Ok(()), |_| Err(twice.into()))
+        match self.columns.insert(name.clone(), column) {
+            Some(_) => Err(TableError::Twice(name).into()),
+            None => Ok(()),
+        }
     }
 
     /// Tables: of columns of numbers as of a CSV file, with lists as of arrays.
@@ -135,7 +138,7 @@ impl Frame {
                 continue;
             }
             if found.values.len() != self.rows {
-                return Err(format!("`{}` has rows without a time; leave them out", shown(&column)).into());
+                return Err(TableError::NoTime(column).into());
             }
             typed = found.per_second.is_some();
             sparse.time = Column::reals(found.values, found.per_second);
@@ -152,7 +155,7 @@ impl Frame {
             source.tables.iter_mut().for_each(|table| table.time.clear());
         }
         if source.tables.is_empty() {
-            return Err("no columns of numbers; is this a log?".into());
+            return Err(TableError::NoColumns.into());
         }
         Ok(source)
     }

@@ -27,6 +27,7 @@
 //! # Ok::<(), gaitfit_import::ImportError>(())
 //! ```
 
+mod archive_error;
 mod arrays;
 #[cfg(feature = "all-formats")]
 mod arrow;
@@ -58,11 +59,13 @@ mod resolve;
 mod ros;
 mod sqlite;
 mod table;
+mod table_error;
 mod text;
 mod torch;
 mod walk_these_ways;
 mod zeros;
 
+pub use archive_error::{ArchiveError, ArrayProblem};
 pub use budget::{BudgetError, UnpackError};
 pub use clock::{ClockFinding, StreamReport};
 pub use error::ImportError;
@@ -76,6 +79,7 @@ pub use pickle::PickleError;
 pub use problem::Problem;
 pub use ros::MessageError;
 pub use sqlite::SqliteError;
+pub use table_error::TableError;
 
 use gaitfit_log::{Finding, Lead, Trajectory};
 use serde::Serialize;

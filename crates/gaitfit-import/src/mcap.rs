@@ -27,7 +27,7 @@ pub enum McapError {
     TextBeyond,
     /// A record that cannot be read.
     #[error("a record is damaged: {0}")]
-    Damaged(mcap::McapError),
+    Damaged(String),
 }
 
 /// Schemas and channels seen so far.
@@ -168,7 +168,7 @@ fn parse(code: u8, body: &[u8]) -> Result<Record<'_>, Problem> {
     if !lengths_fit(code, body) {
         return Err(McapError::TextBeyond.into());
     }
-    Ok(mcap::parse_record(code, body).map_err(McapError::Damaged)?)
+    Ok(mcap::parse_record(code, body).map_err(|error| McapError::Damaged(error.to_string()))?)
 }
 
 #[cfg(test)]

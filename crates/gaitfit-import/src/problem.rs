@@ -1,10 +1,12 @@
 //! What can be wrong with a file's content.
 
+use crate::archive_error::ArchiveError;
 use crate::budget::{BudgetError, UnpackError};
 use crate::mcap::McapError;
 use crate::pickle::PickleError;
 use crate::ros::MessageError;
 use crate::sqlite::SqliteError;
+use crate::table_error::TableError;
 
 /// What is wrong with a file's content, and what to do.
 #[derive(Debug, thiserror::Error)]
@@ -16,6 +18,12 @@ pub enum Problem {
     /// A packed part of it cannot be unpacked.
     #[error(transparent)]
     Unpack(#[from] UnpackError),
+    /// A file of NumPy or PyTorch is damaged, or holds no numbers.
+    #[error(transparent)]
+    Archive(#[from] ArchiveError),
+    /// Columns or arrays make no log.
+    #[error(transparent)]
+    Table(#[from] TableError),
     /// A pickle is damaged, or is no plain data.
     #[error(transparent)]
     Pickle(#[from] PickleError),
