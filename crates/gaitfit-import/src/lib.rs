@@ -36,6 +36,7 @@ mod budget;
 mod clock;
 #[cfg(feature = "all-formats")]
 mod columnar;
+mod columnar_error;
 mod db3;
 mod dtype;
 mod error;
@@ -68,6 +69,7 @@ mod zeros;
 pub use archive_error::{ArchiveError, ArrayProblem};
 pub use budget::{BudgetError, UnpackError};
 pub use clock::{ClockFinding, StreamReport};
+pub use columnar_error::ColumnarError;
 pub use error::ImportError;
 pub use mapping::{
     AngleUnit, ColumnNames, MAX_MAPPING_BYTES, Mapping, Names, ObservedNumber, StreamNames, TimeColumn,

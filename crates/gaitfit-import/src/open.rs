@@ -95,7 +95,7 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
         Kind::Ros1 => {
             return refused("a ROS 1 bag", "convert it: rosbags-convert --src log.bag --dst log".into());
         }
-        Kind::Zstd => Err("packed twice".into()),
+        Kind::Zstd => Err(Problem::PackedTwice),
     };
     found.map_err(|problem| content(path, kind, problem))
 }

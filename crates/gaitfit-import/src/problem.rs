@@ -2,6 +2,7 @@
 
 use crate::archive_error::ArchiveError;
 use crate::budget::{BudgetError, UnpackError};
+use crate::columnar_error::ColumnarError;
 use crate::mcap::McapError;
 use crate::pickle::PickleError;
 use crate::ros::MessageError;
@@ -36,19 +37,10 @@ pub enum Problem {
     /// A database is damaged, or is no bag.
     #[error(transparent)]
     Sqlite(#[from] SqliteError),
-    /// What the reader of another kind of file says, in words.
-    #[error("{0}")]
-    Other(String),
-}
-
-impl From<String> for Problem {
-    fn from(words: String) -> Self {
-        Self::Other(words)
-    }
-}
-
-impl From<&str> for Problem {
-    fn from(words: &str) -> Self {
-        Self::Other(words.to_owned())
-    }
+    /// A Parquet, Arrow or HDF5 file is damaged, or holds what is not read.
+    #[error(transparent)]
+    Columnar(#[from] ColumnarError),
+    /// A file that is packed again inside.
+    #[error("packed twice")]
+    PackedTwice,
 }

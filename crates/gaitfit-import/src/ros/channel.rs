@@ -157,15 +157,12 @@ impl<'a> Messages<'a> {
             return Ok(());
         }
         budget.take_values(columns.len() + columns.len() / 2 + 3)?;
-        let row =
-            u32::try_from(stream.logged.len()).map_err(|_| "too many messages; cut the bag".to_owned())?;
+        let row = u32::try_from(stream.logged.len()).map_err(|_| MessageError::ManyMessages)?;
         stream.logged.push(log_ns);
         stream.stamped.extend(message::stamp_ns(&value));
         for (name, number) in columns {
             if stream.sparse.columns.len() >= MAX_COLUMNS && !stream.sparse.columns.contains_key(&name) {
-                return Err(
-                    format!("{}: more than {MAX_COLUMNS} columns", shown(&stream.channel.topic)).into()
-                );
+                return Err(MessageError::Columns(stream.channel.topic.clone()).into());
             }
             let (rows, values) = stream.sparse.columns.entry(name).or_default();
             // A name that is there twice counts once.
@@ -189,11 +186,7 @@ impl<'a> Messages<'a> {
             && source.taken.is_empty()
         {
             let found = source.takeable.iter().map(|topic| shown(topic)).collect::<Vec<_>>().join(", ");
-            return Err(format!(
-                "no topic is called `{}`, which `--take` or `streams.take` names; there is {found}",
-                shown(missing)
-            )
-            .into());
+            return Err(MessageError::NoTopic { wanted: missing.clone(), found }.into());
         }
         let numbers = |name: &str| serde_json::from_str::<Vec<f64>>(self.metadata.get(name)?).ok();
         source.gains = numbers("kp").zip(numbers("kd"));
@@ -225,7 +218,7 @@ impl<'a> Messages<'a> {
         }
         if read.is_empty() {
             let found = source.left_out.iter().take(20).cloned().collect::<Vec<_>>().join("; ");
-            return Err(format!("no messages with joints, commands or an IMU; found {found}").into());
+            return Err(MessageError::NothingKnown { found }.into());
         }
         let unitree = |package: &str| {
             read.iter().any(|stream| schema::short_name(&stream.channel.kind).starts_with(package))

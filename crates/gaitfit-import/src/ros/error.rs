@@ -3,6 +3,7 @@
 use super::cdr::DEEPEST;
 use super::channel::{MAX_JSON, MAX_TOPICS};
 use super::schema::{MAX_BYTES, MAX_FIELDS, MAX_NAME, MAX_TYPES};
+use crate::table::MAX_COLUMNS;
 use gaitfit_model::shown;
 
 /// What is wrong with a message or its definition.
@@ -66,4 +67,27 @@ pub enum MessageError {
     /// A message that is no JSON.
     #[error("{0}")]
     Json(String),
+    /// More messages than can be counted.
+    #[error("too many messages; cut the bag")]
+    ManyMessages,
+    /// A topic whose messages name many joints.
+    #[error("{}: more than {MAX_COLUMNS} columns", shown(.0))]
+    Columns(String),
+    /// A topic that the caller asked for is not there.
+    #[error(
+        "no topic is called `{}`, which `--take` or `streams.take` names; there is {found}",
+        shown(wanted)
+    )]
+    NoTopic {
+        /// The topic asked for.
+        wanted: String,
+        /// Topics that are there.
+        found: String,
+    },
+    /// No topic holds what a log needs.
+    #[error("no messages with joints, commands or an IMU; found {found}")]
+    NothingKnown {
+        /// What was left out, with the reasons.
+        found: String,
+    },
 }
