@@ -3,7 +3,9 @@
 use crate::budget::Budget;
 use crate::known::{Role, role};
 use crate::mapping::{ColumnNames, Mapping, Names};
+use crate::problem::Problem;
 use crate::table::{MAX_COLUMNS, Source, Table};
+use crate::table_error::TableError;
 use gaitfit_model::shown;
 use indexmap::IndexMap;
 
@@ -70,7 +72,7 @@ pub(crate) fn named(columns: &ColumnNames) -> [(Role, &Option<Names>); 8] {
 }
 
 /// Refuses two arrays of one quantity, such as those of several recordings in one file.
-fn one_each(arrays: &Arrays, mapping: &Mapping) -> Result<(), String> {
+fn one_each(arrays: &Arrays, mapping: &Mapping) -> Result<(), Problem> {
     let mut seen: Vec<(Role, &str)> = Vec::new();
     for (name, array) in &arrays.numbers {
         let Some(role) = role_of(name, mapping).filter(|role| *role != Role::Time) else { continue };
@@ -79,11 +81,7 @@ fn one_each(arrays: &Arrays, mapping: &Mapping) -> Result<(), String> {
             continue;
         }
         if let Some((_, other)) = seen.iter().find(|(own, _)| *own == role) {
-            return Err(format!(
-                "`{}` and `{}` hold the same quantity; name what to read by `--take`, such as the beginning of a path",
-                shown(other),
-                shown(name)
-            ));
+            return Err(TableError::SameQuantity((*other).to_owned(), name.clone()).into());
         }
         seen.push((role, name));
     }
@@ -91,7 +89,7 @@ fn one_each(arrays: &Arrays, mapping: &Mapping) -> Result<(), String> {
 }
 
 /// Refuses positions with another number of rows than there are times.
-fn differing(arrays: &Arrays, mapping: &Mapping, rows: usize) -> Result<(), String> {
+fn differing(arrays: &Arrays, mapping: &Mapping, rows: usize) -> Result<(), Problem> {
     let array = |wanted: Role| {
         let found = arrays.numbers.iter().find(|(name, _)| role_of(name, mapping) == Some(wanted));
         found.filter(|(_, array)| !array.shape.is_empty())
@@ -102,12 +100,8 @@ fn differing(arrays: &Arrays, mapping: &Mapping, rows: usize) -> Result<(), Stri
     if array.shape[0] == rows {
         return Ok(());
     }
-    Err(format!(
-        "`{}` has {rows} rows and `{}` {}; save both with one row a sample",
-        shown(time),
-        shown(position),
-        array.shape[0]
-    ))
+    let (time, position, position_rows) = (time.clone(), position.clone(), array.shape[0]);
+    Err(TableError::Rows { time, rows, position, position_rows }.into())
 }
 
 /// One table of all arrays that have a row a sample.
@@ -117,7 +111,7 @@ pub(crate) fn source(
     mut arrays: Arrays,
     mapping: &Mapping,
     budget: &mut Budget,
-) -> Result<Source, String> {
+) -> Result<Source, Problem> {
     let mut source = Source { kind, ..Source::default() };
     let take = &mapping.streams.take;
     if !take.is_empty() {
@@ -153,15 +147,12 @@ pub(crate) fn source(
     let rows = rows_of(Role::Time)
         .or_else(|| rows_of(Role::Position))
         .or_else(|| widest.iter().max_by_key(|(_, count)| **count).map(|(rows, _)| *rows))
-        .ok_or("no arrays of numbers; is this a log?")?;
+        .ok_or(TableError::NoArrays)?;
     if let Some(column) = &mapping.time.column
         && !arrays.numbers.contains_key(column)
     {
         let names = arrays.numbers.keys().take(30).map(|name| shown(name)).collect::<Vec<_>>().join(", ");
-        return Err(format!(
-            "no array `{}`, which `[time] column` of the mapping names; it has {names}",
-            shown(column)
-        ));
+        return Err(TableError::NoTimeArray { wanted: column.clone(), arrays: names }.into());
     }
     differing(&arrays, mapping, rows)?;
     let mut gains: [Option<Vec<f64>>; 2] = [None, None];
@@ -187,7 +178,7 @@ pub(crate) fn source(
                 budget.take_values(rows.saturating_mul(columns.len()))?;
                 for (i, column) in columns.into_iter().enumerate() {
                     if table.columns.len() >= MAX_COLUMNS {
-                        return Err(format!("more than {MAX_COLUMNS} columns; save only the joints' arrays"));
+                        return Err(TableError::MoreColumns { what: "arrays" }.into());
                     }
                     let values = array.data.iter().skip(i).step_by(width).copied().collect();
                     table.columns.insert(column, values);

@@ -1,5 +1,42 @@
 //! How much memory an import may take: a hostile file must not name its own size.
 
+use crate::problem::Problem;
+
+/// A file needs more memory than the caller allows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BudgetError {
+    /// Numbers beyond [`crate::Options::max_values`].
+    #[error("more than {limit} numbers; cut the recording, or raise `max_values`")]
+    Values {
+        /// How many are allowed.
+        limit: usize,
+    },
+    /// Bytes beyond four times [`crate::Options::max_bytes`].
+    #[error("more than {limit} bytes when unpacked; cut the recording, or raise `max_bytes`")]
+    Bytes {
+        /// How many are allowed.
+        limit: usize,
+    },
+}
+
+/// A packed part of a file is damaged.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum UnpackError {
+    /// It ends early, or its content does not fit.
+    #[error("{packer}: {source}; the file is damaged")]
+    Damaged {
+        /// How it is packed.
+        packer: &'static str,
+        /// What the unpacker says.
+        source: std::io::Error,
+    },
+    /// A Zstandard frame that does not begin as one.
+    #[error("zstd: {0}")]
+    NoFrame(String),
+}
+
 /// Values and bytes that may still be made.
 #[derive(Debug)]
 pub(crate) struct Budget {
@@ -16,21 +53,15 @@ impl Budget {
     }
 
     /// Takes `count` numbers.
-    pub fn take_values(&mut self, count: usize) -> Result<(), String> {
-        self.values = self.values.checked_sub(count).ok_or_else(|| {
-            format!("more than {} numbers; cut the recording, or raise `max_values`", self.most_values)
-        })?;
+    pub fn take_values(&mut self, count: usize) -> Result<(), BudgetError> {
+        let left = self.values.checked_sub(count);
+        self.values = left.ok_or(BudgetError::Values { limit: self.most_values })?;
         Ok(())
     }
 
     /// Takes `count` bytes.
-    pub fn take_bytes(&mut self, count: usize) -> Result<(), String> {
-        self.bytes = self.bytes.checked_sub(count).ok_or_else(|| {
-            format!(
-                "more than {} bytes when unpacked; cut the recording, or raise `max_bytes`",
-                self.most_bytes
-            )
-        })?;
+    pub fn take_bytes(&mut self, count: usize) -> Result<(), BudgetError> {
+        self.bytes = self.bytes.checked_sub(count).ok_or(BudgetError::Bytes { limit: self.most_bytes })?;
         Ok(())
     }
 
@@ -44,28 +75,28 @@ impl Budget {
 pub(crate) fn read_all(
     reader: impl std::io::Read,
     budget: &mut Budget,
-    what: &str,
-) -> Result<Vec<u8>, String> {
+    packer: &'static str,
+) -> Result<Vec<u8>, Problem> {
     use std::io::Read;
     let mut out = Vec::new();
     let limit = budget.bytes_left() as u64;
     reader
         .take(limit.saturating_add(1))
         .read_to_end(&mut out)
-        .map_err(|error| format!("{what}: {error}; the file is damaged"))?;
+        .map_err(|source| UnpackError::Damaged { packer, source })?;
     budget.take_bytes(out.len())?;
     Ok(out)
 }
 
 /// Unpacks one or more Zstandard frames.
-pub(crate) fn unzstd(bytes: &[u8], budget: &mut Budget) -> Result<Vec<u8>, String> {
+pub(crate) fn unzstd(bytes: &[u8], budget: &mut Budget) -> Result<Vec<u8>, Problem> {
     let mut input = bytes;
-    let decoder =
-        ruzstd::decoding::StreamingDecoder::new(&mut input).map_err(|error| format!("zstd: {error}"))?;
+    let decoder = ruzstd::decoding::StreamingDecoder::new(&mut input)
+        .map_err(|error| UnpackError::NoFrame(error.to_string()))?;
     read_all(decoder, budget, "zstd")
 }
 
 /// Unpacks an LZ4 frame.
-pub(crate) fn unlz4(bytes: &[u8], budget: &mut Budget) -> Result<Vec<u8>, String> {
+pub(crate) fn unlz4(bytes: &[u8], budget: &mut Budget) -> Result<Vec<u8>, Problem> {
     read_all(lz4_flex::frame::FrameDecoder::new(bytes), budget, "lz4")
 }

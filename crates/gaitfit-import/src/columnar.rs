@@ -3,7 +3,9 @@
 use crate::arrays::{self, Array, Arrays};
 use crate::budget::Budget;
 use crate::mapping::Mapping;
+use crate::problem::Problem;
 use crate::table::{MAX_COLUMNS, Source, Sparse};
+use crate::table_error::TableError;
 use crate::text::time_column;
 use gaitfit_model::shown;
 use indexmap::IndexMap;
@@ -92,12 +94,14 @@ pub(crate) struct Frame {
 
 impl Frame {
     /// Adds a column that is to be read.
-    pub fn add(&mut self, name: String, column: Column) -> Result<(), String> {
+    pub fn add(&mut self, name: String, column: Column) -> Result<(), Problem> {
         if self.columns.len() >= MAX_COLUMNS {
-            return Err(format!("more than {MAX_COLUMNS} columns; save only the joints' columns"));
+            return Err(TableError::MoreColumns { what: "columns" }.into());
         }
-        let twice = format!("column `{}` is there twice; rename one", shown(&name));
-        self.columns.insert(name, column).map_or(Ok(()), |_| Err(twice))
+        match self.columns.insert(name.clone(), column) {
+            Some(_) => Err(TableError::Twice(name).into()),
+            None => Ok(()),
+        }
     }
 
     /// Tables: of columns of numbers as of a CSV file, with lists as of arrays.
@@ -107,7 +111,7 @@ impl Frame {
         kind: &'static str,
         mapping: &Mapping,
         budget: &mut Budget,
-    ) -> Result<Source, String> {
+    ) -> Result<Source, Problem> {
         let left_out = std::mem::take(&mut self.left_out);
         let has_lists = self.columns.values().any(|column| column.lengths.is_some());
         let cut = self.cut;
@@ -123,7 +127,7 @@ impl Frame {
     }
 
     /// Columns of numbers: a row without a value is no sample of that column.
-    fn cells(self, name: &str, kind: &'static str, mapping: &Mapping) -> Result<Source, String> {
+    fn cells(self, name: &str, kind: &'static str, mapping: &Mapping) -> Result<Source, Problem> {
         let names: Vec<String> = self.columns.keys().cloned().collect();
         let time = time_column(&names, mapping)?;
         let mut sparse = Sparse::default();
@@ -134,7 +138,7 @@ impl Frame {
                 continue;
             }
             if found.values.len() != self.rows {
-                return Err(format!("`{}` has rows without a time; leave them out", shown(&column)));
+                return Err(TableError::NoTime(column).into());
             }
             typed = found.per_second.is_some();
             sparse.time = Column::reals(found.values, found.per_second);
@@ -151,7 +155,7 @@ impl Frame {
             source.tables.iter_mut().for_each(|table| table.time.clear());
         }
         if source.tables.is_empty() {
-            return Err("no columns of numbers; is this a log?".into());
+            return Err(TableError::NoColumns.into());
         }
         Ok(source)
     }
@@ -163,7 +167,7 @@ impl Frame {
         kind: &'static str,
         mapping: &Mapping,
         budget: &mut Budget,
-    ) -> Result<Source, String> {
+    ) -> Result<Source, Problem> {
         let mut arrays = Arrays::default();
         let (mut left_out, mut typed) = (Vec::new(), Vec::new());
         for (column, found) in self.columns {

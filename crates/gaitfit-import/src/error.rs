@@ -1,5 +1,6 @@
 //! What can go wrong with an import, each with its place and remedy.
 
+use crate::problem::Problem;
 use gaitfit_log::LogError;
 use gaitfit_model::{escaped, shown, shown_number, shown_path};
 use std::path::PathBuf;
@@ -55,14 +56,14 @@ pub enum ImportError {
         remedy: String,
     },
     /// The file's content does not fit its kind.
-    #[error("{}: {kind}: {}", shown_path(.path), escaped(problem, SENTENCE))]
+    #[error("{}: {kind}: {}", shown_path(.path), escaped(&problem.to_string(), SENTENCE))]
     Content {
         /// The file.
         path: PathBuf,
         /// Its kind.
         kind: &'static str,
         /// What is wrong with it, and what to do.
-        problem: String,
+        problem: Problem,
     },
     /// The mapping says something that the file does not have, or that cannot be.
     #[error("mapping: {}", escaped(problem, SENTENCE))]

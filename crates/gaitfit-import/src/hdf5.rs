@@ -4,7 +4,8 @@
 
 use crate::arrays::{Array, Arrays, count};
 use crate::budget::Budget;
-use gaitfit_model::shown;
+use crate::columnar_error::{ColumnarError, damaged};
+use crate::problem::Problem;
 use hdf5_pure::{DType, Dataset, File, Group, VlenStringReadOptions};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -16,15 +17,15 @@ const MAX_OBJECTS: usize = 10_000;
 const MAX_WORDS: usize = 1 << 20;
 
 /// The arrays of the file.
-pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Arrays, String> {
+pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Arrays, Problem> {
     // The library refuses what it does not understand. Should it panic over a damaged file instead, that is an error too.
     catch_unwind(AssertUnwindSafe(|| whole(file, budget)))
-        .unwrap_or_else(|_| Err("its reader gave up; the file is damaged".into()))
+        .unwrap_or_else(|_| Err(damaged("its reader gave up").into()))
 }
 
-fn whole(file: &[u8], budget: &mut Budget) -> Result<Arrays, String> {
+fn whole(file: &[u8], budget: &mut Budget) -> Result<Arrays, Problem> {
     budget.take_bytes(file.len())?;
-    let file = File::from_bytes(file.to_vec()).map_err(|error| error.to_string())?;
+    let file = File::from_bytes(file.to_vec()).map_err(library)?;
     let mut reader = Reader { arrays: Arrays::default(), objects: 0, budget };
     reader.group(&file.root(), "", 0)?;
     Ok(reader.arrays)
@@ -37,47 +38,56 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn count(&mut self) -> Result<(), String> {
+    fn count(&mut self) -> Result<(), Problem> {
         self.objects += 1;
         if self.objects > MAX_OBJECTS {
-            return Err(format!("more than {MAX_OBJECTS} groups and datasets; save one recording a file"));
+            return Err(ColumnarError::Library(format!(
+                "more than {MAX_OBJECTS} groups and datasets; save one recording a file"
+            ))
+            .into());
         }
         Ok(())
     }
 
-    fn group(&mut self, group: &Group, above: &str, depth: usize) -> Result<(), String> {
-        let damaged = |error: hdf5_pure::Error| format!("group `{}`: {error}", shown(above));
+    fn group(&mut self, group: &Group, above: &str, depth: usize) -> Result<(), Problem> {
+        let unlisted = |error: hdf5_pure::Error| ColumnarError::Group {
+            path: above.to_owned(),
+            problem: error.to_string(),
+        };
+        let wrong = |path: &str, problem: Problem| ColumnarError::Object {
+            path: path.to_owned(),
+            problem: problem.into(),
+        };
         let path = |name: &str| if above.is_empty() { name.to_owned() } else { format!("{above}/{name}") };
-        for name in group.datasets().map_err(damaged)? {
+        for name in group.datasets().map_err(unlisted)? {
             self.count()?;
             let path = path(&name);
-            let dataset = group.dataset(&name).map_err(|error| format!("`{}`: {error}", shown(&path)))?;
-            self.dataset(&dataset, &path).map_err(|problem| format!("`{}`: {problem}", shown(&path)))?;
+            let dataset = group.dataset(&name).map_err(|error| wrong(&path, library(error).into()))?;
+            self.dataset(&dataset, &path).map_err(|problem| wrong(&path, problem))?;
         }
         if depth == MAX_DEPTH {
             return Ok(());
         }
-        for name in group.groups().map_err(damaged)? {
+        for name in group.groups().map_err(unlisted)? {
             self.count()?;
             let path = path(&name);
-            let inner = group.group(&name).map_err(|error| format!("`{}`: {error}", shown(&path)))?;
+            let inner = group.group(&name).map_err(|error| wrong(&path, library(error).into()))?;
             self.group(&inner, &path, depth + 1)?;
         }
         Ok(())
     }
 
-    fn dataset(&mut self, dataset: &Dataset, path: &str) -> Result<(), String> {
-        let text = |error: hdf5_pure::Error| error.to_string();
-        let too_large = || "its shape is too large".to_owned();
+    fn dataset(&mut self, dataset: &Dataset, path: &str) -> Result<(), Problem> {
+        let too_large = || ColumnarError::NotRead("its shape is too large");
         let shape: Option<Vec<usize>> =
-            dataset.shape().map_err(text)?.into_iter().map(|size| usize::try_from(size).ok()).collect();
+            dataset.shape().map_err(library)?.into_iter().map(|size| usize::try_from(size).ok()).collect();
         let shape = shape.filter(|shape| shape.len() <= 8).ok_or_else(too_large)?;
         let elements = count(&shape).ok_or_else(too_large)?;
-        let kind = dataset.dtype().map_err(text)?;
-        let bytes = usize::try_from(dataset.element_size().map_err(text)?).map_err(|_| too_large())?;
+        let kind = dataset.dtype().map_err(library)?;
+        let bytes = usize::try_from(dataset.element_size().map_err(library)?).map_err(|_| too_large())?;
         // The raw bytes, and the parts of the file that they are unpacked from.
         let raw = elements.checked_mul(bytes).and_then(|raw| raw.checked_mul(2)).ok_or_else(too_large)?;
-        let chunk = match dataset.chunk_shape().map_err(text)? {
+        let chunk = match dataset.chunk_shape().map_err(library)? {
             None => 0,
             Some(chunk) => {
                 let sizes: Option<Vec<usize>> =
@@ -93,12 +103,12 @@ impl Reader<'_> {
             DType::String | DType::VariableLengthString if elements <= crate::table::MAX_COLUMNS => {
                 self.budget.take_bytes(raw.max(MAX_WORDS))?;
                 let words = match kind {
-                    DType::String => dataset.read_string().map_err(text)?,
+                    DType::String => dataset.read_string().map_err(library)?,
                     _ => {
                         let options = VlenStringReadOptions::new()
                             .with_max_elements(elements)
                             .with_max_payload_bytes(MAX_WORDS);
-                        dataset.read_vlen_strings(options).map_err(text)?
+                        dataset.read_vlen_strings(options).map_err(library)?
                     }
                 };
                 self.arrays.words.insert(path.to_owned(), words);
@@ -110,14 +120,15 @@ impl Reader<'_> {
         self.budget.take_values(elements)?;
         self.budget.take_bytes(raw)?;
         self.budget.take_bytes(chunk)?;
-        let data = dataset.read_f64().map_err(text)?;
+        let data = dataset.read_f64().map_err(library)?;
         if data.len() != elements {
-            return Err(format!(
-                "{} numbers where its shape says {elements}; the file is damaged",
-                data.len()
-            ));
+            return Err(damaged(format!("{} numbers where its shape says {elements}", data.len())).into());
         }
         self.arrays.numbers.insert(path.to_owned(), Array { shape, data });
         Ok(())
     }
+}
+
+fn library(error: hdf5_pure::Error) -> ColumnarError {
+    ColumnarError::Library(error.to_string())
 }

@@ -27,6 +27,7 @@
 //! # Ok::<(), gaitfit_import::ImportError>(())
 //! ```
 
+mod archive_error;
 mod arrays;
 #[cfg(feature = "all-formats")]
 mod arrow;
@@ -35,6 +36,7 @@ mod budget;
 mod clock;
 #[cfg(feature = "all-formats")]
 mod columnar;
+mod columnar_error;
 mod db3;
 mod dtype;
 mod error;
@@ -53,22 +55,33 @@ mod open;
 #[cfg(feature = "all-formats")]
 mod parquet;
 mod pickle;
+mod problem;
 mod resolve;
 mod ros;
 mod sqlite;
 mod table;
+mod table_error;
 mod text;
 mod torch;
 mod walk_these_ways;
 mod zeros;
 
+pub use archive_error::{ArchiveError, ArrayProblem};
+pub use budget::{BudgetError, UnpackError};
 pub use clock::{ClockFinding, StreamReport};
+pub use columnar_error::ColumnarError;
 pub use error::ImportError;
 pub use mapping::{
     AngleUnit, ColumnNames, MAX_MAPPING_BYTES, Mapping, Names, ObservedNumber, StreamNames, TimeColumn,
     UnitName,
 };
+pub use mcap::McapError;
 pub use mcap_write::{LiveMcap, McapHead, McapLog, McapRow, McapState, mcap_bytes};
+pub use pickle::PickleError;
+pub use problem::Problem;
+pub use ros::MessageError;
+pub use sqlite::SqliteError;
+pub use table_error::TableError;
 
 use gaitfit_log::{Finding, Lead, Trajectory};
 use serde::Serialize;

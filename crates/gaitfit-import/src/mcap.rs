@@ -2,26 +2,53 @@
 
 use crate::budget::{Budget, unlz4, unzstd};
 use crate::mcap_write::METADATA;
+use crate::problem::Problem;
 use crate::ros::{Channel, Messages};
 use gaitfit_model::shown;
 use mcap::records::{Record, op};
 use std::collections::HashMap;
+use std::rc::Rc;
 
 /// The first bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 
+/// What is wrong with an MCAP file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum McapError {
+    /// Other first bytes.
+    #[error("it does not begin as MCAP files do")]
+    NotMcap,
+    /// Chunks that are packed by another program.
+    #[error("chunks packed by `{}`; zstd and lz4 are read", shown(.0))]
+    Packer(String),
+    /// A record states a length that it does not have.
+    #[error("a record is damaged: a text in it is longer than the record")]
+    TextBeyond,
+    /// A record that cannot be read.
+    #[error("a record is damaged: {0}")]
+    Damaged(String),
+}
+
 /// Schemas and channels seen so far.
 #[derive(Default)]
 struct Seen {
-    /// Name, encoding and text of schemas.
-    schemas: HashMap<u16, (String, String, String)>,
+    /// Schemas by number. Any number of channels may have the same one.
+    schemas: HashMap<u16, Schema>,
     /// The number of each channel's topic.
     channels: HashMap<u16, usize>,
 }
 
+/// A message type as the file has it.
+struct Schema {
+    name: Rc<str>,
+    encoding: String,
+    text: Rc<str>,
+}
+
 /// Adds all messages of a file. A file that was cut off is read as far as it goes; returns whether it was.
-pub(crate) fn read(bytes: &[u8], messages: &mut Messages<'_>, budget: &mut Budget) -> Result<bool, String> {
-    let rest = bytes.strip_prefix(MAGIC).ok_or("it does not begin as MCAP files do")?;
+pub(crate) fn read(bytes: &[u8], messages: &mut Messages<'_>, budget: &mut Budget) -> Result<bool, Problem> {
+    let rest = bytes.strip_prefix(MAGIC).ok_or(McapError::NotMcap)?;
     let mut seen = Seen::default();
     records(rest, &mut seen, messages, budget, true)
 }
@@ -32,7 +59,7 @@ fn records(
     messages: &mut Messages<'_>,
     budget: &mut Budget,
     outside: bool,
-) -> Result<bool, String> {
+) -> Result<bool, Problem> {
     while let Some((head, after)) = rest.split_at_checked(9) {
         let code = head[0];
         let size = head[1..].iter().rev().fold(0u64, |sum, byte| (sum << 8) | u64::from(*byte));
@@ -49,7 +76,7 @@ fn records(
                     "zstd" => Some(unzstd(packed, budget)?),
                     "lz4" => Some(unlz4(packed, budget)?),
                     other => {
-                        return Err(format!("chunks packed by `{}`; zstd and lz4 are read", shown(other)));
+                        return Err(McapError::Packer(other.to_owned()).into());
                     }
                 };
                 records(unpacked.as_deref().unwrap_or(packed), seen, messages, budget, false)?;
@@ -57,22 +84,23 @@ fn records(
             op::SCHEMA => {
                 if let Record::Schema { header, data } = parse(code, body)? {
                     budget.take_bytes(data.len())?;
-                    let text = String::from_utf8_lossy(&data).into_owned();
-                    seen.schemas.insert(header.id, (header.name, header.encoding, text));
+                    let text = String::from_utf8_lossy(&data).into();
+                    let schema = Schema { name: header.name.into(), encoding: header.encoding, text };
+                    seen.schemas.insert(header.id, schema);
                 }
             }
             op::CHANNEL => {
                 if let Record::Channel(channel) = parse(code, body)? {
-                    let (kind, encoding, text) =
-                        seen.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                    let schema = seen.schemas.get(&channel.schema_id);
                     // Other languages of definitions are not read; types of ROS and Unitree are known without.
-                    let definition = if encoding == "ros2msg" { text } else { String::new() };
-                    let number = messages.channel(Channel {
+                    let readable = schema.filter(|schema| schema.encoding == "ros2msg");
+                    let channel_of_topic = Channel {
                         topic: channel.topic,
-                        kind,
+                        kind: schema.map(|schema| schema.name.clone()).unwrap_or_default(),
                         encoding: channel.message_encoding,
-                        definition,
-                    })?;
+                        definition: readable.map(|schema| schema.text.clone()).unwrap_or_default(),
+                    };
+                    let number = messages.channel(channel_of_topic, budget)?;
                     seen.channels.insert(channel.id, number);
                 }
             }
@@ -136,11 +164,11 @@ fn text(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
 }
 
-fn parse(code: u8, body: &[u8]) -> Result<Record<'_>, String> {
+fn parse(code: u8, body: &[u8]) -> Result<Record<'_>, Problem> {
     if !lengths_fit(code, body) {
-        return Err("a record is damaged: a text in it is longer than the record".to_owned());
+        return Err(McapError::TextBeyond.into());
     }
-    mcap::parse_record(code, body).map_err(|error| format!("a record is damaged: {error}"))
+    Ok(mcap::parse_record(code, body).map_err(|error| McapError::Damaged(error.to_string()))?)
 }
 
 #[cfg(test)]

@@ -1,9 +1,10 @@
 //! npy and npz files of NumPy.
 
+use crate::archive_error::{ArchiveError, ArrayProblem};
 use crate::arrays::{Array, Arrays, count};
 use crate::budget::{Budget, read_all};
 use crate::dtype::DType;
-use gaitfit_model::shown;
+use crate::problem::Problem;
 use std::io::Cursor;
 use zip::ZipArchive;
 
@@ -13,15 +14,16 @@ const MAX_HEADER: usize = 10_000;
 pub(crate) const MAX_ENTRIES: usize = 10_000;
 
 /// The arrays of an npz archive. Arrays of Python objects are refused: they are pickles.
-pub(crate) fn read_npz(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, String> {
-    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("zip: {error}"))?;
+pub(crate) fn read_npz(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, Problem> {
+    let zip = |error: zip::result::ZipError| ArchiveError::Zip(error.to_string());
+    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(zip)?;
     if archive.len() > MAX_ENTRIES {
-        return Err(format!("{} files in it; is this a log?", archive.len()));
+        return Err(ArchiveError::ManyFiles(archive.len()).into());
     }
     let mut arrays = Arrays::default();
     for i in 0..archive.len() {
-        let entry = archive.by_index(i).map_err(|error| format!("zip: {error}"))?;
-        let name = entry.name().map_err(|error| format!("zip: {error}"))?.trim_end_matches(".npy").to_owned();
+        let entry = archive.by_index(i).map_err(zip)?;
+        let name = entry.name().map_err(zip)?.trim_end_matches(".npy").to_owned();
         let content = read_all(entry, budget, "zip")?;
         add(&name, &content, &mut arrays, budget)?;
     }
@@ -29,42 +31,43 @@ pub(crate) fn read_npz(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, Stri
 }
 
 /// Reads one npy file as the array `name`.
-pub(crate) fn add(name: &str, bytes: &[u8], arrays: &mut Arrays, budget: &mut Budget) -> Result<(), String> {
-    let refuse = |problem: &str| Err(format!("{}: {problem}", shown(name)));
+pub(crate) fn add(name: &str, bytes: &[u8], arrays: &mut Arrays, budget: &mut Budget) -> Result<(), Problem> {
+    let wrong = |problem| ArchiveError::Array { name: name.to_owned(), problem };
+    let refuse = |problem| Err(wrong(problem).into());
     let length = match bytes.get(6) {
         Some(1) => bytes.get(8..10).map(|two| usize::from(u16::from_le_bytes([two[0], two[1]]))),
         _ => bytes.get(8..12).map(|four| u32::from_le_bytes([four[0], four[1], four[2], four[3]]) as usize),
     };
     if !bytes.starts_with(b"\x93NUMPY") || length.is_none_or(|length| length > MAX_HEADER) {
-        return refuse("no NumPy array: its header is missing or too long");
+        return refuse(ArrayProblem::NoHeader);
     }
     // Brackets in brackets take the header's parser long.
     let header_end = bytes.len().min(12 + length.unwrap_or(0));
     if bytes[..header_end].iter().filter(|byte| matches!(byte, b'(' | b'[' | b'{')).count() > 64 {
-        return refuse("a structured array; save plain arrays, one a quantity");
+        return refuse(ArrayProblem::Structured);
     }
     // The header's parser multiplies the sizes without looking.
     if !small_enough(&String::from_utf8_lossy(&bytes[..header_end])) {
-        return refuse("its shape is too large");
+        return refuse(ArrayProblem::Shape);
     }
     let mut rest = bytes;
     let header =
-        npyz::NpyHeader::from_reader(&mut rest).map_err(|error| format!("{}: {error}", shown(name)))?;
+        npyz::NpyHeader::from_reader(&mut rest).map_err(|error| wrong(ArrayProblem::Header(error)))?;
     let dtype = match header.dtype() {
         npyz::DType::Plain(plain) if plain.uses_pickled_array() => {
-            return refuse("an array of Python objects; save numbers: np.asarray(x, dtype=float)");
+            return refuse(ArrayProblem::Objects);
         }
         npyz::DType::Plain(plain) => DType::parse(&plain.to_string()),
         _ => None,
     };
     let Some(dtype) = dtype else {
-        return refuse("a type of numbers that is not read; save it as float: np.asarray(x, dtype=float)");
+        return refuse(ArrayProblem::Type);
     };
     let shape: Option<Vec<usize>> = header.shape().iter().map(|size| usize::try_from(*size).ok()).collect();
-    let Some(shape) = shape.filter(|shape| shape.len() <= 8) else { return refuse("its shape is too large") };
+    let Some(shape) = shape.filter(|shape| shape.len() <= 8) else { return refuse(ArrayProblem::Shape) };
     let elements =
         count(&shape).filter(|count| count.checked_mul(dtype.bytes()).is_some_and(|n| n <= rest.len()));
-    let Some(elements) = elements else { return refuse("cut short: fewer numbers than its shape says") };
+    let Some(elements) = elements else { return refuse(ArrayProblem::CutShort) };
     budget.take_values(elements)?;
     if dtype.is_text() {
         let words: Option<Vec<String>> = match dtype.bytes() {
@@ -73,7 +76,7 @@ pub(crate) fn add(name: &str, bytes: &[u8], arrays: &mut Arrays, budget: &mut Bu
         };
         match words {
             Some(words) => arrays.words.insert(name.to_owned(), words),
-            None => return refuse("words that are no text"),
+            None => return refuse(ArrayProblem::Words),
         };
         return Ok(());
     }
@@ -81,7 +84,7 @@ pub(crate) fn add(name: &str, bytes: &[u8], arrays: &mut Arrays, budget: &mut Bu
     let data = numbers(rest, dtype, &shape, elements, fortran);
     match data {
         Some(data) => arrays.numbers.insert(name.to_owned(), Array { shape, data }),
-        None => return refuse("cut short"),
+        None => return refuse(ArrayProblem::Torn),
     };
     Ok(())
 }

@@ -5,6 +5,7 @@ use crate::budget::{Budget, unzstd};
 use crate::kind::{Kind, kind};
 use crate::known::WALK_THESE_WAYS;
 use crate::mapping::Mapping;
+use crate::problem::Problem;
 use crate::ros::Messages;
 use crate::table::Source;
 use crate::{ImportError, Options, db3, mcap, npz, pickle, text, torch, walk_these_ways};
@@ -94,7 +95,7 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
         Kind::Ros1 => {
             return refused("a ROS 1 bag", "convert it: rosbags-convert --src log.bag --dst log".into());
         }
-        Kind::Zstd => Err("packed twice".into()),
+        Kind::Zstd => Err(Problem::PackedTwice),
     };
     found.map_err(|problem| content(path, kind, problem))
 }
@@ -126,11 +127,11 @@ fn to_npz(kind: Kind, bytes: &[u8]) -> String {
     )
 }
 
-fn content(path: &Path, kind: Kind, problem: String) -> ImportError {
+fn content(path: &Path, kind: Kind, problem: Problem) -> ImportError {
     ImportError::Content { path: path.to_owned(), kind: kind.name(), problem }
 }
 
-fn finish(messages: Messages<'_>, kind: Kind, cut: bool) -> Result<Source, String> {
+fn finish(messages: Messages<'_>, kind: Kind, cut: bool) -> Result<Source, Problem> {
     let mut source = messages.finish(kind.name())?;
     if cut {
         source.assumed.push("the recording was cut off; it is read as far as it goes".into());
@@ -191,9 +192,9 @@ fn bag(folder: &Path, options: &Options, budget: &mut Budget) -> Result<Source, 
     finish(messages, found, cut).map_err(|problem| content(folder, found, problem))
 }
 
-fn pickled(name: &str, bytes: &[u8], mapping: &Mapping, budget: &mut Budget) -> Result<Source, String> {
+fn pickled(name: &str, bytes: &[u8], mapping: &Mapping, budget: &mut Budget) -> Result<Source, Problem> {
     let pickle = pickle::read(bytes, budget)?;
-    let mut none = |_: &str, _: &mut Budget| Err("a tensor whose numbers are in no file".to_owned());
+    let mut none = |_: &str, _: &mut Budget| Err(pickle::PickleError::NoStorage.into());
     let all = pickle::arrays(&pickle, &mut none, budget)?;
     let Some(found) = walk_these_ways::deployment(&pickle, &all) else {
         return arrays::source(name, Kind::Pickle.name(), all, mapping, budget);

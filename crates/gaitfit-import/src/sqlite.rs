@@ -1,7 +1,26 @@
 //! The tables of an SQLite file, read only ("Database File Format", sqlite.org/fileformat2.html). ROS 2's bags of the kind
 //! db3 are such files. This reads whole tables row by row, which is all that bags need; there is no SQL.
 
+use crate::problem::Problem;
 use gaitfit_model::shown;
+
+/// What is wrong with a database.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SqliteError {
+    /// Pages, rows or cells that do not fit together.
+    #[error("the database is damaged or cut short; `ros2 bag reindex` may mend it")]
+    Damaged,
+    /// Another encoding than bags have.
+    #[error("its text is UTF-16; bags have UTF-8")]
+    Utf16,
+    /// A database of something else.
+    #[error("no table `{}`: an SQLite file, but no ROS 2 bag", shown(.0))]
+    NoTable(String),
+    /// A table of something else.
+    #[error("its table has no column `{0}`: no ROS 2 bag")]
+    NoColumn(&'static str),
+}
 
 /// The first bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"SQLite format 3\0";
@@ -65,13 +84,13 @@ struct Left {
     bytes: usize,
 }
 
-fn damaged() -> String {
-    "the database is damaged or cut short; `ros2 bag reindex` may mend it".to_owned()
+fn damaged() -> SqliteError {
+    SqliteError::Damaged
 }
 
 impl<'a> Database<'a> {
     /// Looks at the file's header.
-    pub fn open(bytes: &'a [u8]) -> Result<Self, String> {
+    pub fn open(bytes: &'a [u8]) -> Result<Self, SqliteError> {
         let header = bytes.get(..100).filter(|header| header.starts_with(MAGIC)).ok_or_else(damaged)?;
         let page_size = match u16::from_be_bytes([header[16], header[17]]) {
             1 => 65_536,
@@ -82,13 +101,13 @@ impl<'a> Database<'a> {
             return Err(damaged());
         }
         if u32::from_be_bytes([header[56], header[57], header[58], header[59]]) > 1 {
-            return Err("its text is UTF-16; bags have UTF-8".into());
+            return Err(SqliteError::Utf16);
         }
         Ok(Database { bytes, page_size, usable })
     }
 
     /// The table called `name`, if there is one.
-    pub fn table(&self, name: &str) -> Result<Option<TableInfo>, String> {
+    pub fn table(&self, name: &str) -> Result<Option<TableInfo>, Problem> {
         let mut found = None;
         self.rows(1, &mut |cells| {
             if let [kind, own, _, root, sql, ..] = cells
@@ -105,11 +124,11 @@ impl<'a> Database<'a> {
 
     /// Calls `row` with the cells of every row of a table, in the order of their numbers. An integer primary key is NULL
     /// among the cells: SQLite keeps it as the row's number, which is put there.
-    pub fn each(&self, table: &TableInfo, row: &mut RowVisitor<'_>) -> Result<(), String> {
+    pub fn each(&self, table: &TableInfo, row: &mut RowVisitor<'_>) -> Result<(), Problem> {
         self.rows(table.root, row)
     }
 
-    fn rows(&self, root: u32, row: &mut RowVisitor<'_>) -> Result<(), String> {
+    fn rows(&self, root: u32, row: &mut RowVisitor<'_>) -> Result<(), Problem> {
         let mut left = Left { pages: self.bytes.len() / self.page_size + 1, bytes: self.bytes.len() };
         self.page(root, 0, &mut left, row)
     }
@@ -120,10 +139,10 @@ impl<'a> Database<'a> {
         depth: usize,
         left: &mut Left,
         row: &mut RowVisitor<'_>,
-    ) -> Result<(), String> {
+    ) -> Result<(), Problem> {
         left.pages = left.pages.checked_sub(1).ok_or_else(damaged)?;
         if depth > DEEPEST {
-            return Err(damaged());
+            return Err(damaged().into());
         }
         let page = self.page_bytes(number)?;
         let start = if number == 1 { 100 } else { 0 };
@@ -132,7 +151,7 @@ impl<'a> Database<'a> {
         let head = match kind {
             5 => 12,
             13 => 8,
-            _ => return Err(damaged()),
+            _ => return Err(damaged().into()),
         };
         for cell in 0..cells {
             let at = usize::from(be16(page, start + head + 2 * cell)?);
@@ -149,7 +168,7 @@ impl<'a> Database<'a> {
     }
 
     /// A page without the bytes that are reserved at its end.
-    fn page_bytes(&self, number: u32) -> Result<&'a [u8], String> {
+    fn page_bytes(&self, number: u32) -> Result<&'a [u8], SqliteError> {
         let start = (number as usize).checked_sub(1).and_then(|page| page.checked_mul(self.page_size));
         let start = start.ok_or_else(damaged)?;
         let end = start.checked_add(self.usable).ok_or_else(damaged)?;
@@ -163,11 +182,11 @@ impl<'a> Database<'a> {
         mut at: usize,
         left: &mut Left,
         row: &mut RowVisitor<'_>,
-    ) -> Result<(), String> {
+    ) -> Result<(), Problem> {
         let size = usize::try_from(varint(page, &mut at)?).map_err(|_| damaged())?;
         let id = varint(page, &mut at)?;
         if size > MAX_ROW {
-            return Err(damaged());
+            return Err(damaged().into());
         }
         left.bytes = left.bytes.checked_sub(size + 2).ok_or_else(damaged)?;
         let (max, min) = (self.usable - 35, (self.usable - 12) * 32 / 255 - 23);
@@ -192,10 +211,10 @@ impl<'a> Database<'a> {
 }
 
 /// Takes the cells of a row.
-pub(crate) type RowVisitor<'a> = dyn FnMut(&[Cell<'_>]) -> Result<(), String> + 'a;
+pub(crate) type RowVisitor<'a> = dyn FnMut(&[Cell<'_>]) -> Result<(), Problem> + 'a;
 
 /// Splits a row into cells.
-fn visit(content: &[u8], id: i64, row: &mut RowVisitor<'_>) -> Result<(), String> {
+fn visit(content: &[u8], id: i64, row: &mut RowVisitor<'_>) -> Result<(), Problem> {
     let mut at = 0;
     let head = usize::try_from(varint(content, &mut at)?).ok().filter(|head| *head <= content.len());
     let head = head.ok_or_else(damaged)?;
@@ -207,7 +226,7 @@ fn visit(content: &[u8], id: i64, row: &mut RowVisitor<'_>) -> Result<(), String
             let end = body.checked_add(size).filter(|end| *end <= content.len()).ok_or_else(damaged)?;
             let taken = &content[body..end];
             body = end;
-            Ok::<&[u8], String>(taken)
+            Ok::<&[u8], SqliteError>(taken)
         };
         let integer = |bytes: &[u8]| {
             let first = if bytes[0] & 0x80 == 0 { 0i64 } else { -1 };
@@ -229,7 +248,7 @@ fn visit(content: &[u8], id: i64, row: &mut RowVisitor<'_>) -> Result<(), String
                     _ => Cell::Text(std::str::from_utf8(bytes).map_err(|_| damaged())?),
                 }
             }
-            _ => return Err(damaged()),
+            _ => return Err(damaged().into()),
         });
     }
     row(&cells)
@@ -256,18 +275,18 @@ fn columns(sql: &str) -> Vec<String> {
     parts.take(100).map(name).collect()
 }
 
-fn be16(bytes: &[u8], at: usize) -> Result<u16, String> {
+fn be16(bytes: &[u8], at: usize) -> Result<u16, SqliteError> {
     let end = at.checked_add(2).ok_or_else(damaged)?;
     bytes.get(at..end).map(|two| u16::from_be_bytes([two[0], two[1]])).ok_or_else(damaged)
 }
 
-fn be32(bytes: &[u8], at: usize) -> Result<u32, String> {
+fn be32(bytes: &[u8], at: usize) -> Result<u32, SqliteError> {
     let end = at.checked_add(4).ok_or_else(damaged)?;
     bytes.get(at..end).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]])).ok_or_else(damaged)
 }
 
 /// A number of one to nine bytes, seven bits in each but the ninth.
-fn varint(bytes: &[u8], at: &mut usize) -> Result<i64, String> {
+fn varint(bytes: &[u8], at: &mut usize) -> Result<i64, SqliteError> {
     let mut value = 0u64;
     for place in 0..9 {
         let byte = *bytes.get(*at).ok_or_else(damaged)?;
@@ -284,8 +303,6 @@ fn varint(bytes: &[u8], at: &mut usize) -> Result<i64, String> {
 }
 
 /// A table that a bag must have.
-pub(crate) fn needed(database: &Database<'_>, name: &str) -> Result<TableInfo, String> {
-    database
-        .table(name)?
-        .ok_or_else(|| format!("no table `{}`: an SQLite file, but no ROS 2 bag", shown(name)))
+pub(crate) fn needed(database: &Database<'_>, name: &str) -> Result<TableInfo, Problem> {
+    database.table(name)?.ok_or_else(|| SqliteError::NoTable(name.to_owned()).into())
 }

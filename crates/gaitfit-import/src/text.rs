@@ -3,7 +3,9 @@
 use crate::budget::Budget;
 use crate::known::{Role, canonical, role};
 use crate::mapping::Mapping;
+use crate::problem::Problem;
 use crate::table::{MAX_COLUMNS, Source, Sparse};
+use crate::table_error::TableError;
 use gaitfit_model::shown;
 use std::collections::HashSet;
 
@@ -17,15 +19,15 @@ pub(crate) fn read(
     bytes: &[u8],
     mapping: &Mapping,
     budget: &mut Budget,
-) -> Result<Source, String> {
+) -> Result<Source, Problem> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let text = std::str::from_utf8(bytes).map_err(|_| "not UTF-8 text; save the file as UTF-8".to_owned())?;
+    let text = std::str::from_utf8(bytes).map_err(|_| TableError::NotUtf8)?;
     let header = text
         .lines()
         .find(|line| !line.trim().is_empty() && !line.starts_with('#'))
-        .ok_or("empty; a log has a header line")?;
+        .ok_or(TableError::Empty)?;
     if text.lines().take(100).any(|line| line.len() > MAX_LINE) {
-        return Err("lines longer than a megabyte; is this a CSV file?".into());
+        return Err(TableError::LongLines.into());
     }
     let count = |c: char| header.matches(c).count();
     let separator = [',', ';', '\t'].into_iter().max_by_key(|c| (count(*c), *c == ',')).unwrap_or(',');
@@ -36,19 +38,17 @@ pub(crate) fn read(
         .trim(csv::Trim::All)
         .flexible(true)
         .from_reader(text.as_bytes());
-    let damaged = |error: csv::Error| format!("{error}");
+    let damaged = |error: csv::Error| TableError::Csv(error.to_string());
     let names: Vec<String> = reader.headers().map_err(damaged)?.iter().map(str::to_owned).collect();
     if names.len() > MAX_COLUMNS {
-        return Err(format!("{} columns, more than {MAX_COLUMNS}; drop unused ones", names.len()));
+        return Err(TableError::ManyColumns { count: names.len() }.into());
     }
     if names.iter().all(|name| name.parse::<f64>().is_ok()) {
-        return Err(
-            "the first line holds numbers; put a header line with the columns' names before it".into()
-        );
+        return Err(TableError::NoHeader.into());
     }
     let mut seen = HashSet::new();
     if let Some(twice) = names.iter().find(|name| !seen.insert(name.as_str())) {
-        return Err(format!("column `{}` is there twice; rename one", shown(twice)));
+        return Err(TableError::Twice(twice.clone()).into());
     }
 
     let time = time_column(&names, mapping)?;
@@ -65,14 +65,11 @@ pub(crate) fn read(
                 break;
             }
             if !spare {
-                return Err(format!(
-                    "line {line}: {} cells where the header names {}",
-                    record.len(),
-                    names.len()
-                ));
+                let (cells, names) = (record.len(), names.len());
+                return Err(TableError::Cells { line, cells, names }.into());
             }
         }
-        let row = u32::try_from(sparse.time.len()).map_err(|_| "too many rows; cut the log".to_owned())?;
+        let row = u32::try_from(sparse.time.len()).map_err(|_| TableError::ManyRows)?;
         let number = |cell: &str| match decimal_comma {
             true => cell.replace(',', ".").parse::<f64>(),
             false => cell.parse::<f64>(),
@@ -82,7 +79,7 @@ pub(crate) fn read(
             Some(column) => {
                 let cell = record.get(column).unwrap_or("");
                 let at = number(cell).ok().filter(|at| at.is_finite());
-                at.ok_or_else(|| format!("line {line}: `{}` is no sample time", shown(cell)))?
+                at.ok_or_else(|| TableError::Time { line, cell: cell.to_owned() })?
             }
             None => f64::from(row),
         };
@@ -117,24 +114,20 @@ pub(crate) fn read(
         source.tables.iter_mut().for_each(|table| table.time.clear());
     }
     if source.tables.is_empty() {
-        return Err("a header but no numbers".into());
+        return Err(TableError::NoNumbers.into());
     }
     Ok(source)
 }
 
 /// The place of the time column among `names`; `None`: the mapping gives a rate instead.
-pub(crate) fn time_column(names: &[String], mapping: &Mapping) -> Result<Option<usize>, String> {
+pub(crate) fn time_column(names: &[String], mapping: &Mapping) -> Result<Option<usize>, Problem> {
     if let Some(wanted) = &mapping.time.column {
         let found = names.iter().position(|name| name == wanted);
-        return found.map(Some).ok_or_else(|| {
-            format!("no column `{}`, which `[time] column` of the mapping names", shown(wanted))
-        });
+        return found.map(Some).ok_or_else(|| TableError::NoTimeColumn(wanted.clone()).into());
     }
     let usual = names.iter().position(|name| canonical(name).is_none() && role(name) == Some(Role::Time));
     if usual.is_none() && mapping.rate_hz.or(mapping.usual_rate_hz).is_none() {
-        return Err(
-            "no time column; name it as `[time] column = ...`, or give `rate_hz`, in a mapping file".into()
-        );
+        return Err(TableError::NoTimes.into());
     }
     Ok(usual)
 }

@@ -1,16 +1,18 @@
 //! PyTorch's files (`torch.save`), such as PACE's recordings: a zip archive of a pickle and raw numbers.
 
+use crate::archive_error::ArchiveError;
 use crate::arrays::Arrays;
 use crate::budget::{Budget, read_all};
 use crate::npz::MAX_ENTRIES;
 use crate::pickle;
+use crate::problem::Problem;
 use std::collections::HashMap;
 use std::io::Cursor;
 use std::rc::Rc;
 use zip::ZipArchive;
 
 /// Largest pickle in the archive, bytes: it holds names and shapes, not numbers.
-const MAX_PICKLE: u64 = 64 << 20;
+pub(crate) const MAX_PICKLE: u64 = 64 << 20;
 
 /// Whether a zip archive is one of PyTorch.
 pub(crate) fn is_torch(bytes: &[u8]) -> bool {
@@ -24,25 +26,25 @@ fn pickle_name(archive: &ZipArchive<Cursor<&[u8]>>) -> Option<String> {
 }
 
 /// The named arrays of the file.
-pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, String> {
-    let damaged = |error| format!("zip: {error}");
+pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, Problem> {
+    let damaged = |error: zip::result::ZipError| ArchiveError::Zip(error.to_string());
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(damaged)?;
-    let name = pickle_name(&archive).ok_or("it has no data.pkl")?;
+    let name = pickle_name(&archive).ok_or(ArchiveError::NoPickle)?;
     let folder = name.strip_suffix("data.pkl").unwrap_or("").to_owned();
     if let Ok(entry) = archive.by_name(&format!("{folder}byteorder")) {
         let order = read_all(entry, budget, "zip")?;
         if order != b"little" {
-            return Err("it was saved on a big-endian machine; save it again on this one".into());
+            return Err(ArchiveError::BigEndian.into());
         }
     }
     let entry = archive.by_name(&name).map_err(damaged)?;
     if entry.size() > MAX_PICKLE {
-        return Err(format!("its data.pkl is larger than {MAX_PICKLE} bytes; save plain tensors"));
+        return Err(ArchiveError::LargePickle.into());
     }
     let content = read_all(entry, budget, "zip")?;
     let pickle = pickle::read(&content, budget)?;
     let mut read: HashMap<String, Rc<[u8]>> = HashMap::new();
-    let mut storages = |key: &str, budget: &mut Budget| -> Result<Rc<[u8]>, String> {
+    let mut storages = |key: &str, budget: &mut Budget| -> Result<Rc<[u8]>, Problem> {
         if let Some(bytes) = read.get(key) {
             return Ok(bytes.clone());
         }

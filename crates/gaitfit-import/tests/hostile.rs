@@ -4,10 +4,18 @@
 
 use crate::common;
 
-use common::{JOINTS, fixture};
-use gaitfit_import::{Mapping, Options, import};
+use common::{JOINTS, fixture, read};
+use gaitfit_damage::{Bounds, Counting, Draws, Outcome, bytes, framed, peak, pickle};
+use gaitfit_import::{LiveMcap, Mapping, McapHead, McapRow, Options, import};
 use std::io::{Cursor, Read, Write};
 use std::time::{Duration, Instant};
+
+/// Sees how much memory readers take.
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Pickles that repeat their few parts: what they unpack to is much larger than they are.
+const PROGRAMS: &str = "pickle programs";
 
 /// Small limits, so that a test would see a file that gets around them.
 fn options(name: &str) -> Options {
@@ -16,12 +24,13 @@ fn options(name: &str) -> Options {
         "episodes.h5" => format!("rate_hz = 200\n{JOINTS}[streams]\ntake = ['data/demo_0']"),
         _ => JOINTS.to_owned(),
     };
-    Options { mapping: Mapping::parse(&mapping).unwrap(), max_bytes: 4 << 20, max_values: 1_000_000 }
+    let max_bytes = if name == PROGRAMS { 1 << 18 } else { 4 << 20 };
+    Options { mapping: Mapping::parse(&mapping).unwrap(), max_bytes, max_values: (max_bytes / 4) as usize }
 }
 
 /// A zip archive with one of its files damaged, packed again so that its checksums hold.
-fn mutated_inside(bytes: &[u8], draws: &mut Draws) -> Vec<u8> {
-    let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).unwrap();
+fn mutated_inside(file: &[u8], draws: &mut Draws) -> Vec<u8> {
+    let mut archive = zip::ZipArchive::new(Cursor::new(file)).unwrap();
     let chosen = draws.below(archive.len());
     let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
     for i in 0..archive.len() {
@@ -30,7 +39,7 @@ fn mutated_inside(bytes: &[u8], draws: &mut Draws) -> Vec<u8> {
         let mut content = Vec::new();
         entry.read_to_end(&mut content).unwrap();
         if i == chosen {
-            content = mutated(&content, draws);
+            content = bytes(&content, draws);
         }
         let stored =
             zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
@@ -38,58 +47,6 @@ fn mutated_inside(bytes: &[u8], draws: &mut Draws) -> Vec<u8> {
         writer.write_all(&content).unwrap();
     }
     writer.finish().unwrap().into_inner()
-}
-
-/// Draws, by xorshift.
-struct Draws(u64);
-
-impl Draws {
-    fn below(&mut self, limit: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) as usize % limit.max(1)
-    }
-}
-
-/// A file with a few bytes changed, put in, taken out or repeated, or cut off.
-fn mutated(bytes: &[u8], draws: &mut Draws) -> Vec<u8> {
-    let mut out = bytes.to_vec();
-    for _ in 0..1 + draws.below(4) {
-        if out.is_empty() {
-            break;
-        }
-        // Headers and trailers say more than the middle.
-        let at = match draws.below(3) {
-            0 => draws.below(out.len().min(256)),
-            1 => out.len() - 1 - draws.below(out.len().min(256)),
-            _ => draws.below(out.len()),
-        };
-        match draws.below(8) {
-            0 => out[at] ^= 1 << draws.below(8),
-            1 => out[at] = [0, 1, 0x7f, 0x80, 0xff][draws.below(5)],
-            2 => out[at] = draws.below(256) as u8,
-            3 => {
-                let end = (at + 8).min(out.len());
-                out[at..end].fill([0, 0xff][draws.below(2)]);
-            }
-            4 => out.truncate(at),
-            5 => {
-                let end = (at + 1 + draws.below(64)).min(out.len());
-                out.drain(at..end);
-            }
-            6 => {
-                let end = (at + 1 + draws.below(64)).min(out.len());
-                let part = out[at..end].to_vec();
-                out.splice(at..at, part);
-            }
-            _ => {
-                let number = (draws.below(1 << 20) as u32).to_le_bytes();
-                out.splice(at..at, number);
-            }
-        }
-    }
-    out
 }
 
 const FILES: &[&str] = &[
@@ -122,53 +79,84 @@ const MORE_FILES: &[&str] = match cfg!(feature = "all-formats") {
     false => &[],
 };
 
-fn attack(each: usize) {
+/// What reading one of these files may take, each of at most 64 kB. [`options`] would let them keep 8 MB of numbers.
+const BOUNDS: Bounds = Bounds { bytes: 8 << 20, time: Duration::from_secs(10) };
+
+/// Reads damaged files, each under one path.
+fn attack(name: &str, rounds: usize, damaged: impl FnMut(&mut Draws) -> Vec<u8>) -> Outcome {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("file");
+    let options = options(name);
+    gaitfit_damage::attack(name, rounds, BOUNDS, damaged, |file| {
+        std::fs::write(&path, file).unwrap();
+        let is_read = import(&[&path], &options).is_ok();
+        // Some file systems flush a file that is overwritten; a new one is quicker.
+        std::fs::remove_file(&path).unwrap();
+        is_read
+    })
+}
+
+fn attack_all(rounds: usize) {
     // `GAITFIT_FILES=motion.npz,pace.pt` attacks these alone.
     let wanted = std::env::var("GAITFIT_FILES").unwrap_or_default();
     let is_wanted = |name: &str| wanted.is_empty() || wanted.split(',').any(|file| file == name);
-    for (i, name) in FILES.iter().chain(MORE_FILES).enumerate().filter(|(_, name)| is_wanted(name)) {
-        let bytes = std::fs::read(fixture(name)).unwrap();
-        let options = options(name);
+    for name in FILES.iter().chain(MORE_FILES).filter(|name| is_wanted(name)) {
+        let file = std::fs::read(fixture(name)).unwrap();
         let archive = name.ends_with(".npz") || name.ends_with(".pt");
-        let mut draws = Draws(0x9e37_79b9_7f4a_7c15 ^ (i as u64 + 1));
-        let (mut read, mut slowest) = (0, Duration::ZERO);
-        for round in 0..each {
-            let inside = archive && round % 2 == 0;
-            let damaged =
-                if inside { mutated_inside(&bytes, &mut draws) } else { mutated(&bytes, &mut draws) };
-            std::fs::write(&path, damaged).unwrap();
-            let start = Instant::now();
-            read += usize::from(import(&[&path], &options).is_ok());
-            let took = start.elapsed();
-            slowest = slowest.max(took);
-            assert!(took < Duration::from_secs(10), "{name}: file {round} took {took:?}");
-        }
-        eprintln!(
-            "{name}: {each} files, {read} of them read, the slowest in {slowest:?}, peak {} MB",
-            peak_mb()
-        );
-        assert!(peak_mb() < 600, "{name}: {} MB", peak_mb());
+        attack(name, rounds, |draws| match archive && draws.below(2) == 0 {
+            true => mutated_inside(&file, draws),
+            false => bytes(&file, draws),
+        });
     }
-}
-
-/// Most memory that this process has had, MB; 0 where the system does not say.
-fn peak_mb() -> usize {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find(|line| line.starts_with("VmHWM:")).unwrap_or("");
-    line.split_whitespace().nth(1).and_then(|kb| kb.parse::<usize>().ok()).unwrap_or(0) / 1024
 }
 
 #[test]
 fn damaged_files_are_refused_or_read() {
-    attack(150);
+    attack_all(150);
+}
+
+/// MCAP files of this program, which are not packed, with damage inside their records: lengths and checksums hide none of it.
+fn attack_records(rounds: usize) -> Outcome {
+    let log = read("motion.csv", JOINTS).unwrap().trajectory;
+    let mut file = Vec::new();
+    let head = McapHead { joints: &log.joints, rate_hz: log.rate_hz, robot: None, gains: None, fell: false };
+    let mut live = LiveMcap::live(&mut file, &head).unwrap();
+    let width = log.joints.len();
+    for row in 0..20 {
+        let numbers = row * width..(row + 1) * width;
+        live.row(&McapRow {
+            time: log.time[row],
+            position: &log.position[numbers.clone()],
+            velocity: &log.velocity[numbers],
+            quaternion: Some([1.0, 0.0, 0.0, 0.0]),
+            angular_velocity: Some([0.1, 0.2, 0.3]),
+            command: Some([0.5, 0.0, 0.0]),
+            ..McapRow::default()
+        })
+        .unwrap();
+    }
+    drop(live);
+    attack("records of MCAP", rounds, |draws| framed(&file, 8, draws))
+}
+
+#[test]
+fn damaged_records_are_refused_or_read() {
+    let outcome = attack_records(600);
+    assert!(outcome.read > 50 && outcome.refused > 50, "{outcome:?}");
+}
+
+#[test]
+fn pickles_that_no_program_writes_are_refused_or_read() {
+    let outcome = attack(PROGRAMS, 1500, |draws| pickle(60, draws));
+    assert!(outcome.read > 10, "{outcome:?}");
 }
 
 #[test]
 #[ignore = "long: 20,000 damaged files of each kind"]
 fn long_damaged_files_are_refused_or_read() {
-    attack(20_000);
+    attack_all(20_000);
+    attack_records(20_000);
+    attack(PROGRAMS, 20_000, |draws| pickle(60, draws));
 }
 
 /// Pickles that would run a program in Python.
@@ -280,4 +268,50 @@ fn lz4_bomb() -> Vec<u8> {
     file.extend((body.len() as u64).to_le_bytes());
     file.extend(body);
     file
+}
+
+/// Small files whose parts are named again and again: each naming would take the memory of the part.
+#[test]
+fn what_is_named_often_is_not_copied_without_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("file");
+    let small = Options { max_bytes: 1 << 20, max_values: 100_000, ..Options::default() };
+    let long = vec![b'1'; 100_000];
+    let mut pickle_start = b"\x80\x04B\xa0\x86\x01\0".to_vec();
+    pickle_start.extend(&long);
+    pickle_start.extend(b"q\0X\xa0\x86\x01\0");
+    pickle_start.extend(&long);
+    pickle_start.extend(b"q\x01cnumpy\ndtype\n\x8c\x02S1\x85Rq\x02cnumpy\ndtype\n\x8c\x06S65000\x85Rq\x03");
+    let repeated = |part: &[u8], times: usize| part.repeat(times);
+    let with = |body: Vec<u8>| [pickle_start.as_slice(), &body].concat();
+    let array = b"cnumpy._core.numeric\n_frombuffer\n(h\0h\x02(J\xa0\x86\x01\0t\x8c\x01CtRq\x04";
+    let keys: Vec<u8> =
+        (0..2000).flat_map(|i| [format!("X\x04\0\0\0{i:04}").as_bytes(), b"h\x04"].concat()).collect();
+    // A topic each with the whole definition of one type.
+    let text = |text: &[u8]| [&(text.len() as u32).to_le_bytes(), text].concat();
+    let record = |code: u8, body: Vec<u8>| [&[code], &(body.len() as u64).to_le_bytes()[..], &body].concat();
+    let fields: String = (0..15_000).map(|i| format!("int8 a{i}\n")).collect();
+    let schema = [vec![1, 0], text(b"p/T"), text(b"ros2msg"), text(fields.as_bytes())].concat();
+    let channel = |i: u16| {
+        let topic = text(format!("/t{i}").as_bytes());
+        record(4, [&i.to_le_bytes(), &[1, 0][..], &topic, &text(b"cdr"), &text(b"")].concat())
+    };
+    let channels: Vec<u8> = (0..5000).flat_map(channel).collect();
+    for (what, file) in [
+        ("classes", with([repeated(b"h\x01h\x01\x93", 5000), b".".to_vec()].concat())),
+        (
+            "words in a list",
+            with([b"}\x8c\x01a(".to_vec(), repeated(b"h\x01", 5000), b"ls.".to_vec()].concat()),
+        ),
+        ("arrays of words", with([array.to_vec(), b"}(".to_vec(), keys, b"u.".to_vec()].concat())),
+        ("words of bytes", with(repeated(b"cnumpy._core.multiarray\nscalar\nh\x03h\0\x86R", 5000))),
+        ("keys", with([b"}(".to_vec(), repeated(b"h\x01}(h\x01K\x01u", 5000), b"u.".to_vec()].concat())),
+        ("definitions", [b"\x89MCAP0\r\n".to_vec(), record(3, schema), channels].concat()),
+    ] {
+        std::fs::write(&path, file).unwrap();
+        let (result, bytes) = peak(|| import(&[&path], &small));
+        let error = result.unwrap_err().to_string();
+        assert!(error.contains("more than"), "{what}: {error}");
+        assert!(bytes < 24 << 20, "{what}: {bytes} bytes");
+    }
 }

@@ -5,6 +5,7 @@ mod deploy;
 mod exported;
 mod files;
 mod foreign;
+mod hostile;
 mod import;
 mod interface;
 mod network;

@@ -1,16 +1,18 @@
 //! A batch of rows: its buffers in the order of the fields.
 
-use super::damaged;
 use super::fields::{Field, Layout, Physical};
 use crate::budget::{Budget, unlz4, unzstd};
 use crate::columnar::{Frame, Values};
+use crate::columnar_error::{ColumnarError, damaged};
 use crate::dtype::DType;
+use crate::problem::Problem;
+use crate::table_error::TableError;
 use gaitfit_model::shown;
 use polars_arrow_format::ipc::planus::Vector;
 use polars_arrow_format::ipc::{BufferRef, CompressionType, FieldNodeRef, RecordBatchRef};
 use std::borrow::Cow;
 
-const CUT: &str = "a buffer is cut short; the file is damaged";
+const CUT: &str = "a buffer is cut short";
 
 /// Adds the rows of a batch to the columns of `frame`.
 pub(super) fn read(
@@ -19,7 +21,7 @@ pub(super) fn read(
     fields: &[Field],
     frame: &mut Frame,
     budget: &mut Budget,
-) -> Result<(), String> {
+) -> Result<(), Problem> {
     let rows = usize::try_from(header.length().map_err(damaged)?).map_err(damaged)?;
     let packed = match header.compression().map_err(damaged)? {
         None => None,
@@ -27,8 +29,8 @@ pub(super) fn read(
     };
     let views = header.variadic_buffer_counts().map_err(damaged)?;
     let mut batch = Batch {
-        nodes: header.nodes().map_err(damaged)?.ok_or(CUT)?,
-        buffers: header.buffers().map_err(damaged)?.ok_or(CUT)?,
+        nodes: header.nodes().map_err(damaged)?.ok_or_else(|| damaged(CUT))?,
+        buffers: header.buffers().map_err(damaged)?.ok_or_else(|| damaged(CUT))?,
         views: views.map(|all| all.iter().collect()).unwrap_or_default(),
         body,
         packed,
@@ -38,8 +40,7 @@ pub(super) fn read(
         frame,
         budget,
     };
-    u32::try_from(batch.frame.rows.saturating_add(rows))
-        .map_err(|_| "too many rows; cut the log".to_owned())?;
+    u32::try_from(batch.frame.rows.saturating_add(rows)).map_err(|_| TableError::ManyRows)?;
     for field in fields {
         batch.field(field, rows, None, None)?;
     }
@@ -71,16 +72,14 @@ impl<'a> Batch<'a, '_> {
         length: usize,
         valid: Option<&[bool]>,
         lists: Option<&[u32]>,
-    ) -> Result<(), String> {
-        let node = self.nodes.get(self.node).ok_or(CUT)?;
+    ) -> Result<(), Problem> {
+        let node = self.nodes.get(self.node).ok_or_else(|| damaged(CUT))?;
         self.node += 1;
         // A field knows its own number of places, and a list's may have more than its lists cover.
         let places = usize::try_from(node.length()).map_err(damaged)?;
         if lists.is_none() && places != length || places < length {
-            return Err(format!(
-                "`{}` has {places} places where {length} are; the file is damaged",
-                shown(&field.name)
-            ));
+            let name = shown(&field.name);
+            return Err(damaged(format!("`{name}` has {places} places where {length} are")).into());
         }
         if field.layout == Layout::None {
             return Ok(());
@@ -105,43 +104,42 @@ impl<'a> Batch<'a, '_> {
             }
             Layout::Lists(size) => {
                 let offsets = self.take()?;
-                let at = |i: usize| -> Result<usize, String> {
-                    let number = offsets.get(i * size..(i + 1) * size).ok_or(CUT)?;
+                let at = |i: usize| -> Result<usize, Problem> {
+                    let number = offsets.get(i * size..(i + 1) * size).ok_or_else(|| damaged(CUT))?;
                     let mut word = [0u8; 8];
                     word[..size].copy_from_slice(number);
-                    usize::try_from(u64::from_le_bytes(word)).map_err(damaged)
+                    Ok(usize::try_from(u64::from_le_bytes(word)).map_err(damaged)?)
                 };
                 let mut lengths = Vec::new();
                 let first = if length == 0 { 0 } else { at(0)? };
                 let mut last = first;
                 for i in 0..length {
                     let end = at(i + 1)?;
-                    let wide = end
-                        .checked_sub(last)
-                        .ok_or("lists that end before they begin; the file is damaged")?;
+                    let wide =
+                        end.checked_sub(last).ok_or_else(|| damaged("lists that end before they begin"))?;
                     lengths.push(if is_valid(i) { u32::try_from(wide).map_err(damaged)? } else { 0 });
                     if !is_valid(i) && wide > 0 {
-                        return Err(format!("`{}` has values where its list is missing", shown(&field.name)));
+                        return Err(wrong(field, "has values where its list is missing").into());
                     }
                     last = end;
                 }
                 self.list(field, first, last, &lengths)
             }
             Layout::FixedLists(size) => {
-                let values = length.checked_mul(size).ok_or(CUT)?;
+                let values = length.checked_mul(size).ok_or_else(|| damaged(CUT))?;
                 if (0..length).any(|i| !is_valid(i)) {
-                    return Err(format!("`{}` has rows without a list; fill them", shown(&field.name)));
+                    return Err(wrong(field, "has rows without a list; fill them").into());
                 }
                 self.list(field, 0, values, &vec![u32::try_from(size).map_err(damaged)?; length])
             }
-            Layout::None | Layout::Skipped(_) | Layout::Views => Err(CUT.to_owned()),
+            Layout::None | Layout::Skipped(_) | Layout::Views => Err(damaged(CUT).into()),
         }
     }
 
     /// The inside of lists, whose values are those from `first` to `last`.
-    fn list(&mut self, field: &Field, first: usize, last: usize, lengths: &[u32]) -> Result<(), String> {
+    fn list(&mut self, field: &Field, first: usize, last: usize, lengths: &[u32]) -> Result<(), Problem> {
         if first > 0 {
-            return Err(format!("`{}` is a part of a longer table; write it anew", shown(&field.name)));
+            return Err(wrong(field, "is a part of a longer table; write it anew").into());
         }
         field.children.iter().try_for_each(|child| self.field(child, last, None, Some(lengths)))
     }
@@ -154,14 +152,14 @@ impl<'a> Batch<'a, '_> {
         length: usize,
         is_valid: &dyn Fn(usize) -> bool,
         lists: Option<&[u32]>,
-    ) -> Result<(), String> {
+    ) -> Result<(), Problem> {
         self.budget.take_values(length.saturating_add(length / 2))?;
         let values = values(physical, data, length)?;
         let row = self.frame.rows;
         let Some(column) = self.frame.columns.get_mut(&field.name) else { return Ok(()) };
         if let (Some(own), Some(lists)) = (&mut column.lengths, lists) {
             if (0..length).any(|i| !is_valid(i)) {
-                return Err(format!("`{}` has lists with empty places; fill them", shown(&field.name)));
+                return Err(wrong(field, "has lists with empty places; fill them").into());
             }
             own.extend(lists);
             column.values.append(values);
@@ -178,7 +176,7 @@ impl<'a> Batch<'a, '_> {
     }
 
     /// Passes the buffers of a field that is not read; `begun`: its node has been taken.
-    fn skip(&mut self, field: &Field, begun: bool) -> Result<(), String> {
+    fn skip(&mut self, field: &Field, begun: bool) -> Result<(), Problem> {
         self.node += usize::from(!begun);
         self.buffer += match field.layout {
             Layout::None => 0,
@@ -195,14 +193,17 @@ impl<'a> Batch<'a, '_> {
     }
 
     /// The next buffer, unpacked.
-    fn take(&mut self) -> Result<Cow<'a, [u8]>, String> {
-        let buffer = self.buffers.get(self.buffer).ok_or(CUT)?;
+    fn take(&mut self) -> Result<Cow<'a, [u8]>, Problem> {
+        let buffer = self.buffers.get(self.buffer).ok_or_else(|| damaged(CUT))?;
         self.buffer += 1;
         let begin = usize::try_from(buffer.offset()).map_err(damaged)?;
         let length = usize::try_from(buffer.length()).map_err(damaged)?;
-        let bytes = begin.checked_add(length).and_then(|end| self.body.get(begin..end)).ok_or(CUT)?;
+        let bytes = begin
+            .checked_add(length)
+            .and_then(|end| self.body.get(begin..end))
+            .ok_or_else(|| damaged(CUT))?;
         let Some(codec) = self.packed.filter(|_| !bytes.is_empty()) else { return Ok(Cow::Borrowed(bytes)) };
-        let (size, bytes) = bytes.split_first_chunk::<8>().ok_or(CUT)?;
+        let (size, bytes) = bytes.split_first_chunk::<8>().ok_or_else(|| damaged(CUT))?;
         if i64::from_le_bytes(*size) == -1 {
             return Ok(Cow::Borrowed(bytes));
         }
@@ -214,12 +215,12 @@ impl<'a> Batch<'a, '_> {
 }
 
 /// `length` numbers of a buffer.
-fn values(physical: Physical, data: &[u8], length: usize) -> Result<Values, String> {
+fn values(physical: Physical, data: &[u8], length: usize) -> Result<Values, Problem> {
     let numbers =
-        |bytes: usize| length.checked_mul(bytes).and_then(|all| data.get(..all)).ok_or(CUT.to_owned());
+        |bytes: usize| length.checked_mul(bytes).and_then(|all| data.get(..all)).ok_or_else(|| damaged(CUT));
     Ok(match physical {
         Physical::Bool => {
-            let data = data.get(..length.div_ceil(8)).ok_or(CUT)?;
+            let data = data.get(..length.div_ceil(8)).ok_or_else(|| damaged(CUT))?;
             Values::Integers((0..length).map(|i| i64::from(data[i / 8] >> (i % 8) & 1)).collect())
         }
         Physical::Int { bytes, signed } => {
@@ -232,9 +233,14 @@ fn values(physical: Physical, data: &[u8], length: usize) -> Result<Values, Stri
             Values::Integers(numbers(bytes)?.chunks_exact(bytes).map(integer).collect())
         }
         Physical::Real { bytes } => {
-            let dtype = DType::parse(["<f2", "<f4", "<f8"][bytes.ilog2() as usize - 1]).ok_or(CUT)?;
+            let dtype = DType::parse(["<f2", "<f4", "<f8"][bytes.ilog2() as usize - 1])
+                .ok_or_else(|| damaged(CUT))?;
             let found = numbers(bytes)?.chunks_exact(bytes).map(|number| dtype.number(number));
-            Values::Reals(found.collect::<Option<_>>().ok_or(CUT)?)
+            Values::Reals(found.collect::<Option<_>>().ok_or_else(|| damaged(CUT))?)
         }
     })
+}
+
+fn wrong(field: &Field, problem: &'static str) -> ColumnarError {
+    ColumnarError::Values { column: field.name.clone(), problem }
 }

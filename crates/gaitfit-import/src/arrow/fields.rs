@@ -1,6 +1,7 @@
 //! What a schema's fields are, and which buffers each of them has.
 
-use super::damaged;
+use crate::columnar_error::{ColumnarError, damaged};
+use crate::problem::Problem;
 use polars_arrow_format::ipc::planus::Vector;
 use polars_arrow_format::ipc::{FieldRef, Precision, TimeUnit, TypeRef};
 
@@ -64,9 +65,9 @@ impl Field {
 /// Reads the schema's fields.
 pub(super) fn fields<'a>(
     all: Option<Vector<'a, polars_arrow_format::ipc::planus::Result<FieldRef<'a>>>>,
-) -> Result<Vec<Field>, String> {
+) -> Result<Vec<Field>, Problem> {
     let mut left = crate::table::MAX_COLUMNS;
-    let all = all.ok_or("a schema without fields; the file is damaged")?;
+    let all = all.ok_or_else(|| damaged("a schema without fields"))?;
     all.iter().map(|field| read(field.map_err(damaged)?, "", Inside::default(), &mut left)).collect()
 }
 
@@ -79,11 +80,15 @@ struct Inside {
     refused: Option<&'static str>,
 }
 
-fn read(field: FieldRef<'_>, above: &str, inside: Inside, left: &mut usize) -> Result<Field, String> {
+fn read(field: FieldRef<'_>, above: &str, inside: Inside, left: &mut usize) -> Result<Field, Problem> {
     // Fields may refer to one another, and a small file to many.
-    *left = left.checked_sub(1).ok_or("more than 4096 fields; save only the joints' columns")?;
+    *left = left
+        .checked_sub(1)
+        .ok_or(ColumnarError::NotRead("more than 4096 fields; save only the joints' columns"))?;
     if inside.depth > MAX_DEPTH {
-        return Err("fields inside fields, more than 32 deep; save plain columns".into());
+        return Err(
+            ColumnarError::NotRead("fields inside fields, more than 32 deep; save plain columns").into()
+        );
     }
     let name = field.name().map_err(damaged)?.unwrap_or("");
     let name = match (above, inside.list) {
@@ -91,7 +96,7 @@ fn read(field: FieldRef<'_>, above: &str, inside: Inside, left: &mut usize) -> R
         ("", false) => name.to_owned(),
         (above, false) => format!("{above}/{name}"),
     };
-    let kind = field.type_().map_err(damaged)?.ok_or("a field without a type; the file is damaged")?;
+    let kind = field.type_().map_err(damaged)?.ok_or_else(|| damaged("a field without a type"))?;
     let (mut layout, mut refused, per_second) = layout(&kind)?;
     if field.dictionary().map_err(damaged)?.is_some() {
         (layout, refused) = (Layout::Skipped(1), Some("words of a dictionary; save them as numbers"));
@@ -107,13 +112,13 @@ fn read(field: FieldRef<'_>, above: &str, inside: Inside, left: &mut usize) -> R
         }
     }
     if is_list && children.len() != 1 {
-        return Err("a list of not one kind; the file is damaged".into());
+        return Err(damaged("a list of not one kind").into());
     }
     Ok(Field { name, layout, refused, in_list: lists > 0, per_second, children })
 }
 
 /// The buffers of a type, why it is not read, and of times the units a second.
-fn layout(kind: &TypeRef<'_>) -> Result<(Layout, Option<&'static str>, Option<f64>), String> {
+fn layout(kind: &TypeRef<'_>) -> Result<(Layout, Option<&'static str>, Option<f64>), Problem> {
     let per_second = |unit: TimeUnit| match unit {
         TimeUnit::Second => 1.0,
         TimeUnit::Millisecond => 1e3,
@@ -134,7 +139,7 @@ fn layout(kind: &TypeRef<'_>) -> Result<(Layout, Option<&'static str>, Option<f6
                 16 => 2,
                 32 => 4,
                 64 => 8,
-                _ => return Err("integers of no known width; the file is damaged".into()),
+                _ => return Err(damaged("integers of no known width").into()),
             };
             numbers(Physical::Int { bytes, signed: int.is_signed().map_err(damaged)? })
         }
@@ -169,10 +174,10 @@ fn layout(kind: &TypeRef<'_>) -> Result<(Layout, Option<&'static str>, Option<f6
         | TypeRef::RunEndEncoded(_)
         | TypeRef::ListView(_)
         | TypeRef::LargeListView(_) => {
-            return Err(
-                "columns of a kind that is not read (maps, unions, views of lists); save plain columns"
-                    .into(),
-            );
+            return Err(ColumnarError::NotRead(
+                "columns of a kind that is not read (maps, unions, views of lists); save plain columns",
+            )
+            .into());
         }
     })
 }

@@ -8,18 +8,16 @@ mod fields;
 
 use crate::budget::Budget;
 use crate::columnar::{Column, Frame};
+use crate::columnar_error::{ColumnarError, damaged};
 use crate::kind::{ARROW as MAGIC, ARROW_MESSAGE as CONTINUED};
+use crate::problem::Problem;
 use fields::Field;
 use gaitfit_model::shown;
 use polars_arrow_format::ipc::planus::ReadAsRoot;
 use polars_arrow_format::ipc::{Endianness, MessageHeaderRef, MessageRef};
 
-pub(super) fn damaged(error: impl std::fmt::Display) -> String {
-    format!("{error}; the file is damaged")
-}
-
 /// The columns of a file or stream.
-pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, String> {
+pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, Problem> {
     let mut rest = file.strip_prefix(MAGIC).unwrap_or(file);
     let mut frame = Frame::default();
     let mut fields: Option<Vec<Field>> = None;
@@ -42,7 +40,10 @@ pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, String> {
         match message.header().map_err(damaged)? {
             Some(MessageHeaderRef::Schema(schema)) if fields.is_none() => {
                 if schema.endianness().map_err(damaged)? == Endianness::Big {
-                    return Err("it was written on a big-endian machine; write it again on this one".into());
+                    return Err(ColumnarError::NotRead(
+                        "it was written on a big-endian machine; write it again on this one",
+                    )
+                    .into());
                 }
                 let found = fields::fields(schema.fields().map_err(damaged)?)?;
                 for leaf in found.iter().flat_map(Field::leaves) {
@@ -54,7 +55,7 @@ pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, String> {
                 fields = Some(found);
             }
             Some(MessageHeaderRef::RecordBatch(header)) => {
-                let fields = fields.as_ref().ok_or("rows before a schema; the file is damaged")?;
+                let fields = fields.as_ref().ok_or_else(|| damaged("rows before a schema"))?;
                 batch::read(header, body, fields, &mut frame, budget)?;
             }
             // Dictionaries hold words.
@@ -62,7 +63,7 @@ pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, String> {
         }
     }
     if fields.is_none() {
-        return Err("no schema; the file is damaged".into());
+        return Err(damaged("no schema").into());
     }
     Ok(frame)
 }

@@ -2,8 +2,10 @@
 //! for, which the caller takes from its budget.
 
 use crate::columnar::Values;
+use crate::columnar_error::damaged;
+use crate::problem::Problem;
 
-const CUT: &str = "a page is cut short; the file is damaged";
+const CUT: &str = "a page is cut short";
 
 /// How a column's numbers lie in its pages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,7 +36,7 @@ impl Physical {
         }
     }
 
-    fn read(self, bytes: &[u8], into: &mut Values) -> Result<(), String> {
+    fn read(self, bytes: &[u8], into: &mut Values) -> Result<(), Problem> {
         match (self, into) {
             (Physical::Int { bytes: 4, .. }, Values::Integers(out)) => {
                 out.push(self.integer(i64::from(i32::from_le_bytes(array(bytes)?))));
@@ -42,7 +44,7 @@ impl Physical {
             (Physical::Int { .. }, Values::Integers(out)) => out.push(i64::from_le_bytes(array(bytes)?)),
             (Physical::Float, Values::Reals(out)) => out.push(f64::from(f32::from_le_bytes(array(bytes)?))),
             (Physical::Double, Values::Reals(out)) => out.push(f64::from_le_bytes(array(bytes)?)),
-            _ => return Err(CUT.to_owned()),
+            _ => return Err(damaged(CUT).into()),
         }
         Ok(())
     }
@@ -55,22 +57,22 @@ impl Physical {
     }
 }
 
-fn array<const N: usize>(bytes: &[u8]) -> Result<[u8; N], String> {
-    bytes.first_chunk::<N>().copied().ok_or_else(|| CUT.to_owned())
+fn array<const N: usize>(bytes: &[u8]) -> Result<[u8; N], Problem> {
+    bytes.first_chunk::<N>().copied().ok_or_else(|| damaged(CUT).into())
 }
 
 /// An unsigned number of 7 bits a byte.
-pub(super) fn varint(bytes: &mut &[u8]) -> Result<u64, String> {
+pub(super) fn varint(bytes: &mut &[u8]) -> Result<u64, Problem> {
     let mut value = 0u64;
     for shift in (0..64).step_by(7) {
-        let (first, rest) = bytes.split_first().ok_or(CUT)?;
+        let (first, rest) = bytes.split_first().ok_or_else(|| damaged(CUT))?;
         *bytes = rest;
         value |= u64::from(first & 0x7f) << shift;
         if first & 0x80 == 0 {
             return Ok(value);
         }
     }
-    Err(CUT.to_owned())
+    Err(damaged(CUT).into())
 }
 
 /// Number `index` of numbers of `width` bits, lowest bits first; bits beyond the end are 0.
@@ -85,9 +87,9 @@ fn packed(bytes: &[u8], width: usize, index: usize) -> u64 {
 }
 
 /// `count` numbers of `width` bits, in runs and packed groups (RLE and bit-packing hybrid).
-pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec<u32>, String> {
+pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec<u32>, Problem> {
     if width > 32 {
-        return Err("numbers of more than 32 bits where levels or places are; the file is damaged".into());
+        return Err(damaged("numbers of more than 32 bits where levels or places are").into());
     }
     let mut out = Vec::new();
     if width == 0 {
@@ -97,22 +99,22 @@ pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec
     while out.len() < count {
         let header = varint(&mut bytes)?;
         let left = count - out.len();
-        let wanted = usize::try_from(header >> 1).map_err(|_| CUT)?;
+        let wanted = usize::try_from(header >> 1).map_err(|_| damaged(CUT))?;
         if wanted == 0 {
-            return Err(CUT.to_owned());
+            return Err(damaged(CUT).into());
         }
         if header & 1 == 0 {
             let size = width.div_ceil(8);
-            let run = bytes.get(..size).ok_or(CUT)?;
+            let run = bytes.get(..size).ok_or_else(|| damaged(CUT))?;
             bytes = &bytes[size..];
             let value = packed(run, 8 * size, 0) as u32;
             out.resize(out.len() + wanted.min(left), value);
         } else {
             // The last group may lack the bytes of numbers that do not count.
-            let size = wanted.checked_mul(width).ok_or(CUT)?.min(bytes.len());
+            let size = wanted.checked_mul(width).ok_or_else(|| damaged(CUT))?.min(bytes.len());
             let numbers = wanted.saturating_mul(8).min(8 * size / width).min(left);
             if numbers == 0 {
-                return Err(CUT.to_owned());
+                return Err(damaged(CUT).into());
             }
             let (group, rest) = bytes.split_at(size);
             out.extend((0..numbers).map(|i| packed(group, width, i) as u32));
@@ -123,16 +125,16 @@ pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec
 }
 
 /// `count` numbers as they are.
-pub(super) fn plain(bytes: &[u8], physical: Physical, count: usize) -> Result<Values, String> {
+pub(super) fn plain(bytes: &[u8], physical: Physical, count: usize) -> Result<Values, Problem> {
     let mut out = physical.empty();
     if physical == Physical::Bool {
         if bytes.len() < count.div_ceil(8) {
-            return Err(CUT.to_owned());
+            return Err(damaged(CUT).into());
         }
         return Ok(Values::Integers((0..count).map(|i| packed(bytes, 1, i) as i64).collect()));
     }
     let size = physical.size();
-    let bytes = count.checked_mul(size).and_then(|length| bytes.get(..length)).ok_or(CUT)?;
+    let bytes = count.checked_mul(size).and_then(|length| bytes.get(..length)).ok_or_else(|| damaged(CUT))?;
     for number in bytes.chunks_exact(size) {
         physical.read(number, &mut out)?;
     }
@@ -140,9 +142,9 @@ pub(super) fn plain(bytes: &[u8], physical: Physical, count: usize) -> Result<Va
 }
 
 /// `count` numbers whose first bytes come first, then all second bytes, and so on (BYTE_STREAM_SPLIT).
-pub(super) fn split(bytes: &[u8], physical: Physical, count: usize) -> Result<Values, String> {
+pub(super) fn split(bytes: &[u8], physical: Physical, count: usize) -> Result<Values, Problem> {
     let size = physical.size();
-    let bytes = count.checked_mul(size).and_then(|length| bytes.get(..length)).ok_or(CUT)?;
+    let bytes = count.checked_mul(size).and_then(|length| bytes.get(..length)).ok_or_else(|| damaged(CUT))?;
     let mut out = physical.empty();
     for i in 0..count {
         let mut number = [0u8; 8];
@@ -153,10 +155,10 @@ pub(super) fn split(bytes: &[u8], physical: Physical, count: usize) -> Result<Va
 }
 
 /// `count` entries of a dictionary by their places.
-pub(super) fn dictionary(bytes: &[u8], entries: &Values, count: usize) -> Result<Values, String> {
-    let (width, rest) = bytes.split_first().ok_or(CUT)?;
+pub(super) fn dictionary(bytes: &[u8], entries: &Values, count: usize) -> Result<Values, Problem> {
+    let (width, rest) = bytes.split_first().ok_or_else(|| damaged(CUT))?;
     let places = hybrid(rest, usize::from(*width), count)?;
-    let missing = || "a place beyond its dictionary; the file is damaged".to_owned();
+    let missing = || damaged("a place beyond its dictionary");
     Ok(match entries {
         Values::Integers(all) => Values::Integers(
             places
@@ -176,14 +178,14 @@ pub(super) fn dictionary(bytes: &[u8], entries: &Values, count: usize) -> Result
 }
 
 /// `count` integers by their differences, in packed blocks (DELTA_BINARY_PACKED).
-pub(super) fn delta(mut bytes: &[u8], physical: Physical, count: usize) -> Result<Values, String> {
+pub(super) fn delta(mut bytes: &[u8], physical: Physical, count: usize) -> Result<Values, Problem> {
     let bytes = &mut bytes;
     let zigzag = |value: u64| (value >> 1) as i64 ^ -((value & 1) as i64);
-    let block = usize::try_from(varint(bytes)?).map_err(|_| CUT)?;
-    let parts = usize::try_from(varint(bytes)?).map_err(|_| CUT)?;
-    let total = usize::try_from(varint(bytes)?).map_err(|_| CUT)?;
+    let block = usize::try_from(varint(bytes)?).map_err(|_| damaged(CUT))?;
+    let parts = usize::try_from(varint(bytes)?).map_err(|_| damaged(CUT))?;
+    let total = usize::try_from(varint(bytes)?).map_err(|_| damaged(CUT))?;
     if parts == 0 || parts > 1 << 16 || block == 0 || block > 1 << 24 || block % parts != 0 || total < count {
-        return Err(CUT.to_owned());
+        return Err(damaged(CUT).into());
     }
     let each = block / parts;
     let mut value = zigzag(varint(bytes)?);
@@ -193,14 +195,14 @@ pub(super) fn delta(mut bytes: &[u8], physical: Physical, count: usize) -> Resul
     }
     while out.len() < count {
         let min = zigzag(varint(bytes)?);
-        let widths = bytes.get(..parts).ok_or(CUT)?;
+        let widths = bytes.get(..parts).ok_or_else(|| damaged(CUT))?;
         *bytes = &bytes[parts..];
         for width in widths.iter().map(|width| usize::from(*width)) {
             if out.len() >= count {
                 break;
             }
             if width > 64 {
-                return Err(CUT.to_owned());
+                return Err(damaged(CUT).into());
             }
             // The last part may be cut where its numbers do not count.
             let size = (each * width).div_ceil(8).min(bytes.len());

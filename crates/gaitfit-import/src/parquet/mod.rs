@@ -7,7 +7,9 @@ mod schema;
 
 use crate::budget::Budget;
 use crate::columnar::{Column, Frame};
+use crate::columnar_error::{ColumnarError, damaged};
 use crate::kind::PARQUET as MAGIC;
+use crate::problem::Problem;
 use gaitfit_model::shown;
 use polars_parquet_format::FileMetaData;
 use polars_parquet_format::thrift::protocol::TCompactInputProtocol;
@@ -16,16 +18,15 @@ use polars_parquet_format::thrift::protocol::TCompactInputProtocol;
 const MAX_FOOTER: usize = 256 << 20;
 
 /// The columns of the file.
-pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, String> {
-    let cut =
-        || "its end is missing; the file was cut off, and Parquet files are read from their end".to_owned();
+pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, Problem> {
+    let cut = || ColumnarError::NoEnd;
     let footer = file.strip_suffix(MAGIC).ok_or_else(cut)?;
     let (footer, length) = footer.split_last_chunk::<4>().ok_or_else(cut)?;
     let length = u32::from_le_bytes(*length) as usize;
     let begin = footer.len().checked_sub(length).filter(|begin| *begin >= MAGIC.len()).ok_or_else(cut)?;
     let mut protocol = TCompactInputProtocol::new(&footer[begin..], MAX_FOOTER);
     let metadata = FileMetaData::read_from_in_protocol(&mut protocol)
-        .map_err(|error| format!("its footer: {error}; the file is damaged"))?;
+        .map_err(|error| damaged(format!("its footer: {error}")))?;
     let leaves = schema::leaves(&metadata.schema)?;
     let mut frame = Frame::default();
     for leaf in &leaves {
@@ -37,24 +38,25 @@ pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, String> {
     for group in &metadata.row_groups {
         let rows = usize::try_from(group.num_rows).map_err(|_| cut())?;
         if group.columns.len() != leaves.len() {
-            return Err("a part with other columns than the schema; the file is damaged".into());
+            return Err(damaged("a part with other columns than the schema").into());
         }
         for (leaf, chunk) in leaves.iter().zip(&group.columns) {
             let Some(column) = frame.columns.get_mut(&leaf.name).filter(|_| leaf.refused.is_none()) else {
                 continue;
             };
             if chunk.file_path.is_some() {
-                return Err("columns in other files; write it as one file".into());
+                return Err(ColumnarError::NotRead("columns in other files; write it as one file").into());
             }
-            let meta =
-                chunk.meta_data.as_ref().ok_or("encrypted columns; write it again without encryption")?;
-            let found = pages::read(file, meta, leaf, frame.rows, column, budget)
-                .map_err(|problem| format!("column `{}`: {problem}", shown(&leaf.name)))?;
+            let meta = chunk
+                .meta_data
+                .as_ref()
+                .ok_or(ColumnarError::NotRead("encrypted columns; write it again without encryption"))?;
+            let found = pages::read(file, meta, leaf, frame.rows, column, budget).map_err(|problem| {
+                ColumnarError::Column { column: leaf.name.clone(), problem: problem.into() }
+            })?;
             if found != rows {
                 let name = shown(&leaf.name);
-                return Err(format!(
-                    "column `{name}`: {found} rows in a part of {rows}; the file is damaged"
-                ));
+                return Err(damaged(format!("column `{name}`: {found} rows in a part of {rows}")).into());
             }
         }
         frame.rows += rows;

@@ -4,13 +4,16 @@ use super::encodings::{Physical, delta, dictionary, hybrid, plain, split};
 use super::schema::Leaf;
 use crate::budget::{Budget, read_all, unzstd};
 use crate::columnar::{Column, Values};
+use crate::columnar_error::{ColumnarError, damaged};
+use crate::problem::Problem;
+use crate::table_error::TableError;
 use polars_parquet_format::thrift::protocol::TCompactInputProtocol;
 use polars_parquet_format::{ColumnMetaData, CompressionCodec, Encoding, PageHeader, PageType};
 use std::borrow::Cow;
 
 /// Most bytes that a page's header may make: it holds names and statistics.
 const MAX_HEADER: usize = 1 << 20;
-const CUT: &str = "a page is cut short; the file is damaged";
+const CUT: &str = "a page is cut short";
 
 /// Adds the column's values in one row group, which begins at row `first`, to `column`.
 pub(super) fn read(
@@ -20,14 +23,14 @@ pub(super) fn read(
     first: usize,
     column: &mut Column,
     budget: &mut Budget,
-) -> Result<usize, String> {
+) -> Result<usize, Problem> {
     let place = |offset: i64| usize::try_from(offset).ok().filter(|at| *at < file.len());
     let begin = match chunk.dictionary_page_offset.filter(|offset| *offset > 0) {
         Some(offset) => place(offset.min(chunk.data_page_offset)),
         None => place(chunk.data_page_offset),
     };
-    let mut rest = &file[begin.ok_or("a column begins outside the file; the file is damaged")?..];
-    let wanted = usize::try_from(chunk.num_values).map_err(|_| CUT)?;
+    let mut rest = &file[begin.ok_or_else(|| damaged("a column begins outside the file"))?..];
+    let wanted = usize::try_from(chunk.num_values).map_err(|_| damaged(CUT))?;
     let mut entries: Option<Values> = None;
     let (mut values, mut row) = (0, first);
     while values < wanted {
@@ -35,20 +38,20 @@ pub(super) fn read(
             let mut protocol = TCompactInputProtocol::new(&mut rest, MAX_HEADER);
             PageHeader::read_from_in_protocol(&mut protocol)
         };
-        let header = header.map_err(|error| format!("a page's header: {error}; the file is damaged"))?;
+        let header = header.map_err(|error| damaged(format!("a page's header: {error}")))?;
         let size = usize::try_from(header.compressed_page_size).ok().filter(|size| *size <= rest.len());
-        let (page, after) = rest.split_at(size.ok_or(CUT)?);
+        let (page, after) = rest.split_at(size.ok_or_else(|| damaged(CUT))?);
         rest = after;
         let packed = Packed { codec: chunk.codec, size: header.uncompressed_page_size };
         if header.type_ == PageType::DICTIONARY_PAGE {
-            let head = header.dictionary_page_header.ok_or(CUT)?;
-            let count = usize::try_from(head.num_values).map_err(|_| CUT)?;
+            let head = header.dictionary_page_header.ok_or_else(|| damaged(CUT))?;
+            let count = usize::try_from(head.num_values).map_err(|_| damaged(CUT))?;
             let page = packed.open(page, budget)?;
             budget.take_values(count)?;
             entries = Some(plain(&page, leaf.physical, count)?);
         } else if header.type_ == PageType::DATA_PAGE {
-            let head = header.data_page_header.ok_or(CUT)?;
-            let count = usize::try_from(head.num_values).map_err(|_| CUT)?;
+            let head = header.data_page_header.ok_or_else(|| damaged(CUT))?;
+            let count = usize::try_from(head.num_values).map_err(|_| damaged(CUT))?;
             budget.take_values(count)?;
             let page = packed.open(page, budget)?;
             let mut page: &[u8] = &page;
@@ -59,8 +62,8 @@ pub(super) fn read(
             row = place_values(column, leaf, row, count, &repeated, &defined, found)?;
             values += count.max(1);
         } else if header.type_ == PageType::DATA_PAGE_V2 {
-            let head = header.data_page_header_v2.ok_or(CUT)?;
-            let count = usize::try_from(head.num_values).map_err(|_| CUT)?;
+            let head = header.data_page_header_v2.ok_or_else(|| damaged(CUT))?;
+            let count = usize::try_from(head.num_values).map_err(|_| damaged(CUT))?;
             budget.take_values(count)?;
             let mut page = page;
             let repeated = take(&mut page, head.repetition_levels_byte_length)?;
@@ -84,8 +87,9 @@ pub(super) fn read(
 }
 
 /// Takes `length` bytes from a page's beginning.
-fn take<'a>(page: &mut &'a [u8], length: i32) -> Result<&'a [u8], String> {
-    let length = usize::try_from(length).ok().filter(|length| *length <= page.len()).ok_or(CUT)?;
+fn take<'a>(page: &mut &'a [u8], length: i32) -> Result<&'a [u8], Problem> {
+    let length =
+        usize::try_from(length).ok().filter(|length| *length <= page.len()).ok_or_else(|| damaged(CUT))?;
     let (taken, rest) = page.split_at(length);
     *page = rest;
     Ok(taken)
@@ -97,16 +101,19 @@ fn width(max: u32) -> usize {
 }
 
 /// The levels at the beginning of a page of the first version: 4 bytes of length, then runs.
-fn levels(page: &mut &[u8], encoding: Encoding, max: u32, count: usize) -> Result<Vec<u32>, String> {
+fn levels(page: &mut &[u8], encoding: Encoding, max: u32, count: usize) -> Result<Vec<u32>, Problem> {
     if max == 0 {
         return Ok(Vec::new());
     }
     if encoding != Encoding::RLE {
-        return Err("levels in an encoding that is not read; write the file again with pyarrow".into());
+        return Err(ColumnarError::NotRead(
+            "levels in an encoding that is not read; write the file again with pyarrow",
+        )
+        .into());
     }
-    let (length, rest) = page.split_first_chunk::<4>().ok_or(CUT)?;
+    let (length, rest) = page.split_first_chunk::<4>().ok_or_else(|| damaged(CUT))?;
     let length = u32::from_le_bytes(*length) as usize;
-    let found = hybrid(rest.get(..length).ok_or(CUT)?, width(max), count)?;
+    let found = hybrid(rest.get(..length).ok_or_else(|| damaged(CUT))?, width(max), count)?;
     *page = &rest[length..];
     Ok(found)
 }
@@ -125,20 +132,23 @@ fn decode(
     physical: Physical,
     count: usize,
     entries: Option<&Values>,
-) -> Result<Values, String> {
+) -> Result<Values, Problem> {
     match (encoding, physical) {
         (Encoding::PLAIN, _) => plain(page, physical, count),
         (Encoding::PLAIN_DICTIONARY | Encoding::RLE_DICTIONARY, _) => {
-            let entries = entries.ok_or("places of a dictionary that is not there; the file is damaged")?;
+            let entries = entries.ok_or_else(|| damaged("places of a dictionary that is not there"))?;
             if count == 0 { Ok(Values::Integers(Vec::new())) } else { dictionary(page, entries, count) }
         }
         (Encoding::RLE, Physical::Bool) => {
-            let bits = hybrid(page.get(4..).ok_or(CUT)?, 1, count)?;
+            let bits = hybrid(page.get(4..).ok_or_else(|| damaged(CUT))?, 1, count)?;
             Ok(Values::Integers(bits.into_iter().map(i64::from).collect()))
         }
         (Encoding::DELTA_BINARY_PACKED, Physical::Int { .. }) => delta(page, physical, count),
         (Encoding::BYTE_STREAM_SPLIT, _) if physical != Physical::Bool => split(page, physical, count),
-        _ => Err("numbers in an encoding that is not read; write the file again with pyarrow".into()),
+        _ => Err(ColumnarError::NotRead(
+            "numbers in an encoding that is not read; write the file again with pyarrow",
+        )
+        .into()),
     }
 }
 
@@ -151,8 +161,8 @@ fn place_values(
     repeated: &[u32],
     defined: &[u32],
     values: Values,
-) -> Result<usize, String> {
-    let many = || "too many rows; cut the log".to_owned();
+) -> Result<usize, Problem> {
+    let many = || TableError::ManyRows;
     let defined_at = |i: usize| defined.get(i).copied().unwrap_or(leaf.defined);
     if let Some(lengths) = &mut column.lengths {
         for i in 0..count {
@@ -160,11 +170,15 @@ fn place_values(
                 lengths.push(0);
                 row += 1;
             }
-            let length = lengths.last_mut().ok_or("a list without a beginning; the file is damaged")?;
+            let length = lengths.last_mut().ok_or_else(|| damaged("a list without a beginning"))?;
             if defined_at(i) == leaf.defined {
                 *length += 1;
             } else if defined_at(i) >= leaf.in_list {
-                return Err(format!("`{}` has lists with empty places; fill them", leaf.name));
+                return Err(ColumnarError::Values {
+                    column: leaf.name.clone(),
+                    problem: "has lists with empty places; fill them",
+                }
+                .into());
             }
         }
     } else {
@@ -189,32 +203,32 @@ struct Packed {
 }
 
 impl Packed {
-    fn open<'a>(self, page: &'a [u8], budget: &mut Budget) -> Result<Cow<'a, [u8]>, String> {
-        let size = usize::try_from(self.size).map_err(|_| CUT)?;
+    fn open<'a>(self, page: &'a [u8], budget: &mut Budget) -> Result<Cow<'a, [u8]>, Problem> {
+        let size = usize::try_from(self.size).map_err(|_| damaged(CUT))?;
+        let snappy =
+            |error: snap::Error| ColumnarError::Packed { packer: "snappy", problem: error.to_string() };
         // An empty page is not packed.
         if self.codec == CompressionCodec::UNCOMPRESSED || page.is_empty() {
             return Ok(Cow::Borrowed(page));
         }
         Ok(Cow::Owned(match self.codec {
             CompressionCodec::SNAPPY => {
-                let length = snap::raw::decompress_len(page).map_err(|error| format!("snappy: {error}"))?;
+                let length = snap::raw::decompress_len(page).map_err(snappy)?;
                 if length != size {
-                    return Err(CUT.to_owned());
+                    return Err(damaged(CUT).into());
                 }
                 budget.take_bytes(length)?;
-                snap::raw::Decoder::new().decompress_vec(page).map_err(|error| format!("snappy: {error}"))?
+                snap::raw::Decoder::new().decompress_vec(page).map_err(snappy)?
             }
             CompressionCodec::LZ4_RAW => {
                 budget.take_bytes(size)?;
-                lz4_flex::block::decompress(page, size).map_err(|error| format!("lz4: {error}"))?
+                lz4_flex::block::decompress(page, size)
+                    .map_err(|error| ColumnarError::Packed { packer: "lz4", problem: error.to_string() })?
             }
             CompressionCodec::GZIP => read_all(flate2::read::MultiGzDecoder::new(page), budget, "gzip")?,
             CompressionCodec::ZSTD => unzstd(page, budget)?,
             _ => {
-                return Err(
-                    "packed by a method that is not read; write the file again with compression='zstd' or 'snappy'"
-                        .into(),
-                );
+                return Err(ColumnarError::NotRead("packed by a method that is not read; write the file again with compression='zstd' or 'snappy'").into());
             }
         }))
     }

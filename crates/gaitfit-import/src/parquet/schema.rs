@@ -1,6 +1,8 @@
 //! The columns that a Parquet file has: leaves of its schema's tree.
 
 use super::encodings::Physical;
+use crate::columnar_error::{ColumnarError, damaged};
+use crate::problem::Problem;
 use polars_parquet_format::{ConvertedType, FieldRepetitionType, LogicalType, SchemaElement, TimeUnit, Type};
 
 /// Deepest groups inside each other.
@@ -40,8 +42,8 @@ struct Above {
 }
 
 /// The leaves of a schema, in the order of a row group's columns.
-pub(super) fn leaves(schema: &[SchemaElement]) -> Result<Vec<Leaf>, String> {
-    let root = schema.first().ok_or("no schema; the file is damaged")?;
+pub(super) fn leaves(schema: &[SchemaElement]) -> Result<Vec<Leaf>, Problem> {
+    let root = schema.first().ok_or_else(|| damaged("no schema"))?;
     let mut out = Vec::new();
     let mut next = 1;
     let children = root.num_children.unwrap_or(0);
@@ -56,12 +58,14 @@ fn walk(
     next: &mut usize,
     above: &Above,
     out: &mut Vec<Leaf>,
-) -> Result<(), String> {
-    let damaged = "a schema that does not fit together; the file is damaged";
-    let element = schema.get(*next).ok_or(damaged)?;
+) -> Result<(), Problem> {
+    let wrong = || damaged("a schema that does not fit together");
+    let element = schema.get(*next).ok_or_else(wrong)?;
     *next += 1;
     if above.depth > MAX_DEPTH {
-        return Err("columns inside columns, more than 32 deep; save plain columns".into());
+        return Err(
+            ColumnarError::NotRead("columns inside columns, more than 32 deep; save plain columns").into()
+        );
     }
     let mut here = above.clone();
     here.depth += 1;

@@ -1,10 +1,11 @@
 //! The constructors that pickled logs use, as functions of data. What is not in this file is refused.
 
+use super::PickleError;
 use super::machine::{Id, Node};
 use crate::arrays::count;
 use crate::budget::Budget;
 use crate::dtype::DType;
-use gaitfit_model::escaped;
+use crate::problem::Problem;
 use std::rc::Rc;
 
 /// A NumPy array as it was pickled.
@@ -30,12 +31,17 @@ pub(crate) struct Tensor {
 const MAX_AXES: usize = 16;
 
 /// What `function(*arguments)` gives.
-pub(crate) fn call(nodes: &[Node], function: Id, arguments: Id, budget: &mut Budget) -> Result<Node, String> {
+pub(crate) fn call(
+    nodes: &[Node],
+    function: Id,
+    arguments: Id,
+    budget: &mut Budget,
+) -> Result<Node, Problem> {
     let (Node::Global(name), Node::List(arguments)) = (&nodes[function], &nodes[arguments]) else {
-        return Err("it calls what is no function".into());
+        return Err(PickleError::NotAFunction.into());
     };
     let argument = |i: usize| arguments.get(i).map(|id| &nodes[*id]);
-    let wrong = || format!("`{}` is called in a way that is not known", escaped(name, 200));
+    let wrong = || Problem::from(PickleError::Arguments(name.to_string()));
     match short(name) {
         "OrderedDict" => match arguments.as_slice() {
             [] => Ok(Node::Dict(Vec::new())),
@@ -75,10 +81,7 @@ pub(crate) fn call(nodes: &[Node], function: Id, arguments: Id, budget: &mut Bud
         "dtype" => match argument(0) {
             Some(Node::Text(text)) => match DType::parse(text) {
                 Some(dtype) => Ok(Node::DType(dtype)),
-                None => Err(format!(
-                    "arrays of NumPy's type `{}` are not read; save numbers: np.asarray(x, dtype=float)",
-                    escaped(text, 60)
-                )),
+                None => Err(PickleError::Type(text.to_string()).into()),
             },
             _ => Err(wrong()),
         },
@@ -86,6 +89,7 @@ pub(crate) fn call(nodes: &[Node], function: Id, arguments: Id, budget: &mut Bud
         "_reconstruct" => Ok(Node::None),
         "scalar" => match (argument(0), argument(1)) {
             (Some(Node::DType(dtype)), Some(Node::Bytes(bytes))) if dtype.is_text() => {
+                budget.take_bytes(bytes.len())?;
                 dtype.text(bytes).map(|text| Node::Text(text.into())).ok_or_else(wrong)
             }
             (Some(Node::DType(dtype)), Some(Node::Bytes(bytes))) => {
@@ -99,7 +103,7 @@ pub(crate) fn call(nodes: &[Node], function: Id, arguments: Id, budget: &mut Bud
                 Some(Node::DType(dtype)),
                 Some(Node::List(shape)),
                 Some(Node::Text(order)),
-            ) => array(nodes, bytes, *dtype, shape, &**order == "F"),
+            ) => Ok(array(nodes, bytes, *dtype, shape, &**order == "F")?),
             _ => Err(wrong()),
         },
         "_rebuild_tensor_v2" => match (argument(0), argument(1), argument(2), argument(3)) {
@@ -118,11 +122,7 @@ pub(crate) fn call(nodes: &[Node], function: Id, arguments: Id, budget: &mut Bud
             }
             _ => Err(wrong()),
         },
-        _ => Err(format!(
-            "it calls `{}`, which is no plain data. Nothing was run. Save plain arrays instead: np.savez(\"log.npz\", \
-             q=..., dq=...)",
-            escaped(name, 200)
-        )),
+        _ => Err(PickleError::NotData(name.to_string()).into()),
     }
 }
 
@@ -149,7 +149,7 @@ fn short(name: &str) -> &str {
 }
 
 /// What an object becomes with its state; `None`: what it is.
-pub(crate) fn build(nodes: &[Node], object: Id, state: Id) -> Result<Option<Node>, String> {
+pub(crate) fn build(nodes: &[Node], object: Id, state: Id) -> Result<Option<Node>, PickleError> {
     match (&nodes[object], &nodes[state]) {
         // NumPy's array: version, shape, dtype, Fortran order, content.
         (Node::None, Node::List(parts)) if parts.len() == 5 => {
@@ -158,7 +158,7 @@ pub(crate) fn build(nodes: &[Node], object: Id, state: Id) -> Result<Option<Node
                 (Node::List(shape), Node::DType(dtype), Node::Number(fortran), Node::Bytes(bytes)) => {
                     array(nodes, bytes, *dtype, shape, *fortran != 0.0).map(Some)
                 }
-                _ => Err("a NumPy array of objects; save numbers: np.asarray(x, dtype=float)".into()),
+                _ => Err(PickleError::ArrayOfObjects),
             }
         }
         // NumPy's dtype: version, byte order, and what structures have.
@@ -168,10 +168,7 @@ pub(crate) fn build(nodes: &[Node], object: Id, state: Id) -> Result<Option<Node
         },
         // Attributes of dictionaries (PyTorch's state_dict has some) are no data.
         (Node::Dict(_), _) => Ok(None),
-        _ => {
-            Err("an object of a class that is no plain data. Nothing was run. Save plain arrays instead"
-                .into())
-        }
+        _ => Err(PickleError::State),
     }
 }
 
@@ -181,38 +178,38 @@ fn array(
     dtype: DType,
     shape: &[Id],
     fortran: bool,
-) -> Result<Node, String> {
+) -> Result<Node, PickleError> {
     let shape = sizes(nodes, shape)?;
     let fits =
         count(&shape).and_then(|count| count.checked_mul(dtype.bytes())).is_some_and(|n| n == bytes.len());
     if !fits {
-        return Err("a NumPy array's bytes do not fit its shape".into());
+        return Err(PickleError::ArraySize);
     }
     Ok(Node::Array(Rc::new(RawArray { dtype, shape, fortran, bytes: bytes.clone() })))
 }
 
-fn sizes(nodes: &[Node], ids: &[Id]) -> Result<Vec<usize>, String> {
+fn sizes(nodes: &[Node], ids: &[Id]) -> Result<Vec<usize>, PickleError> {
     if ids.len() > MAX_AXES {
-        return Err("an array of too many axes".into());
+        return Err(PickleError::Axes);
     }
     let one = |id: &Id| match &nodes[*id] {
         Node::Number(number) => size(*number),
-        _ => Err("an array's shape is no numbers".into()),
+        _ => Err(PickleError::Shape),
     };
     ids.iter().map(one).collect()
 }
 
-fn size(number: f64) -> Result<usize, String> {
+fn size(number: f64) -> Result<usize, PickleError> {
     if number >= 0.0 && number.fract() == 0.0 && number < 1e15 {
         Ok(number as usize)
     } else {
-        Err("an array's shape or offset is no size".into())
+        Err(PickleError::Size)
     }
 }
 
 /// What PyTorch's persistent id ("storage", type, key, device, count) names.
-pub(crate) fn storage(nodes: &[Node], id: Id) -> Result<Node, String> {
-    let wrong = || "a reference that PyTorch does not make".to_owned();
+pub(crate) fn storage(nodes: &[Node], id: Id) -> Result<Node, PickleError> {
+    let wrong = || PickleError::Reference;
     let Node::List(parts) = &nodes[id] else { return Err(wrong()) };
     let part = |i: usize| parts.get(i).map(|id| &nodes[*id]);
     let (Some(Node::Text(what)), Some(Node::Global(class)), Some(Node::Text(key))) =
@@ -234,10 +231,7 @@ pub(crate) fn storage(nodes: &[Node], id: Id) -> Result<Node, String> {
         "torch.ByteStorage" => "|u1",
         "torch.BoolStorage" => "|b1",
         other => {
-            return Err(format!(
-                "numbers of `{}` are not read; save x.double() or x.float()",
-                escaped(other, 60)
-            ));
+            return Err(PickleError::Storage(other.to_owned()));
         }
     };
     DType::parse(name).map(|dtype| Node::Storage(key.clone(), dtype)).ok_or_else(wrong)

@@ -1,13 +1,14 @@
 //! The stack machine of pickles, protocols 0 to 5 (Python's `pickletools` documents its instructions).
 
+use super::PickleError;
 use super::construct;
 use crate::budget::Budget;
-use gaitfit_model::shown;
+use crate::problem::Problem;
 use std::collections::HashMap;
 use std::rc::Rc;
 
 /// Most objects of a pickle. Each takes some tens of bytes.
-const MAX_NODES: usize = 20_000_000;
+pub(super) const MAX_NODES: usize = 20_000_000;
 
 /// Number of an object.
 pub(crate) type Id = usize;
@@ -53,8 +54,8 @@ struct Machine<'a> {
 
 /// Reads a pickle. Bytes after its end are not looked at.
 ///
-/// Errors, in words: what is no pickle, is cut short, is too large, or calls what is not data.
-pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Pickle, String> {
+/// Errors: what is no pickle, is cut short, is too large, or calls what is not data.
+pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Pickle, Problem> {
     let mut machine = Machine {
         rest: bytes,
         nodes: Vec::new(),
@@ -71,7 +72,7 @@ pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Pickle, String> 
 
 impl<'a> Machine<'a> {
     /// One instruction; gives the object that was saved at the last.
-    fn step(&mut self, budget: &mut Budget) -> Result<Option<Id>, String> {
+    fn step(&mut self, budget: &mut Budget) -> Result<Option<Id>, Problem> {
         let op = self.byte()?;
         match op {
             // PROTO, FRAME: nothing to do.
@@ -206,7 +207,7 @@ impl<'a> Machine<'a> {
                 self.set_items(&items)?;
             }
             b'p' => {
-                let key = self.line()?.parse().map_err(|_| "a memo's number is none")?;
+                let key = self.line()?.parse().map_err(|_| PickleError::MemoNumber)?;
                 self.put(key)?;
             }
             b'q' => {
@@ -219,7 +220,7 @@ impl<'a> Machine<'a> {
             }
             0x94 => self.put(self.memo.len() as u64)?,
             b'g' => {
-                let key = self.line()?.parse().map_err(|_| "a memo's number is none")?;
+                let key = self.line()?.parse().map_err(|_| PickleError::MemoNumber)?;
                 self.get(key)?;
             }
             b'h' => {
@@ -232,16 +233,16 @@ impl<'a> Machine<'a> {
             }
             b'c' => {
                 let (module, name) = (self.line()?, self.line()?);
-                self.push(Node::Global(format!("{module}.{name}").into()))?;
+                self.global(module, name, budget)?;
             }
             0x93 => {
                 let names = self.pop_many(2)?;
                 let [Node::Text(module), Node::Text(name)] = [&self.nodes[names[0]], &self.nodes[names[1]]]
                 else {
-                    return Err("the name of a class is no text".into());
+                    return Err(PickleError::ClassName.into());
                 };
-                let name = format!("{module}.{name}").into();
-                self.push(Node::Global(name))?;
+                let (module, name) = (module.clone(), name.clone());
+                self.global(&module, &name, budget)?;
             }
             b'Q' => {
                 let id = self.pop()?;
@@ -262,140 +263,144 @@ impl<'a> Machine<'a> {
             }
             // INST, OBJ, NEWOBJ_EX, EXT1-4, PERSID, buffers of other files.
             _ => {
-                return Err(format!(
-                    "instruction 0x{op:02x} is not read; save plain arrays: np.savez(\"log.npz\", q=..., dq=...)"
-                ));
+                return Err(PickleError::Instruction(op).into());
             }
         }
         Ok(None)
     }
 
-    fn take(&mut self, count: usize) -> Result<&'a [u8], String> {
-        let (taken, rest) = self.rest.split_at_checked(count).ok_or("cut short")?;
+    fn take(&mut self, count: usize) -> Result<&'a [u8], PickleError> {
+        let (taken, rest) = self.rest.split_at_checked(count).ok_or(PickleError::CutShort)?;
         self.rest = rest;
         Ok(taken)
     }
 
-    fn byte(&mut self) -> Result<u8, String> {
+    fn byte(&mut self) -> Result<u8, PickleError> {
         Ok(self.take(1)?[0])
     }
 
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], String> {
-        self.take(N)?.try_into().map_err(|_| "cut short".to_owned())
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], PickleError> {
+        self.take(N)?.try_into().map_err(|_| PickleError::CutShort)
     }
 
-    fn size4(&mut self) -> Result<usize, String> {
+    fn size4(&mut self) -> Result<usize, PickleError> {
         Ok(u32::from_le_bytes(self.array()?) as usize)
     }
 
-    fn size8(&mut self) -> Result<usize, String> {
-        usize::try_from(u64::from_le_bytes(self.array()?)).map_err(|_| "cut short".to_owned())
+    fn size8(&mut self) -> Result<usize, PickleError> {
+        usize::try_from(u64::from_le_bytes(self.array()?)).map_err(|_| PickleError::CutShort)
     }
 
-    fn line(&mut self) -> Result<&'a str, String> {
-        let end = self.rest.iter().position(|byte| *byte == b'\n').ok_or("cut short")?;
+    fn line(&mut self) -> Result<&'a str, PickleError> {
+        let end = self.rest.iter().position(|byte| *byte == b'\n').ok_or(PickleError::CutShort)?;
         let line = &self.rest[..end];
         self.rest = &self.rest[end + 1..];
-        std::str::from_utf8(line).map_err(|_| "a line is no text".to_owned())
+        std::str::from_utf8(line).map_err(|_| PickleError::NotText)
     }
 
-    fn push(&mut self, node: Node) -> Result<(), String> {
+    fn push(&mut self, node: Node) -> Result<(), PickleError> {
         if self.nodes.len() >= MAX_NODES {
-            return Err(format!("more than {MAX_NODES} objects; save plain arrays"));
+            return Err(PickleError::TooManyObjects);
         }
         self.nodes.push(node);
         self.stack.push(self.nodes.len() - 1);
         Ok(())
     }
 
-    fn text(&mut self, bytes: &[u8], budget: &mut Budget) -> Result<(), String> {
-        budget.take_bytes(bytes.len())?;
-        self.push(Node::Text(String::from_utf8_lossy(bytes).into()))
+    fn global(&mut self, module: &str, name: &str, budget: &mut Budget) -> Result<(), Problem> {
+        // Texts that are in the pickle once may name many classes.
+        budget.take_bytes(module.len() + name.len() + 1)?;
+        Ok(self.push(Node::Global(format!("{module}.{name}").into()))?)
     }
 
-    fn bytes(&mut self, size: usize, budget: &mut Budget) -> Result<(), String> {
+    fn text(&mut self, bytes: &[u8], budget: &mut Budget) -> Result<(), Problem> {
+        budget.take_bytes(bytes.len())?;
+        Ok(self.push(Node::Text(String::from_utf8_lossy(bytes).into()))?)
+    }
+
+    fn bytes(&mut self, size: usize, budget: &mut Budget) -> Result<(), Problem> {
         let bytes = self.take(size)?;
         budget.take_bytes(bytes.len())?;
-        self.push(Node::Bytes(bytes.into()))
+        Ok(self.push(Node::Bytes(bytes.into()))?)
     }
 
     fn floor(&self) -> usize {
         self.marks.last().copied().unwrap_or(0)
     }
 
-    fn pop(&mut self) -> Result<Id, String> {
+    fn pop(&mut self) -> Result<Id, PickleError> {
         if self.stack.len() <= self.floor() {
-            return Err("an instruction finds nothing on the stack".into());
+            return Err(PickleError::EmptyStack);
         }
-        self.stack.pop().ok_or_else(|| "an instruction finds nothing on the stack".to_owned())
+        self.stack.pop().ok_or(PickleError::EmptyStack)
     }
 
-    fn top(&self) -> Result<Id, String> {
-        self.stack.last().copied().ok_or_else(|| "an instruction finds nothing on the stack".to_owned())
+    fn top(&self) -> Result<Id, PickleError> {
+        self.stack.last().copied().ok_or(PickleError::EmptyStack)
     }
 
-    fn pop_many(&mut self, count: usize) -> Result<Vec<Id>, String> {
+    fn pop_many(&mut self, count: usize) -> Result<Vec<Id>, PickleError> {
         let at = self.stack.len().checked_sub(count).filter(|at| *at >= self.floor());
-        Ok(self.stack.split_off(at.ok_or("an instruction finds too little on the stack")?))
+        Ok(self.stack.split_off(at.ok_or(PickleError::ShortStack)?))
     }
 
-    fn pop_mark(&mut self) -> Result<Vec<Id>, String> {
-        let mark = self.marks.pop().ok_or("an instruction finds no mark")?;
+    fn pop_mark(&mut self) -> Result<Vec<Id>, PickleError> {
+        let mark = self.marks.pop().ok_or(PickleError::NoMark)?;
         // A mark is never above the stack: nothing below it is popped.
         Ok(self.stack.split_off(mark.min(self.stack.len())))
     }
 
-    fn append(&mut self, items: Vec<Id>) -> Result<(), String> {
+    fn append(&mut self, items: Vec<Id>) -> Result<(), PickleError> {
         let list = self.top()?;
         match &mut self.nodes[list] {
             Node::List(list) => list.extend(items),
-            _ => return Err("items are added to what is no list".into()),
+            _ => return Err(PickleError::NotAList),
         }
         Ok(())
     }
 
-    fn set_items(&mut self, items: &[Id]) -> Result<(), String> {
+    fn set_items(&mut self, items: &[Id]) -> Result<(), PickleError> {
         let dict = self.top()?;
         let new = pairs(items)?;
         match &mut self.nodes[dict] {
             Node::Dict(entries) => entries.extend(new),
-            _ => return Err("items are set in what is no dictionary".into()),
+            _ => return Err(PickleError::NotADictionary),
         }
         Ok(())
     }
 
-    fn put(&mut self, key: u64) -> Result<(), String> {
+    fn put(&mut self, key: u64) -> Result<(), PickleError> {
         let top = self.top()?;
         self.memo.insert(key, top);
         Ok(())
     }
 
-    fn get(&mut self, key: u64) -> Result<(), String> {
-        let id = *self.memo.get(&key).ok_or("an object is used that is not there")?;
+    fn get(&mut self, key: u64) -> Result<(), PickleError> {
+        let id = *self.memo.get(&key).ok_or(PickleError::NotRemembered)?;
         self.stack.push(id);
         // The stack alone could grow without new objects.
         if self.stack.len() > MAX_NODES {
-            return Err(format!("more than {MAX_NODES} objects; save plain arrays"));
+            return Err(PickleError::TooManyObjects);
         }
         Ok(())
     }
 }
 
-fn pairs(items: &[Id]) -> Result<Vec<(Id, Id)>, String> {
+fn pairs(items: &[Id]) -> Result<Vec<(Id, Id)>, PickleError> {
     if !items.len().is_multiple_of(2) {
-        return Err("a dictionary has a key without a value".into());
+        return Err(PickleError::KeyWithoutValue);
     }
     Ok(items.chunks_exact(2).map(|pair| (pair[0], pair[1])).collect())
 }
 
-fn parse(text: &str) -> Result<f64, String> {
-    text.trim().parse().map_err(|_| format!("`{}` is no number", shown(text)))
+fn parse(text: &str) -> Result<f64, PickleError> {
+    text.trim().parse().map_err(|_| PickleError::NotANumber(text.to_owned()))
 }
 
 /// An integer of any length, little-endian two's complement.
-fn long(bytes: &[u8]) -> Result<f64, String> {
+fn long(bytes: &[u8]) -> Result<f64, PickleError> {
     if bytes.len() > 1024 {
-        return Err("an integer of more than a thousand bytes".into());
+        return Err(PickleError::LongInteger);
     }
     let negative = bytes.last().is_some_and(|byte| byte & 0x80 != 0);
     let size = bytes.iter().rev().fold(0.0, |sum, byte| sum * 256.0 + f64::from(*byte));

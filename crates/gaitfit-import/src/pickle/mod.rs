@@ -5,8 +5,10 @@
 //! dictionaries) are written here ([`construct`]); every other one is refused by name. Nothing is imported or called.
 
 mod construct;
+mod error;
 mod machine;
 mod numbers;
 
+pub use error::PickleError;
 pub(crate) use machine::{Node, Pickle, read};
 pub(crate) use numbers::arrays;

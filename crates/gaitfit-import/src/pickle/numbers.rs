@@ -1,10 +1,12 @@
 //! From a pickle's objects to named arrays.
 
+use super::PickleError;
 use super::construct::{RawArray, Tensor};
 use super::machine::{Id, Node, Pickle};
 use crate::arrays::{Array, Arrays, count};
 use crate::budget::Budget;
 use crate::npz::numbers;
+use crate::problem::Problem;
 use indexmap::IndexMap;
 use std::rc::Rc;
 
@@ -16,7 +18,7 @@ const MAX_ARRAYS: usize = 10_000;
 const MAX_VISITS: usize = 1_000_000;
 
 /// Gives the bytes of a PyTorch storage.
-pub(crate) type Storages<'a> = dyn FnMut(&str, &mut Budget) -> Result<Rc<[u8]>, String> + 'a;
+pub(crate) type Storages<'a> = dyn FnMut(&str, &mut Budget) -> Result<Rc<[u8]>, Problem> + 'a;
 
 /// Makes arrays of what a pickle holds.
 pub(crate) struct Numbers<'a, 'b> {
@@ -32,24 +34,22 @@ pub(crate) fn arrays(
     pickle: &Pickle,
     storages: &mut Storages<'_>,
     budget: &mut Budget,
-) -> Result<Arrays, String> {
+) -> Result<Arrays, Problem> {
     let mut out = Arrays::default();
     let mut numbers = Numbers { nodes: &pickle.nodes, storages, budget, visits: 0 };
     numbers.gather("", pickle.root, 0, &mut out)?;
     if out.numbers.is_empty() {
-        return Err(
-            "it holds no dictionary of arrays of numbers; save {\"time\": ..., \"q\": ..., \"dq\": ...}"
-                .into(),
-        );
+        return Err(PickleError::NoArrays.into());
     }
     Ok(out)
 }
 
 impl Numbers<'_, '_> {
     /// Adds what `id` holds under `name`.
-    fn gather(&mut self, name: &str, id: Id, depth: usize, out: &mut Arrays) -> Result<(), String> {
+    fn gather(&mut self, name: &str, id: Id, depth: usize, out: &mut Arrays) -> Result<(), Problem> {
         self.visits += 1;
-        if depth > DEEPEST || out.numbers.len() >= MAX_ARRAYS || self.visits > MAX_VISITS {
+        let full = out.numbers.len() + out.words.len() >= MAX_ARRAYS;
+        if depth > DEEPEST || full || self.visits > MAX_VISITS {
             return Ok(());
         }
         let nodes = self.nodes;
@@ -57,17 +57,19 @@ impl Numbers<'_, '_> {
             Node::Dict(entries) => {
                 for (key, value) in entries {
                     let key = match &nodes[*key] {
-                        Node::Text(text) => text.to_string(),
-                        Node::Number(number) => number.to_string(),
+                        Node::Text(text) => text.clone(),
+                        Node::Number(number) => number.to_string().into(),
                         _ => continue,
                     };
-                    let name = if name.is_empty() { key } else { format!("{name}/{key}") };
+                    // One long key may be that of many entries.
+                    self.budget.take_bytes(name.len() + key.len())?;
+                    let name = if name.is_empty() { key.to_string() } else { format!("{name}/{key}") };
                     self.gather(&name, *value, depth + 1, out)?;
                 }
             }
             Node::List(items) => {
                 self.budget.take_values(items.len())?;
-                if let Some(words) = self.words(items) {
+                if let Some(words) = self.words(items)? {
                     out.words.insert(name.to_owned(), words);
                 } else if !items.is_empty() && items.iter().all(|item| matches!(nodes[*item], Node::Dict(_)))
                 {
@@ -84,6 +86,10 @@ impl Numbers<'_, '_> {
                 }
             }
             Node::Array(raw) if raw.dtype.is_text() => {
+                self.take_words(
+                    raw.bytes.len().checked_div(raw.dtype.bytes()).unwrap_or(0),
+                    raw.bytes.len(),
+                )?;
                 let words: Option<Vec<String>> = match raw.dtype.bytes() {
                     0 => None,
                     size => raw.bytes.chunks_exact(size).map(|word| raw.dtype.text(word)).collect(),
@@ -102,16 +108,28 @@ impl Numbers<'_, '_> {
         Ok(())
     }
 
-    fn words(&self, items: &[Id]) -> Option<Vec<String>> {
+    /// The words in a list that holds nothing else.
+    fn words(&mut self, items: &[Id]) -> Result<Option<Vec<String>>, Problem> {
         let word = |id: &Id| match &self.nodes[*id] {
-            Node::Text(text) => Some(text.to_string()),
+            Node::Text(text) => Some(text),
             _ => None,
         };
-        if items.is_empty() { None } else { items.iter().map(word).collect() }
+        let Some(words) = items.iter().map(word).collect::<Option<Vec<_>>>() else { return Ok(None) };
+        if words.is_empty() {
+            return Ok(None);
+        }
+        // One long text may be in the list many times.
+        self.take_words(words.len(), words.iter().map(|word| word.len()).sum())?;
+        Ok(Some(words.into_iter().map(|word| word.to_string()).collect()))
+    }
+
+    /// Takes the memory of `count` words of `bytes` together.
+    fn take_words(&mut self, count: usize, bytes: usize) -> Result<(), Problem> {
+        Ok(self.budget.take_bytes(bytes.saturating_add(count.saturating_mul(size_of::<String>())))?)
     }
 
     /// Stacks dictionaries, one a sample. What is not numbers of one shape in all rows is left out.
-    fn rows(&mut self, name: &str, items: &[Id], out: &mut Arrays) -> Result<(), String> {
+    fn rows(&mut self, name: &str, items: &[Id], out: &mut Arrays) -> Result<(), Problem> {
         let nodes = self.nodes;
         let mut columns: IndexMap<Rc<str>, (Vec<usize>, Vec<f64>, usize)> = IndexMap::new();
         for (row, item) in items.iter().enumerate() {
@@ -142,7 +160,7 @@ impl Numbers<'_, '_> {
     }
 
     /// The array that an object is, if it is one: numbers, lists of numbers or of arrays, arrays, tensors.
-    fn array(&mut self, id: Id) -> Result<Option<Array>, String> {
+    fn array(&mut self, id: Id) -> Result<Option<Array>, Problem> {
         let nodes = self.nodes;
         Ok(match &nodes[id] {
             Node::Number(number) => {
@@ -191,15 +209,15 @@ impl Numbers<'_, '_> {
         })
     }
 
-    fn raw(&mut self, raw: &RawArray) -> Result<Option<Array>, String> {
+    fn raw(&mut self, raw: &RawArray) -> Result<Option<Array>, Problem> {
         let Some(elements) = count(&raw.shape).filter(|_| !raw.dtype.is_text()) else { return Ok(None) };
         self.budget.take_values(elements)?;
         let data = numbers(&raw.bytes, raw.dtype, &raw.shape, elements, raw.fortran);
         Ok(data.map(|data| Array { shape: raw.shape.clone(), data }))
     }
 
-    fn tensor(&mut self, tensor: &Tensor) -> Result<Array, String> {
-        let outside = || "a tensor reaches beyond its storage; the file is damaged".to_owned();
+    fn tensor(&mut self, tensor: &Tensor) -> Result<Array, Problem> {
+        let outside = || PickleError::BeyondStorage;
         let elements = count(&tensor.shape).ok_or_else(outside)?;
         self.budget.take_values(elements)?;
         let bytes = (self.storages)(&tensor.key, self.budget)?;

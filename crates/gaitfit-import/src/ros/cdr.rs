@@ -1,10 +1,13 @@
 //! CDR, the encoding of ROS 2 messages (OMG DDS-XTypes 1.3, clause 7.4): plain CDR of version 1 and 2.
 
+use super::MessageError;
 use super::schema::{Base, Count, Schema};
 use super::value::Value;
 
 /// Deepest type in types.
-const DEEPEST: usize = 32;
+pub(super) const DEEPEST: usize = 32;
+/// Most elements of a message. Each takes some tens of bytes; pictures and point clouds are not counted.
+const MAX_ELEMENTS: usize = 4_000_000;
 /// Sequences of bytes longer than this are pictures or point clouds and are passed over.
 const MAX_KEPT: usize = 1 << 16;
 
@@ -18,25 +21,27 @@ struct Reader<'a> {
 }
 
 /// Decodes one message.
-pub(crate) fn decode(schema: &Schema, message: &[u8]) -> Result<Value, String> {
-    let (head, bytes) = message.split_at_checked(4).ok_or("a message of less than four bytes")?;
+pub(crate) fn decode(schema: &Schema, message: &[u8]) -> Result<Value, MessageError> {
+    let (head, bytes) = message.split_at_checked(4).ok_or(MessageError::NoHead)?;
     let (big, most_alignment) = match [head[0], head[1]] {
         [0, 0] => (true, 8),
         [0, 1] => (false, 8),
         [0, 6] => (true, 4),
         [0, 7] => (false, 4),
-        _ => return Err(format!("encoding {:02x}{:02x} of a message; plain CDR is read", head[0], head[1])),
+        _ => {
+            return Err(MessageError::Cdr([head[0], head[1]]));
+        }
     };
-    let fuel = bytes.len() * 8 + 10_000;
+    let fuel = (bytes.len() * 8 + 10_000).min(MAX_ELEMENTS);
     Reader { bytes, at: 0, big, most_alignment, fuel }.structure(schema, 0, 0)
 }
 
 impl<'a> Reader<'a> {
-    fn structure(&mut self, schema: &Schema, number: usize, depth: usize) -> Result<Value, String> {
+    fn structure(&mut self, schema: &Schema, number: usize, depth: usize) -> Result<Value, MessageError> {
         if depth > DEEPEST {
-            return Err(format!("types in types, more than {DEEPEST} deep"));
+            return Err(MessageError::Deep);
         }
-        let fields = schema.types.get(number).ok_or("a type that is not there")?;
+        let fields = schema.types.get(number).ok_or(MessageError::NoType)?;
         let mut out = Vec::with_capacity(fields.len());
         for field in fields {
             let value = match field.count {
@@ -52,8 +57,8 @@ impl<'a> Reader<'a> {
         Ok(Value::Struct(out))
     }
 
-    fn one(&mut self, schema: &Schema, base: Base, depth: usize) -> Result<Value, String> {
-        self.fuel = self.fuel.checked_sub(1).ok_or("more elements than bytes")?;
+    fn one(&mut self, schema: &Schema, base: Base, depth: usize) -> Result<Value, MessageError> {
+        self.fuel = self.fuel.checked_sub(1).ok_or(MessageError::Elements)?;
         Ok(match base {
             Base::Type(number) => self.structure(schema, number, depth + 1)?,
             Base::Text => {
@@ -71,10 +76,16 @@ impl<'a> Reader<'a> {
         })
     }
 
-    fn many(&mut self, schema: &Schema, base: Base, count: usize, depth: usize) -> Result<Value, String> {
+    fn many(
+        &mut self,
+        schema: &Schema,
+        base: Base,
+        count: usize,
+        depth: usize,
+    ) -> Result<Value, MessageError> {
         // Every element takes a byte, or is without content.
         if count > self.bytes.len() - self.at {
-            return Err("a sequence longer than its message".into());
+            return Err(MessageError::Sequence);
         }
         if matches!(base, Base::Type(_) | Base::Text | Base::WideText) {
             let mut items = Vec::new();
@@ -87,7 +98,7 @@ impl<'a> Reader<'a> {
             self.take(count)?;
             return Ok(Value::Numbers(Vec::new()));
         }
-        self.fuel = self.fuel.checked_sub(count).ok_or("more elements than bytes")?;
+        self.fuel = self.fuel.checked_sub(count).ok_or(MessageError::Elements)?;
         let mut numbers = Vec::with_capacity(count);
         for _ in 0..count {
             numbers.push(self.number(base)?);
@@ -95,7 +106,7 @@ impl<'a> Reader<'a> {
         Ok(Value::Numbers(numbers))
     }
 
-    fn number(&mut self, base: Base) -> Result<f64, String> {
+    fn number(&mut self, base: Base) -> Result<f64, MessageError> {
         Ok(match base {
             Base::Bool | Base::U8 => self.unsigned(1)? as f64,
             Base::I8 => f64::from(self.unsigned(1)? as u8 as i8),
@@ -107,12 +118,12 @@ impl<'a> Reader<'a> {
             Base::I64 => self.unsigned(8)? as i64 as f64,
             Base::F32 => f64::from(f32::from_bits(self.unsigned(4)? as u32)),
             Base::F64 => f64::from_bits(self.unsigned(8)?),
-            Base::Text | Base::WideText | Base::Type(_) => return Err("no number".into()),
+            Base::Text | Base::WideText | Base::Type(_) => return Err(MessageError::NotANumber),
         })
     }
 
     /// A number of `size` bytes, aligned to its size.
-    fn unsigned(&mut self, size: usize) -> Result<u64, String> {
+    fn unsigned(&mut self, size: usize) -> Result<u64, MessageError> {
         let alignment = size.min(self.most_alignment);
         let padding = (alignment - self.at % alignment) % alignment;
         self.take(padding)?;
@@ -121,9 +132,9 @@ impl<'a> Reader<'a> {
         Ok(if self.big { bytes.iter().fold(0, join) } else { bytes.iter().rev().fold(0, join) })
     }
 
-    fn take(&mut self, count: usize) -> Result<&'a [u8], String> {
+    fn take(&mut self, count: usize) -> Result<&'a [u8], MessageError> {
         let end = self.at.checked_add(count).filter(|end| *end <= self.bytes.len());
-        let end = end.ok_or("a message that is cut short, or of another definition")?;
+        let end = end.ok_or(MessageError::CutShort)?;
         let taken = &self.bytes[self.at..end];
         self.at = end;
         Ok(taken)
@@ -136,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_aligned_and_of_either_byte_order() -> Result<(), String> {
+    fn numbers_are_aligned_and_of_either_byte_order() -> Result<(), MessageError> {
         let schema = schema::parse("p/T", "uint8 a\nfloat64 b\nint16[] c\nstring d\nuint8 e\nuint32 f")?;
         let mut little = vec![0, 1, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0];
         little.extend(1.5f64.to_le_bytes());
@@ -167,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn sequences_of_nothing_do_not_take_for_ever() -> Result<(), String> {
+    fn sequences_of_nothing_do_not_take_for_ever() -> Result<(), MessageError> {
         let text = "A[100000] a\n==========\nMSG: p/A\nB[100000] b\n==========\nMSG: p/B\nC[100000] c\n==========\nMSG: p/C\n";
         let schema = schema::parse("p/T", text)?;
         assert!(decode(&schema, &vec![0; 100_004]).is_err());

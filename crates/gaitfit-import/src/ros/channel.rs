@@ -1,33 +1,39 @@
 //! The messages of a bag's topics: from bytes to tables, on one clock.
 
 use super::value::Value;
-use super::{cdr, message, schema};
+use super::{MessageError, cdr, message, schema};
 use crate::budget::Budget;
 use crate::known::{Role, UNITREE_GO, UNITREE_HG, is_action, is_command};
 use crate::mapping::Mapping;
+use crate::problem::Problem;
 use crate::table::{MAX_COLUMNS, Source, Sparse, Table};
 use gaitfit_model::shown;
 use indexmap::IndexMap;
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 /// Most topics of a bag.
-const MAX_TOPICS: usize = 10_000;
+pub(super) const MAX_TOPICS: usize = 10_000;
+/// Largest message in JSON, bytes: decoded it takes some thirty times as much.
+pub(super) const MAX_JSON: usize = 8 << 20;
+/// Memory of a field of a definition, in numbers of 8 bytes.
+const FIELD_VALUES: usize = 10;
 
 /// A topic as a bag describes it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Channel {
     pub topic: String,
     /// Type, such as `sensor_msgs/msg/JointState`.
-    pub kind: String,
+    pub kind: Rc<str>,
     /// `cdr` or `json`.
     pub encoding: String,
     /// Definition of the type, if the bag has it.
-    pub definition: String,
+    pub definition: Rc<str>,
 }
 
 struct Stream {
     channel: Channel,
-    schema: Result<schema::Schema, String>,
+    schema: Result<schema::Schema, MessageError>,
     joints: Role,
     /// Recorder's times, ns.
     logged: Vec<i64>,
@@ -43,7 +49,7 @@ struct Stream {
 /// Collects the messages of a bag.
 pub(crate) struct Messages<'a> {
     mapping: &'a Mapping,
-    streams: IndexMap<(String, String), Stream>,
+    streams: IndexMap<(String, Rc<str>), Stream>,
     /// What a file that this program wrote says beside its messages.
     metadata: BTreeMap<String, String>,
 }
@@ -59,13 +65,13 @@ impl<'a> Messages<'a> {
     }
 
     /// The number to give with the topic's messages.
-    pub fn channel(&mut self, channel: Channel) -> Result<usize, String> {
+    pub fn channel(&mut self, channel: Channel, budget: &mut Budget) -> Result<usize, Problem> {
         let key = (channel.topic.clone(), channel.kind.clone());
         if let Some(number) = self.streams.get_index_of(&key) {
             return Ok(number);
         }
         if self.streams.len() >= MAX_TOPICS {
-            return Err(format!("more than {MAX_TOPICS} topics; is this a bag?"));
+            return Err(MessageError::Topics.into());
         }
         let parts: Vec<&str> = channel.topic.split('/').collect();
         let streams = &self.mapping.streams;
@@ -81,8 +87,11 @@ impl<'a> Messages<'a> {
         let schema = match channel.encoding.as_str() {
             "json" => Ok(schema::Schema { types: Vec::new() }),
             "cdr" | "" => schema::parse(&channel.kind, &channel.definition),
-            other => Err(format!("messages in encoding `{}`; cdr and json are read", shown(other))),
+            other => Err(MessageError::Encoding(other.to_owned())),
         };
+        // Each topic has its own fields, though thousands may share one text.
+        let fields = schema.as_ref().map_or(0, |schema| schema.types.iter().map(Vec::len).sum());
+        budget.take_values(fields * FIELD_VALUES)?;
         let stream = Stream {
             channel,
             schema,
@@ -110,7 +119,7 @@ impl<'a> Messages<'a> {
         log_ns: i64,
         bytes: &[u8],
         budget: &mut Budget,
-    ) -> Result<(), String> {
+    ) -> Result<(), Problem> {
         let named = self.mapping.streams.take.len();
         let Some((_, stream)) = self.streams.get_index(number) else { return Ok(()) };
         if !self.wanted(&stream.channel.topic) {
@@ -123,16 +132,17 @@ impl<'a> Messages<'a> {
         }
         let Ok(schema) = &stream.schema else { return Ok(()) };
         let decoded = match stream.channel.encoding.as_str() {
-            "json" => {
-                serde_json::from_slice(bytes).map(|json| Value::from_json(&json)).map_err(|e| e.to_string())
-            }
+            "json" if bytes.len() > MAX_JSON => Err(MessageError::LongJson),
+            "json" => serde_json::from_slice(bytes)
+                .map(|json| Value::from_json(&json))
+                .map_err(|e| MessageError::Json(e.to_string())),
             _ => cdr::decode(schema, bytes),
         };
         let value = match decoded {
             Ok(value) => value,
             Err(problem) => {
                 if stream.damaged.0 == 0 {
-                    stream.damaged.1 = problem;
+                    stream.damaged.1 = problem.to_string();
                 }
                 stream.damaged.0 += 1;
                 return Ok(());
@@ -147,13 +157,12 @@ impl<'a> Messages<'a> {
             return Ok(());
         }
         budget.take_values(columns.len() + columns.len() / 2 + 3)?;
-        let row =
-            u32::try_from(stream.logged.len()).map_err(|_| "too many messages; cut the bag".to_owned())?;
+        let row = u32::try_from(stream.logged.len()).map_err(|_| MessageError::ManyMessages)?;
         stream.logged.push(log_ns);
         stream.stamped.extend(message::stamp_ns(&value));
         for (name, number) in columns {
             if stream.sparse.columns.len() >= MAX_COLUMNS && !stream.sparse.columns.contains_key(&name) {
-                return Err(format!("{}: more than {MAX_COLUMNS} columns", shown(&stream.channel.topic)));
+                return Err(MessageError::Columns(stream.channel.topic.clone()).into());
             }
             let (rows, values) = stream.sparse.columns.entry(name).or_default();
             // A name that is there twice counts once.
@@ -166,7 +175,7 @@ impl<'a> Messages<'a> {
     }
 
     /// Tables of all topics on the clock of the joints' positions.
-    pub fn finish(self, kind: &'static str) -> Result<Source, String> {
+    pub fn finish(self, kind: &'static str) -> Result<Source, Problem> {
         let mut source = Source { kind, messages: true, ..Source::default() };
         let topics = || self.streams.keys().map(|(topic, _)| topic);
         let wanted = self.mapping.streams.take.iter();
@@ -177,10 +186,7 @@ impl<'a> Messages<'a> {
             && source.taken.is_empty()
         {
             let found = source.takeable.iter().map(|topic| shown(topic)).collect::<Vec<_>>().join(", ");
-            return Err(format!(
-                "no topic is called `{}`, which `--take` or `streams.take` names; there is {found}",
-                shown(missing)
-            ));
+            return Err(MessageError::NoTopic { wanted: missing.clone(), found }.into());
         }
         let numbers = |name: &str| serde_json::from_str::<Vec<f64>>(self.metadata.get(name)?).ok();
         source.gains = numbers("kp").zip(numbers("kd"));
@@ -194,7 +200,7 @@ impl<'a> Messages<'a> {
                 _ if !take.is_empty() && !take.contains(&topic) => {
                     "not named by `--take` or `streams.take`".to_owned()
                 }
-                Err(problem) => problem.clone(),
+                Err(problem) => problem.to_string(),
                 Ok(_) if count == 0 && stream.damaged.0 > 0 => stream.damaged.1.clone(),
                 Ok(_) if count == 0 => "nothing of a log in it".to_owned(),
                 Ok(_) => {
@@ -212,7 +218,7 @@ impl<'a> Messages<'a> {
         }
         if read.is_empty() {
             let found = source.left_out.iter().take(20).cloned().collect::<Vec<_>>().join("; ");
-            return Err(format!("no messages with joints, commands or an IMU; found {found}"));
+            return Err(MessageError::NothingKnown { found }.into());
         }
         let unitree = |package: &str| {
             read.iter().any(|stream| schema::short_name(&stream.channel.kind).starts_with(package))

@@ -3,8 +3,10 @@
 mod builtin;
 mod cdr;
 pub(crate) mod channel;
+mod error;
 mod message;
 mod schema;
 mod value;
 
 pub(crate) use channel::{Channel, Messages};
+pub use error::MessageError;

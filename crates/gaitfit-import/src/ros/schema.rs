@@ -1,14 +1,16 @@
 //! Message definitions as bags carry them (`ros2msg`): a type's text, then the texts of the types that it uses.
 
+use super::MessageError;
 use super::builtin;
-use gaitfit_model::shown;
 use std::collections::HashMap;
 use std::rc::Rc;
 
 /// Largest definition, bytes, most types and most fields in it.
-const MAX_BYTES: usize = 1 << 20;
-const MAX_TYPES: usize = 2000;
-const MAX_FIELDS: usize = 20_000;
+pub(super) const MAX_BYTES: usize = 1 << 20;
+pub(super) const MAX_TYPES: usize = 2000;
+pub(super) const MAX_FIELDS: usize = 20_000;
+/// Longest name of a type or a field, bytes. A package's name is repeated in those of all its types.
+pub(super) const MAX_NAME: usize = 256;
 
 /// What a field holds, one element of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,11 +70,15 @@ type Written<'a> = (&'a str, &'a str, Count);
 
 /// Reads the definition of the type called `name`. Types that the text lacks are those of ROS and Unitree that
 /// [`builtin`] knows.
-pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, String> {
+pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, MessageError> {
     if text.len() > MAX_BYTES {
-        return Err(format!("a definition of more than {MAX_BYTES} bytes"));
+        return Err(MessageError::DefinitionBytes);
     }
-    let root = short_name(name);
+    let named = |name: &str| match short_name(name) {
+        name if name.len() > MAX_NAME => Err(MessageError::TypeName),
+        name => Ok(name),
+    };
+    let root = named(name)?;
     let mut texts: HashMap<String, &str> = HashMap::new();
     let mut rest = text;
     let mut key = root.clone();
@@ -87,7 +93,7 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, String> {
         });
         let (own, after) = end.map_or((rest, None), |(start, after)| (&rest[..start], Some(&rest[after..])));
         if texts.len() >= MAX_TYPES {
-            return Err(format!("a definition of more than {MAX_TYPES} types"));
+            return Err(MessageError::DefinitionTypes);
         }
         if !own.trim().is_empty() || !key.is_empty() {
             texts.entry(std::mem::take(&mut key)).or_insert(own);
@@ -95,15 +101,15 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, String> {
         let Some(after) = after else { break };
         let (first, others) = after.split_once('\n').unwrap_or((after, ""));
         let Some(name) = first.trim().strip_prefix("MSG:") else {
-            return Err("a separator without the name of a type after it".into());
+            return Err(MessageError::Separator);
         };
-        key = short_name(name.trim());
+        key = named(name.trim())?;
         rest = others;
     }
     if texts.get(&root).is_none_or(|own| own.trim().is_empty()) {
         match builtin::definition(&root) {
             Some(own) => drop(texts.insert(root.clone(), own)),
-            None => return Err(format!("no definition of `{}` in the file", shown(&root))),
+            None => return Err(MessageError::NoDefinition(root)),
         }
     }
 
@@ -114,8 +120,7 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, String> {
     while let Some(name) = waiting.get(types.len()).cloned() {
         let definition = match texts.get(&name) {
             Some(definition) => definition,
-            None => builtin::definition(&name)
-                .ok_or_else(|| format!("no definition of `{}` in the file", shown(&name)))?,
+            None => builtin::definition(&name).ok_or_else(|| MessageError::NoDefinition(name.clone()))?,
         };
         let package = name.split('/').next().unwrap_or("").to_owned();
         let mut list = Vec::new();
@@ -123,7 +128,7 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, String> {
             let Some((kind, field, count)) = field(line)? else { continue };
             fields += 1;
             if fields > MAX_FIELDS {
-                return Err(format!("a definition of more than {MAX_FIELDS} fields"));
+                return Err(MessageError::DefinitionFields);
             }
             let base = match primitive(kind) {
                 Some(base) => base,
@@ -139,7 +144,7 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, String> {
                     let number = *numbers.entry(full.clone()).or_insert(next);
                     if number == next {
                         if next >= MAX_TYPES {
-                            return Err(format!("a definition of more than {MAX_TYPES} types"));
+                            return Err(MessageError::DefinitionTypes);
                         }
                         waiting.push(full);
                     }
@@ -154,27 +159,27 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, String> {
 }
 
 /// The type, name and count of the field on a line; `None` for comments, constants and empty lines.
-fn field(line: &str) -> Result<Option<Written<'_>>, String> {
+fn field(line: &str) -> Result<Option<Written<'_>>, MessageError> {
     let line = line.split('#').next().unwrap_or("").trim();
     let Some((kind, rest)) = line.split_once(char::is_whitespace) else {
-        return if line.is_empty() { Ok(None) } else { Err(format!("`{}` is no field", shown(line))) };
+        return if line.is_empty() { Ok(None) } else { Err(MessageError::Field(line.to_owned())) };
     };
     let rest = rest.trim();
     let name = rest.split(|c: char| c.is_whitespace() || c == '=').next().unwrap_or("");
     if rest[name.len()..].trim_start().starts_with('=') {
         return Ok(None);
     }
-    if name.is_empty() || name.len() > 256 {
-        return Err(format!("`{}` is no field", shown(line)));
+    if name.is_empty() || name.len() > MAX_NAME || kind.len() > MAX_NAME {
+        return Err(MessageError::Field(line.to_owned()));
     }
     let (kind, count) = match kind.split_once('[') {
         None => (kind, Count::One),
         Some((kind, size)) => {
-            let size = size.strip_suffix(']').ok_or_else(|| format!("`{}` is no field", shown(line)))?;
+            let size = size.strip_suffix(']').ok_or_else(|| MessageError::Field(line.to_owned()))?;
             let count = match size {
                 "" => Count::Sequence,
                 bounded if bounded.starts_with("<=") => Count::Sequence,
-                fixed => Count::Fixed(fixed.parse().map_err(|_| format!("`{}` is no field", shown(line)))?),
+                fixed => Count::Fixed(fixed.parse().map_err(|_| MessageError::Field(line.to_owned()))?),
             };
             (kind, count)
         }
@@ -208,7 +213,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn definitions_of_bags_are_read() -> Result<(), String> {
+    fn definitions_of_bags_are_read() -> Result<(), MessageError> {
         let text = "# a comment\nstd_msgs/Header header\nuint8 MODE=3 # a constant\nstring<=10 label \"none\"\n\
                     Part[2] parts\nfloat64[<=4] few\n\
                     ================================================================================\nMSG: pkg/Part\n\

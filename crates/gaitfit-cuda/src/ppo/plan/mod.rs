@@ -1,0 +1,159 @@
+//! The update as data: arrays, and kernels in order. A GPU runs it, and so does the test without one.
+
+mod arrays;
+mod sizes;
+mod update;
+
+use super::launch::{Array, Batch, Id, Kind, Launch, Value};
+use super::text::Text;
+use crate::runtime::Shape;
+use arrays::Arrays;
+use gaitfit_learn::ppo::{Settings, Widths};
+use sizes::Sizes;
+use update::Update;
+
+/// Arrays and launches of an update.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// All arrays.
+    pub arrays: Vec<Array>,
+    /// Renews what is derived from parameters and statistics, after they were set from outside.
+    pub pack: Vec<Launch>,
+    /// Means and values of rows 0 .. 0; see [`Plan::foresee`].
+    foresee: Option<Launch>,
+    /// Processors, samples of a tile, and work of both networks.
+    sharing: (usize, usize, [usize; 2]),
+    /// The update.
+    pub launches: Vec<Launch>,
+}
+
+/// Arrays that `check_finite` looks at, in the order of `gaitfit_learn::ppo::Samples`.
+pub(in crate::ppo) const CHECKED: [&str; 9] = [
+    "observation",
+    "critic_observation",
+    "action",
+    "mean",
+    "log_probability",
+    "value",
+    "reward",
+    "done",
+    "last_value",
+];
+/// Rows of a block of `statistics_of`, and of `shuffle_place`.
+const CHUNK: usize = 256;
+/// `STATE_SIZE` and `CONTROL_SIZE` of the text.
+pub(in crate::ppo) const STATE_SIZE: usize = 19;
+pub(in crate::ppo) const CONTROL_SIZE: usize = 5;
+
+/// Collects arrays and launches.
+struct Maker {
+    arrays: Vec<Array>,
+    launches: Vec<Launch>,
+}
+
+impl Maker {
+    fn array(&mut self, name: &'static str, kind: Kind, length: usize) -> Value {
+        self.arrays.push(Array { name, kind, length });
+        Value::Array(Id(self.arrays.len() - 1))
+    }
+
+    fn launch(&mut self, kernel: &'static str, shape: Shape, arguments: &[Value]) {
+        self.launches.push(launch(kernel, shape, arguments));
+    }
+}
+
+fn launch(kernel: &'static str, shape: Shape, arguments: &[Value]) -> Launch {
+    Launch { kernel, shape, arguments: arguments.to_vec() }
+}
+
+fn word(value: usize) -> Value {
+    Value::U32(u32::try_from(value).unwrap_or(u32::MAX))
+}
+
+/// What the plan is made for.
+pub(in crate::ppo) struct Task<'a> {
+    pub settings: &'a Settings,
+    pub widths: Widths,
+    pub batch: Batch,
+    /// Multiprocessors.
+    pub processors: usize,
+    /// Whether the actor's and the critic's observations are normalised.
+    pub normalised: [bool; 2],
+}
+
+impl Plan {
+    /// The update of one learner.
+    pub(in crate::ppo) fn new(task: &Task<'_>, text: &Text) -> Self {
+        let sizes = Sizes::new(task, text);
+        let mut maker = Maker { arrays: Vec::new(), launches: Vec::new() };
+        let arrays = Arrays::new(&mut maker, &sizes, text);
+        let mut update = Update { settings: task.settings, sizes, arrays, maker, shared: text.shared as u32 };
+        let scales = update.scales(task.normalised);
+        update.start();
+        update.advantages();
+        update.deal();
+        update.gradient_steps();
+        if task.settings.normalise_observations {
+            update.statistics();
+            update.maker.launches.extend(scales.iter().cloned());
+        }
+        let mut pack = vec![update.adam(true)];
+        pack.extend(scales);
+        let foresee = Some(update.foresee());
+        let sharing = (task.processors, text.rows, [text.actor.work, text.critic.work]);
+        let Maker { arrays, launches } = update.maker;
+        Self { arrays, pack, launches, foresee, sharing }
+    }
+
+    /// A plan without a learner: any arrays and launches.
+    pub fn from_parts(arrays: Vec<Array>, launches: Vec<Launch>) -> Self {
+        Self { arrays, pack: Vec::new(), launches, foresee: None, sharing: (1, 1, [1, 1]) }
+    }
+
+    /// Means and values of rows `from .. from + rows` of the samples, from their observations; none in a plan without
+    /// a learner.
+    pub fn foresee(&self, from: usize, rows: usize) -> Option<Launch> {
+        let mut launch = self.foresee.clone()?;
+        let (processors, tile, work) = self.sharing;
+        let [actor, critic] = share(processors, rows.div_ceil(tile), work);
+        launch.shape.grid[0] = (actor + critic) as u32;
+        launch.arguments[..3].copy_from_slice(&[word(from), word(rows), word(actor)]);
+        Some(launch)
+    }
+
+    /// The critic's values of `rows` rows, and the places among the arguments of its observations and of the values,
+    /// which are those of the samples; none in a plan without a learner.
+    pub fn foresee_values(&self, rows: usize) -> Option<(Launch, [usize; 2])> {
+        let mut launch = self.foresee.clone()?;
+        let (processors, tile, _) = self.sharing;
+        launch.shape.grid[0] = rows.div_ceil(tile).clamp(1, processors.max(1)) as u32;
+        launch.arguments[..3].copy_from_slice(&[word(0), word(rows), word(0)]);
+        Some((launch, [4, 8]))
+    }
+
+    /// The array of this name.
+    pub fn array(&self, name: &str) -> Option<Id> {
+        self.arrays.iter().position(|array| array.name == name).map(Id)
+    }
+}
+
+/// Blocks of the actor and of the critic: by their work, at least one each, at most one a tile.
+fn share(processors: usize, tiles: usize, work: [usize; 2]) -> [usize; 2] {
+    let (processors, tiles) = (processors.max(2), tiles.max(1));
+    let actor = (processors * work[0] + (work[0] + work[1]) / 2) / (work[0] + work[1]).max(1);
+    let actor = actor.clamp(1, processors - 1);
+    [actor.min(tiles), (processors - actor).min(tiles)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_are_shared_by_work() {
+        assert_eq!(share(132, 384, [40_000, 40_000]), [66, 66]);
+        assert_eq!(share(132, 384, [10_000, 30_000]), [33, 99]);
+        assert_eq!(share(132, 3, [40_000, 40_000]), [3, 3]);
+        assert_eq!(share(1, 0, [1, 1_000_000]), [1, 1]);
+    }
+}

@@ -1,0 +1,209 @@
+//! The launches of an update, part by part.
+
+use super::super::launch::{Id, Launch, Value};
+use super::super::text::THREADS;
+use super::{Arrays, CHECKED, CHUNK, Maker, Sizes, launch, word};
+use crate::runtime::Shape;
+use gaitfit_learn::ppo::Settings;
+
+/// An update that is being written.
+pub(super) struct Update<'a> {
+    pub settings: &'a Settings,
+    pub sizes: Sizes,
+    pub arrays: Arrays,
+    /// Takes the launches.
+    pub maker: Maker,
+    /// Shared memory of the large kernel, bytes.
+    pub shared: u32,
+}
+
+impl Update<'_> {
+    /// The actor's and the critic's observations: width, numbers, statistics, offsets and factors.
+    fn observations(&self) -> [(usize, Value, Value, Value); 2] {
+        let (widths, a) = (&self.sizes.widths, &self.arrays);
+        [
+            (widths.observation, a.observation, a.statistics, a.actor_scale),
+            (widths.critic_observation, a.critic_observation, a.critic_statistics, a.critic_scale),
+        ]
+    }
+
+    /// Offsets and factors of observations from their statistics. They are launched after an update, and after statistics were
+    /// set from outside.
+    pub(super) fn scales(&self, normalised: [bool; 2]) -> Vec<Launch> {
+        let mut scales = Vec::new();
+        for ((width, _, own, scale), normalised) in self.observations().into_iter().zip(normalised) {
+            let present = word(usize::from(normalised));
+            scales.push(launch("scale_of", Shape::cover(width, 128), &[word(width), present, own, scale]));
+        }
+        let [actor, critic] = self.sizes.scales();
+        let a = &self.arrays;
+        let joined = [word(actor), word(critic), a.actor_scale, a.critic_scale, a.scale];
+        scales.push(launch("join_scales", Shape::cover(actor + critic, 128), &joined));
+        scales
+    }
+
+    /// Looks for samples that are no numbers, then begins.
+    pub(super) fn start(&mut self) {
+        let (a, m) = (self.arrays, &mut self.maker);
+        m.launch("fill", Shape::new(1, 32), &[a.first, word(CHECKED.len()), Value::U32(u32::MAX)]);
+        for (index, array) in a.checked().into_iter().enumerate() {
+            let Value::Array(Id(number)) = array else { continue };
+            let count = m.arrays[number].length;
+            let shape = Shape::new(count.div_ceil(1024).clamp(1, 1024) as u32, 256);
+            m.launch("check_finite", shape, &[array, word(count), word(index), a.first]);
+        }
+        let arguments = [
+            a.control,
+            a.first,
+            word(CHECKED.len()),
+            a.parameters,
+            a.moments,
+            word(self.sizes.parameters),
+            a.old_log_std,
+            a.constants,
+            a.state,
+        ];
+        m.launch("begin_update", Shape::new(1, 256), &arguments);
+    }
+
+    /// Advantages and returns.
+    pub(super) fn advantages(&mut self) {
+        let (a, settings, batch) = (self.arrays, self.settings, self.sizes.batch);
+        let (gamma, decay) = (settings.gamma as f32, (settings.gamma * settings.lambda) as f32);
+        let arguments = [
+            word(batch.steps),
+            word(batch.environments),
+            Value::F32(gamma),
+            Value::F32(decay),
+            a.reward,
+            a.value,
+            a.done,
+            a.last_value,
+            a.advantage,
+            a.returns,
+        ];
+        self.maker.launch("gae", Shape::cover(batch.environments, 64), &arguments);
+        let normalise = word(usize::from(settings.normalise_advantage));
+        let arguments = [word(self.sizes.rows), normalise, a.advantage, a.returns, a.value, a.state];
+        self.maker.launch("advantages", Shape::new(1, 1024), &arguments);
+    }
+
+    /// Deals the samples to the minibatches of all epochs.
+    pub(super) fn deal(&mut self) {
+        let Sizes { rows, minibatches, cards, chunks, epochs, batch, .. } = self.sizes;
+        let (a, m) = (self.arrays, &mut self.maker);
+        // One row of blocks an epoch.
+        let per_epoch = |count: usize, threads: u32| {
+            let shape = Shape::cover(count, threads);
+            Shape { grid: [shape.grid[0], epochs as u32, 1], ..shape }
+        };
+        let (all, parts) = (word(rows), word(minibatches));
+        let filling = Shape::new(cards.div_ceil(1024).clamp(1, 1024) as u32, 256);
+        m.launch("fill", filling, &[a.head, word(cards), word(0)]);
+        let linking = per_epoch(rows.div_ceil(4), 128);
+        m.launch("shuffle_link", linking, &[a.control, all, a.swaps, a.head, a.next]);
+        m.launch("shuffle_follow", per_epoch(rows, 128), &[all, parts, a.swaps, a.head, a.next, a.dealt]);
+        let counting = Shape { shared: (4 * minibatches) as u32, ..per_epoch(rows, CHUNK as u32) };
+        m.launch("shuffle_count", counting, &[all, parts, a.dealt, a.counts]);
+        m.launch("shuffle_begin", per_epoch(minibatches, 32), &[all, parts, word(chunks), a.counts]);
+        let (steps, environments, tile) = (word(batch.steps), word(batch.environments), word(batch.tile));
+        let arguments = [all, parts, steps, environments, tile, a.dealt, a.counts, a.places];
+        m.launch("shuffle_place", per_epoch(rows, CHUNK as u32), &arguments);
+    }
+
+    /// A step of the gradient on each minibatch of each epoch.
+    pub(super) fn gradient_steps(&mut self) {
+        for epoch in 0..self.sizes.epochs {
+            for minibatch in 0..self.sizes.minibatches {
+                self.gradient(epoch, minibatch);
+                self.step(epoch, minibatch);
+            }
+        }
+    }
+
+    /// The gradient on one minibatch: by blocks, then their sum.
+    fn gradient(&mut self, epoch: usize, minibatch: usize) {
+        let (a, sizes) = (self.arrays, self.sizes);
+        let [actor, critic] = sizes.blocks;
+        let blocks = Shape::new((actor + critic) as u32, THREADS as u32);
+        let arguments = [
+            word(epoch * sizes.rows + sizes.begin(minibatch)),
+            word(sizes.minibatch_rows(minibatch)),
+            word(actor),
+            a.control,
+            a.places,
+            a.observation,
+            a.critic_observation,
+            a.action,
+            a.mean,
+            a.log_probability,
+            a.advantage,
+            a.value,
+            a.returns,
+            a.scale,
+            a.packed,
+            a.constants,
+            a.partial,
+            a.sums,
+        ];
+        self.maker.launch("network", Shape { shared: self.shared, ..blocks }, &arguments);
+        let arguments = [word(actor), word(critic), a.control, a.partial, a.map, a.gradient, a.squares];
+        self.maker.launch("reduce", Shape::new(sizes.reduce_blocks as u32, 256), &arguments);
+    }
+
+    /// Losses, the learning rate and the spread, then the weights.
+    fn step(&mut self, epoch: usize, minibatch: usize) {
+        let (a, sizes) = (self.arrays, self.sizes);
+        let [actor, critic] = sizes.blocks;
+        let arguments = [
+            word(epoch),
+            word(minibatch),
+            word(sizes.minibatch_rows(minibatch)),
+            word(actor),
+            word(critic),
+            word(sizes.reduce_blocks),
+            a.control,
+            a.sums,
+            a.squares,
+            a.parameters,
+            a.gradient,
+            a.moments,
+            a.old_log_std,
+            a.constants,
+            a.state,
+        ];
+        self.maker.launch("finish", Shape::new(1, 256), &arguments);
+        let adam = self.adam(false);
+        self.maker.launches.push(adam);
+    }
+
+    /// A step of Adam on the weights of both networks; `copy`: packs the weights without a step.
+    pub(super) fn adam(&self, copy: bool) -> Launch {
+        let a = &self.arrays;
+        let copy = word(usize::from(copy));
+        let arguments =
+            [copy, a.control, a.state, a.forth, a.back, a.gradient, a.moments, a.parameters, a.packed];
+        launch("adam", Shape::cover(self.sizes.networks, 128), &arguments)
+    }
+
+    /// Renews the statistics of observations.
+    pub(super) fn statistics(&mut self) {
+        let (parts, state, chunks) = (self.arrays.parts, self.arrays.state, self.sizes.chunks);
+        let (count, chunk) = (word(self.sizes.rows), word(CHUNK));
+        for (width, numbers, own, _) in self.observations() {
+            let threads = width.clamp(32, 1024) as u32;
+            let arguments = [count, word(width), chunk, numbers, parts];
+            self.maker.launch("statistics_of", Shape::new(chunks as u32, threads), &arguments);
+            let arguments = [count, word(width), chunk, word(chunks), parts, state, own];
+            self.maker.launch("statistics_join", Shape::new(1, threads), &arguments);
+        }
+    }
+
+    /// Means and values of rows 0 .. 0, in blocks that the caller numbers.
+    pub(super) fn foresee(&self) -> Launch {
+        let a = &self.arrays;
+        let shape = Shape { shared: self.shared, ..Shape::new(0, THREADS as u32) };
+        let observed = [a.observation, a.critic_observation, a.scale, a.packed, a.mean, a.value];
+        launch("foresee", shape, &[[word(0); 3].as_slice(), &observed].concat())
+    }
+}
