@@ -12,7 +12,7 @@ use crate::watch::Watch;
 use crate::{Error, machine};
 use gaitfit_adapt::cost::CostKind;
 use gaitfit_adapt::fit::Sensitivity;
-use gaitfit_adapt::{ParameterRule, RobotRule, Theta};
+use gaitfit_adapt::{ParameterRule, RobotNumber, RobotRule, Theta};
 use gaitfit_model::patterns::covered;
 use gaitfit_model::shown_number;
 use gaitfit_random::{Purpose, Stream};
@@ -140,6 +140,8 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     let distributions = stated.filter(|cost| *cost == CostKind::Wass);
     if distributions.is_some() {
         config.costs = vec![CostKind::MatchR(NonZeroUsize::MIN)];
+        // Only distributions show it.
+        config.number.retain(|rule| rule.kind != RobotNumber::TorqueNoise);
     }
     config.parameter.iter_mut().for_each(ParameterRule::resolve);
     config.number.iter_mut().for_each(RobotRule::resolve);
