@@ -193,3 +193,42 @@ fn text(written: &Written) -> String {
     }
     text
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::cli::{Cli, Command};
+    use clap::Parser;
+
+    #[test]
+    fn a_folder_of_foreign_csv_is_imported_and_a_call_that_fails_leaves_nothing() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).display().to_string();
+        std::fs::create_dir(path("mine")).unwrap();
+        let text = std::fs::read_to_string(root.join("examples/go2-demo/fit.csv")).unwrap();
+        let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+        let header = lines.next().unwrap().replace("qdes_", "to_").replace("dq_", "speed_");
+        let header = header.replace("q_", "angle_").replace("time", "stamp");
+        let rows: Vec<&str> = lines.collect();
+        for name in ["mine/a.csv", "mine/b.csv"] {
+            std::fs::write(path(name), format!("{header}\n{}\n", rows.join("\n"))).unwrap();
+        }
+        let mapping = "kp = 25\nkd = 0.5\n[time]\ncolumn = \"stamp\"\n[columns]\nposition = \"angle_{joint}\"\n\
+                       velocity = \"speed_{joint}\"\ntarget = \"to_{joint}\"\n";
+        std::fs::write(path("map.toml"), mapping).unwrap();
+        let robot = root.join("assets/go2.xml").display().to_string();
+        let called = |more: &[&str]| {
+            let (logs, out) = (path("mine"), path("new.toml"));
+            let words = ["gaitfit", "new", "--robot", &robot, "--logs", &logs, "--out", &out];
+            let cli = Cli::try_parse_from(words.iter().chain(more)).unwrap();
+            let Command::New(args) = cli.command else { panic!("another command") };
+            super::run(&args)
+        };
+        assert!(called(&[]).is_err(), "nothing names its columns");
+        assert!(!Path::new(&path("new.logs")).exists() && !Path::new(&path("new.toml")).exists());
+        called(&["--mapping", &path("map.toml")]).unwrap();
+        assert!(Path::new(&path("new.logs/a.csv")).exists() && Path::new(&path("new.logs/b.csv")).exists());
+    }
+}
