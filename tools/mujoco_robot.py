@@ -43,7 +43,8 @@ def typed(table, kinds, where):
     for key, value in table.items():
         if key not in kinds:
             near = difflib.get_close_matches(key, kinds, 1)
-            raise Refused(f"{where}: unknown key `{key}`" + (f"; did you mean `{near[0]}`?" if near else ""))
+            meant = f"; did you mean `{near[0]}`?" if near else "."
+            raise Refused(f"{where}: unknown key `{key}`{meant} Known keys: {', '.join(kinds)}")
         number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
         if not (number if kinds[key] is float else isinstance(value, kinds[key])):
             expected = {float: "a number", str: "a text", dict: "a table", list: "a list of tables"}[kinds[key]]

@@ -49,6 +49,11 @@ pub fn program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
 fn usage(asked: &clap::Error) -> u8 {
     if asked.use_stderr() {
         let text = asked.render().to_string();
+        if let Some(meant) = cli::meant(asked) {
+            let text = format!("{}\n\ndid you mean `gaitfit {meant}`?", text.trim_end());
+            output::note(&gaitfit::brief(&text));
+            return Exit::Usage as u8;
+        }
         match gaitfit::brief(&text) {
             // In colour, where the terminal has it.
             brief if brief == text => drop(asked.print()),

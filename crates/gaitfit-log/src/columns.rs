@@ -62,6 +62,10 @@ pub(crate) struct Layout {
     pub ignored: Vec<IgnoredColumn>,
 }
 
+/// How files of other programs become logs.
+const IMPORT: &str = "Or import the file: `gaitfit import FILE --mapping MAP.toml --out LOG.csv`, where the mapping names \
+                      columns and units (`gaitfit new` takes --mapping too)";
+
 /// Sorts out a header. `path` and `line` are for messages.
 pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layout, LogError> {
     let mut index: HashMap<&str, usize> = HashMap::with_capacity(names.len());
@@ -100,10 +104,7 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
         .filter(|(_, joint)| !joint.is_empty())
         .unzip();
     if joints.is_empty() {
-        return Err(missing(
-            "q_<joint>",
-            "joint positions are columns such as `q_FL_hip` and velocities `dq_FL_hip`; rename the file's columns".into(),
-        ));
+        return Err(missing("q_<joint>", position_remedy(&names)));
     }
     let mut used = vec![false; names.len()];
     used[time] = true;
@@ -240,9 +241,20 @@ fn time_remedy(names: &[String]) -> String {
     });
     match similar {
         Some(name) => format!(
-            "if `{}` is the sample time, rename it to `time` (seconds), `time_ms`, `time_us` or `time_ns`",
+            "if `{}` is the sample time, rename it to `time` (seconds), `time_ms`, `time_us` or `time_ns`. {IMPORT}",
             shown(name)
         ),
-        None => "add the sample time in seconds".into(),
+        None => format!("add the sample time in seconds. {IMPORT}"),
     }
+}
+
+fn position_remedy(names: &[String]) -> String {
+    if names.iter().any(|name| name.starts_with("qdes_")) {
+        return "the file has targets only, such as chirp.csv of `gaitfit excite`; name the log that the robot \
+                recorded while it followed them (play.py writes log.csv)"
+            .into();
+    }
+    format!(
+        "joint positions are columns such as `q_FL_hip` and velocities `dq_FL_hip`; rename the file's columns. {IMPORT}"
+    )
 }

@@ -7,7 +7,11 @@ use std::path::{Path, PathBuf};
 /// Most entries of a folder that are looked at.
 const MAX_ENTRIES: usize = 100_000;
 
-/// The `*.csv` files of a folder, by name, and links to files; not those of folders in it.
+/// Targets of a chirp, and what a simulation expects of it: files that `gaitfit excite` writes beside `play.py`.
+const EXCITE: [&str; 2] = ["chirp.csv", "expected.csv"];
+
+/// The `*.csv` files of a folder, by name, and links to files; not those of folders in it, nor those that `gaitfit excite`
+/// wrote beside its script: these are what a robot is to do, not what it did.
 ///
 /// # Errors
 /// A folder that cannot be read or holds more than 100,000 entries; a `*.csv` that is a link to no regular file, or a
@@ -39,6 +43,11 @@ pub(crate) fn entries(folder: &Path) -> Result<Vec<(PathBuf, Option<LogError>)>,
         }
         let wrong = check_entry(&path).err();
         found.push((path, wrong));
+    }
+    if folder.join("play.py").is_file() && folder.join(EXCITE[0]).is_file() {
+        found.retain(|(path, _)| {
+            !EXCITE.iter().any(|name| path.file_name().is_some_and(|file| file == *name))
+        });
     }
     found.sort_by(|a, b| a.0.cmp(&b.0));
     Ok(found)

@@ -253,7 +253,14 @@ fn bad_files_say_where_and_what_to_do() {
         ("time,q_a\u{0}\n0,1\n", "log.csv:1: no column `dq_a\\u{0}`"),
         ("time,q_a,dq_a,q_a\n0,1,2,3\n", "log.csv:1: column 4 `q_a` repeats column 2"),
         ("time,q_a,dq_a,vx_cmd,cmd_vx\n", "log.csv:1: column 5 `cmd_vx` repeats column 4"),
-        ("q_a,dq_a\n0,1\n", "log.csv:1: no column `time`; add the sample time in seconds"),
+        (
+            "q_a,dq_a\n0,1\n",
+            "log.csv:1: no column `time`; add the sample time in seconds. Or import the file: `gaitfit import FILE --mapping",
+        ),
+        (
+            "time,qdes_a\n0,1\n",
+            "log.csv:1: no column `q_<joint>`; the file has targets only, such as chirp.csv of `gaitfit excite`",
+        ),
         ("t,q_a,dq_a\n0,1,1\n", "log.csv:1: no column `time`; if `t` is the sample time, rename it"),
         ("0,1,2\n1,2,3\n", "log.csv:1: no column `time`; the first line holds numbers"),
         (

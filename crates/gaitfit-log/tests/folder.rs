@@ -72,6 +72,17 @@ fn no_logs_and_stopping() {
     assert!(matches!(stopped, Err(LogError::Stopped)));
 }
 
+#[test]
+fn what_excite_wrote_is_no_log() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["chirp.csv", "expected.csv", "log.csv"] {
+        write(folder.path(), name, "time,q_a,dq_a\n0,1,2\n0.01,3,4\n");
+    }
+    assert_eq!(csv_files(folder.path()).unwrap().len(), 3, "without the script they may be anything");
+    write(folder.path(), "play.py", "");
+    assert_eq!(csv_files(folder.path()).unwrap(), [folder.path().join("log.csv")]);
+}
+
 #[cfg(unix)]
 #[test]
 fn links_are_followed_or_named_with_target_and_remedy() {

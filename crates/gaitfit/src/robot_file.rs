@@ -74,6 +74,22 @@ pub fn model(policy: &Policy, path: &Path, asked: Option<&Path>, lenient: bool) 
     }
 }
 
+/// Names the robot of the policy's training in `config`, the configuration at `path`, where it names no other.
+///
+/// # Errors
+/// A policy that cannot be read; the robot file of its training is not there any more, or is another now.
+pub fn of_policy(config: &mut crate::settings::AdaptConfig, path: &Path) -> Result<(), Error> {
+    let Some(named) = config.policy.as_ref().filter(|_| config.robot.is_empty()) else { return Ok(()) };
+    let file = crate::policy_file::find(&crate::paths::find(named, "policy", path)?)?.path;
+    let policy = gaitfit_policy::read(&file).map_err(Error::failed)?;
+    if let Some(recorded) = &policy.provenance.robot_file {
+        let (robot, _) = find(&file, recorded, &policy.interface.robot)?;
+        config.robot = robot.display().to_string();
+        config.lenient |= recorded.lenient;
+    }
+    Ok(())
+}
+
 /// Whether `path` is the robot file of a training that read it leniently. A file that cannot be read is not; it is
 /// refused with its reason where it is read.
 pub fn as_leniently(path: &Path, recorded: &RobotFile) -> bool {

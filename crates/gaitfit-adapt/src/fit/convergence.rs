@@ -47,6 +47,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
         );
     }
     let generations = best.map_or(0, |run| run.generations);
+    let settled = reasons.len();
     if generations < FEWEST && !course.is_empty() {
         let plural = if generations == 1 { "" } else { "s" };
         reasons.push(format!("It was cut short after {generations} generation{plural}."));
@@ -62,6 +63,10 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     let apart: Vec<String> = apart.collect();
     if !apart.is_empty() {
         reasons.push(format!("After {generations} generations the seeds lie apart: {}.", listed(&apart)));
+    }
+    // Only a limit of time ends a run without a reason of its own.
+    if ended.is_none() && best.is_some() && reasons.len() > settled {
+        reasons.insert(settled, "Its time limit ended it: raise optimizer.max_seconds.".into());
     }
     reasons
 }
@@ -166,7 +171,9 @@ mod tests {
         let progress = reasons(Some(Stop::Generations), 0.01, &falling);
         assert!(progress.len() == 1 && progress[0].contains("66.7 %"), "{progress:?}");
         let apart = reasons(None, 0.2, &flat);
-        assert!(apart.len() == 1 && apart[0].contains("p 0.5000 ± 0.2000"), "{apart:?}");
+        assert!(apart.len() == 2 && apart[1].contains("p 0.5000 ± 0.2000"), "{apart:?}");
+        assert!(apart[0].contains("optimizer.max_seconds"), "{apart:?}");
+        assert!(reasons(None, 0.01, &flat).is_empty(), "it ended in time");
     }
 
     #[test]

@@ -94,6 +94,9 @@ pub struct Excite {
     /// Drop what the engine cannot simulate in the robot file, instead of refusing it
     #[arg(long, conflicts_with = "policy")]
     pub lenient: bool,
+    /// Overwrite files of the folder that differ, such as a play.py with your code
+    #[arg(long, conflicts_with = "policy")]
+    pub force: bool,
     /// Seed of the joints' phases and of the simulated robots
     #[arg(long, value_name = "N", default_value_t = 0, hide = true)]
     pub seed: u64,

@@ -30,7 +30,7 @@ pub struct Export {
     #[arg(long, value_name = "PATH")]
     pub out: Option<PathBuf>,
     /// Robot (.xml, .mjcf, .urdf): the fitted one, or the one with the effort limits for bundle and C++ [default: that of
-    /// the policy's training, or the built-in Go2]
+    /// the fit or of the policy's training, or the built-in Go2]
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
     /// Drop what the engine cannot simulate in the robot file, instead of refusing it

@@ -2,6 +2,7 @@
 
 use super::Cli;
 use clap::builder::StyledStr;
+use clap::error::{ContextKind, ContextValue};
 use clap::{Command, CommandFactory};
 use std::fmt::Write;
 
@@ -28,6 +29,24 @@ pub fn command(all: bool) -> Command {
     let plain = Cli::command();
     let groups = groups(&plain);
     shown(plain.mut_subcommands(shown)).override_help(groups)
+}
+
+/// The command that an unknown one has the letters of, where nothing nearer is suggested: `fti` is `fit`.
+pub fn meant(error: &clap::Error) -> Option<String> {
+    let suggested = error.get(ContextKind::SuggestedSubcommand).is_some();
+    let Some(ContextValue::String(unknown)) =
+        error.get(ContextKind::InvalidSubcommand).filter(|_| !suggested)
+    else {
+        return None;
+    };
+    let letters = |word: &str| {
+        let mut letters: Vec<char> = word.chars().collect();
+        letters.sort_unstable();
+        letters
+    };
+    let program = Cli::command();
+    let names = program.get_subcommands().map(Command::get_name);
+    names.into_iter().find(|name| letters(name) == letters(unknown)).map(str::to_owned)
 }
 
 /// Names the option that lists the options that this help leaves out.
@@ -94,6 +113,13 @@ mod tests {
         listed.sort_unstable();
         there.sort_unstable();
         assert_eq!(listed, there);
+    }
+
+    #[test]
+    fn letters_in_another_order_are_understood() {
+        let asked = |word: &str| meant(&command(false).try_get_matches_from(["gaitfit", word]).unwrap_err());
+        assert_eq!(asked("fti").as_deref(), Some("fit"));
+        assert_eq!(asked("xyz"), None);
     }
 
     #[test]

@@ -19,7 +19,7 @@ pub use choices::{Config, ConfigOf, Preset};
 pub use excite::Excite;
 pub use export::Export;
 pub use gaitfit::device::{Device, Devices};
-pub use groups::command;
+pub use groups::{command, meant};
 pub use logs::{Import, New, Runs};
 pub use robot::{Drift, LinkArgs, PATIENCE, RobotKind, Run};
 pub use run::{Finetune, Fit, Loop, Reproduce, RunArgs, Sensitivity, Train, Validate};

@@ -9,6 +9,7 @@ use crate::table::table;
 use crate::watcher::watched;
 use gaitfit::excite::{Chirp, Commands, Expected, Swept, playlist};
 use gaitfit::files::{self, Output};
+use gaitfit::settings::{self, AdaptConfig};
 use gaitfit_model::shown;
 use serde::Serialize;
 use std::fmt::Write;
@@ -42,8 +43,9 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
     let output = Output { path: &args.out, option: "--out", ending: Some("csv") };
     let inputs = [Some(&args.file), args.theta.as_ref()].into_iter().flatten().map(PathBuf::as_path);
     files::check(&[output], inputs.chain([policy]))?;
-    let settings = args.commands(policy);
-    let found = watched(Lines::Seconds(2), |watch| gaitfit::excite::commands(&settings, watch))?;
+    let asked = args.commands(policy);
+    let robot = settings::load::<AdaptConfig>(Some(&args.file), &args.set)?.robot;
+    let found = watched(Lines::Seconds(2), |watch| gaitfit::excite::commands(&asked, watch))?;
     files::write(&args.out, playlist::text(&found.sequences).as_bytes())?;
     if args.json {
         return output::print_json(&Chosen { commands: &found, written: &args.out });
@@ -66,7 +68,7 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
         "{} command sequences of {} s for {}, chosen from {}; the policy fell under {} of these.\n\nExpected standard \
          deviations of a fit, with as many random commands and with the chosen ones{logs}:\n\n{rows}\n\n",
         found.sequences.len(),
-        settings.seconds,
+        asked.seconds,
         shown(&found.robot),
         found.pool,
         found.fell,
@@ -84,16 +86,17 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
     let _ = writeln!(text, "{}", args.out.display());
     output::print(&text)?;
     output::next(&[format!(
-        "gaitfit collect {} --commands {} --out logs",
+        "gaitfit collect {} --commands {} --out logs{}",
         policy.display(),
-        args.out.display()
+        args.out.display(),
+        super::adapt::robot_option(policy, &robot)
     )])
 }
 
 fn chirp(args: &cli::Excite) -> Result<(), Failure> {
     folder(&args.out, "the files go")?;
     let chirp = watched(Lines::Seconds(2), |watch| gaitfit::excite::chirp(&args.chirp(), watch))?;
-    let written = chirp.write(&args.out)?;
+    let written = chirp.write(&args.out, args.force)?;
     if args.json {
         return output::print_json(&Document { chirp, written });
     }
@@ -101,7 +104,10 @@ fn chirp(args: &cli::Excite) -> Result<(), Failure> {
     let out = args.out.display();
     output::next(&[
         format!("python3 {out}/play.py, after you fill in its class Robot; it writes {out}/log.csv"),
-        format!("gaitfit fit {out}/fit.toml"),
+        match &args.fit {
+            None => format!("gaitfit fit {out}/fit.toml"),
+            Some(fit) => format!("gaitfit fit {} --set 'logs=[\"{out}/log.csv\"]'", fit.display()),
+        },
     ])
 }
 
@@ -113,7 +119,8 @@ fn text(chirp: &Chirp, written: &[String]) -> String {
         shown(&chirp.robot),
         chirp.robots
     );
-    let header = ["joint", "about, rad", "±, rad", "to, Hz", "position, rad", "speed, rad/s", "torque, N·m"];
+    let header =
+        ["joint", "about, rad", "±, rad", "to, Hz", "position, rad", "max speed, rad/s", "max torque, N·m"];
     let mut rows = table(&header, &[1, 2, 3]);
     for Swept {
         name,
@@ -143,7 +150,9 @@ fn text(chirp: &Chirp, written: &[String]) -> String {
     let limited: Vec<&Swept> = chirp.joints.iter().filter(|joint| joint.limited_by.is_some()).collect();
     match limited.is_empty() {
         true => text.push_str("No limit reduced it.\n"),
-        false => text.push_str("These limits made it smaller or slower:\n"),
+        false => text.push_str(
+            "The table shows the final motion. The first one was larger; these limits made it smaller or slower:\n",
+        ),
     }
     for Swept { name, limited_by, .. } in limited {
         let _ = writeln!(text, "  {}: {}", shown(name), limited_by.as_deref().unwrap_or_default());

@@ -6,7 +6,7 @@ use crate::exit::{Exit, Failure};
 use crate::output;
 use gaitfit::files::{self, Output};
 use gaitfit::new::{self, NewSettings, Written};
-use gaitfit_log::ReadOptions;
+use gaitfit_log::{LogError, ReadOptions, csv_files};
 use gaitfit_model::{shown, shown_path};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -27,6 +27,7 @@ pub fn run(args: &New) -> Result<(), Failure> {
         lenient: args.lenient,
     };
     let mut assumed = Vec::new();
+    let mut converted = Converted::new(args.out.as_deref());
     if let Some(out) = &args.out {
         let inputs = args.logs.iter().chain(&args.robot).chain(&args.policy).chain(&args.mapping);
         let asked = Output { path: out, option: "--out", ending: Some("toml") };
@@ -38,70 +39,145 @@ pub fn run(args: &New) -> Result<(), Failure> {
             )));
         }
         for path in &args.logs {
-            settings.logs.extend(logs(path, args, out, &mut assumed)?);
+            settings.logs.extend(converted.logs(path, args, &mut assumed)?);
         }
     } else {
         settings.logs.clone_from(&args.logs);
     }
     let mut written = new::write(&settings)?;
+    converted.keep();
     written.warnings.splice(0..0, assumed);
     if args.json { output::print_json(&written) } else { output::print(&text(&written)) }?;
     match written.problem {
         None => Ok(()),
         Some(problem) => Err(Failure {
             exit: Exit::Check,
-            message: format!("{} is written, but cannot be run yet: {problem}", written.file),
+            message: format!(
+                "{} is written, but cannot be run yet: {problem} Correct the file, or the cause and run `gaitfit new` again with --force.",
+                written.file
+            ),
         }),
     }
 }
 
-/// The logs at a path: a log itself, or what its recordings become, in a folder beside the configuration.
-fn logs(path: &Path, args: &New, out: &Path, assumed: &mut Vec<String>) -> Result<Vec<PathBuf>, Failure> {
-    let ending = |path: &Path| path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
-    if !path.exists() {
-        return Err(Failure::usage(format!("--logs {}: there is no such file or folder", path.display())));
-    }
-    let recordings: Vec<PathBuf> = match path.is_dir() {
-        // A .csv file of another program is a recording.
-        false if ending(path).as_deref() == Some("csv") && is_log(path, args) => {
-            return Ok(vec![path.to_owned()]);
-        }
-        false => vec![path.to_owned()],
-        true if path.join("metadata.yaml").is_file() => vec![path.to_owned()],
-        true => {
-            let unreadable = |error| Failure::failed(format!("cannot read {}: {error}", path.display()));
-            let mut inside = Vec::new();
-            for entry in std::fs::read_dir(path).map_err(unreadable)? {
-                let file = entry.map_err(unreadable)?.path();
-                if ending(&file).is_some_and(|ending| RECORDINGS.contains(&ending.as_str())) {
-                    inside.push(file);
-                }
-            }
-            if inside.is_empty() {
-                return Ok(vec![path.to_owned()]);
-            }
-            inside.sort();
-            inside
-        }
-    };
-    let folder = out.with_extension("logs");
-    std::fs::create_dir_all(&folder)
-        .map_err(|error| Failure::failed(format!("cannot make {}: {error}", folder.display())))?;
-    let mut logs = Vec::new();
-    for recording in recordings {
-        let name = recording.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let log = folder.join(format!("{name}.csv"));
-        for line in import::convert(&recording, &log, args)? {
-            assumed.push(format!("{}: {line}", shown_path(&recording)));
-        }
-        logs.push(log);
-    }
-    Ok(logs)
+/// Logs that recordings become, in a folder beside the configuration. What a call that fails wrote is removed.
+struct Converted {
+    folder: PathBuf,
+    files: Vec<PathBuf>,
+    /// Whether this call made the folder.
+    made: bool,
 }
 
-/// Whether a .csv file is a log as it stands, not one of another program.
-fn is_log(path: &Path, args: &New) -> bool {
-    args.mapping.is_none() && gaitfit_log::read_csv(path, &ReadOptions::default()).is_ok()
+impl Converted {
+    fn new(out: Option<&Path>) -> Self {
+        let folder = out.map(|out| out.with_extension("logs")).unwrap_or_default();
+        Self { folder, files: Vec::new(), made: false }
+    }
+
+    /// The call did not fail: the logs stay.
+    fn keep(&mut self) {
+        self.files.clear();
+        self.made = false;
+    }
+
+    /// The logs at a path: a log itself, or what its recordings become.
+    fn logs(&mut self, path: &Path, args: &New, assumed: &mut Vec<String>) -> Result<Vec<PathBuf>, Failure> {
+        if !path.exists() {
+            return Err(Failure::usage(format!(
+                "--logs {}: there is no such file or folder",
+                path.display()
+            )));
+        }
+        let recordings: Vec<PathBuf> = match path.is_dir() {
+            // A .csv file of another program is a recording.
+            false if has_ending(path, &["csv"]) && is_log(path, args)? => return Ok(vec![path.to_owned()]),
+            false => vec![path.to_owned()],
+            true if path.join("metadata.yaml").is_file() => vec![path.to_owned()],
+            true => {
+                let mut inside = recordings(path)?;
+                if inside.is_empty() {
+                    inside = csv_files(path).map_err(Failure::failed)?;
+                    // One that is a log shows that all are: another program writes its own columns into each.
+                    let logs = match inside.first() {
+                        Some(first) => is_log(first, args)?,
+                        None => true,
+                    };
+                    if logs {
+                        return Ok(vec![path.to_owned()]);
+                    }
+                }
+                inside
+            }
+        };
+        if !self.folder.is_dir() {
+            std::fs::create_dir_all(&self.folder).map_err(|error| {
+                Failure::failed(format!("cannot make {}: {error}", self.folder.display()))
+            })?;
+            self.made = true;
+        }
+        let mut logs = Vec::new();
+        for recording in recordings {
+            let name = recording.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let log = self.folder.join(format!("{name}.csv"));
+            let new = !log.exists();
+            for line in import::convert(&recording, &log, args)? {
+                assumed.push(format!("{}: {line}", shown_path(&recording)));
+            }
+            self.files.extend(new.then(|| log.clone()));
+            logs.push(log);
+        }
+        Ok(logs)
+    }
+}
+
+impl Drop for Converted {
+    fn drop(&mut self) {
+        // What cannot be removed is seen in the folder.
+        self.files.iter().for_each(|file| drop(std::fs::remove_file(file)));
+        if self.made {
+            let _ = std::fs::remove_dir(&self.folder);
+        }
+    }
+}
+
+fn has_ending(path: &Path, endings: &[&str]) -> bool {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    ending.is_some_and(|ending| endings.contains(&ending.as_str()))
+}
+
+/// The recordings of a folder that are not text, by name.
+fn recordings(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let unreadable = |error| Failure::failed(format!("cannot read {}: {error}", folder.display()));
+    let mut inside = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+        let file = entry.map_err(unreadable)?.path();
+        if has_ending(&file, &RECORDINGS) {
+            inside.push(file);
+        }
+    }
+    inside.sort();
+    Ok(inside)
+}
+
+/// Whether a .csv file is a log, not a recording of another program, which has other columns. A mapping is for the latter.
+///
+/// # Errors
+/// A log with a fault, by line and column.
+fn is_log(path: &Path, args: &New) -> Result<bool, Failure> {
+    if args.mapping.is_some() {
+        return Ok(false);
+    }
+    match gaitfit_log::read_csv(path, &ReadOptions::default()) {
+        Ok(_) => Ok(true),
+        Err(
+            LogError::MissingColumn { .. }
+            | LogError::DuplicateColumn { .. }
+            | LogError::RowLength { .. }
+            | LogError::NotUtf8 { .. }
+            | LogError::LineTooLong { .. },
+        ) => Ok(false),
+        Err(fault) => Err(Failure::failed(fault)),
+    }
 }
 
 fn text(written: &Written) -> String {
@@ -116,4 +192,43 @@ fn text(written: &Written) -> String {
         let _ = writeln!(text, "next: {}", written.next);
     }
     text
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::cli::{Cli, Command};
+    use clap::Parser;
+
+    #[test]
+    fn a_folder_of_foreign_csv_is_imported_and_a_call_that_fails_leaves_nothing() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).display().to_string();
+        std::fs::create_dir(path("mine")).unwrap();
+        let text = std::fs::read_to_string(root.join("examples/go2-demo/fit.csv")).unwrap();
+        let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+        let header = lines.next().unwrap().replace("qdes_", "to_").replace("dq_", "speed_");
+        let header = header.replace("q_", "angle_").replace("time", "stamp");
+        let rows: Vec<&str> = lines.collect();
+        for name in ["mine/a.csv", "mine/b.csv"] {
+            std::fs::write(path(name), format!("{header}\n{}\n", rows.join("\n"))).unwrap();
+        }
+        let mapping = "kp = 25\nkd = 0.5\n[time]\ncolumn = \"stamp\"\n[columns]\nposition = \"angle_{joint}\"\n\
+                       velocity = \"speed_{joint}\"\ntarget = \"to_{joint}\"\n";
+        std::fs::write(path("map.toml"), mapping).unwrap();
+        let robot = root.join("assets/go2.xml").display().to_string();
+        let called = |more: &[&str]| {
+            let (logs, out) = (path("mine"), path("new.toml"));
+            let words = ["gaitfit", "new", "--robot", &robot, "--logs", &logs, "--out", &out];
+            let cli = Cli::try_parse_from(words.iter().chain(more)).unwrap();
+            let Command::New(args) = cli.command else { panic!("another command") };
+            super::run(&args)
+        };
+        assert!(called(&[]).is_err(), "nothing names its columns");
+        assert!(!Path::new(&path("new.logs")).exists() && !Path::new(&path("new.toml")).exists());
+        called(&["--mapping", &path("map.toml")]).unwrap();
+        assert!(Path::new(&path("new.logs/a.csv")).exists() && Path::new(&path("new.logs/b.csv")).exists());
+    }
 }

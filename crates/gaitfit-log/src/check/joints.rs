@@ -39,7 +39,7 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     }
     if !extra.is_empty() {
         let message = format!(
-            "the robot has no {}; is this another robot's log? Otherwise remove these columns",
+            "the robot lacks {} of the log; is this another robot's log? Otherwise remove these columns",
             findings.names(&extra)
         );
         findings.add(FindingKind::ExtraJoint, Severity::Error, &extra, None, message);

@@ -227,12 +227,16 @@ fn units(findings: &mut Findings, spec: &CheckSpec) {
         };
         let majority = joints.len() >= 2 && 2 * joints.len() > log.joints.len();
         let (severity, remedy) = if majority || joints.iter().any(|joint| speed(joint) > FASTER) {
-            (Severity::Error, "it is in degrees, it seems: multiply by π/180")
+            (
+                Severity::Error,
+                "it is in degrees, it seems. Import it with `unit = \"deg\"` in a mapping: `gaitfit import LOG.csv \
+                 --mapping MAP.toml --out NEW.csv`, or `gaitfit new --mapping MAP.toml`",
+            )
         } else {
             (
                 Severity::Note,
-                "a wheel or a pendulum may turn so far; if it is in degrees, multiply by π/180 (`--robot` says which \
-                 joints have limits)",
+                "a wheel or a pendulum may turn so far; if it is in degrees, import it with `unit = \"deg\"` in a mapping \
+                 (`--robot` says which joints have limits)",
             )
         };
         let message = format!("{signal} of {} exceeds two full turns; {remedy}", findings.names(&joints));

@@ -34,7 +34,8 @@ pub fn doubts(
     if !reasons.is_empty() {
         let apart =
             outcome.uncertainty.is_some() && best.is_some_and(|run| run.stop != Some(Stop::Generations));
-        let more = if apart { "" } else { " Give it more generations (optimizer.generations)." };
+        let cut = best.is_some_and(|run| run.stop.is_none());
+        let more = if apart || cut { "" } else { " Give it more generations (optimizer.generations)." };
         let text = format!("{}{more}", reasons.join(" "));
         doubts.push(Doubt::new(DoubtKind::NotConverged, text));
     }

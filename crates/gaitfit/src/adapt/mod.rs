@@ -55,6 +55,7 @@ pub use setup::Setup;
 pub(crate) use setup::{Robot, method as simulated, validation as read_logs};
 pub use share::{Crew, Done, Helper, Shares};
 pub use springs::FoundSpring;
+pub(crate) use standing::refusal;
 pub use standing::{CONTRADICTED, Standing};
 pub use validate::{ValidateRequest, ValidateResults, validate};
 

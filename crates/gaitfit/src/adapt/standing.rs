@@ -79,7 +79,7 @@ pub(super) fn standing(doubts: &[Doubt], held_out: Option<&HeldOut>) -> Standing
 }
 
 /// Why a result with these doubts must not be used, in words. One that is only doubtful may be: its intervals know it.
-pub(super) fn refusal(doubts: &[Doubt]) -> Option<String> {
+pub(crate) fn refusal(doubts: &[Doubt]) -> Option<String> {
     let refused = [DoubtKind::Trivial, DoubtKind::Falls, DoubtKind::WorseThanNominal, DoubtKind::Misfit];
     let mut kinds: Vec<DoubtKind> = doubts.iter().map(|doubt| doubt.kind).collect();
     kinds.retain(|kind| refused.contains(kind));

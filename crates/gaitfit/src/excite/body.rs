@@ -1,6 +1,7 @@
 //! A robot that hangs in the air: its joints, gains, limits, and the pose about which it moves.
 
 use super::settings::{ChirpSettings, Turns};
+use crate::air::choices;
 use crate::settings::{self, AdaptConfig};
 use crate::{Error, robot};
 use gaitfit_adapt::{JointParameter, ParameterRule, Sharing, Theta};
@@ -14,12 +15,13 @@ use indexmap::IndexMap;
 const SPEED: f64 = 10.0;
 /// How far joints without a range may go from the middle of their motion, in amplitudes.
 const ROOM: f64 = 1.5;
-/// Upper bounds of what is searched where no configuration says them, and in the file's own values if these are higher.
-const FRICTION: f64 = 0.5;
+/// Upper bounds of what is searched where no configuration states them, for a robot with the Go2's motors: kg·m²,
+/// N·m·s/rad, s.
 const ARMATURE: f64 = 0.1;
 const DAMPING: f64 = 1.0;
 const DELAY: f64 = 0.02;
-const OF_FILE: f64 = 2.0;
+/// Where the gains of the built-in robot are from.
+const BUILT_IN: &str = "those of the built-in task";
 /// Names that a message lists.
 const LISTED: usize = 4;
 
@@ -67,8 +69,22 @@ impl Body {
         };
         let fit = settings.fit.as_deref();
         let given: Option<AdaptConfig> = fit.map(|path| settings::load(Some(path), &[])).transpose()?;
-        let task = robot::usual_task(&floating).ok();
-        let gains = gains(settings, given.as_ref(), task.as_ref(), &model, &names, &mut notes)?;
+        let looked = if robot::is_go2(&floating) { None } else { crate::init::look(&floating).ok() };
+        let source = looked.as_ref().and_then(|look| look.guesses.iter().find(|guess| guess.what == "gains"));
+        let source = source.map(|guess| guess.found.clone());
+        let task = match looked {
+            Some(look) => Some(look.settings),
+            None => robot::is_go2(&floating).then(Default::default),
+        };
+        let task = task.as_ref();
+        let gains = gains(
+            settings,
+            given.as_ref(),
+            task.zip(source.as_deref().or(Some(BUILT_IN))),
+            &model,
+            &names,
+            &mut notes,
+        )?;
         let turn = turns(&model, &moved, settings.turns);
         let mut body = Self {
             range: Vec::new(),
@@ -89,7 +105,7 @@ impl Body {
             }
         }
         body.speeds(settings);
-        body.pose(settings, task.as_ref())?;
+        body.pose(settings, task)?;
         Ok(body)
     }
 
@@ -228,11 +244,11 @@ fn listed(names: &[String]) -> String {
     format!("{}{more}", shown.join(", "))
 }
 
-/// Gains: as given, as the fit has them, of the robot's task, or of its position actuators.
+/// Gains: as given, as the fit has them, of the robot's task with where that has them from, or of its position actuators.
 fn gains(
     settings: &ChirpSettings,
     fit: Option<&AdaptConfig>,
-    task: Option<&gaitfit_learn::task::TaskSettings>,
+    task: Option<(&gaitfit_learn::task::TaskSettings, &str)>,
     model: &Model,
     names: &[String],
     notes: &mut Vec<String>,
@@ -249,13 +265,12 @@ fn gains(
         return resolved(kp, kd);
     }
     let all: Vec<usize> = (0..names.len()).collect();
-    if let Some(policy) = task.map(|task| &task.policy) {
+    if let Some((policy, source)) = task.map(|(task, source)| (&task.policy, source)) {
         let resolved = |gain: &gaitfit_learn::task::JointNumber, what| gain.of_joints(model, &all, what);
         if let (Ok(kp), Ok(kd)) = (resolved(&policy.kp, "kp"), resolved(&policy.kd, "kd")) {
-            notes.push(
-                "gains are those that `gaitfit init` computes; give your robot's own with --kp and --kd"
-                    .to_owned(),
-            );
+            notes.push(format!(
+                "gains are those that `gaitfit init` computes ({source}); give your robot's own with --kp and --kd"
+            ));
             return Ok(Gains { kp, kd });
         }
     }
@@ -328,9 +343,7 @@ fn limb(model: &Model, body: usize) -> usize {
 
 /// What is fitted where no configuration says it.
 fn usual(settings: &ChirpSettings, model: &Model) -> AdaptConfig {
-    let max = |min: f64, of: fn(&gaitfit_model::Joint) -> f64| {
-        model.joints.iter().map(|joint| OF_FILE * of(joint)).fold(min, f64::max)
-    };
+    let scale = choices::motor_scale(model);
     let joints = if settings.joints.is_empty() { vec!["*".to_owned()] } else { settings.joints.clone() };
     let rule = |kind: JointParameter, per: Sharing, upper: f64| ParameterRule {
         per,
@@ -338,9 +351,9 @@ fn usual(settings: &ChirpSettings, model: &Model) -> AdaptConfig {
         upper: Some(upper),
         ..ParameterRule::new(kind)
     };
-    let friction = max(FRICTION, |joint| joint.frictionloss);
-    let armature = max(ARMATURE, |joint| joint.armature);
-    let damping = max(DAMPING, |joint| joint.damping);
+    let friction = choices::max_friction(model);
+    let armature = (ARMATURE * scale).max(choices::twice_file(model, |joint| joint.armature));
+    let damping = (DAMPING * scale).max(choices::twice_file(model, |joint| joint.damping));
     AdaptConfig {
         parameter: vec![
             rule(JointParameter::FrictionLoss, Sharing::Group, friction),
@@ -351,7 +364,7 @@ fn usual(settings: &ChirpSettings, model: &Model) -> AdaptConfig {
                 ..rule(JointParameter::Delay, Sharing::All, DELAY)
             },
         ],
-        simulation: crate::settings::SimulationConfig { timestep: 0.0025, ..Default::default() },
+        simulation: crate::settings::SimulationConfig { timestep: choices::STEP_S, ..Default::default() },
         ..AdaptConfig::default()
     }
 }

@@ -10,8 +10,9 @@ use crate::settings::{self, AdaptConfig, Base};
 use crate::walk::walking::{Walking, rest_angles};
 use crate::watch::Watch;
 use crate::{Error, machine};
+use gaitfit_adapt::cost::CostKind;
 use gaitfit_adapt::fit::Sensitivity;
-use gaitfit_adapt::{ParameterRule, RobotRule, Theta};
+use gaitfit_adapt::{ParameterRule, RobotNumber, RobotRule, Theta};
 use gaitfit_model::patterns::covered;
 use gaitfit_model::shown_number;
 use gaitfit_random::{Purpose, Stream};
@@ -135,6 +136,13 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     let mut config: AdaptConfig = settings::load(Some(&settings.config), &settings.set)?;
     config.policy = Some(settings.policy.display().to_string());
     config.base = Base::Free;
+    let stated = config.costs.first().copied();
+    let distributions = stated.filter(|cost| *cost == CostKind::Wass);
+    if distributions.is_some() {
+        config.costs = vec![CostKind::MatchR(NonZeroUsize::MIN)];
+        // Only distributions show it.
+        config.number.retain(|rule| rule.kind != RobotNumber::TorqueNoise);
+    }
     config.parameter.iter_mut().for_each(ParameterRule::resolve);
     config.number.iter_mut().for_each(RobotRule::resolve);
     let threads = settings.threads.map_or_else(machine::threads, NonZeroUsize::get);
@@ -198,6 +206,12 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
 
     let recorded = look.recorded(&whole, variances / random.len() as f64)?;
     let mut notes = crate::robot::remarks(&model);
+    notes.extend(distributions.map(|cost| {
+        format!(
+            "the configuration's first cost, {cost}, compares distributions; the deviations are those of matchr1, which \
+             compares samples. --set 'costs=[\"matchr2\"]' takes another"
+        )
+    }));
     let nothing = Information::nothing(theta.len());
     let known = recorded.as_ref().map_or(&nothing, |recorded| &recorded.information);
     let before = known.deviations();

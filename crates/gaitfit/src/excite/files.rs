@@ -103,7 +103,7 @@ fn fit(settings: &ChirpSettings, body: &Body) -> String {
         }
     }
     // A value a joint: too many for a search by draws, and exact derivatives need tens of simulations each.
-    out.push_str("\n[optimizer]\nmethod = \"least-squares\"\nseeds = 2\n");
+    let _ = write!(out, "\n[optimizer]\n{}", crate::air::choices::SEARCH);
     let _ = writeln!(out, "\n[simulation]\ntimestep = {:?}", body.config.simulation.timestep);
     out
 }

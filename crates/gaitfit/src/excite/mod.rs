@@ -116,11 +116,25 @@ pub fn chirp(settings: &ChirpSettings, watch: &Watch<'_>) -> Result<Chirp, Error
 }
 
 impl Chirp {
-    /// Writes its files into `folder`, which is made if it is not there, and gives their names.
+    /// Writes its files into `folder`, which is made if it is not there, and gives their names. `force` overwrites files
+    /// that differ.
     ///
     /// # Errors
-    /// What the system says.
-    pub fn write(&self, folder: &Path) -> Result<Vec<String>, Error> {
+    /// Without `force` a file of `folder` that differs, before anything is written; a file that cannot be written.
+    pub fn write(&self, folder: &Path, force: bool) -> Result<Vec<String>, Error> {
+        let differs = |(name, text): &&(&str, String)| {
+            let path = folder.join(name);
+            path.exists()
+                && crate::files::read_text(&path, crate::files::MAX_BYTES).is_ok_and(|old| old != *text)
+        };
+        let differing: Vec<&str> = self.files.iter().filter(differs).map(|(name, _)| *name).collect();
+        if !force && !differing.is_empty() {
+            return Err(Error::settings(format!(
+                "{}: the folder has another {}, which may hold your changes; give another --out, or --force to overwrite",
+                folder.display(),
+                differing.join(", ")
+            )));
+        }
         std::fs::create_dir_all(folder).map_err(|source| Error::File {
             access: crate::Access::Make,
             path: folder.to_owned(),

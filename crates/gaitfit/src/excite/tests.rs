@@ -147,3 +147,19 @@ fn a_robot_without_limits_needs_them() {
     assert!(strong.notes.iter().any(|note| note.contains("no range of swing")), "{:?}", strong.notes);
     assert!(strong.notes.iter().any(|note| note.contains("no speed limit of swing")), "{:?}", strong.notes);
 }
+
+#[test]
+fn changed_files_are_not_overwritten_unasked() {
+    let folder = tempfile::tempdir().unwrap();
+    let chirp = found(&short()).unwrap();
+    chirp.write(folder.path(), false).unwrap();
+    // What is the same may be written again.
+    chirp.write(folder.path(), false).unwrap();
+    let script = folder.path().join("play.py");
+    std::fs::write(&script, "mine").unwrap();
+    let error = chirp.write(folder.path(), false).unwrap_err().to_string();
+    assert!(error.contains("another play.py") && error.contains("--force"), "{error}");
+    assert_eq!(std::fs::read_to_string(&script).unwrap(), "mine");
+    chirp.write(folder.path(), true).unwrap();
+    assert_ne!(std::fs::read_to_string(&script).unwrap(), "mine");
+}

@@ -11,7 +11,8 @@ mod urdf;
 mod xml;
 
 use crate::robot::{self, Hold};
-use crate::{Access, Error, files, theta};
+use crate::settings::{self, AdaptConfig};
+use crate::{Access, Error, files, paths, robot_file, theta};
 use document::document;
 use gaitfit_adapt::{JointParameter, ThetaFile};
 use gaitfit_log::PerJoint;
@@ -29,7 +30,7 @@ const MAX_BYTES: u64 = 64 << 20;
 pub struct ExportSettings {
     /// Fitted parameters, a theta.toml.
     pub theta: PathBuf,
-    /// Robot file; the built-in Go2 without one.
+    /// Robot file; without one that of `config.toml` beside the parameters, or the built-in Go2.
     pub robot: Option<PathBuf>,
     /// Drop what the engine cannot simulate in the robot file, instead of refusing it.
     pub lenient: bool,
@@ -79,11 +80,15 @@ pub struct Exported {
 /// cannot be changed as text.
 pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
     let file = theta::read(&settings.theta)?;
-    let (model, text, is_urdf) = match &settings.robot {
+    let fitted = match &settings.robot {
+        Some(path) => Some((path.clone(), settings.lenient)),
+        None => of_fit(settings)?,
+    };
+    let (model, text, is_urdf) = match &fitted {
         None => (robot::go2()?, builtin::GO2.to_owned(), false),
-        Some(path) => {
-            let model = robot::as_written(path, settings.lenient)
-                .or_else(|_| robot::read(path, settings.lenient, Hold::File))?;
+        Some((path, lenient)) => {
+            let model =
+                robot::as_written(path, *lenient).or_else(|_| robot::read(path, *lenient, Hold::File))?;
             let text = files::read_text(path, MAX_BYTES).map_err(|source| Error::File {
                 access: Access::Read,
                 path: path.clone(),
@@ -101,6 +106,23 @@ pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
     let mut exported = files_of(&file, &model, &text, is_urdf, &candidate, gains.as_ref(), step)?;
     exported.notes.extend(theta::doubts(&file, &settings.theta, &model, None));
     Ok(exported)
+}
+
+/// The robot file of the fit that wrote the parameters, and whether it was read leniently: its `config.toml` lies beside
+/// them. Without that file, or if it names no robot and no policy that remembers one, there is none.
+fn of_fit(settings: &ExportSettings) -> Result<Option<(PathBuf, bool)>, Error> {
+    let path = settings.theta.with_file_name("config.toml");
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let mut config: AdaptConfig = settings::load(Some(&path), &[])?;
+    let advised = |error: Error| error.advised("Or give the robot's file with --robot.");
+    robot_file::of_policy(&mut config, &path).map_err(advised)?;
+    if config.robot.is_empty() {
+        return Ok(None);
+    }
+    let found = paths::find(&config.robot, "robot", &path).map_err(advised)?;
+    Ok(Some((found, settings.lenient || config.lenient)))
 }
 
 /// The gains that the settings name, one a joint of the model.

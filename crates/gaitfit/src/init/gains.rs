@@ -58,7 +58,8 @@ pub fn servo(model: &Model, joint: usize) -> Option<[f64; 2]> {
     let (actuator, other) = (servos.next()?, servos.next());
     let gear = actuator.gear * actuator.gear;
     let position = other.is_none() && actuator.gain > 0.0 && actuator.bias[1] == -actuator.gain;
-    position.then(|| [gear * actuator.gain, -gear * actuator.bias[2].min(0.0)])
+    // Zero is added because a kv of 0 would give −0.
+    position.then(|| [gear * actuator.gain, gear * (-actuator.bias[2]).max(0.0) + 0.0])
 }
 
 impl Gains {
@@ -115,7 +116,12 @@ impl Gains {
             let torque = model.effort(joint).map_or(SCALE, |effort| 0.5 * effort / p);
             scale.push(digits(SCALE.min(torque).max(0.1), 2));
         }
-        let how = if likely {
+        let without_kv = || anatomy.moved.iter().any(|&joint| servos[joint].is_some_and(|[_, d]| d == 0.0));
+        let how = if likely && without_kv() {
+            format!(
+                "kp of the file's position actuators, which state no kv: kd = {DAMPING} s · kp less the joint's damping (a guess)"
+            )
+        } else if likely {
             "kp and kd of the file's position actuators".to_owned()
         } else {
             let mut how = format!(

@@ -107,7 +107,8 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     let all: Vec<usize> = (0..model.joints.len()).collect();
     numbers(&mut text, model, &anatomy.moved, "action_scale", &gains.scale, "rad per unit action");
     numbers(&mut text, model, &all, "kp", &gains.kp, &format!("N·m/rad: {}", gains.how));
-    numbers(&mut text, model, &all, "kd", &gains.kd, "N·m·s/rad");
+    let guessed = if gains.how.contains("(a guess)") { "N·m·s/rad (a guess)" } else { "N·m·s/rad" };
+    numbers(&mut text, model, &all, "kd", &gains.kd, guessed);
     let _ = writeln!(text, "\n[task.policy.default_pose]       # rad: {}", pose.how());
     for (joint, angle) in model.joints.iter().zip(&pose.angles) {
         let _ = writeln!(text, "{} = {:?}", quoted(&joint.name), digits(round(*angle), 4));

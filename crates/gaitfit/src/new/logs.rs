@@ -35,7 +35,8 @@ impl Logs {
                 let inside = csv_files(path)?;
                 if inside.is_empty() {
                     return Err(Error::settings(format!(
-                        "{}: the folder holds no logs (.csv)",
+                        "{}: the folder holds no logs (.csv) of a robot. chirp.csv and expected.csv of `gaitfit excite` are \
+                         none: play.py writes log.csv",
                         path.display()
                     )));
                 }

@@ -9,7 +9,7 @@ use crate::robot::{self, Hold};
 use crate::settings::{self, AdaptConfig, LoopConfig, groups};
 use crate::{Error, files, init, paths, policy_file, robot_file};
 use gaitfit_log::PerJoint;
-use gaitfit_model::{Model, shown};
+use gaitfit_model::{Model, builtin, shown, shown_number};
 use gaitfit_policy::Policy;
 use logs::Logs;
 use serde::Serialize;
@@ -21,7 +21,7 @@ const BOARD_SECONDS: f64 = 0.001;
 /// What is known at the start.
 #[derive(Clone, Debug, Default)]
 pub struct NewSettings {
-    /// Robot file (MJCF or URDF); without one that of the policy's training, or the built-in Go2 if the policy is of it.
+    /// Robot file (MJCF or URDF), or `unitree-go2`, the built-in Go2; without one that of the policy's training, or the built-in Go2 if the policy is of it.
     pub robot: Option<PathBuf>,
     /// The policy that walked; without one the logs are of legs in the air.
     pub policy: Option<PathBuf>,
@@ -79,6 +79,39 @@ struct Gains {
     source: &'static str,
 }
 
+impl Gains {
+    /// The numbers, and where they are from.
+    fn text(&self) -> String {
+        format!("kp {} N·m/rad, kd {} N·m·s/rad: {}", range(&self.kp), range(&self.kd), self.source)
+    }
+
+    /// What a kd of 0 does to the fit.
+    fn doubt(&self) -> Option<String> {
+        let zero = values(&self.kd).into_iter().filter(|kd| *kd == 0.0).count();
+        (zero > 0).then(|| {
+            "kd is 0: with it the fitted damping also holds the kd that the robot's controller had. If that was not 0, give \
+             --kp and --kd"
+                .to_owned()
+        })
+    }
+}
+
+fn values(gains: &PerJoint) -> Vec<f64> {
+    match gains {
+        PerJoint::All(value) => vec![*value],
+        PerJoint::List(values) => values.clone(),
+        PerJoint::Named(values) => values.values().copied().collect(),
+    }
+}
+
+/// The gain of all joints, or the smallest and the largest.
+fn range(gains: &PerJoint) -> String {
+    let values = values(gains);
+    let min = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let max = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if min == max { shown_number(min) } else { format!("{} to {}", shown_number(min), shown_number(max)) }
+}
+
 /// Writes a configuration and opens it as its command would.
 ///
 /// # Errors
@@ -99,8 +132,26 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
         settings.lenient |= recorded.lenient;
         moved = note;
     }
+    let built_in = settings.robot.as_deref().is_some_and(is_built_in);
+    if built_in && policy.is_some() {
+        settings.robot = None;
+    }
+    let mut settings = settings;
+    let out = complete(&settings, policy.as_ref(), built_in)?.to_owned();
+    let out = out.as_path();
+    // A fit of legs in the air names its robot's file.
+    let file = built_in.then(|| out.with_file_name("go2.xml")).filter(|_| policy.is_none());
+    if let Some(file) = &file {
+        if file.exists() && files::read_text(file, files::MAX_BYTES).ok().as_deref() != Some(builtin::GO2) {
+            return Err(Error::settings(format!(
+                "{}: exists and is not the built-in Go2, which would be written there; give it as --robot, or another --out",
+                file.display()
+            )));
+        }
+        files::write(file, builtin::GO2.as_bytes())?;
+        settings.robot = Some(file.clone());
+    }
     let settings = &settings;
-    let out = complete(settings, policy.as_ref())?;
     let hold = if policy.is_some() { Hold::File } else { Hold::Clamped };
     let model = match &settings.robot {
         Some(path) => robot::read(path, settings.lenient, hold)?,
@@ -129,6 +180,14 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
     Ok(written)
 }
 
+/// The name of the built-in Go2.
+const GO2: &str = "unitree-go2";
+
+/// Whether a robot is named that is no file.
+fn is_built_in(robot: &Path) -> bool {
+    robot == Path::new(GO2) && !robot.exists()
+}
+
 /// Whether `file` would be read as the file that describes `log`.
 fn is_sidecar(file: &Path, log: &Path) -> bool {
     let whole = |path: &Path| {
@@ -139,11 +198,11 @@ fn is_sidecar(file: &Path, log: &Path) -> bool {
 }
 
 /// The output, if everything is given that cannot be guessed.
-fn complete<'a>(settings: &'a NewSettings, policy: Option<&Policy>) -> Result<&'a Path, Error> {
-    let builtin = policy.map(|policy| policy.interface.robot.as_str()) == Some("go2");
+fn complete<'a>(settings: &'a NewSettings, policy: Option<&Policy>, named: bool) -> Result<&'a Path, Error> {
+    let builtin = named || policy.map(|policy| policy.interface.robot.as_str()) == Some("go2");
     let mut missing = Vec::new();
     if settings.robot.is_none() && !builtin {
-        missing.push("--robot FILE, the robot's MJCF or URDF file");
+        missing.push("--robot FILE, the robot's MJCF or URDF file (unitree-go2 is the built-in Go2)");
     }
     if settings.logs.is_empty() {
         missing.push(match policy {
@@ -206,6 +265,7 @@ impl Found<'_> {
             None => robot::remarks(&self.model),
         };
         warnings.extend(self.logs.assumed.iter().cloned());
+        warnings.extend(self.gains.as_ref().and_then(Gains::doubt));
         Written {
             file: self.out.display().to_string(),
             assumed: self.assumed(opened.as_ref()),
@@ -237,8 +297,7 @@ impl Found<'_> {
         add("joints", self.logs.joints_text(&self.model));
         add("units", "rad, rad/s and s, as the logs' values are plausible for this robot".to_owned());
         if self.policy.is_none() {
-            let source = self.gains.as_ref().map_or("stated by the logs", |gains| gains.source);
-            add("gains", source.to_owned());
+            add("gains", self.gains.as_ref().map_or("stated by the logs".to_owned(), Gains::text));
         }
         let Some(setup) = setup else { return lines };
         if let (Some(policy), Some(notes)) = (&self.policy, &setup.notes) {

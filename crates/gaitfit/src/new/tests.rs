@@ -47,9 +47,48 @@ fn legs_in_the_air_give_a_fit_with_a_log_kept_out() {
     let kinds: Vec<&str> = config.parameter.iter().map(|rule| rule.kind.name()).collect();
     assert_eq!(kinds, ["frictionloss", "armature", "damping", "delay"]);
     assert_eq!(config.parameter[0].upper, Some(2.0), "5 % of the calves' 45.43 N·m");
+    assert_eq!(config.simulation.timestep, crate::air::choices::STEP_S);
     let line = |what: &str| written.assumed.iter().find(|one| one.what == what).unwrap().value.clone();
     assert_eq!(line("gains"), "stated by the logs");
     assert!(line("logs").starts_with("2 logs, 17.0 s in all at 200 Hz"), "{}", line("logs"));
+}
+
+#[test]
+fn gains_of_the_robot_file_are_numbers_and_a_kd_of_0_is_doubted() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(root("assets/go2.xml")).unwrap();
+    let (start, end) = (text.find("<actuator>").unwrap(), text.find("</actuator>").unwrap());
+    let model = crate::robot::go2().unwrap();
+    let servos: Vec<String> = model
+        .joints
+        .iter()
+        .map(|joint| format!("<position joint=\"{}\" kp=\"20\" forcerange=\"-40 40\"/>", joint.name))
+        .collect();
+    let robot = folder.path().join("servos.xml");
+    std::fs::write(&robot, format!("{}<actuator>{}{}", &text[..start], servos.concat(), &text[end..]))
+        .unwrap();
+    let log = std::fs::read_to_string(root("examples/go2-demo/fit.csv")).unwrap();
+    let bare = folder.path().join("bare.csv");
+    let lines: Vec<&str> = log.lines().filter(|line| !line.starts_with('#')).collect();
+    std::fs::write(&bare, lines.join("\n")).unwrap();
+    let written = write(&NewSettings { robot: Some(robot), logs: vec![bare], ..air(folder.path()) }).unwrap();
+    let gains = written.assumed.iter().find(|one| one.what == "gains").unwrap();
+    assert!(gains.value.starts_with("kp 20 N·m/rad, kd 0 N·m·s/rad: "), "{}", gains.value);
+    assert!(written.warnings.iter().any(|warning| warning.starts_with("kd is 0")), "{:?}", written.warnings);
+    assert!(!std::fs::read_to_string(&written.file).unwrap().contains("-0.0"));
+}
+
+#[test]
+fn the_built_in_robot_has_a_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = NewSettings { robot: Some("unitree-go2".into()), ..air(folder.path()) };
+    let written = write(&settings).unwrap();
+    assert_eq!(written.problem, None);
+    let config: AdaptConfig = load(settings.out.as_deref(), &[]).unwrap();
+    assert!(config.robot.ends_with("go2.xml"), "{}", config.robot);
+    // Another robot of that name stays.
+    std::fs::write(folder.path().join("go2.xml"), "<mujoco/>").unwrap();
+    assert!(write(&settings).unwrap_err().to_string().contains("is not the built-in Go2"));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The configuration as commented TOML.
 
 use super::{BOARD_SECONDS, Found, quoted};
+use crate::air::choices;
 use gaitfit_log::PerJoint;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -12,9 +13,6 @@ const IN_THE_AIR: [(&str, &str, &str); 4] = [
     ("damping", "group", "viscous friction, N·m·s/rad"),
     ("delay", "all", "from target to motor, s"),
 ];
-
-/// Generations of a fit of legs in the air: the default leaves the demonstration's ten numbers just before they settle.
-const GENERATIONS: u32 = 400;
 
 impl Found<'_> {
     /// The whole file.
@@ -82,8 +80,13 @@ impl Found<'_> {
                 "\n[[parameter]]                    # {what}\nkind = \"{kind}\"\nper = \"{per}\""
             );
             if kind == "frictionloss" {
-                let bound = format!("{:?}", self.max_friction());
-                line(text, "upper", &bound, "the search's bound: 5 % of the largest torque limit");
+                let bound = format!("{:?}", choices::max_friction(&self.model));
+                line(
+                    text,
+                    "upper",
+                    &bound,
+                    "the search's bound: 5 % of the largest torque limit, or twice the file's value",
+                );
             } else if let Some(bound) = self.wider(kind) {
                 line(
                     text,
@@ -93,30 +96,21 @@ impl Found<'_> {
                 );
             }
         }
-        text.push_str("\n[optimizer]\n");
-        let generations = GENERATIONS.to_string();
-        line(text, "generations", &generations, "maximum; a search that no longer improves ends earlier");
+        let _ = writeln!(text, "\n[optimizer]\n{}", choices::SEARCH.trim_end());
+        text.push_str("\n[simulation]\n");
+        line(text, "timestep", &format!("{:?}", choices::STEP_S), "s, of the physics");
         text.push_str("\n[check]\n");
         line(text, "converged", "true", "exit code 3 if the search has not converged");
     }
 
     /// The search's bound where the robot file's value is more than half of the usual one.
     fn wider(&self, kind: &str) -> Option<f64> {
-        let (usual, values): (f64, Vec<f64>) = match kind {
-            "armature" => (0.5, self.model.joints.iter().map(|joint| joint.armature).collect()),
-            "damping" => (2.0, self.model.joints.iter().map(|joint| joint.damping).collect()),
+        let (usual, twice) = match kind {
+            "armature" => (0.5, choices::twice_file(&self.model, |joint| joint.armature)),
+            "damping" => (2.0, choices::twice_file(&self.model, |joint| joint.damping)),
             _ => return None,
         };
-        let twice = 2.0 * values.into_iter().fold(0.0, f64::max);
-        (twice.is_finite() && twice > usual).then_some(twice)
-    }
-
-    /// Upper bound of dry friction, N·m, to one digit; that of a real Go2 is 1 % of its torque limits.
-    fn max_friction(&self) -> f64 {
-        let efforts = (0..self.model.joints.len()).filter_map(|joint| self.model.effort(joint));
-        let bound = 0.05 * efforts.filter(|effort| effort.is_finite()).fold(0.0, f64::max);
-        let digit = 10_f64.powf(bound.max(0.5).log10().floor());
-        (bound.max(0.5) / digit).round() * digit
+        (twice > usual).then_some(twice)
     }
 
     fn write_groups(&self, text: &mut String, table: &str) {

@@ -5,6 +5,7 @@ mod page;
 pub use page::page;
 
 use crate::{Error, files};
+use gaitfit_view::Doubt;
 use serde::Serialize;
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -179,7 +180,7 @@ fn result_of(results: &Value, run: &mut Run) {
     }
 }
 
-/// How much smaller the cost became, and whether the search converged.
+/// First how firmly the fit stands, then how much smaller the cost became, and whether the search converged.
 fn fit_summary(results: &Value, run: &Run) -> String {
     let change = match &run.cost {
         Some((_, before, after)) if *after > 0.0 && after < before => {
@@ -193,7 +194,22 @@ fn fit_summary(results: &Value, run: &Run) -> String {
         Some(false) => ", not converged",
         None => "",
     };
-    format!("{change}{state}")
+    let standing = match refused(&results["doubts"]) {
+        // A table has little room.
+        Some(refusal) => format!("{}; ", refusal.replacen(" this fit", "", 1)),
+        None => match results["standing"].as_str() {
+            Some("contradicted") => "contradicted by other walks; ".to_owned(),
+            Some("doubtful") => "doubtful; ".to_owned(),
+            _ => String::new(),
+        },
+    };
+    format!("{standing}{change}{state}")
+}
+
+/// Why a fit with these doubts must not be used. Doubts of another version are not read.
+fn refused(doubts: &Value) -> Option<String> {
+    let doubts: Vec<Doubt> = serde_json::from_value(doubts.clone()).ok()?;
+    crate::adapt::refusal(&doubts)
 }
 
 fn fitted(results: &Value, run: &mut Run) {
@@ -314,6 +330,27 @@ mod tests {
         assert!(!runs[3].done && runs[3].summary.contains("interrupted"), "{:?}", runs[3]);
         let one = list(&folder.path().join("b")).unwrap();
         assert_eq!(one, [runs[1].clone()]);
+    }
+
+    #[test]
+    fn what_must_not_be_used_is_stated_first() {
+        let runs = tempfile::tempdir().unwrap();
+        let fit = |standing: &str, doubts: Value| {
+            json!({"cost_name": "matcho", "cost": 0.1, "nominal_cost": 0.2, "converged": true,
+                "standing": standing, "doubts": doubts})
+        };
+        let misfit = json!([{"kind": "misfit", "text": "why"}]);
+        let weak = json!([{"kind": "unexplained", "text": "why"}]);
+        let all = [("a", "doubtful", misfit), ("b", "doubtful", weak), ("c", "sound", json!([]))];
+        for (name, standing, doubts) in all {
+            run(runs.path(), name, name, "fit", Some(fit(standing, doubts)));
+        }
+        let summaries: Vec<String> = list(runs.path()).unwrap().into_iter().map(|run| run.summary).collect();
+        let plain = "cost 2.0 times smaller, converged";
+        assert_eq!(
+            summaries,
+            [format!("do not use: misfit; {plain}"), format!("doubtful; {plain}"), plain.to_owned()]
+        );
     }
 
     #[test]

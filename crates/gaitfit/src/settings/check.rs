@@ -4,6 +4,8 @@ use super::{AdaptConfig, Base, MAX_SEED, MIN_STRETCH_S};
 
 /// Largest `simulation.starts`.
 const MAX_STARTS: usize = 64;
+/// Largest `simulation.timestep`, s.
+const MAX_TIMESTEP_S: f64 = 0.02;
 use crate::Error;
 use gaitfit_adapt::fit::{FallPenalty, FitOptions, Method};
 use gaitfit_adapt::{NetworkStart, RobotNumber, RobotRule};
@@ -86,6 +88,8 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "`checkpoint_seconds` must be at least 0"
     } else if !config.simulation.timestep.is_finite() || config.simulation.timestep < 1e-6 {
         "`simulation.timestep` must be at least 1e-6 s"
+    } else if config.simulation.timestep > MAX_TIMESTEP_S {
+        "`simulation.timestep` must be at most 0.02 s: joints under PD control shake in longer physics steps"
     } else if !(1..=MAX_STARTS).contains(&config.simulation.starts) {
         "`simulation.starts` must be 1 to 64"
     } else if !free && config.simulation.starts > 1 {

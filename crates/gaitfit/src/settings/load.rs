@@ -27,6 +27,9 @@ pub trait Configuration: DeserializeOwned {
 /// Reads `path` (without one: the defaults) and applies `sets` (`a.b=c`; list entries by number,
 /// `parameter.0.upper=1`).
 pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C, Error> {
+    if let Some(other) = path.and_then(no_configuration) {
+        return Err(Error::settings(other));
+    }
     // Tables borrow from these texts.
     let text = path
         .map(|path| read_text(path, MAX_BYTES).map_err(|error| unreadable::<C>(path, &error)))
@@ -76,6 +79,31 @@ fn too_large_value(path: &str, value: &Spanned<DeValue<'_>>) -> Option<(String, 
         }
         _ => None,
     }
+}
+
+/// What a file is that by its ending is no configuration, and which command takes it.
+fn no_configuration(path: &Path) -> Option<String> {
+    let shown = path.display();
+    let ending = path.extension()?.to_string_lossy().to_lowercase();
+    let what = match ending.as_str() {
+        "csv" => {
+            format!(
+                "a log. `gaitfit new --robot ROBOT --logs {shown} --out my-robot.toml` writes a configuration"
+            )
+        }
+        "xml" | "mjcf" | "urdf" => {
+            format!(
+                "a robot. `gaitfit new --robot {shown} --logs LOGS --out my-robot.toml` writes a configuration"
+            )
+        }
+        "safetensors" | "onnx" => {
+            format!(
+                "a policy. `gaitfit new --policy {shown} --logs LOGS --out my-robot.toml` writes a configuration"
+            )
+        }
+        _ => return None,
+    };
+    Some(format!("{shown} is no configuration but {what}"))
 }
 
 fn unreadable<C: Configuration>(path: &Path, error: &std::io::Error) -> Error {

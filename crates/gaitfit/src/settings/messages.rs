@@ -54,6 +54,28 @@ pub fn line_and_column(text: &str, offset: usize) -> String {
 /// Tables that only the configuration of a loop has.
 const OF_LOOPS: [&str; 4] = ["adapt", "target", "finetune", "controls"];
 
+/// Tables and keys that only the configuration of a fit has, and of a training.
+const OF_FITS: [&str; 8] =
+    ["parameter", "number", "costs", "groups", "gains", "validate", "base", "optimizer"];
+const OF_TRAININGS: [&str; 2] = ["ppo", "task"];
+
+/// What a configuration is for whose key `unknown` its command does not have: `known` are the keys of that command.
+fn meant_for(unknown: &str, known: &[&str]) -> Option<&'static str> {
+    let trains = known.contains(&"ppo");
+    let (loops, fits) = (known.contains(&"finetune"), known.contains(&"parameter"));
+    if trains && (OF_LOOPS.contains(&unknown) || ["policy", "logs"].contains(&unknown)) {
+        Some(
+            ". This looks like the configuration of a loop or of a fit of walks: run `gaitfit loop` or `gaitfit fit` with it",
+        )
+    } else if (trains || loops) && OF_FITS.contains(&unknown) {
+        Some(". This looks like the configuration of a fit: run `gaitfit fit` with it")
+    } else if (loops || fits) && OF_TRAININGS.contains(&unknown) {
+        Some(". This looks like the configuration of a training: run `gaitfit train` with it")
+    } else {
+        None
+    }
+}
+
 /// The known name nearest to the unknown one in a message such as "unknown field `a`, expected one of `b`, `c`".
 fn nearest(message: &str) -> String {
     if !message.starts_with("unknown ") {
@@ -61,12 +83,35 @@ fn nearest(message: &str) -> String {
     }
     let mut quoted = message.split('`').skip(1).step_by(2);
     let Some(unknown) = quoted.next() else { return String::new() };
+    let known: Vec<&str> = quoted.collect();
+    if let Some(command) = meant_for(unknown, &known) {
+        return command.to_owned();
+    }
     if OF_LOOPS.contains(&unknown) {
         return ". This looks like the configuration of a loop: run `gaitfit loop` with it; a fit of its walks alone takes the lines `policy` and `logs`".to_owned();
     }
-    let scored = quoted.map(|known| (strsim::jaro_winkler(unknown, known), known));
+    let scored = known.into_iter().map(|known| (strsim::jaro_winkler(unknown, known), known));
     match scored.max_by(|a, b| a.0.total_cmp(&b.0)) {
         Some((score, known)) if score > 0.6 => format!(". Did you mean `{known}`?"),
         _ => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::nearest;
+
+    #[test]
+    fn a_configuration_of_another_command_names_it() {
+        let of_train = "unknown field `policy`, expected one of `robot`, `ppo`, `task`";
+        assert!(nearest(of_train).contains("`gaitfit loop`"), "{}", nearest(of_train));
+        let of_loop = "unknown field `parameter`, expected one of `policy`, `finetune`";
+        assert!(nearest(of_loop).contains("`gaitfit fit`"), "{}", nearest(of_loop));
+        let of_fit = "unknown field `ppo`, expected one of `parameter`, `policy`";
+        assert!(nearest(of_fit).contains("`gaitfit train`"), "{}", nearest(of_fit));
+        assert_eq!(
+            nearest("unknown field `seed`, expected one of `seeds`, `ppo`"),
+            ". Did you mean `seeds`?"
+        );
     }
 }

@@ -5,7 +5,7 @@ use crate::adapt::{Method, Robot, read_logs, simulated};
 use crate::log::Log;
 use crate::robot::Hold;
 use crate::walk::recorder::Recorder;
-use crate::{log_joints, policy_file, robot_file};
+use crate::{log_joints, robot_file};
 use gaitfit_adapt::fit::simulate_one;
 use gaitfit_adapt::{Resets, Theta};
 use gaitfit_log::CheckSpec;
@@ -33,7 +33,7 @@ impl Robots {
     /// Reads robot, log, policy and parameters.
     pub fn open(settings: &ViewSettings) -> Result<Self, Error> {
         let (mut config, path) = super::config(settings)?;
-        remembered(&mut config, &path)?;
+        robot_file::of_policy(&mut config, &path)?;
         let first = super::read_csv(&settings.log, &ReadOptions::default())?;
         if config.robot.is_empty() {
             let go2 = super::robot::go2()?;
@@ -68,19 +68,6 @@ impl Robots {
             Self::Both(both) => both.simulate(),
         }
     }
-}
-
-/// The robot of the policy's training, where no other is named.
-fn remembered(config: &mut AdaptConfig, path: &Path) -> Result<(), Error> {
-    let Some(named) = config.policy.as_ref().filter(|_| config.robot.is_empty()) else { return Ok(()) };
-    let file = policy_file::find(&crate::paths::find(named, "policy", path)?)?.path;
-    let policy = gaitfit_policy::read(&file).map_err(Error::failed)?;
-    if let Some(recorded) = &policy.provenance.robot_file {
-        let (robot, _) = robot_file::find(&file, recorded, &policy.interface.robot)?;
-        config.robot = robot.display().to_string();
-        config.lenient |= recorded.lenient;
-    }
-    Ok(())
 }
 
 fn log_alone(

@@ -34,7 +34,7 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
         } else {
             output::print(&text::text(&results, &setup.warnings))?;
             if results.failed_check().is_none() && results.refusal().is_none() {
-                output::next(&next(&results.run_folder, config.policy.as_deref()))?;
+                output::next(&next(&results.run_folder, &config))?;
             }
         }
         viewer::report(args.run.open, &results.run_folder);
@@ -43,11 +43,24 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
 }
 
 /// What to do with a fit in the folder `run`.
-fn next(run: &str, policy: Option<&str>) -> Vec<String> {
+fn next(run: &str, config: &AdaptConfig) -> Vec<String> {
     let theta = format!("{run}/theta.toml");
-    let training = policy.map(|policy| format!("gaitfit finetune {policy} --theta {theta}"));
+    let training = config.policy.as_ref().map(|policy| {
+        let robot = robot_option(Path::new(policy), &config.robot);
+        format!("gaitfit finetune {policy} --theta {theta}{robot}")
+    });
     let validation = format!("gaitfit validate {theta} OTHER_LOG.csv");
     [validation].into_iter().chain(training).chain([format!("gaitfit export {theta} --out FOLDER")]).collect()
+}
+
+/// The option that names `robot`, if a configuration does, for a command on a policy that does not remember its robot file.
+pub fn robot_option(policy: &Path, robot: &str) -> String {
+    let remembers = || {
+        let path = gaitfit::policy_file::find(policy).map(|found| found.path).ok();
+        let policy = path.and_then(|path| gaitfit_policy::read(&path).ok());
+        policy.is_some_and(|policy| policy.provenance.robot_file.is_some())
+    };
+    if robot.is_empty() || remembers() { String::new() } else { format!(" --robot {robot}") }
 }
 
 /// Ends with the exit code of a failed check, if one failed.
