@@ -169,8 +169,13 @@ impl CostFit {
     /// The fit in a sentence, its `doubts` first.
     fn headline(&self, doubts: &[Doubt]) -> String {
         if !doubts.is_empty() {
-            let doubts = doubts.iter().map(|doubt| format!("{}: {}", doubt.kind.headline(), doubt.text));
-            return doubts.collect::<Vec<_>>().join(" ");
+            // Doubts are in the order of their kinds, and a kind is named once.
+            let sentence =
+                |(at, doubt): (usize, &Doubt)| match at.checked_sub(1).map(|before| doubts[before].kind) {
+                    Some(kind) if kind == doubt.kind => doubt.text.clone(),
+                    _ => format!("{}: {}", doubt.kind.headline(), doubt.text),
+                };
+            return doubts.iter().enumerate().map(sentence).collect::<Vec<_>>().join(" ");
         }
         let cost = format!("{} {:.5}", self.cost_name, self.cost);
         match self.nominal_cost {

@@ -22,7 +22,7 @@ use crate::{Error, machine, paths, policy_file, robot, theta};
 use gaitfit_adapt::cost::Cost;
 use gaitfit_adapt::fit::{FitOptions, Method as Search};
 use gaitfit_adapt::{JointParameter, ParameterRule, RobotRule, Sharing, Theta, ThetaError, ThetaFile};
-use gaitfit_model::Model;
+use gaitfit_model::{Model, shown};
 use gaitfit_policy::{self as policy, Policy};
 use gaitfit_sim::Candidate;
 use std::path::{Path, PathBuf};
@@ -133,10 +133,18 @@ impl Setup {
         let Robot { model, policy, base, known, mut files } = Robot::read(&config, config_path, given)?;
         let joints = crate::robot::joint_names(&model);
         config.groups = config.groups(&joints).into_iter().collect();
+        let in_robot =
+            |error: Error| match policy.as_ref().and_then(|policy| unnamed(&config.robot, policy, &model)) {
+                Some(which) => {
+                    Error::settings(format!("{}: {which}. Without it: {error}", config_path.display()))
+                }
+                None => error,
+            };
         let mut feet = None;
         if let Some(policy) = &policy {
+            rest_angles(policy, &model).map_err(in_robot)?;
+            let count = walking::feet(&config, policy, &model).map_err(in_robot)?;
             leave_held_out(&mut config, policy, &joints);
-            let count = walking::feet(&config, policy, &model)?;
             sized::fit_to(&mut config, stated, &model, count);
             config.simulation.timestep = walking::timestep(&config, policy)?;
             feet = Some(count);
@@ -271,6 +279,17 @@ fn sprung(config: &AdaptConfig, method: &Method, joints: &[String]) -> Result<Th
         .theta(&config.groups(&names), &names, &rest)
         .and_then(|theta| theta.with_priors(&config.prior, config.optimizer.prior_weight))
         .map_err(|error| Error::settings(format!("`odd_joints` puts a spring on every joint: {error}")))
+}
+
+/// A sentence that asks for the robot, if the settings name none and the policy states another one than the built-in Go2.
+fn unnamed(robot: &str, policy: &Policy, model: &Model) -> Option<String> {
+    let other = robot.is_empty() && policy.interface.other_robot(model).is_some();
+    other.then(|| {
+        format!(
+            "add `robot = \"…\"`, the file of `{}`, for which the policy was trained",
+            shown(&policy.interface.robot)
+        )
+    })
 }
 
 /// Limits rules with values for joints or groups to joints that the policy moves, unless the rule names its joints. Joints

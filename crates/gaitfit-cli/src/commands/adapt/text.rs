@@ -83,8 +83,10 @@ fn headline(fit: &CostFit, doubts: &[Doubt]) -> String {
     if let Some(error) = fit.mean_error_percent {
         let _ = write!(text, "; mean error {error:.2} %");
     }
-    for doubt in doubts {
-        let _ = write!(text, "; {}", doubt.kind.headline().to_uppercase());
+    let mut kinds: Vec<_> = doubts.iter().map(|doubt| doubt.kind).collect();
+    kinds.dedup();
+    for kind in kinds {
+        let _ = write!(text, "; {}", kind.headline().to_uppercase());
     }
     text
 }
