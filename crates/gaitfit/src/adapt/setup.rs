@@ -133,13 +133,11 @@ impl Setup {
         let Robot { model, policy, base, known, mut files } = Robot::read(&config, config_path, given)?;
         let joints = crate::robot::joint_names(&model);
         config.groups = config.groups(&joints).into_iter().collect();
-        let in_robot =
-            |error: Error| match policy.as_ref().and_then(|policy| unnamed(&config.robot, policy, &model)) {
-                Some(which) => {
-                    Error::settings(format!("{}: {which}. Without it: {error}", config_path.display()))
-                }
-                None => error,
-            };
+        let robot_line = policy.as_ref().and_then(|policy| unnamed(&config.robot, policy, &model));
+        let in_robot = |error: Error| match &robot_line {
+            Some(line) => Error::settings(format!("{}: {line}. Without it: {error}", config_path.display())),
+            None => error,
+        };
         let mut feet = None;
         if let Some(policy) = &policy {
             rest_angles(policy, &model).map_err(in_robot)?;
@@ -157,7 +155,8 @@ impl Setup {
         let theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
         let (walker, robot) = (policy.clone(), model.clone());
         let gpus = devices.open()?;
-        let method = self::method(&config, policy, model, &theta, &base, threads)?.on(gpus.clone());
+        let method = self::method(&config, policy, model, &theta, &base, threads).map_err(in_robot)?;
+        let method = method.on(gpus.clone());
         let mut warnings = crate::robot::remarks(method.model());
         if let Some(policy) = &walker {
             warnings.extend(policy.notes.iter().cloned());
