@@ -99,9 +99,9 @@ fn attack_foreign_tensors(rounds: usize) -> Outcome {
 fn damaged_graphs_are_refused_or_read() {
     let outcome = attack_graphs(150);
     assert!(outcome.read > 50 && outcome.refused > 500, "{outcome:?}");
-    let own = onnx::write(&policy(Activation::Elu)).unwrap();
-    let whole = onnx::read(&own).unwrap();
-    let damaged = |draws: &mut Draws| protobuf(&own, draws);
+    let written = onnx::write(&policy(Activation::Elu)).unwrap();
+    let whole = onnx::read(&written).unwrap();
+    let damaged = |draws: &mut Draws| protobuf(&written, draws);
     gaitfit_damage::attack("own ONNX", 200, BOUNDS, damaged, |file| {
         let read = onnx::read(file);
         // Some damage undoes itself.
@@ -112,9 +112,9 @@ fn damaged_graphs_are_refused_or_read() {
 
 #[test]
 fn damaged_weights_are_refused_or_read() {
-    let own = attack_tensors(1000);
+    let ours = attack_tensors(1000);
     let foreign = attack_foreign_tensors(1000);
-    for outcome in [own, foreign] {
+    for outcome in [ours, foreign] {
         assert!(outcome.read > 20 && outcome.refused > 500, "{outcome:?}");
     }
 }

@@ -67,8 +67,8 @@ impl CostOutcome {
             finalists.iter().flat_map(|values| draws.iter().map(move |draw| job(values, draw))).collect();
         let FinalComparison { simulator, theta, costs, falls, cancel, .. } = *comparison;
         let evaluations = evaluate(simulator, theta, costs, falls, &jobs, cancel)?;
-        let mean = |one: &[super::Evaluation]| -> Option<f64> {
-            let costs: Option<Vec<f64>> = one.iter().map(|evaluations| evaluations.cost).collect();
+        let mean = |of_finalist: &[super::Evaluation]| -> Option<f64> {
+            let costs: Option<Vec<f64>> = of_finalist.iter().map(|evaluation| evaluation.cost).collect();
             costs.map(|costs| costs.iter().sum::<f64>() / costs.len() as f64)
         };
         let means = evaluations.chunks(draws.len()).map(mean);

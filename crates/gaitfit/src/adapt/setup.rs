@@ -66,7 +66,7 @@ pub struct Setup {
     pub config_path: PathBuf,
     /// Whether the policy was given by the caller, and is in no file.
     pub own_policy: bool,
-    /// What the fitted logs show without a simulation, where it became priors.
+    /// What the fitted logs show without a simulation, if priors or further parameters come from it.
     pub swings: Option<SwingFindings>,
     /// Who simulates besides this process, if anyone does.
     pub shares: Option<Shares>,
@@ -138,21 +138,18 @@ impl Setup {
             Some(line) => Error::settings(format!("{}: {line}. Without it: {error}", config_path.display())),
             None => error,
         };
+        let mut rest = vec![0.0; joints.len()];
         let mut feet = None;
         if let Some(policy) = &policy {
-            rest_angles(policy, &model).map_err(in_robot)?;
+            rest = rest_angles(policy, &model).map_err(in_robot)?;
             let count = walking::feet(&config, policy, &model).map_err(in_robot)?;
             leave_held_out(&mut config, policy, &joints);
             sized::fit_to(&mut config, stated, &model, count);
             config.simulation.timestep = walking::timestep(&config, policy)?;
             feet = Some(count);
         }
-        let rest = match &policy {
-            Some(policy) => rest_angles(policy, &model)?,
-            None => vec![0.0; joints.len()],
-        };
         let in_file = |error: ThetaError| Error::settings(format!("{}: {error}", config_path.display()));
-        let theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
+        let mut theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
         let (walker, robot) = (policy.clone(), model.clone());
         let gpus = devices.open()?;
         let method = self::method(&config, policy, model, &theta, &base, threads).map_err(in_robot)?;
@@ -169,9 +166,10 @@ impl Setup {
         let logs = Logs::read(&config, config_path, &method)?;
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
-        let swings = if config.swings { swing::findings(&method, &logs.fit) } else { None };
-        let mut numbers = swings.as_ref().map_or_else(Vec::new, |found| swing::numbers_of(&method, found));
-        let mut theta = theta;
+        let without_simulation = config.swings || config.effects;
+        let swings = if without_simulation { swing::findings(&method, &logs.fit) } else { None };
+        let priors = swings.as_ref().filter(|_| config.swings);
+        let mut numbers = priors.map_or_else(Vec::new, |found| swing::numbers_of(&method, found));
         if let Some(found) = swings.as_ref().filter(|_| config.effects) {
             let remedies = Remedies::new(found, &theta, &base);
             remedies.extend(&mut config, &joints);

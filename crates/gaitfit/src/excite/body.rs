@@ -21,7 +21,7 @@ const ARMATURE: f64 = 0.1;
 const DAMPING: f64 = 1.0;
 const DELAY: f64 = 0.02;
 /// Where the gains of the built-in robot are from.
-const BUILT_IN: &str = "those of the built-in task";
+const BUILT_IN: &str = "the gains of the built-in task";
 /// Names that a message lists.
 const LISTED: usize = 4;
 

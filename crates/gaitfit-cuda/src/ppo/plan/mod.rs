@@ -110,7 +110,7 @@ impl Plan {
         Self { arrays, pack: Vec::new(), launches, foresee: None, sharing: (1, 1, [1, 1]) }
     }
 
-    /// Means and values of rows `from .. from + rows` of the samples, from their observations; none in a plan without
+    /// Means and values of rows `from .. from + rows` of the samples, from their observations; `None` in a plan without
     /// a learner.
     pub fn foresee(&self, from: usize, rows: usize) -> Option<Launch> {
         let mut launch = self.foresee.clone()?;
@@ -121,8 +121,8 @@ impl Plan {
         Some(launch)
     }
 
-    /// The critic's values of `rows` rows, and the places among the arguments of its observations and of the values,
-    /// which are those of the samples; none in a plan without a learner.
+    /// The critic's values of `rows` rows, and two indices into the arguments: of its observations and of the values. The
+    /// arguments hold the samples. `None` in a plan without a learner.
     pub fn foresee_values(&self, rows: usize) -> Option<(Launch, [usize; 2])> {
         let mut launch = self.foresee.clone()?;
         let (processors, tile, _) = self.sharing;
