@@ -100,6 +100,16 @@ pub(crate) fn all_taken(sources: &[Source], mapping: &Mapping) -> Result<(), Imp
     Err(ImportError::NoSuchStream { wanted: wanted.clone(), found })
 }
 
+/// Whether a column of this name would be taken, by the mapping or by its usual name.
+pub(crate) fn wanted(name: &str, mapping: &Mapping) -> bool {
+    let mapped = named(&mapping.columns).into_iter().any(|(role, names)| match names {
+        None => false,
+        Some(Names::Each(list)) => list.iter().any(|one| one == name),
+        Some(Names::One(pattern)) => by_pattern(pattern, name, role).is_some(),
+    });
+    mapped || canonical(name).is_some_and(|known| !is_said(&known, mapping))
+}
+
 /// Whether the mapping names other columns for the quantity of `known`.
 fn is_said(known: &str, mapping: &Mapping) -> bool {
     named(&mapping.columns).into_iter().any(|(role, names)| {

@@ -50,6 +50,20 @@ pub enum TableError {
     /// More rows than can be counted.
     #[error("too many rows; cut the log")]
     ManyRows,
+    /// A cell of a column that is needed.
+    #[error(
+        "line {line}, column `{}`: `{}` is not a number; correct it, or leave the cell empty",
+        shown(column),
+        shown(cell)
+    )]
+    Number {
+        /// The row's line, from 1.
+        line: u64,
+        /// The column's name.
+        column: String,
+        /// The cell.
+        cell: String,
+    },
     /// A cell of the time column.
     #[error("line {line}: `{}` is no sample time", shown(cell))]
     Time {

@@ -4,6 +4,7 @@ use crate::budget::Budget;
 use crate::known::{Role, canonical, role};
 use crate::mapping::Mapping;
 use crate::problem::Problem;
+use crate::resolve::wanted;
 use crate::table::{MAX_COLUMNS, Source, Sparse};
 use crate::table_error::TableError;
 use gaitfit_model::shown;
@@ -54,10 +55,10 @@ pub(crate) fn read(
     let time = time_column(&names, mapping)?;
     let mut sparse = Sparse::default();
     let mut columns: Vec<(Vec<u32>, Vec<f64>)> = vec![Default::default(); names.len()];
-    let mut words = vec![false; names.len()];
+    let mut words: Vec<Option<(u64, String)>> = vec![None; names.len()];
     let mut record = csv::StringRecord::new();
     while reader.read_record(&mut record).map_err(damaged)? {
-        let line = record.position().map_or(0, csv::Position::line);
+        let line = || record.position().map_or(0, |start| line_at(text, start.byte()));
         if record.len() != names.len() {
             // PlotJuggler ends lines with a separator in some versions; a last line may be cut short.
             let spare = record.len() == names.len() + 1 && record.get(names.len()).is_some_and(str::is_empty);
@@ -66,7 +67,7 @@ pub(crate) fn read(
             }
             if !spare {
                 let (cells, names) = (record.len(), names.len());
-                return Err(TableError::Cells { line, cells, names }.into());
+                return Err(TableError::Cells { line: line(), cells, names }.into());
             }
         }
         let row = u32::try_from(sparse.time.len()).map_err(|_| TableError::ManyRows)?;
@@ -79,7 +80,7 @@ pub(crate) fn read(
             Some(column) => {
                 let cell = record.get(column).unwrap_or("");
                 let at = number(cell).ok().filter(|at| at.is_finite());
-                at.ok_or_else(|| TableError::Time { line, cell: cell.to_owned() })?
+                at.ok_or_else(|| TableError::Time { line: line(), cell: cell.to_owned() })?
             }
             None => f64::from(row),
         };
@@ -93,7 +94,9 @@ pub(crate) fn read(
                     columns[column].0.push(row);
                     columns[column].1.push(value);
                 }
-                Err(_) => words[column] = true,
+                Err(_) => {
+                    words[column].get_or_insert_with(|| (line(), cell.to_owned()));
+                }
             }
         }
     }
@@ -102,10 +105,17 @@ pub(crate) fn read(
         if Some(column) == time {
             continue;
         }
-        if words[column] {
-            source.left_out.push(format!("{}: cells that are no numbers", shown(name)));
-        } else {
-            sparse.columns.insert(name.clone(), filled);
+        match words[column].take() {
+            None => drop(sparse.columns.insert(name.clone(), filled)),
+            // A column of words with a known name is no quantity of the robot.
+            Some((line, cell)) if !filled.0.is_empty() && wanted(name, mapping) => {
+                return Err(TableError::Number { line, column: name.clone(), cell }.into());
+            }
+            Some((line, cell)) => source.left_out.push(format!(
+                "{}: `{}` in line {line} is not a number",
+                shown(name),
+                shown(&cell)
+            )),
         }
     }
     let clock = if time.is_some() { "the time column" } else { "the rows' numbers" };
@@ -117,6 +127,15 @@ pub(crate) fn read(
         return Err(TableError::NoNumbers.into());
     }
     Ok(source)
+}
+
+/// The line, from 1, of the record that begins at a byte of `text`. The reader's own count is one too low after the first
+/// line that ends with carriage return and line feed: its records begin between the two.
+fn line_at(text: &str, byte: u64) -> u64 {
+    let start = usize::try_from(byte).unwrap_or(usize::MAX).min(text.len());
+    let bytes = text.as_bytes();
+    let ends = bytes[start..].iter().take_while(|byte| matches!(byte, b'\r' | b'\n')).count();
+    1 + bytes[..start + ends].iter().filter(|byte| **byte == b'\n').count() as u64
 }
 
 /// The place of the time column among `names`; `None`: the mapping gives a rate instead.

@@ -130,3 +130,32 @@ fn all_joints_without_positions_are_named() {
     let error = csv("q_0,q_3,dq_3", |_, t| vec![wave(t), wave(t), 0.0], mapping).unwrap_err().to_string();
     assert!(error.contains("joint 1, b; joint 2, c"), "{error}");
 }
+
+#[test]
+fn a_damaged_cell_of_a_needed_column_is_named_by_line_and_others_are_left_out() {
+    let import_text = |text: String| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("damaged.csv");
+        std::fs::write(&path, text).unwrap();
+        let mapping = "[time]\ncolumn = \"stamp\"\n[columns]\nposition = \"angle_{joint}\"\nvelocity = \"speed_{joint}\"\n";
+        let options = Options { mapping: Mapping::parse(mapping).unwrap(), ..Options::default() };
+        import(&[path], &options)
+    };
+    let rows = |end: &str, damaged: &str, mode: &str| {
+        let row = |row: u32| {
+            let t = f64::from(row) / 100.0;
+            let angle = if row == 47 { damaged.to_owned() } else { format!("{:.4}", wave(t)) };
+            let mode = if row == 9 { mode.to_owned() } else { "1".to_owned() };
+            format!("{t};{angle};{:.4};{mode}{end}", wave(t))
+        };
+        format!("stamp;angle_hip;speed_hip;mode{end}") + &(0..100).map(row).collect::<String>()
+    };
+    for end in ["\n", "\r\n"] {
+        let error = import_text(rows(end, "x1", "1")).unwrap_err().to_string();
+        assert!(error.contains("line 49, column `angle_hip`: `x1` is not a number"), "{error}");
+        let imported = import_text(rows(end, "0.1", "auto")).unwrap();
+        assert_eq!(imported.trajectory.len(), 100);
+        let left_out = imported.report.left_out.join("\n");
+        assert!(left_out.contains("mode: `auto` in line 11 is not a number"), "{left_out}");
+    }
+}

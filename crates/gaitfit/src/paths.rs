@@ -22,6 +22,12 @@ pub fn find(named: &str, what: &str, config: &Path) -> Result<PathBuf, Error> {
     if beside.exists() {
         return Ok(beside);
     }
+    if crate::robot::is_built_in(&here) {
+        return Err(Error::settings(format!(
+            "{}: {what} `{named}`: the built-in Go2 is used where no robot is named; leave the name out",
+            config.display()
+        )));
+    }
     let looked = if here.is_absolute() || beside == here {
         String::new()
     } else {

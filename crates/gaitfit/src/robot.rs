@@ -52,6 +52,22 @@ pub fn read(path: &Path, lenient: bool, hold: Hold) -> Result<Model, Error> {
     Ok(gaitfit_model::read(path, &ReadOptions { lenient, root, add_floor: true })?)
 }
 
+/// The name of the built-in Go2.
+pub const GO2: &str = "unitree-go2";
+
+/// Whether `robot` is the name of the built-in Go2, and no file.
+pub fn is_built_in(robot: &Path) -> bool {
+    robot == Path::new(GO2) && !robot.exists()
+}
+
+/// [`read`]s a robot that floats or stands as its file says, or the built-in Go2 by its name.
+///
+/// # Errors
+/// A file that cannot be read, or that no robot can be made of.
+pub fn named(robot: &Path, lenient: bool) -> Result<Model, Error> {
+    if is_built_in(robot) { go2() } else { read(robot, lenient, Hold::File) }
+}
+
 /// Reads an MJCF or URDF robot as MuJoCo reads it: without a floor that the file does not have.
 pub fn as_written(path: &Path, lenient: bool) -> Result<Model, Error> {
     Ok(gaitfit_model::read(path, &ReadOptions { lenient, root: None, add_floor: false })?)

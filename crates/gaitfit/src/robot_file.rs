@@ -41,6 +41,10 @@ fn fingerprint(path: &Path) -> Result<String, Error> {
 /// That the file is not there any more, or is another now.
 pub fn settled(asked: &WorldSettings, policy: &Policy) -> Result<(WorldSettings, Vec<String>), Error> {
     let mut settings = asked.clone();
+    if asked.robot.as_deref().is_some_and(robot::is_built_in) {
+        settings.robot = None;
+        return Ok((settings, Vec::new()));
+    }
     let Some(recorded) = &policy.provenance.robot_file else { return Ok((settings, Vec::new())) };
     let mut notes = Vec::new();
     match &asked.robot {

@@ -6,8 +6,10 @@ use super::{CostOutcome, MAX_SCANNED, ParameterOutcome, Stop};
 const PROGRESS: f64 = 0.01;
 /// Seeds whose values differ by more than this part of the bounds (one standard deviation) found different ones.
 const APART: f64 = 0.05;
-/// A search that was cut short before has shown nothing.
-const FEWEST: usize = 4;
+/// A search that its limit of generations ended before has shown nothing.
+const MIN_GENERATIONS: usize = 4;
+/// A search that its time limit ended before has shown nothing.
+const MIN_GENERATIONS_IN_TIME: usize = 30;
 /// Parameters named in a reason.
 const NAMED: usize = 4;
 
@@ -48,7 +50,8 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     }
     let generations = best.map_or(0, |run| run.generations);
     let settled = reasons.len();
-    if generations < FEWEST && !course.is_empty() {
+    let min = if ended.is_none() { MIN_GENERATIONS_IN_TIME } else { MIN_GENERATIONS };
+    if generations < min && !course.is_empty() {
         let plural = if generations == 1 { "" } else { "s" };
         reasons.push(format!("It was cut short after {generations} generation{plural}."));
     }
@@ -171,9 +174,13 @@ mod tests {
         let progress = reasons(Some(Stop::Generations), 0.01, &falling);
         assert!(progress.len() == 1 && progress[0].contains("66.7 %"), "{progress:?}");
         let apart = reasons(None, 0.2, &flat);
-        assert!(apart.len() == 2 && apart[1].contains("p 0.5000 ± 0.2000"), "{apart:?}");
+        assert!(apart.len() == 3 && apart[2].contains("p 0.5000 ± 0.2000"), "{apart:?}");
         assert!(apart[0].contains("optimizer.max_seconds"), "{apart:?}");
-        assert!(reasons(None, 0.01, &flat).is_empty(), "it ended in time");
+        let short = reasons(None, 0.01, &flat);
+        assert!(short.len() == 2 && short[1].contains("cut short after 8 generations"), "{short:?}");
+        let mut long = outcome(None, 0.01);
+        long.runs[0].generations = 40;
+        assert!(unsettled(&long, &flat).is_empty(), "it had settled when its time ended");
     }
 
     #[test]

@@ -16,7 +16,7 @@ pub struct Import {
     /// Joints, units and columns that the recording does not state (docs/import.md)
     #[arg(long, value_name = "FILE.toml")]
     pub mapping: Option<PathBuf>,
-    /// Robot that gives the order of numbered joints
+    /// Robot that gives the order of numbered joints; `unitree-go2` is the built-in Go2
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
     /// Robot: drop what the engine cannot simulate, instead of refusing the file

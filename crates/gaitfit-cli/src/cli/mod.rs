@@ -115,7 +115,7 @@ pub struct Inspect {
     /// Robot: drop what the engine cannot simulate and list it, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
-    /// Log: check it against this robot's joints and limits
+    /// Log: check it against this robot's joints and limits; `unitree-go2` is the built-in Go2
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
     /// Log: check that its actions follow from this policy; if not, try other joint orders, signs and scales
@@ -134,7 +134,7 @@ pub struct Inspect {
 pub struct Explain {
     /// Log of a walk (.csv), or folder of logs of one robot
     pub logs: PathBuf,
-    /// Robot file (.xml, .mjcf, .urdf)
+    /// Robot (.xml, .mjcf, .urdf); `unitree-go2` is the built-in Go2
     #[arg(long, value_name = "FILE")]
     pub robot: PathBuf,
     /// Drop what the engine cannot simulate in the robot file, instead of refusing it

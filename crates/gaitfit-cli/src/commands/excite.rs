@@ -103,7 +103,9 @@ fn chirp(args: &cli::Excite) -> Result<(), Failure> {
     output::print(&text(&chirp, &written))?;
     let out = args.out.display();
     output::next(&[
-        format!("python3 {out}/play.py, after you fill in its class Robot; it writes {out}/log.csv"),
+        format!(
+            "python3 {out}/play.py, after you fill in its class Robot; it writes {out}/log.csv, which the next command fits"
+        ),
         match &args.fit {
             None => format!("gaitfit fit {out}/fit.toml"),
             Some(fit) => format!("gaitfit fit {} --set 'logs=[\"{out}/log.csv\"]'", fit.display()),

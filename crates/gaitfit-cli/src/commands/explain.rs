@@ -32,7 +32,7 @@ struct Document<'a> {
 /// folder.
 pub fn run(args: &Explain) -> Result<(), Failure> {
     let path = Some(args.robot.as_path());
-    let model = robot::read(&args.robot, args.lenient, robot::Hold::File)?;
+    let model = robot::named(&args.robot, args.lenient)?;
     let found = if args.logs.is_dir() {
         let spec = |log: &Trajectory| CheckSpec::of_robot(&model, &log.joints);
         let mut progress = |_, _| ControlFlow::Continue(());

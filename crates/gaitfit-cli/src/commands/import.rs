@@ -5,7 +5,7 @@ use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::table::table;
 use gaitfit::files::{self, Output};
-use gaitfit::robot::{self, Hold};
+use gaitfit::robot;
 use gaitfit::weight::{self, Order};
 use gaitfit_import::{
     ImportError, ImportReport, Imported, MAX_MAPPING_BYTES, Mapping, ObservedNumber, Options,
@@ -34,7 +34,7 @@ struct Document {
 /// Reads the recording, writes the log, prints what was assumed and what is wrong with it.
 pub fn run(args: &Import) -> Result<(), Failure> {
     let model = match &args.robot {
-        Some(path) => Some(robot::read(path, args.lenient, Hold::File)?),
+        Some(path) => Some(robot::named(path, args.lenient)?),
         None => None,
     };
     let (mapping, order_is_assumed) = mapping(args, model.as_ref())?;
@@ -78,8 +78,8 @@ pub fn run(args: &Import) -> Result<(), Failure> {
     if args.json {
         return Ok(());
     }
-    let robot = args.robot.as_ref().map_or("ROBOT".into(), |robot| robot.to_string_lossy());
-    output::next(&[format!("gaitfit inspect {} --robot {robot} --plot log.svg", document.written)])
+    let robot = args.robot.as_ref().map_or(String::new(), |robot| format!(" --robot {}", robot.display()));
+    output::next(&[format!("gaitfit inspect {}{robot} --plot log.svg", document.written)])
 }
 
 /// Reads a recording. Where nobody states the order of its numbered joints, `assumed` is the robot whose order was taken:
@@ -129,7 +129,7 @@ fn read(files: &[PathBuf], mapping: Mapping) -> Result<Imported, Failure> {
 /// Writes `recording` as the log `out` for `gaitfit new`, and gives what was assumed and left out.
 pub fn convert(recording: &Path, out: &Path, args: &New) -> Result<Vec<String>, Failure> {
     let model = match &args.robot {
-        Some(path) => Some(robot::read(path, args.lenient, Hold::File)?),
+        Some(path) => Some(robot::named(path, args.lenient)?),
         None => None,
     };
     let (mapping, order_is_assumed) = mapping(
@@ -142,7 +142,13 @@ pub fn convert(recording: &Path, out: &Path, args: &New) -> Result<Vec<String>, 
         model.as_ref(),
     )?;
     let assumed = model.as_ref().filter(|_| order_is_assumed);
-    let (imported, order) = in_order(&[recording.to_owned()], mapping, assumed)?;
+    let (imported, order) = in_order(&[recording.to_owned()], mapping, assumed).map_err(|mut failure| {
+        let name = shown_path(recording);
+        if !failure.message.contains(&name) {
+            failure.message = format!("{name}: {}", failure.message);
+        }
+        failure
+    })?;
     write_csv(out, &imported.trajectory).map_err(Failure::failed)?;
     let left_out = imported.report.left_out.iter().map(|line| format!("left out: {line}"));
     let order = order.map(|finding| finding.message);

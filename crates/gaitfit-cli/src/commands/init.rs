@@ -21,6 +21,11 @@ struct Document {
 
 /// Writes the configuration and prints what was guessed.
 pub fn run(args: &Init) -> Result<(), Failure> {
+    if robot::is_built_in(&args.robot) {
+        return Err(Failure::usage(
+            "the built-in Go2 needs no configuration: `gaitfit train` walks it, and `gaitfit config train` prints its settings",
+        ));
+    }
     let model = robot::read(&args.robot, args.lenient, Hold::File)?;
     let out = args.out.clone().unwrap_or_else(|| file_for(&model.name));
     let asked = Output { path: &out, option: "--out", ending: Some("toml") };

@@ -13,26 +13,42 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     let missing: Vec<&String> = expected.iter().filter(|name| !recorded.contains(name)).collect();
     let extra: Vec<usize> =
         (0..log.joints.len()).filter(|&joint| !wanted.contains(&log.joints[joint])).collect();
-    for name in &missing {
-        let similar = extra
+    let similar = |name: &&&String| {
+        extra
             .iter()
             .map(|&joint| &log.joints[joint])
-            .find(|have| name.contains(*have) || have.contains(*name));
-        let message = match similar {
-            Some(have) => format!(
-                "the robot's joint {} is not in the log, whose {} may be it: rename the columns",
-                shown(name),
-                shown(have)
-            ),
-            None => format!(
-                "the robot's joint {} is not in the log; record it, or use a robot model without it",
-                shown(name)
-            ),
-        };
+            .find(|have| name.contains(*have) || have.contains(**name))
+    };
+    for (name, have) in missing.iter().filter_map(|name| Some((name, similar(&name)?))) {
+        let message = format!(
+            "the robot's joint {} is not in the log, whose {} may be it: rename the columns",
+            shown(name),
+            shown(have)
+        );
         findings.list.push(super::Finding {
             kind: FindingKind::MissingJoint,
             severity: Severity::Error,
             joints: vec![name.to_string()],
+            span: None,
+            message,
+        });
+    }
+    // Arms and heads that a policy holds still are often not recorded.
+    let unrecorded: Vec<&String> = missing.iter().filter(|name| similar(name).is_none()).copied().collect();
+    if !unrecorded.is_empty() {
+        let one = unrecorded.len() == 1;
+        let message = format!(
+            "the log lacks the robot's {} {}, which {} taken to rest; if {} moved, record {}",
+            if one { "joint" } else { "joints" },
+            names(unrecorded.iter().map(|name| name.as_str())),
+            if one { "is" } else { "are" },
+            if one { "it" } else { "they" },
+            if one { "it" } else { "them" },
+        );
+        findings.list.push(super::Finding {
+            kind: FindingKind::MissingJoint,
+            severity: Severity::Warning,
+            joints: unrecorded.into_iter().cloned().collect(),
             span: None,
             message,
         });

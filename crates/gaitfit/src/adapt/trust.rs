@@ -75,6 +75,12 @@ pub(super) fn stopped(error: FitError, folder: &RunFolder) -> Error {
     Error::interrupted(message, path)
 }
 
+/// Why a search that its time limit ended is not corrected. A correction takes minutes, and needs the search's end.
+fn cut_short(outcome: &CostOutcome) -> Option<String> {
+    let cut = outcome.runs.iter().any(|run| run.stop.is_none());
+    cut.then(|| "The time limit ended the search (optimizer.max_seconds).".to_owned())
+}
+
 /// Corrects what CMA-ES found by simulated robots, where that can be, or else scans the cost around it. Returns why it does
 /// not correct, if it should. Intervals reach to all values on the search's way that fit as well.
 fn measured(
@@ -88,8 +94,8 @@ fn measured(
     let (cost, theta, stop) = (setup.costs[number].as_ref(), &setup.theta, || watch.stop());
     let replicas =
         setup.replicas.as_ref().filter(|_| robots::applies(&setup.config, setup.config.costs[number]));
-    let mut refused = None;
-    if let Some(replicas) = replicas {
+    let mut refused = replicas.and_then(|_| cut_short(outcome));
+    if let Some(replicas) = replicas.filter(|_| refused.is_none()) {
         let problem =
             Problem { simulator: setup.searched().simulator.as_ref(), theta, cost, draw: 0, cancel: &stop };
         refused = robots::correct(setup, replicas, outcome, problem, watch)?;
@@ -121,8 +127,11 @@ fn trusted(
 ) -> Result<Option<String>, FitError> {
     let quiet = Problem { simulator: setup.fit.simulator.as_ref(), ..problem };
     let replicas = setup.replicas.as_ref().filter(|_| setup.config.costs[cost].needs_imu());
-    let refused = replicas.map(|replicas| replicas.correct(setup, cost, outcome, quiet, watch));
-    let refused = refused.transpose()?.flatten();
+    let refused = match (replicas, cut_short(outcome)) {
+        (None, _) => None,
+        (Some(_), Some(reason)) => Some(reason),
+        (Some(replicas), None) => replicas.correct(setup, cost, outcome, quiet, watch)?,
+    };
     let corrected = outcome.correction.is_some();
     let others = setup.alternatives.iter().filter(|other| !(corrected && other.corrected));
     let others: Vec<Alternative<'_>> = others.map(Other::alternative).collect();

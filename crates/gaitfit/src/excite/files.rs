@@ -3,8 +3,9 @@
 use super::body::Body;
 use super::safe::Safe;
 use super::settings::ChirpSettings;
-use crate::Error;
+use crate::{Error, paths};
 use std::fmt::Write;
+use std::path::Path;
 
 /// Plays the targets on a robot, in MuJoCo, or not at all.
 const PLAYER: &str = include_str!("play.py");
@@ -78,8 +79,10 @@ fn fit(settings: &ChirpSettings, body: &Body) -> String {
         format!("{{ {} }}", entries.join(", "))
     };
     let mut out = format!(
-        "# Fits the log of the chirp: play.py writes log.csv, then `gaitfit fit fit.toml`.\n\nrobot = {}\n",
-        text(&settings.robot.display().to_string())
+        "# Fits the log of the chirp: play.py writes log.csv, then `gaitfit fit fit.toml`. The bounds (`upper`) are those of the\n\
+         # robots on which the chirp was simulated; the fit may have wider ones.\n\nrobot = {}\n",
+        // The folder of the files is known later; from wherever it is, the whole path leads to the robot.
+        text(&paths::named(&settings.robot, Path::new("chirp/fit.toml")))
     );
     if settings.lenient {
         out.push_str("lenient = true\n");

@@ -1,16 +1,8 @@
 //! A joint's numbers as other simulators take them.
 
+use gaitfit_log::Gains;
 use gaitfit_model::Model;
 use gaitfit_sim::Candidate;
-
-/// Gains of the controller, one a joint of the model, before the fit's factors.
-#[derive(Clone, Debug)]
-pub(super) struct Gains {
-    /// N·m/rad
-    pub kp: Vec<f64>,
-    /// N·m·s/rad
-    pub kd: Vec<f64>,
-}
 
 /// A joint of the fitted robot.
 #[derive(Clone, Debug)]

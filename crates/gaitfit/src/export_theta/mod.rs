@@ -4,6 +4,7 @@
 mod checks;
 mod code;
 mod document;
+mod fit;
 mod joint;
 mod mjcf;
 mod networks;
@@ -11,14 +12,13 @@ mod urdf;
 mod xml;
 
 use crate::robot::{self, Hold};
-use crate::settings::{self, AdaptConfig};
-use crate::{Access, Error, files, paths, robot_file, theta};
+use crate::{Access, Error, files, theta};
 use document::document;
+use fit::Fit;
 use gaitfit_adapt::{JointParameter, ThetaFile};
-use gaitfit_log::PerJoint;
+use gaitfit_log::{Gains, PerJoint};
 use gaitfit_model::{Model, builtin};
 use gaitfit_sim::Candidate;
-use joint::Gains;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -34,7 +34,8 @@ pub struct ExportSettings {
     pub robot: Option<PathBuf>,
     /// Drop what the engine cannot simulate in the robot file, instead of refusing it.
     pub lenient: bool,
-    /// Position gains of the controller, N·m/rad; with them the exported robot has its PD controllers.
+    /// Position gains of the controller, N·m/rad, for the exported robot's PD controllers. Without them and without a policy
+    /// they are those of the fit beside the parameters, if it states them.
     pub kp: Option<PerJoint>,
     /// Velocity gains, N·m·s/rad.
     pub kd: Option<PerJoint>,
@@ -80,9 +81,17 @@ pub struct Exported {
 /// cannot be changed as text.
 pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
     let file = theta::read(&settings.theta)?;
-    let fitted = match &settings.robot {
-        Some(path) => Some((path.clone(), settings.lenient)),
-        None => of_fit(settings)?,
+    let asked = settings.robot.clone().map(|path| (path, settings.lenient));
+    // Where the caller names everything, the fit's files may be gone.
+    let stated = settings.kp.is_some() || settings.kd.is_some() || settings.policy.is_some();
+    let fit = match asked.is_some() {
+        true => Fit::beside(&settings.theta).unwrap_or_default(),
+        false => Fit::beside(&settings.theta)?,
+    };
+    let fitted = match (asked, &fit) {
+        (Some(asked), _) => Some(asked),
+        (None, Some(fit)) => fit.robot(settings)?,
+        (None, None) => None,
     };
     let (model, text, is_urdf) = match &fitted {
         None => (robot::go2()?, builtin::GO2.to_owned(), false),
@@ -101,28 +110,17 @@ pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
     };
     checks::parameters(&file, &settings.theta)?;
     let candidate = theta::candidate(&file, &settings.theta, &model)?;
-    let gains = gains(settings, &model)?;
+    let (gains, note) = match fit.filter(|_| !stated).and_then(|fit| fit.gains(&model)) {
+        Some((gains, place)) => {
+            (Some(gains), Some(format!("the PD gains are those of {place}; --kp and --kd give others")))
+        }
+        None => (gains(settings, &model)?, None),
+    };
     let step = checks::step(settings.step)?.or(file.physics_step).unwrap_or(model.options.timestep);
     let mut exported = files_of(&file, &model, &text, is_urdf, &candidate, gains.as_ref(), step)?;
+    exported.notes.extend(note);
     exported.notes.extend(theta::doubts(&file, &settings.theta, &model, None));
     Ok(exported)
-}
-
-/// The robot file of the fit that wrote the parameters, and whether it was read leniently: its `config.toml` lies beside
-/// them. Without that file, or if it names no robot and no policy that remembers one, there is none.
-fn of_fit(settings: &ExportSettings) -> Result<Option<(PathBuf, bool)>, Error> {
-    let path = settings.theta.with_file_name("config.toml");
-    if !path.is_file() {
-        return Ok(None);
-    }
-    let mut config: AdaptConfig = settings::load(Some(&path), &[])?;
-    let advised = |error: Error| error.advised("Or give the robot's file with --robot.");
-    robot_file::of_policy(&mut config, &path).map_err(advised)?;
-    if config.robot.is_empty() {
-        return Ok(None);
-    }
-    let found = paths::find(&config.robot, "robot", &path).map_err(advised)?;
-    Ok(Some((found, settings.lenient || config.lenient)))
 }
 
 /// The gains that the settings name, one a joint of the model.
@@ -139,16 +137,7 @@ fn gains(settings: &ExportSettings, model: &Model) -> Result<Option<Gains>, Erro
         }
         (None, None, Some(path)) => {
             let policy = gaitfit_policy::read(path)?;
-            let interface = &policy.interface;
-            let mut gains = Gains { kp: vec![0.0; names.len()], kd: vec![0.0; names.len()] };
-            for (i, joint) in interface.joints.iter().enumerate() {
-                let place = model.find_joint(joint).ok_or_else(|| {
-                    Error::settings(format!("{}: the robot has no joint `{joint}`", path.display()))
-                })?;
-                gains.kp[place] = interface.kp.get(i).copied().unwrap_or_default();
-                gains.kd[place] = interface.kd.get(i).copied().unwrap_or_default();
-            }
-            Ok(Some(gains))
+            Ok(Some(fit::of_policy(&policy, path, model)?))
         }
         _ => Err(Error::settings("give `--kp` and `--kd`, or a `--policy` whose gains are used, or neither")),
     }

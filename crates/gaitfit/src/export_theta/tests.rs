@@ -443,3 +443,38 @@ fn a_delay_between_two_steps_is_never_rounded_in_silence() {
         assert_eq!(notes(delay, step), (None, [false; 2]), "{delay} {step}");
     }
 }
+
+#[test]
+fn gains_are_those_of_the_fit_beside_the_parameters_unless_others_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let theta = folder.path().join("theta.toml");
+    let model = robot::go2().unwrap();
+    std::fs::write(&theta, theta_of(&model, 0.0).to_toml().unwrap()).unwrap();
+    let mut settings = ExportSettings {
+        theta: theta.clone(),
+        robot: None,
+        lenient: false,
+        kp: None,
+        kd: None,
+        policy: None,
+        step: None,
+    };
+    let noted = |settings: &ExportSettings, text: &str| {
+        export_theta(settings).unwrap().notes.iter().any(|note| note.contains(text))
+    };
+    assert!(noted(&settings, "without gains"), "no fit lies beside the parameters");
+    let walk = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/go2-walk.safetensors");
+    let config = |text: &str| std::fs::write(folder.path().join("config.toml"), text).unwrap();
+    config(&format!("base = \"free\"\npolicy = {:?}\nlogs = [\"gone.csv\"]\n", walk.display().to_string()));
+    assert!(noted(&settings, "those of the policy"));
+    config("logs = [\"gone.csv\"]\n[gains]\nkp = 30.0\nkd = 0.7\n");
+    assert!(noted(&settings, "those of [gains]"));
+    let robot = content(&export_theta(&settings).unwrap(), "robot.xml").to_owned();
+    assert!(robot.contains("30"), "{robot}");
+    let header = "# kp = 22.0\n# kd = 0.6\ntime,q_FL_hip,dq_FL_hip,qdes_FL_hip\n";
+    std::fs::write(folder.path().join("gone.csv"), format!("{header}0,0,0,0\n0.02,0.1,0,0\n0.04,0,0,0\n"))
+        .unwrap();
+    assert!(noted(&settings, "those of the log"), "a log's gains are those that acted");
+    (settings.kp, settings.kd) = (Some(PerJoint::All(1.0)), Some(PerJoint::All(0.1)));
+    assert!(!noted(&settings, "those of"));
+}

@@ -78,7 +78,12 @@ impl Logs {
         }
         let mut findings = report.findings();
         findings.extend(check(&log, &CheckSpec::of_robot(model, &log.joints)));
-        let assumptions = [FindingKind::TimeUnit, FindingKind::SuspectUnit, FindingKind::RateMismatch];
+        let assumptions = [
+            FindingKind::TimeUnit,
+            FindingKind::SuspectUnit,
+            FindingKind::RateMismatch,
+            FindingKind::MissingJoint,
+        ];
         let held = |joint: &String| policy.is_some_and(|policy| !policy.interface.joints.contains(joint));
         findings.retain(|one| one.kind != FindingKind::MissingJoint || !one.joints.iter().all(held));
         for finding in

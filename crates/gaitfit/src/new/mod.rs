@@ -132,7 +132,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
         settings.lenient |= recorded.lenient;
         moved = note;
     }
-    let built_in = settings.robot.as_deref().is_some_and(is_built_in);
+    let built_in = settings.robot.as_deref().is_some_and(robot::is_built_in);
     if built_in && policy.is_some() {
         settings.robot = None;
     }
@@ -178,14 +178,6 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
     let mut written = found.checked();
     written.warnings.splice(0..0, moved);
     Ok(written)
-}
-
-/// The name of the built-in Go2.
-const GO2: &str = "unitree-go2";
-
-/// Whether a robot is named that is no file.
-fn is_built_in(robot: &Path) -> bool {
-    robot == Path::new(GO2) && !robot.exists()
 }
 
 /// Whether `file` would be read as the file that describes `log`.
@@ -295,7 +287,10 @@ impl Found<'_> {
         add("robot", format!("{} ({robot}), {} joints", shown(&self.model.name), self.model.joints.len()));
         add("logs", self.logs.text());
         add("joints", self.logs.joints_text(&self.model));
-        add("units", "rad, rad/s and s, as the logs' values are plausible for this robot".to_owned());
+        add(
+            "units",
+            "the logs are in rad, rad/s and s, plausible for this robot; recordings are converted".to_owned(),
+        );
         if self.policy.is_none() {
             add("gains", self.gains.as_ref().map_or("stated by the logs".to_owned(), Gains::text));
         }

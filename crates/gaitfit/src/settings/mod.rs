@@ -230,7 +230,7 @@ pub struct OptimizerConfig {
     /// A seed stops once its search distribution is this small: largest standard deviation of any
     /// parameter, relative to its initial deviation. 0 never stops early.
     pub tolerance: f64,
-    /// Wall time after which the fit stops with what it has, s; 0 has no limit.
+    /// Wall time after which the search stops with what it has, s; 0 has no limit. Intervals are measured after it.
     pub max_seconds: f64,
 }
 

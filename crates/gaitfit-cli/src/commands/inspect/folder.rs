@@ -1,13 +1,13 @@
 //! A folder of logs at a glance, and what is wrong with how many of them.
 
-use super::{number, swings};
+use super::{log, number, swings};
 use crate::cli::Inspect;
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::table::table;
 use gaitfit::robot;
 use gaitfit::walk::swing::SwingFindings;
-use gaitfit_log::{CheckSpec, FolderSummary, LogContent, ReadOptions, Severity, summarise_folder};
+use gaitfit_log::{CheckSpec, FolderSummary, LogContent, ReadOptions, Severity, read_csv, summarise_folder};
 use gaitfit_model::{shown, shown_path};
 use serde::Serialize;
 use std::fmt::Write;
@@ -30,7 +30,7 @@ const NAMED: usize = 3;
 pub fn run(args: &Inspect) -> Result<(), Failure> {
     let robot = match &args.robot {
         None => None,
-        Some(path) => Some(robot::read(path, args.lenient, robot::Hold::File)?),
+        Some(path) => Some(robot::named(path, args.lenient)?),
     };
     let spec = |log: &gaitfit_log::Trajectory| {
         robot.as_ref().map_or_else(CheckSpec::default, |robot| CheckSpec::of_robot(robot, &log.joints))
@@ -63,7 +63,11 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         );
         return Err(Failure { exit: Exit::Check, message });
     }
-    Ok(())
+    let first = summary.logs.first().and_then(|log| read_csv(&log.path, &ReadOptions::default()).ok());
+    match first.filter(|_| !args.json) {
+        Some(first) => output::next(&[log::next(args, &first)]),
+        None => Ok(()),
+    }
 }
 
 fn text(summary: &FolderSummary) -> String {

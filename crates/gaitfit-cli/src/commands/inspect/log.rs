@@ -57,8 +57,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
             .map(PathBuf::as_path),
     )?;
     let (log, report) = read_csv_report(&args.file, &ReadOptions::default()).map_err(Failure::failed)?;
-    let model =
-        args.robot.as_ref().map(|path| robot::read(path, args.lenient, robot::Hold::File)).transpose()?;
+    let model = args.robot.as_ref().map(|path| robot::named(path, args.lenient)).transpose()?;
     let findings = findings(&log, &report, model.as_ref());
     let summary = summary_with_report(&log, report);
     if let Some(path) = &args.plot {
@@ -77,13 +76,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
             output::print(&policy_text(found))?;
         }
         if !other && findings.iter().all(|finding| finding.severity != Severity::Error) {
-            let robot = args.robot.as_ref().map_or("ROBOT".into(), |robot| robot.to_string_lossy());
-            let log = args.file.display();
-            let policy = args
-                .policy
-                .as_ref()
-                .map_or(String::new(), |policy| format!(" --policy {}", policy.display()));
-            output::next(&[format!("gaitfit new --robot {robot}{policy} --logs {log} --out my-robot.toml")])?;
+            output::next(&[next(args, &log)])?;
         }
     }
     if let Some(path) = &args.plot {
@@ -99,6 +92,19 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         return Err(Failure { exit: Exit::Check, message });
     }
     Ok(())
+}
+
+/// The command after this one, for a log or its folder. For a log with commands it asks for the policy that followed them.
+pub fn next(args: &Inspect, log: &Trajectory) -> String {
+    let walked = log.command.as_ref().is_some_and(|all| all.iter().any(|part| *part != 0.0));
+    let given = |option: &str, path: Option<&PathBuf>, word: &str| match path {
+        Some(path) => format!(" {option} {}", path.display()),
+        None if word.is_empty() => String::new(),
+        None => format!(" {option} {word}"),
+    };
+    let robot = given("--robot", args.robot.as_ref(), "ROBOT");
+    let policy = given("--policy", args.policy.as_ref(), if walked { "POLICY" } else { "" });
+    format!("gaitfit new{robot}{policy} --logs {} --out my-robot.toml", args.file.display())
 }
 
 /// The log beside a policy, on the robot that was named, or that of the policy's training.

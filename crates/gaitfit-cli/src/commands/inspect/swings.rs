@@ -18,7 +18,7 @@ pub fn look(
     logs: &[&Trajectory],
 ) -> Result<Option<SwingFindings>, Failure> {
     let Some(path) = robot else { return Ok(None) };
-    let model = robot::read(path, lenient, robot::Hold::File)?;
+    let model = robot::named(path, lenient)?;
     let walks: Vec<&Trajectory> = logs
         .iter()
         .copied()

@@ -1,0 +1,110 @@
+//! What the fit that wrote the parameters knows: its `config.toml` lies beside them.
+
+use super::ExportSettings;
+use crate::settings::{self, AdaptConfig};
+use crate::{Error, log_joints, paths, robot_file};
+use gaitfit_log::{Gains, ReadOptions, csv_files, read_csv};
+use gaitfit_model::{Model, shown_path};
+use std::path::{Path, PathBuf};
+
+/// The settings of a fit, and where they were read.
+pub(super) struct Fit {
+    config: AdaptConfig,
+    path: PathBuf,
+}
+
+impl Fit {
+    /// The fit that wrote the parameters at `theta`; absent if no `config.toml` lies beside them.
+    ///
+    /// # Errors
+    /// A file that cannot be read; a robot of the policy's training that is not there any more.
+    pub fn beside(theta: &Path) -> Result<Option<Self>, Error> {
+        let path = theta.with_file_name("config.toml");
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let mut config: AdaptConfig = settings::load(Some(&path), &[])?;
+        robot_file::of_policy(&mut config, &path).map_err(advised)?;
+        Ok(Some(Self { config, path }))
+    }
+
+    /// The robot file, and whether it is read leniently; absent if the fit is of the built-in Go2.
+    ///
+    /// # Errors
+    /// A file that is not there any more.
+    pub fn robot(&self, settings: &ExportSettings) -> Result<Option<(PathBuf, bool)>, Error> {
+        if self.config.robot.is_empty() {
+            return Ok(None);
+        }
+        let found = paths::find(&self.config.robot, "robot", &self.path).map_err(advised)?;
+        Ok(Some((found, settings.lenient || self.config.lenient)))
+    }
+
+    /// The gains of the robot's joints, and where they are stated: in the first log, in the configuration, or by the policy.
+    /// Absent where none of them can be read any more.
+    pub fn gains(&self, model: &Model) -> Option<(Gains, String)> {
+        let in_log = || {
+            let first = paths::find(self.config.logs.first()?, "log", &self.path).ok()?;
+            let file = if first.is_dir() { csv_files(&first).ok()?.into_iter().next()? } else { first };
+            let log = read_csv(&file, &ReadOptions::default()).ok()?;
+            let wanted: Vec<usize> = (0..model.joints.len()).collect();
+            let named = |joint: &usize| {
+                let name = &model.joints[*joint].name;
+                log.joints.iter().any(|of_log| {
+                    model.find_joint(self.config.joint_names.get(of_log).unwrap_or(of_log))
+                        == model.find_joint(name)
+                })
+            };
+            let wanted: Vec<usize> = wanted.into_iter().filter(named).collect();
+            let (log, _) =
+                log_joints::of_robot(&log, &file, &self.config.joint_names, model, &wanted).ok()?;
+            let of_log = log.gains?;
+            Some((spread(&of_log, &wanted, model), format!("the log {}", shown_path(&file))))
+        };
+        let in_config = || {
+            let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+            let gains = &self.config.gains;
+            let kp = gains.kp.as_ref()?.resolve("kp", &names).ok()?;
+            let kd = gains.kd.as_ref()?.resolve("kd", &names).ok()?;
+            Some((Gains { kp, kd }, format!("[gains] of {}", shown_path(&self.path))))
+        };
+        let in_policy = || {
+            let named = self.config.policy.as_ref()?;
+            let file = crate::policy_file::find(&paths::find(named, "policy", &self.path).ok()?).ok()?.path;
+            let policy = gaitfit_policy::read(&file).ok()?;
+            let gains = of_policy(&policy, &file, model).ok()?;
+            Some((gains, format!("the policy {}", shown_path(&file))))
+        };
+        in_log().or_else(in_config).or_else(in_policy)
+    }
+}
+
+fn advised(error: Error) -> Error {
+    error.advised("Or give the robot's file with --robot.")
+}
+
+/// Gains of the joints `of` the robot; 0 for the others, which nothing drives.
+fn spread(gains: &Gains, of: &[usize], model: &Model) -> Gains {
+    let joints = model.joints.len();
+    let mut all = Gains { kp: vec![0.0; joints], kd: vec![0.0; joints] };
+    for (at, &joint) in of.iter().enumerate() {
+        all.kp[joint] = gains.kp.get(at).copied().unwrap_or_default();
+        all.kd[joint] = gains.kd.get(at).copied().unwrap_or_default();
+    }
+    all
+}
+
+/// The gains of the policy read from `path`, one a joint of the robot.
+///
+/// # Errors
+/// A joint that the robot lacks.
+pub(super) fn of_policy(policy: &gaitfit_policy::Policy, path: &Path, model: &Model) -> Result<Gains, Error> {
+    let interface = &policy.interface;
+    let place = |joint: &String| {
+        model
+            .find_joint(joint)
+            .ok_or_else(|| Error::settings(format!("{}: the robot has no joint `{joint}`", path.display())))
+    };
+    let joints: Vec<usize> = interface.joints.iter().map(place).collect::<Result<_, _>>()?;
+    Ok(spread(&Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }, &joints, model))
+}
