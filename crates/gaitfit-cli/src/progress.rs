@@ -66,7 +66,9 @@ impl Progress {
             seconds / done.saturating_sub(self.first).max(1) as f64 * self.total.saturating_sub(done) as f64;
         let speed = speed(self.counted as f64 / seconds);
         let state = harmless(state);
-        let text = format!("{state}  {speed} {}/s  {} left", self.parts, time(left));
+        // Searches often converge before their last generation.
+        let most = if self.what == "generation" { "at most " } else { "" };
+        let text = format!("{state}  {speed} {}/s  {most}{} left", self.parts, time(left));
         match &self.bar {
             Some(bar) => {
                 bar.set_position(done as u64);

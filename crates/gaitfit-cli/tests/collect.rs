@@ -207,10 +207,13 @@ fn python_the_script_plays_the_chirp_and_stops_at_limits() {
     assert!(!bare.status.success() && said(&bare).contains("fill in the class Robot"), "{}", said(&bare));
     // The limits hold in MuJoCo too, on robots at the ends of the bounds.
     for (friction, armature) in [("0", "0.01"), ("0.5", "0.1"), ("0.1", "0.03")] {
-        let robot = ["--mujoco", "assets/go2.xml", "--frictionloss", friction, "--armature", armature];
+        let robot =
+            ["--mujoco", "assets/go2.xml", "--frictionloss", friction, "--armature", armature, "--force"];
         let played = play(&robot);
         assert!(played.status.success() && said(&played).contains("of a joint's limit"), "{}", said(&played));
     }
+    let again = play(&["--mujoco", "assets/go2.xml"]);
+    assert!(!again.status.success() && said(&again).contains("is there already"), "{}", said(&again));
     let log = read_csv(&folder.path().join("chirp/log.csv"), &ReadOptions::default()).unwrap();
     assert_eq!((log.len(), log.joints.len()), (400, 12));
     let fitted = format!("{out}/fit.toml");
@@ -231,7 +234,7 @@ fn python_the_script_plays_the_chirp_and_stops_at_limits() {
     let low = player.replace("\"speed\": [\n    30.1", "\"speed\": [\n    0.1");
     assert!(low != player, "{}", &player[..2000]);
     std::fs::write(folder.path().join("chirp/play.py"), low).unwrap();
-    let stopped = play(&["--mujoco", "assets/go2.xml"]);
+    let stopped = play(&["--mujoco", "assets/go2.xml", "--force"]);
     assert_eq!(stopped.status.code(), Some(1));
     assert!(said(&stopped).contains("its limit is 0.1"), "{}", said(&stopped));
 }

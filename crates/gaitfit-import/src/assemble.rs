@@ -197,6 +197,12 @@ fn gains(joints: &[String], sources: &[Source], mapping: &Mapping) -> Result<Opt
         (None, None) => {}
         _ => return Err(problem("kp and kd: give both or none".into())),
     }
+    for source in sources {
+        let (Some((kp, at_kp)), Some((kd, at_kd))) = (&source.stated.kp, &source.stated.kd) else { continue };
+        let kp = kp.resolve("kp", joints).map_err(|wrong| problem(format!("{at_kp}: {wrong}")))?;
+        let kd = kd.resolve("kd", joints).map_err(|wrong| problem(format!("{at_kd}: {wrong}")))?;
+        return Ok(Some(Gains { kp, kd }));
+    }
     let usable = |gains: &Vec<f64>| gains.iter().all(|gain| gain.is_finite() && *gain >= 0.0);
     for source in sources {
         let Some((kp, kd)) = &source.gains else { continue };

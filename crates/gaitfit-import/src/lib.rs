@@ -162,6 +162,7 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
     let mut tables = Vec::new();
     let mut shifted = 0;
     for source in &mut sources {
+        let rate_hz = mapping.rate_hz.or(source.stated.rate_hz.map(|rate| rate / every));
         let later = source.origin_ns.saturating_sub(first) as f64 / 1e9;
         for mut table in std::mem::take(&mut source.tables) {
             if source.origin_ns != 0 && first != 0 && later != 0.0 {
@@ -174,7 +175,7 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
                 report.assumed.push(format!("{}: its times are {offset} s later, as asked", table.name));
             }
             zeros::of_second_publisher(&mut table, mapping, &mut report.assumed)?;
-            report.streams.push(clock::clean(&mut table, mapping.rate_hz)?);
+            report.streams.push(clock::clean(&mut table, rate_hz)?);
             tables.push(table);
         }
         report.assumed.append(&mut source.assumed);

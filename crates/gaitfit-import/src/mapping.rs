@@ -3,6 +3,7 @@
 use crate::ImportError;
 use gaitfit_log::{FindingKind, ImuSettings, PerJoint, TimeUnit};
 use serde::Deserialize;
+use std::collections::BTreeMap;
 
 /// Largest mapping file, bytes.
 pub const MAX_MAPPING_BYTES: u64 = 1 << 20;
@@ -26,6 +27,9 @@ pub const MAX_MAPPING_BYTES: u64 = 1 << 20;
 /// velocity = ["w0", "w1", "w2"]                # or one name a joint
 /// command = ["joy_x", "joy_y", "joy_yaw"]
 ///
+/// [joint_names]
+/// "VR1" = "FR_hip_joint"                       # the recording's name = the robot's
+///
 /// [streams]
 /// take = ["/joint_states", "/joint_commands"]  # leave out all others
 /// target = ["/joint_commands"]                 # their positions are targets
@@ -39,6 +43,8 @@ pub const MAX_MAPPING_BYTES: u64 = 1 << 20;
 pub struct Mapping {
     /// Names of numbered joints, number 0 first.
     pub joints: Option<Vec<String>>,
+    /// The robot's names of joints that the recording calls otherwise: its name on the left.
+    pub joint_names: BTreeMap<String, String>,
     /// Unit of joint positions, velocities and targets.
     pub unit: AngleUnit,
     /// Unit of the IMU's angles and rates.

@@ -11,7 +11,7 @@ use crate::table::Source;
 use crate::{ImportError, Options, db3, mcap, npz, pickle, text, torch, walk_these_ways};
 #[cfg(feature = "all-formats")]
 use crate::{arrow, hdf5, parquet};
-use gaitfit_log::{ReadOptions, read_csv_report};
+use gaitfit_log::{ReadOptions, read_csv_report, stated};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -59,7 +59,17 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
         Kind::Torch => torch::read(&bytes, &mut budget)
             .and_then(|arrays| arrays::source(&name, kind.name(), arrays, mapping, &mut budget)),
         Kind::Pickle => pickled(&name, &bytes, mapping, &mut budget),
-        Kind::Text => text::read(&name, &bytes, mapping, &mut budget),
+        Kind::Text => {
+            let stated = stated(path, std::str::from_utf8(&bytes).unwrap_or_default())?;
+            let rate_hz = mapping.rate_hz.or(stated.rate_hz);
+            let mapping = Mapping { rate_hz, ..mapping.clone() };
+            text::read(&name, &bytes, &mapping, &mut budget).map(|source| Source {
+                robot: source.robot.or_else(|| stated.robot.clone()),
+                simulated_step: source.simulated_step.or(stated.simulated_step),
+                stated,
+                ..source
+            })
+        }
         #[cfg(feature = "all-formats")]
         Kind::Parquet => parquet::read(&bytes, &mut budget)
             .and_then(|frame| frame.source(&name, kind.name(), mapping, &mut budget)),

@@ -43,6 +43,7 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
                     known = format!("act_{joint}");
                 }
             }
+            known = renamed(known, mapping);
             if let Some(number) = known.strip_prefix("obs_#") {
                 observed.insert(number.parse::<usize>().unwrap_or(usize::MAX), values);
                 continue;
@@ -69,6 +70,16 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
     }
     source.tables.retain(|table| !table.columns.is_empty());
     Ok(())
+}
+
+/// The log's column `known` under the robot's name of its joint.
+fn renamed(known: String, mapping: &Mapping) -> String {
+    let prefixes = ["q_", "dq_", "qdes_", "act_"];
+    let parts = prefixes.into_iter().find_map(|prefix| Some((prefix, known.strip_prefix(prefix)?)));
+    match parts.and_then(|(prefix, joint)| Some((prefix, mapping.joint_names.get(joint)?))) {
+        Some((prefix, robot)) => format!("{prefix}{robot}"),
+        None => known,
+    }
 }
 
 /// Most names of streams in a message.

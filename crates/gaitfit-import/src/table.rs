@@ -1,6 +1,6 @@
 //! What every reader makes of its file: tables of columns with times.
 
-use gaitfit_log::Lead;
+use gaitfit_log::{Lead, Stated};
 use indexmap::IndexMap;
 
 /// Most columns of a table.
@@ -56,6 +56,8 @@ pub(crate) struct Source {
     pub gains: Option<(Vec<f64>, Vec<f64>)>,
     /// How long after their rows targets were stamped, where the file says it.
     pub lead: Option<Lead>,
+    /// What comment lines above a text's header, and the files beside it, state.
+    pub stated: Stated,
     /// Physics step of the simulator that made it, s.
     pub simulated_step: Option<f64>,
     /// The robot's name, where the file says it.

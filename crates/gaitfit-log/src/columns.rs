@@ -230,7 +230,8 @@ fn time_remedy(names: &[String]) -> String {
     if let [only] = names
         && (only.contains(';') || only.contains('\t'))
     {
-        return "the header has one column; cells are separated by commas here, convert the file".into();
+        return "the header has one column, and a log's cells are separated by commas; `gaitfit import FILE --mapping MAP.toml --out log.csv` \
+                makes a log of it".into();
     }
     if names.iter().all(|name| name.parse::<f64>().is_ok()) {
         return "the first line holds numbers; put the header line before it, without a leading `#`".into();

@@ -73,7 +73,7 @@ pub use error::LogError;
 pub use files::{check_entry, csv_files};
 pub use folder::{FindingGroup, FolderSummary, LogContent, LogEntry, RateCount, summarise_folder};
 pub use imu_settings::{ImuSettings, QuaternionOrder, RateFrame, RateUnit};
-pub use metadata::PerJoint;
+pub use metadata::{PerJoint, Stated, stated};
 pub use motor::{MotorColumns, fold, gains as gains_of_columns};
 pub use ops::Signal;
 pub use read::{Hole, IgnoredColumn, ReadOptions, ReadReport, read_csv, read_csv_report};

@@ -169,6 +169,7 @@ impl Metadata {
                 "kd" | "dgain" => "kd",
                 "fell" | "fall" | "fallen" => "fell",
                 "lead" | "leads" | "targetlead" | "targetleads" => "target_lead_s",
+                "simulatedstep" | "simulatedsteps" | "simulatorstep" => "simulated_step_s",
                 _ => return Ok(Some(key.to_owned())),
             };
             return Err(refuse(format!("`{}` is not a key of log headers; write `{meant} = …`", shown(key))));
@@ -215,6 +216,50 @@ impl Metadata {
             allow: self.allow.or(other.allow),
         }
     }
+}
+
+/// What a log's comments and the files beside it state of it, for readers of other kinds of text.
+#[derive(Clone, Debug, Default)]
+pub struct Stated {
+    /// The robot's name.
+    pub robot: Option<String>,
+    /// Samples a second.
+    pub rate_hz: Option<f64>,
+    /// Position gains, N·m/rad, and where they are stated.
+    pub kp: Option<(PerJoint, String)>,
+    /// Velocity gains, N·m·s/rad, and where they are stated.
+    pub kd: Option<(PerJoint, String)>,
+    /// Physics step of the simulator that made the log, s.
+    pub simulated_step: Option<f64>,
+}
+
+/// What the comment lines (`# key = value`) before the header of `text`, the file at `path`, and the files `<stem>.toml` and
+/// `log.toml` beside it state. The comments win.
+///
+/// # Errors
+/// A value that is not TOML or not of its key's type; a key that is nearly one of a log's.
+pub fn stated(path: &Path, text: &str) -> Result<Stated, LogError> {
+    let mut comments = Metadata::default();
+    for (number, line) in text.lines().enumerate() {
+        match line.strip_prefix('#') {
+            // Other programs write comments of their own.
+            Some(comment) => {
+                comments.add_comment(comment, &format!("{}:{}", shown_path(path), number + 1))?;
+            }
+            None if line.trim().is_empty() => {}
+            None => break,
+        }
+    }
+    let (sidecars, _) = read_sidecars(path)?;
+    let all = comments.or(sidecars);
+    let placed = |said: Sourced<PerJoint>| (said.value, said.place);
+    Ok(Stated {
+        robot: all.robot.map(|said| said.value),
+        rate_hz: all.rate_hz.map(|said| said.value),
+        kp: all.kp.map(placed),
+        kd: all.kd.map(placed),
+        simulated_step: all.simulated_step_s.map(|said| said.value),
+    })
 }
 
 /// Where and why a text is not TOML of the right kind.

@@ -4,10 +4,16 @@ use crate::{Access, Error, files};
 use gaitfit_adapt::ThetaFile;
 use gaitfit_model::Model;
 use gaitfit_sim::Candidate;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Largest theta.toml: networks of a hundred joints take a quarter of a megabyte.
 const MAX_BYTES: u64 = 16 << 20;
+
+/// The theta.toml that `path` names: itself, or that of the run folder.
+pub fn find(path: &Path) -> PathBuf {
+    let inside = path.join("theta.toml");
+    if inside.is_file() { inside } else { path.to_owned() }
+}
 
 /// Reads a theta.toml.
 pub fn read(path: &Path) -> Result<ThetaFile, Error> {

@@ -25,7 +25,7 @@ pub fn run(args: &cli::Validate) -> Result<(), Failure> {
     } else {
         output::print(&text(&results))?;
         if results.failed_check().is_none() && results.refusal().is_none() {
-            output::next(&[format!("gaitfit export {} --out FOLDER", args.theta.display())])?;
+            output::next(&[format!("gaitfit export {} --out FOLDER", results.theta.display())])?;
         }
     }
     checked(results.failed_check().or_else(|| results.refusal()))

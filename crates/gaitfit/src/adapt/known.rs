@@ -1,7 +1,7 @@
 //! Priors of a fit from estimates that need no simulation: of joints (legs in the air) and of sensors.
 
 use crate::walk::swing::{Estimate, SwingNumber};
-use gaitfit_adapt::{Entry, Prior, SavedParameter, Theta, ThetaFile};
+use gaitfit_adapt::{Entry, JointParameter, Prior, SavedParameter, Theta, ThetaFile};
 use gaitfit_model::patterns::compile;
 use gaitfit_model::shown;
 use std::collections::BTreeMap;
@@ -17,6 +17,9 @@ fn covers(number: &SwingNumber, kind: &str, joints: &[String]) -> bool {
     number.kind == kind && (number.joints.is_empty() || !joints.is_empty()) && joints.iter().all(covered)
 }
 
+/// A friction of so many times the search's upper bound is none.
+const IMPOSSIBLE: f64 = 2.0;
+
 /// `given` priors, which win, and those that `measured` estimates give for the other entries of `theta`. An entry that
 /// covers joints of several estimates takes none of them.
 pub fn priors(
@@ -25,8 +28,23 @@ pub fn priors(
     given: &BTreeMap<String, Prior>,
 ) -> BTreeMap<String, Prior> {
     let mut priors = given.clone();
+    // A joint that moves in the air has less friction than its motor has torque. A weakly driven one, such as a humanoid's
+    // ankle with a small gain, may seem to have tens of times more; then its swings do not show its other numbers either.
+    let impossible: Vec<&SwingNumber> = theta
+        .entries()
+        .iter()
+        .filter(|entry| entry.kind == JointParameter::FrictionLoss.name())
+        .filter_map(|entry| {
+            let beyond = |one: &&SwingNumber| {
+                covers(one, entry.kind, &entry.joints) && one.estimate.value > IMPOSSIBLE * entry.upper
+            };
+            measured.iter().find(beyond)
+        })
+        .collect();
+    let possible =
+        |one: &SwingNumber| !impossible.iter().any(|bad| !one.joints.is_empty() && bad.joints == one.joints);
     for entry in theta.entries() {
-        let measurement = measured.iter().find(|one| {
+        let measurement = measured.iter().filter(|one| possible(one)).find(|one| {
             let Estimate { value, error } = one.estimate;
             covers(one, entry.kind, &entry.joints) && value.is_finite() && error.is_finite() && error > 0.0
         });
@@ -67,7 +85,7 @@ pub fn replaced(known: &ThetaFile, path: &Path, theta: &Theta) -> Vec<String> {
 mod tests {
     use super::*;
     use crate::walk::swing::{Standing, SwingFindings, sensor_numbers};
-    use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Rules, Sharing};
+    use gaitfit_adapt::{ParameterRule, RobotNumber, RobotRule, Rules, Sharing};
     use gaitfit_log::Sensors;
 
     #[test]
@@ -125,6 +143,15 @@ mod tests {
             !found.contains_key("armature"),
             "one value for all joints, measured of hips alone: {found:?}"
         );
+        let swings = [
+            measured(JointParameter::FrictionLoss, &[2, 3], 39.0, 14.6),
+            measured(JointParameter::Damping, &[2, 3], 0.0, 0.1),
+            measured(JointParameter::FrictionLoss, &[0, 1], 0.3, 0.05),
+        ];
+        let damped = [rules[0].clone(), ParameterRule::new(JointParameter::Damping)];
+        let theta_of_swings = Theta::from_rules(&damped, &groups, &joints).unwrap();
+        let found = priors(&theta_of_swings, &swings, &BTreeMap::new());
+        assert_eq!(found.keys().collect::<Vec<_>>(), ["frictionloss_hip"], "39 N·m is no friction");
         let stated = BTreeMap::from([("delay".to_owned(), Prior::new(0.02, 0.001))]);
         assert_eq!(priors(&theta, &all, &stated)["delay"], stated["delay"]);
         // Errors of sensors are of no joint.

@@ -93,6 +93,11 @@ impl ValidateResults {
 /// # Errors
 /// A configuration or files that are not there or not usable, each by name.
 pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
+    let theta = theta::find(&request.theta);
+    if !theta.exists() {
+        return Err(Error::settings(format!("{}: there is no such file or folder", theta.display())));
+    }
+    let request = &ValidateRequest { theta, ..request.clone() };
     let path = config_path(request)?;
     let mut config: AdaptConfig = settings::load(Some(&path), &request.set)?;
     // What was fitted and on which logs does not matter any more; that they are named keeps the other checks.

@@ -82,6 +82,10 @@ class InMujoco(Robot):
         self.model.opt.timestep = self.STEP
         # The controller is below: the file's own motors would hold the joints at their zero.
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_ACTUATION
+        there = {self.model.joint(k).name for k in range(self.model.njnt)}
+        missing = [name for name in CHIRP["joints"] if name not in there]
+        if missing:
+            sys.exit(f"{robot}: it has no joint {missing[0]}; the chirp is for {CHIRP['robot']}")
         joints = [self.model.joint(name) for name in CHIRP["joints"]]
         self.places = [int(joint.qposadr[0]) for joint in joints]
         self.dofs = [int(joint.dofadr[0]) for joint in joints]
@@ -213,9 +217,17 @@ def main():
     parser.add_argument("--armature", type=float, help="rotor inertia of all joints in MuJoCo, kg·m² [the file's]")
     parser.add_argument("--delay", type=float, default=0.0, help="from a target to the motors in MuJoCo, s [0]")
     parser.add_argument("--out", type=pathlib.Path, default=HERE / "log.csv", help="log to write [log.csv beside this file]")
+    parser.add_argument("--force", action="store_true", help="overwrite a log that is there already")
     args = parser.parse_args()
     if args.dry_run:
         return dry_run()
+    for name, value in (("frictionloss", args.frictionloss), ("armature", args.armature), ("delay", args.delay)):
+        if value is not None and not (math.isfinite(value) and value >= 0):
+            sys.exit(f"--{name} {value}: give a number of at least 0")
+    if args.delay > 0.2:
+        sys.exit(f"--delay {args.delay}: give seconds, at most 0.2")
+    if args.out.exists() and not args.force:
+        sys.exit(f"{args.out} is there already: give another --out, or --force to overwrite it")
     if args.mujoco:
         robot = InMujoco(args.mujoco, args.frictionloss, args.armature, args.delay)
         play(robot, args.out)

@@ -3,6 +3,7 @@
 pub(crate) mod controls;
 mod fallback;
 pub mod files;
+pub mod fit_alone;
 mod presence;
 mod report;
 pub mod results;

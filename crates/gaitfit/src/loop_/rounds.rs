@@ -203,7 +203,7 @@ fn walked(stages: &Stages<'_>, policies: &[PolicyFiles]) -> Result<Vec<Walked>, 
 
 /// The logs to fit, and those that show how well the fit predicts: one of every `every`, the last of them. Of fewer than
 /// two times as many logs none is spared.
-fn split(logs: Vec<PathBuf>, every: usize) -> Result<(Vec<PathBuf>, Vec<PathBuf>), Error> {
+pub(super) fn split(logs: Vec<PathBuf>, every: usize) -> Result<(Vec<PathBuf>, Vec<PathBuf>), Error> {
     if every == 0 {
         return Ok((logs, Vec::new()));
     }

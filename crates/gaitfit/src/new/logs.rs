@@ -2,7 +2,7 @@
 
 use crate::Error;
 use gaitfit_log::{CheckSpec, FindingKind, ReadOptions, Severity, check, csv_files, read_csv_report};
-use gaitfit_model::Model;
+use gaitfit_model::{Model, shown};
 use gaitfit_policy::Policy;
 use std::path::{Path, PathBuf};
 
@@ -67,10 +67,18 @@ impl Logs {
         let strange: Vec<&str> =
             log.joints.iter().filter(|name| model.find_joint(name).is_none()).map(String::as_str).collect();
         if !strange.is_empty() {
+            let other =
+                log.robot.as_ref().filter(|name| **name != model.name).map_or(String::new(), |name| {
+                    format!(
+                        "the log is of robot `{}`, and the file is of `{}`: ",
+                        shown(name),
+                        shown(&model.name)
+                    )
+                });
             let robot: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
             return Err(Error::settings(format!(
-                "{}: the robot has no joints {}; it has {}. Rename the log's columns, or give --mapping with `joints` \
-                 (docs/import.md)",
+                "{}: {other}the robot has no joints {}; it has {}. Give the robot's names in [joint_names] of a --mapping \
+                 file (docs/import.md), or the robot file of this log",
                 file.display(),
                 strange.join(", "),
                 robot.join(", ")

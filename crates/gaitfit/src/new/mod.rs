@@ -287,10 +287,11 @@ impl Found<'_> {
         add("robot", format!("{} ({robot}), {} joints", shown(&self.model.name), self.model.joints.len()));
         add("logs", self.logs.text());
         add("joints", self.logs.joints_text(&self.model));
-        add(
-            "units",
-            "the logs are in rad, rad/s and s, plausible for this robot; recordings are converted".to_owned(),
-        );
+        if self.logs.assumed.is_empty() {
+            let units =
+                "the logs are in rad, rad/s and s, plausible for this robot; recordings are converted";
+            add("units", units.to_owned());
+        }
         if self.policy.is_none() {
             add("gains", self.gains.as_ref().map_or("stated by the logs".to_owned(), Gains::text));
         }

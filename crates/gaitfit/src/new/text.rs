@@ -96,6 +96,8 @@ impl Found<'_> {
                 );
             }
         }
+        text.push_str("\n[[number]]                       # from joint positions to velocities, s: filters of robots, steps of simulators\n");
+        text.push_str("kind = \"velocity_lag\"\n");
         let _ = writeln!(text, "\n[optimizer]\n{}", choices::SEARCH.trim_end());
         text.push_str("\n[simulation]\n");
         line(text, "timestep", &format!("{:?}", choices::STEP_S), "s, of the physics");

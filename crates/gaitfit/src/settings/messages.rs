@@ -88,7 +88,7 @@ fn nearest(message: &str) -> String {
         return command.to_owned();
     }
     if OF_LOOPS.contains(&unknown) {
-        return ". This looks like the configuration of a loop: run `gaitfit loop` with it; a fit of its walks alone takes the lines `policy` and `logs`".to_owned();
+        return ". This looks like the configuration of a loop: run `gaitfit loop` with it, or `gaitfit fit` to fit its logs alone".to_owned();
     }
     let scored = known.into_iter().map(|known| (strsim::jaro_winkler(unknown, known), known));
     match scored.max_by(|a, b| a.0.total_cmp(&b.0)) {

@@ -10,15 +10,16 @@ use crate::exit::{Exit, Failure};
 use crate::progress::Lines;
 use crate::watcher::watched;
 use crate::{interrupt, output, viewer};
-use gaitfit::adapt::{self, Setup};
+use gaitfit::adapt::{self, AdaptResults, Setup};
+use gaitfit::loop_::fit_alone;
 use gaitfit::run::RunFolder;
-use gaitfit::settings::{self, AdaptConfig};
+use gaitfit::settings::AdaptConfig;
 use std::num::NonZeroUsize;
 use std::path::Path;
 
 /// Runs or continues a fit and prints its result.
 pub fn run(args: &cli::Fit) -> Result<(), Failure> {
-    let mut config: AdaptConfig = settings::load(Some(&args.config), &args.run.set)?;
+    let mut config = fit_alone::settings(&args.config, &args.run.set)?;
     let name = run_name(args.run.name.as_ref(), config.name.as_ref(), Some(&args.config)).unwrap_or_default();
     config.name = Some(name.clone());
     let threads = args.run.threads.map(NonZeroUsize::get);
@@ -34,7 +35,7 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
         } else {
             output::print(&text::text(&results, &setup.warnings))?;
             if results.failed_check().is_none() && results.refusal().is_none() {
-                output::next(&next(&results.run_folder, &config))?;
+                output::next(&next(&results, &args.config, &config))?;
             }
         }
         viewer::report(args.run.open, &results.run_folder);
@@ -42,9 +43,14 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
     })
 }
 
-/// What to do with a fit in the folder `run`.
-fn next(run: &str, config: &AdaptConfig) -> Vec<String> {
-    let theta = format!("{run}/theta.toml");
+/// What to do with the fit of `config`, the configuration at `path`. One that has not converged goes on first.
+fn next(results: &AdaptResults, path: &Path, config: &AdaptConfig) -> Vec<String> {
+    let theta = format!("{}/theta.toml", results.run_folder);
+    if !results.converged && config.optimizer.max_seconds > 0.0 {
+        let seconds = 3.0 * config.optimizer.max_seconds;
+        let path = path.display();
+        return vec![format!("gaitfit fit {path} --resume --set optimizer.max_seconds={seconds}")];
+    }
     let training = config.policy.as_ref().map(|policy| {
         let robot = robot_option(Path::new(policy), &config.robot);
         format!("gaitfit finetune {policy} --theta {theta}{robot}")

@@ -27,8 +27,9 @@ use suspects::{STEPS, TOLERANCE, better, suspicions};
 /// differ only in what is fitted have 0.06, with encoders of 20 mrad 0.08, with lost rows 0.22; a real Go2 has 0.76, logs with
 /// wrong gains or filtered velocities have 0.99.
 const REMEMBERS: f64 = 0.3;
-/// Errors below this, where the robot's range is 2, are what two simulators of one robot differ by: their memory is no doubt.
-const QUIET: f64 = 1e-3;
+/// Errors below this, where the robot's range is 2, are what two simulators of one robot differ by: their memory is no doubt. An
+/// A1 that MuJoCo simulates without any noise, with steps of another length, leaves 0.0018; all its values are then within 2 %.
+const QUIET: f64 = 2.5e-3;
 /// Part of the reach of the unexplained errors by which intervals widen: what wrong values make of errors is hidden, and taken
 /// to be as much as what is seen. With filtered sensors values were off by up to 0.74 of the reach (`tools/mutate_logs.py`).
 const HIDDEN: f64 = 1.0;
