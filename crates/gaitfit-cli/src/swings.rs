@@ -1,15 +1,15 @@
 //! What logs say of joints and sensors without a simulation, as tables.
 
 use crate::table::table;
-use gaitfit::walk::explain::{self, Cause};
+use gaitfit::walk::explain::Cause;
 use gaitfit::walk::swing::{Beside, Estimate, FrictionLaw, SwingFindings, SwingReport, prior_toml};
 use std::fmt::Write;
 
 /// Usual physics step of a fit, s.
 const STEP_S: f64 = 0.005;
 
-/// Sensors, then joints; `beside`: values of a fit that swings say something of.
-pub fn text(found: &SwingFindings, beside: &[Beside]) -> String {
+/// Sensors, then joints, then `causes`; `beside`: values of a fit that swings say something of.
+pub fn text(found: &SwingFindings, causes: &[Cause], beside: &[Beside]) -> String {
     let mut text = sensors(found);
     for sentence in &found.taken_out {
         let _ = writeln!(text, "corrected before the legs were examined: {sentence}");
@@ -21,9 +21,8 @@ pub fn text(found: &SwingFindings, beside: &[Beside]) -> String {
         }
         (None, None) => {}
     }
-    let causes = explain::causes(found);
     if !causes.is_empty() {
-        let _ = write!(text, "\n{}", self::causes(&causes));
+        let _ = write!(text, "\n{}", self::causes(causes));
     }
     text.trim_end().to_owned()
 }

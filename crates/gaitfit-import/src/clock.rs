@@ -9,6 +9,8 @@ use serde::Serialize;
 
 /// More samples out of order than this share are no clock.
 const DISORDER: f64 = 0.05;
+/// A sample so much earlier than one before it, s, was not late on its way: its time is damaged.
+const FAR_BACK_S: f64 = 0.5;
 /// RMS deviation of the intervals, relative to the middle one, that is worth a word.
 const JITTER: f64 = 0.2;
 
@@ -129,6 +131,19 @@ pub(crate) fn clean(table: &mut Table, rate_hz: Option<f64>) -> Result<StreamRep
         ));
     }
     if disorder > 0 {
+        let mut latest = f64::NEG_INFINITY;
+        for (row, &time) in table.time.iter().enumerate() {
+            if latest - time > FAR_BACK_S {
+                return refuse(format!(
+                    "sample {} is at {:.3} s, after one at {:.3} s: its time is damaged; correct it or delete the row, or cut the \
+                     recording where its clock jumps",
+                    row + 1,
+                    time,
+                    latest
+                ));
+            }
+            latest = latest.max(time);
+        }
         let mut order: Vec<usize> = (0..samples).collect();
         order.sort_by(|a, b| table.time[*a].total_cmp(&table.time[*b]));
         table.pick(&order);

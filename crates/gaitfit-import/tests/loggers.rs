@@ -159,3 +159,54 @@ fn a_damaged_cell_of_a_needed_column_is_named_by_line_and_others_are_left_out() 
         assert!(left_out.contains("mode: `auto` in line 11 is not a number"), "{left_out}");
     }
 }
+
+#[test]
+fn a_time_that_jumps_back_far_is_damaged() {
+    let row = |_: usize, t: f64| vec![wave(t), wave(t), wave(t), wave(t)];
+    let columns = "q_0,q_1,qdes_0,qdes_1";
+    let text = format!("timestamp,{columns}\n");
+    let written = |back: f64| {
+        let mut text = text.clone();
+        for i in 0..200 {
+            let t = i as f64 / 100.0;
+            let stamp = if i == 150 { t - back } else { t };
+            let cells: Vec<String> = row(i, t).iter().map(f64::to_string).collect();
+            let _ = writeln!(text, "{stamp},{}", cells.join(","));
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("recording.csv");
+        std::fs::write(&path, text).unwrap();
+        import(&[&path], &Options { mapping: joints(), ..Options::default() })
+    };
+    assert_eq!(written(0.025).unwrap().trajectory.len(), 200, "late on its way");
+    let error = written(1.3).unwrap_err().to_string();
+    assert!(error.contains("sample 151 is at 0.200 s, after one at 1.490 s"), "{error}");
+}
+
+#[test]
+fn a_recording_states_gains_and_steps_as_a_log_does_and_a_mapping_renames_its_joints() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mine.csv");
+    let mut text =
+        "# kp = { \"FR_*\" = 60, \"*\" = 40 }\n# kd = 1\n# a remark = of mine\nstamp;p_VR1;p_VL1\n"
+            .to_owned();
+    for i in 0..100 {
+        let t = f64::from(i) / 100.0;
+        let _ = writeln!(text, "{t};{};{}", wave(t), -wave(t));
+    }
+    std::fs::write(&path, text).unwrap();
+    std::fs::write(folder.path().join("mine.toml"), "[columns]\nposition = \"p_{joint}\"\n").unwrap();
+    std::fs::write(folder.path().join("log.toml"), "kd = 2\nsimulated_step_s = 0.001\n").unwrap();
+    let mapping = "[time]\ncolumn = \"stamp\"\n[columns]\nposition = \"p_{joint}\"\n[joint_names]\nVR1 = \"FR_hip\"\nVL1 = \"FL_hip\"\n";
+    let options = Options { mapping: Mapping::parse(mapping).unwrap(), ..Options::default() };
+    let log = import(&[&path], &options).unwrap().trajectory;
+    assert_eq!(log.joints, ["FR_hip", "FL_hip"]);
+    let gains = log.gains.unwrap();
+    assert_eq!((gains.kp, gains.kd, log.simulated_step), (vec![60.0, 40.0], vec![1.0; 2], Some(0.001)));
+    let stronger = format!("kp = 7\nkd = 0.3\n{mapping}");
+    let options = Options { mapping: Mapping::parse(&stronger).unwrap(), ..Options::default() };
+    assert_eq!(import(&[&path], &options).unwrap().trajectory.gains.unwrap().kp, [7.0, 7.0]);
+    std::fs::write(folder.path().join("log.toml"), "kq = 2\n").unwrap();
+    let error = import(&[&path], &options).unwrap_err().to_string();
+    assert!(error.contains("log.toml") && error.contains("kq"), "{error}");
+}

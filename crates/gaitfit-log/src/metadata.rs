@@ -234,7 +234,7 @@ pub struct Stated {
 }
 
 /// What the comment lines (`# key = value`) before the header of `text`, the file at `path`, and the files `<stem>.toml` and
-/// `log.toml` beside it state. The comments win.
+/// `log.toml` beside it state. The comments win. A `<stem>.toml` that is no such file does not count.
 ///
 /// # Errors
 /// A value that is not TOML or not of its key's type; a key that is nearly one of a log's.
@@ -250,8 +250,16 @@ pub fn stated(path: &Path, text: &str) -> Result<Stated, LogError> {
             None => break,
         }
     }
-    let (sidecars, _) = read_sidecars(path)?;
-    let all = comments.or(sidecars);
+    // A recording's `<stem>.toml` may be anything, such as the mapping that describes it.
+    let beside = |sidecar: PathBuf| -> Result<Metadata, LogError> {
+        let mut metadata = Metadata::default();
+        if sidecar != path && sidecar.is_file() {
+            metadata.add(read_sidecar(&sidecar)?, &shown_path(&sidecar));
+        }
+        Ok(metadata)
+    };
+    let own = beside(path.with_extension("toml")).unwrap_or_default();
+    let all = comments.or(own).or(beside(path.with_file_name("log.toml"))?);
     let placed = |said: Sourced<PerJoint>| (said.value, said.place);
     Ok(Stated {
         robot: all.robot.map(|said| said.value),
@@ -281,30 +289,33 @@ pub(crate) fn read_sidecars(path: &Path) -> Result<(Metadata, Vec<PathBuf>), Log
         if sidecar == path || used.contains(&sidecar) || !sidecar.is_file() {
             continue;
         }
-        let io = |source| LogError::Io {
-            path: sidecar.clone(),
-            action: "read the log's sidecar file",
-            source,
-            remedy: "check its permissions, or read without sidecar files",
-        };
-        let refuse = |problem: String| LogError::Metadata { place: shown_path(&sidecar), problem };
-        if sidecar.metadata().map_err(io)?.len() > SIDECAR_LIMIT {
-            return Err(refuse(format!(
-                "larger than {SIDECAR_LIMIT} bytes; a log's sidecar holds only gains, rate and robot"
-            )));
-        }
-        let text = std::fs::read_to_string(&sidecar).map_err(io)?;
-        let statements: Statements = toml::from_str(&text).map_err(|error| {
-            refuse(format!(
-                "{}. A log's sidecar has the keys robot, rate_hz, kp, kd, fell, target_lead_s, \
-                 target_lead_spread_s, simulated_step_s, allow and the tables imu (order, frame, unit, negated, mounting) and notes. \
-                 If this file is \
-                 something else, rename it, or read without sidecar files",
-                reason(&text, &error)
-            ))
-        })?;
-        metadata.add(statements, &shown_path(&sidecar));
+        metadata.add(read_sidecar(&sidecar)?, &shown_path(&sidecar));
         used.push(sidecar);
     }
     Ok((metadata, used))
+}
+
+/// The settings in a file beside a log.
+fn read_sidecar(sidecar: &Path) -> Result<Statements, LogError> {
+    let io = |source| LogError::Io {
+        path: sidecar.to_owned(),
+        action: "read the log's sidecar file",
+        source,
+        remedy: "check its permissions, or read without sidecar files",
+    };
+    let refuse = |problem: String| LogError::Metadata { place: shown_path(sidecar), problem };
+    if sidecar.metadata().map_err(io)?.len() > SIDECAR_LIMIT {
+        return Err(refuse(format!(
+            "larger than {SIDECAR_LIMIT} bytes; a log's sidecar holds only gains, rate and robot"
+        )));
+    }
+    let text = std::fs::read_to_string(sidecar).map_err(io)?;
+    toml::from_str(&text).map_err(|error| {
+        refuse(format!(
+            "{}. A log's sidecar has the keys robot, rate_hz, kp, kd, fell, target_lead_s, target_lead_spread_s, \
+             simulated_step_s, allow and the tables imu (order, frame, unit, negated, mounting) and notes. If this file is \
+             something else, rename it, or read without sidecar files",
+            reason(&text, &error)
+        ))
+    })
 }

@@ -39,7 +39,7 @@ pub fn text(results: &AdaptResults, said: &[String]) -> String {
         let _ = writeln!(text, "\n{}", validation(&results.validation, &results.cost_name));
     }
     if let Some(found) = results.swings.as_ref().filter(|found| found.swings.is_some()) {
-        let _ = writeln!(text, "\n{}", swings::text(found, &results.beside_swings));
+        let _ = writeln!(text, "\n{}", swings::text(found, &results.causes, &results.beside_swings));
     }
     if let Some(held) = &results.held_out {
         let _ = writeln!(text, "\nnot fitted: {}", held.sentence());

@@ -3,6 +3,7 @@
 use crate::exit::Failure;
 use crate::{output, swings};
 use gaitfit::robot;
+use gaitfit::walk::explain::causes;
 use gaitfit::walk::swing::{SwingFindings, SwingSettings};
 use gaitfit_log::{FolderSummary, LogContent, ReadOptions, Severity, Trajectory, read_csv};
 use gaitfit_model::{Model, Root, shown};
@@ -98,7 +99,7 @@ pub fn of_folder(
 /// Prints the tables.
 pub fn print(found: Option<&SwingFindings>) -> Result<(), Failure> {
     match found {
-        Some(found) => output::print(&format!("\n{}\n", swings::text(found, &[]))),
+        Some(found) => output::print(&format!("\n{}\n", swings::text(found, &causes(found), &[]))),
         None => Ok(()),
     }
 }
