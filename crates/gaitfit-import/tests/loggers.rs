@@ -188,7 +188,7 @@ fn a_recording_states_gains_and_steps_as_a_log_does_and_a_mapping_renames_its_jo
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mine.csv");
     let mut text =
-        "# kp = { \"FR_*\" = 60, \"*\" = 40 }\n# kd = 1\n# a remark = of mine\nstamp;p_VR1;p_VL1\n"
+        "# kp = { \"*\" = 40, \"FR_*\" = 60 }\n# kd = 1\n# a remark = of mine\nstamp;p_VR1;p_VL1\n"
             .to_owned();
     for i in 0..100 {
         let t = f64::from(i) / 100.0;

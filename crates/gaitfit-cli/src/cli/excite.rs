@@ -65,7 +65,7 @@ pub struct Excite {
     /// Time in which the amplitude rises at the start of a turn and falls at its end, s
     #[arg(long, value_name = "S", default_value_t = 1.0, conflicts_with = "policy", hide = true)]
     pub ease: f64,
-    /// Position gains, N·m/rad: a number, or a table such as '{ "*_hip" = 20, "*" = 40 }' [default: the fit's, or those
+    /// Position gains, N·m/rad: a number, or a table such as '{ "*" = 40, "*_hip" = 20 }' [default: the fit's, or those
     /// of `gaitfit init`]
     #[arg(long, value_name = "KP", requires = "kd", conflicts_with = "policy")]
     pub kp: Option<Gain>,
@@ -184,7 +184,7 @@ impl std::str::FromStr for Gain {
         }
         let gain =
             toml::from_str::<Holder>(&format!("gain = {text}")).map(|holder| holder.gain).map_err(|_| {
-                "give a number for all joints, or a table such as '{ \"*_hip\" = 20, \"*\" = 40 }'".to_owned()
+                "give a number for all joints, or a table such as '{ \"*\" = 40, \"*_hip\" = 20 }'".to_owned()
             })?;
         let values = match &gain {
             PerJoint::All(value) => vec![*value],

@@ -60,7 +60,7 @@ pub struct New {
     /// Joints, units and columns that recordings do not state (see `gaitfit import --mapping`)
     #[arg(long, value_name = "FILE.toml")]
     pub mapping: Option<PathBuf>,
-    /// Position gains, N·m/rad, if the logs do not state them: a number, or a table such as '{ "*_hip" = 20, "*" = 40 }'
+    /// Position gains, N·m/rad, if the logs do not state them: a number, or a table such as '{ "*" = 40, "*_hip" = 20 }'
     #[arg(long, value_name = "KP")]
     pub kp: Option<Gain>,
     /// Velocity gains, N·m·s/rad, if the logs do not state them

@@ -285,7 +285,7 @@ fn gains(
         }
         None => Err(Error::settings(format!(
             "no gains of {} are known: give `kp` (--kp) and `kd` (--kd), a number or a table such as \
-             '{{ \"*_hip\" = 20, \"*\" = 40 }}'",
+             '{{ \"*\" = 40, \"*_hip\" = 20 }}'",
             shown(&model.name)
         ))),
     }

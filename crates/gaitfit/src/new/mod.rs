@@ -227,7 +227,7 @@ fn gains(settings: &NewSettings, model: &Model, logs: &Logs) -> Result<Option<Ga
         (0..model.joints.len()).map(|joint| init::servo(model, joint)).collect();
     let Some(servos) = servos.filter(|servos| !servos.is_empty()) else {
         return Err(Error::settings(
-            "missing: --kp N and --kd N (or a table such as '{ \"*_hip\" = 20, \"*\" = 40 }'), the PD gains while the logs were recorded; neither the logs nor the robot \
+            "missing: --kp N and --kd N (or a table such as '{ \"*\" = 40, \"*_hip\" = 20 }'), the PD gains while the logs were recorded; neither the logs nor the robot \
              file's actuators state them",
         ));
     };
