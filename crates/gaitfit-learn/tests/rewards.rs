@@ -3,8 +3,11 @@
 
 #[path = "rewards/expressions.rs"]
 mod expressions;
+#[path = "rewards/loops.rs"]
+mod loops;
 use crate::task_common;
 
+use gaitfit_learn::task::expression::{Expression, Names};
 use gaitfit_learn::task::{Foot, Moment, Task, reward};
 use task_common::{built_in, calm, scene};
 
@@ -37,7 +40,9 @@ fn moment<'a>(scene: &'a Task, feet: &'a [Foot]) -> Moment<'a> {
 }
 
 fn value(name: &str, moment: &Moment<'_>) -> f32 {
-    (reward::TERMS.iter().find(|term| term.name == name).unwrap().value)(moment)
+    let term = reward::TERMS.iter().find(|term| term.name == name).unwrap();
+    let names = Names::new(&moment.task.settings, &moment.task.walker);
+    Expression::new(term.text, &names).unwrap().value(moment)
 }
 
 #[track_caller]

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use gaitfit_learn::task::reward::Value;
-use gaitfit_learn::task::{FASTEST_BASE, FASTEST_JOINT};
+use gaitfit_learn::task::{FASTEST_BASE, FASTEST_JOINT, Task};
 use gaitfit_model::kinematics::Reach;
 use gaitfit_policy::Term;
 
@@ -32,8 +32,8 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
         include_str!("kernels/rows.cu"),
         include_str!("kernels/act.cu"),
         include_str!("kernels/episode.cu"),
-        include_str!("kernels/rewards.cu"),
-        &written_terms(scene),
+        include_str!("kernels/moment.cu"),
+        &reward_terms(scene.task),
         include_str!("kernels/finish.cu"),
         if scene.is(Mode::Steps) { include_str!("kernels/stepwise.cu") } else { "" },
     ] {
@@ -45,26 +45,15 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
     Program::new("rollout", text).option("-fmad=false")
 }
 
-/// Functions of the reward terms that are expressions; nothing if there is none.
-fn written_terms(scene: &Scene<'_>) -> String {
-    let mut terms = Terms::default();
-    let mut any = false;
-    for (name, value) in scene.task.reward_values() {
+/// Functions of the reward terms. [`Scene::new`] refuses those that are not expressions.
+fn reward_terms(task: &Task) -> String {
+    let mut terms = Terms::new(task);
+    for (name, value) in task.reward_values() {
         if let Value::Expression(expression) = value {
             terms.add(name, expression);
-            any = true;
         }
     }
-    if !any {
-        return String::new();
-    }
-    let walker = &scene.task.walker;
-    let action_of = |joint: usize| walker.joints.iter().position(|&own| own == joint);
-    let places = (0..walker.default_pose.len())
-        .map(|joint| action_of(joint).map_or("-1".to_owned(), |k| k.to_string()));
-    let mut words = Words { text: String::new() };
-    words.table("int", "ACTION_OF", places.collect());
-    words.text + include_str!("kernels/terms.cu") + &terms.text()
+    terms.text()
 }
 
 impl Words {
@@ -117,11 +106,6 @@ impl Words {
         for (name, value) in [
             ("LEAD", lead),
             ("LOG_TAU", std::f32::consts::TAU.ln()),
-            ("TRACKING_WIDTH", settings.tracking_width as f32),
-            ("YAW_TRACKING_WIDTH", settings.yaw_tracking_width as f32),
-            ("WANTED_HEIGHT", settings.height as f32),
-            ("SWING_SECONDS", settings.swing_seconds as f32),
-            ("SWING_HEIGHT", settings.swing_height as f32),
             ("MIN_UPRIGHTNESS", least_uprightness),
             ("MIN_HEIGHT", least_height),
             ("GAMMA", scene.sizes.gamma as f32),
@@ -167,8 +151,6 @@ impl Words {
         self.table("int", "FOOT_FIRST", words(&ends));
         self.table("int", "FALL_GEOM", words(task.walker.fall_geoms()));
         self.table("int", "BODY_GEOM", words(task.body_geoms()));
-        let groups = task.gait_group.iter().map(|group| group.map_or("-1".to_owned(), |g| g.to_string()));
-        self.table("int", "GAIT_GROUP", groups.collect());
         // What each term pays, as statements.
         let _ = writeln!(self.text, "#define REWARD_TERMS \\");
         for (number, (name, weight)) in task.reward_weights().enumerate() {
@@ -188,6 +170,10 @@ impl Words {
         let others = walker.other_joints.iter().map(ToString::to_string);
         self.table("int", "OTHER_JOINT", others.collect());
         self.table("float", "START_POSE", singles(&task.start_pose));
+        let action_of = |joint: usize| walker.joints.iter().position(|&own| own == joint);
+        let actions = (0..walker.default_pose.len())
+            .map(|joint| action_of(joint).map_or("-1".to_owned(), |k| k.to_string()));
+        self.table("int", "ACTION_OF", actions.collect());
         self.table("int", "JOINT_OF", walker.joints.iter().map(ToString::to_string).collect());
         let home = walker.interface.default_pose.iter().map(|&angle| single(angle as f32));
         self.table("float", "HOME", home.collect());

@@ -1,7 +1,8 @@
-//! What expressions do with numbers.
+//! What expressions do with numbers: of `N` robots at once, one after the other in an array, which the compiler turns
+//! into vector instructions.
 
 /// Of one number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum One {
     /// −x.
     Negate,
@@ -23,6 +24,8 @@ pub enum One {
     Cos,
     /// tanh x.
     Tanh,
+    /// The largest whole number that is not above x.
+    Floor,
 }
 
 impl One {
@@ -36,27 +39,30 @@ impl One {
         ("sin", Self::Sin),
         ("cos", Self::Cos),
         ("tanh", Self::Tanh),
+        ("floor", Self::Floor),
     ];
 
-    /// Its value.
-    pub(super) fn value(self, x: f32) -> f32 {
+    /// Its values.
+    #[inline]
+    pub(super) fn value<const N: usize>(self, x: [f32; N]) -> [f32; N] {
         match self {
-            Self::Negate => -x,
-            Self::Not => flag(x == 0.0),
-            Self::Abs => x.abs(),
-            Self::Sqrt => x.sqrt(),
-            Self::Square => x * x,
-            Self::Exp => x.exp(),
-            Self::Ln => x.ln(),
-            Self::Sin => x.sin(),
-            Self::Cos => x.cos(),
-            Self::Tanh => x.tanh(),
+            Self::Negate => x.map(|x| -x),
+            Self::Not => x.map(|x| flag(x == 0.0)),
+            Self::Abs => x.map(f32::abs),
+            Self::Sqrt => x.map(f32::sqrt),
+            Self::Square => x.map(|x| x * x),
+            Self::Exp => x.map(f32::exp),
+            Self::Ln => x.map(f32::ln),
+            Self::Sin => x.map(f32::sin),
+            Self::Cos => x.map(f32::cos),
+            Self::Tanh => x.map(f32::tanh),
+            Self::Floor => x.map(f32::floor),
         }
     }
 }
 
 /// Of two numbers. Comparisons and `and`, `or` give 1 or 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Two {
     /// a + b.
     Add,
@@ -101,30 +107,42 @@ impl Two {
         (">", Self::Greater),
     ];
 
-    /// Its value.
-    pub(super) fn value(self, a: f32, b: f32) -> f32 {
+    /// Its values.
+    #[inline]
+    pub(super) fn value<const N: usize>(self, a: [f32; N], b: [f32; N]) -> [f32; N] {
         match self {
-            Self::Add => a + b,
-            Self::Subtract => a - b,
-            Self::Multiply => a * b,
-            Self::Divide => a / b,
-            Self::Power => a.powf(b),
-            Self::Min => smaller(a, b),
-            Self::Max => largest(a, b),
-            Self::Less => flag(a < b),
-            Self::LessOrEqual => flag(a <= b),
-            Self::Greater => flag(a > b),
-            Self::GreaterOrEqual => flag(a >= b),
-            Self::Equal => flag(a == b),
-            Self::Unequal => flag(a != b),
-            Self::And => flag(a != 0.0 && b != 0.0),
-            Self::Or => flag(a != 0.0 || b != 0.0),
+            Self::Add => both(a, b, |a, b| a + b),
+            Self::Subtract => both(a, b, |a, b| a - b),
+            Self::Multiply => both(a, b, |a, b| a * b),
+            Self::Divide => both(a, b, |a, b| a / b),
+            Self::Power => both(a, b, f32::powf),
+            Self::Min => both(a, b, smaller),
+            Self::Max => both(a, b, larger),
+            Self::Less => both(a, b, |a, b| flag(a < b)),
+            Self::LessOrEqual => both(a, b, |a, b| flag(a <= b)),
+            Self::Greater => both(a, b, |a, b| flag(a > b)),
+            Self::GreaterOrEqual => both(a, b, |a, b| flag(a >= b)),
+            Self::Equal => both(a, b, |a, b| flag(a == b)),
+            Self::Unequal => both(a, b, |a, b| flag(a != b)),
+            Self::And => both(a, b, |a, b| flag(a != 0.0 && b != 0.0)),
+            Self::Or => both(a, b, |a, b| flag(a != 0.0 || b != 0.0)),
         }
     }
 }
 
+#[inline]
+fn both<const N: usize>(a: [f32; N], b: [f32; N], value: impl Fn(f32, f32) -> f32) -> [f32; N] {
+    std::array::from_fn(|k| value(a[k], b[k]))
+}
+
+/// The second where the first is not 0, else the third.
+#[inline]
+pub(super) fn select<const N: usize>(condition: [f32; N], yes: [f32; N], no: [f32; N]) -> [f32; N] {
+    std::array::from_fn(|k| if condition[k] != 0.0 { yes[k] } else { no[k] })
+}
+
 /// How a row becomes one number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FoldKind {
     /// Σ x.
     Sum,
@@ -148,16 +166,23 @@ impl FoldKind {
         ("max", Self::Max),
     ];
 
-    /// Of `count` values, one after the other.
-    pub(super) fn value(self, values: impl Iterator<Item = f32>, count: usize) -> f32 {
+    /// Of the numbers of a row, one after the other.
+    pub(super) fn value<const N: usize>(self, row: &[[f32; N]]) -> [f32; N] {
+        let count = row.len() as f32;
+        let squared = |x: &[f32; N]| One::Square.value(*x);
         match self {
-            Self::Sum => values.sum(),
-            Self::Mean => values.sum::<f32>() / count as f32,
-            Self::Norm => values.map(|x| x * x).sum::<f32>().sqrt(),
-            Self::Min => values.reduce(smaller).unwrap_or(f32::NAN),
-            Self::Max => values.reduce(largest).unwrap_or(f32::NAN),
+            Self::Sum => sum(row.iter().copied()),
+            Self::Mean => sum(row.iter().copied()).map(|sum| sum / count),
+            Self::Norm => sum(row.iter().map(squared)).map(f32::sqrt),
+            Self::Min => row.iter().copied().reduce(|a, b| both(a, b, smaller)).unwrap_or([f32::NAN; N]),
+            Self::Max => row.iter().copied().reduce(|a, b| both(a, b, larger)).unwrap_or([f32::NAN; N]),
         }
     }
+}
+
+/// From the first to the last; 0 of an empty row.
+fn sum<const N: usize>(row: impl Iterator<Item = [f32; N]>) -> [f32; N] {
+    row.reduce(|a, b| both(a, b, |a, b| a + b)).unwrap_or([0.0; N])
 }
 
 /// What a name before brackets calls.
@@ -171,6 +196,23 @@ pub(super) enum Function {
     Clamp,
     /// `select(condition, yes, no)`.
     Select,
+    /// `first(row)` and `second(row)`: that element of each pair.
+    Pairs(Side),
+}
+
+/// An element of a pair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Side {
+    First,
+    Second,
+}
+
+impl Side {
+    /// This element of each pair of a row of `width`: element i with each j < i, as (1, 0), (2, 0), (2, 1), (3, 0), ….
+    pub(super) fn places(self, width: usize) -> Vec<usize> {
+        let pairs = (0..width).flat_map(|i| (0..i).map(move |j| (i, j)));
+        pairs.map(|(i, j)| if self == Self::First { i } else { j }).collect()
+    }
 }
 
 impl Function {
@@ -178,7 +220,8 @@ impl Function {
     pub(super) fn all() -> impl Iterator<Item = (&'static str, Self)> {
         let ones = One::FUNCTIONS.iter().map(|(name, one)| (*name, Self::One(*one)));
         let folds = FoldKind::ALL.iter().map(|(name, kind)| (*name, Self::Fold(*kind)));
-        ones.chain(folds).chain([("clamp", Self::Clamp), ("select", Self::Select)])
+        let pairs = [("first", Self::Pairs(Side::First)), ("second", Self::Pairs(Side::Second))];
+        ones.chain(folds).chain([("clamp", Self::Clamp), ("select", Self::Select)]).chain(pairs)
     }
 
     /// What it takes, in words.
@@ -186,7 +229,7 @@ impl Function {
         match self {
             Self::One(_) => "one value",
             Self::Fold(FoldKind::Min | FoldKind::Max) => "a row, or two values",
-            Self::Fold(_) => "a row",
+            Self::Fold(_) | Self::Pairs(_) => "a row",
             Self::Clamp => "a value, its least and its largest",
             Self::Select => "a condition and two values",
         }
@@ -204,6 +247,6 @@ fn smaller(a: f32, b: f32) -> f32 {
 }
 
 /// Unlike `f32::max`, not a number if one of them is none.
-fn largest(a: f32, b: f32) -> f32 {
+fn larger(a: f32, b: f32) -> f32 {
     if a > b || a.is_nan() { a } else { b }
 }
