@@ -41,6 +41,13 @@ impl Words {
         self.define("FILTER_AT", period.filter().unwrap_or_default());
     }
 
+    /// The numbers of what a policy observes, in capitals, as terms of an observation have them.
+    pub fn quantities(&mut self) {
+        let names: Vec<String> =
+            Quantity::ALL.iter().map(|quantity| quantity.name().to_uppercase()).collect();
+        let _ = writeln!(self.text, "enum {{ {} }};", names.join(", "));
+    }
+
     /// A table of whole numbers.
     pub fn integers(&mut self, name: &str, numbers: &[usize]) {
         self.table("int", name, numbers.iter().map(ToString::to_string).collect());
@@ -69,20 +76,6 @@ pub(crate) fn double(value: f64) -> String {
 pub(crate) fn braces<T>(values: impl IntoIterator<Item = T>, write: impl Fn(T) -> String) -> String {
     let words: Vec<String> = values.into_iter().map(write).collect();
     format!("{{{}}}", words.join(", "))
-}
-
-/// Its place in the text's list of quantities.
-pub(crate) fn quantity_number(quantity: Quantity) -> usize {
-    match quantity {
-        Quantity::BaseAngularVelocity => 0,
-        Quantity::ProjectedGravity => 1,
-        Quantity::Command => 2,
-        Quantity::JointPosition => 3,
-        Quantity::JointVelocity => 4,
-        Quantity::LastAction => 5,
-        Quantity::BaseLinearVelocity => 6,
-        Quantity::GaitPhase => 7,
-    }
 }
 
 /// Place of a number in its tile: `base + stride · i` for the tile's robot `i`.

@@ -107,12 +107,13 @@ fn observations_are_laid_out_as_the_interface_says() {
 
 #[test]
 fn noise_fills_its_ranges_and_spares_what_has_none() {
-    let noise = NoiseSettings {
-        base_angular_velocity: 0.2,
-        projected_gravity: 0.05,
-        joint_position: 0.01,
-        joint_velocity: 1.5,
-    };
+    let half_ranges = [
+        (Quantity::BaseAngularVelocity, 0.2),
+        (Quantity::ProjectedGravity, 0.05),
+        (Quantity::JointPosition, 0.01),
+        (Quantity::JointVelocity, 1.5),
+    ];
+    let noise = NoiseSettings { half_ranges: half_ranges.into() };
     let task = TaskSettings { noise, ..calm() };
     let scene = scene_with(&task, |interface| interface.critic_observation = interface.observation.clone());
     let environment = Environment::new(&scene, None, 5, 0, 16).unwrap();

@@ -17,6 +17,7 @@ pub mod observation;
 mod pilot;
 mod policy;
 pub mod predict;
+mod quantity;
 pub mod walker;
 
 pub use error::PolicyError;
@@ -28,6 +29,7 @@ pub use front::{Encoder, Front, Latent};
 pub use function::{Act, Function};
 pub use held::{ActionClip, Held};
 pub use history::{FrameOrder, History, HistoryStart};
-pub use interface::{Interface, InterfaceError, Quantity, Term};
+pub use interface::{Interface, InterfaceError, Term};
 pub use pilot::Pilot;
 pub use policy::{Policy, Provenance, RobotFile};
+pub use quantity::{Quantity, Source, Width};

@@ -7,7 +7,7 @@ use gaitfit_policy::{Policy, Term};
 use super::scene::{Scene, Subject};
 use crate::emit::Class;
 use crate::runtime::Program;
-use crate::words::{Words, double, quantity_number, single};
+use crate::words::{Words, double, single};
 
 /// The program of a scene, `rows` robots of a block together, `group` of a thread. Products and sums are rounded one by one, as the CPU does it.
 pub(super) fn program(scene: &Scene<'_>, rows: usize, group: usize) -> Program {
@@ -112,6 +112,7 @@ fn walk(words: &mut Words, walker: &Walker) {
     words.integers("OTHER_JOINT", &walker.other_joints);
     let home: Vec<f32> = interface.default_pose.iter().map(|&angle| angle as f32).collect();
     words.singles("HOME", &home);
+    words.quantities();
     let (mut place, mut parts) = (0, Vec::new());
     for (number, Term { quantity, .. }) in interface.observation.iter().enumerate() {
         let width = quantity.width(interface.joints.len());
@@ -123,7 +124,7 @@ fn walk(words: &mut Words, walker: &Walker) {
     let terms = interface.observation.iter().map(|Term { quantity, .. }| {
         let (from, width) = (place, quantity.width(interface.joints.len()));
         place += width;
-        format!("{{{}, {from}, {width}, 0.0f}}", quantity_number(*quantity))
+        format!("{{{}, {from}, {width}, 0.0f}}", *quantity as usize)
     });
     let terms = terms.collect();
     words.table("Term", "TERMS", terms);

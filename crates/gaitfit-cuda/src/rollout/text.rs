@@ -12,7 +12,7 @@ use super::plan::THREADS;
 use super::scene::{Mode, Scene};
 use crate::emit::Class;
 use crate::runtime::Program;
-use crate::words::{Words, braces, double, quantity_number, single};
+use crate::words::{Words, braces, double, single};
 
 /// The program of a scene's rollouts. Products and sums are rounded one by one, as the CPU does it.
 pub(super) fn program(scene: &Scene<'_>) -> Program {
@@ -224,6 +224,7 @@ impl Words {
     fn rows(&mut self, scene: &Scene<'_>) {
         let (interface, noise) = (&scene.task.walker.interface, &scene.task.settings.noise);
         let joints = interface.joints.len();
+        self.quantities();
         let (mut terms, mut scales) = (Vec::new(), Vec::new());
         let mut rows = Vec::new();
         for (observation, noise) in
@@ -233,7 +234,7 @@ impl Words {
             for Term { quantity, .. } in observation {
                 let width = quantity.width(joints);
                 let half = noise.map_or(0.0, |noise| noise.half_range(*quantity));
-                terms.push(format!("{{{}, {place}, {width}, {}}}", quantity_number(*quantity), single(half)));
+                terms.push(format!("{{{}, {place}, {width}, {}}}", *quantity as usize, single(half)));
                 place += width;
             }
             scales.extend(interface.scales(observation).into_iter().map(single));

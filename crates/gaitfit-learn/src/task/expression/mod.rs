@@ -116,8 +116,8 @@ impl Node {
     fn constant(&self) -> Option<f32> {
         Some(match self {
             Self::Number(number) => *number,
-            Self::One(operator, node) => operator.value([node.constant()?])[0],
-            Self::Two(operator, nodes) => operator.value([nodes[0].constant()?], [nodes[1].constant()?])[0],
+            Self::One(operator, node) => operator.value(node.constant()?),
+            Self::Two(operator, nodes) => operator.value(nodes[0].constant()?, nodes[1].constant()?),
             Self::Quantity(..) | Self::Fold(_) | Self::Select(_) => return None,
         })
     }

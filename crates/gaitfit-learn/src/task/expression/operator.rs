@@ -1,5 +1,4 @@
-//! What expressions do with numbers: of `N` robots at once, one after the other in an array, which the compiler turns
-//! into vector instructions.
+//! What expressions do with numbers: with many at once, in loops that the compiler turns into vector instructions.
 
 /// Of one number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -42,22 +41,28 @@ impl One {
         ("floor", Self::Floor),
     ];
 
-    /// Its values.
-    #[inline]
-    pub(super) fn value<const N: usize>(self, x: [f32; N]) -> [f32; N] {
+    /// Writes its value of each number of `x`.
+    pub(super) fn apply(self, x: &[f32], to: &mut [f32]) {
         match self {
-            Self::Negate => x.map(|x| -x),
-            Self::Not => x.map(|x| flag(x == 0.0)),
-            Self::Abs => x.map(f32::abs),
-            Self::Sqrt => x.map(f32::sqrt),
-            Self::Square => x.map(|x| x * x),
-            Self::Exp => x.map(f32::exp),
-            Self::Ln => x.map(f32::ln),
-            Self::Sin => x.map(f32::sin),
-            Self::Cos => x.map(f32::cos),
-            Self::Tanh => x.map(f32::tanh),
-            Self::Floor => x.map(f32::floor),
+            Self::Negate => each(x, to, |x| -x),
+            Self::Not => each(x, to, |x| flag(x == 0.0)),
+            Self::Abs => each(x, to, f32::abs),
+            Self::Sqrt => each(x, to, f32::sqrt),
+            Self::Square => each(x, to, |x| x * x),
+            Self::Exp => each(x, to, f32::exp),
+            Self::Ln => each(x, to, f32::ln),
+            Self::Sin => each(x, to, f32::sin),
+            Self::Cos => each(x, to, f32::cos),
+            Self::Tanh => each(x, to, f32::tanh),
+            Self::Floor => each(x, to, f32::floor),
         }
+    }
+
+    /// Its value of one number.
+    pub(super) fn value(self, x: f32) -> f32 {
+        let mut value = [0.0];
+        self.apply(&[x], &mut value);
+        value[0]
     }
 }
 
@@ -107,38 +112,49 @@ impl Two {
         (">", Self::Greater),
     ];
 
-    /// Its values.
-    #[inline]
-    pub(super) fn value<const N: usize>(self, a: [f32; N], b: [f32; N]) -> [f32; N] {
+    /// Writes its value of each number of `a` and the one of `b` at its place.
+    pub(super) fn apply(self, a: &[f32], b: &[f32], to: &mut [f32]) {
         match self {
-            Self::Add => both(a, b, |a, b| a + b),
-            Self::Subtract => both(a, b, |a, b| a - b),
-            Self::Multiply => both(a, b, |a, b| a * b),
-            Self::Divide => both(a, b, |a, b| a / b),
-            Self::Power => both(a, b, f32::powf),
-            Self::Min => both(a, b, smaller),
-            Self::Max => both(a, b, larger),
-            Self::Less => both(a, b, |a, b| flag(a < b)),
-            Self::LessOrEqual => both(a, b, |a, b| flag(a <= b)),
-            Self::Greater => both(a, b, |a, b| flag(a > b)),
-            Self::GreaterOrEqual => both(a, b, |a, b| flag(a >= b)),
-            Self::Equal => both(a, b, |a, b| flag(a == b)),
-            Self::Unequal => both(a, b, |a, b| flag(a != b)),
-            Self::And => both(a, b, |a, b| flag(a != 0.0 && b != 0.0)),
-            Self::Or => both(a, b, |a, b| flag(a != 0.0 || b != 0.0)),
+            Self::Add => both(a, b, to, |a, b| a + b),
+            Self::Subtract => both(a, b, to, |a, b| a - b),
+            Self::Multiply => both(a, b, to, |a, b| a * b),
+            Self::Divide => both(a, b, to, |a, b| a / b),
+            Self::Power => both(a, b, to, f32::powf),
+            Self::Min => both(a, b, to, smaller),
+            Self::Max => both(a, b, to, larger),
+            Self::Less => both(a, b, to, |a, b| flag(a < b)),
+            Self::LessOrEqual => both(a, b, to, |a, b| flag(a <= b)),
+            Self::Greater => both(a, b, to, |a, b| flag(a > b)),
+            Self::GreaterOrEqual => both(a, b, to, |a, b| flag(a >= b)),
+            Self::Equal => both(a, b, to, |a, b| flag(a == b)),
+            Self::Unequal => both(a, b, to, |a, b| flag(a != b)),
+            Self::And => both(a, b, to, |a, b| flag((a != 0.0) & (b != 0.0))),
+            Self::Or => both(a, b, to, |a, b| flag((a != 0.0) | (b != 0.0))),
         }
+    }
+
+    /// Its value of two numbers.
+    pub(super) fn value(self, a: f32, b: f32) -> f32 {
+        let mut value = [0.0];
+        self.apply(&[a], &[b], &mut value);
+        value[0]
     }
 }
 
-#[inline]
-fn both<const N: usize>(a: [f32; N], b: [f32; N], value: impl Fn(f32, f32) -> f32) -> [f32; N] {
-    std::array::from_fn(|k| value(a[k], b[k]))
+#[inline(always)]
+fn each(x: &[f32], to: &mut [f32], value: impl Fn(f32) -> f32) {
+    to.iter_mut().zip(x).for_each(|(to, &x)| *to = value(x));
 }
 
-/// The second where the first is not 0, else the third.
-#[inline]
-pub(super) fn select<const N: usize>(condition: [f32; N], yes: [f32; N], no: [f32; N]) -> [f32; N] {
-    std::array::from_fn(|k| if condition[k] != 0.0 { yes[k] } else { no[k] })
+#[inline(always)]
+fn both(a: &[f32], b: &[f32], to: &mut [f32], value: impl Fn(f32, f32) -> f32) {
+    to.iter_mut().zip(a).zip(b).for_each(|((to, &a), &b)| *to = value(a, b));
+}
+
+/// Writes the second where the first is not 0, else the third.
+pub(super) fn select(condition: &[f32], yes: &[f32], no: &[f32], to: &mut [f32]) {
+    let choices = condition.iter().zip(yes).zip(no);
+    to.iter_mut().zip(choices).for_each(|(to, ((&on, &yes), &no))| *to = if on != 0.0 { yes } else { no });
 }
 
 /// How a row becomes one number.
@@ -166,23 +182,36 @@ impl FoldKind {
         ("max", Self::Max),
     ];
 
-    /// Of the numbers of a row, one after the other.
-    pub(super) fn value<const N: usize>(self, row: &[[f32; N]]) -> [f32; N] {
-        let count = row.len() as f32;
-        let squared = |x: &[f32; N]| One::Square.value(*x);
+    /// Writes its value of the rows that begin at each place of `to`: their elements are `to.len()` apart in `row`.
+    pub(super) fn apply(self, row: &[f32], to: &mut [f32]) {
+        let lanes = to.len();
+        let count = (row.len() / lanes) as f32;
+        let (first, rest) = row.split_at(lanes.min(row.len()));
+        let rest = rest.chunks_exact(lanes);
         match self {
-            Self::Sum => sum(row.iter().copied()),
-            Self::Mean => sum(row.iter().copied()).map(|sum| sum / count),
-            Self::Norm => sum(row.iter().map(squared)).map(f32::sqrt),
-            Self::Min => row.iter().copied().reduce(|a, b| both(a, b, smaller)).unwrap_or([f32::NAN; N]),
-            Self::Max => row.iter().copied().reduce(|a, b| both(a, b, larger)).unwrap_or([f32::NAN; N]),
+            // An empty row has no smallest number, and a sum of 0.
+            Self::Min | Self::Max if first.is_empty() => to.fill(f32::NAN),
+            Self::Min | Self::Max | Self::Sum | Self::Mean if !first.is_empty() => to.copy_from_slice(first),
+            Self::Norm if !first.is_empty() => One::Square.apply(first, to),
+            _ => to.fill(0.0),
+        }
+        match self {
+            Self::Sum | Self::Mean => rest.for_each(|x| onto(to, x, |sum, x| sum + x)),
+            Self::Norm => rest.for_each(|x| onto(to, x, |sum, x| sum + x * x)),
+            Self::Min => rest.for_each(|x| onto(to, x, smaller)),
+            Self::Max => rest.for_each(|x| onto(to, x, larger)),
+        }
+        match self {
+            Self::Mean => to.iter_mut().for_each(|x| *x /= count),
+            Self::Norm => to.iter_mut().for_each(|x| *x = x.sqrt()),
+            _ => {}
         }
     }
 }
 
-/// From the first to the last; 0 of an empty row.
-fn sum<const N: usize>(row: impl Iterator<Item = [f32; N]>) -> [f32; N] {
-    row.reduce(|a, b| both(a, b, |a, b| a + b)).unwrap_or([0.0; N])
+#[inline(always)]
+fn onto(to: &mut [f32], x: &[f32], value: impl Fn(f32, f32) -> f32) {
+    to.iter_mut().zip(x).for_each(|(to, &x)| *to = value(*to, x));
 }
 
 /// What a name before brackets calls.

@@ -11,13 +11,13 @@ use super::operator::select;
 use super::{Expression, FoldKind, Node, One, Quantity, Two};
 use crate::task::Moment;
 
-/// Robots that are computed together: four vectors of the narrowest machine.
-pub(in crate::task) const LANES: usize = 16;
+/// Robots that are computed together: several vectors of any machine.
+pub(in crate::task) const LANES: usize = 32;
 
-/// A number of each robot.
-pub(in crate::task) type Lane = [f32; LANES];
+/// Rows of all steps: the first element of all robots, then the second, and so on.
+pub(in crate::task) type Scratch = Vec<Vec<f32>>;
 
-/// A row: where it begins in the scratch, and its width.
+/// A row: its place in the scratch, and its width.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct Row {
     at: usize,
@@ -66,8 +66,8 @@ pub(in crate::task) struct Program {
     steps: Vec<(Work<Row>, Row)>,
     /// Where the value of each expression is at the end.
     values: Vec<usize>,
-    /// Numbers of the scratch.
-    size: usize,
+    /// Numbers of each row of the scratch.
+    sizes: Vec<usize>,
 }
 
 impl Program {
@@ -79,14 +79,16 @@ impl Program {
     }
 
     /// Memory for [`Program::run`].
-    pub(in crate::task) fn scratch(&self) -> Vec<Lane> {
-        vec![[0.0; LANES]; self.size]
+    pub(in crate::task) fn scratch(&self) -> Scratch {
+        self.sizes.iter().map(|&size| vec![0.0; size]).collect()
     }
 
     /// Writes the expressions' values of up to [`LANES`] robots, a row a robot. `scratch`: [`Program::scratch`].
-    pub(in crate::task) fn run(&self, moments: &[Moment<'_>], scratch: &mut [Lane], values: &mut [f32]) {
+    pub(in crate::task) fn run(&self, moments: &[Moment<'_>], scratch: &mut Scratch, values: &mut [f32]) {
         for (work, to) in &self.steps {
-            step(work, *to, moments, scratch);
+            let mut row = std::mem::take(&mut scratch[to.at]);
+            step(work, moments, scratch, &mut row);
+            scratch[to.at] = row;
         }
         let width = self.values.len().max(1);
         for (lane, row) in values.chunks_exact_mut(width).enumerate().take(moments.len()) {
@@ -95,33 +97,28 @@ impl Program {
     }
 }
 
-fn step(work: &Work<Row>, to: Row, moments: &[Moment<'_>], scratch: &mut [Lane]) {
+fn step(work: &Work<Row>, moments: &[Moment<'_>], scratch: &Scratch, to: &mut [f32]) {
     // A single number stands beside every element of a row.
-    let element = |row: Row, k: usize| if row.width == 1 { row.at } else { row.at + k };
+    let element = |row: &Row, k: usize| {
+        let from = if row.width == 1 { 0 } else { k * LANES };
+        &scratch[row.at][from..from + LANES]
+    };
+    let elements = |to| <[f32]>::chunks_exact_mut(to, LANES).enumerate();
     match work {
-        Work::Number(bits) => scratch[to.at] = [f32::from_bits(*bits); LANES],
+        Work::Number(bits) => to.fill(f32::from_bits(*bits)),
         Work::Quantity(quantity, places) => {
-            for (lane, &place) in scratch[to.at..to.at + to.width].iter_mut().zip(places) {
-                quantity.load(moments, place, lane);
-            }
+            elements(to).zip(places).for_each(|((_, to), &place)| quantity.load(moments, place, to));
         }
-        Work::One(operator, row) => {
-            for k in 0..to.width {
-                scratch[to.at + k] = operator.value(scratch[element(*row, k)]);
-            }
+        Work::One(operator, row) => operator.apply(&scratch[row.at], to),
+        Work::Two(operator, [a, b]) if a.width == b.width => {
+            operator.apply(&scratch[a.at], &scratch[b.at], to);
         }
         Work::Two(operator, [a, b]) => {
-            for k in 0..to.width {
-                scratch[to.at + k] = operator.value(scratch[element(*a, k)], scratch[element(*b, k)]);
-            }
+            elements(to).for_each(|(k, to)| operator.apply(element(a, k), element(b, k), to));
         }
-        Work::Select([condition, yes, no]) => {
-            for k in 0..to.width {
-                let [condition, yes, no] = [condition, yes, no].map(|row| scratch[element(*row, k)]);
-                scratch[to.at + k] = select(condition, yes, no);
-            }
-        }
-        Work::Fold(kind, row) => scratch[to.at] = kind.value(&scratch[row.at..row.at + row.width]),
+        Work::Select([condition, yes, no]) => elements(to)
+            .for_each(|(k, to)| select(element(condition, k), element(yes, k), element(no, k), to)),
+        Work::Fold(kind, row) => kind.apply(&scratch[row.at], to),
     }
 }
 
@@ -139,7 +136,9 @@ impl List {
         for fold in expression.folds() {
             let work = if fold.width == 0 {
                 // Pairs of a single element: there is none.
-                Work::Number(fold.kind.value::<1>(&[])[0].to_bits())
+                let mut value = [0.0];
+                fold.kind.apply(&[], &mut value);
+                Work::Number(value[0].to_bits())
             } else {
                 Work::Fold(fold.kind, self.node(&fold.row, &folded))
             };
@@ -197,11 +196,11 @@ impl List {
         values.iter().for_each(|&row| last[row] = usize::MAX);
         let mut rows: Vec<Row> = Vec::with_capacity(self.steps.len());
         let mut free: HashMap<usize, Vec<usize>> = HashMap::new();
-        let (mut size, mut steps) = (0, Vec::with_capacity(self.steps.len()));
+        let (mut sizes, mut steps) = (Vec::new(), Vec::with_capacity(self.steps.len()));
         for (number, (work, width)) in self.steps.iter().enumerate() {
             let at = free.get_mut(width).and_then(Vec::pop).unwrap_or_else(|| {
-                size += width;
-                size - width
+                sizes.push(width * LANES);
+                sizes.len() - 1
             });
             let to = Row { at, width: *width };
             rows.push(to);
@@ -213,6 +212,6 @@ impl List {
                 free.entry(rows[row].width).or_default().push(rows[row].at);
             }
         }
-        Program { steps, values: values.iter().map(|&row| rows[row].at).collect(), size }
+        Program { steps, values: values.iter().map(|&row| rows[row].at).collect(), sizes }
     }
 }

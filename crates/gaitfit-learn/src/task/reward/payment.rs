@@ -2,7 +2,7 @@
 
 use super::{Value, WeightedTerm};
 use crate::task::Moment;
-use crate::task::expression::program::{LANES, Lane, Program};
+use crate::task::expression::program::{self, LANES, Program};
 
 /// The reward terms of a task. Those that are expressions are computed together.
 #[derive(Default)]
@@ -16,7 +16,7 @@ pub(in crate::task) struct Rewards {
 /// Memory for [`Rewards::pay`].
 #[derive(Default)]
 pub(in crate::task) struct Scratch {
-    lanes: Vec<Lane>,
+    rows: program::Scratch,
     values: Vec<f32>,
 }
 
@@ -44,7 +44,7 @@ impl Rewards {
 
     /// Memory for [`Rewards::pay`].
     pub(in crate::task) fn scratch(&self) -> Scratch {
-        Scratch { lanes: self.program.scratch(), values: vec![0.0; LANES * self.numbers.len()] }
+        Scratch { rows: self.program.scratch(), values: vec![0.0; LANES * self.numbers.len()] }
     }
 
     /// Writes weight times value of each term, a row a robot; up to [`LANES`] robots. Functions of a library's user are
@@ -56,7 +56,7 @@ impl Rewards {
         scratch: &mut Scratch,
         paid: &mut [f32],
     ) {
-        self.program.run(moments, &mut scratch.lanes, &mut scratch.values);
+        self.program.run(moments, &mut scratch.rows, &mut scratch.values);
         let mut values = scratch.values.chunks_exact(self.numbers.len().max(1));
         let rows = paid.chunks_exact_mut(self.terms.len().max(1));
         for ((moment, &whole), row) in moments.iter().zip(whole).zip(rows) {
