@@ -66,8 +66,9 @@ fn has_the_bits_of_loops(scene: &Task) {
             fallen: draw % 5 == 0,
             ..moment(scene, &feet)
         };
-        for term in reward::TERMS {
-            let wanted = loops::value(term.name, &moment).unwrap_or_else(|| panic!("no loop: {}", term.name));
+        let looped = reward::TERMS.iter().filter_map(|term| Some((term, loops::value(term.name, &moment)?)));
+        assert_eq!(looped.clone().count(), 21, "a term was renamed or is gone");
+        for (term, wanted) in looped {
             // An empty sum is −0 in Rust.
             let (found, wanted) = (value(term.name, &moment) + 0.0, wanted + 0.0);
             assert_eq!(found.to_bits(), wanted.to_bits(), "{} is {wanted}, not {found}", term.name);

@@ -1,8 +1,8 @@
-//! The built-in reward terms as plain loops: what their expressions must give, to the bit.
+//! Reward terms as plain loops, which they were before they were expressions: what these must give, to the bit.
 
 use gaitfit_learn::task::Moment;
 
-/// The value of a built-in term; `None` for a name that is none.
+/// The value of a built-in term; `None` for later ones.
 pub fn value(name: &str, m: &Moment<'_>) -> Option<f32> {
     Some(match name {
         "track_linear_velocity" => linear_velocity(m),
