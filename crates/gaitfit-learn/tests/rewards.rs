@@ -98,6 +98,9 @@ fn effort_terms() {
     }
     // 0² + 1² + … + 11² = 506.
     expect("torque", &Moment { torque: &ramp, ..moment(&scene, &feet) }, 506.0);
+    // 0·1 + 1·1 + … + 11·1 = 66 of any sign.
+    let braking = ramp.map(|torque| -torque);
+    expect("power", &Moment { torque: &braking, joint_velocity: &ones, ..moment(&scene, &feet) }, 66.0);
     expect("joint_acceleration", &Moment { joint_acceleration: &ramp, ..moment(&scene, &feet) }, 506.0);
     // (−1)² + 0² + … + 10² = 386.
     expect("action_rate", &Moment { action: &ramp, last_action: &ones, ..moment(&scene, &feet) }, 386.0);

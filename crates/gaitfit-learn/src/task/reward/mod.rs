@@ -48,6 +48,8 @@ terms! {
     height = "exp(-square((height - wanted_height) / 0.1))";
     /// Squared motor torques, N²·m².
     torque = "sum(square(tau))";
+    /// Mechanical power of the motors, as much where they brake, W (`energy` of Isaac Lab and walk-these-ways).
+    power = "sum(abs(tau * qvel))";
     /// Squared joint accelerations, rad²/s⁴.
     joint_acceleration = "sum(square(qacc))";
     /// Squared change of the action since the last step.
