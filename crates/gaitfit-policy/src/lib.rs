@@ -32,4 +32,4 @@ pub use history::{FrameOrder, History, HistoryStart};
 pub use interface::{Interface, InterfaceError, Term};
 pub use pilot::Pilot;
 pub use policy::{Policy, Provenance, RobotFile};
-pub use quantity::{Quantity, Source, Width};
+pub use quantity::{BaseSample, OfBase, Quantity, Source, Width};

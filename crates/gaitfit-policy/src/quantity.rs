@@ -3,7 +3,7 @@
 //! A new quantity touches three files: its lines here (its row in the table, and what is sensed of a robot), where the
 //! simulator has it ([`crate::walker::Walker::sense`]), and the same for GPUs (`observe.cu` of `gaitfit-cuda`).
 
-use gaitfit_model::rotation::up;
+use gaitfit_model::rotation::{rotate_back, up};
 use serde::{Deserialize, Serialize};
 
 /// How many numbers a quantity has.
@@ -36,6 +36,35 @@ enum Columns {
     Joints(&'static str),
 }
 
+/// The base's motion as one sample of a log has it; what the log lacks is absent.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BaseSample {
+    /// Orientation, wxyz, unit.
+    pub quaternion: Option<[f64; 4]>,
+    /// Linear velocity, m/s, world frame.
+    pub linear_velocity: Option<[f64; 3]>,
+    /// Angular velocity, rad/s, body frame.
+    pub angular_velocity: Option<[f64; 3]>,
+}
+
+impl BaseSample {
+    /// A world vector in the body frame.
+    fn to_body(self, vector: [f64; 3]) -> Option<[f64; 3]> {
+        Some(rotate_back(self.quaternion?, vector))
+    }
+}
+
+/// A quantity that follows from the base's motion. A log may lack it.
+#[derive(Clone, Copy, Debug)]
+pub struct OfBase {
+    /// Spread about 0 on a robot that walks, of each number that must be known to know all, in its unit.
+    pub spreads: &'static [f64],
+    /// Its numbers; absent where the log lacks them.
+    pub read: fn(&BaseSample) -> Option<[f64; 3]>,
+    /// Puts its numbers into what is sensed.
+    pub sense: fn(&mut Sensed, [f64; 3]),
+}
+
 macro_rules! quantities {
     ($($(#[doc = $doc:literal])+ $variant:ident $name:literal {
         width: $width:expr,
@@ -44,6 +73,7 @@ macro_rules! quantities {
         isaac: [$($isaac:literal),+],
         columns: $columns:expr,
         cxx: $cxx:literal,
+        base: $base:expr,
     })*) => {
         /// A quantity that a policy may observe.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -89,6 +119,11 @@ macro_rules! quantities {
                 match self { $(Self::$variant => $cxx,)* }
             }
 
+            /// How it follows from the base's motion; `None` if it does not.
+            pub const fn base(self) -> Option<OfBase> {
+                match self { $(Self::$variant => $base,)* }
+            }
+
             /// Writes its present value, before noise and scale. `pose`: the joints' angles at action zero, rad.
             #[inline]
             pub(crate) fn write(self, sensed: &Sensed, pose: &[f32], out: &mut [f32]) {
@@ -112,6 +147,11 @@ quantities! {
         isaac: ["base_ang_vel"],
         columns: Columns::Named(&["wx", "wy", "wz"]),
         cxx: "sensed.base_angular_velocity[i]",
+        base: Some(OfBase {
+            spreads: &[0.6; 3],
+            read: |base| base.angular_velocity,
+            sense: |sensed, value| sensed.base_angular_velocity = value.map(|x| x as f32),
+        }),
     }
     /// Unit vector of gravity in the body frame, (0, 0, −1) when upright; 3.
     ProjectedGravity "projected_gravity" {
@@ -121,6 +161,12 @@ quantities! {
         isaac: ["projected_gravity"],
         columns: Columns::Named(&["projected_gravity_x", "projected_gravity_y", "projected_gravity_z"]),
         cxx: "sensed.projected_gravity[i]",
+        base: Some(OfBase {
+            // The third number follows from its length.
+            spreads: &[0.1; 2],
+            read: |base| base.to_body([0.0, 0.0, -1.0]),
+            sense: |sensed, value| sensed.projected_gravity = value.map(|x| x as f32),
+        }),
     }
     /// Commanded velocity: forward and left (m/s), yaw rate (rad/s), in the base's heading frame; 3.
     Command "command" {
@@ -130,6 +176,7 @@ quantities! {
         isaac: ["velocity_commands", "command"],
         columns: Columns::Named(&["vx_cmd", "vy_cmd", "wz_cmd"]),
         cxx: "sensed.command[i]",
+        base: None,
     }
     /// Joint position minus default pose, rad; one a joint.
     JointPosition "joint_position" {
@@ -142,6 +189,7 @@ quantities! {
         isaac: ["joint_pos_rel", "joint_pos"],
         columns: Columns::Joints("q_"),
         cxx: "sensed.joint_position[i] - kDefaultPose[i]",
+        base: None,
     }
     /// Joint velocity, rad/s; one a joint.
     JointVelocity "joint_velocity" {
@@ -151,6 +199,7 @@ quantities! {
         isaac: ["joint_vel_rel", "joint_vel"],
         columns: Columns::Joints("dq_"),
         cxx: "sensed.joint_velocity[i]",
+        base: None,
     }
     /// The policy's last output, before scaling; one a joint.
     LastAction "last_action" {
@@ -160,6 +209,7 @@ quantities! {
         isaac: ["last_action", "actions"],
         columns: Columns::Absent,
         cxx: "action_[i]",
+        base: None,
     }
     /// Linear velocity of the base, m/s, body frame; 3.
     BaseLinearVelocity "base_linear_velocity" {
@@ -169,6 +219,11 @@ quantities! {
         isaac: ["base_lin_vel"],
         columns: Columns::Absent,
         cxx: "sensed.base_linear_velocity[i]",
+        base: Some(OfBase {
+            spreads: &[0.6; 3],
+            read: |base| base.to_body(base.linear_velocity?),
+            sense: |sensed, value| sensed.base_linear_velocity = value.map(|x| x as f32),
+        }),
     }
     /// Sine and cosine of the gait clock; 2.
     GaitPhase "gait_phase" {
@@ -181,6 +236,7 @@ quantities! {
         isaac: ["gait_phase"],
         columns: Columns::Absent,
         cxx: "i == 0 ? std::sin(clock) : std::cos(clock)",
+        base: None,
     }
 }
 
