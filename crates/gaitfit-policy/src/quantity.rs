@@ -39,6 +39,8 @@ enum Columns {
 /// The base's motion as one sample of a log has it; what the log lacks is absent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BaseSample {
+    /// Position, m, world frame.
+    pub position: Option<[f64; 3]>,
     /// Orientation, wxyz, unit.
     pub quaternion: Option<[f64; 4]>,
     /// Linear velocity, m/s, world frame.

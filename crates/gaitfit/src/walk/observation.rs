@@ -33,6 +33,7 @@ impl Given {
     pub fn from_log(log: &Trajectory, row: usize) -> Self {
         let Some(base) = &log.base else { return Self::default() };
         let sample = BaseSample {
+            position: part(&base.position, row),
             quaternion: part(&base.quaternion, row).map(normalize),
             linear_velocity: part(&base.linear_velocity, row),
             angular_velocity: part(&base.angular_velocity, row),
