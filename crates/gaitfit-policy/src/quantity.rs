@@ -227,6 +227,21 @@ quantities! {
             sense: |sensed, value| sensed.base_linear_velocity = value.map(|x| x as f32),
         }),
     }
+    /// Height of the base's origin above the ground under it, m; 1.
+    BaseHeight "base_height" {
+        width: Width::Numbers(1),
+        source: Simulation,
+        write: |sensed, _, out| out.fill(sensed.base_height),
+        isaac: ["base_pos_z"],
+        columns: Columns::Absent,
+        cxx: "sensed.base_height",
+        base: Some(OfBase {
+            spreads: &[0.3],
+            // Of flat ground at 0, as walks are recorded.
+            read: |base| Some([base.position?[2], 0.0, 0.0]),
+            sense: |sensed, value| sensed.base_height = value[0] as f32,
+        }),
+    }
     /// Sine and cosine of the gait clock; 2.
     GaitPhase "gait_phase" {
         width: Width::Numbers(2),
@@ -279,6 +294,8 @@ pub struct Sensed {
     pub projected_gravity: [f32; 3],
     /// Linear velocity of the base, m/s, body frame.
     pub base_linear_velocity: [f32; 3],
+    /// Height of the base's origin above the ground under it, m.
+    pub base_height: f32,
     /// Commanded velocity: forward, left (m/s), yaw rate (rad/s), heading frame.
     pub command: [f32; 3],
     /// Joint positions as the encoders report them, rad.
@@ -298,6 +315,7 @@ impl Sensed {
             base_angular_velocity: [0.0; 3],
             projected_gravity: [0.0, 0.0, -1.0],
             base_linear_velocity: [0.0; 3],
+            base_height: 0.0,
             command: [0.0; 3],
             joint_position: vec![0.0; joints],
             joint_velocity: vec![0.0; joints],

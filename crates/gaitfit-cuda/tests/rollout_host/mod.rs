@@ -15,6 +15,7 @@ use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::task::{CurriculumSettings, JointNumber, Task, TerrainSettings};
 use gaitfit_model::Shape;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
+use gaitfit_policy::{Quantity, Term};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Sensors};
 
 #[test]
@@ -40,6 +41,8 @@ fn fitted() -> (Task, Candidate) {
     let model = go2();
     let mut settings = lively("velocity");
     settings.robot_timestep = Some(0.001);
+    settings.policy.observation.push(Term::new(Quantity::BaseHeight).scaled(&[3.0]));
+    settings.noise.set(Quantity::BaseHeight, 0.02);
     let mut interface = Task::new(&model, &settings, Preset::Fast).unwrap().walker.interface;
     interface.joints.reverse();
     interface.default_pose.reverse();

@@ -28,6 +28,10 @@ DEVICE void write_term(
             base = base_of(state, e);
             to_body(base.quaternion, base.linear, vector);
             break;
+        case BASE_HEIGHT:
+            // Uneven ground is refused.
+            vector[0] = base_of(state, e).position[2];
+            break;
         case COMMAND:
             for (int k = 0; k < 3; k++) vector[k] = command[k * apart];
             break;
