@@ -12,4 +12,6 @@ pub mod physics;
 pub mod ppo;
 pub mod rollout;
 pub mod runtime;
+mod spots;
+mod walker;
 mod words;

@@ -118,7 +118,7 @@ impl Plan {
         }
         let program = program(scene);
         let terms = [interface.observation.len(), interface.critic_observation.len()];
-        let disturbed = (!scene.disturbance.is_empty()).then(|| scene.period.substeps());
+        let disturbed = (!scene.spots.disturbance.is_empty()).then(|| scene.period.substeps());
         let (tallies, recorded, mode) = (scene.tallies(), scene.recorded(), scene.sizes.mode);
         Self { program, arrays, homes, environments, actions, tallies, mode, disturbed, terms, recorded }
     }

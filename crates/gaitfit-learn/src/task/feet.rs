@@ -1,7 +1,6 @@
 //! Clocks of the feet: how long each has been on the ground or off it.
 
-/// Normal force from which a foot counts as touching, N.
-const TOUCH: f32 = 1.0;
+use gaitfit_policy::walker::TOUCH;
 
 /// A foot at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

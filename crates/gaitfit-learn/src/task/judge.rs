@@ -7,7 +7,7 @@ use super::expression::program::LANES;
 use super::{Environment, Moment};
 
 /// Below this norm (m/s, rad/s) a command means standing.
-const STANDING: f32 = 0.1;
+pub const STANDING: f32 = 0.1;
 
 /// How an episode stands after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

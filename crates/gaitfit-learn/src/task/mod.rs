@@ -32,7 +32,7 @@ pub use environment::Environment;
 pub use error::TaskError;
 pub use feet::Foot;
 pub use joint_number::JointNumber;
-pub use judge::{Ended, FASTEST_BASE, FASTEST_JOINT};
+pub use judge::{Ended, FASTEST_BASE, FASTEST_JOINT, STANDING};
 pub use moment::Moment;
 pub use presets::preset;
 pub use saved::Saved;

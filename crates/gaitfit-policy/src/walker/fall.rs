@@ -22,7 +22,7 @@ pub struct FallSettings {
 }
 
 /// Least normal force that counts as touching, N.
-const TOUCH: f32 = 1.0;
+pub const TOUCH: f32 = 1.0;
 
 /// How many of the geoms in `places` touch the ground; `forces` are of one environment
 /// ([`Motion::normal_force`]).

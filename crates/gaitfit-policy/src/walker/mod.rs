@@ -17,10 +17,10 @@ use crate::pilot::{clock, target};
 use fall::Fall;
 
 pub use error::WalkerError;
-pub use fall::{FallSettings, touching};
+pub use fall::{FallSettings, TOUCH, touching};
 pub use feet::FootGeoms;
 pub use noise::TorqueNoise;
-pub use start::{standing, standing_on};
+pub use start::{GAP, standing, standing_on};
 
 /// How a policy's robot is simulated, and when it counts as fallen.
 #[derive(Clone, Debug, PartialEq)]

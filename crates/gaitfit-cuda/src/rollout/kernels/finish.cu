@@ -1,18 +1,10 @@
 // After a control period: feet, rewards, ends of episodes, new commands and new episodes.
 
-// Sums of a rollout, of each environment: reward, reward terms, then these. Of its first divergence: the step, from 1, and
-// the reward term that was not finite, from 1; 0: none.
-enum {
-    VELOCITY_ERROR = 1 + REWARDS, YAW_ERROR, EPISODES, FALLS, EPISODE_STEPS, EPISODE_RETURN, DIVERGED, LOST_STEPS, BROKEN_AT,
-    BROKEN_TERM, TALLIES
-};
+// A number of `Sum`, of environment `e`.
 #define TALLY(k) tally[(k) * ENVIRONMENTS + e]
 #define FOOT(k, number) feet[(FOOT_SIZE * (k) + (number)) * ENVIRONMENTS + e]
 
 enum { GOES_ON, FALL, TIME_OUT };
-
-#define TOUCH 1.0f
-DEVICE bool touches(const float* report, u32 e, int geom) { return FORCE(geom) > TOUCH; }
 
 DEVICE Foot advance_foot(const float* report, float* feet, u32 e, u32 steps, int k) {
     float dt = (float)CONTROL_DT;
@@ -44,12 +36,6 @@ DEVICE Foot advance_foot(const float* report, float* feet, u32 e, u32 steps, int
     FOOT(k, PLACE_Z) = foot.height = z;
     FOOT(k, SPEED) = foot.speed = speed;
     return foot;
-}
-
-DEVICE bool has_fallen(const float* report, u32 e, float uprightness, float height) {
-    bool fallen = uprightness < MIN_UPRIGHTNESS || height < MIN_HEIGHT;
-    for (int k = 0; k < FALL_GEOMS; k++) fallen |= touches(report, e, FALL_GEOM[k]);
-    return fallen;
 }
 
 // What is gone with an episode, besides its age.
@@ -97,10 +83,10 @@ DEVICE bool finish_step(
         m.angular[k] = base.angular[k];
         m.gravity[k] = -up[k];
     }
-    m.walking = squares > 0.1f * 0.1f;
+    m.walking = squares > STANDING * STANDING;
     to_heading(base.quaternion, base.linear, m.velocity);
     m.yaw_rate = up[0] * base.angular[0] + up[1] * base.angular[1] + up[2] * base.angular[2];
-    m.uprightness = -up[0] * POSTURE[0] + -up[1] * POSTURE[1] + -up[2] * POSTURE[2];
+    m.uprightness = uprightness_of(up);
     m.height = base.position[2];
     m.clock = clock_of(age);
     m.fallen = has_fallen(report, e, m.uprightness, m.height);

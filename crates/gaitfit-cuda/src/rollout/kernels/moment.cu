@@ -33,10 +33,7 @@ DEVICE float flag(bool on) { return on ? 1.0f : 0.0f; }
 // The target that this period's action asks for.
 DEVICE float wanted_target(const Moment& m, int j) {
     int k = ACTION_OF[j];
-    if (k < 0) return DEFAULT_POSE[j];
-    float wanted = m.action[k], clip = ACTION_CLIP[k], clipped = wanted < -clip ? -clip : wanted;
-    clipped = clipped > clip ? clip : clipped;
-    return DEFAULT_POSE[j] + ACTION_SCALE[j] * clipped;
+    return k < 0 ? DEFAULT_POSE[j] : target_of(k, m.action[k]);
 }
 
 QUANTITY(command, m.command[k])
