@@ -13,5 +13,6 @@ pub mod ppo;
 pub mod rollout;
 pub mod runtime;
 mod spots;
+mod traced;
 mod walker;
 mod words;

@@ -1,8 +1,9 @@
 //! What kernels are told of a policy on a robot: joints, targets, falls and what is observed.
 
 use gaitfit_policy::walker::{TOUCH, Walker};
-use gaitfit_policy::{Quantity, Term};
+use gaitfit_policy::{Quantity, Term, target};
 
+use crate::traced::function;
 use crate::words::{Words, double, single};
 
 impl Words {
@@ -36,6 +37,10 @@ impl Words {
         self.integers("OTHER_JOINT", &walker.other_joints);
         let home: Vec<f32> = interface.default_pose.iter().map(|&angle| angle as f32).collect();
         self.singles("HOME", &home);
+        let parameters = [("pose", 1), ("scale", 1), ("clip", 1), ("action", 1)];
+        self.text.push_str(&function("clipped_target", &parameters, |[pose, scale, clip, action]| {
+            vec![target(pose, scale, clip, action)]
+        }));
     }
 
     /// How long before its end a control period's forces act half, s.

@@ -30,6 +30,6 @@ pub use function::{Act, Function};
 pub use held::{ActionClip, Held};
 pub use history::{FrameOrder, History, HistoryStart};
 pub use interface::{Interface, InterfaceError, Term};
-pub use pilot::Pilot;
+pub use pilot::{Pilot, target};
 pub use policy::{Policy, Provenance, RobotFile};
 pub use quantity::{BaseSample, OfBase, Quantity, Source, Width};

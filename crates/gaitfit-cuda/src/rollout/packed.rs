@@ -1,6 +1,6 @@
 //! Environments of the CPU as the kernels' arrays, and back.
 
-use gaitfit_learn::task::Snapshot;
+use gaitfit_learn::task::{Foot, Snapshot};
 use gaitfit_sim::{Candidate, IMU_NUMBERS, Imu, RobotState};
 
 use super::scene::Scene;
@@ -64,7 +64,9 @@ impl Packed {
             fresh: snapshots.iter().map(|one| u32::from(one.robot.fresh)).collect(),
             command: rows(3, &|one, k| one.command[k]),
             last_action: rows(scene.actions(), &|one, k| one.last_action[k]),
-            feet: rows(8 * scene.task.foot_geoms().len(), &|one, k| one.feet[k / 8][k % 8]),
+            feet: rows(Foot::NUMBERS * scene.task.foot_geoms().len(), &|one, k| {
+                one.feet[k / Foot::NUMBERS][k % Foot::NUMBERS]
+            }),
             returns: rows(2, &|one, k| one.returns[k]),
         }
     }
@@ -98,7 +100,9 @@ impl Packed {
                 steps: self.steps[e],
                 command: std::array::from_fn(|k| row(&self.command, k, e)),
                 last_action: (0..scene.actions()).map(|k| row(&self.last_action, k, e)).collect(),
-                feet: feet.map(|foot| std::array::from_fn(|k| row(&self.feet, 8 * foot + k, e))).collect(),
+                feet: feet
+                    .map(|foot| std::array::from_fn(|k| row(&self.feet, Foot::NUMBERS * foot + k, e)))
+                    .collect(),
                 returns: std::array::from_fn(|k| row(&self.returns, k, e)),
             }
         };

@@ -5,7 +5,7 @@ use super::text::program;
 use crate::emit::Class;
 use crate::ppo::{Array, Id, Kind, Launch, Value};
 use crate::runtime::{Program, Shape};
-use gaitfit_learn::task::Interval;
+use gaitfit_learn::task::{Foot, Interval};
 use gaitfit_sim::IMU_NUMBERS;
 
 /// Who has an array.
@@ -100,7 +100,7 @@ impl Plan {
             ("fresh", own, Kind::U32, environments),
             ("command", own, Kind::F32, 3 * environments),
             ("last_action", own, Kind::F32, actions * environments),
-            ("feet", own, Kind::F32, 8 * feet * environments),
+            ("feet", own, Kind::F32, Foot::NUMBERS * feet * environments),
             ("returns", own, Kind::F32, 2 * environments),
             ("cut", own, Kind::U32, scene.cuts() * environments),
             ("tail", own, Kind::F32, tails * critic),

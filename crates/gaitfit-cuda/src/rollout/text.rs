@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use gaitfit_learn::task::reward::Value;
-use gaitfit_learn::task::{FASTEST_BASE, FASTEST_JOINT, STANDING, Task};
+use gaitfit_learn::task::{FASTEST_BASE, FASTEST_JOINT, Foot, STANDING, Task, advanced_foot};
 use gaitfit_model::kinematics::Reach;
 use gaitfit_policy::walker::GAP;
 
@@ -12,6 +12,7 @@ use super::plan::THREADS;
 use super::scene::{Mode, Scene};
 use super::sums::Sum;
 use crate::runtime::Program;
+use crate::traced;
 use crate::words::{Words, braces, double, single};
 
 /// The program of a scene's rollouts. Products and sums are rounded one by one, as the CPU does it.
@@ -35,6 +36,7 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
         include_str!("kernels/act.cu"),
         include_str!("kernels/episode.cu"),
         include_str!("kernels/moment.cu"),
+        &foot(),
         &reward_terms(scene.task),
         include_str!("kernels/finish.cu"),
         if scene.is(Mode::Steps) { include_str!("kernels/stepwise.cu") } else { "" },
@@ -45,6 +47,15 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
         text.push_str(include_str!("kernels/record.cu"));
     }
     Program::new("rollout", text).option("-fmad=false")
+}
+
+/// The function `advanced_foot`.
+fn foot() -> String {
+    let parameters = [("before", Foot::NUMBERS), ("force", 1), ("place", 3), ("dt", 1), ("begins", 1)];
+    traced::function("advanced_foot", &parameters, |[a, b, c, d, e, f, g, h, force, x, y, z, dt, begins]| {
+        let (numbers, landed) = advanced_foot([a, b, c, d, e, f, g, h], force, [x, y, z], dt, begins);
+        numbers.into_iter().chain([landed]).collect()
+    })
 }
 
 /// Functions of the reward terms. [`Scene::new`] refuses those that are not expressions.
@@ -77,6 +88,8 @@ impl Words {
             self.define(name, value);
         }
         self.text.push_str(&Sum::text(task.reward_weights().count()));
+        let foot = Foot::NAMES.map(str::to_uppercase).join(", ");
+        self.text.push_str(&format!("enum {{ {foot}, FOOT_SIZE }};\n"));
     }
 
     fn task(&mut self, scene: &Scene<'_>) {

@@ -302,11 +302,8 @@ impl<'a> Environment<'a> {
             let foot = &mut self.feet[index * feet + k];
             // Episodes may begin in their midst, and far from the origin.
             let fresh = task.course.is_some() && *foot == Foot::default();
-            foot.advance(force, place, task.walker.ground_under(place), dt);
-            if self.steps[index] <= 1 || fresh {
-                // There was no place before the first step to move from.
-                foot.speed = 0.0;
-            }
+            let begins = self.steps[index] <= 1 || fresh;
+            foot.advance(force, place, task.walker.ground_under(place), dt, begins);
         }
     }
 

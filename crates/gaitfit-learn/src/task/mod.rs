@@ -30,7 +30,7 @@ mod terrain;
 pub use command::commands;
 pub use environment::Environment;
 pub use error::TaskError;
-pub use feet::Foot;
+pub use feet::{Foot, advanced as advanced_foot};
 pub use joint_number::JointNumber;
 pub use judge::{Ended, FASTEST_BASE, FASTEST_JOINT, STANDING};
 pub use moment::Moment;

@@ -6,36 +6,14 @@
 
 enum { GOES_ON, FALL, TIME_OUT };
 
-DEVICE Foot advance_foot(const float* report, float* feet, u32 e, u32 steps, int k) {
-    float dt = (float)CONTROL_DT;
-    float load = 0.0f;
-    for (int i = FOOT_FIRST[k]; i < FOOT_FIRST[k + 1]; i++) load += FORCE(FOOT_GEOM[i]);
-    bool touching = load > TOUCH, before = FOOT(k, TOUCHING) != 0.0f;
-    float air = FOOT(k, AIR), contact = FOOT(k, CONTACT), last_air = FOOT(k, LAST_AIR);
-    Foot foot;
-    foot.touching = touching;
-    foot.landed = touching && !before && air > 0.0f;
-    if (touching) {
-        last_air = air > 0.0f ? air : last_air;
-        air = 0.0f;
-        contact += dt;
-    } else {
-        contact = 0.0f;
-        air += dt;
-    }
-    float x = CENTRE(k, 0), y = CENTRE(k, 1), z = CENTRE(k, 2);
-    float dx = x - FOOT(k, PLACE_X), dy = y - FOOT(k, PLACE_Y);
-    // There was no place before the first step to move from.
-    float speed = steps <= 1 ? 0.0f : sqrtf(dx * dx + dy * dy) / dt;
-    FOOT(k, TOUCHING) = touching ? 1.0f : 0.0f;
-    FOOT(k, AIR) = foot.air = air;
-    FOOT(k, CONTACT) = foot.contact = contact;
-    FOOT(k, LAST_AIR) = foot.last_air = last_air;
-    FOOT(k, PLACE_X) = x;
-    FOOT(k, PLACE_Y) = y;
-    FOOT(k, PLACE_Z) = foot.height = z;
-    FOOT(k, SPEED) = foot.speed = speed;
-    return foot;
+// Takes up the end of a control period of foot `k`, and writes its numbers and whether it landed.
+DEVICE void advance_foot(const float* report, float* feet, u32 e, u32 steps, int k, float foot[FOOT_SIZE + 1]) {
+    float force = 0.0f, place[3], before[FOOT_SIZE];
+    for (int i = FOOT_FIRST[k]; i < FOOT_FIRST[k + 1]; i++) force += FORCE(FOOT_GEOM[i]);
+    for (int axis = 0; axis < 3; axis++) place[axis] = CENTRE(k, axis);
+    for (int number = 0; number < FOOT_SIZE; number++) before[number] = FOOT(k, number);
+    advanced_foot(before, force, place, (float)CONTROL_DT, steps <= 1 ? 1.0f : 0.0f, foot);
+    for (int number = 0; number < FOOT_SIZE; number++) FOOT(k, number) = foot[number];
 }
 
 // What is gone with an episode, besides its age.
@@ -70,7 +48,7 @@ DEVICE bool finish_step(
     float up[3];
     up_of(base.quaternion, up);
     Moment m;
-    for (int k = 0; k < FEET; k++) m.feet[k] = advance_foot(report, feet, e, age, k);
+    for (int k = 0; k < FEET; k++) advance_foot(report, feet, e, age, k, m.feet[k]);
     // Numbers that are none fail every comparison.
     bool whole = is_finite(base.position[2]);
     for (int k = 0; k < 3; k++) whole &= fabsf(base.linear[k]) <= FASTEST_BASE && fabsf(base.angular[k]) <= FASTEST_BASE;

@@ -1,14 +1,6 @@
 // One robot at the end of a control period, and what reward terms may name of it: a function `quantity_NAME` for each
 // quantity of gaitfit-learn's expressions that is not the same for all robots and times.
 
-// Numbers of a foot between steps.
-enum { TOUCHING, AIR, CONTACT, LAST_AIR, PLACE_X, PLACE_Y, PLACE_Z, SPEED, FOOT_SIZE };
-
-struct Foot {
-    bool touching, landed;
-    float air, contact, last_air, height, speed;
-};
-
 struct Moment {
     float command[3], velocity[3], angular[3], gravity[3], yaw_rate, uprightness, height, clock;
     bool walking, fallen;
@@ -17,7 +9,8 @@ struct Moment {
     const float *state, *params, *report;
     // The action of this period; the one before, with ENVIRONMENTS between its numbers.
     const float *action, *last_action;
-    Foot feet[FEET > 0 ? FEET : 1];
+    // Of each foot its numbers, and 1 if it landed; without uneven ground a foot is as high as its centre.
+    float feet[FEET > 0 ? FEET : 1][FOOT_SIZE + 1];
 };
 
 #define QUANTITY(name, value) \
@@ -50,13 +43,13 @@ QUANTITY(tau, TORQUE(k))
 QUANTITY(target, wanted_target(m, k))
 QUANTITY(action, m.action[k])
 QUANTITY(last_action, m.last_action[k * ENVIRONMENTS + e])
-QUANTITY(contact, flag(m.feet[k].touching))
-QUANTITY(landed, flag(m.feet[k].landed))
-QUANTITY(foot_height, m.feet[k].height)
-QUANTITY(foot_speed, m.feet[k].speed)
-QUANTITY(air_time, m.feet[k].air)
-QUANTITY(contact_time, m.feet[k].contact)
-QUANTITY(last_air_time, m.feet[k].last_air)
+QUANTITY(contact, m.feet[k][TOUCHING])
+QUANTITY(landed, m.feet[k][FOOT_SIZE])
+QUANTITY(foot_height, m.feet[k][PLACE_Z])
+QUANTITY(foot_speed, m.feet[k][SPEED])
+QUANTITY(air_time, m.feet[k][AIR])
+QUANTITY(contact_time, m.feet[k][CONTACT])
+QUANTITY(last_air_time, m.feet[k][LAST_AIR])
 QUANTITY(body_contacts, (float)m.body_contacts)
 QUANTITY(walking, flag(m.walking))
 QUANTITY(fallen, flag(m.fallen))

@@ -3,9 +3,9 @@
 // The target that the action `wanted` asks of the policy's joint `k`.
 DEVICE float target_of(int k, float wanted) {
     int j = JOINT_OF[k];
-    float clip = ACTION_CLIP[k], clipped = wanted < -clip ? -clip : wanted;
-    clipped = clipped > clip ? clip : clipped;
-    return DEFAULT_POSE[j] + ACTION_SCALE[j] * clipped;
+    float target;
+    clipped_target(DEFAULT_POSE[j], ACTION_SCALE[j], ACTION_CLIP[k], wanted, &target);
+    return target;
 }
 
 // Sends joint `j` of environment `e` its next target. Before its `first` target a robot is taken to have held it.
