@@ -1,7 +1,7 @@
 //! What kernels are told of a policy on a robot: joints, targets, falls and what is observed.
 
 use gaitfit_policy::walker::{TOUCH, Walker};
-use gaitfit_policy::{Quantity, Term, target};
+use gaitfit_policy::{Quantity, Term, frames, target};
 
 use crate::traced::function;
 use crate::words::{Words, double, single};
@@ -37,10 +37,26 @@ impl Words {
         self.integers("OTHER_JOINT", &walker.other_joints);
         let home: Vec<f32> = interface.default_pose.iter().map(|&angle| angle as f32).collect();
         self.singles("HOME", &home);
+        self.frames();
         let parameters = [("pose", 1), ("scale", 1), ("clip", 1), ("action", 1)];
         self.text.push_str(&function("clipped_target", &parameters, |[pose, scale, clip, action]| {
             vec![target(pose, scale, clip, action)]
         }));
+    }
+
+    /// Functions of [`frames`].
+    fn frames(&mut self) {
+        let (q, v) = (("q", 4), ("v", 3));
+        let texts = [
+            function("up_of", &[q], |[w, x, y, z]| frames::up([w, x, y, z]).to_vec()),
+            function("to_body", &[q, v], |[w, x, y, z, a, b, c]| {
+                frames::to_body([w, x, y, z], [a, b, c]).to_vec()
+            }),
+            function("uprightness_of", &[("up", 3), ("posture", 3)], |[x, y, z, a, b, c]| {
+                vec![frames::uprightness([x, y, z], [a, b, c])]
+            }),
+        ];
+        self.text.extend(texts);
     }
 
     /// How long before its end a control period's forces act half, s.

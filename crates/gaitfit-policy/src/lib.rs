@@ -7,6 +7,7 @@ mod check;
 mod error;
 mod files;
 pub mod follow;
+pub mod frames;
 mod front;
 mod function;
 mod held;

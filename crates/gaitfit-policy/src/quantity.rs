@@ -3,8 +3,10 @@
 //! A new quantity touches three files: its lines here (its row in the table, and what is sensed of a robot), where the
 //! simulator has it ([`crate::walker::Walker::sense`]), and the same for GPUs (`observe.cu` of `gaitfit-cuda`).
 
-use gaitfit_model::rotation::{rotate_back, up};
+use gaitfit_model::rotation::rotate_back;
 use serde::{Deserialize, Serialize};
+
+use crate::frames;
 
 /// How many numbers a quantity has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -326,6 +328,6 @@ impl Sensed {
 
     /// Sets where gravity is for a base with this orientation, wxyz, unit.
     pub fn orient(&mut self, quaternion: [f32; 4]) {
-        self.projected_gravity = up(quaternion).map(|x| -x);
+        self.projected_gravity = frames::up(quaternion).map(|x| -x);
     }
 }

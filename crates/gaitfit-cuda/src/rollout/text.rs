@@ -3,8 +3,9 @@
 use std::fmt::Write;
 
 use gaitfit_learn::task::reward::Value;
-use gaitfit_learn::task::{FASTEST_BASE, FASTEST_JOINT, Foot, STANDING, Task, advanced_foot};
+use gaitfit_learn::task::{BaseMoment, FASTEST_BASE, FASTEST_JOINT, Foot, Task, advanced_foot};
 use gaitfit_model::kinematics::Reach;
+use gaitfit_model::rotation::vec_of;
 use gaitfit_policy::walker::GAP;
 
 use super::expression::Terms;
@@ -12,7 +13,7 @@ use super::plan::THREADS;
 use super::scene::{Mode, Scene};
 use super::sums::Sum;
 use crate::runtime::Program;
-use crate::traced;
+use crate::traced::function;
 use crate::words::{Words, braces, double, single};
 
 /// The program of a scene's rollouts. Products and sums are rounded one by one, as the CPU does it.
@@ -36,7 +37,7 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
         include_str!("kernels/act.cu"),
         include_str!("kernels/episode.cu"),
         include_str!("kernels/moment.cu"),
-        &foot(),
+        &functions(),
         &reward_terms(scene.task),
         include_str!("kernels/finish.cu"),
         if scene.is(Mode::Steps) { include_str!("kernels/stepwise.cu") } else { "" },
@@ -49,13 +50,25 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
     Program::new("rollout", text).option("-fmad=false")
 }
 
-/// The function `advanced_foot`.
-fn foot() -> String {
-    let parameters = [("before", Foot::NUMBERS), ("force", 1), ("place", 3), ("dt", 1), ("begins", 1)];
-    traced::function("advanced_foot", &parameters, |[a, b, c, d, e, f, g, h, force, x, y, z, dt, begins]| {
+/// Functions of a moment: `advanced_foot`, `base_moment`, `base_errors`.
+fn functions() -> String {
+    let foot = [("before", Foot::NUMBERS), ("force", 1), ("place", 3), ("dt", 1), ("begins", 1)];
+    let foot = function("advanced_foot", &foot, |[a, b, c, d, e, f, g, h, force, x, y, z, dt, begins]| {
         let (numbers, landed) = advanced_foot([a, b, c, d, e, f, g, h], force, [x, y, z], dt, begins);
         numbers.into_iter().chain([landed]).collect()
-    })
+    });
+    let base = [("quaternion", 4), ("linear", 3), ("angular", 3), ("command", 3), ("posture", 3)];
+    let base = function("base_moment", &base, |[w, x, y, z, rest @ ..]: [_; 16]| {
+        let vector = |from: usize| vec_of(&rest[from..]);
+        let base = BaseMoment::new([w, x, y, z], vector(0), vector(3), vector(6), vector(9));
+        let three = base.velocity.into_iter().chain(base.gravity);
+        three.chain([base.yaw_rate, base.uprightness, base.walking]).collect()
+    });
+    let errors = [("velocity", 3), ("yaw_rate", 1), ("command", 3)];
+    let errors = function("base_errors", &errors, |[x, y, z, yaw_rate, a, b, c]| {
+        BaseMoment::errors([x, y, z], yaw_rate, [a, b, c]).to_vec()
+    });
+    foot + &base + &errors
 }
 
 /// Functions of the reward terms. [`Scene::new`] refuses those that are not expressions.
@@ -99,7 +112,6 @@ impl Words {
         for (name, value) in [
             ("LOG_TAU", std::f32::consts::TAU.ln()),
             ("GAMMA", scene.sizes.gamma as f32),
-            ("STANDING", STANDING),
             ("FASTEST_BASE", FASTEST_BASE),
             ("FASTEST_JOINT", FASTEST_JOINT),
         ] {

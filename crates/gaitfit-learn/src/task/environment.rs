@@ -1,6 +1,5 @@
 //! One tile of robots at a task.
 
-use gaitfit_model::rotation::{self, quat_of, to_heading, vec_of};
 use gaitfit_policy::observation::{LastAction, Past};
 use gaitfit_policy::walker::TorqueNoise;
 use gaitfit_random::{Purpose, Stream};
@@ -10,6 +9,7 @@ use super::command::{command, within};
 use super::error::refuse;
 use super::feet::Foot;
 use super::judge::Ended;
+use super::moment::BaseMoment;
 use super::reward::Scratch;
 use super::start::start;
 use super::terrain::Way;
@@ -309,17 +309,12 @@ impl<'a> Environment<'a> {
 
     /// Angular velocity of environment `index` about the vertical, rad/s.
     pub fn yaw_rate(&self, index: usize) -> f32 {
-        let up = rotation::up(quat_of(&self.motion.base_quaternion[4 * index..]));
-        (0..3).map(|k| up[k] * self.motion.base_angular[3 * index + k]).sum()
+        self.base(index).yaw_rate
     }
 
     /// Horizontal velocity error (m/s) and yaw-rate error (rad/s) of environment `index` against its command.
     pub fn tracking_error(&self, index: usize) -> [f32; 2] {
-        let quaternion = quat_of(&self.motion.base_quaternion[4 * index..]);
-        let velocity = to_heading(quaternion, vec_of(&self.motion.base_linear[3 * index..]));
-        let command = self.command[index];
-        let error = [velocity[0] - command[0], velocity[1] - command[1]];
-        let linear = (error[0] * error[0] + error[1] * error[1]).sqrt();
-        [linear, (self.yaw_rate(index) - command[2]).abs()]
+        let base = self.base(index);
+        BaseMoment::errors(base.velocity, base.yaw_rate, self.command[index])
     }
 }

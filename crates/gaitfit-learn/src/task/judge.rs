@@ -1,13 +1,11 @@
 //! What the robots of a tile are paid for a control period, and whether their episodes end with it.
 
-use gaitfit_model::rotation::{self, quat_of, to_heading, vec_of};
+use gaitfit_model::rotation::{quat_of, vec_of};
 use gaitfit_policy::walker::touching;
 
 use super::expression::program::LANES;
+use super::moment::BaseMoment;
 use super::{Environment, Moment};
-
-/// Below this norm (m/s, rad/s) a command means standing.
-pub const STANDING: f32 = 0.1;
 
 /// How an episode stands after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,24 +75,34 @@ impl Environment<'_> {
         base[2] - self.task.walker.ground_under(base)
     }
 
+    /// What environment `index` is at with its base.
+    pub(super) fn base(&self, index: usize) -> BaseMoment<f32> {
+        let motion = &self.motion;
+        let (_, _, posture) = self.task.walker.fall_limits();
+        BaseMoment::new(
+            quat_of(&motion.base_quaternion[4 * index..]),
+            vec_of(&motion.base_linear[3 * index..]),
+            vec_of(&motion.base_angular[3 * index..]),
+            self.command[index],
+            posture,
+        )
+    }
+
     fn moment<'a>(&'a self, index: usize, action: &'a [f32]) -> Moment<'a> {
         let (task, motion) = (self.task, &self.motion);
         let joints = task.start_pose.len();
         let row = joints * index..joints * (index + 1);
         let geoms = task.walker.batch.contact_geoms().len();
-        let quaternion = quat_of(&motion.base_quaternion[4 * index..]);
-        let angular: [f32; 3] = vec_of(&motion.base_angular[3 * index..]);
-        let up = rotation::up(quaternion);
-        let command = self.command[index];
+        let base = self.base(index);
         Moment {
             task,
-            command,
-            walking: command.iter().map(|x| x * x).sum::<f32>() > STANDING * STANDING,
-            velocity: to_heading(quaternion, vec_of(&motion.base_linear[3 * index..])),
-            angular_velocity: angular,
-            yaw_rate: (0..3).map(|k| up[k] * angular[k]).sum(),
-            gravity: up.map(|x| -x),
-            uprightness: task.walker.uprightness(up),
+            command: self.command[index],
+            walking: base.walking != 0.0,
+            velocity: base.velocity,
+            angular_velocity: vec_of(&motion.base_angular[3 * index..]),
+            yaw_rate: base.yaw_rate,
+            gravity: base.gravity,
+            uprightness: base.uprightness,
             height: self.height(index),
             joint_position: &motion.joint_position[row.clone()],
             joint_velocity: &motion.joint_velocity[row.clone()],

@@ -6,14 +6,14 @@ mod feet;
 mod noise;
 mod start;
 
-use gaitfit_model::rotation::{quat_of, rotate_back, vec_of};
+use gaitfit_model::rotation::{quat_of, vec_of};
 use gaitfit_model::{Model, Root, Surface};
 use gaitfit_physics::{Preset, Robot};
 use gaitfit_sim::{Batch, BatchOptions, Candidate, Cpu, Engine, Imu, Motion, Start};
 
-use crate::Interface;
 use crate::observation::{Layout, Sensed};
 use crate::pilot::{clock, target};
+use crate::{Interface, frames};
 use fall::Fall;
 
 pub use error::WalkerError;
@@ -242,7 +242,7 @@ impl Walker {
     ) {
         sensed.base_angular_velocity = angular;
         sensed.orient(quaternion);
-        sensed.base_linear_velocity = rotate_back(quaternion, linear);
+        sensed.base_linear_velocity = frames::to_body(quaternion, linear);
         sensed.base_height = place[2] - self.ground_under(place);
         for (to, &joint) in self.joints.iter().enumerate() {
             sensed.joint_position[to] = position[joint];

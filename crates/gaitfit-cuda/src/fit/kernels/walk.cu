@@ -13,10 +13,11 @@ DEVICE void place_number(float* state, const float* imu, const float* from, u32 
 }
 
 DEVICE bool ends_here(const float* state, const float* report, u32 e) {
-    float q[4], up[3];
+    float q[4], up[3], uprightness;
     for (int k = 0; k < 4; k++) q[k] = STATE(QUATERNION + k);
     up_of(q, up);
-    bool ends = has_fallen(report, e, uprightness_of(up), STATE(POSITION + 2));
+    uprightness_of(up, POSTURE, &uprightness);
+    bool ends = has_fallen(report, e, uprightness, STATE(POSITION + 2));
     // A diverged robot's numbers fail every comparison.
     for (int k = 0; k < 3; k++) ends |= !is_finite(STATE(POSITION + k));
     return ends;

@@ -2,11 +2,6 @@
 
 DEVICE bool touches(const float* report, u32 e, int geom) { return FORCE(geom) > TOUCH; }
 
-// Cosine of the angle between actual and wanted posture.
-DEVICE float uprightness_of(const float up[3]) {
-    return -up[0] * POSTURE[0] + -up[1] * POSTURE[1] + -up[2] * POSTURE[2];
-}
-
 DEVICE bool has_fallen(const float* report, u32 e, float uprightness, float height) {
     bool fallen = uprightness < MIN_UPRIGHTNESS || height < MIN_HEIGHT;
     for (int k = 0; k < FALL_GEOMS; k++) fallen |= touches(report, e, FALL_GEOM[k]);

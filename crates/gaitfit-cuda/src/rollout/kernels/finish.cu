@@ -45,8 +45,6 @@ DEVICE bool finish_step(
     u64 row = (u64)step * ENVIRONMENTS + e;
     u32 number = control[FIRST_STEP] + step, age = steps[e] + 1;
     Base base = base_of(state, e);
-    float up[3];
-    up_of(base.quaternion, up);
     Moment m;
     for (int k = 0; k < FEET; k++) advance_foot(report, feet, e, age, k, m.feet[k]);
     // Numbers that are none fail every comparison.
@@ -54,17 +52,11 @@ DEVICE bool finish_step(
     for (int k = 0; k < 3; k++) whole &= fabsf(base.linear[k]) <= FASTEST_BASE && fabsf(base.angular[k]) <= FASTEST_BASE;
     for (int k = 0; k < 4; k++) whole &= is_finite(base.quaternion[k]);
     for (int j = 0; j < JOINTS; j++) whole &= fabsf(joint_velocity(state, e, j)) <= FASTEST_JOINT;
-    float squares = 0.0f;
-    for (int k = 0; k < 3; k++) {
-        m.command[k] = command[k * ENVIRONMENTS + e];
-        squares += m.command[k] * m.command[k];
-        m.angular[k] = base.angular[k];
-        m.gravity[k] = -up[k];
-    }
-    m.walking = squares > STANDING * STANDING;
-    to_heading(base.quaternion, base.linear, m.velocity);
-    m.yaw_rate = up[0] * base.angular[0] + up[1] * base.angular[1] + up[2] * base.angular[2];
-    m.uprightness = uprightness_of(up);
+    float numbers[9];
+    for (int k = 0; k < 3; k++) m.command[k] = command[k * ENVIRONMENTS + e];
+    base_moment(base.quaternion, base.linear, base.angular, m.command, POSTURE, numbers);
+    for (int k = 0; k < 3; k++) m.velocity[k] = numbers[k], m.gravity[k] = numbers[3 + k], m.angular[k] = base.angular[k];
+    m.yaw_rate = numbers[6], m.uprightness = numbers[7], m.walking = numbers[8] != 0.0f;
     m.height = base.position[2];
     m.clock = clock_of(age);
     m.fallen = has_fallen(report, e, m.uprightness, m.height);
@@ -82,8 +74,9 @@ DEVICE bool finish_step(
 
     for (int k = 0; k < ACTIONS; k++) last_action[k * ENVIRONMENTS + e] = m.action[k];
     if (age % COMMAND_STEPS == 0) draw_command(control, e, number + 1, command);
-    float ex = m.velocity[0] - command[e], ey = m.velocity[1] - command[ENVIRONMENTS + e];
-    float velocity_error = sqrtf(ex * ex + ey * ey), yaw_error = fabsf(m.yaw_rate - command[2 * ENVIRONMENTS + e]);
+    float wanted[3], off[2];
+    for (int k = 0; k < 3; k++) wanted[k] = command[k * ENVIRONMENTS + e];
+    base_errors(m.velocity, m.yaw_rate, wanted, off);
     if (broken) {
         if (TALLY(DIVERGED) == 0.0) {
             TALLY(BROKEN_AT) = (double)(step + 1);
@@ -95,11 +88,11 @@ DEVICE bool finish_step(
     } else {
         TALLY(0) += (double)paid;
         for (int k = 0; k < REWARDS; k++) TALLY(1 + k) += (double)terms[k];
-        TALLY(VELOCITY_ERROR) += (double)velocity_error;
-        TALLY(YAW_ERROR) += (double)yaw_error;
+        TALLY(VELOCITY_ERROR) += (double)off[0];
+        TALLY(YAW_ERROR) += (double)off[1];
     }
 #if TRIALS
-    errors[2 * row] = velocity_error, errors[2 * row + 1] = yaw_error;
+    errors[2 * row] = off[0], errors[2 * row + 1] = off[1];
 #endif
     // Trials are told of a robot that diverged by a reward that is no number; for the learner it fell.
     reward[row] = TRIALS && broken ? (float)double_of_bits(0x7FF8000000000000ull) : paid;
