@@ -7,6 +7,10 @@ use gaitfit_learn::task::expression::{Expression, FoldKind, Node, One, Quantity,
 
 use crate::words::{Words, single};
 
+/// Longest row whose elements are written one after the other: the pairs of four feet, whose numbers the compiler then
+/// keeps in registers. Longer ones are loops, for the text's length.
+const MAX_WRITTEN_OUT: usize = 8;
+
 /// Functions of a task's terms, and the tables that they read.
 pub(super) struct Terms<'a> {
     task: &'a Task,
@@ -23,30 +27,37 @@ impl<'a> Terms<'a> {
     pub(super) fn add(&mut self, name: &str, expression: &Expression) {
         let mut body = String::new();
         for (number, fold) in expression.folds().iter().enumerate() {
-            let value = self.node(&fold.row);
             let (width, result) = (fold.width, format!("fold{number}"));
-            let next = match fold.kind {
+            let next = |first: &str| match fold.kind {
                 FoldKind::Sum | FoldKind::Mean => format!("{result} + x"),
                 FoldKind::Norm => format!("{result} + x * x"),
-                FoldKind::Min => format!("i == 0 ? x : smaller({result}, x)"),
-                FoldKind::Max => format!("i == 0 ? x : larger({result}, x)"),
+                FoldKind::Min => format!("{first} ? x : smaller({result}, x)"),
+                FoldKind::Max => format!("{first} ? x : larger({result}, x)"),
             };
             // Writing to a string does not fail.
             let _ = writeln!(body, "    float {result} = 0.0f;");
-            let _ = writeln!(
-                body,
-                "    for (int i = 0; i < {width}; i++) {{ float x = {value}; {result} = {next}; }}"
-            );
+            if width <= MAX_WRITTEN_OUT {
+                for i in 0..width {
+                    let (value, next) = (self.node(&fold.row, Some(i)), next(&(i == 0).to_string()));
+                    let _ = writeln!(body, "    {{ float x = {value}; {result} = {next}; }}");
+                }
+            } else {
+                let (value, next) = (self.node(&fold.row, None), next("i == 0"));
+                let _ = writeln!(
+                    body,
+                    "    for (int i = 0; i < {width}; i++) {{ float x = {value}; {result} = {next}; }}"
+                );
+            }
             let _ = match fold.kind {
                 FoldKind::Mean => writeln!(body, "    {result} = {result} / {width}.0f;"),
                 FoldKind::Norm => writeln!(body, "    {result} = sqrtf({result});"),
                 _ => Ok(()),
             };
         }
-        let value = self.node(expression.root());
+        let value = self.node(expression.root(), Some(0));
         let _ = writeln!(
             self.functions,
-            "DEVICE float reward_{name}(const Moment& m) {{\n    const int i = 0;\n    (void)i;\n{body}    return {value};\n}}"
+            "DEVICE float reward_{name}(const Moment& m) {{\n{body}    return {value};\n}}"
         );
     }
 
@@ -59,14 +70,14 @@ impl<'a> Terms<'a> {
         words.text + &self.functions
     }
 
-    /// The expression of element `i` of a node.
-    fn node(&mut self, node: &Node) -> String {
+    /// The expression of element `i` of a node; `None`: of the variable `i`.
+    fn node(&mut self, node: &Node, i: Option<usize>) -> String {
         match node {
             Node::Number(number) => format!("({})", single(*number)),
-            Node::Quantity(quantity, places) => self.quantity(*quantity, places),
+            Node::Quantity(quantity, places) => self.quantity(*quantity, places, i),
             Node::Fold(number) => format!("fold{number}"),
             Node::One(operator, of) => {
-                let x = self.node(of);
+                let x = self.node(of, i);
                 match operator {
                     One::Negate => format!("(-{x})"),
                     One::Not => format!("flag({x} == 0.0f)"),
@@ -82,7 +93,7 @@ impl<'a> Terms<'a> {
                 }
             }
             Node::Two(operator, nodes) => {
-                let [a, b] = [self.node(&nodes[0]), self.node(&nodes[1])];
+                let [a, b] = [0, 1].map(|k| self.node(&nodes[k], i));
                 match operator {
                     Two::Add => format!("({a} + {b})"),
                     Two::Subtract => format!("({a} - {b})"),
@@ -102,29 +113,29 @@ impl<'a> Terms<'a> {
                 }
             }
             Node::Select(nodes) => {
-                let [condition, yes, no] = [self.node(&nodes[0]), self.node(&nodes[1]), self.node(&nodes[2])];
+                let [condition, yes, no] = [0, 1, 2].map(|k| self.node(&nodes[k], i));
                 format!("({condition} != 0.0f ? {yes} : {no})")
             }
         }
     }
 
-    fn quantity(&mut self, quantity: Quantity, places: &[usize]) -> String {
-        let constants: Option<Vec<String>> = places
-            .iter()
-            .map(|&place| quantity.constant(self.task, place).map(|value| format!("({})", single(value))))
-            .collect();
-        match (constants, places) {
-            // A single number stands beside every element of a row.
-            (Some(values), [_]) => values.concat(),
-            (Some(values), _) => self.element("float", values),
-            (None, [place]) => format!("quantity_{}(m, {place})", quantity.name()),
-            (None, _) => {
-                let whole = places.iter().enumerate().all(|(k, &place)| k == place);
-                let places = places.iter().map(ToString::to_string).collect();
-                let place = if whole { "i".to_owned() } else { self.element("int", places) };
-                format!("quantity_{}(m, {place})", quantity.name())
-            }
+    fn quantity(&mut self, quantity: Quantity, places: &[usize], i: Option<usize>) -> String {
+        let constant =
+            |&place: &usize| quantity.constant(self.task, place).map(|x| format!("({})", single(x)));
+        let moving = |place: &str| format!("quantity_{}(m, {place})", quantity.name());
+        // A single number stands beside every element of a row.
+        let element = if places.len() == 1 { Some(0) } else { i };
+        if let Some(place) = element.and_then(|element| places.get(element)) {
+            return constant(place).unwrap_or_else(|| moving(&place.to_string()));
         }
+        if let Some(values) = places.iter().map(constant).collect::<Option<Vec<String>>>() {
+            return self.element("float", values);
+        }
+        if places.iter().enumerate().all(|(k, &place)| k == place) {
+            return moving("i");
+        }
+        let place = self.element("int", places.iter().map(ToString::to_string).collect());
+        moving(&place)
     }
 
     /// Number `i` of a table.

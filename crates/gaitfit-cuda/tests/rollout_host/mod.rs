@@ -155,6 +155,8 @@ fn cxx_steps_with_written_rewards_are_the_cpus() {
             0.1,
         ),
         ("targets", "sum(square(target - qpos)) + sum(target['FL_hip', 'FR_calf']) + 0.2^2.5", 0.1),
+        // A row of nine, not in a row: it is a loop.
+        ("most", "norm(tau['*_thigh', '*_calf', 'FL_hip']) + min(qvel['*_thigh', '*_calf', 'FL_hip'])", 0.01),
         ("smooth", "-sqrt(sum(square(action - last_action)))", 0.1),
         (
             "feet",
