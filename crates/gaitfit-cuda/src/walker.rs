@@ -6,6 +6,9 @@ use gaitfit_policy::{Quantity, Term, frames, target};
 use crate::traced::function;
 use crate::words::{Words, double, single};
 
+/// The terms of a row, and the half range of the noise on each.
+pub(crate) type Observed<'a> = (&'a [Term], &'a dyn Fn(Quantity) -> f32);
+
 impl Words {
     /// Joints and their targets, the clock, and when a robot has fallen.
     pub fn walker(&mut self, walker: &Walker) {
@@ -66,8 +69,8 @@ impl Words {
     }
 
     /// The numbers that quantities have in terms, by their names in capitals; the terms of each row, one row after the
-    /// other; and their scales. `rows`: terms and half ranges of their noise. Gives the rows, as `Row` has them.
-    pub fn observed(&mut self, walker: &Walker, rows: &[(&[Term], &dyn Fn(Quantity) -> f32)]) -> Vec<String> {
+    /// other; and their scales. Gives the rows, as `Row` has them.
+    pub fn observed(&mut self, walker: &Walker, rows: &[Observed<'_>]) -> Vec<String> {
         let names: Vec<String> =
             Quantity::ALL.iter().map(|quantity| quantity.name().to_uppercase()).collect();
         self.text.push_str(&format!("enum {{ {} }};\n", names.join(", ")));

@@ -53,8 +53,10 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
 /// Functions of a moment: `advanced_foot`, `base_moment`, `base_errors`.
 fn functions() -> String {
     let foot = [("before", Foot::NUMBERS), ("force", 1), ("place", 3), ("dt", 1), ("begins", 1)];
-    let foot = function("advanced_foot", &foot, |[a, b, c, d, e, f, g, h, force, x, y, z, dt, begins]| {
-        let (numbers, landed) = advanced_foot([a, b, c, d, e, f, g, h], force, [x, y, z], dt, begins);
+    let foot = function("advanced_foot", &foot, |all: [_; Foot::NUMBERS + 6]| {
+        let (before, rest) = all.split_at(Foot::NUMBERS);
+        let before = std::array::from_fn(|k| before[k]);
+        let (numbers, landed) = advanced_foot(before, rest[0], vec_of(&rest[1..]), rest[4], rest[5]);
         numbers.into_iter().chain([landed]).collect()
     });
     let base = [("quaternion", 4), ("linear", 3), ("angular", 3), ("command", 3), ("posture", 3)];
