@@ -366,6 +366,7 @@ class Group:
             "joint_velocity": lambda: feelings.velocities(data),
             "last_action": lambda: action,
             "base_linear_velocity": lambda: rotation.T @ data.qvel[:3],
+            "base_height": lambda: data.qpos[2:3],
             "gait_phase": lambda: (math.sin(phase), math.cos(phase)),
         }
         terms = [(quantities[term["quantity"]](), term.get("scale") or [1.0]) for term in interface["observation"]]

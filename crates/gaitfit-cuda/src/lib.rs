@@ -12,4 +12,7 @@ pub mod physics;
 pub mod ppo;
 pub mod rollout;
 pub mod runtime;
+mod spots;
+mod traced;
+mod walker;
 mod words;

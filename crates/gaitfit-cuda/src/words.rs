@@ -1,14 +1,10 @@
-//! Numbers and tables at the head of kernels' texts, and where the physics keeps a robot's numbers.
+//! Numbers and tables at the head of kernels' texts.
 
 use std::fmt::Write;
 
-use gaitfit_physics::Owner;
-use gaitfit_physics::trace::{Input, Output};
-use gaitfit_policy::Quantity;
 use gaitfit_policy::network::Activation;
 
-use crate::emit::{Layout, Place};
-use crate::physics::Period;
+use crate::spots::Spot;
 
 /// A text in the making.
 pub(crate) struct Words {
@@ -33,12 +29,6 @@ impl Words {
     pub fn spots(&mut self, name: &str, spots: &[Spot]) {
         let rows = spots.iter().map(|spot| format!("{{{}, {}}}", spot.base, spot.stride)).collect();
         self.table("Spot", name, rows);
-    }
-
-    /// The place of slow sensors' readings among the numbers that a period's modifications remember, if there are any.
-    pub fn filter(&mut self, period: &Period) {
-        self.define("HAS_FILTER", usize::from(period.filter().is_some()));
-        self.define("FILTER_AT", period.filter().unwrap_or_default());
     }
 
     /// A table of whole numbers.
@@ -69,62 +59,4 @@ pub(crate) fn double(value: f64) -> String {
 pub(crate) fn braces<T>(values: impl IntoIterator<Item = T>, write: impl Fn(T) -> String) -> String {
     let words: Vec<String> = values.into_iter().map(write).collect();
     format!("{{{}}}", words.join(", "))
-}
-
-/// Its place in the text's list of quantities.
-pub(crate) fn quantity_number(quantity: Quantity) -> usize {
-    match quantity {
-        Quantity::BaseAngularVelocity => 0,
-        Quantity::ProjectedGravity => 1,
-        Quantity::Command => 2,
-        Quantity::JointPosition => 3,
-        Quantity::JointVelocity => 4,
-        Quantity::LastAction => 5,
-        Quantity::BaseLinearVelocity => 6,
-        Quantity::GaitPhase => 7,
-    }
-}
-
-/// Place of a number in its tile: `base + stride · i` for the tile's robot `i`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Spot {
-    pub base: usize,
-    pub stride: usize,
-}
-
-pub(crate) fn spot(layout: &Layout, place: Place) -> Spot {
-    let base = layout.offset(place, 0);
-    let stride = if layout.environments() > 1 { layout.offset(place, 1) - base } else { 0 };
-    Spot { base, stride }
-}
-
-/// Where a period keeps those of its inputs that are `wanted`, in their order.
-pub(crate) fn input_spots(period: &Period, wanted: fn(&Input) -> bool) -> Vec<Spot> {
-    let layout = period.layout();
-    let inputs = period.graph.inputs.iter().zip(&layout.inputs);
-    inputs.filter(|(input, _)| wanted(input)).map(|(_, &place)| spot(layout, place)).collect()
-}
-
-/// The joint of each number that modifications remember; the number of joints for a number that starts at 0 (gears).
-pub(crate) fn memory_joints(period: &Period) -> Vec<usize> {
-    let joint = |input: &Input| match *input {
-        Input::Memory { zero: true, .. } => Some(period.joints()),
-        Input::Memory { owner: Owner::Joint(joint), .. } => Some(joint),
-        Input::Memory { .. } => Some(0),
-        _ => None,
-    };
-    period.graph.inputs.iter().filter_map(joint).collect()
-}
-
-/// Where a period keeps what it reports.
-pub(crate) fn report_spots(period: &Period) -> Vec<Spot> {
-    let layout = period.layout();
-    let outputs = period.graph.outputs.iter().zip(&layout.outputs);
-    let shown = outputs.filter(|(output, _)| matches!(output, Output::Report(_)));
-    shown.map(|(_, &place)| spot(layout, place)).collect()
-}
-
-/// Whether an input is a joint's encoder bias.
-pub(crate) fn is_bias(input: &Input) -> bool {
-    matches!(input, Input::Params(slot) if slot.name == "encoder_bias" && matches!(slot.owner, Owner::Joint(_)))
 }

@@ -3,8 +3,11 @@
 
 #[path = "rewards/expressions.rs"]
 mod expressions;
+#[path = "rewards/loops.rs"]
+mod loops;
 use crate::task_common;
 
+use gaitfit_learn::task::expression::{Expression, Names};
 use gaitfit_learn::task::{Foot, Moment, Task, reward};
 use task_common::{built_in, calm, scene};
 
@@ -37,7 +40,9 @@ fn moment<'a>(scene: &'a Task, feet: &'a [Foot]) -> Moment<'a> {
 }
 
 fn value(name: &str, moment: &Moment<'_>) -> f32 {
-    (reward::TERMS.iter().find(|term| term.name == name).unwrap().value)(moment)
+    let term = reward::TERMS.iter().find(|term| term.name == name).unwrap();
+    let names = Names::new(&moment.task.settings, &moment.task.walker);
+    Expression::new(term.text, &names).unwrap().value(moment)
 }
 
 #[track_caller]
@@ -93,6 +98,9 @@ fn effort_terms() {
     }
     // 0² + 1² + … + 11² = 506.
     expect("torque", &Moment { torque: &ramp, ..moment(&scene, &feet) }, 506.0);
+    // 0·1 + 1·1 + … + 11·1 = 66 of any sign.
+    let braking = ramp.map(|torque| -torque);
+    expect("power", &Moment { torque: &braking, joint_velocity: &ones, ..moment(&scene, &feet) }, 66.0);
     expect("joint_acceleration", &Moment { joint_acceleration: &ramp, ..moment(&scene, &feet) }, 506.0);
     // (−1)² + 0² + … + 10² = 386.
     expect("action_rate", &Moment { action: &ramp, last_action: &ones, ..moment(&scene, &feet) }, 386.0);

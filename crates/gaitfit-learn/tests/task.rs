@@ -56,8 +56,10 @@ fn observations_are_laid_out_as_the_interface_says() {
             term(Quantity::BaseAngularVelocity, &[0.25]),
             term(Quantity::GaitPhase, &[]),
             term(Quantity::BaseLinearVelocity, &[]),
+            term(Quantity::BaseHeight, &[2.0]),
         ];
-        interface.critic_observation = vec![term(Quantity::BaseLinearVelocity, &[4.0])];
+        interface.critic_observation =
+            vec![term(Quantity::BaseLinearVelocity, &[4.0]), term(Quantity::BaseHeight, &[])];
     });
     assert_eq!(scene.walker.joints[0], 11, "the policy's first joint is the model's last");
     let count = 3;
@@ -73,11 +75,11 @@ fn observations_are_laid_out_as_the_interface_says() {
         let wanted = scene.walker.interface.default_pose[k] + scale * f64::from(actions[k]);
         close(&environment.targets()[joint..=joint], &[wanted]);
     }
-    let width = 3 * 12 + 3 + 3 + 3 + 2 + 3;
+    let width = 3 * 12 + 3 + 3 + 3 + 2 + 3 + 1;
     assert_eq!(scene.walker.interface.observation_width(), width);
     let mut rows = vec![f32::NAN; count * width];
     environment.observe(4, &mut rows);
-    let mut critic = vec![f32::NAN; count * 3];
+    let mut critic = vec![f32::NAN; count * 4];
     environment.observe_critic(&mut critic);
     let motion = environment.motion();
     for (index, row) in rows.chunks_exact(width).enumerate() {
@@ -101,18 +103,22 @@ fn observations_are_laid_out_as_the_interface_says() {
         close(&row[45..47], &[sin, cos]);
         let linear = to_body(quaternion, three(&motion.base_linear));
         close(&row[47..50], &linear);
-        close(&critic[3 * index..3 * index + 3], &linear.map(|v| 4.0 * v));
+        close(&critic[4 * index..4 * index + 3], &linear.map(|v| 4.0 * v));
+        let height = f64::from(motion.base_position[3 * index + 2]);
+        assert!(height > 0.2, "{height}");
+        close(&[row[50], critic[4 * index + 3]], &[2.0 * height, height]);
     }
 }
 
 #[test]
 fn noise_fills_its_ranges_and_spares_what_has_none() {
-    let noise = NoiseSettings {
-        base_angular_velocity: 0.2,
-        projected_gravity: 0.05,
-        joint_position: 0.01,
-        joint_velocity: 1.5,
-    };
+    let half_ranges = [
+        (Quantity::BaseAngularVelocity, 0.2),
+        (Quantity::ProjectedGravity, 0.05),
+        (Quantity::JointPosition, 0.01),
+        (Quantity::JointVelocity, 1.5),
+    ];
+    let noise = NoiseSettings { half_ranges: half_ranges.into() };
     let task = TaskSettings { noise, ..calm() };
     let scene = scene_with(&task, |interface| interface.critic_observation = interface.observation.clone());
     let environment = Environment::new(&scene, None, 5, 0, 16).unwrap();

@@ -1,56 +1,9 @@
 //! What a policy sees and what its outputs mean: the contract between a network, a robot and a simulator.
 
 use crate::observation::Layout;
-use crate::{ActionClip, FrameOrder, Held, History};
+use crate::{ActionClip, FrameOrder, Held, History, Quantity, Source};
 use gaitfit_model::Model;
 use serde::{Deserialize, Serialize};
-
-/// A quantity that a policy may observe.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Quantity {
-    /// Angular velocity of the base, rad/s, body frame; 3.
-    BaseAngularVelocity,
-    /// Unit vector of gravity in the body frame, (0, 0, −1) when upright; 3.
-    ProjectedGravity,
-    /// Commanded velocity: forward and left (m/s), yaw rate (rad/s), in the base's heading frame; 3.
-    Command,
-    /// Joint position minus default pose, rad; one a joint.
-    JointPosition,
-    /// Joint velocity, rad/s; one a joint.
-    JointVelocity,
-    /// The policy's last output, before scaling; one a joint.
-    LastAction,
-    /// Linear velocity of the base, m/s, body frame; 3. A robot does not measure it: for critics.
-    BaseLinearVelocity,
-    /// Sine and cosine of the gait clock; 2.
-    GaitPhase,
-}
-
-impl Quantity {
-    /// Numbers it takes for a robot of `joints` joints.
-    pub fn width(self, joints: usize) -> usize {
-        match self {
-            Self::JointPosition | Self::JointVelocity | Self::LastAction => joints,
-            Self::GaitPhase => 2,
-            _ => 3,
-        }
-    }
-
-    /// Its name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::BaseAngularVelocity => "base_angular_velocity",
-            Self::ProjectedGravity => "projected_gravity",
-            Self::Command => "command",
-            Self::JointPosition => "joint_position",
-            Self::JointVelocity => "joint_velocity",
-            Self::LastAction => "last_action",
-            Self::BaseLinearVelocity => "base_linear_velocity",
-            Self::GaitPhase => "gait_phase",
-        }
-    }
-}
 
 /// One part of an observation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -173,6 +126,12 @@ impl Interface {
     /// Largest action magnitude of the policy's joint `index`, before scaling; infinite where it is not limited.
     pub fn clip(&self, index: usize) -> f64 {
         self.action_clip.as_ref().map_or(f64::INFINITY, |clip| clip.limit(index))
+    }
+
+    /// The first quantity of the actor's observation that a robot does not measure, if there is one.
+    pub fn unmeasured(&self) -> Option<Quantity> {
+        let mut seen = self.observation.iter().map(|term| term.quantity);
+        seen.find(|quantity| quantity.source() == Source::Simulation)
     }
 
     /// The terms' scales, one for each number of `observation` (see [`Term::scale`]), for example of

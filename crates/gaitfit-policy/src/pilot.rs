@@ -1,12 +1,16 @@
 //! A policy at work on one robot, wherever that is: step by step, without a simulator.
 
+use gaitfit_physics::Real;
+
 use crate::network::{Memory, Scratch};
 use crate::observation::{LastAction, Layout, Past, Sensed};
-use crate::{Interface, InterfaceError, Policy, Quantity};
+use crate::{Interface, InterfaceError, Policy};
 
-/// Position target of a joint, rad: `pose + scale · clamp(action, ± clip)`.
-pub(crate) fn target(pose: f32, scale: f32, clip: f32, action: f32) -> f32 {
-    pose + scale * action.clamp(-clip, clip)
+/// Position target of a joint, rad: `pose + scale · clamp(action, ± clip)`; not a number for such an action. Kernels are
+/// written from this.
+pub fn target<R: Real>(pose: R, scale: R, clip: R, action: R) -> R {
+    let above = R::select_lt(action, -clip, -clip, action);
+    pose + scale * R::select_lt(clip, above, clip, above)
 }
 
 /// A policy at work on one robot: everything that it remembers from step to step. What it observes is written by the code
@@ -29,14 +33,13 @@ impl<'a> Pilot<'a> {
     /// `policy`, which passes [`Policy::check`], at the beginning of an episode.
     ///
     /// # Errors
-    /// A policy that observes the base's linear velocity, which a robot does not measure.
+    /// A policy that observes what a robot does not measure.
     pub fn new(policy: &'a Policy) -> Result<Self, InterfaceError> {
         let interface = &policy.interface;
-        let unseen = |quantity| quantity == Quantity::BaseLinearVelocity;
-        if interface.observation.iter().any(|term| unseen(term.quantity)) {
+        if let Some(quantity) = interface.unmeasured() {
             return Err(InterfaceError(format!(
                 "observation has {}, which a robot does not measure; train one without it",
-                Quantity::BaseLinearVelocity.name()
+                quantity.name()
             )));
         }
         let layout = Layout::new(interface, &interface.observation);

@@ -31,6 +31,23 @@ fn sensed(k: f32) -> Sensed {
 }
 
 #[test]
+fn every_quantity_is_documented_and_has_a_name_elsewhere() {
+    let text = std::fs::read_to_string(common::root().join("docs/policies.md")).unwrap();
+    for quantity in Quantity::ALL {
+        let name = quantity.name();
+        let width = match quantity.width(12) {
+            12 => "joints".to_owned(),
+            width => width.to_string(),
+        };
+        assert!(text.contains(&format!("| `{name}` | {width} | ")), "{name} is not documented");
+        assert_eq!(serde_json::to_value(quantity).unwrap(), *name);
+        assert!(quantity.doc().ends_with('.') && !quantity.foreign().is_empty(), "{name}");
+        let count = quantity.base().map_or(0, |base| base.spreads.len());
+        assert!(count <= quantity.width(12), "{name} lacks more numbers than it has");
+    }
+}
+
+#[test]
 fn a_row_of_one_frame_a_term() {
     let interface = two_joints();
     let layout = Layout::new(&interface, &interface.observation);

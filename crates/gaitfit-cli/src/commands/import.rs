@@ -210,16 +210,7 @@ fn observed(interface: &Interface) -> Vec<Option<ObservedNumber>> {
     let scales = layout.scales();
     let mut parts: Vec<Option<ObservedNumber>> = vec![None; layout.width()];
     for slot in layout.slots() {
-        let names: Vec<String> = match slot.quantity {
-            Quantity::BaseAngularVelocity => ["wx", "wy", "wz"].map(str::to_owned).to_vec(),
-            Quantity::ProjectedGravity => {
-                ["x", "y", "z"].map(|axis| format!("projected_gravity_{axis}")).to_vec()
-            }
-            Quantity::Command => ["vx_cmd", "vy_cmd", "wz_cmd"].map(str::to_owned).to_vec(),
-            Quantity::JointPosition => interface.joints.iter().map(|joint| format!("q_{joint}")).collect(),
-            Quantity::JointVelocity => interface.joints.iter().map(|joint| format!("dq_{joint}")).collect(),
-            Quantity::LastAction | Quantity::BaseLinearVelocity | Quantity::GaitPhase => continue,
-        };
+        let Some(names) = slot.quantity.log_columns(&interface.joints) else { continue };
         for (number, (place, column)) in slot.present.clone().zip(names).enumerate() {
             let is_position = slot.quantity == Quantity::JointPosition;
             let offset = if is_position { interface.default_pose[number] } else { 0.0 };
@@ -307,12 +298,11 @@ mod tests {
         let sensed = Sensed {
             base_angular_velocity: [0.1, -0.2, 0.3],
             projected_gravity: [0.0, 0.1, -0.99],
-            base_linear_velocity: [0.0; 3],
             command: [0.5, 0.1, -0.4],
             joint_position: ramp(-0.5),
             joint_velocity: ramp(2.0),
             last_action: ramp(0.0),
-            clock: 0.0,
+            ..Sensed::new(joints)
         };
         let layout = Layout::new(interface, &interface.observation);
         let mut row = vec![0.0f32; layout.width()];

@@ -76,7 +76,11 @@ impl Plan {
             ("robot_disturbance", Class::Disturbance),
         ] {
             let times = if class == Class::Disturbance { scene.period.substeps() } else { 1 };
-            arrays.push(Array { name, kind: Kind::F32, length: times * sizes.tiles * scene.size(class) });
+            arrays.push(Array {
+                name,
+                kind: Kind::F32,
+                length: times * sizes.tiles * scene.period.layout().size(class),
+            });
             physics.push(Some(class));
         }
         let mut own = vec![
@@ -115,7 +119,7 @@ impl Plan {
             places,
             joints,
             params: scene.params.len(),
-            disturbed: (!scene.disturbance.is_empty()).then(|| scene.period.substeps()),
+            disturbed: (!scene.spots.disturbance.is_empty()).then(|| scene.period.substeps()),
             block,
         }
     }

@@ -8,9 +8,9 @@ use gaitfit_policy::walker::Walker;
 use gaitfit_sim::{Candidate, Extras, NetworkKind, Replay, modifications};
 
 use super::FitError;
-use crate::emit::{Class, EmitOptions};
+use crate::emit::EmitOptions;
 use crate::physics::{Period, PeriodOptions};
-use crate::words::{Spot, input_spots, is_bias, memory_joints, report_spots};
+use crate::spots::{Spot, Spots, input_spots};
 
 /// Threads of an environment. Always as many, so that signals do not depend on how many candidates there are; four, for
 /// a fit has few environments.
@@ -118,15 +118,9 @@ pub struct Scene<'a> {
     pub subject: Subject<'a>,
     /// Its physics.
     pub period: &'a Period,
-    pub(super) state: Vec<Spot>,
+    pub(super) spots: Spots,
+    /// Of all parameters.
     pub(super) params: Vec<Spot>,
-    pub(super) bias: Vec<Spot>,
-    pub(super) targets: Vec<Spot>,
-    pub(super) memory: Vec<Spot>,
-    /// The joint that each number of `memory` is of.
-    pub(super) memory_of: Vec<usize>,
-    pub(super) disturbance: Vec<Spot>,
-    pub(super) report: Vec<Spot>,
 }
 
 impl<'a> Scene<'a> {
@@ -135,20 +129,9 @@ impl<'a> Scene<'a> {
         Self {
             subject,
             period,
-            state: input_spots(period, |input| matches!(input, Input::State(_))),
+            spots: Spots::new(period),
             params: input_spots(period, |input| matches!(input, Input::Params(_))),
-            bias: input_spots(period, is_bias),
-            targets: input_spots(period, |input| matches!(input, Input::Target { .. })),
-            memory: input_spots(period, |input| matches!(input, Input::Memory { .. })),
-            memory_of: memory_joints(period),
-            disturbance: input_spots(period, |input| matches!(input, Input::Disturbance { .. })),
-            report: report_spots(period),
         }
-    }
-
-    /// Numbers of a class in a tile.
-    pub(super) fn size(&self, class: Class) -> usize {
-        self.period.layout().size(class)
     }
 
     /// Joints of the robot.

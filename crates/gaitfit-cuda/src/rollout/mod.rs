@@ -18,6 +18,7 @@ mod run;
 mod scene;
 mod shared;
 mod stepper;
+mod sums;
 mod text;
 mod trainer;
 mod trials;

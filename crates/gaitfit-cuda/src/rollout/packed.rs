@@ -1,11 +1,11 @@
 //! Environments of the CPU as the kernels' arrays, and back.
 
-use gaitfit_learn::task::Snapshot;
+use gaitfit_learn::task::{Foot, Snapshot};
 use gaitfit_sim::{Candidate, IMU_NUMBERS, Imu, RobotState};
 
 use super::scene::Scene;
 use crate::emit::Class;
-use crate::words::Spot;
+use crate::spots::Spot;
 
 /// Environments as the kernels' arrays.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -56,15 +56,17 @@ impl Packed {
             number.copied().unwrap_or_default()
         };
         Self {
-            state: class(Class::State, &scene.state, &|one, index| one.robot.state[index]),
-            targets: class(Class::Targets, &scene.targets, &|one, index| one.robot.targets[index]),
+            state: class(Class::State, &scene.spots.state, &|one, index| one.robot.state[index]),
+            targets: class(Class::Targets, &scene.spots.targets, &|one, index| one.robot.targets[index]),
             memory: class(Class::Memory, &scene.remembered, &|one, index| one.robot.memory[index]),
-            report: class(Class::Report, &scene.report, &shown),
+            report: class(Class::Report, &scene.spots.report, &shown),
             steps: snapshots.iter().map(|one| one.steps).collect(),
             fresh: snapshots.iter().map(|one| u32::from(one.robot.fresh)).collect(),
             command: rows(3, &|one, k| one.command[k]),
             last_action: rows(scene.actions(), &|one, k| one.last_action[k]),
-            feet: rows(8 * scene.task.foot_geoms().len(), &|one, k| one.feet[k / 8][k % 8]),
+            feet: rows(Foot::NUMBERS * scene.task.foot_geoms().len(), &|one, k| {
+                one.feet[k / Foot::NUMBERS][k % Foot::NUMBERS]
+            }),
             returns: rows(2, &|one, k| one.returns[k]),
         }
     }
@@ -81,14 +83,14 @@ impl Packed {
         let geoms = scene.task.walker.batch.contact_geoms().len();
         let row = |numbers: &[f32], k: usize, e: usize| numbers[k * count + e];
         let one = |e: usize| {
-            let shown = class(&self.report, Class::Report, &scene.report, e);
+            let shown = class(&self.report, Class::Report, &scene.spots.report, e);
             let (torque, rest) = shown.split_at(joints);
             let (normal_force, tracked) = rest.split_at(geoms);
             let feet = 0..scene.task.foot_geoms().len();
             Snapshot {
                 robot: RobotState {
-                    state: class(&self.state, Class::State, &scene.state, e),
-                    targets: class(&self.targets, Class::Targets, &scene.targets, e),
+                    state: class(&self.state, Class::State, &scene.spots.state, e),
+                    targets: class(&self.targets, Class::Targets, &scene.spots.targets, e),
                     memory: class(&self.memory, Class::Memory, &scene.remembered, e),
                     normal_force: normal_force.to_vec(),
                     tracked: tracked.to_vec(),
@@ -98,7 +100,9 @@ impl Packed {
                 steps: self.steps[e],
                 command: std::array::from_fn(|k| row(&self.command, k, e)),
                 last_action: (0..scene.actions()).map(|k| row(&self.last_action, k, e)).collect(),
-                feet: feet.map(|foot| std::array::from_fn(|k| row(&self.feet, 8 * foot + k, e))).collect(),
+                feet: feet
+                    .map(|foot| std::array::from_fn(|k| row(&self.feet, Foot::NUMBERS * foot + k, e)))
+                    .collect(),
                 returns: std::array::from_fn(|k| row(&self.returns, k, e)),
             }
         };

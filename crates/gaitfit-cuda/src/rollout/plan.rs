@@ -5,7 +5,7 @@ use super::text::program;
 use crate::emit::Class;
 use crate::ppo::{Array, Id, Kind, Launch, Value};
 use crate::runtime::{Program, Shape};
-use gaitfit_learn::task::Interval;
+use gaitfit_learn::task::{Foot, Interval};
 use gaitfit_sim::IMU_NUMBERS;
 
 /// Who has an array.
@@ -100,7 +100,7 @@ impl Plan {
             ("fresh", own, Kind::U32, environments),
             ("command", own, Kind::F32, 3 * environments),
             ("last_action", own, Kind::F32, actions * environments),
-            ("feet", own, Kind::F32, 8 * feet * environments),
+            ("feet", own, Kind::F32, Foot::NUMBERS * feet * environments),
             ("returns", own, Kind::F32, 2 * environments),
             ("cut", own, Kind::U32, scene.cuts() * environments),
             ("tail", own, Kind::F32, tails * critic),
@@ -118,7 +118,7 @@ impl Plan {
         }
         let program = program(scene);
         let terms = [interface.observation.len(), interface.critic_observation.len()];
-        let disturbed = (!scene.disturbance.is_empty()).then(|| scene.period.substeps());
+        let disturbed = (!scene.spots.disturbance.is_empty()).then(|| scene.period.substeps());
         let (tallies, recorded, mode) = (scene.tallies(), scene.recorded(), scene.sizes.mode);
         Self { program, arrays, homes, environments, actions, tallies, mode, disturbed, terms, recorded }
     }

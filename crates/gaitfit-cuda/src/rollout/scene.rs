@@ -4,14 +4,15 @@ use gaitfit_learn::collect::sensed_width;
 use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::{Task, TaskError, reward};
 use gaitfit_physics::Kept;
-use gaitfit_physics::trace::{Input, Report, Traced};
+use gaitfit_physics::trace::{Report, Traced};
 use gaitfit_sim::{Candidate, Extras, modifications};
 
 use super::RolloutError;
+use super::sums::Sum;
 use crate::emit::{Class, EmitOptions};
 use crate::physics::{Period, PeriodOptions};
 use crate::ppo::check_networks;
-use crate::words::{Spot, input_spots, is_bias, memory_joints, report_spots};
+use crate::spots::{Spot, Spots};
 
 /// What rollouts are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,21 +53,9 @@ pub struct Scene<'a> {
     pub period: &'a Period,
     /// Sizes.
     pub sizes: Sizes,
-    /// Of the state, in the order of `State::visit`.
-    pub(super) state: Vec<Spot>,
-    /// Of the joints' encoder biases.
-    pub(super) bias: Vec<Spot>,
-    /// Of the sent targets; `taps × joints`.
-    pub(super) targets: Vec<Spot>,
-    /// Of what networks remember, and the joint of each number.
-    pub(super) memory: Vec<Spot>,
-    pub(super) memory_of: Vec<usize>,
-    /// Of that part of `memory` that the CPU has too: threads compute limbs alike, also where one alone has networks.
+    pub(super) spots: Spots,
+    /// Places of that part of the remembered numbers that the CPU has too: threads compute limbs alike, also where one alone has networks.
     pub(super) remembered: Vec<Spot>,
-    /// Of the disturbing torques; none without.
-    pub(super) disturbance: Vec<Spot>,
-    /// Of torques, normal forces and centres.
-    pub(super) report: Vec<Spot>,
 }
 
 /// Refuses what a GPU does not train, without one.
@@ -152,21 +141,10 @@ impl<'a> Scene<'a> {
     pub fn new(task: &'a Task, period: &'a Period, sizes: Sizes) -> Result<Self, RolloutError> {
         check_robots(task, &[])?;
         check_rewards(task)?;
-        let memory = input_spots(period, |input| matches!(input, Input::Memory { .. }));
-        let asked_slots = memory.iter().zip(&period.memory).filter(|(_, asked)| **asked);
-        Ok(Self {
-            task,
-            period,
-            sizes,
-            remembered: asked_slots.map(|(&spot, _)| spot).collect(),
-            memory,
-            memory_of: memory_joints(period),
-            state: input_spots(period, |input| matches!(input, Input::State(_))),
-            bias: input_spots(period, is_bias),
-            targets: input_spots(period, |input| matches!(input, Input::Target { .. })),
-            disturbance: input_spots(period, |input| matches!(input, Input::Disturbance { .. })),
-            report: report_spots(period),
-        })
+        let spots = Spots::new(period);
+        let asked_slots = spots.memory.iter().zip(&period.memory).filter(|(_, asked)| **asked);
+        let remembered = asked_slots.map(|(&spot, _)| spot).collect();
+        Ok(Self { task, period, sizes, spots, remembered })
     }
 
     /// Numbers of a class in a tile.
@@ -214,6 +192,6 @@ impl<'a> Scene<'a> {
 
     /// Sums that a rollout keeps of each environment; `TALLIES` of the text.
     pub(super) fn tallies(&self) -> usize {
-        self.task.reward_weights().count() + 11
+        Sum::count(self.task.reward_weights().count())
     }
 }

@@ -9,6 +9,7 @@ use super::RolloutError;
 use super::run::Rollout;
 use super::scene::{Mode, Sizes};
 use super::shared::Shared;
+use super::sums::Sum;
 use crate::ppo::Storage;
 use crate::runtime::{Argument, CudaError, Device, Event, Graph, Stream};
 
@@ -153,9 +154,8 @@ impl<'a> Stepper<'a> {
         }
         self.ready.record(&self.stream)?;
         let totals = self.rollout.read_f64(&self.stream, "totals")?;
-        // In the order of the text: after the reward, its terms and two errors.
-        let count = |number: usize| totals.get(self.terms + number).map_or(0, |&count| count as usize);
-        Ok(Stepped { ended: count(3), diverged: count(7) })
+        let count = |sum: Sum| totals.get(sum.place(self.terms)).map_or(0, |&count| count as usize);
+        Ok(Stepped { ended: count(Sum::Episodes), diverged: count(Sum::Diverged) })
     }
 
     fn refuse(&mut self, place: usize) -> Result<RolloutError, RolloutError> {
@@ -172,7 +172,7 @@ impl<'a> Stepper<'a> {
     /// A failure of the GPU.
     pub fn first_diverged(&self) -> Result<Option<usize>, CudaError> {
         let tally = self.rollout.read_f64(&self.stream, "tally")?;
-        let broken = tally.chunks_exact(self.environments).nth(self.terms + 7);
+        let broken = tally.chunks_exact(self.environments).nth(Sum::Diverged.place(self.terms));
         Ok(broken.and_then(|broken| broken.iter().position(|&count| count > 0.0)))
     }
 

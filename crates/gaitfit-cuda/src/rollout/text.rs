@@ -3,16 +3,18 @@
 use std::fmt::Write;
 
 use gaitfit_learn::task::reward::Value;
-use gaitfit_learn::task::{FASTEST_BASE, FASTEST_JOINT};
+use gaitfit_learn::task::{BaseMoment, FASTEST_BASE, FASTEST_JOINT, Foot, Task, advanced_foot};
 use gaitfit_model::kinematics::Reach;
-use gaitfit_policy::Term;
+use gaitfit_model::rotation::vec_of;
+use gaitfit_policy::walker::GAP;
 
 use super::expression::Terms;
 use super::plan::THREADS;
 use super::scene::{Mode, Scene};
-use crate::emit::Class;
+use super::sums::Sum;
 use crate::runtime::Program;
-use crate::words::{Words, braces, double, quantity_number, single};
+use crate::traced::function;
+use crate::words::{Words, braces, double, single};
 
 /// The program of a scene's rollouts. Products and sums are rounded one by one, as the CPU does it.
 pub(super) fn program(scene: &Scene<'_>) -> Program {
@@ -29,11 +31,14 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
         include_str!("kernels/robot.cu"),
         include_str!("kernels/sensors.cu"),
         include_str!("kernels/observe.cu"),
+        include_str!("kernels/targets.cu"),
+        include_str!("kernels/falls.cu"),
         include_str!("kernels/rows.cu"),
         include_str!("kernels/act.cu"),
         include_str!("kernels/episode.cu"),
-        include_str!("kernels/rewards.cu"),
-        &written_terms(scene),
+        include_str!("kernels/moment.cu"),
+        &functions(),
+        &reward_terms(scene.task),
         include_str!("kernels/finish.cu"),
         if scene.is(Mode::Steps) { include_str!("kernels/stepwise.cu") } else { "" },
     ] {
@@ -45,48 +50,47 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
     Program::new("rollout", text).option("-fmad=false")
 }
 
-/// Functions of the reward terms that are expressions; nothing if there is none.
-fn written_terms(scene: &Scene<'_>) -> String {
-    let mut terms = Terms::default();
-    let mut any = false;
-    for (name, value) in scene.task.reward_values() {
+/// Functions of a moment: `advanced_foot`, `base_moment`, `base_errors`.
+fn functions() -> String {
+    let foot = [("before", Foot::NUMBERS), ("force", 1), ("place", 3), ("dt", 1), ("begins", 1)];
+    let foot = function("advanced_foot", &foot, |all: [_; Foot::NUMBERS + 6]| {
+        let (before, rest) = all.split_at(Foot::NUMBERS);
+        let before = std::array::from_fn(|k| before[k]);
+        let (numbers, landed) = advanced_foot(before, rest[0], vec_of(&rest[1..]), rest[4], rest[5]);
+        numbers.into_iter().chain([landed]).collect()
+    });
+    let base = [("quaternion", 4), ("linear", 3), ("angular", 3), ("command", 3), ("posture", 3)];
+    let base = function("base_moment", &base, |[w, x, y, z, rest @ ..]: [_; 16]| {
+        let vector = |from: usize| vec_of(&rest[from..]);
+        let base = BaseMoment::new([w, x, y, z], vector(0), vector(3), vector(6), vector(9));
+        let three = base.velocity.into_iter().chain(base.gravity);
+        three.chain([base.yaw_rate, base.uprightness, base.walking]).collect()
+    });
+    let errors = [("velocity", 3), ("yaw_rate", 1), ("command", 3)];
+    let errors = function("base_errors", &errors, |[x, y, z, yaw_rate, a, b, c]| {
+        BaseMoment::errors([x, y, z], yaw_rate, [a, b, c]).to_vec()
+    });
+    foot + &base + &errors
+}
+
+/// Functions of the reward terms. [`Scene::new`] refuses those that are not expressions.
+fn reward_terms(task: &Task) -> String {
+    let mut terms = Terms::new(task);
+    for (name, value) in task.reward_values() {
         if let Value::Expression(expression) = value {
             terms.add(name, expression);
-            any = true;
         }
     }
-    if !any {
-        return String::new();
-    }
-    let walker = &scene.task.walker;
-    let action_of = |joint: usize| walker.joints.iter().position(|&own| own == joint);
-    let places = (0..walker.default_pose.len())
-        .map(|joint| action_of(joint).map_or("-1".to_owned(), |k| k.to_string()));
-    let mut words = Words { text: String::new() };
-    words.table("int", "ACTION_OF", places.collect());
-    words.text + include_str!("kernels/terms.cu") + &terms.text()
+    terms.text()
 }
 
 impl Words {
     fn sizes(&mut self, scene: &Scene<'_>) {
-        let (task, layout) = (scene.task, scene.period.layout());
+        let task = scene.task;
+        self.physics(scene.period, &scene.spots);
         for (name, value) in [
             ("ENVIRONMENTS", scene.sizes.environments),
-            ("PER_TILE", layout.environments()),
-            ("STATE_SIZE", scene.size(Class::State)),
-            ("PARAMS_SIZE", scene.size(Class::Params)),
-            ("TARGETS_SIZE", scene.size(Class::Targets)),
-            ("MEMORY_SIZE", scene.size(Class::Memory)),
-            ("REPORT_SIZE", scene.size(Class::Report)),
-            ("DISTURBANCE_SIZE", scene.size(Class::Disturbance)),
-            ("SUBSTEPS", scene.period.substeps()),
-            ("JOINTS", task.walker.default_pose.len()),
-            ("ACTIONS", scene.actions()),
-            ("TAPS", scene.period.taps()),
-            ("MEMORY", scene.memory.len()),
-            ("GEOMS", task.walker.batch.contact_geoms().len()),
             ("FEET", task.foot_geoms().len()),
-            ("FALL_GEOMS", task.walker.fall_geoms().len()),
             ("BODY_GEOMS", task.body_geoms().len()),
             ("REWARDS", task.reward_weights().count()),
             ("CUTS", scene.cuts()),
@@ -98,32 +102,17 @@ impl Words {
         ] {
             self.define(name, value);
         }
-        self.spots("STATE_SPOTS", &scene.state);
-        self.spots("BIAS_SPOTS", &scene.bias);
-        self.spots("TARGET_SPOTS", &scene.targets);
-        self.spots("MEMORY_SPOTS", &scene.memory);
-        self.integers("MEMORY_OF", &scene.memory_of);
-        self.filter(scene.period);
-        self.spots("REPORT_SPOTS", &scene.report);
-        self.spots("DISTURBANCE_SPOTS", &scene.disturbance);
-        self.define("DISTURBED", scene.disturbance.len());
+        self.text.push_str(&Sum::text(task.reward_weights().count()));
+        let foot = Foot::NAMES.map(str::to_uppercase).join(", ");
+        self.text.push_str(&format!("enum {{ {foot}, FOOT_SIZE }};\n"));
     }
 
     fn task(&mut self, scene: &Scene<'_>) {
         let (task, settings) = (scene.task, &scene.task.settings);
         let interface = &task.walker.interface;
-        let (least_uprightness, least_height, posture) = task.walker.fall_limits();
-        let lead = task.walker.batch.settings().lead() as f32;
+        self.walker(&task.walker);
         for (name, value) in [
-            ("LEAD", lead),
             ("LOG_TAU", std::f32::consts::TAU.ln()),
-            ("TRACKING_WIDTH", settings.tracking_width as f32),
-            ("YAW_TRACKING_WIDTH", settings.yaw_tracking_width as f32),
-            ("WANTED_HEIGHT", settings.height as f32),
-            ("SWING_SECONDS", settings.swing_seconds as f32),
-            ("SWING_HEIGHT", settings.swing_height as f32),
-            ("MIN_UPRIGHTNESS", least_uprightness),
-            ("MIN_HEIGHT", least_height),
             ("GAMMA", scene.sizes.gamma as f32),
             ("FASTEST_BASE", FASTEST_BASE),
             ("FASTEST_JOINT", FASTEST_JOINT),
@@ -132,8 +121,7 @@ impl Words {
         }
         let start = &settings.start;
         for (name, value) in [
-            ("CONTROL_DT", interface.control_dt),
-            ("GAIT_FREQUENCY", interface.gait_frequency.unwrap_or(0.0)),
+            ("GAP", GAP),
             ("COMMAND_STANDING", settings.command.standing),
             ("PUSH_VELOCITY", settings.push.velocity),
             ("START_YAW", start.yaw.to_radians()),
@@ -148,27 +136,20 @@ impl Words {
         }
         let push = if settings.push.velocity == 0.0 { 0.0 } else { settings.push.seconds };
         for (name, value) in [
-            ("HAS_LEAD", u32::from(lead != 0.0)),
-            ("HAS_CLOCK", u32::from(interface.gait_frequency.is_some())),
             ("EPISODE_STEPS_MAX", scene.episode_steps()),
             ("COMMAND_STEPS", scene.command_steps()),
             ("PUSH_PERIOD", (push / interface.control_dt).round() as u32),
         ] {
             self.define(name, format!("{value}u"));
         }
-        self.table("float", "POSTURE", posture.iter().map(|&x| single(x)).collect());
-        let words = |numbers: &[usize]| numbers.iter().map(ToString::to_string).collect();
         let feet: Vec<usize> = task.foot_geoms().iter().flat_map(|foot| foot.geoms.clone()).collect();
-        self.table("int", "FOOT_GEOM", words(&feet));
+        self.integers("FOOT_GEOM", &feet);
         let mut ends = vec![0];
         for foot in task.foot_geoms() {
             ends.push(ends[ends.len() - 1] + foot.geoms.len());
         }
-        self.table("int", "FOOT_FIRST", words(&ends));
-        self.table("int", "FALL_GEOM", words(task.walker.fall_geoms()));
-        self.table("int", "BODY_GEOM", words(task.body_geoms()));
-        let groups = task.gait_group.iter().map(|group| group.map_or("-1".to_owned(), |g| g.to_string()));
-        self.table("int", "GAIT_GROUP", groups.collect());
+        self.integers("FOOT_FIRST", &ends);
+        self.integers("BODY_GEOM", task.body_geoms());
         // What each term pays, as statements.
         let _ = writeln!(self.text, "#define REWARD_TERMS \\");
         for (number, (name, weight)) in task.reward_weights().enumerate() {
@@ -180,17 +161,11 @@ impl Words {
     fn robot(&mut self, scene: &Scene<'_>) {
         let (task, walker) = (scene.task, &scene.task.walker);
         let model = walker.model();
-        let singles = |numbers: &[f32]| numbers.iter().map(|&x| single(x)).collect();
-        self.table("float", "DEFAULT_POSE", singles(&walker.default_pose));
-        self.table("float", "ACTION_SCALE", singles(&walker.action_scale));
-        self.table("float", "ACTION_CLIP", singles(&walker.action_clip));
-        self.define("OTHER_JOINTS", walker.other_joints.len());
-        let others = walker.other_joints.iter().map(ToString::to_string);
-        self.table("int", "OTHER_JOINT", others.collect());
-        self.table("float", "START_POSE", singles(&task.start_pose));
-        self.table("int", "JOINT_OF", walker.joints.iter().map(ToString::to_string).collect());
-        let home = walker.interface.default_pose.iter().map(|&angle| single(angle as f32));
-        self.table("float", "HOME", home.collect());
+        self.singles("START_POSE", &task.start_pose);
+        let action_of = |joint: usize| walker.joints.iter().position(|&own| own == joint);
+        let actions = (0..walker.default_pose.len())
+            .map(|joint| action_of(joint).map_or("-1".to_owned(), |k| k.to_string()));
+        self.table("int", "ACTION_OF", actions.collect());
         let doubles = |numbers: &[f64]| braces(numbers, |&x| double(x));
         let mut order = Vec::new();
         let body = |(index, body): (usize, &gaitfit_model::Body)| {
@@ -236,25 +211,15 @@ impl Words {
     }
 
     fn rows(&mut self, scene: &Scene<'_>) {
-        let (interface, noise) = (&scene.task.walker.interface, &scene.task.settings.noise);
-        let joints = interface.joints.len();
-        let (mut terms, mut scales) = (Vec::new(), Vec::new());
-        let mut rows = Vec::new();
-        for (observation, noise) in
-            [(&interface.observation, Some(noise)), (&interface.critic_observation, None)]
-        {
-            let (first, scale, mut place) = (terms.len(), scales.len(), 0);
-            for Term { quantity, .. } in observation {
-                let width = quantity.width(joints);
-                let half = noise.map_or(0.0, |noise| noise.half_range(*quantity));
-                terms.push(format!("{{{}, {place}, {width}, {}}}", quantity_number(*quantity), single(half)));
-                place += width;
-            }
-            scales.extend(interface.scales(observation).into_iter().map(single));
-            rows.push(format!("{{{first}, {}, {scale}, {place}}}", observation.len()));
-        }
-        self.table("Term", "TERMS", terms);
-        self.table("float", "SCALES", scales);
+        let (walker, noise) = (&scene.task.walker, &scene.task.settings.noise);
+        let interface = &walker.interface;
+        let rows = self.observed(
+            walker,
+            &[
+                (&interface.observation, &|quantity| noise.half_range(quantity)),
+                (&interface.critic_observation, &|_| 0.0),
+            ],
+        );
         for (name, row) in ["ACTOR_ROW", "CRITIC_ROW"].into_iter().zip(rows) {
             let _ = writeln!(self.text, "TABLE Row {name} = {row};");
         }

@@ -8,6 +8,7 @@ use gaitfit_learn::{Growth, Iteration, Tally, Training, TrainingError, TrainingS
 use super::RolloutError;
 use super::run::Rollout;
 use super::scene::{Mode, Sizes};
+use super::sums::Sum;
 use crate::ppo::{Batch, Learner, PpoError, Precision};
 use crate::runtime::{Device, Event, Graph};
 
@@ -172,22 +173,22 @@ impl<'a> Trainer<'a> {
         })
     }
 
-    /// Sums over the rollout, in the order of the text.
+    /// Sums over the rollout.
     fn tally(&self, totals: &[f64]) -> Tally {
         let TrainingSettings { steps, environments, .. } = self.settings;
-        let rest = &totals[1 + self.terms..];
+        let sum = |sum: Sum| totals[sum.place(self.terms)];
         Tally {
             steps: (steps * environments) as f64,
             reward: totals[0],
             terms: totals[1..1 + self.terms].to_vec(),
-            tracking: [rest[0], rest[1]],
-            episodes: rest[2],
-            falls: rest[3],
-            episode_steps: rest[4],
-            episode_return: rest[5],
-            diverged: rest[6],
+            tracking: [sum(Sum::VelocityError), sum(Sum::YawError)],
+            episodes: sum(Sum::Episodes),
+            falls: sum(Sum::Falls),
+            episode_steps: sum(Sum::EpisodeSteps),
+            episode_return: sum(Sum::EpisodeReturn),
+            diverged: sum(Sum::Diverged),
             levels: 0.0,
-            lost_steps: rest[7],
+            lost_steps: sum(Sum::LostSteps),
         }
     }
 
@@ -195,8 +196,8 @@ impl<'a> Trainer<'a> {
     fn diverged(&self, robots: usize) -> Result<TrainingError, RolloutError> {
         let environments = self.settings.environments;
         let all = self.rollout.read_f64(self.learner.stream(), "tally")?;
-        // In the order of the text, after the reward, its terms and eight sums.
-        let [steps, terms] = [0, 1].map(|k| &all[(self.terms + 9 + k) * environments..][..environments]);
+        let [steps, terms] = [Sum::BrokenAt, Sum::BrokenTerm]
+            .map(|sum| &all[sum.place(self.terms) * environments..][..environments]);
         let broken = steps.iter().enumerate().filter(|(_, step)| **step > 0.0);
         let (environment, step) =
             broken.min_by(|a, b| a.1.total_cmp(b.1)).map_or((0, 1), |(e, &step)| (e, step as usize));

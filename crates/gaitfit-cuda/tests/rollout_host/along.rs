@@ -11,6 +11,7 @@ use gaitfit_learn::task::{Ended, Environment, Snapshot, Task, TaskSettings, pres
 use gaitfit_model::Model;
 use gaitfit_physics::Params;
 use gaitfit_policy::walker::TorqueNoise;
+use gaitfit_policy::{Quantity, Term};
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::Candidate;
 
@@ -38,6 +39,7 @@ pub fn lively(name: &str) -> TaskSettings {
     settings.push.seconds = 6.0 * settings.control_dt;
     settings.push.velocity = 0.7;
     settings.randomisation.delay = [0.0, 0.01];
+    settings.policy.critic_observation.push(Term::new(Quantity::BaseHeight));
     settings
 }
 

@@ -15,6 +15,7 @@ use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::task::{CurriculumSettings, JointNumber, Task, TerrainSettings};
 use gaitfit_model::Shape;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
+use gaitfit_policy::{Quantity, Term};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Sensors};
 
 #[test]
@@ -40,6 +41,8 @@ fn fitted() -> (Task, Candidate) {
     let model = go2();
     let mut settings = lively("velocity");
     settings.robot_timestep = Some(0.001);
+    settings.policy.observation.push(Term::new(Quantity::BaseHeight).scaled(&[3.0]));
+    settings.noise.set(Quantity::BaseHeight, 0.02);
     let mut interface = Task::new(&model, &settings, Preset::Fast).unwrap().walker.interface;
     interface.joints.reverse();
     interface.default_pose.reverse();
@@ -152,6 +155,8 @@ fn cxx_steps_with_written_rewards_are_the_cpus() {
             0.1,
         ),
         ("targets", "sum(square(target - qpos)) + sum(target['FL_hip', 'FR_calf']) + 0.2^2.5", 0.1),
+        // A row of nine, not in a row: it is a loop.
+        ("most", "norm(tau['*_thigh', '*_calf', 'FL_hip']) + min(qvel['*_thigh', '*_calf', 'FL_hip'])", 0.01),
         ("smooth", "-sqrt(sum(square(action - last_action)))", 0.1),
         (
             "feet",

@@ -1,7 +1,7 @@
 //! Which settings of a task are refused.
 
 use gaitfit_model::{Model, shown, shown_number};
-use gaitfit_policy::{Interface, Quantity};
+use gaitfit_policy::{Interface, Quantity, Source};
 
 use super::error::refuse;
 use super::{CommandSettings, JointNumber, TaskError, TaskSettings};
@@ -165,10 +165,6 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
         );
     }
     let ranges = [
-        ("noise.base_angular_velocity", settings.noise.base_angular_velocity),
-        ("noise.projected_gravity", settings.noise.projected_gravity),
-        ("noise.joint_position", settings.noise.joint_position),
-        ("noise.joint_velocity", settings.noise.joint_velocity),
         ("start.joint_position", settings.start.joint_position),
         ("start.joint_velocity", settings.start.joint_velocity),
         ("start.linear_velocity", settings.start.linear_velocity),
@@ -182,6 +178,15 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
     for (setting, value) in ranges {
         if !(0.0..=1e4).contains(&value) {
             return refuse(setting, format!("is {}; it must be from 0 to 10000", shown_number(value)));
+        }
+    }
+    for (quantity, &half_range) in &settings.noise.half_ranges {
+        let setting = format!("noise.{}", quantity.name());
+        if quantity.source() == Source::Policy {
+            return refuse(&setting, "is no reading of a sensor; leave it out".to_owned());
+        }
+        if !(0.0..=1e4).contains(&half_range) {
+            return refuse(&setting, format!("is {}; it must be from 0 to 10000", shown_number(half_range)));
         }
     }
     // A base's origin may lie below the floor; a robot that stands is above where it counts as fallen.

@@ -1,40 +1,19 @@
 //! One tile of robots at a task.
 
-use gaitfit_model::rotation::{self, quat_of, to_heading, vec_of};
 use gaitfit_policy::observation::{LastAction, Past};
-use gaitfit_policy::walker::{TorqueNoise, touching};
+use gaitfit_policy::walker::TorqueNoise;
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::{Candidate, Imu, Motion, Tile};
 
 use super::command::{command, within};
 use super::error::refuse;
 use super::feet::Foot;
+use super::judge::Ended;
+use super::moment::BaseMoment;
+use super::reward::Scratch;
 use super::start::start;
 use super::terrain::Way;
-use super::{Interval, Moment, Task, TaskError};
-
-/// Below this norm (m/s, rad/s) a command means standing.
-const STANDING: f32 = 0.1;
-
-/// How an episode stands after a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Ended {
-    /// It goes on.
-    #[default]
-    No,
-    /// The robot fell.
-    Fall,
-    /// Time is up.
-    TimeOut,
-    /// A number is not finite, or a speed is none that a robot can have.
-    Diverged,
-}
-
-/// A base that is faster than this, m/s or rad/s, is a simulation that came apart; in the next steps its numbers would
-/// overflow.
-pub const FASTEST_BASE: f32 = 1e3;
-/// The same of a joint, rad/s.
-pub const FASTEST_JOINT: f32 = 1e4;
+use super::{Interval, Task, TaskError};
 
 /// One tile of robots at a task; rows are environments.
 ///
@@ -54,17 +33,17 @@ pub struct Environment<'a> {
     pub(super) last_action: LastAction,
     /// Rows of the step before, of actor and critic.
     pub(super) past: [Past; 2],
-    targets: Vec<f32>,
+    pub(super) targets: Vec<f32>,
     /// `environments × feet`.
     pub(super) feet: Vec<Foot>,
     /// One an environment on generated ground; else none.
     pub(super) ways: Vec<Way>,
     /// Sum of each reward term since [`Environment::take_terms`].
-    terms: Vec<f64>,
-    /// Terms of one environment and step.
-    step_terms: Vec<f32>,
+    pub(super) terms: Vec<f64>,
+    /// Memory for the reward terms of a step.
+    pub(super) scratch: Scratch,
     /// The first environment whose reward was not finite in the last step, and the term that was not.
-    broken_term: Option<(usize, usize)>,
+    pub(super) broken_term: Option<(usize, usize)>,
     /// Commands set from outside are not redrawn.
     held_commands: bool,
     /// Deviation of each environment's torque noise, N·m.
@@ -136,8 +115,8 @@ impl<'a> Environment<'a> {
             targets: vec![0.0; count * walker.default_pose.len()],
             feet: vec![Foot::default(); count * task.settings.feet.len()],
             ways: vec![Way::default(); if task.course.is_some() { count } else { 0 }],
-            terms: vec![0.0; task.rewards.len()],
-            step_terms: Vec::with_capacity(task.rewards.len()),
+            terms: vec![0.0; task.rewards.terms().len()],
+            scratch: task.rewards.scratch(),
             broken_term: None,
             held_commands: false,
             deviations,
@@ -228,7 +207,7 @@ impl<'a> Environment<'a> {
     /// that diverged, diverge.
     pub fn broken_term(&self, index: usize) -> Option<&str> {
         let (_, term) = self.broken_term.filter(|(environment, _)| *environment == index)?;
-        self.task.rewards.get(term).map(|term| term.name.as_str())
+        self.task.rewards.terms().get(term).map(|term| term.name.as_str())
     }
 
     /// Starts a new episode of environment `index` at `step`.
@@ -255,8 +234,6 @@ impl<'a> Environment<'a> {
     /// [`Environment::begin_episodes`].
     pub fn step(&mut self, step: u32, actions: &[f32], reward: &mut [f32], ended: &mut [Ended]) {
         let task = self.task;
-        let joints = task.walker.joints.len();
-        self.broken_term = None;
         self.remember(step);
         task.walker.targets(actions, &mut self.targets);
         self.push(step);
@@ -265,9 +242,8 @@ impl<'a> Environment<'a> {
         for index in 0..self.count() {
             self.steps[index] += 1;
             self.step_feet(index);
-            ended[index] =
-                self.judge(index, &actions[index * joints..(index + 1) * joints], &mut reward[index]);
         }
+        self.judge(actions, reward, ended);
         self.last_action.take(actions);
         if !self.held_commands {
             let period = task.command_steps();
@@ -326,104 +302,19 @@ impl<'a> Environment<'a> {
             let foot = &mut self.feet[index * feet + k];
             // Episodes may begin in their midst, and far from the origin.
             let fresh = task.course.is_some() && *foot == Foot::default();
-            foot.advance(force, place, task.walker.ground_under(place), dt);
-            if self.steps[index] <= 1 || fresh {
-                // There was no place before the first step to move from.
-                foot.speed = 0.0;
-            }
-        }
-    }
-
-    fn judge(&mut self, index: usize, action: &[f32], paid: &mut f32) -> Ended {
-        let task = self.task;
-        let motion = &self.motion;
-        let joints = task.start_pose.len();
-        let row = |values: &'_ [f32]| -> std::ops::Range<usize> {
-            let width = values.len() / self.steps.len();
-            index * width..(index + 1) * width
-        };
-        let quaternion = &motion.base_quaternion[row(&motion.base_quaternion)];
-        let linear = &motion.base_linear[row(&motion.base_linear)];
-        let angular = &motion.base_angular[row(&motion.base_angular)];
-        let forces = &motion.normal_force[row(&motion.normal_force)];
-        let up = rotation::up(quat_of(quaternion));
-        let gravity = up.map(|x| -x);
-        let uprightness = task.walker.uprightness(up);
-        let base = vec_of(&motion.base_position[3 * index..]);
-        let height = base[2] - task.walker.ground_under(base);
-        let joint_velocity = &motion.joint_velocity[joints * index..joints * (index + 1)];
-        let whole = linear.iter().chain(angular).all(|x| x.abs() <= FASTEST_BASE)
-            && joint_velocity.iter().all(|x| x.abs() <= FASTEST_JOINT)
-            && quaternion.iter().all(|x| x.is_finite())
-            && height.is_finite();
-        if !whole {
-            *paid = 0.0;
-            return Ended::Diverged;
-        }
-        let fallen = task.walker.fallen(motion, index);
-        let feet = task.settings.feet.len();
-        let command = self.command[index];
-        let velocity = to_heading(quat_of(quaternion), vec_of(linear));
-        if let Some(way) = self.ways.get_mut(index) {
-            way.advance(command, velocity, task.walker.interface.control_dt as f32);
-        }
-        let moment = Moment {
-            task,
-            command,
-            walking: command.iter().map(|x| x * x).sum::<f32>() > STANDING * STANDING,
-            velocity,
-            angular_velocity: [angular[0], angular[1], angular[2]],
-            yaw_rate: (0..3).map(|k| up[k] * angular[k]).sum(),
-            gravity,
-            uprightness,
-            height,
-            joint_position: &motion.joint_position[joints * index..joints * (index + 1)],
-            joint_velocity,
-            joint_acceleration: &motion.joint_acceleration[joints * index..joints * (index + 1)],
-            torque: &motion.torque[joints * index..joints * (index + 1)],
-            target: &self.targets[joints * index..joints * (index + 1)],
-            action,
-            last_action: self.last_action.row(index),
-            feet: &self.feet[feet * index..feet * (index + 1)],
-            body_contacts: touching(forces, &task.body_geoms),
-            clock: self.clock(index),
-            fallen,
-        };
-        self.step_terms.clear();
-        self.step_terms.extend(task.rewards.iter().map(|term| term.weight * term.value.evaluate(&moment)));
-        let sum: f32 = self.step_terms.iter().sum();
-        if !sum.is_finite() {
-            let term = self.step_terms.iter().position(|value| !value.is_finite());
-            self.broken_term = self.broken_term.or(term.map(|term| (index, term)));
-            *paid = 0.0;
-            return Ended::Diverged;
-        }
-        *paid = sum;
-        for (total, &value) in self.terms.iter_mut().zip(&self.step_terms) {
-            *total += f64::from(value);
-        }
-        if fallen {
-            Ended::Fall
-        } else if self.steps[index] >= task.episode_steps() || task.is_outside(base) {
-            Ended::TimeOut
-        } else {
-            Ended::No
+            let begins = self.steps[index] <= 1 || fresh;
+            foot.advance(force, place, task.walker.ground_under(place), dt, begins);
         }
     }
 
     /// Angular velocity of environment `index` about the vertical, rad/s.
     pub fn yaw_rate(&self, index: usize) -> f32 {
-        let up = rotation::up(quat_of(&self.motion.base_quaternion[4 * index..]));
-        (0..3).map(|k| up[k] * self.motion.base_angular[3 * index + k]).sum()
+        self.base(index).yaw_rate
     }
 
     /// Horizontal velocity error (m/s) and yaw-rate error (rad/s) of environment `index` against its command.
     pub fn tracking_error(&self, index: usize) -> [f32; 2] {
-        let quaternion = quat_of(&self.motion.base_quaternion[4 * index..]);
-        let velocity = to_heading(quaternion, vec_of(&self.motion.base_linear[3 * index..]));
-        let command = self.command[index];
-        let error = [velocity[0] - command[0], velocity[1] - command[1]];
-        let linear = (error[0] * error[0] + error[1] * error[1]).sqrt();
-        [linear, (self.yaw_rate(index) - command[2]).abs()]
+        let base = self.base(index);
+        BaseMoment::errors(base.velocity, base.yaw_rate, self.command[index])
     }
 }

@@ -1,7 +1,7 @@
 //! Clocks of the feet: how long each has been on the ground or off it.
 
-/// Normal force from which a foot counts as touching, N.
-const TOUCH: f32 = 1.0;
+use gaitfit_physics::Real;
+use gaitfit_policy::walker::TOUCH;
 
 /// A foot at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -24,37 +24,52 @@ pub struct Foot {
     pub speed: f32,
 }
 
+/// What the end of a control period makes of a foot's numbers ([`Foot::NAMES`]), and 1 if it came down in it, else 0.
+/// `force`: on it, N; `place`: of its centre, m, world frame; `dt`: the period, s; `begins`: 1 in an episode's first
+/// period, before which there was no place to move from, else 0. Kernels are written from this.
+pub fn advanced<R: Real>(
+    [touching, air, contact, last_air, x, y, _, _]: [R; Foot::NUMBERS],
+    force: R,
+    place: [R; 3],
+    dt: R,
+    begins: R,
+) -> ([R; Foot::NUMBERS], R) {
+    let (zero, one) = (R::zero(), R::lit(1.0));
+    let touches = R::select_lt(R::lit(TOUCH.into()), force, one, zero);
+    // Where it touches the second, else the third.
+    let either = |on, off| R::select_lt(zero, touches, on, off);
+    let flew = R::select_lt(zero, air, one, zero);
+    let landed = touches * (one - touching) * flew;
+    let last_air = either(R::select_lt(zero, air, air, last_air), last_air);
+    let (dx, dy) = (place[0] - x, place[1] - y);
+    let speed = (dx * dx + dy * dy).sqrt().div(dt);
+    let speed = R::select_lt(zero, begins, zero, speed);
+    let [x, y, z] = place;
+    ([touches, either(zero, air + dt), either(contact + dt, zero), last_air, x, y, z, speed], landed)
+}
+
 impl Foot {
-    /// Takes up the end of a control period of `dt` seconds; `ground`: height of the ground under the foot, m.
-    pub fn advance(&mut self, force: f32, place: [f32; 3], ground: f32, dt: f32) {
-        let touching = force > TOUCH;
-        self.landed = touching && !self.touching && self.air > 0.0;
-        if touching {
-            if self.air > 0.0 {
-                self.last_air = self.air;
-            }
-            self.air = 0.0;
-            self.contact += dt;
-        } else {
-            self.contact = 0.0;
-            self.air += dt;
-        }
-        self.touching = touching;
-        let (dx, dy) = (place[0] - self.place[0], place[1] - self.place[1]);
-        self.speed = (dx * dx + dy * dy).sqrt() / dt;
-        self.place = place;
-        self.height = place[2] - ground;
+    /// How many numbers it keeps from step to step.
+    pub const NUMBERS: usize = 8;
+    /// Their names, in the order of [`Foot::numbers`].
+    pub const NAMES: [&'static str; Self::NUMBERS] =
+        ["touching", "air", "contact", "last_air", "place_x", "place_y", "place_z", "speed"];
+
+    /// Takes up the end of a control period of `dt` seconds; `ground`: height of the ground under the foot, m; `begins`:
+    /// whether it is the episode's first.
+    pub fn advance(&mut self, force: f32, place: [f32; 3], ground: f32, dt: f32, begins: bool) {
+        let (numbers, landed) = advanced(self.numbers(), force, place, dt, flag(begins));
+        *self = Self { landed: landed != 0.0, height: place[2] - ground, ..Self::from_numbers(&numbers) };
     }
 
     /// Its numbers, for a checkpoint.
-    pub fn numbers(&self) -> [f32; 8] {
-        let flag = |on: bool| if on { 1.0 } else { 0.0 };
+    pub fn numbers(&self) -> [f32; Self::NUMBERS] {
         let [x, y, z] = self.place;
         [flag(self.touching), self.air, self.contact, self.last_air, x, y, z, self.speed]
     }
 
     /// The foot of these numbers, as high as on flat ground.
-    pub fn from_numbers(n: &[f32; 8]) -> Self {
+    pub fn from_numbers(n: &[f32; Self::NUMBERS]) -> Self {
         Self {
             touching: n[0] != 0.0,
             landed: false,
@@ -68,6 +83,10 @@ impl Foot {
     }
 }
 
+fn flag(on: bool) -> f32 {
+    if on { 1.0 } else { 0.0 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -78,7 +97,11 @@ mod tests {
         let forces = [50.0, 50.0, 0.0, 0.0, 0.0, 50.0];
         let mut landed = Vec::new();
         for (k, force) in forces.into_iter().enumerate() {
-            foot.advance(force, [0.01 * k as f32, 0.0, 0.02], -0.03, 0.02);
+            foot.advance(force, [0.01 * k as f32, 0.0, 0.02], -0.03, 0.02, k == 0);
+            assert_eq!(
+                Foot { landed: foot.landed, height: foot.height, ..Foot::from_numbers(&foot.numbers()) },
+                foot
+            );
             landed.push(foot.landed);
         }
         assert_eq!(landed, [false, false, false, false, false, true]);

@@ -1,6 +1,6 @@
 //! Tasks: what the robot is asked to do and what it is paid for.
 //!
-//! A task is data ([`TaskSettings`]), a table of small reward functions ([`reward::TERMS`]) and the user's own
+//! A task is data ([`TaskSettings`]), a table of reward terms ([`reward::TERMS`]) and the user's own, which are expressions
 //! ([`expression`]). A [`Task`] is
 //! both on a robot; an [`Environment`] is one tile of its robots, stepped as a batch.
 
@@ -12,6 +12,7 @@ mod error;
 pub mod expression;
 mod feet;
 mod joint_number;
+mod judge;
 mod moment;
 mod observe;
 mod presets;
@@ -27,11 +28,12 @@ mod task;
 mod terrain;
 
 pub use command::commands;
-pub use environment::{Ended, Environment, FASTEST_BASE, FASTEST_JOINT};
+pub use environment::Environment;
 pub use error::TaskError;
-pub use feet::Foot;
+pub use feet::{Foot, advanced as advanced_foot};
 pub use joint_number::JointNumber;
-pub use moment::Moment;
+pub use judge::{Ended, FASTEST_BASE, FASTEST_JOINT};
+pub use moment::{BaseMoment, Moment};
 pub use presets::preset;
 pub use saved::Saved;
 pub use settings::*;

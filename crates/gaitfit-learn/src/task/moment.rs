@@ -1,7 +1,13 @@
 //! One robot at the end of a control period: what rewards and falls are judged on.
 
+use gaitfit_physics::Real;
+use gaitfit_policy::frames::{dot, to_heading, up, uprightness};
+
 use super::Task;
 use super::feet::Foot;
+
+/// Below this norm (m/s, rad/s) a command means standing.
+const STANDING: f64 = 0.1;
 
 /// One robot at the end of a control period. Joint vectors are in the model's order, actions in the policy's.
 pub struct Moment<'a> {
@@ -45,4 +51,47 @@ pub struct Moment<'a> {
     pub clock: f32,
     /// Whether the robot fell in this period.
     pub fallen: bool,
+}
+
+/// What a moment has of its base.
+pub struct BaseMoment<R> {
+    /// Velocity: forward, left, up, m/s, heading frame.
+    pub velocity: [R; 3],
+    /// Direction of gravity in the body frame, unit.
+    pub gravity: [R; 3],
+    /// Angular velocity about the vertical, rad/s.
+    pub yaw_rate: R,
+    /// Cosine of the angle between actual and wanted posture.
+    pub uprightness: R,
+    /// 1 if the command asks for movement, else 0.
+    pub walking: R,
+}
+
+impl<R: Real> BaseMoment<R> {
+    /// Of a base of orientation `quaternion` (wxyz, unit) that moves at `linear` (m/s, world frame) and `angular` (rad/s,
+    /// body frame) under `command`; `posture`: where gravity is wanted in the body frame. Kernels are written from this.
+    pub fn new(
+        quaternion: [R; 4],
+        linear: [R; 3],
+        angular: [R; 3],
+        command: [R; 3],
+        posture: [R; 3],
+    ) -> Self {
+        let up = up(quaternion);
+        let standing = R::lit(STANDING) * R::lit(STANDING);
+        Self {
+            velocity: to_heading(quaternion, linear),
+            gravity: up.map(|x| -x),
+            yaw_rate: dot(up, angular),
+            uprightness: uprightness(up, posture),
+            walking: R::select_lt(standing, dot(command, command), R::lit(1.0), R::zero()),
+        }
+    }
+
+    /// Errors against a command: of the horizontal velocity, m/s, and of the yaw rate, rad/s. Kernels are written from
+    /// this.
+    pub fn errors(velocity: [R; 3], yaw_rate: R, command: [R; 3]) -> [R; 2] {
+        let (x, y) = (velocity[0] - command[0], velocity[1] - command[1]);
+        [(x * x + y * y).sqrt(), (yaw_rate - command[2]).abs()]
+    }
 }

@@ -34,8 +34,11 @@ impl Environment<'_> {
     pub fn restore(&mut self, saved: &Saved) -> Result<(), TaskError> {
         let past: usize = self.past.iter().map(Past::size).sum();
         let ways = 3 * self.ways.len();
-        let width =
-            3 * self.command.len() + self.last_action.rows().len() + 8 * self.feet.len() + ways + past;
+        let width = 3 * self.command.len()
+            + self.last_action.rows().len()
+            + Foot::NUMBERS * self.feet.len()
+            + ways
+            + past;
         let foreign = TaskError::Setting {
             setting: "checkpoint".to_owned(),
             what: "is of another task, robot or number of environments".to_owned(),
@@ -53,7 +56,7 @@ impl Environment<'_> {
         }
         let (actions, rest) = rest.split_at(self.last_action.rows().len());
         self.last_action.take(actions);
-        let (feet, rest) = rest.split_at(8 * self.feet.len());
+        let (feet, rest) = rest.split_at(Foot::NUMBERS * self.feet.len());
         let (ways, past) = rest.split_at(ways);
         if !self.restore_ways(ways) {
             return Err(foreign);
@@ -61,7 +64,7 @@ impl Environment<'_> {
         let (actor, critic) = past.split_at(self.past[0].size());
         self.past[0].restore(actor);
         self.past[1].restore(critic);
-        for (foot, saved) in self.feet.iter_mut().zip(feet.as_chunks::<8>().0) {
+        for (foot, saved) in self.feet.iter_mut().zip(feet.as_chunks::<{ Foot::NUMBERS }>().0) {
             *foot = Foot::from_numbers(saved);
             foot.height -= self.task.walker.ground_under(foot.place);
         }

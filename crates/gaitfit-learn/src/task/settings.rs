@@ -213,30 +213,24 @@ fn any_heading() -> f64 {
     180.0
 }
 
-/// Half range of the uniform noise on the actor's observation, before scaling.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// Half range of the uniform noise on each quantity of the actor's observation, in its unit, before scaling; quantities
+/// that are not named have none.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
 pub struct NoiseSettings {
-    /// Base angular velocity, rad/s.
-    pub base_angular_velocity: f64,
-    /// Projected gravity.
-    pub projected_gravity: f64,
-    /// Joint position, rad.
-    pub joint_position: f64,
-    /// Joint velocity, rad/s.
-    pub joint_velocity: f64,
+    /// By quantity.
+    pub half_ranges: IndexMap<Quantity, f64>,
 }
 
 impl NoiseSettings {
     /// Half the range of the uniform noise on `quantity`, in its unit; 0 for what has none.
     pub fn half_range(&self, quantity: Quantity) -> f32 {
-        (match quantity {
-            Quantity::BaseAngularVelocity => self.base_angular_velocity,
-            Quantity::ProjectedGravity => self.projected_gravity,
-            Quantity::JointPosition => self.joint_position,
-            Quantity::JointVelocity => self.joint_velocity,
-            _ => 0.0,
-        }) as f32
+        self.half_ranges.get(&quantity).copied().unwrap_or_default() as f32
+    }
+
+    /// Sets the half range of the noise on `quantity`.
+    pub fn set(&mut self, quantity: Quantity, half_range: f64) {
+        self.half_ranges.insert(quantity, half_range);
     }
 }
 
@@ -283,12 +277,7 @@ impl TaskSettings {
     /// ground.
     pub fn calm(&self) -> Self {
         let mut calm = self.clone();
-        calm.noise = NoiseSettings {
-            base_angular_velocity: 0.0,
-            projected_gravity: 0.0,
-            joint_position: 0.0,
-            joint_velocity: 0.0,
-        };
+        calm.noise.half_ranges.values_mut().for_each(|half_range| *half_range = 0.0);
         calm.randomisation = RandomisationSettings {
             base_mass: [0.0; 2],
             base_com: 0.0,

@@ -16,7 +16,7 @@ pub struct Snapshot {
     /// Its last action, policy order.
     pub last_action: Vec<f32>,
     /// Its feet, as [`Foot::numbers`] lists them.
-    pub feet: Vec<[f32; 8]>,
+    pub feet: Vec<[f32; Foot::NUMBERS]>,
     /// Reward and steps since its episode began.
     pub returns: [f32; 2],
 }

@@ -11,7 +11,7 @@ use super::check::{check, check_gravity, check_pose, check_terms};
 use super::error::refuse;
 use super::joint_number::by_joint;
 use super::randomise::randomised;
-use super::reward::{self, Value, WeightedTerm};
+use super::reward::{self, Rewards, Value, WeightedTerm};
 use super::{Course, JointNumber, Moment, TaskError, TaskSettings, TerrainSettings};
 
 /// A task on a robot: commands, rewards, randomisation, noise and episodes. Joint vectors are in the model's order.
@@ -31,7 +31,7 @@ pub struct Task {
     /// Places of geoms that are neither feet nor end an episode by touching the ground.
     pub(super) body_geoms: Vec<usize>,
     /// Terms of non-zero weight.
-    pub(super) rewards: Vec<WeightedTerm>,
+    pub(super) rewards: Rewards,
 }
 
 impl Task {
@@ -131,7 +131,7 @@ impl Task {
             .collect();
         Ok(Self {
             settings: settings.clone(),
-            rewards: reward::listed(settings, &walker)?,
+            rewards: Rewards::new(reward::listed(settings, &walker)?),
             walker,
             remarks,
             start_pose,
@@ -154,7 +154,8 @@ impl Task {
     ) -> Result<Self, TaskError> {
         let known = reward::TERMS.iter().map(|term| term.name);
         let known = known.chain(self.settings.terms.keys().map(String::as_str));
-        if known.chain(self.rewards.iter().map(|term| term.name.as_str())).any(|other| other == name) {
+        if known.chain(self.rewards.terms().iter().map(|term| term.name.as_str())).any(|other| other == name)
+        {
             return refuse("rewards", format!("has a term `{name}` already; give the new one another name"));
         }
         if !weight.is_finite() {
@@ -167,17 +168,17 @@ impl Task {
 
     /// Reward terms of non-zero weight, by name; own terms after those of the settings.
     pub fn reward_names(&self) -> Vec<&str> {
-        self.rewards.iter().map(|term| term.name.as_str()).collect()
+        self.rewards.terms().iter().map(|term| term.name.as_str()).collect()
     }
 
     /// Reward terms of non-zero weight with what a step of value 1 pays, in [`Task::reward_names`] order.
     pub fn reward_weights(&self) -> impl Iterator<Item = (&str, f32)> {
-        self.rewards.iter().map(|term| (term.name.as_str(), term.weight))
+        self.rewards.terms().iter().map(|term| (term.name.as_str(), term.weight))
     }
 
     /// Reward terms of non-zero weight with what gives them their value, in [`Task::reward_names`] order.
     pub fn reward_values(&self) -> impl Iterator<Item = (&str, &Value)> {
-        self.rewards.iter().map(|term| (term.name.as_str(), &term.value))
+        self.rewards.terms().iter().map(|term| (term.name.as_str(), &term.value))
     }
 
     /// Places of each foot's geoms in `Motion::normal_force`.

@@ -1,56 +1,33 @@
 //! Rewards written as expressions.
 
 use super::*;
-use gaitfit_learn::task::expression::{Expression, Names, Quantity};
+use gaitfit_learn::task::expression::Quantity;
 use gaitfit_learn::task::{Ended, Environment, TaskError, TaskSettings};
 use gaitfit_learn::{Training, TrainingError, TrainingSettings, ppo};
 use gaitfit_random::{Purpose, Stream};
 use task_common::step;
 
 fn names(scene: &Task) -> Names<'_> {
-    let model = scene.walker.model();
-    Names {
-        joints: model.joints.iter().map(|joint| joint.name.as_str()).collect(),
-        actions: scene.walker.interface.joints.iter().map(String::as_str).collect(),
-        feet: scene.settings.feet.iter().map(String::as_str).collect(),
-    }
+    Names::new(&scene.settings, &scene.walker)
 }
 
 fn read(scene: &Task, text: &str) -> Expression {
     Expression::new(text, &names(scene)).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The built-in terms of the velocity task, written as expressions.
-const WRITTEN: [(&str, &str); 18] = [
-    (
-        "track_linear_velocity",
-        r#"exp(-(square(velocity["x"] - command["x"]) + square(velocity["y"] - command["y"])) / (0.5 * 0.5))"#,
-    ),
-    ("track_linear_velocity", r#"exp(-sum((velocity["x", "y"] - command["x", "y"])^2) / 0.25)"#),
-    ("track_yaw_rate", r#"exp(-(yaw_rate - command["yaw"])^2 / 0.5^2)"#),
-    ("vertical_velocity", "square(velocity['z'])"),
-    ("roll_pitch_rate", "sum(angular_velocity^2) - yaw_rate^2"),
-    ("posture", "max(1 - uprightness^2, 0)"),
-    ("height", "exp(-square((height - 0.3) / 0.1))"),
-    ("torque", "sum(square(tau))"),
-    ("joint_acceleration", "sum(qacc ^ 2)"),
-    ("action_rate", "sum(square(action - last_action))"),
-    ("stand_still", "select(walking, 0, sum((qpos - default_pose)^2))"),
-    ("joint_deviation", "sum(square(qpos - default_pose))"),
-    ("air_time", "select(walking, sum(landed * square(min(last_air_time / 0.25, 1))) / dt, 0)"),
-    (
-        "swing_height",
-        "walking * mean(select(contact or air_time > 2 * 0.25, 0, clamp(foot_height / 0.1, 0, 1)))",
-    ),
-    ("foot_slip", "sum(contact * foot_speed^2)"),
-    ("undesired_contact", "body_contacts"),
-    ("upright", "square(0.5 * (1 + uprightness))"),
-    ("fall", "fallen / dt"),
-];
-
 #[test]
-fn built_in_terms_written_as_expressions_have_the_same_bits() {
-    let scene = scene(&calm());
+fn built_in_terms_have_the_bits_of_plain_loops() {
+    ["velocity", "biped"].iter().for_each(|name| has_the_bits_of_loops(&scene(&built_in(name))));
+    // Feet of which one has no group, and one foot alone.
+    let mut settings = calm();
+    settings.gait[1].pop();
+    has_the_bits_of_loops(&scene(&settings));
+    settings.feet.truncate(1);
+    settings.gait = vec![settings.feet.clone()];
+    has_the_bits_of_loops(&scene(&settings));
+}
+
+fn has_the_bits_of_loops(scene: &Task) {
     let noise = Stream::new(4, Purpose::BOOTSTRAP);
     for draw in 0..100u32 {
         let drawn = |from: u32| noise.normal(1000 * draw + from) as f32;
@@ -63,13 +40,14 @@ fn built_in_terms_written_as_expressions_have_the_same_bits() {
                 touching,
                 landed: touching && drawn(210 + k) > 0.0,
                 air: if touching { 0.0 } else { drawn(220 + k).abs() },
+                contact: if touching { drawn(260 + k).abs() } else { 0.0 },
                 last_air: 0.25 * drawn(230 + k).abs(),
                 height: 0.1 * drawn(240 + k),
                 speed: drawn(250 + k).abs(),
                 ..Foot::default()
             }
         };
-        let feet = [0, 1, 2, 3].map(foot);
+        let feet: Vec<Foot> = (0..scene.settings.feet.len()).map(|k| foot(k as u32)).collect();
         let moment = Moment {
             command: three(0),
             walking: drawn(3) > -0.5,
@@ -84,13 +62,16 @@ fn built_in_terms_written_as_expressions_have_the_same_bits() {
             action: &action,
             last_action: &last,
             body_contacts: draw as usize % 3,
+            clock: drawn(13).abs().fract(),
             fallen: draw % 5 == 0,
-            ..moment(&scene, &feet)
+            ..moment(scene, &feet)
         };
-        for (name, text) in WRITTEN {
+        let looped = reward::TERMS.iter().filter_map(|term| Some((term, loops::value(term.name, &moment)?)));
+        assert_eq!(looped.clone().count(), 21, "a term was renamed or is gone");
+        for (term, wanted) in looped {
             // An empty sum is −0 in Rust.
-            let (found, wanted) = (read(&scene, text).value(&moment) + 0.0, value(name, &moment) + 0.0);
-            assert_eq!(found.to_bits(), wanted.to_bits(), "{name} is {wanted}, `{text}` {found}");
+            let (found, wanted) = (value(term.name, &moment) + 0.0, wanted + 0.0);
+            assert_eq!(found.to_bits(), wanted.to_bits(), "{} is {wanted}, not {found}", term.name);
         }
     }
 }
@@ -130,6 +111,16 @@ fn values_by_hand() {
         ("ln(exp(1)) + sqrt(4) + sin(0) + cos(0) + tanh(0) + .5e1", 9.0),
         ("gravity['z'] + walking + clock + fallen", 0.0),
         ("mean(contact_time) * 20", 1.0),
+        ("floor(2.9) + floor(-0.1) + floor(3)", 4.0),
+        // Six pairs of four feet: (FR, FL), (RL, FL), (RL, FR), (RR, FL), (RR, FR), (RR, RL).
+        ("sum(first(contact) == second(contact))", 2.0),
+        ("sum(first(foot_height) - second(foot_height))", 0.05 + 0.2 + 0.15 + 0.0 - 0.05 - 0.2),
+        ("sum(second(air_time) * 0 + 1)", 6.0),
+        // Two feet are one pair; a single number has none.
+        ("sum(first(foot_height['FL_foot', 'FR_foot']))", 0.05),
+        ("1 + sum(first(height) == second(height))", 1.0),
+        ("max(second(gait_group['F*'])) + sum(first(height)) + mean(gait_group)", 0.5),
+        ("tracking_width + yaw_tracking_width + wanted_height + swing_height + swing_seconds + dt", 1.67),
     ] {
         let found = f64::from(read(&scene, text).value(&m));
         assert!((found - wanted).abs() < 1e-6, "`{text}` is {found}, by hand {wanted}");
@@ -181,6 +172,9 @@ fn wrong_expressions_are_refused_with_place_and_remedy() {
         (&long, 1, &["1200 bytes, more than 1000"]),
         (&deep, 34, &["inside each other"]),
         (&much, 256, &["more than 256 operators"]),
+        ("sum(second(first(tau)))", 5, &["pairs of a row of 66 numbers, more than 32"]),
+        ("first(contact)", 1, &["a row of 6 numbers"]),
+        ("sum(first(contact) + contact)", 20, &["4 numbers", "6"]),
         (&sums, 291, &["more than 32 sums"]),
     ] {
         let error = Expression::new(text, &names).unwrap_err();

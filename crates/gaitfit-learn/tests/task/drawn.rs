@@ -252,7 +252,7 @@ fn pushes_come_in_their_time_and_size() {
 fn bad_settings_are_refused_by_name() {
     let model = go2();
     type Change = fn(&mut TaskSettings);
-    let wrong: [(Change, &str, &str); 22] = [
+    let wrong: [(Change, &str, &str); 23] = [
         (
             |t| t.rewards.extend([("walk".to_owned(), 1.0)]),
             "task.rewards",
@@ -275,7 +275,8 @@ fn bad_settings_are_refused_by_name() {
         (|t| t.command.x = [1.0, -1.0], "task.command.x", "is [1, -1]"),
         (|t| t.command.standing = 1.5, "task.command.standing", "is 1.5"),
         (|t| t.randomisation.kp = [-0.1, 1.0], "task.randomisation.kp", "is [-0.1, 1]"),
-        (|t| t.noise.joint_velocity = f64::INFINITY, "task.noise.joint_velocity", "is inf"),
+        (|t| t.noise.set(Quantity::JointVelocity, f64::INFINITY), "task.noise.joint_velocity", "is inf"),
+        (|t| t.noise.set(Quantity::Command, 0.1), "task.noise.command", "is no reading of a sensor"),
         (|t| t.start.tilt = -1.0, "task.start.tilt", "is -1"),
         (|t| t.push.velocity = f64::NAN, "task.push.velocity", "is NaN"),
         (|t| t.posture = [0.0, 0.0, -2.0], "task.posture", "length 1"),

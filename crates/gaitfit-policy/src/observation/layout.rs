@@ -111,7 +111,7 @@ impl Layout {
     ) {
         for slot in &self.slots {
             let out = &mut row[slot.present.clone()];
-            self.sense(slot.quantity, sensed, out);
+            slot.quantity.write(sensed, &self.default_pose, out);
             corrupt(slot.quantity, out);
             match slot.scale.as_slice() {
                 [] => {}
@@ -125,27 +125,6 @@ impl Layout {
                     None if self.start == HistoryStart::Zeros => row[to].fill(0.0),
                     None => row.copy_within(slot.present.clone(), to.start),
                 }
-            }
-        }
-    }
-
-    /// The present value of one term, before noise and scale.
-    #[inline]
-    fn sense(&self, quantity: Quantity, sensed: &Sensed, out: &mut [f32]) {
-        match quantity {
-            Quantity::BaseAngularVelocity => out.copy_from_slice(&sensed.base_angular_velocity),
-            Quantity::ProjectedGravity => out.copy_from_slice(&sensed.projected_gravity),
-            Quantity::BaseLinearVelocity => out.copy_from_slice(&sensed.base_linear_velocity),
-            Quantity::Command => out.copy_from_slice(&sensed.command),
-            Quantity::JointPosition => {
-                out.copy_from_slice(&sensed.joint_position);
-                out.iter_mut().zip(&self.default_pose).for_each(|(value, home)| *value -= home);
-            }
-            Quantity::JointVelocity => out.copy_from_slice(&sensed.joint_velocity),
-            Quantity::LastAction => out.copy_from_slice(&sensed.last_action),
-            Quantity::GaitPhase => {
-                let (sin, cos) = (std::f32::consts::TAU * sensed.clock).sin_cos();
-                out.copy_from_slice(&[sin, cos]);
             }
         }
     }

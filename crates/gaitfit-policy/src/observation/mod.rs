@@ -6,9 +6,8 @@
 mod last_action;
 mod layout;
 mod past;
-mod sensed;
 
+pub use crate::quantity::Sensed;
 pub use last_action::LastAction;
 pub use layout::{Layout, Slot};
 pub use past::Past;
-pub use sensed::Sensed;

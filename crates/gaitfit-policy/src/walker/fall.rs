@@ -1,6 +1,6 @@
 //! When a robot counts as fallen.
 
-use gaitfit_model::rotation::{quat_of, up};
+use gaitfit_model::rotation::quat_of;
 use gaitfit_model::shown;
 use gaitfit_sim::{Batch, Motion};
 use globset::Glob;
@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::WalkerError;
 use super::feet::nearest;
+use crate::frames;
 
 /// When a robot counts as fallen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,7 +23,7 @@ pub struct FallSettings {
 }
 
 /// Least normal force that counts as touching, N.
-const TOUCH: f32 = 1.0;
+pub const TOUCH: f32 = 1.0;
 
 /// How many of the geoms in `places` touch the ground; `forces` are of one environment
 /// ([`Motion::normal_force`]).
@@ -82,13 +83,13 @@ impl Fall {
     }
 
     pub(super) fn uprightness(&self, up: [f32; 3]) -> f32 {
-        (0..3).map(|k| -up[k] * self.posture[k]).sum()
+        frames::uprightness(up, self.posture)
     }
 
     /// `ground`: height of the ground under the base, m.
     pub(super) fn fallen(&self, motion: &Motion, index: usize, ground: f32) -> bool {
         let forces = &motion.normal_force[index * self.contacts..(index + 1) * self.contacts];
-        let up = up(quat_of(&motion.base_quaternion[4 * index..]));
+        let up = frames::up(quat_of(&motion.base_quaternion[4 * index..]));
         touching(forces, &self.geoms) > 0
             || self.uprightness(up) < self.least_uprightness
             || motion.base_position[3 * index + 2] - ground < self.height

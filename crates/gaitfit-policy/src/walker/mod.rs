@@ -6,21 +6,21 @@ mod feet;
 mod noise;
 mod start;
 
-use gaitfit_model::rotation::{quat_of, rotate_back, vec_of};
+use gaitfit_model::rotation::{quat_of, vec_of};
 use gaitfit_model::{Model, Root, Surface};
 use gaitfit_physics::{Preset, Robot};
 use gaitfit_sim::{Batch, BatchOptions, Candidate, Cpu, Engine, Imu, Motion, Start};
 
-use crate::Interface;
 use crate::observation::{Layout, Sensed};
 use crate::pilot::{clock, target};
+use crate::{Interface, frames};
 use fall::Fall;
 
 pub use error::WalkerError;
-pub use fall::{FallSettings, touching};
+pub use fall::{FallSettings, TOUCH, touching};
 pub use feet::FootGeoms;
 pub use noise::TorqueNoise;
-pub use start::{standing, standing_on};
+pub use start::{GAP, standing, standing_on};
 
 /// How a policy's robot is simulated, and when it counts as fallen.
 #[derive(Clone, Debug, PartialEq)]
@@ -204,6 +204,7 @@ impl Walker {
         let joints = self.default_pose.len();
         let row = joints * index..joints * (index + 1);
         self.sense_parts(
+            vec_of(&motion.base_position[3 * index..]),
             quat_of(&motion.base_quaternion[4 * index..]),
             vec_of(&motion.base_linear[3 * index..]),
             vec_of(&motion.base_angular[3 * index..]),
@@ -218,19 +219,20 @@ impl Walker {
     /// # Panics
     /// If `state` or `sensed` is of another number of joints: an error of the caller.
     pub fn sense_state(&self, state: &Start, sensed: &mut Sensed) {
-        let Start { base_quaternion, base_linear, base_angular, joint_position, joint_velocity, .. } = state;
         self.sense_parts(
-            *base_quaternion,
-            *base_linear,
-            *base_angular,
-            joint_position,
-            joint_velocity,
+            state.base_position,
+            state.base_quaternion,
+            state.base_linear,
+            state.base_angular,
+            &state.joint_position,
+            &state.joint_velocity,
             sensed,
         );
     }
 
     fn sense_parts(
         &self,
+        place: [f32; 3],
         quaternion: [f32; 4],
         linear: [f32; 3],
         angular: [f32; 3],
@@ -240,7 +242,8 @@ impl Walker {
     ) {
         sensed.base_angular_velocity = angular;
         sensed.orient(quaternion);
-        sensed.base_linear_velocity = rotate_back(quaternion, linear);
+        sensed.base_linear_velocity = frames::to_body(quaternion, linear);
+        sensed.base_height = place[2] - self.ground_under(place);
         for (to, &joint) in self.joints.iter().enumerate() {
             sensed.joint_position[to] = position[joint];
             sensed.joint_velocity[to] = velocity[joint];

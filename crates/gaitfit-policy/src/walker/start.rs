@@ -8,7 +8,7 @@ use gaitfit_sim::Start;
 use super::Walker;
 
 /// Gap between the lowest foot and the ground, m.
-const GAP: f64 = 0.002;
+pub const GAP: f64 = 0.002;
 
 /// At rest in a posture (orientation of the base, wxyz, and `angles`, rad, model order), feet just above the ground.
 pub fn standing(model: &Model, quaternion: [f64; 4], angles: &[f64]) -> Start {

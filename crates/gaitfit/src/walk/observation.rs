@@ -1,40 +1,30 @@
 //! A log's samples as a policy observes them, and what a log lacks for that.
 
 use gaitfit_log::Trajectory;
-use gaitfit_model::rotation::{normalize, quat_of, rotate_back};
+use gaitfit_model::rotation::normalize;
 use gaitfit_policy::observation::{Layout, Sensed};
-use gaitfit_policy::{Interface, Quantity};
+use gaitfit_policy::{BaseSample, Interface, Quantity, Term};
 
-/// What an inertial unit measures, as far as a sample has it.
+/// What of the base's motion a sample has, by quantity, as far as it is observed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Given {
-    /// Rates of the base, rad/s, body frame.
-    pub rates: Option<[f64; 3]>,
-    /// Direction of gravity, body frame.
-    pub gravity: Option<[f64; 3]>,
-    /// Velocity of the base, m/s, body frame.
-    pub velocity: Option<[f64; 3]>,
+    values: [Option<[f64; 3]>; Quantity::ALL.len()],
 }
 
 /// One number that a sample lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unknown {
-    /// Rate about a body axis, rad/s.
-    Rate(usize),
-    /// Gravity's part along a horizontal body axis; the third follows from its length.
-    Gravity(usize),
-    /// Velocity along a body axis, m/s.
-    Velocity(usize),
+pub struct Unknown {
+    /// Of which quantity.
+    pub quantity: Quantity,
+    /// Which of its numbers.
+    pub number: usize,
 }
 
 impl Unknown {
     /// Spread about 0 on a robot that walks.
     pub fn spread(self) -> f64 {
-        match self {
-            Self::Rate(_) => 0.6,
-            Self::Gravity(_) => 0.1,
-            Self::Velocity(_) => 0.6,
-        }
+        let of = self.quantity.base();
+        of.and_then(|of| of.spreads.get(self.number).copied()).unwrap_or(1.0)
     }
 }
 
@@ -42,66 +32,55 @@ impl Given {
     /// Of sample `row`; a part with a number that is not finite is unknown.
     pub fn from_log(log: &Trajectory, row: usize) -> Self {
         let Some(base) = &log.base else { return Self::default() };
-        let finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
-        let three = |values: &Option<Vec<f64>>| -> Option<[f64; 3]> {
-            let values = values.as_deref()?.get(3 * row..3 * row + 3)?;
-            finite(values).then(|| [values[0], values[1], values[2]])
+        let sample = BaseSample {
+            position: part(&base.position, row),
+            quaternion: part(&base.quaternion, row).map(normalize),
+            linear_velocity: part(&base.linear_velocity, row),
+            angular_velocity: part(&base.angular_velocity, row),
         };
-        let quaternion = base
-            .quaternion
-            .as_deref()
-            .and_then(|values| values.get(4 * row..4 * row + 4))
-            .filter(|values| finite(values));
-        Self {
-            rates: three(&base.angular_velocity),
-            gravity: quaternion.map(|q| to_body(q, [0.0, 0.0, -1.0])),
-            velocity: quaternion.zip(three(&base.linear_velocity)).map(|(q, v)| to_body(q, v)),
+        let mut given = Self::default();
+        for (value, quantity) in given.values.iter_mut().zip(Quantity::ALL) {
+            *value = quantity.base().and_then(|of| (of.read)(&sample));
         }
+        given
+    }
+
+    /// The numbers of a quantity.
+    pub fn get(&self, quantity: Quantity) -> Option<[f64; 3]> {
+        self.values[quantity as usize]
     }
 
     /// What `interface` observes and is not given.
     pub fn missing(&self, interface: &Interface) -> Vec<Unknown> {
         let mut missing = Vec::new();
-        for term in &interface.observation {
-            match term.quantity {
-                Quantity::BaseAngularVelocity if self.rates.is_none() => {
-                    missing.extend((0..3).map(Unknown::Rate));
-                }
-                Quantity::ProjectedGravity if self.gravity.is_none() => {
-                    missing.extend((0..2).map(Unknown::Gravity));
-                }
-                Quantity::BaseLinearVelocity if self.velocity.is_none() => {
-                    missing.extend((0..3).map(Unknown::Velocity));
-                }
-                _ => {}
+        for &Term { quantity, .. } in &interface.observation {
+            if let (Some(of), None) = (quantity.base(), self.get(quantity)) {
+                missing.extend((0..of.spreads.len()).map(|number| Unknown { quantity, number }));
             }
         }
         missing
     }
 
-    /// With `values` for what was missing.
+    /// With `values` for what was missing, and 0 for what else is.
     pub fn filled(&self, missing: &[Unknown], values: &[f64]) -> Self {
-        let level = [0.0, 0.0, -1.0];
-        let (mut rates, mut velocity) = (self.rates.unwrap_or_default(), self.velocity.unwrap_or_default());
-        let mut gravity = self.gravity.unwrap_or(level);
+        let mut filled = Self { values: self.values.map(|value| Some(value.unwrap_or_default())) };
         for (unknown, &value) in missing.iter().zip(values) {
-            match *unknown {
-                Unknown::Rate(axis) => rates[axis] = value,
-                Unknown::Velocity(axis) => velocity[axis] = value,
-                Unknown::Gravity(axis) => gravity[axis] = value,
+            if let Some(numbers) = &mut filled.values[unknown.quantity as usize] {
+                numbers[unknown.number] = value;
             }
         }
-        if self.gravity.is_none() {
-            let across = (gravity[0].powi(2) + gravity[1].powi(2)).min(1.0);
-            gravity[2] = -(1.0 - across).sqrt();
+        let gravity = Quantity::ProjectedGravity;
+        if let (None, Some([x, y, z])) = (self.get(gravity), &mut filled.values[gravity as usize]) {
+            *z = -(1.0 - (x.powi(2) + y.powi(2)).min(1.0)).sqrt();
         }
-        Self { rates: Some(rates), gravity: Some(gravity), velocity: Some(velocity) }
+        filled
     }
 }
 
-/// A world vector in the body frame of a base with orientation `q` (wxyz).
-fn to_body(q: &[f64], v: [f64; 3]) -> [f64; 3] {
-    rotate_back(normalize(quat_of(q)), v)
+/// The numbers of sample `row`, if there are some and all are finite.
+fn part<const N: usize>(values: &Option<Vec<f64>>, row: usize) -> Option<[f64; N]> {
+    let values = values.as_deref()?.get(N * row..N * (row + 1))?;
+    values.iter().all(|x| x.is_finite()).then(|| std::array::from_fn(|k| values[k]))
 }
 
 /// Writes the observation of sample `row`, with the arithmetic of the simulator's; what `given` lacks counts as level and
@@ -120,20 +99,22 @@ pub fn write(
 ) {
     let joints = interface.joints.len();
     let single = |values: &[f64]| values.iter().map(|&x| x as f32).collect::<Vec<f32>>();
-    let three = |values: [f64; 3]| values.map(|x| x as f32);
-    let part = |values: &[f64]| single(&values[row * joints..(row + 1) * joints]);
+    let joint = |values: &[f64]| single(&values[row * joints..(row + 1) * joints]);
     let command = log.command.as_deref().unwrap_or_default();
     let turns = clock + row as f64 * interface.control_dt * interface.gait_frequency.unwrap_or(0.0);
-    let sensed = Sensed {
-        base_angular_velocity: three(given.rates.unwrap_or_default()),
-        projected_gravity: three(given.gravity.unwrap_or([0.0, 0.0, -1.0])),
-        base_linear_velocity: three(given.velocity.unwrap_or_default()),
-        command: three(std::array::from_fn(|k| command.get(3 * row + k).copied().unwrap_or(0.0))),
-        joint_position: part(&log.position),
-        joint_velocity: part(&log.velocity),
+    let mut sensed = Sensed {
+        command: std::array::from_fn(|k| command.get(3 * row + k).copied().unwrap_or(0.0) as f32),
+        joint_position: joint(&log.position),
+        joint_velocity: joint(&log.velocity),
         last_action: single(last),
         clock: turns.fract() as f32,
+        ..Sensed::new(0)
     };
+    for (quantity, value) in Quantity::ALL.iter().zip(given.values) {
+        if let (Some(of), Some(value)) = (quantity.base(), value) {
+            (of.sense)(&mut sensed, value);
+        }
+    }
     layout.write(&sensed, past, |_, _| (), out);
 }
 

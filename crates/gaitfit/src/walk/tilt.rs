@@ -8,7 +8,7 @@
 use super::imu_search::Search;
 use super::observation::{Given, Unknown};
 use gaitfit_log::Trajectory;
-use gaitfit_policy::Policy;
+use gaitfit_policy::{Policy, Quantity};
 use std::ops::Range;
 
 /// Time between looks, s.
@@ -29,7 +29,7 @@ pub fn falls(policy: &Policy, log: &Trajectory, spread: &[f64]) -> Vec<Range<usi
     let known = Given::from_log(log, 0);
     let unknown = known.missing(interface);
     let remembers = policy.is_recurrent() || interface.observation.iter().any(|term| term.history > 1);
-    if !unknown.contains(&Unknown::Gravity(0)) || remembers {
+    if !unknown.contains(&Unknown { quantity: Quantity::ProjectedGravity, number: 0 }) || remembers {
         return Vec::new();
     }
     let joints = interface.joints.len();
@@ -43,7 +43,7 @@ pub fn falls(policy: &Policy, log: &Trajectory, spread: &[f64]) -> Vec<Range<usi
             let logged = &action[sample * joints..(sample + 1) * joints];
             let given = Given::from_log(log, sample);
             let (_, found) = search.nearest(log, sample, last, &given, clock, logged);
-            let [x, y, _] = found.gravity.unwrap_or_default();
+            let [x, y, _] = found.get(Quantity::ProjectedGravity).unwrap_or_default();
             (sample, x.hypot(y).min(1.0).asin().to_degrees())
         })
         .collect();
@@ -100,6 +100,7 @@ mod tests {
         let spread = spread(&hidden.iter().collect::<Vec<_>>(), 12);
         assert!(falls(&policy, &known[0], &spread).is_empty());
         let mut search = Search::new(&policy, &spread);
+        let gravity = |given: &Given| given.get(Quantity::ProjectedGravity).unwrap();
         let (mut off, mut looks) = (Vec::new(), 0);
         for (known, hidden) in known.iter().zip(&hidden) {
             let action = hidden.action.as_ref().unwrap();
@@ -107,8 +108,7 @@ mod tests {
                 let row = |sample: usize| &action[12 * sample..12 * sample + 12];
                 let (_, found) =
                     search.nearest(hidden, sample, row(sample - 1), &Given::default(), 0.0, row(sample));
-                let (truth, found) =
-                    (Given::from_log(known, sample).gravity.unwrap(), found.gravity.unwrap());
+                let (truth, found) = (gravity(&Given::from_log(known, sample)), gravity(&found));
                 off.push((truth[0] - found[0]).hypot(truth[1] - found[1]));
                 looks += 1;
             }

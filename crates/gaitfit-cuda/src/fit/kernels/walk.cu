@@ -12,17 +12,15 @@ DEVICE void place_number(float* state, const float* imu, const float* from, u32 
     STATE(k) = k < LOGGED ? true_number(imu, 1, from, k) : 0.0f;
 }
 
-DEVICE bool fallen(const float* state, const float* report, u32 e) {
-    bool fallen = STATE(POSITION + 2) < MIN_HEIGHT;
-    float q[4], up[3];
+DEVICE bool ends_here(const float* state, const float* report, u32 e) {
+    float q[4], up[3], uprightness;
     for (int k = 0; k < 4; k++) q[k] = STATE(QUATERNION + k);
     up_of(q, up);
-    float uprightness = -up[0] * POSTURE[0] + -up[1] * POSTURE[1] + -up[2] * POSTURE[2];
-    fallen |= uprightness < MIN_UPRIGHTNESS;
-    for (int k = 0; k < FALL_GEOMS; k++) fallen |= FORCE(FALL_GEOM[k]) > 1.0f;
+    uprightness_of(up, POSTURE, &uprightness);
+    bool ends = has_fallen(report, e, uprightness, STATE(POSITION + 2));
     // A diverged robot's numbers fail every comparison.
-    for (int k = 0; k < 3; k++) fallen |= !is_finite(STATE(POSITION + k));
-    return fallen;
+    for (int k = 0; k < 3; k++) ends |= !is_finite(STATE(POSITION + k));
+    return ends;
 }
 
 // Step `sample` of ROWS environments a block. `lengths`: samples of each recording, `samples` at most. `commands`, `states`,
@@ -76,7 +74,7 @@ KERNEL walk(
                 row[3 * ACTIONS + axis] = base.position[axis];
                 row[3 * ACTIONS + 3 + axis] = base.linear[axis];
             }
-        } else if (sample > 0 && ends[e] == length[r] && fallen(state, report, e))
+        } else if (sample > 0 && ends[e] == length[r] && ends_here(state, report, e))
             ends[e] = sample;
     }
     __syncthreads();
@@ -118,23 +116,17 @@ KERNEL walk(
     __syncthreads();
     const float* chosen = forward(network, first, second);
     for (int i = thread; i < rows * ACTIONS; i += threads) {
-        int r = i / ACTIONS, k = i % ACTIONS, j = JOINT_OF[k];
+        int r = i / ACTIONS, k = i % ACTIONS;
         u32 e = from + r;
         float wanted = chosen[k * ROWS + r];
         if (e < count && sample < length[r])
             signals[((u64)e * samples + sample) * DIMENSIONS + 2 * ACTIONS + k] = wanted;
         last_action[(u64)from * ACTIONS + i] = wanted;
-        float clip = ACTION_CLIP[k], clipped = wanted < -clip ? -clip : wanted;
-        clipped = clipped > clip ? clip : clipped;
-        float target = DEFAULT_POSE[j] + ACTION_SCALE[j] * clipped;
-        // Before its first target a robot is taken to have held it.
-        for (int tap = TAPS - 1; tap > 0; tap--) TARGET(tap, j) = placed[r] ? target : TARGET(tap - 1, j);
-        TARGET(0, j) = target;
+        send_target(targets, e, JOINT_OF[k], target_of(k, wanted), placed[r]);
     }
     for (int i = thread; i < rows * OTHER_JOINTS; i += threads) {
         int r = i / (OTHER_JOINTS > 0 ? OTHER_JOINTS : 1), j = OTHER_JOINT[i % (OTHER_JOINTS > 0 ? OTHER_JOINTS : 1)];
-        u32 e = from + r;
-        for (int tap = 0; tap < TAPS; tap++) TARGET(tap, j) = DEFAULT_POSE[j];
+        send_target(targets, from + r, j, DEFAULT_POSE[j], true);
     }
     // What networks remember of a robot that has been as it is for long.
     for (int i = thread; i < rows * MEMORY; i += threads) {

@@ -20,16 +20,9 @@ KERNEL act(
         squares += z * z;
         logs += log_std[k];
         action[row * ACTIONS + k] = wanted;
-        int j = JOINT_OF[k];
-        float clip = ACTION_CLIP[k], clipped = wanted < -clip ? -clip : wanted;
-        clipped = clipped > clip ? clip : clipped;
-        float target = DEFAULT_POSE[j] + ACTION_SCALE[j] * clipped;
-        // Before its first target a robot is taken to have held it.
-        for (int tap = TAPS - 1; tap > 0; tap--) TARGET(tap, j) = first ? target : TARGET(tap - 1, j);
-        TARGET(0, j) = target;
+        send_target(targets, e, JOINT_OF[k], target_of(k, wanted), first);
     }
-    for (int k = 0; k < OTHER_JOINTS; k++)
-        for (int tap = 0; tap < TAPS; tap++) TARGET(tap, OTHER_JOINT[k]) = DEFAULT_POSE[OTHER_JOINT[k]];
+    for (int k = 0; k < OTHER_JOINTS; k++) send_target(targets, e, OTHER_JOINT[k], DEFAULT_POSE[OTHER_JOINT[k]], true);
     for (int k = 0; k < MEMORY && first; k++) REMEMBERED(k) = settled(state, params, e, k);
     log_probability[row] = -0.5f * squares - (logs + 0.5f * (float)ACTIONS * LOG_TAU);
     // Robots are pushed at different times.

@@ -121,7 +121,7 @@ DEVICE void start_episode(
     double lowest = 1e300;
     for (int k = 0; k < SHAPES; k++) lowest = placing.lowest[k] < lowest ? placing.lowest[k] : lowest;
     double height = lowest < 1e300 ? GROUND - lowest : GROUND;
-    STATE(POSITION + 2) = (float)(height + 0.002);
+    STATE(POSITION + 2) = (float)(height + GAP);
     STATE(QUATERNION) = (float)q.w;
     STATE(QUATERNION + 1) = (float)q.x;
     STATE(QUATERNION + 2) = (float)q.y;

@@ -1,55 +1,19 @@
 // After a control period: feet, rewards, ends of episodes, new commands and new episodes.
 
-// Sums of a rollout, of each environment: reward, reward terms, then these. Of its first divergence: the step, from 1, and
-// the reward term that was not finite, from 1; 0: none.
-enum {
-    VELOCITY_ERROR = 1 + REWARDS, YAW_ERROR, EPISODES, FALLS, EPISODE_STEPS, EPISODE_RETURN, DIVERGED, LOST_STEPS, BROKEN_AT,
-    BROKEN_TERM, TALLIES
-};
+// A number of `Sum`, of environment `e`.
 #define TALLY(k) tally[(k) * ENVIRONMENTS + e]
 #define FOOT(k, number) feet[(FOOT_SIZE * (k) + (number)) * ENVIRONMENTS + e]
 
 enum { GOES_ON, FALL, TIME_OUT };
 
-#define TOUCH 1.0f
-DEVICE bool touches(const float* report, u32 e, int geom) { return FORCE(geom) > TOUCH; }
-
-DEVICE Foot advance_foot(const float* report, float* feet, u32 e, u32 steps, int k) {
-    float dt = (float)CONTROL_DT;
-    float load = 0.0f;
-    for (int i = FOOT_FIRST[k]; i < FOOT_FIRST[k + 1]; i++) load += FORCE(FOOT_GEOM[i]);
-    bool touching = load > TOUCH, before = FOOT(k, TOUCHING) != 0.0f;
-    float air = FOOT(k, AIR), contact = FOOT(k, CONTACT), last_air = FOOT(k, LAST_AIR);
-    Foot foot;
-    foot.touching = touching;
-    foot.landed = touching && !before && air > 0.0f;
-    if (touching) {
-        last_air = air > 0.0f ? air : last_air;
-        air = 0.0f;
-        contact += dt;
-    } else {
-        contact = 0.0f;
-        air += dt;
-    }
-    float x = CENTRE(k, 0), y = CENTRE(k, 1), z = CENTRE(k, 2);
-    float dx = x - FOOT(k, PLACE_X), dy = y - FOOT(k, PLACE_Y);
-    // There was no place before the first step to move from.
-    float speed = steps <= 1 ? 0.0f : sqrtf(dx * dx + dy * dy) / dt;
-    FOOT(k, TOUCHING) = touching ? 1.0f : 0.0f;
-    FOOT(k, AIR) = foot.air = air;
-    FOOT(k, CONTACT) = foot.contact = contact;
-    FOOT(k, LAST_AIR) = foot.last_air = last_air;
-    FOOT(k, PLACE_X) = x;
-    FOOT(k, PLACE_Y) = y;
-    FOOT(k, PLACE_Z) = foot.height = z;
-    FOOT(k, SPEED) = foot.speed = speed;
-    return foot;
-}
-
-DEVICE bool has_fallen(const float* report, u32 e, float uprightness, float height) {
-    bool fallen = uprightness < MIN_UPRIGHTNESS || height < MIN_HEIGHT;
-    for (int k = 0; k < FALL_GEOMS; k++) fallen |= touches(report, e, FALL_GEOM[k]);
-    return fallen;
+// Takes up the end of a control period of foot `k`, and writes its numbers and whether it landed.
+DEVICE void advance_foot(const float* report, float* feet, u32 e, u32 steps, int k, float foot[FOOT_SIZE + 1]) {
+    float force = 0.0f, place[3], before[FOOT_SIZE];
+    for (int i = FOOT_FIRST[k]; i < FOOT_FIRST[k + 1]; i++) force += FORCE(FOOT_GEOM[i]);
+    for (int axis = 0; axis < 3; axis++) place[axis] = CENTRE(k, axis);
+    for (int number = 0; number < FOOT_SIZE; number++) before[number] = FOOT(k, number);
+    advanced_foot(before, force, place, (float)CONTROL_DT, steps <= 1 ? 1.0f : 0.0f, foot);
+    for (int number = 0; number < FOOT_SIZE; number++) FOOT(k, number) = foot[number];
 }
 
 // What is gone with an episode, besides its age.
@@ -81,26 +45,18 @@ DEVICE bool finish_step(
     u64 row = (u64)step * ENVIRONMENTS + e;
     u32 number = control[FIRST_STEP] + step, age = steps[e] + 1;
     Base base = base_of(state, e);
-    float up[3];
-    up_of(base.quaternion, up);
     Moment m;
-    for (int k = 0; k < FEET; k++) m.feet[k] = advance_foot(report, feet, e, age, k);
+    for (int k = 0; k < FEET; k++) advance_foot(report, feet, e, age, k, m.feet[k]);
     // Numbers that are none fail every comparison.
     bool whole = is_finite(base.position[2]);
     for (int k = 0; k < 3; k++) whole &= fabsf(base.linear[k]) <= FASTEST_BASE && fabsf(base.angular[k]) <= FASTEST_BASE;
     for (int k = 0; k < 4; k++) whole &= is_finite(base.quaternion[k]);
     for (int j = 0; j < JOINTS; j++) whole &= fabsf(joint_velocity(state, e, j)) <= FASTEST_JOINT;
-    float squares = 0.0f;
-    for (int k = 0; k < 3; k++) {
-        m.command[k] = command[k * ENVIRONMENTS + e];
-        squares += m.command[k] * m.command[k];
-        m.angular[k] = base.angular[k];
-        m.gravity[k] = -up[k];
-    }
-    m.walking = squares > 0.1f * 0.1f;
-    to_heading(base.quaternion, base.linear, m.velocity);
-    m.yaw_rate = up[0] * base.angular[0] + up[1] * base.angular[1] + up[2] * base.angular[2];
-    m.uprightness = -up[0] * POSTURE[0] + -up[1] * POSTURE[1] + -up[2] * POSTURE[2];
+    float numbers[9];
+    for (int k = 0; k < 3; k++) m.command[k] = command[k * ENVIRONMENTS + e];
+    base_moment(base.quaternion, base.linear, base.angular, m.command, POSTURE, numbers);
+    for (int k = 0; k < 3; k++) m.velocity[k] = numbers[k], m.gravity[k] = numbers[3 + k], m.angular[k] = base.angular[k];
+    m.yaw_rate = numbers[6], m.uprightness = numbers[7], m.walking = numbers[8] != 0.0f;
     m.height = base.position[2];
     m.clock = clock_of(age);
     m.fallen = has_fallen(report, e, m.uprightness, m.height);
@@ -118,8 +74,9 @@ DEVICE bool finish_step(
 
     for (int k = 0; k < ACTIONS; k++) last_action[k * ENVIRONMENTS + e] = m.action[k];
     if (age % COMMAND_STEPS == 0) draw_command(control, e, number + 1, command);
-    float ex = m.velocity[0] - command[e], ey = m.velocity[1] - command[ENVIRONMENTS + e];
-    float velocity_error = sqrtf(ex * ex + ey * ey), yaw_error = fabsf(m.yaw_rate - command[2 * ENVIRONMENTS + e]);
+    float wanted[3], off[2];
+    for (int k = 0; k < 3; k++) wanted[k] = command[k * ENVIRONMENTS + e];
+    base_errors(m.velocity, m.yaw_rate, wanted, off);
     if (broken) {
         if (TALLY(DIVERGED) == 0.0) {
             TALLY(BROKEN_AT) = (double)(step + 1);
@@ -131,11 +88,11 @@ DEVICE bool finish_step(
     } else {
         TALLY(0) += (double)paid;
         for (int k = 0; k < REWARDS; k++) TALLY(1 + k) += (double)terms[k];
-        TALLY(VELOCITY_ERROR) += (double)velocity_error;
-        TALLY(YAW_ERROR) += (double)yaw_error;
+        TALLY(VELOCITY_ERROR) += (double)off[0];
+        TALLY(YAW_ERROR) += (double)off[1];
     }
 #if TRIALS
-    errors[2 * row] = velocity_error, errors[2 * row + 1] = yaw_error;
+    errors[2 * row] = off[0], errors[2 * row + 1] = off[1];
 #endif
     // Trials are told of a robot that diverged by a reward that is no number; for the learner it fell.
     reward[row] = TRIALS && broken ? (float)double_of_bits(0x7FF8000000000000ull) : paid;

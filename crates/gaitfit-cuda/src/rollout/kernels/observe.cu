@@ -1,17 +1,5 @@
 // Observations: rows as the policy's interface lays them out.
 
-// Quantities, in the order of `gaitfit_policy::Quantity`.
-enum {
-    BASE_ANGULAR_VELOCITY,
-    PROJECTED_GRAVITY,
-    COMMAND,
-    JOINT_POSITION,
-    JOINT_VELOCITY,
-    LAST_ACTION,
-    BASE_LINEAR_VELOCITY,
-    GAIT_PHASE
-};
-
 // Writes the numbers `from` to `until` of term `number` of TERMS into their places of a row; `from` is a multiple of 4. `scales`: those of the row. `noise`: draws of this environment
 // and step, or none. `memory` and `imu`: errors of this robot's sensors, or none; `command` and `last_action`: this robot's; all have
 // their numbers `apart` from each other.
@@ -39,6 +27,10 @@ DEVICE void write_term(
         case BASE_LINEAR_VELOCITY:
             base = base_of(state, e);
             to_body(base.quaternion, base.linear, vector);
+            break;
+        case BASE_HEIGHT:
+            // Uneven ground is refused.
+            vector[0] = base_of(state, e).position[2];
             break;
         case COMMAND:
             for (int k = 0; k < 3; k++) vector[k] = command[k * apart];

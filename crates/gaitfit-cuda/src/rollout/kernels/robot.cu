@@ -28,37 +28,6 @@ struct Base {
     float position[3], quaternion[4], linear[3], angular[3];
 };
 
-// The axis `k` of the world's z in the body frame: against gravity.
-DEVICE void up_of(const float q[4], float up[3]) {
-    float w = q[0], x = q[1], y = q[2], z = q[3];
-    up[0] = 2.0f * (x * z - w * y);
-    up[1] = 2.0f * (y * z + w * x);
-    up[2] = 1.0f - 2.0f * (x * x + y * y);
-}
-
-// A world vector in the body frame.
-DEVICE void to_body(const float q[4], const float v[3], float out[3]) {
-    float w = q[0], x = q[1], y = q[2], z = q[3];
-    float ax[3] = {1.0f - 2.0f * (y * y + z * z), 2.0f * (x * y + w * z), 2.0f * (x * z - w * y)};
-    float ay[3] = {2.0f * (x * y - w * z), 1.0f - 2.0f * (x * x + z * z), 2.0f * (y * z + w * x)};
-    float az[3] = {2.0f * (x * z + w * y), 2.0f * (y * z - w * x), 1.0f - 2.0f * (x * x + y * y)};
-    out[0] = ax[0] * v[0] + ax[1] * v[1] + ax[2] * v[2];
-    out[1] = ay[0] * v[0] + ay[1] * v[1] + ay[2] * v[2];
-    out[2] = az[0] * v[0] + az[1] * v[1] + az[2] * v[2];
-}
-
-// A world vector in the frame of the heading: forward, left, up.
-DEVICE void to_heading(const float q[4], const float v[3], float out[3]) {
-    float w = q[0], x = q[1], y = q[2], z = q[3];
-    float left0 = 2.0f * (x * y - w * z), left1 = 1.0f - 2.0f * (x * x + z * z);
-    float length = sqrtf(left0 * left0 + left1 * left1);
-    length = length > 1e-6f ? length : 1e-6f;
-    float lx = left0 / length, ly = left1 / length;
-    out[0] = ly * v[0] - lx * v[1];
-    out[1] = lx * v[0] + ly * v[1];
-    out[2] = v[2];
-}
-
 DEVICE Base base_of(const float* state, u32 e) {
     Base base;
     for (int k = 0; k < 3; k++) base.position[k] = STATE(POSITION + k);

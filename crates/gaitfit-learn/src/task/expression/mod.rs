@@ -11,12 +11,14 @@
 //!
 //! A quantity is a number or a row of numbers (one a joint, foot or axis). Operators work element by element; `sum`,
 //! `mean`, `norm`, `min` and `max` fold a row into a number. An expression is kept as a tree in which folds are pulled
-//! out: first each fold goes once over its row, then the rest is one number. So a value needs no memory, its cost
-//! grows with text times row, and a GPU's text can be written from the same tree.
+//! out: first each fold goes once over its row, then the rest is one number. So its cost grows with text times row. A GPU's
+//! text is written from the tree; the CPU computes a [`program::Program`] of all expressions of a task for many robots
+//! at once.
 
 mod error;
 mod operator;
 mod parse;
+pub(in crate::task) mod program;
 mod quantity;
 mod token;
 
@@ -27,6 +29,8 @@ use super::Moment;
 pub use error::{ExpressionError, Problem};
 pub use operator::{FoldKind, One, Two};
 pub use quantity::{Elements, Names, Quantity};
+
+use program::Program;
 
 /// Most folds of an expression.
 const MAX_FOLDS: usize = 32;
@@ -94,13 +98,10 @@ impl Expression {
 
     /// Its value. What is not a number in it stays that, also through `min`, `max` and `clamp`.
     pub fn value(&self, moment: &Moment<'_>) -> f32 {
-        let mut folded = [0.0; MAX_FOLDS];
-        for (k, fold) in self.folds.iter().enumerate() {
-            let values = (0..fold.width).map(|place| fold.row.value(moment, place, &folded));
-            let value = fold.kind.value(values, fold.width);
-            folded[k] = value;
-        }
-        self.value.value(moment, 0, &folded)
+        let program = Program::new([self]);
+        let mut values = [0.0];
+        program.run(std::slice::from_ref(moment), &mut program.scratch(), &mut values);
+        values[0]
     }
 }
 
@@ -121,20 +122,19 @@ impl Node {
         })
     }
 
-    /// Element `place`; `folded`: what the folds before gave.
-    fn value(&self, moment: &Moment<'_>, place: usize, folded: &[f32; MAX_FOLDS]) -> f32 {
-        let evaluated = |node: &Self| node.value(moment, place, folded);
+    /// The row of its elements at `places`; a single number stays as it is.
+    fn picked(self, places: &[usize]) -> Self {
         match self {
-            Self::Number(number) => *number,
-            Self::Quantity(quantity, places) => {
-                // A single number stands beside every element of a row.
-                let element = if places.len() == 1 { 0 } else { place };
-                places.get(element).map_or(f32::NAN, |&place| quantity.value(moment, place))
+            Self::Quantity(quantity, own) if own.len() != 1 => {
+                let places = places.iter().filter_map(|&place| own.get(place).copied());
+                Self::Quantity(quantity, places.collect())
             }
-            Self::Fold(number) => folded[*number],
-            Self::One(operator, node) => operator.value(evaluated(node)),
-            Self::Two(operator, nodes) => operator.value(evaluated(&nodes[0]), evaluated(&nodes[1])),
-            Self::Select(nodes) => evaluated(&nodes[if evaluated(&nodes[0]) != 0.0 { 1 } else { 2 }]),
+            Self::One(operator, node) => Self::One(operator, Box::new(node.picked(places))),
+            Self::Two(operator, nodes) => {
+                Self::Two(operator, Box::new((*nodes).map(|node| node.picked(places))))
+            }
+            Self::Select(nodes) => Self::Select(Box::new((*nodes).map(|node| node.picked(places)))),
+            Self::Number(_) | Self::Fold(_) | Self::Quantity(..) => self,
         }
     }
 }

@@ -1,7 +1,7 @@
-//! What expressions do with numbers.
+//! What expressions do with numbers: with many at once, in loops that the compiler turns into vector instructions.
 
 /// Of one number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum One {
     /// −x.
     Negate,
@@ -23,6 +23,8 @@ pub enum One {
     Cos,
     /// tanh x.
     Tanh,
+    /// The largest whole number that is not above x.
+    Floor,
 }
 
 impl One {
@@ -36,27 +38,36 @@ impl One {
         ("sin", Self::Sin),
         ("cos", Self::Cos),
         ("tanh", Self::Tanh),
+        ("floor", Self::Floor),
     ];
 
-    /// Its value.
-    pub(super) fn value(self, x: f32) -> f32 {
+    /// Writes its value of each number of `x`.
+    pub(super) fn apply(self, x: &[f32], to: &mut [f32]) {
         match self {
-            Self::Negate => -x,
-            Self::Not => flag(x == 0.0),
-            Self::Abs => x.abs(),
-            Self::Sqrt => x.sqrt(),
-            Self::Square => x * x,
-            Self::Exp => x.exp(),
-            Self::Ln => x.ln(),
-            Self::Sin => x.sin(),
-            Self::Cos => x.cos(),
-            Self::Tanh => x.tanh(),
+            Self::Negate => each(x, to, |x| -x),
+            Self::Not => each(x, to, |x| flag(x == 0.0)),
+            Self::Abs => each(x, to, f32::abs),
+            Self::Sqrt => each(x, to, f32::sqrt),
+            Self::Square => each(x, to, |x| x * x),
+            Self::Exp => each(x, to, f32::exp),
+            Self::Ln => each(x, to, f32::ln),
+            Self::Sin => each(x, to, f32::sin),
+            Self::Cos => each(x, to, f32::cos),
+            Self::Tanh => each(x, to, f32::tanh),
+            Self::Floor => each(x, to, f32::floor),
         }
+    }
+
+    /// Its value of one number.
+    pub(super) fn value(self, x: f32) -> f32 {
+        let mut value = [0.0];
+        self.apply(&[x], &mut value);
+        value[0]
     }
 }
 
 /// Of two numbers. Comparisons and `and`, `or` give 1 or 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Two {
     /// a + b.
     Add,
@@ -101,30 +112,53 @@ impl Two {
         (">", Self::Greater),
     ];
 
-    /// Its value.
-    pub(super) fn value(self, a: f32, b: f32) -> f32 {
+    /// Writes its value of each number of `a` and the one of `b` at its place.
+    pub(super) fn apply(self, a: &[f32], b: &[f32], to: &mut [f32]) {
         match self {
-            Self::Add => a + b,
-            Self::Subtract => a - b,
-            Self::Multiply => a * b,
-            Self::Divide => a / b,
-            Self::Power => a.powf(b),
-            Self::Min => smaller(a, b),
-            Self::Max => largest(a, b),
-            Self::Less => flag(a < b),
-            Self::LessOrEqual => flag(a <= b),
-            Self::Greater => flag(a > b),
-            Self::GreaterOrEqual => flag(a >= b),
-            Self::Equal => flag(a == b),
-            Self::Unequal => flag(a != b),
-            Self::And => flag(a != 0.0 && b != 0.0),
-            Self::Or => flag(a != 0.0 || b != 0.0),
+            Self::Add => both(a, b, to, |a, b| a + b),
+            Self::Subtract => both(a, b, to, |a, b| a - b),
+            Self::Multiply => both(a, b, to, |a, b| a * b),
+            Self::Divide => both(a, b, to, |a, b| a / b),
+            Self::Power => both(a, b, to, f32::powf),
+            Self::Min => both(a, b, to, smaller),
+            Self::Max => both(a, b, to, larger),
+            Self::Less => both(a, b, to, |a, b| flag(a < b)),
+            Self::LessOrEqual => both(a, b, to, |a, b| flag(a <= b)),
+            Self::Greater => both(a, b, to, |a, b| flag(a > b)),
+            Self::GreaterOrEqual => both(a, b, to, |a, b| flag(a >= b)),
+            Self::Equal => both(a, b, to, |a, b| flag(a == b)),
+            Self::Unequal => both(a, b, to, |a, b| flag(a != b)),
+            Self::And => both(a, b, to, |a, b| flag((a != 0.0) & (b != 0.0))),
+            Self::Or => both(a, b, to, |a, b| flag((a != 0.0) | (b != 0.0))),
         }
+    }
+
+    /// Its value of two numbers.
+    pub(super) fn value(self, a: f32, b: f32) -> f32 {
+        let mut value = [0.0];
+        self.apply(&[a], &[b], &mut value);
+        value[0]
     }
 }
 
+#[inline(always)]
+fn each(x: &[f32], to: &mut [f32], value: impl Fn(f32) -> f32) {
+    to.iter_mut().zip(x).for_each(|(to, &x)| *to = value(x));
+}
+
+#[inline(always)]
+fn both(a: &[f32], b: &[f32], to: &mut [f32], value: impl Fn(f32, f32) -> f32) {
+    to.iter_mut().zip(a).zip(b).for_each(|((to, &a), &b)| *to = value(a, b));
+}
+
+/// Writes the second where the first is not 0, else the third.
+pub(super) fn select(condition: &[f32], yes: &[f32], no: &[f32], to: &mut [f32]) {
+    let choices = condition.iter().zip(yes).zip(no);
+    to.iter_mut().zip(choices).for_each(|(to, ((&on, &yes), &no))| *to = if on != 0.0 { yes } else { no });
+}
+
 /// How a row becomes one number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FoldKind {
     /// Σ x.
     Sum,
@@ -148,16 +182,36 @@ impl FoldKind {
         ("max", Self::Max),
     ];
 
-    /// Of `count` values, one after the other.
-    pub(super) fn value(self, values: impl Iterator<Item = f32>, count: usize) -> f32 {
+    /// Writes its value of the rows that begin at each place of `to`: their elements are `to.len()` apart in `row`.
+    pub(super) fn apply(self, row: &[f32], to: &mut [f32]) {
+        let lanes = to.len();
+        let count = (row.len() / lanes) as f32;
+        let (first, rest) = row.split_at(lanes.min(row.len()));
+        let rest = rest.chunks_exact(lanes);
         match self {
-            Self::Sum => values.sum(),
-            Self::Mean => values.sum::<f32>() / count as f32,
-            Self::Norm => values.map(|x| x * x).sum::<f32>().sqrt(),
-            Self::Min => values.reduce(smaller).unwrap_or(f32::NAN),
-            Self::Max => values.reduce(largest).unwrap_or(f32::NAN),
+            // An empty row has no smallest number, and a sum of 0.
+            Self::Min | Self::Max if first.is_empty() => to.fill(f32::NAN),
+            Self::Min | Self::Max | Self::Sum | Self::Mean if !first.is_empty() => to.copy_from_slice(first),
+            Self::Norm if !first.is_empty() => One::Square.apply(first, to),
+            _ => to.fill(0.0),
+        }
+        match self {
+            Self::Sum | Self::Mean => rest.for_each(|x| onto(to, x, |sum, x| sum + x)),
+            Self::Norm => rest.for_each(|x| onto(to, x, |sum, x| sum + x * x)),
+            Self::Min => rest.for_each(|x| onto(to, x, smaller)),
+            Self::Max => rest.for_each(|x| onto(to, x, larger)),
+        }
+        match self {
+            Self::Mean => to.iter_mut().for_each(|x| *x /= count),
+            Self::Norm => to.iter_mut().for_each(|x| *x = x.sqrt()),
+            _ => {}
         }
     }
+}
+
+#[inline(always)]
+fn onto(to: &mut [f32], x: &[f32], value: impl Fn(f32, f32) -> f32) {
+    to.iter_mut().zip(x).for_each(|(to, &x)| *to = value(*to, x));
 }
 
 /// What a name before brackets calls.
@@ -171,6 +225,23 @@ pub(super) enum Function {
     Clamp,
     /// `select(condition, yes, no)`.
     Select,
+    /// `first(row)` and `second(row)`: that element of each pair.
+    Pairs(Side),
+}
+
+/// An element of a pair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Side {
+    First,
+    Second,
+}
+
+impl Side {
+    /// This element of each pair of a row of `width`: element i with each j < i, as (1, 0), (2, 0), (2, 1), (3, 0), ….
+    pub(super) fn places(self, width: usize) -> Vec<usize> {
+        let pairs = (0..width).flat_map(|i| (0..i).map(move |j| (i, j)));
+        pairs.map(|(i, j)| if self == Self::First { i } else { j }).collect()
+    }
 }
 
 impl Function {
@@ -178,7 +249,8 @@ impl Function {
     pub(super) fn all() -> impl Iterator<Item = (&'static str, Self)> {
         let ones = One::FUNCTIONS.iter().map(|(name, one)| (*name, Self::One(*one)));
         let folds = FoldKind::ALL.iter().map(|(name, kind)| (*name, Self::Fold(*kind)));
-        ones.chain(folds).chain([("clamp", Self::Clamp), ("select", Self::Select)])
+        let pairs = [("first", Self::Pairs(Side::First)), ("second", Self::Pairs(Side::Second))];
+        ones.chain(folds).chain([("clamp", Self::Clamp), ("select", Self::Select)]).chain(pairs)
     }
 
     /// What it takes, in words.
@@ -186,7 +258,7 @@ impl Function {
         match self {
             Self::One(_) => "one value",
             Self::Fold(FoldKind::Min | FoldKind::Max) => "a row, or two values",
-            Self::Fold(_) => "a row",
+            Self::Fold(_) | Self::Pairs(_) => "a row",
             Self::Clamp => "a value, its least and its largest",
             Self::Select => "a condition and two values",
         }
@@ -204,6 +276,6 @@ fn smaller(a: f32, b: f32) -> f32 {
 }
 
 /// Unlike `f32::max`, not a number if one of them is none.
-fn largest(a: f32, b: f32) -> f32 {
+fn larger(a: f32, b: f32) -> f32 {
     if a > b || a.is_nan() { a } else { b }
 }

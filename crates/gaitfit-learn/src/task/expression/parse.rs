@@ -3,7 +3,7 @@
 //! From loose to tight: `or`; `and`; `not`; comparisons; `+ -`; `* /`; a sign before; `^`.
 
 use super::error::{ExpressionError, Problem, elements_like, nearest};
-use super::operator::{FoldKind, Function, One, Two};
+use super::operator::{FoldKind, Function, One, Side, Two};
 use super::quantity::{Elements, Names, Quantity, covered};
 use super::token::{Token, tokens, wrong};
 use super::{Fold, MAX_FOLDS, Node};
@@ -12,6 +12,8 @@ use super::{Fold, MAX_FOLDS, Node};
 const MAX_DEPTH: usize = 32;
 /// Most operators, functions, numbers and quantities.
 const MAX_NODES: usize = 256;
+/// Most elements of a row whose pairs are taken: 496 pairs.
+const MAX_PAIRED: usize = 32;
 
 /// A part, and how many numbers it has.
 struct Part {
@@ -107,6 +109,10 @@ impl Parser<'_> {
     /// The length of rows that are taken together.
     fn common(&self, at: usize, widths: &[usize]) -> Read<usize> {
         let width = widths.iter().copied().max().unwrap_or(1);
+        // One foot has no pairs.
+        if widths.contains(&0) && width <= 1 {
+            return Ok(0);
+        }
         match widths.iter().find(|&&other| other != 1 && other != width) {
             Some(&other) => self.wrong(at, Problem::Lengths(other, width)),
             None => Ok(width),
@@ -129,6 +135,17 @@ impl Parser<'_> {
         }
         self.folds.push(Fold { kind, width: row.width, row: row.node });
         self.part(at, Node::Fold(self.folds.len() - 1), 1)
+    }
+
+    /// One element of each pair of a row.
+    fn paired(&mut self, at: usize, side: Side, row: Part) -> Read<Part> {
+        if row.width > MAX_PAIRED {
+            let what = format!("pairs of a row of {} numbers, more than {MAX_PAIRED}", row.width);
+            return self.wrong(at, Problem::Size { what });
+        }
+        let pairs = side.places(row.width);
+        let width = pairs.len();
+        self.part(at, row.node.picked(&pairs), width)
     }
 
     fn either(&mut self) -> Read<Part> {
@@ -329,6 +346,7 @@ impl Parser<'_> {
                 let width = self.common(at, &[condition.width, yes.width, no.width])?;
                 self.part(at, Node::Select(Box::new([condition.node, yes.node, no.node])), width)
             }
+            (Function::Pairs(side), Some(row), None, ..) => self.paired(at, side, row),
             _ => {
                 let (function, wanted) = (word.to_owned(), function.takes());
                 self.wrong(at, Problem::Arguments { function, wanted, found })

@@ -15,23 +15,10 @@ const MAX_NAME: usize = 64;
 
 /// What gives a reward term its value.
 pub enum Value {
-    /// A term of [`TERMS`].
-    BuiltIn(fn(&Moment<'_>) -> f32),
-    /// An expression of the settings.
+    /// An expression: of [`TERMS`], or of the settings.
     Expression(Expression),
     /// A function of a library's user.
     Own(Box<dyn Fn(&Moment<'_>) -> f32 + Send + Sync>),
-}
-
-impl Value {
-    /// At a robot's moment.
-    pub(in crate::task) fn evaluate(&self, moment: &Moment<'_>) -> f32 {
-        match self {
-            Self::BuiltIn(value) => value(moment),
-            Self::Expression(expression) => expression.value(moment),
-            Self::Own(value) => value(moment),
-        }
-    }
 }
 
 /// A reward term of a task.
@@ -47,13 +34,15 @@ pub(in crate::task) fn listed(
     settings: &TaskSettings,
     walker: &Walker,
 ) -> Result<Vec<WeightedTerm>, TaskError> {
-    let mut expressions = expressions(settings, walker)?;
+    let names = Names::new(settings, walker);
+    let mut expressions = expressions(settings, &names)?;
     let mut terms = Vec::new();
     for (name, &weight) in &settings.rewards {
-        let built_in = TERMS.iter().find(|term| term.name == name).map(|term| Value::BuiltIn(term.value));
+        let built_in = TERMS.iter().find(|term| term.name == name);
+        let built_in = built_in.map(|term| read(name, term.text, &names)).transpose()?;
         let written = expressions.iter().position(|(other, _)| *other == name);
-        let written = written.map(|place| Value::Expression(expressions.swap_remove(place).1));
-        let Some(value) = built_in.or(written) else {
+        let written = written.map(|place| expressions.swap_remove(place).1);
+        let Some(expression) = built_in.or(written) else {
             let known = TERMS.iter().map(|term| term.name).chain(settings.terms.keys().map(String::as_str));
             let known: Vec<_> = known.collect();
             let what = format!(
@@ -68,7 +57,7 @@ pub(in crate::task) fn listed(
         }
         if weight != 0.0 {
             let weight = (weight * walker.interface.control_dt) as f32;
-            terms.push(WeightedTerm { name: name.clone(), weight, value });
+            terms.push(WeightedTerm { name: name.clone(), weight, value: Value::Expression(expression) });
         }
     }
     match expressions.first() {
@@ -83,17 +72,11 @@ pub(in crate::task) fn listed(
 /// The settings' own terms.
 fn expressions<'a>(
     settings: &'a TaskSettings,
-    walker: &Walker,
+    names: &Names<'_>,
 ) -> Result<Vec<(&'a str, Expression)>, TaskError> {
     if settings.terms.len() > MAX_EXPRESSIONS {
         return refuse("terms", format!("has {} terms; at most {MAX_EXPRESSIONS}", settings.terms.len()));
     }
-    let model = walker.model();
-    let names = Names {
-        joints: model.joints.iter().map(|joint| joint.name.as_str()).collect(),
-        actions: walker.interface.joints.iter().map(String::as_str).collect(),
-        feet: settings.feet.iter().map(String::as_str).collect(),
-    };
     let mut expressions = Vec::new();
     for (name, text) in &settings.terms {
         let letters = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
@@ -108,9 +91,12 @@ fn expressions<'a>(
         if TERMS.iter().any(|term| term.name == name) {
             return refuse("terms", format!("has `{name}`, which is built in; give it another name"));
         }
-        let expression = Expression::new(text, &names)
-            .map_err(|error| TaskError::Expression { term: name.clone(), error: Box::new(error) })?;
-        expressions.push((name.as_str(), expression));
+        expressions.push((name.as_str(), read(name, text, names)?));
     }
     Ok(expressions)
+}
+
+fn read(name: &str, text: &str, names: &Names<'_>) -> Result<Expression, TaskError> {
+    let refused = |error| TaskError::Expression { term: name.to_owned(), error: Box::new(error) };
+    Expression::new(text, names).map_err(refused)
 }

@@ -4,7 +4,7 @@ use super::layers::{Perceptron, Remembering, array, literal, perceptron, remembe
 use super::{number, render};
 use crate::error::invalid;
 use crate::observation::{Layout, Slot};
-use crate::{Front, HistoryStart, Latent, Policy, PolicyError, Quantity};
+use crate::{Front, HistoryStart, Latent, Policy, PolicyError, Quantity, Source, Width};
 use serde::Serialize;
 
 /// Most numbers of all networks: compilers take minutes and gigabytes for more.
@@ -31,7 +31,8 @@ struct Page {
     scale: String,
     has_past: bool,
     zeros: bool,
-    sees_velocity: bool,
+    /// Members of `Sensed` that a robot has no sensors for.
+    unmeasured: Vec<Member>,
     normaliser: Option<[String; 2]>,
     cell: Option<&'static str>,
     memory: Vec<Remembering>,
@@ -43,6 +44,14 @@ struct Page {
 struct Held {
     joint: String,
     numbers: String,
+}
+
+/// A member of the class that holds what is sensed.
+#[derive(Serialize)]
+struct Member {
+    what: &'static str,
+    kind: String,
+    name: &'static str,
 }
 
 /// A term of the observation.
@@ -115,7 +124,7 @@ pub(super) fn header(policy: &Policy, efforts: Option<&[f64]>) -> Result<String,
         scale: array(&layout.scales()),
         has_past: layout.frames() > 1,
         zeros: interface.history.start == HistoryStart::Zeros,
-        sees_velocity: layout.slots().iter().any(|slot| slot.quantity == Quantity::BaseLinearVelocity),
+        unmeasured: unmeasured(&layout),
         normaliser: policy.normaliser.as_ref().map(|normaliser| {
             let (factor, offset): (Vec<f32>, Vec<f32>) = normaliser.scale().into_iter().unzip();
             [factor, offset].map(|values| array(&values))
@@ -156,6 +165,22 @@ fn two_part(policy: &Policy) -> Option<TwoPart> {
     })
 }
 
+/// The observed quantities that robots do not measure, each once.
+fn unmeasured(layout: &Layout) -> Vec<Member> {
+    let seen = |quantity: &&Quantity| layout.slots().iter().any(|slot| slot.quantity == **quantity);
+    let simulated = Quantity::ALL.iter().filter(|quantity| quantity.source() == Source::Simulation);
+    let member = |quantity: &Quantity| Member {
+        what: quantity.doc().split(';').next().unwrap_or_default(),
+        kind: match quantity.numbers() {
+            Width::Numbers(1) => "float".to_owned(),
+            Width::Numbers(count) => format!("std::array<float, {count}>"),
+            Width::Joints => "std::array<float, kJoints>".to_owned(),
+        },
+        name: quantity.name(),
+    };
+    simulated.filter(seen).map(member).collect()
+}
+
 fn seen(slot: &Slot) -> Seen {
     let frames: Vec<String> = slot.frames.iter().map(usize::to_string).collect();
     Seen {
@@ -164,16 +189,7 @@ fn seen(slot: &Slot) -> Seen {
         width: slot.present.len(),
         count: frames.len(),
         frames: frames.join(", "),
-        value: match slot.quantity {
-            Quantity::BaseAngularVelocity => "sensed.base_angular_velocity[i]",
-            Quantity::ProjectedGravity => "sensed.projected_gravity[i]",
-            Quantity::Command => "sensed.command[i]",
-            Quantity::JointPosition => "sensed.joint_position[i] - kDefaultPose[i]",
-            Quantity::JointVelocity => "sensed.joint_velocity[i]",
-            Quantity::LastAction => "action_[i]",
-            Quantity::BaseLinearVelocity => "sensed.base_linear_velocity[i]",
-            Quantity::GaitPhase => "i == 0 ? std::sin(clock) : std::cos(clock)",
-        },
+        value: slot.quantity.cxx(),
     }
 }
 

@@ -7,7 +7,7 @@ mod layers;
 mod unitree;
 
 use crate::error::invalid;
-use crate::{Policy, PolicyError, Quantity, onnx};
+use crate::{Policy, PolicyError, onnx};
 use gaitfit_model::Model;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::value::Serde;
@@ -150,11 +150,8 @@ fn scale_of(policy: &Policy, term: &crate::Term) -> Vec<f32> {
 
 /// What a robot does not measure, where the policy observes it.
 fn unmeasured(interface: &crate::Interface) -> Option<String> {
-    let mut terms = interface.observation.iter();
-    terms.any(|term| term.quantity == Quantity::BaseLinearVelocity).then(|| {
-        "the policy observes base_linear_velocity, which a robot does not measure; train one without it"
-            .to_owned()
-    })
+    let quantity = interface.unmeasured()?.name();
+    Some(format!("the policy observes {quantity}, which a robot does not measure; train one without it"))
 }
 
 /// A template with the numbers of `page`.

@@ -2,7 +2,7 @@
 //! the SDK's order, everything else in the policy's.
 
 use super::{list, number, numbers, quoted, render, scale_of, unmeasured};
-use crate::files::foreign::{sdk, terms};
+use crate::files::foreign::sdk;
 use crate::{FrameOrder, HistoryStart, Interface, Policy, PolicyError, Quantity};
 use serde::Serialize;
 
@@ -80,7 +80,7 @@ pub(super) fn write(policy: &Policy, unsaid: &mut Vec<String>) -> Result<String,
     say(interface, robot, ranges.is_some(), unsaid);
     let many = interface.observation.iter().any(|term| term.history > 1);
     let term = |term: &crate::Term| Term {
-        name: terms::name(term.quantity),
+        name: term.quantity.foreign()[0],
         params: match (term.quantity, interface.gait_frequency) {
             (Quantity::Command, _) => format!("{{command_name: {}}}", quoted("base_velocity")),
             (Quantity::GaitPhase, Some(frequency)) => format!("{{period: {}}}", number(1.0 / frequency)),

@@ -4,8 +4,8 @@
 //! `observation_names`, `command_names`, `run_path`. Control period, scales and histories are not in it.
 
 use super::{Known, names, numbers, terms};
-use crate::PolicyError;
 use crate::error::invalid;
+use crate::{PolicyError, Quantity};
 use gaitfit_model::shown;
 
 /// Control period of mjlab's tasks: four physics steps of 5 ms.
@@ -48,7 +48,7 @@ pub(in crate::files) fn read(
     let mut width = 0;
     let mut quantities = Vec::new();
     for name in list(observed, "observation_names")? {
-        let quantity = terms::quantity(&name).ok_or_else(|| invalid(terms::unknown(&name)))?;
+        let quantity = Quantity::from_foreign(&name).ok_or_else(|| invalid(terms::unknown(&name)))?;
         width += quantity.width(outputs);
         quantities.push(quantity);
     }

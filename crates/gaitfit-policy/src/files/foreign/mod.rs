@@ -2,7 +2,7 @@
 
 mod mjlab;
 pub(super) mod sdk;
-pub(super) mod terms;
+mod terms;
 mod unitree;
 
 pub(super) use mjlab::read as mjlab;

@@ -4,8 +4,8 @@
 //! are known here for each robot by their length. Gains are in the SDK's order, everything else in the policy's.
 
 use super::{Known, names, numbers, sdk, terms};
-use crate::PolicyError;
 use crate::error::invalid;
+use crate::{PolicyError, Quantity};
 use indexmap::IndexMap;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -138,7 +138,7 @@ pub(in crate::files) fn read(text: &str) -> Result<Known, PolicyError> {
             Entry::Term(observed) if observed.use_gym_history.is_none() => observed,
             _ => return Err(invalid(format!("`{name}` is a group of observations; only one group is read"))),
         };
-        let quantity = terms::quantity(name).ok_or_else(|| invalid(terms::unknown(name)))?;
+        let quantity = Quantity::from_foreign(name).ok_or_else(|| invalid(terms::unknown(name)))?;
         if let Some(clip) = observed.clip.as_ref().filter(|clip| clip.iter().any(|x| x.abs() < FAR)) {
             return Err(invalid(format!("`{name}` is clipped to {clip:?}, which is not known here")));
         }

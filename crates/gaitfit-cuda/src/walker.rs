@@ -1,0 +1,94 @@
+//! What kernels are told of a policy on a robot: joints, targets, falls and what is observed.
+
+use gaitfit_policy::walker::{TOUCH, Walker};
+use gaitfit_policy::{Quantity, Term, frames, target};
+
+use crate::traced::function;
+use crate::words::{Words, double, single};
+
+/// The terms of a row, and the half range of the noise on each.
+pub(crate) type Observed<'a> = (&'a [Term], &'a dyn Fn(Quantity) -> f32);
+
+impl Words {
+    /// Joints and their targets, the clock, and when a robot has fallen.
+    pub fn walker(&mut self, walker: &Walker) {
+        let interface = &walker.interface;
+        let (min_uprightness, min_height, posture) = walker.fall_limits();
+        self.lead(walker.batch.settings().lead() as f32);
+        for (name, value) in [
+            ("ACTIONS", walker.joints.len()),
+            ("GEOMS", walker.batch.contact_geoms().len()),
+            ("FALL_GEOMS", walker.fall_geoms().len()),
+            ("HAS_CLOCK", usize::from(interface.gait_frequency.is_some())),
+            ("OTHER_JOINTS", walker.other_joints.len()),
+        ] {
+            self.define(name, value);
+        }
+        for (name, value) in
+            [("MIN_UPRIGHTNESS", min_uprightness), ("MIN_HEIGHT", min_height), ("TOUCH", TOUCH)]
+        {
+            self.define(name, single(value));
+        }
+        self.define("CONTROL_DT", double(interface.control_dt));
+        self.define("GAIT_FREQUENCY", double(interface.gait_frequency.unwrap_or(0.0)));
+        self.singles("POSTURE", &posture);
+        self.integers("FALL_GEOM", walker.fall_geoms());
+        self.integers("JOINT_OF", &walker.joints);
+        self.singles("DEFAULT_POSE", &walker.default_pose);
+        self.singles("ACTION_SCALE", &walker.action_scale);
+        self.singles("ACTION_CLIP", &walker.action_clip);
+        self.integers("OTHER_JOINT", &walker.other_joints);
+        let home: Vec<f32> = interface.default_pose.iter().map(|&angle| angle as f32).collect();
+        self.singles("HOME", &home);
+        self.frames();
+        let parameters = [("pose", 1), ("scale", 1), ("clip", 1), ("action", 1)];
+        self.text.push_str(&function("clipped_target", &parameters, |[pose, scale, clip, action]| {
+            vec![target(pose, scale, clip, action)]
+        }));
+    }
+
+    /// Functions of [`frames`].
+    fn frames(&mut self) {
+        let (q, v) = (("q", 4), ("v", 3));
+        let texts = [
+            function("up_of", &[q], |[w, x, y, z]| frames::up([w, x, y, z]).to_vec()),
+            function("to_body", &[q, v], |[w, x, y, z, a, b, c]| {
+                frames::to_body([w, x, y, z], [a, b, c]).to_vec()
+            }),
+            function("uprightness_of", &[("up", 3), ("posture", 3)], |[x, y, z, a, b, c]| {
+                vec![frames::uprightness([x, y, z], [a, b, c])]
+            }),
+        ];
+        self.text.extend(texts);
+    }
+
+    /// How long before its end a control period's forces act half, s.
+    pub fn lead(&mut self, lead: f32) {
+        self.define("LEAD", single(lead));
+        self.define("HAS_LEAD", u32::from(lead != 0.0));
+    }
+
+    /// The numbers that quantities have in terms, by their names in capitals; the terms of each row, one row after the
+    /// other; and their scales. Gives the rows, as `Row` has them.
+    pub fn observed(&mut self, walker: &Walker, rows: &[Observed<'_>]) -> Vec<String> {
+        let names: Vec<String> =
+            Quantity::ALL.iter().map(|quantity| quantity.name().to_uppercase()).collect();
+        self.text.push_str(&format!("enum {{ {} }};\n", names.join(", ")));
+        let interface = &walker.interface;
+        let (mut terms, mut scales, mut all) = (Vec::new(), Vec::new(), Vec::new());
+        for (observation, noise) in rows {
+            let (first, scale, mut place) = (terms.len(), scales.len(), 0);
+            for &Term { quantity, .. } in *observation {
+                let width = quantity.width(interface.joints.len());
+                let half = single(noise(quantity));
+                terms.push(format!("{{{}, {place}, {width}, {half}}}", quantity as usize));
+                place += width;
+            }
+            scales.extend(interface.scales(observation));
+            all.push(format!("{{{first}, {}, {scale}, {place}}}", observation.len()));
+        }
+        self.table("Term", "TERMS", terms);
+        self.singles("SCALES", &scales);
+        all
+    }
+}
