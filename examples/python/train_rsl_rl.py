@@ -75,7 +75,7 @@ def own_speed(environments: int, iterations: int, threads: int | None, folder: P
     """Samples a second of gaitfit's own learner."""
     size = {"train.environments": environments, "train.steps": STEPS, "train.iterations": iterations}
     found = gaitfit.train(settings=size, runs=folder, name="own", device="cpu", threads=threads, progress=False)
-    lines = (Path(found.seeds[0]["policy"]).parent / "metrics.jsonl").read_text().splitlines()
+    lines = (found.policy.parent / "metrics.jsonl").read_text().splitlines()
     return statistics.median(json.loads(line)["samples_per_second"] for line in lines)
 
 
@@ -116,8 +116,13 @@ def main() -> None:
     found = gaitfit.evaluate(policy, trajectories=arguments.trajectories, drift=0, progress=False)
     print(f"rsl_rl's policy: {found.verdict}")
     walks = True
+    measured = {
+        "linear_velocity_error": found.linear_velocity_error,
+        "angular_velocity_error": found.angular_velocity_error,
+        "fall_rate": found.fall_rate,
+    }
     for name, most in LIMITS.items():
-        value = found[name]["mean"]
+        value = measured[name].mean
         walks &= bool(np.isfinite(value) and value <= most)
         print(f"  {name} {value:.3f} (at most {most})")
     print(f"written: {description}")

@@ -12,7 +12,8 @@ from . import _gaitfit
 from ._arguments import count, flag, items, mapping, maybe, path, real, text, threads as _threads
 from ._policy import Policy
 from ._progress import Progress, listener
-from ._results import Results
+from .results import Collection, Evaluation, FitResult, LoopResult, Training, ValidationResult
+from .results import _read
 from ._toml import toml
 
 PathLike = str | os.PathLike[str]
@@ -33,7 +34,7 @@ def fit(
     device: str = "cpu",
     threads: int | None = None,
     progress: bool | Progress = True,
-) -> Results:
+) -> FitResult:
     """Fits the simulator's parameters to logs of a robot, as ``gaitfit fit``.
 
     ``config`` is a TOML file (``gaitfit config`` prints one with all defaults); the arguments win over it. ``settings``
@@ -46,7 +47,7 @@ def fit(
     """
     settings = _fit_settings(logs, robot, _named(policy), costs, settings, runs)
     run = _run(config, settings, name, resume, threads, device)
-    return _results(_gaitfit.adapt(run, _own(policy), listener(progress), None))
+    return _read.fit_result(json.loads(_gaitfit.adapt(run, _own(policy), listener(progress), None)))
 
 
 def validate(
@@ -57,13 +58,13 @@ def validate(
     settings: Settings | None = None,
     threads: int | None = None,
     policy: Policy | None = None,
-) -> Results:
+) -> ValidationResult:
     """How well the fit in the ``theta.toml`` predicts other logs, as ``gaitfit validate``. A fit with a :class:`Policy` of
     your own needs it here too."""
     sets, files = _sets(settings or {}), (path("theta", theta), _paths("logs", logs), maybe(path, "config", config))
     if not isinstance(policy, Policy | None):
         raise TypeError(f"policy is {policy!r}; it must be a gaitfit.Policy: a policy's file is in the fit's configuration")
-    return _results(_gaitfit.validate(*files, sets, _threads(threads), _own(policy)))
+    return _read.validation_result(json.loads(_gaitfit.validate(*files, sets, _threads(threads), _own(policy))))
 
 
 def train(
@@ -78,10 +79,10 @@ def train(
     device: str = "cpu",
     threads: int | None = None,
     progress: bool | Progress = True,
-) -> Results:
+) -> Training:
     """Trains a policy by PPO, as ``gaitfit train``. Arguments as of :func:`fit`."""
     run = _run(config, {"runs": maybe(path, "runs", runs), **_given(settings)}, name, resume, threads, device)
-    return _results(_gaitfit.train(run, maybe(path, "robot", robot), _list(seeds), listener(progress)))
+    return _read.training_result(json.loads(_gaitfit.train(run, maybe(path, "robot", robot), _list(seeds), listener(progress))))
 
 
 def finetune(
@@ -102,11 +103,11 @@ def finetune(
     device: str = "cpu",
     threads: int | None = None,
     progress: bool | Progress = True,
-) -> Results:
+) -> Training:
     """Goes on training ``policy`` in the simulator that ``theta`` (a ``theta.toml``) makes, as ``gaitfit finetune``."""
     run = _run(config, {"runs": maybe(path, "runs", runs), **_given(settings)}, name, resume, threads, device)
     world = _world(_file(policy), robot, lenient, task, theta, spring, torque_noise)
-    return _results(_gaitfit.finetune(run, world, _list(seeds), listener(progress)))
+    return _read.training_result(json.loads(_gaitfit.finetune(run, world, _list(seeds), listener(progress))))
 
 
 def loop(
@@ -119,10 +120,10 @@ def loop(
     device: str = "cpu",
     threads: int | None = None,
     progress: bool | Progress = True,
-) -> Results:
+) -> LoopResult:
     """Collects, adapts, fine-tunes and evaluates while it helps, as ``gaitfit loop``."""
     run = _run(config, {"runs": maybe(path, "runs", runs), **_given(settings)}, name, resume, threads, device)
-    return _results(_gaitfit.run_loop(run, listener(progress)))
+    return _read.loop_result(json.loads(_gaitfit.run_loop(run, listener(progress))))
 
 
 def evaluate(
@@ -144,13 +145,13 @@ def evaluate(
     device: str = "cpu",
     threads: int | None = None,
     progress: bool | Progress = True,
-) -> Results:
+) -> Evaluation:
     """How well ``policy`` (a file, or a :class:`Policy` of your own) walks in a simulator, as ``gaitfit evaluate``: errors
     in m/s and rad/s, falls as a share."""
     world = _world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
     trajectories, drift, seconds = count("trajectories", trajectories, 1), count("drift", drift, 0), real("seconds", seconds)
     terrain, device = text("terrain", terrain), text("device", device)
-    return _results(_gaitfit.evaluate(world, trajectories, seconds, drift, terrain, device, listener(progress)))
+    return _read.evaluation_result(json.loads(_gaitfit.evaluate(world, trajectories, seconds, drift, terrain, device, listener(progress))))
 
 
 def collect(
@@ -174,7 +175,7 @@ def collect(
     device: str = "cpu",
     threads: int | None = None,
     progress: bool | Progress = True,
-) -> Results:
+) -> Collection:
     """Writes logs of ``policy`` (a file, or a :class:`Policy` of your own) in a simulator into the folder ``out``, as ``gaitfit collect``.
     ``device="cuda"`` simulates on a GPU."""
     world = _world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
@@ -188,7 +189,9 @@ def collect(
         world, out, trajectories, seconds, [low, high], privileged, commands, text("device", device), listener(progress)
     )
     files = [str(file) for file in files]
-    return Results({"simulator": simulator, "trajectories": len(files), "seconds": seconds, "falls": falls, "files": files})
+    return _read.collection_result(
+        {"simulator": simulator, "trajectories": len(files), "seconds": seconds, "falls": falls, "files": files}
+    )
 
 
 def _fit_settings(
@@ -254,10 +257,6 @@ def _world(
         "seed": count("seed", seed, 0),
         "threads": _threads(threads),
     }
-
-
-def _results(document: str) -> Results:
-    return Results(json.loads(document))
 
 
 def _own(policy: PathLike | Policy | None) -> dict[str, Any] | None:

@@ -237,14 +237,9 @@ class Arguments(Case):
             robots.step(np.zeros((2, 12)))
         np.testing.assert_array_equal(few.observation, many.observation)
 
-    def test_of_logs_and_results(self) -> None:
+    def test_of_logs(self) -> None:
         with self.assertRaisesRegex(TypeError, "path is 3; it must be a path"):
             gaitfit.read_log(3)
-        found = gaitfit.Results({"rows": [{"a": {"b": 1}}], "none": [1]})
-        self.assertEqual(found.rows("rows"), [{"a.b": 1}])
-        for key in ("absent", "none"):
-            with self.assertRaisesRegex(ValueError, f"no rows '{key}'; there are rows"):
-                found.rows(key)
 
     def test_of_charts(self) -> None:
         try:

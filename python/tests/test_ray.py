@@ -19,6 +19,7 @@ import numpy as np
 import gaitfit
 from gaitfit import Policy
 from gaitfit._stages import _fit_settings, _run
+from gaitfit.results._read import fit_result
 
 from .common import DEMO, PACKAGE, ROOT, Case
 from .test_own_policy import FILE, LAYERS, network
@@ -27,7 +28,7 @@ RAY = importlib.util.find_spec("ray") is not None
 SETTINGS = {"optimizer.generations": 10, "optimizer.seeds": 2, "costs": ["matcho", "wass"], "checkpoint_seconds": 0.0}
 
 
-def found(results: gaitfit.Results) -> object:
+def found(results: gaitfit.FitResult) -> object:
     """What a fit found, without times and places."""
     document = results.to_dict()
     return [document["parameters"], document["cost"], [[fit["cost"], fit["parameters"]] for fit in document["fits"]]]
@@ -57,11 +58,11 @@ class OwnCrew:
 class Shared(Case):
     """What is shared, without Ray: the same bits however candidates are cut."""
 
-    def fit(self, config: object, crew: object, **more: object) -> gaitfit.Results:
+    def fit(self, config: object, crew: object, **more: object) -> gaitfit.FitResult:
         given = {name: more.pop(name, None) for name in ("logs", "robot", "policy", "costs")}
         settings = _fit_settings(*given.values(), more.pop("settings"), self.folder)
         run = _run(config, settings, "own", False, None, "cpu")
-        return gaitfit.Results(json.loads(gaitfit._gaitfit.adapt(run, None, None, crew)))
+        return fit_result(json.loads(gaitfit._gaitfit.adapt(run, None, None, crew)))
 
     def test_a_fit_has_the_same_bits_however_it_is_cut(self) -> None:
         alone = self.fit(DEMO / "adapt.toml", None, settings=SETTINGS)
@@ -107,10 +108,10 @@ class Shared(Case):
                 raise LookupError("the network is gone")
             return network(observation)
 
-        def fit(crew: object) -> gaitfit.Results:
+        def fit(crew: object) -> gaitfit.FitResult:
             given = _fit_settings(logs, None, "the function network", "wass", settings, self.folder)
             run = _run(None, given, "own", False, None, "cpu")
-            return gaitfit.Results(json.loads(gaitfit._gaitfit.adapt(run, Policy(network, FILE).native(), None, crew)))
+            return fit_result(json.loads(gaitfit._gaitfit.adapt(run, Policy(network, FILE).native(), None, crew)))
 
         alone = fit(None)
         crew = OwnCrew(3, True)
@@ -215,7 +216,7 @@ class Ray(Case):
         ray.shutdown()
         cls.cluster.shutdown()
 
-    def fit(self, fit: object, name: str, settings: dict | None = None, **more: object) -> gaitfit.Results:
+    def fit(self, fit: object, name: str, settings: dict | None = None, **more: object) -> gaitfit.FitResult:
         settings = {**SETTINGS, **(settings or {})}
         return fit(DEMO / "adapt.toml", runs=self.folder, name=name, settings=settings, progress=False, **more)
 
@@ -253,7 +254,7 @@ class Fits(Ray):
         self.cluster.wait_for_nodes()
         self.assertEqual(found(shared), found(alone))
 
-    def fit_with(self, progress: object) -> gaitfit.Results:
+    def fit_with(self, progress: object) -> gaitfit.FitResult:
         import gaitfit.ray
 
         return gaitfit.ray.fit(DEMO / "adapt.toml", runs=self.folder, name="lost", settings=SETTINGS, progress=progress)
@@ -330,7 +331,7 @@ class Fits(Ray):
                     observation = np.where(observation > 0, observation, np.expm1(np.minimum(observation, 0)))
             return observation
 
-        def fit(fit: object, name: str, act: object = act) -> gaitfit.Results:
+        def fit(fit: object, name: str, act: object = act) -> gaitfit.FitResult:
             policy = Policy(act, FILE, name="network")
             return fit(
                 logs=self.folder / "logs", policy=policy, costs="wass", settings=settings, runs=self.folder, name=name,

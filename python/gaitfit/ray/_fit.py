@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 from .. import _gaitfit
 from .._policy import Policy
 from .._progress import Progress, listener
-from .._results import Results
-from .._stages import PathLike, Settings, _fit_settings, _named, _own, _results, _run
+from ..results import FitResult
+from ..results import _read
+from .._stages import PathLike, Settings, _fit_settings, _named, _own, _run
 from ._cluster import Cluster, Place, library
 from ._workers import Workers
 
@@ -32,7 +34,7 @@ def fit(
     num_cpus: float = 1,
     num_gpus: float = 0,
     retries: int = 10,
-) -> Results:
+) -> FitResult:
     """Fits as :func:`gaitfit.fit`, to the same bits; the workers of a Ray cluster simulate the candidates.
 
     The candidates of all costs and seeds are shared. Each task takes ``num_cpus`` CPUs, and as many threads; with
@@ -55,7 +57,7 @@ def fit(
     own = _sent(policy) if isinstance(policy, Policy) else b""
     crew = Crew(Cluster(address, place), own)
     try:
-        return _results(_gaitfit.adapt(run, _own(policy), listen, crew))
+        return _read.fit_result(json.loads(_gaitfit.adapt(run, _own(policy), listen, crew)))
     finally:
         crew.close()
 

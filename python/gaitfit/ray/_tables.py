@@ -11,8 +11,9 @@ from .. import _gaitfit
 from .._arguments import count, flag, mapping, maybe, path, text
 from .._arguments import threads as checked
 from .._progress import Progress, listener
-from .._results import Results
-from .._stages import PathLike, Settings, _results, _sets
+from ..results import Table
+from ..results import _read
+from .._stages import PathLike, Settings, _sets
 from ._cluster import Cluster, Place
 from ._orders import Order, Orders, silent, sources
 
@@ -33,7 +34,7 @@ def reproduce(
     num_gpus: float = 0,
     retries: int = 10,
     every: float = 20.0,
-) -> Results:
+) -> Table:
     """Runs a table of the paper or continues it, as ``gaitfit reproduce``, its cells and seeds on a Ray cluster.
 
     ``table`` is one of those that ``gaitfit reproduce list`` prints; arguments as of that command, and of
@@ -79,4 +80,4 @@ def reproduce(
     wanted = {(part["scenario"], part["seed"]) for part in cells}
     orders.make([order(part) for part in shared if (part["scenario"], part["seed"]) in wanted or not cells])
     orders.make([order(part) for part in cells])
-    return _results(_gaitfit.reproduce(request, listen))
+    return _read.table_result(json.loads(_gaitfit.reproduce(request, listen)))

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from .. import _gaitfit
 from .._progress import Progress, listener
-from .._results import Results
+from ..results import Training
+from ..results import _read
 from .._arguments import mapping
-from .._stages import PathLike, Settings, _file, _list, _results, _run, _world
+from .._stages import PathLike, Settings, _file, _list, _run, _world
 from ._cluster import Cluster, Place
 from ._orders import Order, Orders, silent, sources
 
@@ -30,7 +32,7 @@ def train(
     num_gpus: float = 0,
     retries: int = 10,
     every: float = 20.0,
-) -> Results:
+) -> Training:
     """Trains a policy by PPO as :func:`gaitfit.train`, each of the ``seeds`` on a worker of a Ray cluster.
 
     Each seed takes ``num_cpus`` CPUs, and as many threads, or a GPU with ``num_gpus``. Workers send their checkpoints every
@@ -73,7 +75,7 @@ def finetune(
     num_gpus: float = 0,
     retries: int = 10,
     every: float = 20.0,
-) -> Results:
+) -> Training:
     """Goes on training ``policy``, a file, as :func:`gaitfit.finetune`, each of the ``seeds`` on a worker of a Ray cluster.
 
     Arguments as there and of :func:`gaitfit.ray.train`. Files that the policy's file names by itself are not sent: give a
@@ -104,7 +106,7 @@ def _parts(
     plan: tuple[str, str, list[int], list[str]],
     how: Mapping[str, Any],
     rest: Callable[[Mapping[str, Any], Sequence[int], Progress], str],
-) -> Results:
+) -> Training:
     """Has each seed of a training made by a worker; what is left, the results, is done here."""
     name, folder, seeds, files = plan
     place, listen = cluster.place, listener(progress) or silent
@@ -115,7 +117,7 @@ def _parts(
     ]
     read = sources([os.fspath(file) for file in files])
     Orders(cluster, read, place.retries, every, listen).make(orders)
-    return _results(rest(run(name, True, None, "cpu"), seeds, listen))
+    return _read.training_result(json.loads(rest(run(name, True, None, "cpu"), seeds, listen)))
 
 
 def _given(settings: Settings | None, runs: PathLike | None) -> dict[str, Any]:
