@@ -124,4 +124,5 @@ def _numbers(what: str, values: ArrayLike) -> Sequence[float]:
     array = numbers(what, values, np.float64)
     if array.ndim != 1:
         raise ValueError(f"{what}: needed: one number for each coordinate; found an array of shape {array.shape}")
-    return array.tolist()
+    found: list[float] = array.tolist()
+    return found

@@ -33,6 +33,7 @@ class Simulator(Protocol):
         logs have it, ``action``: each of shape ``(candidates, samples, joints)``, the samples being those of the log.
         A candidate that diverged has NaN.
         """
+        ...
 
 
 @dataclass(frozen=True)
@@ -69,8 +70,9 @@ class FitOutcome:
         """One flat row for each parameter, for ``pandas.DataFrame`` or ``polars.DataFrame``."""
         keys = ("name", "value", "unit", "spread", "lower", "upper", "start", "at_bound")
         rows = [{key: one[key] for key in keys} for one in self.document["parameters"]]
-        for row in rows if self.intervals else ():
-            row["interval_lower"], row["interval_upper"] = self.intervals[row["name"]]
+        for row in rows:
+            if self.intervals is not None:
+                row["interval_lower"], row["interval_upper"] = self.intervals[row["name"]]
         return rows
 
     def plot(self) -> Figure:

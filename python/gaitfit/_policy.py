@@ -69,7 +69,7 @@ class Interface:
     def __post_init__(self) -> None:
         # Refused here, and not in the middle of a call.
         self._check()
-        object.__setattr__(self, "_width", _gaitfit.observation_width(self.to_json()))
+        _gaitfit.observation_width(self.to_json())
 
     def _check(self) -> None:
         """Every field is of its kind; whether they fit together the native half says."""
@@ -97,7 +97,7 @@ class Interface:
     @property
     def observation_width(self) -> int:
         """Numbers in an observation."""
-        return self._width  # type: ignore[attr-defined]
+        return _gaitfit.observation_width(self.to_json())
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Interface:
@@ -160,8 +160,8 @@ class Policy:
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The actions, shape ``(robots, joints)``, for ``observation``, shape ``(robots, observation)``, checked."""
-        joints = list(self.interface.joints)
-        found = _torch_act(self.act, observation) if _is_module(self.act) else self.act(observation)
+        joints = list(self.described.joints)
+        found: Any = _torch_act(self.act, observation) if _is_module(self.act) else self.act(observation)
         if hasattr(found, "detach"):
             found = found.detach().cpu()
         if found is None:
@@ -180,9 +180,15 @@ class Policy:
             )
         return actions
 
+    @property
+    def described(self) -> Interface:
+        """The interface; of a file the one that was read."""
+        assert isinstance(self.interface, Interface), "files are read when the policy is made"
+        return self.interface
+
     def native(self) -> dict[str, Any]:
         """The policy as the native half takes it."""
-        return {"name": self.name, "interface": self.interface.to_json(), "task": self.task, "act": self}
+        return {"name": self.name, "interface": self.described.to_json(), "task": self.task, "act": self}
 
 
 def _read(path: str | os.PathLike[str]) -> tuple[Interface, str]:

@@ -1,5 +1,8 @@
 """Official MuJoCo as the simulator of a fit. Needs ``mujoco`` (``pip install "gaitfit[mujoco]"``)."""
 
+# MuJoCo is compiled and names its contents at run time.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import os
@@ -50,4 +53,5 @@ class ClampedRobot(Clamped):
         state[:, here] = start
         data = [mujoco.MjData(self._model) for _ in range(min(self._threads, len(models)))]
         # What comes back begins after the first step.
-        return rollout.rollout(models, data, state, control)[0][:, every - 1 :: every, here]
+        found = np.asarray(rollout.rollout(models, data, state, control)[0], np.float64)
+        return found[:, every - 1 :: every, here]

@@ -1,5 +1,8 @@
 """MuJoCo Warp as the simulator of a fit. Needs ``mujoco-warp`` (``pip install "gaitfit[mujoco-warp]"``)."""
 
+# MuJoCo is compiled and names its contents at run time.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import copy
@@ -7,7 +10,7 @@ import copy
 import mujoco
 import mujoco_warp
 import numpy as np
-import warp
+import warp  # pyright: ignore[reportMissingImports]
 from numpy.typing import NDArray
 
 from ._clamped import Clamped

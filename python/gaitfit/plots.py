@@ -41,7 +41,9 @@ def parameters(found: Shown | FitOutcome) -> Figure:
     """Each parameter between its bounds: what was found, the interval in which the logs cannot tell it, and the truth
     where it is known."""
     if isinstance(found, (Result, Mapping)):
-        rows = _rows(found, "parameters", "of a fit", ("name", "value", "unit", "lower", "upper"))
+        rows: Sequence[Mapping[str, Any]] = _rows(
+            found, "parameters", "of a fit", ("name", "value", "unit", "lower", "upper")
+        )
     elif hasattr(found, "rows"):
         rows = _parameters(found)
     else:

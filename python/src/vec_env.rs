@@ -2,9 +2,9 @@
 
 use crate::errors::value;
 use crate::task::{Task, bearable, checked};
-use gaitfit_learn::task::{self, Ended, Environment, TaskError};
+use gaitfit_learn::task::{self, Ended, Environment, Saved, TaskError};
 use gaitfit_sim::pool;
-use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -45,6 +45,8 @@ pub struct Robots {
     critic_width: usize,
     action_width: usize,
     joints: Vec<String>,
+    /// Steps since the reward terms were read.
+    summed: usize,
     /// Episodes that ended because the simulation diverged.
     #[pyo3(get)]
     diverged: usize,
@@ -85,6 +87,7 @@ impl Robots {
             critic_width: task.critic_width,
             action_width: task.action_width,
             joints: task.joints.clone(),
+            summed: 0,
             diverged: 0,
         })
     }
@@ -186,25 +189,90 @@ impl Robots {
             });
         });
         self.step = self.step.wrapping_add(1);
+        self.summed += 1;
         let diverged = diverged.into_inner().unwrap_or_else(PoisonError::into_inner);
         self.diverged += diverged.len();
         bearable(diverged.len(), count, || Ok(diverged.iter().min().copied()))?;
         Ok(ended.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// New episodes for all robots.
-    fn restart(&mut self, py: Python<'_>) {
+    /// New episodes for the robots of `mask`, or without one for all.
+    #[pyo3(signature = (mask=None))]
+    fn restart(&mut self, py: Python<'_>, mask: Option<PyReadonlyArray1<'_, bool>>) -> PyResult<()> {
+        let mask = mask.map(|mask| mask.as_array().to_vec());
+        if mask.as_ref().is_some_and(|mask| mask.len() != self.count) {
+            return Err(value(format!("the mask must have {} elements, one for each robot", self.count)));
+        }
         let (scene, step) = (&self.scene, self.step);
         py.detach(|| {
             scene.with_dependent(|_, tiles| {
-                for tile in tiles {
+                for (number, tile) in tiles.iter().enumerate() {
                     let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
-                    let all = vec![Ended::TimeOut; tile.count()];
-                    tile.begin_episodes(step, &all);
+                    let begins = |robot: usize| mask.as_ref().is_none_or(|mask| mask[number * TILE + robot]);
+                    let ended = |robot| if begins(robot) { Ended::TimeOut } else { Ended::No };
+                    let ended: Vec<Ended> = (0..tile.count()).map(ended).collect();
+                    tile.begin_episodes(step, &ended);
                 }
             });
         });
         self.step = self.step.wrapping_add(1);
+        Ok(())
+    }
+
+    /// Mean of each weighted reward term, in the order of the task's names, over all robots and the steps since the last
+    /// call: a control step's pay. Without steps in between it is 0.
+    fn take_terms(&mut self) -> Vec<f64> {
+        let steps = std::mem::take(&mut self.summed).max(1);
+        let samples = (steps * self.count) as f64;
+        let sums = self.scene.with_dependent(|_, tiles| {
+            let of = |tile: &Mutex<Environment<'_>>| {
+                tile.lock().unwrap_or_else(PoisonError::into_inner).take_terms()
+            };
+            tiles.iter().map(of).reduce(|sum, one| sum.iter().zip(&one).map(|(a, b)| a + b).collect())
+        });
+        sums.unwrap_or_default().into_iter().map(|sum| sum / samples).collect()
+    }
+
+    /// Everything that changes from step to step: numbers of the tiles, steps of the episodes, and the step.
+    fn state<'py>(&self, py: Python<'py>) -> (Bound<'py, PyArray1<f32>>, Bound<'py, PyArray1<u32>>, u32) {
+        let (mut numbers, mut steps) = (Vec::new(), Vec::new());
+        self.scene.with_dependent(|_, tiles| {
+            for tile in tiles {
+                let saved = tile.lock().unwrap_or_else(PoisonError::into_inner).save();
+                numbers.extend(saved.numbers);
+                steps.extend(saved.steps);
+            }
+        });
+        (PyArray1::from_vec(py, numbers), PyArray1::from_vec(py, steps), self.step)
+    }
+
+    /// Takes up what `state` gave of robots at the same task. After an error some robots may have been changed.
+    fn set_state(
+        &mut self,
+        numbers: PyReadonlyArray1<'_, f32>,
+        steps: PyReadonlyArray1<'_, u32>,
+        step: u32,
+    ) -> PyResult<()> {
+        let foreign = || value("the state is of other robots: another task, robot or num_envs");
+        let (numbers, steps) = (numbers.as_slice()?, steps.as_slice()?);
+        self.scene.with_dependent(|_, tiles| {
+            let (mut numbers, mut steps) = (numbers, steps);
+            for tile in tiles {
+                let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
+                let size = tile.save();
+                let split =
+                    numbers.split_at_checked(size.numbers.len()).zip(steps.split_at_checked(tile.count()));
+                let Some(((mine, other_numbers), (episodes, other_steps))) = split else {
+                    return Err(foreign());
+                };
+                let saved = Saved { numbers: mine.to_vec(), steps: episodes.to_vec() };
+                tile.restore(&saved).map_err(|_| foreign())?;
+                (numbers, steps) = (other_numbers, other_steps);
+            }
+            if numbers.is_empty() && steps.is_empty() { Ok(()) } else { Err(foreign()) }
+        })?;
+        self.step = step;
+        Ok(())
     }
 
     /// The commands that the robots follow: ahead and to the side, m/s, and turning, rad/s.

@@ -87,7 +87,7 @@ print(walks(act) == expected, codes[6] == expected, *codes[:6], codes[7], flush=
 
 # The same in a function that hears of progress, and in a simulator, which the calling thread runs as any function.
 heard = []
-def progress(kind, text, done, total):
+def progress(event):
     if not heard:
         heard.append(forked(ends(3)))
 with tempfile.TemporaryDirectory() as runs:

@@ -111,9 +111,9 @@ class OwnPolicy(Case):
         whole = self.fit(Policy(network, FILE), "whole")
         generation = 0
 
-        def count(kind: str, _text: str, done: int, _total: int) -> None:
+        def count(event: gaitfit.Event) -> None:
             nonlocal generation
-            generation = done if kind == "step" else generation
+            generation = event.done if event.kind == "step" else generation
 
         def breaks(observation: np.ndarray) -> np.ndarray:
             if generation == 3:
@@ -164,7 +164,7 @@ class OwnPolicy(Case):
         for wrong in ({"name": 3}, {"task": 3}):
             with self.assertRaisesRegex(TypeError, "is 3; give a text"):
                 Policy(network, FILE, **wrong)
-        with self.assertRaisesRegex(gaitfit.GaitfitError, "nowhere.toml"):
+        with self.assertRaisesRegex(FileNotFoundError, "nowhere.toml"):
             Policy(network, "nowhere.toml")
 
     def test_forked_processes_have_their_own(self) -> None:

@@ -18,7 +18,8 @@ import numpy as np
 
 import gaitfit
 from gaitfit import Policy
-from gaitfit._stages import _fit_settings, _run
+from gaitfit._given import fit_settings, run as run_of
+from gaitfit.config import Fit
 from gaitfit.results._read import fit_result
 
 from .common import DEMO, PACKAGE, ROOT, Case
@@ -60,8 +61,8 @@ class Shared(Case):
 
     def fit(self, config: object, crew: object, **more: object) -> gaitfit.FitResult:
         given = {name: more.pop(name, None) for name in ("logs", "robot", "policy", "costs")}
-        settings = _fit_settings(*given.values(), more.pop("settings"), self.folder)
-        run = _run(config, settings, "own", False, None, "cpu")
+        settings = fit_settings(*given.values(), more.pop("settings"), self.folder)
+        run = run_of(config, Fit, settings, "own", False, None, "cpu")
         return fit_result(json.loads(gaitfit._gaitfit.adapt(run, None, None, crew)))
 
     def test_a_fit_has_the_same_bits_however_it_is_cut(self) -> None:
@@ -109,8 +110,8 @@ class Shared(Case):
             return network(observation)
 
         def fit(crew: object) -> gaitfit.FitResult:
-            given = _fit_settings(logs, None, "the function network", "wass", settings, self.folder)
-            run = _run(None, given, "own", False, None, "cpu")
+            given = fit_settings(logs, None, "the function network", "wass", settings, self.folder)
+            run = run_of(None, Fit, given, "own", False, None, "cpu")
             return fit_result(json.loads(gaitfit._gaitfit.adapt(run, Policy(network, FILE).native(), None, crew)))
 
         alone = fit(None)
@@ -241,8 +242,8 @@ class Fits(Ray):
         alone = self.fit(gaitfit.fit, "alone")
         lost = []
 
-        def progress(kind: str, _text: str, done: int, _total: int) -> None:
-            if kind == "step" and done == 4 and not lost:
+        def progress(event: gaitfit.Event) -> None:
+            if event.kind == "step" and event.done == 4 and not lost:
                 # In the midst of the next generation.
                 lost.append(threading.Timer(0.02, lambda: self.cluster.remove_node(self.nodes.pop(), allow_graceful=False)))
                 lost[0].start()
@@ -266,7 +267,7 @@ class Fits(Ray):
         code = (
             "import sys, json, gaitfit.ray\n"
             "arguments = json.loads(sys.argv[1])\n"
-            "gaitfit.ray.fit(**arguments, progress=lambda *event: print(*event, flush=True))\n"
+            "gaitfit.ray.fit(**arguments, progress=lambda event: print(event.kind, event.done, flush=True))\n"
         )
         arguments = {
             "config": str(DEMO / "adapt.toml"),
@@ -489,13 +490,13 @@ class Tables(Ray):
 
         notes = []
 
-        def progress(kind: str, text: str, _done: int, total: int) -> None:
-            if kind == "begin" and total == 4 and not lost:
+        def progress(event: gaitfit.Event) -> None:
+            if event.kind == "begin" and event.total == 4 and not lost:
                 # In the midst of the first cells.
                 lost.append(threading.Timer(1.0, remove))
                 lost[0].start()
-            if kind == "note":
-                notes.append(text)
+            if event.kind == "note":
+                notes.append(event.text)
 
         shared = self.table(progress=progress, every=0.3)
         lost[0].join()

@@ -1,5 +1,7 @@
 """Many robots at a task: the environment alone, for Gymnasium and for rsl_rl."""
 
+import pickle
+import threading
 import unittest
 import warnings
 
@@ -86,8 +88,8 @@ class Many(Case):
             ({"num_envs": 0}, ValueError),
             ({"num_envs": -1}, ValueError),
             ({"num_envs": 1 << 40}, ValueError),
-            ({"config": "nowhere.toml"}, gaitfit.GaitfitError),
-            ({"robot": "nowhere.xml"}, gaitfit.GaitfitError),
+            ({"config": "nowhere.toml"}, FileNotFoundError),
+            ({"robot": "nowhere.xml"}, FileNotFoundError),
             ({"settings": {"task.nothing": 1}}, gaitfit.GaitfitError),
             ({"seed": "one"}, TypeError),
         ):
@@ -114,7 +116,142 @@ class Many(Case):
             robots.step(np.zeros((4, 12)))
 
 
+    def test_states_are_taken_up_to_the_bit(self) -> None:
+        rng = np.random.default_rng(0)
+        actions = rng.normal(0.0, 1.5, size=(40, COUNT, 12)).astype(np.float32)
+        first = gaitfit.Robots(num_envs=COUNT, seed=4)
+        for row in actions[:20]:
+            first.step(row)
+        state = pickle.loads(pickle.dumps(first.state()))
+        seen = first.observation.copy()
+        other = gaitfit.Robots(num_envs=COUNT, seed=4)
+        other.set_state(state)
+        np.testing.assert_array_equal(other.observation, seen)
+        for row in actions[20:]:
+            self.assertEqual(first.step(row), other.step(row))
+            for name in ("observation", "critic_observation", "reward", "terminated", "truncated"):
+                np.testing.assert_array_equal(getattr(first, name), getattr(other, name), err_msg=name)
+        for robots, words in (
+            (gaitfit.Robots(num_envs=COUNT, seed=5), "another seed: 4, and here it is 5"),
+            (gaitfit.Robots(num_envs=3, seed=4), "another num_envs: 300, and here it is 3"),
+            (gaitfit.Robots(num_envs=COUNT, seed=4, settings={"task.episode_seconds": 5.0}), "another task"),
+        ):
+            with self.assertRaisesRegex(ValueError, words):
+                robots.set_state(state)
+        with self.assertRaisesRegex(TypeError, "give what state"):
+            first.set_state(3)
+
+    def test_reward_terms_sum_to_the_reward(self) -> None:
+        robots = gaitfit.Robots(num_envs=COUNT, seed=2)
+        rewards = []
+        for _ in range(3):
+            robots.step(np.zeros((COUNT, 12)))
+            rewards.append(robots.reward.mean())
+        terms = robots.reward_terms()
+        self.assertEqual(list(terms), robots.reward_names)
+        self.assertAlmostEqual(sum(terms.values()), float(np.mean(rewards)), places=5)
+        self.assertEqual(set(robots.reward_terms().values()), {0.0}, "nothing was stepped since")
+
+    def test_some_robots_begin_anew(self) -> None:
+        robots = gaitfit.Robots(num_envs=COUNT, seed=2)
+        for _ in range(5):
+            robots.step(np.ones((COUNT, 12)))
+        before = robots.state()
+        mask = np.arange(COUNT) % 3 == 0
+        robots.reset(mask)
+        after = robots.state()
+        self.assertTrue((after.steps[mask] == 0).all())
+        np.testing.assert_array_equal(after.steps[~mask], before.steps[~mask])
+        for wrong in (np.ones(3, bool), np.ones(COUNT), [1] * COUNT):
+            with self.assertRaisesRegex(ValueError, "mask has the shape"):
+                robots.reset(wrong)
+
+    def test_two_threads_are_told_of(self) -> None:
+        robots = gaitfit.Robots(num_envs=4096, seed=1)
+        actions = np.zeros((4096, 12), np.float32)
+        told: list[str] = []
+
+        def work() -> None:
+            for _ in range(20):
+                try:
+                    robots.step(actions)
+                except RuntimeError as error:
+                    told.append(str(error))
+
+        threads = [threading.Thread(target=work) for _ in range(3)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertIn("two threads use the same robots at once", " ".join(set(told)))
+        robots.step(actions)
+
+
 class ForLearners(Case):
+    def test_final_infos_and_masks(self) -> None:
+        try:
+            from gymnasium.vector import AutoresetMode
+
+            from gaitfit.gym import GaitfitEnv, GaitfitVecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        env = GaitfitVecEnv(num_envs=32, log_rewards=True)
+        env.reset(seed=3)
+        returns, lengths, ends = np.zeros(32), np.zeros(32, int), 0
+        for number in range(150):
+            _, reward, terminated, truncated, infos = env.step(np.full((32, 12), 4.0 * np.sin(number)))
+            returns, lengths = returns + reward, lengths + 1
+            self.assertAlmostEqual(sum(infos["log"].values()), float(reward.mean()), places=5)
+            ended = terminated | truncated
+            if ended.any():
+                ends += 1
+                final = infos["final_info"]
+                np.testing.assert_allclose(final["episode_return"][ended], returns[ended], rtol=1e-12)
+                np.testing.assert_array_equal(final["episode_length"][ended], lengths[ended])
+                np.testing.assert_array_equal(final["fell"], terminated)
+                np.testing.assert_array_equal(final["_episode_return"], ended)
+                returns[ended], lengths[ended] = 0.0, 0
+        self.assertGreater(ends, 0)
+        state = env.state()
+        first = env.step(np.zeros((32, 12)))[0]
+        env.set_state(state)
+        np.testing.assert_array_equal(env.step(np.zeros((32, 12)))[0], first)
+        mask = np.arange(32) < 4
+        kept = env.robots.state().steps
+        env.reset(options={"reset_mask": mask})
+        np.testing.assert_array_equal(env.robots.state().steps[~mask], kept[~mask])
+        with self.assertRaisesRegex(ValueError, "reset_mask and seed"):
+            env.reset(seed=1, options={"reset_mask": mask})
+        with self.assertRaisesRegex(ValueError, "give AutoresetMode.SAME_STEP"):
+            GaitfitVecEnv(num_envs=2, autoreset_mode=AutoresetMode.NEXT_STEP)
+        one = GaitfitEnv()
+        one.reset(seed=1)
+        _, reward, _, _, info = one.step(np.zeros(12, np.float32))
+        self.assertAlmostEqual(sum(info["reward_terms"].values()), reward, places=5)
+
+    def test_stable_baselines3(self) -> None:
+        try:
+            from stable_baselines3 import PPO
+
+            from gaitfit.sb3 import Sb3VecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        env = Sb3VecEnv(num_envs=32, seed=1)
+        env.seed(5)
+        first = env.reset()
+        np.testing.assert_array_equal(first, gaitfit.Robots(num_envs=32, seed=5).observation)
+        ends = 0
+        for number in range(120):
+            observation, reward, done, infos = env.step(np.full((32, 12), 4.0 * np.sin(number), np.float32))
+            for index in np.flatnonzero(done):
+                ends += 1
+                self.assertEqual(infos[index]["terminal_observation"].shape, observation[index].shape)
+                self.assertGreater(infos[index]["episode"]["l"], 0)
+            self.assertTrue(all(not infos[index] for index in np.flatnonzero(~done)))
+        self.assertGreater(ends, 0)
+        model = PPO("MlpPolicy", env, n_steps=8, batch_size=64, n_epochs=1, device="cpu").learn(512)
+        self.assertEqual(model.predict(observation)[0].shape, (32, 12))
+
     def test_gymnasium(self) -> None:
         try:
             from gymnasium.vector import AutoresetMode, VectorEnv

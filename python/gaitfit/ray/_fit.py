@@ -9,27 +9,30 @@ from typing import Any
 
 from .. import _gaitfit
 from .._policy import Policy
-from .._progress import Progress, listener
+from .._progress import Progresses, listener
 from ..results import FitResult
 from ..results import _read
-from .._stages import PathLike, Settings, _fit_settings, _named, _own, _run
+from .. import _given as given
+from .._given import PathLike, Resume, Settings
+from .._logs import Log
+from ..config import Cost, Fit
 from ._cluster import Cluster, Place, library
 from ._workers import Workers
 
 
 def fit(
-    config: PathLike | None = None,
+    config: PathLike | Fit | None = None,
     *,
-    logs: PathLike | Sequence[PathLike] | None = None,
+    logs: PathLike | Log | Sequence[PathLike | Log] | None = None,
     robot: PathLike | None = None,
     policy: PathLike | Policy | None = None,
-    costs: str | Sequence[str] | None = None,
+    costs: Cost | Sequence[Cost] | None = None,
     settings: Settings | None = None,
     name: str | None = None,
     runs: PathLike | None = None,
-    resume: bool = False,
+    resume: Resume = False,
     threads: int | None = None,
-    progress: bool | Progress = True,
+    progress: Progresses = True,
     address: str | None = None,
     num_cpus: float = 1,
     num_gpus: float = 0,
@@ -52,12 +55,12 @@ def fit(
     listen = listener(progress)
     if isinstance(policy, Policy) and num_gpus > 0:
         raise ValueError(f"the policy {policy.name} is a function, which GPUs do not simulate with: leave num_gpus out")
-    settings = _fit_settings(logs, robot, _named(policy), costs, settings, runs)
-    run = _run(config, settings, name, resume, threads, "cpu")
+    others = given.fit_settings(logs, robot, given.named_policy(policy), costs, settings, runs)
+    run = given.run(config, Fit, others, name, resume, threads, "cpu")
     own = _sent(policy) if isinstance(policy, Policy) else b""
     crew = Crew(Cluster(address, place), own)
     try:
-        return _read.fit_result(json.loads(_gaitfit.adapt(run, _own(policy), listen, crew)))
+        return _read.fit_result(json.loads(_gaitfit.adapt(run, given.own(policy), listen, crew)))
     finally:
         crew.close()
 
@@ -68,7 +71,8 @@ def _sent(policy: Policy) -> bytes:
     from ray import cloudpickle
 
     try:
-        return cloudpickle.dumps(policy)
+        sent: bytes = cloudpickle.dumps(policy)  # type: ignore[no-untyped-call]
+        return sent
     except Exception as error:
         raise TypeError(
             f"the policy {policy.name} cannot be sent to workers ({error}): give a function that makes what cannot be "

@@ -10,10 +10,10 @@ from typing import Any
 from .. import _gaitfit
 from .._arguments import count, flag, mapping, maybe, path, text
 from .._arguments import threads as checked
-from .._progress import Progress, listener
+from .._progress import Progresses, listener
 from ..results import Table
 from ..results import _read
-from .._stages import PathLike, Settings, _sets
+from .._given import PathLike, Settings, sets
 from ._cluster import Cluster, Place
 from ._orders import Order, Orders, silent, sources
 
@@ -28,7 +28,7 @@ def reproduce(
     experiments: PathLike = "experiments",
     runs: PathLike | None = None,
     threads: int | None = None,
-    progress: bool | Progress = True,
+    progress: Progresses = True,
     address: str | None = None,
     num_cpus: float = 1,
     num_gpus: float = 0,
@@ -53,7 +53,7 @@ def reproduce(
         "full": flag("full", full),
         "seeds": count("seeds", seeds, 1),
         "only": maybe(text, "only", only),
-        "sets": _sets(given),
+        "sets": sets(given),
         "experiments": os.path.relpath(path("experiments", experiments)),
         "threads": checked(threads),
         "device": "cpu",

@@ -8,11 +8,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from .. import _gaitfit
-from .._progress import Progress, listener
+from .._progress import Listener, Progresses, listener
 from ..results import Training
 from ..results import _read
 from .._arguments import mapping
-from .._stages import PathLike, Settings, _file, _list, _run, _world
+from .. import _given as given
+from .._given import PathLike, Resume, Settings
+from ..config import Finetune, Train
 from ._cluster import Cluster, Place
 from ._orders import Order, Orders, silent, sources
 
@@ -25,8 +27,8 @@ def train(
     settings: Settings | None = None,
     name: str | None = None,
     runs: PathLike | None = None,
-    resume: bool = False,
-    progress: bool | Progress = True,
+    resume: Resume = False,
+    progress: Progresses = True,
     address: str | None = None,
     num_cpus: float = 1,
     num_gpus: float = 0,
@@ -42,13 +44,13 @@ def train(
     cluster = Cluster(address, Place(num_cpus, num_gpus, retries))
     config, robot = _seen(config), _seen(robot)
 
-    def run(name: str | None, resume: bool, threads: int | None, device: str) -> dict[str, Any]:
-        return _run(config, _given(settings, runs), name, resume, threads, device)
+    def run(name: str | None, resume: Resume, threads: int | None, device: str) -> dict[str, Any]:
+        return given.run(config, Train, _given(settings, runs), name, resume, threads, device)
 
-    plan = _gaitfit.train_plan(run(name, resume, None, "cpu"), robot, _list(seeds))
+    plan = _gaitfit.train_plan(run(name, resume, None, "cpu"), robot, given.seeds_of(seeds))
     how = {"what": "training", "robot": robot}
 
-    def rest(run: Mapping[str, Any], seeds: Sequence[int], listen: Progress) -> str:
+    def rest(run: Mapping[str, Any], seeds: Sequence[int], listen: Listener) -> str:
         return _gaitfit.train(run, robot, seeds, listen)
 
     return _parts(cluster, every, progress, run, plan, how, rest)
@@ -68,8 +70,8 @@ def finetune(
     settings: Settings | None = None,
     name: str | None = None,
     runs: PathLike | None = None,
-    resume: bool = False,
-    progress: bool | Progress = True,
+    resume: Resume = False,
+    progress: Progresses = True,
     address: str | None = None,
     num_cpus: float = 1,
     num_gpus: float = 0,
@@ -81,18 +83,18 @@ def finetune(
     Arguments as there and of :func:`gaitfit.ray.train`. Files that the policy's file names by itself are not sent: give a
     ``.safetensors`` or ``.onnx``.
     """
-    named = _seen(_file(policy))
+    named = os.path.relpath(given.file_of(policy))
     cluster = Cluster(address, Place(num_cpus, num_gpus, retries))
     config = _seen(config)
-    world = _world(named, _seen(robot), lenient, task, _seen(theta), spring, torque_noise)
+    world = given.world(named, _seen(robot), lenient, task, _seen(theta), spring, torque_noise)
 
-    def run(name: str | None, resume: bool, threads: int | None, device: str) -> dict[str, Any]:
-        return _run(config, _given(settings, runs), name, resume, threads, device)
+    def run(name: str | None, resume: Resume, threads: int | None, device: str) -> dict[str, Any]:
+        return given.run(config, Finetune, _given(settings, runs), name, resume, threads, device)
 
-    plan = _gaitfit.finetune_plan(run(name, resume, None, "cpu"), world, _list(seeds))
+    plan = _gaitfit.finetune_plan(run(name, resume, None, "cpu"), world, given.seeds_of(seeds))
     how = {"what": "finetuning", "world": world}
 
-    def rest(run: Mapping[str, Any], seeds: Sequence[int], listen: Progress) -> str:
+    def rest(run: Mapping[str, Any], seeds: Sequence[int], listen: Listener) -> str:
         return _gaitfit.finetune(run, world, seeds, listen)
 
     return _parts(cluster, every, progress, run, plan, how, rest)
@@ -101,11 +103,11 @@ def finetune(
 def _parts(
     cluster: Cluster,
     every: float,
-    progress: bool | Progress,
-    run: Callable[[str | None, bool, int | None, str], dict[str, Any]],
+    progress: Progresses,
+    run: Callable[[str | None, Resume, int | None, str], dict[str, Any]],
     plan: tuple[str, str, list[int], list[str]],
     how: Mapping[str, Any],
-    rest: Callable[[Mapping[str, Any], Sequence[int], Progress], str],
+    rest: Callable[[Mapping[str, Any], Sequence[int], Listener], str],
 ) -> Training:
     """Has each seed of a training made by a worker; what is left, the results, is done here."""
     name, folder, seeds, files = plan
