@@ -297,7 +297,7 @@ class Log:
         return tuple(sorted((_finding(one) for one in found), key=lambda one: order.index(one.severity)))
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Writes the log as CSV: :func:`read_log` gives the same numbers back. Needs ``joints``, and ``dt`` or ``time``."""
+        """Writes the log as CSV to ``path``: :func:`read_log` gives the same numbers back. Needs ``joints``, and ``dt`` or ``time``."""
         _gaitfit.write_log(named("path", path), self._native())
 
     def plot(self, joints: Sequence[str] | None = None) -> Figure:

@@ -21,7 +21,7 @@ _ACTIVATIONS: dict[str, Callable[[float | None], nn.Module]] = {
 }
 
 
-class Actor(nn.Module):
+class Actor(nn.Module):  # type: ignore[misc, unused-ignore]
     """From observations, shape ``(robots, observation)``, to mean actions, shape ``(robots, joints)``.
 
     ``scale`` and ``offset`` are buffers: the normalisation of the observation, which a training does not change.

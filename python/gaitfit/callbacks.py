@@ -1,4 +1,5 @@
-"""Ready-made functions for ``progress=``: tqdm, TensorBoard, Weights & Biases, MLflow. Each imports its package when it is made.
+"""Ready-made functions for ``progress=``: tqdm, TensorBoard, Weights & Biases, MLflow. Each imports its package when it is made, and raises
+``ImportError`` with the command that installs it.
 
 Several may be given: ``progress=[Tqdm(), WandB(project="go2")]``. A function of your own takes a :class:`gaitfit.Event` and may
 return ``False`` to stop:

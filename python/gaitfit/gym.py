@@ -34,7 +34,7 @@ def _spaces(robots: Robots) -> tuple[Box, Box]:
     )
 
 
-class GaitfitVecEnv(VectorEnv[Any, Any, Any]):
+class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-ignore]
     """Robots at a task as a ``gymnasium.vector.VectorEnv``.
 
     Episodes that end begin anew within the same step (``AutoresetMode.SAME_STEP``). ``infos["final_obs"]`` has what those
@@ -140,7 +140,8 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):
         return self._out(self._robots.observation), {}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """One control period: observations, rewards, who fell, whose time is up, and infos."""
+        """One control period under ``actions``, shape ``(num_envs, joints)``: observations, rewards, who fell, whose time is up,
+        and infos. Raises as :meth:`gaitfit.Robots.step`."""
         self._fresh = False
         robots = self._robots
         infos: dict[str, Any] = {}
@@ -193,7 +194,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):
         return array.copy() if self._copy else array
 
 
-class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # type: ignore[misc, unused-ignore]
     """One robot at a task as a ``gymnasium.Env``. For trying things out: the engine steps hundreds of robots in the time of
     some ten.
 
@@ -242,7 +243,7 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """A new episode; with a ``seed`` the same one every time."""
+        """A new episode; with a ``seed`` the same one every time. ``options`` have no effect."""
         super().reset(seed=seed)
         if seed is not None and not (self._fresh and seed == self._seed):
             self._begin(seed)
@@ -252,7 +253,7 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._robots.observation[0].copy(), {}
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """One control period."""
+        """One control period under ``action``, shape ``(joints,)``."""
         robots = self._robots
         action = numbers("action", action, np.float32)
         if action.shape != self.action_space.shape:

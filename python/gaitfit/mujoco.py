@@ -23,12 +23,21 @@ class ClampedRobot(Clamped):
     """A robot whose base is held and whose legs hang in the air, in official MuJoCo, for :func:`gaitfit.fit_simulator`.
 
     It plays the logs' position targets through the logs' PD gains, which MuJoCo evaluates at every physics step, on all
-    candidates at once with ``mujoco.rollout``. Contacts are off. A replay starts in the log's first sample. ``model`` is
-    an MJCF or URDF file; a free joint of its base is removed and its actuators are replaced.
+    candidates at once with ``mujoco.rollout``. Contacts are off. A replay starts in the log's first sample. A free joint of the
+    model's base is removed and its actuators are replaced.
+
+    Arguments:
+        model: An MJCF or URDF file.
+        logs: The logs whose targets it plays.
+        parameters: What is searched.
+        timestep: The physics step, s.
+        torque_limit: N·m, one number for each joint, instead of the model's limits.
+        threads: Threads; by default one for each core.
+
+    Raises ``ValueError`` for logs without targets or gains, and for parameters that it does not have.
 
     A parameter's name says what it sets: ``frictionloss``, N·m, ``armature``, kg·m², or ``damping``, N·m·s/rad, of all
     joints, or of those that a pattern takes, as in ``frictionloss:*_hip``; or ``delay``, s, of the targets.
-    ``timestep`` is the physics step, s. ``torque_limit``, N·m, one number for each joint, replaces the model's limits.
     """
 
     def __init__(

@@ -10,7 +10,7 @@ import copy
 import mujoco
 import mujoco_warp
 import numpy as np
-import warp  # pyright: ignore[reportMissingImports]
+import warp
 from numpy.typing import NDArray
 
 from ._clamped import Clamped

@@ -1,4 +1,8 @@
-"""Charts for notebooks. Needs ``matplotlib`` (``pip install "gaitfit[plot]"``). Each function returns the figure."""
+"""Charts for notebooks. Needs ``matplotlib`` (``pip install "gaitfit[plot]"``). Each function returns the figure, and raises ``ValueError`` for
+results without what its chart shows.
+
+>>> log(gaitfit.read_log("examples/go2-demo/fit.csv")[:200], ["FL_hip"]).savefig("log.png")      # doctest: +SKIP
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,7 @@ Shown = Result | Mapping[str, Any]
 
 
 def plot(results: Shown) -> Figure:
-    """The chart of what a stage found: a fit's :func:`parameters`, an evaluation's :func:`drift`, a training's
+    """The chart of ``results``: a fit's :func:`parameters`, an evaluation's :func:`drift`, a training's
     :func:`training`, and of a loop the fit of its last round."""
     results = _document(results)
     if results.get("parameters"):
@@ -38,8 +42,8 @@ def plot(results: Shown) -> Figure:
 
 
 def parameters(found: Shown | FitOutcome) -> Figure:
-    """Each parameter between its bounds: what was found, the interval in which the logs cannot tell it, and the truth
-    where it is known."""
+    """Each parameter of ``found``, a fit's result, between its bounds: the estimate, its interval, and the truth where it is
+    known."""
     if isinstance(found, (Result, Mapping)):
         rows: Sequence[Mapping[str, Any]] = _rows(
             found, "parameters", "of a fit", ("name", "value", "unit", "lower", "upper")
@@ -72,7 +76,7 @@ def parameters(found: Shown | FitOutcome) -> Figure:
 
 
 def convergence(results: Shown) -> Figure:
-    """The smallest cost so far of each seed, generation by generation, of a fit with a run folder."""
+    """The smallest cost so far of each seed, generation by generation; ``results`` are of a fit with a run folder."""
     lines = _metrics(results)
     figure, axes = plt.subplots(figsize=(7.0, 3.5), layout="constrained")
     for cost, seed in sorted({(line["cost"], line["seed"]) for line in lines}):
@@ -84,7 +88,7 @@ def convergence(results: Shown) -> Figure:
 
 
 def training(results: Shown) -> Figure:
-    """Reward and velocity errors of each seed of a training, iteration by iteration."""
+    """Reward and velocity errors of each seed, iteration by iteration; ``results`` are of a training."""
     figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.5), layout="constrained")
     for seed in _rows(results, "seeds", "of a training", ("seed", "policy")):
         lines = _lines(Path(seed["policy"]).parent / "metrics.jsonl")
@@ -100,7 +104,7 @@ def training(results: Shown) -> Figure:
 
 
 def drift(results: Shown) -> Figure:
-    """The paths of an evaluation's first robots under constant commands, seen from above, m."""
+    """The paths of the first robots under constant commands, seen from above, m; ``results`` are of an evaluation."""
     figure, axes = plt.subplots(figsize=(5.0, 5.0), layout="constrained")
     for trial in _rows(results, "drift", "of an evaluation with drift", ("name", "path")):
         path = np.asarray(trial["path"], float)

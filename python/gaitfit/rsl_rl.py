@@ -17,7 +17,12 @@ from .config import Train
 
 
 class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
-    """Robots at a task as rsl_rl's ``VecEnv``. Arguments as of :class:`gaitfit.Robots`.
+    """Robots at a task as rsl_rl's ``VecEnv``.
+
+    Arguments:
+        config, num_envs, robot, settings, seed, threads: As of :class:`gaitfit.Robots`. ``stagger`` is on.
+        device: PyTorch's device, where the tensors are; the robots are stepped there, too.
+        robots_device: Where the robots are stepped instead.
 
     ``extras["log"]`` has the reward terms of each step, ``"/reward/NAME"``, means over the robots; those on a GPU have none.
     Observation groups are ``policy`` and, where the task has one, ``critic``. Tensors are copies on ``device``, since rsl_rl
@@ -77,7 +82,7 @@ class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         return self.get_observations(), {}
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
-        """One control period; episodes that end begin anew within it."""
+        """One control period under ``actions``, shape ``(num_envs, num_actions)``; episodes that end begin anew within it."""
         robots = self._robots
         robots.step(actions.detach().to(robots.device, torch.float32).contiguous())
         ended = from_dlpack(robots.ended).to(self.device)

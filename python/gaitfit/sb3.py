@@ -16,7 +16,7 @@ from .config import Train
 from .gym import _spaces
 
 
-class Sb3VecEnv(VecEnv):
+class Sb3VecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
     """Robots at a task as a ``VecEnv`` of Stable-Baselines3.
 
     Episodes that end begin anew within the same step. Their info has ``"terminal_observation"``, ``"TimeLimit.truncated"`` and
@@ -96,22 +96,23 @@ class Sb3VecEnv(VecEnv):
         """Nothing is open."""
 
     def get_attr(self, attr_name: str, indices: None | int | Iterable[int] = None) -> list[Any]:
-        """An attribute of :attr:`robots`, once for each environment asked for."""
+        """The attribute ``attr_name`` of :attr:`robots`, once for each of ``indices``."""
         value = self.render_mode if attr_name == "render_mode" else getattr(self._robots, attr_name)
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: None | int | Iterable[int] = None) -> None:
-        """Refused: the robots are stepped together and have no attributes of their own."""
+        """Refused, whatever ``attr_name``, ``value`` and ``indices``: robots are stepped together and have no attributes of their
+        own."""
         raise AttributeError(f"{attr_name} cannot be set for single robots: make the environment with other arguments")
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: None | int | Iterable[int] = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Refused, as :meth:`set_attr`."""
+        """Refused, as :meth:`set_attr`: no ``method_name`` is called with ``method_args`` or ``method_kwargs`` on ``indices``."""
         raise AttributeError(f"single robots have no method {method_name}: use the attribute robots")
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: None | int | Iterable[int] = None) -> list[bool]:
-        """No robot is in a wrapper."""
+        """No robot of ``indices`` is in a ``wrapper_class``."""
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:

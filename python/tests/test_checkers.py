@@ -93,6 +93,17 @@ class Checkers(Case):
         )
         self.assertEqual(done.stdout, "")
 
+    def test_pyright_accepts_the_package(self) -> None:
+        command = found("pyright")
+        if not command:
+            self.skipTest("pyright is not installed: tools/setup_venv.sh")
+        done = subprocess.run(
+            [*command, "--outputjson", "--project", str(PACKAGE), "--pythonpath", sys.executable],
+            capture_output=True, text=True, check=False,
+        )
+        errors = [(one["file"], one["message"]) for one in json.loads(done.stdout)["generalDiagnostics"]]
+        self.assertEqual(errors, [])
+
     def test_the_script_runs(self) -> None:
         done = subprocess.run(
             [sys.executable, str(SCRIPT), str(self.folder)],

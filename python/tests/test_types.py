@@ -102,13 +102,35 @@ class Documentation(Case):
             with self.subTest(name):
                 found = doctest.testmod(module, extraglobs={"gaitfit": gaitfit, "np": np}, verbose=False)
                 self.assertEqual(found.failed, 0)
+
+    def test_every_argument_is_described(self) -> None:
+        owners = [gaitfit]
+        for name, package in (("gym", "gymnasium"), ("plots", "matplotlib"), ("mujoco", "mujoco"), ("callbacks", "sys"), ("ray", "sys")):
+            if importlib.util.find_spec(package) is not None:
+                owners.append(importlib.import_module(f"gaitfit.{name}"))
+        count = 0
+        for owner in owners:
+            for name in getattr(owner, "__all__", public(owner)):
+                value = getattr(owner, name)
+                if inspect.ismodule(value) or not callable(value) or not value.__module__.startswith(owner.__name__):
+                    continue
+                parts = {name: value.__init__ if inspect.isclass(value) else value}
+                if inspect.isclass(value):
+                    if issubclass(value, Exception):
+                        continue
+                    parts |= {f"{name}.{key}": one for key, one in public(value).items() if inspect.isfunction(one)}
+                for key, function in parts.items():
+                    text = inspect.getdoc(value if key == name else function) or ""
+                    # The document of a result is described once, in Result.
+                    known = {"self", "args", "kwargs", "document"}
+                    arguments = [one for one in inspect.signature(function).parameters if one not in known]
+                    missing = [one for one in arguments if not re.search(rf"\b{one}\b", text)]
+                    self.assertEqual(missing, [], f"{owner.__name__}.{key} does not describe them")
+                    count += 1
+        self.assertGreater(count, 80)
         for name in ("fit", "validate", "train", "finetune", "evaluate", "collect", "loop", "read_log", "load_policy", "load"):
-            text = inspect.getdoc(getattr(gaitfit, name)) or ""
-            arguments = [one for one in inspect.signature(getattr(gaitfit, name)).parameters]
-            missing = [one for one in arguments if not re.search(rf"\b{one}\b", text)]
-            self.assertEqual(missing, [], f"{name} does not describe them")
             for words in (">>>", "Raises"):
-                self.assertIn(words, text, name)
+                self.assertIn(words, inspect.getdoc(getattr(gaitfit, name)) or "", name)
 
 
 if __name__ == "__main__":

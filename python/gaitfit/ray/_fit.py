@@ -1,5 +1,8 @@
 """Fits whose candidates are shared among workers."""
 
+# Without Ray this folder is what a checker finds by that name.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import hashlib
@@ -40,12 +43,20 @@ def fit(
 ) -> FitResult:
     """Fits as :func:`gaitfit.fit`, to the same bits; the workers of a Ray cluster simulate the candidates.
 
-    The candidates of all costs and seeds are shared. Each task takes ``num_cpus`` CPUs, and as many threads; with
-    ``num_gpus`` the candidates are simulated on GPUs. Robot, policy and logs are sent once to each node. The task of a
-    lost worker runs again, up to ``retries`` times. This process keeps the run folder: if it is killed, ``resume=True``
-    goes on where its checkpoint was.
+    Arguments:
+        config, logs, robot, policy, costs, settings, name, runs, resume, progress: As for :func:`gaitfit.fit`.
+        threads: Threads of this process.
+        address: The cluster's, as :func:`ray.init` takes it.
+        num_cpus: CPUs of a task, and its threads.
+        num_gpus: GPUs of a task; above 0 the candidates are simulated there.
+        retries: How often the task of a lost worker runs again.
 
-    ``address`` is the cluster's, as :func:`ray.init` takes it. Nodes need the same version of gaitfit. A worker that
+    Raises as :func:`gaitfit.fit`, and :class:`GaitfitError` for a worker that computes other bits.
+
+    The candidates of all costs and seeds are shared. Robot, policy and logs are sent once to each node. This process keeps the run folder: if it is killed, ``resume=True``
+    continues from its checkpoint.
+
+    Nodes need the same version of gaitfit. A worker that
     computes other bits than this process is refused; with ``num_gpus`` than the first worker.
 
     A :class:`gaitfit.Policy` of your own is sent to the workers as Ray pickles it, and called there: it needs the same
@@ -71,7 +82,7 @@ def _sent(policy: Policy) -> bytes:
     from ray import cloudpickle
 
     try:
-        sent: bytes = cloudpickle.dumps(policy)  # type: ignore[no-untyped-call]
+        sent: bytes = cloudpickle.dumps(policy)  # type: ignore[no-untyped-call, unused-ignore]
         return sent
     except Exception as error:
         raise TypeError(

@@ -37,10 +37,20 @@ def reproduce(
 ) -> Table:
     """Runs a table of the paper or continues it, as ``gaitfit reproduce``, its cells and seeds on a Ray cluster.
 
-    ``table`` is one of those that ``gaitfit reproduce list`` prints; arguments as of that command, and of
-    :func:`gaitfit.ray.fit`. What cells of a scenario share is made first. Workers send what they write every so many
-    seconds (``every``), and it is kept in the table's folder: a lost worker's cell goes on from there on another node, and
-    the same call continues after the driver was killed. Paths in experiment files are seen from the current folder, or
+    Arguments:
+        table: One of those that ``gaitfit reproduce list`` prints.
+        full: Whether to run it at the paper's scale.
+        seeds: Seeds of each cell.
+        only: Part of the names of the cells to run.
+        settings: Changes of the experiments' settings, by name.
+        experiments: Folder of the experiment files.
+        runs: Folder of the run folders.
+        threads, progress: As for :func:`gaitfit.fit`.
+        address, num_cpus, num_gpus, retries: As for :func:`gaitfit.ray.fit`, for each cell.
+        every: Time between parts that a worker sends, s.
+
+    What cells of a scenario share is made first. What workers send is kept in the table's folder: another node continues a lost
+    worker's cell from there, and the same call continues after this process was killed. Paths in experiment files are seen from the current folder, or
     from the file's; absolute ones must lead to the same file on every node.
     """
     place, listen = Place(num_cpus, num_gpus, retries), listener(progress) or silent

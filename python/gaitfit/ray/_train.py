@@ -37,9 +37,13 @@ def train(
 ) -> Training:
     """Trains a policy by PPO as :func:`gaitfit.train`, each of the ``seeds`` on a worker of a Ray cluster.
 
-    Each seed takes ``num_cpus`` CPUs, and as many threads, or a GPU with ``num_gpus``. Workers send their checkpoints every
-    so many seconds (``every``); they are kept in the run folder, from which a lost worker's seed goes on on another node, and
-    ``resume=True`` after the driver was killed. Other arguments as of :func:`gaitfit.ray.fit`.
+    Arguments:
+        config, robot, seeds, settings, name, runs, resume, progress: As for :func:`gaitfit.train`.
+        address, num_cpus, num_gpus, retries: As for :func:`gaitfit.ray.fit`, for each seed.
+        every: Time between checkpoints that a worker sends, s.
+
+    The checkpoints are kept in the run folder: another node continues a lost worker's seed from there, and ``resume=True``
+    continues after this process was killed.
     """
     cluster = Cluster(address, Place(num_cpus, num_gpus, retries))
     config, robot = _seen(config), _seen(robot)
@@ -78,9 +82,14 @@ def finetune(
     retries: int = 10,
     every: float = 20.0,
 ) -> Training:
-    """Goes on training ``policy``, a file, as :func:`gaitfit.finetune`, each of the ``seeds`` on a worker of a Ray cluster.
+    """Trains ``policy``, a file, further, as :func:`gaitfit.finetune`, each of the ``seeds`` on a worker of a Ray cluster.
 
-    Arguments as there and of :func:`gaitfit.ray.train`. Files that the policy's file names by itself are not sent: give a
+    Arguments:
+        policy, theta, robot, task, spring, torque_noise, lenient, config, seeds, settings, name, runs, resume, progress: As for
+            :func:`gaitfit.finetune`.
+        address, num_cpus, num_gpus, retries, every: As for :func:`gaitfit.ray.train`.
+
+    Files that the policy's file names by itself are not sent: give a
     ``.safetensors`` or ``.onnx``.
     """
     named = os.path.relpath(given.file_of(policy))
