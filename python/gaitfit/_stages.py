@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -104,7 +105,15 @@ def validate(
     threads = checked_threads(threads)
     files = given.log_files(logs, None)
     fitted, config = given.existing("theta", theta), given.existing("config", config)
-    found = _gaitfit.validate(str(fitted), files, config, sets, threads, given.own(policy))
+    try:
+        found = _gaitfit.validate(str(fitted), files, config, sets, threads, given.own(policy))
+    except FileNotFoundError as missing:
+        name = re.search(r"policy `(the function [^`,]*)", str(missing))
+        if policy is None and name is not None:
+            raise _gaitfit.GaitfitError(
+                f"the robot of this fit walked by {name.group(1)}, which is not a file: give it as policy=gaitfit.Policy(...)"
+            ) from None
+        raise
     return _read.validation_result(json.loads(found))
 
 

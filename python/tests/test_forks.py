@@ -22,7 +22,7 @@ def still(observation):
 
 def walks(act, **more):
     arguments = {"trajectories": 4, "seconds": 0.5, "drift": 0, "progress": False, **more}
-    return gaitfit.evaluate(Policy(act, FILE), **arguments)["linear_velocity_error"]["mean"]
+    return gaitfit.evaluate(Policy(act, FILE), **arguments).linear_velocity_error.mean
 
 def pendulum(candidates):
     time = np.arange(50)[None, :, None]

@@ -6,6 +6,8 @@ import importlib
 import importlib.util
 import inspect
 import re
+import subprocess
+import sys
 import unittest
 from pathlib import Path
 
@@ -14,7 +16,7 @@ import numpy as np
 import gaitfit
 from gaitfit import _gaitfit
 
-from .common import Case
+from .common import ROOT, Case
 
 STUB = Path(gaitfit.__file__).parent / "_gaitfit.pyi"
 ARRAY = re.compile(r"NDArray|ArrayLike")
@@ -102,6 +104,11 @@ class Documentation(Case):
             with self.subTest(name):
                 found = doctest.testmod(module, extraglobs={"gaitfit": gaitfit, "np": np}, verbose=False)
                 self.assertEqual(found.failed, 0)
+
+    def test_the_pages_of_the_book_are_current(self) -> None:
+        tool = [sys.executable, str(ROOT / "tools" / "make_python_api.py"), "--check"]
+        found = subprocess.run(tool, capture_output=True, text=True, check=False)
+        self.assertEqual((found.returncode, found.stderr), (0, ""))
 
     def test_every_argument_is_described(self) -> None:
         owners = [gaitfit]
