@@ -88,8 +88,9 @@ class Checkers(Case):
         if not command:
             self.skipTest("mypy is not installed: tools/setup_venv.sh")
         cache = str(self.folder / "cache")
+        examples = [str(file) for file in (ROOT / "examples" / "python").glob("*.py")]
         done = subprocess.run(
-            [*command, "--cache-dir", cache, "--no-error-summary", "gaitfit"], capture_output=True, text=True, cwd=PACKAGE, check=False
+            [*command, "--cache-dir", cache, "--no-error-summary", "gaitfit", *examples], capture_output=True, text=True, cwd=PACKAGE, check=False
         )
         self.assertEqual(done.stdout, "")
 
