@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import threading
 from collections.abc import Iterator, Mapping
@@ -111,7 +112,7 @@ class Robots:
         on_gpu = text("device", device) != "cpu"
         self._gpu = _gaitfit.CudaRobots(task, num_envs, seed, stagger, device) if on_gpu else None
         self._robots: Any = self._gpu or _gaitfit.Robots(task, num_envs, seed, threads, stagger)
-        self._lock, self._seed = threading.Lock(), seed
+        self._lock, self._seed, self._shape = threading.Lock(), seed, json.loads(task.shape)
         self.num_envs: int = num_envs
         self.num_actions: int = task.action_width
         self.joints: list[str] = task.joints
@@ -265,6 +266,29 @@ class Robots:
         with self._alone():
             self._robots.set_state(state.numbers, state.steps, state.step)
             self._observe()
+
+    def picture(self, robot: int = 0, width: int = 480, height: int = 360) -> NDArray[np.uint8]:
+        """A picture of a robot, seen from the side, ahead and above. The ground is drawn level at height 0.
+
+        Arguments:
+            robot: Its number.
+            width, height: Pixels.
+
+        Returns red, green and blue, shape ``(height, width, 3)``.
+
+        Raises ``ValueError`` for a robot that there is not, and for robots on a GPU.
+
+        >>> robots = gaitfit.Robots(num_envs=2)
+        >>> robots.picture(1, width=64, height=48).shape
+        (48, 64, 3)
+        """
+        from ._picture import picture
+
+        self._on_processor()
+        number, size = whole("robot", robot, 0), [whole("width", width, 8, 8192), whole("height", height, 8, 8192)]
+        with self._alone():
+            pose = self._robots.pose(number)
+        return picture(self._shape, pose, *size)
 
     def _on_processor(self) -> None:
         if self._gpu is not None:

@@ -204,14 +204,14 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
 
     Arguments:
         config, robot, settings, seed: As of :class:`gaitfit.Robots`.
-        render_mode: ``None``: the environment draws nothing.
+        render_mode: ``"rgb_array"``: :meth:`render` returns pictures (:meth:`gaitfit.Robots.picture`); ``None``: no pictures.
 
     >>> env = GaitfitEnv()
     >>> observation, info = env.reset(seed=1)
     >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
 
     def __init__(
         self,
@@ -222,8 +222,8 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
         seed: int = 0,
         render_mode: str | None = None,
     ) -> None:
-        if render_mode is not None:
-            raise ValueError(f"render_mode is {render_mode!r}; this environment draws nothing: give None")
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode is {render_mode!r}; this environment opens no window: give 'rgb_array' or None")
 
         def make(seed: int) -> Robots:
             return Robots(config, num_envs=1, threads=1, robot=robot, settings=settings, seed=seed)
@@ -233,7 +233,8 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
         observed, moved = _spaces(self._robots)
         self.observation_space = cast("spaces.Space[NDArray[np.float32]]", observed)
         self.action_space = cast("spaces.Space[NDArray[np.float32]]", moved)
-        self.render_mode = None
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": round(1.0 / self._robots.control_dt)}
 
     def _begin(self, seed: int) -> None:
         # What the robots begin with is an episode already.
@@ -265,6 +266,11 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
         observation = (robots.last_observation if ended else robots.observation)[0].copy()
         info = {"reward_terms": robots.reward_terms()}
         return observation, float(robots.reward[0]), bool(robots.terminated[0]), bool(robots.truncated[0]), info
+
+    def render(self) -> Any:
+        """A picture of the robot, shape ``(360, 480, 3)``, with ``render_mode="rgb_array"``; else ``None``. After an episode's end
+        it shows the next one's beginning."""
+        return self._robots.picture() if self.render_mode == "rgb_array" else None
 
 
 gymnasium.register(

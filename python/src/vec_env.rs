@@ -275,6 +275,28 @@ impl Robots {
         Ok(())
     }
 
+    /// Where robot `index` is: position of its base, m, world frame, its orientation, wxyz, and joint angles less those at which
+    /// the file places the bodies, rad, in the model's order.
+    fn pose(&self, index: usize) -> PyResult<([f32; 3], [f32; 4], Vec<f64>)> {
+        if index >= self.count {
+            return Err(value(format!(
+                "there is no robot {index}; they are numbered from 0 to {}",
+                self.count - 1
+            )));
+        }
+        Ok(self.scene.with_dependent(|task, tiles| {
+            let tile = tiles[index / TILE].lock().unwrap_or_else(PoisonError::into_inner);
+            let (motion, row) = (tile.motion(), index % TILE);
+            let joints = &task.walker.model().joints;
+            let angles = &motion.joint_position[row * joints.len()..(row + 1) * joints.len()];
+            (
+                std::array::from_fn(|k| motion.base_position[3 * row + k]),
+                std::array::from_fn(|k| motion.base_quaternion[4 * row + k]),
+                angles.iter().zip(joints).map(|(angle, joint)| f64::from(*angle) - joint.reference).collect(),
+            )
+        }))
+    }
+
     /// The commands that the robots follow: ahead and to the side, m/s, and turning, rad/s.
     fn commands(&self) -> Vec<[f32; 3]> {
         self.scene.with_dependent(|_, tiles| {

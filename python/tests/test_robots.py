@@ -166,6 +166,43 @@ class Many(Case):
             with self.assertRaisesRegex(ValueError, "mask has the shape"):
                 robots.reset(wrong)
 
+    def test_pictures_show_the_robot_where_it_is(self) -> None:
+        robots = gaitfit.Robots("assets/go2-walk.toml", num_envs=3, seed=1)
+        picture = robots.picture(2)
+        # Limbs are orange, and nothing else is.
+        orange = (picture[..., 0] > 1.4 * picture[..., 2]) & (picture[..., 0] > 60)
+        rows, columns = np.nonzero(orange)
+        self.assertGreater(orange.mean(), 0.01)
+        self.assertTrue(60 < columns.min() and columns.max() < 420 and 60 < rows.min() and rows.max() < 340)
+        dark = picture.sum(axis=-1) < 300
+        self.assertTrue(dark[165:195, 225:255].mean() > 0.5, "the trunk is in the middle")
+        np.testing.assert_array_equal(robots.picture(2), picture)
+        robots.step(np.full((3, 12), 3.0))
+        self.assertFalse(np.array_equal(robots.picture(2), picture))
+        self.assertEqual(robots.picture(width=64, height=32).shape, (32, 64, 3))
+        with self.assertRaisesRegex(ValueError, "there is no robot 3; they are numbered from 0 to 2"):
+            robots.picture(3)
+
+    def test_shapes_are_hit_where_they_are(self) -> None:
+        """By hand: a ray along −x from x = 5 meets a ball, a capsule and a box at their nearest points."""
+        from gaitfit._picture import _hit
+
+        eye, ray = np.array([5.0, 0.0, 0.0]), np.array([[[-1.0, 0.0, 0.0]]])
+        for shape, distance in (
+            ({"sphere": {"radius": 0.5}}, 4.5),
+            ({"capsule": {"radius": 0.2, "half_length": 1.0}}, 4.8),
+            ({"box": {"half": [0.3, 1.0, 1.0]}}, 4.7),
+        ):
+            found, normal = _hit(shape, np.zeros(3), np.eye(3), eye, ray)
+            self.assertAlmostEqual(float(found[0, 0]), distance, places=12)
+            np.testing.assert_allclose(normal[0, 0], [1.0, 0.0, 0.0], atol=1e-12)
+            missed, _ = _hit(shape, np.array([0.0, 3.0, 0.0]), np.eye(3), eye, ray)
+            self.assertEqual(float(missed[0, 0]), np.inf)
+        # On its side the capsule's round end is nearest.
+        turned = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+        found, _ = _hit({"capsule": {"radius": 0.2, "half_length": 1.0}}, np.zeros(3), turned, eye, ray)
+        self.assertAlmostEqual(float(found[0, 0]), 3.8, places=12)
+
     def test_two_threads_are_told_of(self) -> None:
         robots = gaitfit.Robots(num_envs=4096, seed=1)
         actions = np.zeros((4096, 12), np.float32)
@@ -330,8 +367,11 @@ class ForLearners(Case):
         many = gymnasium.make_vec("gaitfit.gym:gaitfit/Go2-v0", num_envs=3, vectorization_mode="vector_entry_point")
         self.assertIsInstance(many.unwrapped, GaitfitVecEnv)
         self.assertEqual(many.reset(seed=1)[0].shape[0], 3)
-        with self.assertRaisesRegex(ValueError, "draws nothing"):
+        with self.assertRaisesRegex(ValueError, "opens no window: give 'rgb_array'"):
             GaitfitEnv(render_mode="human")
+        drawn = GaitfitEnv(render_mode="rgb_array")
+        drawn.reset(seed=1)
+        self.assertEqual((drawn.render().shape, drawn.render().dtype, drawn.metadata["render_fps"]), ((360, 480, 3), np.uint8, 50))
 
     def test_one_robot_is_the_first_of_many(self) -> None:
         try:
