@@ -144,8 +144,8 @@ def fit_simulator(
     >>> def scaled(candidates):
     ...     position = candidates[:, :, None] * swing
     ...     return [{"position": position, "velocity": np.broadcast_to(swing, position.shape)}]
-    >>> found = fit_simulator(scaled, log, [Parameter("width", 0.0, 1.0)], cost="matcho", progress=False)
-    >>> round(found.values["width"], 2)
+    >>> result = fit_simulator(scaled, log, [Parameter("width", 0.0, 1.0)], cost="matcho", progress=False)
+    >>> round(result.values["width"], 2)
     0.3
     """
     if not callable(simulate):
@@ -174,7 +174,7 @@ def fit_simulator(
 
     def simulated(candidates: NDArray[np.float64]) -> list[dict[str, Any]]:
         found = simulate(candidates)
-        if isinstance(found, (str, bytes, Mapping)) or not np.iterable(found):
+        if isinstance(result, (str, bytes, Mapping)) or not np.iterable(found):
             raise TypeError(f"simulate returned a {type(found).__name__}; needed: a list with one dict of arrays for each log")
         return [_signals(number, signals) for number, signals in enumerate(found)]
 

@@ -91,7 +91,7 @@ class Interface:
         _gaitfit.observation_width(self.to_json())
 
     def _check(self) -> None:
-        """Every field is of its kind; whether they fit together the native half says."""
+        """Every field is of its kind; the native half checks whether they fit together."""
         for joint in items("joints", self.joints, "joints' names"):
             text("a name in joints", joint)
         for name in ("default_pose", "action_scale", "kp", "kd", "action_clip"):
@@ -239,7 +239,7 @@ def _term(term: Term | str) -> dict[str, Any]:
 def _over_joints(name: str, value: Any) -> None:
     """One number, or a list of them."""
     if value is None and name != "default_pose":
-        # What must not be left out has no default; the native half says so.
+        # The native half refuses a required value that is missing.
         return
     if isinstance(value, (str, bytes)) or not np.iterable(value):
         finite(name, value)

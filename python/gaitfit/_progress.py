@@ -14,7 +14,7 @@ Kind = Literal["note", "stage", "output", "begin", "step", "end"]
 
 @dataclass(frozen=True)
 class Event:
-    """What a stage tells its ``progress`` function. The function may return ``False``: then the stage stops, keeps what is
+    """What a stage reports to its ``progress`` function. The function may return ``False``: then the stage stops, keeps what is
     done, and raises :class:`gaitfit.Stopped`.
 
     Attributes:
@@ -48,17 +48,17 @@ Listener = Callable[[Kind | Literal["metrics"], str, int, int, Mapping[str, floa
 
 
 def listener(progress: Progresses) -> Listener | None:
-    """The function that the native half tells events: ``True`` prints them, ``False`` nobody hears them."""
+    """The function to which the native half reports: with ``True`` it prints, with ``False`` there is none."""
     if isinstance(progress, bool):
-        return _Told([Printed()]) if progress else None
+        return _Reported([Printed()]) if progress else None
     several = [progress] if callable(progress) else progress
     if not isinstance(several, (list, tuple)) or not all(callable(one) for one in several):
         raise TypeError(f"progress is {progress!r}; give True, False, or one or several functions of a gaitfit.Event")
-    return _Told(several)
+    return _Reported(several)
 
 
-class _Told:
-    """Makes events of what the native half tells."""
+class _Reported:
+    """Makes events of what the native half reports."""
 
     def __init__(self, listeners: Sequence[Progress]) -> None:
         self._listeners = listeners
@@ -85,7 +85,7 @@ class _Told:
         )
         if kind == "step":
             self._metrics = {}
-        # All of them hear it, also if one of them wants to stop.
+        # Each gets the event, also if one of them stops.
         answers = [one(event) for one in self._listeners]
         return not any(answer is False for answer in answers)
 

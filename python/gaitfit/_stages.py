@@ -63,8 +63,8 @@ def fit(
     used, :class:`Stopped` if ``progress`` returned ``False``, and ``KeyboardInterrupt`` after Ctrl-C; a run that was stopped
     can be resumed.
 
-    >>> found = gaitfit.fit("examples/go2-demo/adapt.toml", costs="matcho")      # doctest: +SKIP
-    >>> found.parameters["delay"].value      # doctest: +SKIP
+    >>> result = gaitfit.fit("examples/go2-demo/adapt.toml", costs="matcho")      # doctest: +SKIP
+    >>> result.parameters["delay"].value      # doctest: +SKIP
     0.00701
     """
     others = given.fit_settings(logs, robot, given.named_policy(policy), costs, settings, runs)
@@ -93,7 +93,7 @@ def validate(
 
     Raises ``FileNotFoundError`` for a file that is missing, and :class:`GaitfitError` for logs that cannot be used.
 
-    >>> checked = gaitfit.validate(found.theta, "examples/go2-demo/validate.csv")      # doctest: +SKIP
+    >>> checked = gaitfit.validate(result.theta, "examples/go2-demo/validate.csv")      # doctest: +SKIP
     >>> checked.rmse_rad      # doctest: +SKIP
     0.0032
     """
@@ -136,8 +136,8 @@ def loop(
 
     Raises as :func:`fit`.
 
-    >>> found = gaitfit.loop("examples/go2-ground/loop.toml")      # doctest: +SKIP
-    >>> found.policy      # doctest: +SKIP
+    >>> result = gaitfit.loop("examples/go2-ground/loop.toml")      # doctest: +SKIP
+    >>> result.policy      # doctest: +SKIP
     PosixPath('runs/loop/policies/policy-1.safetensors')
     """
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}

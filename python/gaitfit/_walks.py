@@ -87,7 +87,7 @@ def finetune(
 
     Raises as :func:`fit`, and ``TypeError`` for a policy that is a function: it has no weights to train.
 
-    >>> trained = gaitfit.finetune("assets/go2-walk.safetensors", theta=found.theta)      # doctest: +SKIP
+    >>> trained = gaitfit.finetune("assets/go2-walk.safetensors", theta=result.theta)      # doctest: +SKIP
     """
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
     run = given.run(config, Finetune, others, name, resume, threads, device)

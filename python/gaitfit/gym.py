@@ -50,7 +50,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
 
     With ``device="cuda"`` all robots are stepped on a GPU. Actions are an array of another library there, and what comes back
     are the environment's own :class:`gaitfit.DeviceArray`, without copies: ``copy`` must be ``False``.
-    ``infos["final_obs"]`` is one array of all robots' last observations, ``infos["_final_obs"]`` says whose are new, and there is
+    ``infos["final_obs"]`` is one array of all robots' last observations, ``infos["_final_obs"]`` marks the new ones, and there is
     no ``final_info``.
 
     >>> env = GaitfitVecEnv(num_envs=8)

@@ -36,7 +36,7 @@ class ClampedRobot(Clamped):
 
     Raises ``ValueError`` for logs without targets or gains, and for parameters that it does not have.
 
-    A parameter's name says what it sets: ``frictionloss``, N·m, ``armature``, kg·m², or ``damping``, N·m·s/rad, of all
+    A parameter's name is what it sets: ``frictionloss``, N·m, ``armature``, kg·m², or ``damping``, N·m·s/rad, of all
     joints, or of those that a pattern takes, as in ``frictionloss:*_hip``; or ``delay``, s, of the targets.
     """
 

@@ -5,8 +5,8 @@ Every stage has its own: :func:`gaitfit.fit` a :class:`FitResult`, :func:`gaitfi
 :func:`gaitfit.collect` a :class:`Collection`, :func:`gaitfit.loop` a :class:`LoopResult`, and
 :func:`gaitfit.ray.reproduce` a :class:`Table`. :func:`load` reads them again from a run folder.
 
-Files are :class:`pathlib.Path`. A number that could not be measured is NaN where it is a mean, and ``None`` where the field
-says so. :attr:`Result.document` has the whole document that the program prints with ``--json``, with more detail than the
+Files are :class:`pathlib.Path`. A number that could not be measured is NaN where it is a mean, and ``None`` where the field's
+description has it. :attr:`Result.document` has the whole document that the program prints with ``--json``, with more detail than the
 fields.
 """
 

@@ -200,8 +200,8 @@ class FitResult(Result):
         held_out: Walking logs: these walks in numbers.
         falls: Walking logs in which the robot fell; they were cut there.
 
-    >>> found = gaitfit.fit("examples/go2-demo/adapt.toml")      # doctest: +SKIP
-    >>> found.parameters["delay"].value, found.parameters["delay"].unit      # doctest: +SKIP
+    >>> result = gaitfit.fit("examples/go2-demo/adapt.toml")      # doctest: +SKIP
+    >>> result.parameters["delay"].value, result.parameters["delay"].unit      # doctest: +SKIP
     (0.00701, 's')
     """
 

@@ -27,8 +27,8 @@ def load(run: str | os.PathLike[str]) -> Loaded:
     Raises ``FileNotFoundError`` if there is no such file or the run has no result yet, and ``ValueError`` for a file that
     is not a result.
 
-    >>> found = gaitfit.load("runs/adapt")      # doctest: +SKIP
-    >>> isinstance(found, gaitfit.FitResult)      # doctest: +SKIP
+    >>> result = gaitfit.load("runs/adapt")      # doctest: +SKIP
+    >>> isinstance(result, gaitfit.FitResult)      # doctest: +SKIP
     True
     """
     file = Path(named("run", run))
