@@ -174,7 +174,7 @@ def fit_simulator(
 
     def simulated(candidates: NDArray[np.float64]) -> list[dict[str, Any]]:
         found = simulate(candidates)
-        if isinstance(result, (str, bytes, Mapping)) or not np.iterable(found):
+        if isinstance(found, (str, bytes, Mapping)) or not np.iterable(found):
             raise TypeError(f"simulate returned a {type(found).__name__}; needed: a list with one dict of arrays for each log")
         return [_signals(number, signals) for number, signals in enumerate(found)]
 
