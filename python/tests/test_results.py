@@ -54,6 +54,9 @@ class Fits(Case):
         self.assertEqual(copy.deepcopy(found), found)
         rows = found.rows()
         self.assertEqual((len(rows), rows[0]["name"]), (10, "frictionloss_hip"))
+        delay = found.parameters["delay"]
+        self.assertEqual((rows[-1]["interval_lower"], rows[-1]["interval_upper"]), delay.interval or (None, None))
+        self.assertEqual([key for row in rows for key, value in row.items() if isinstance(value, (list, dict, tuple))], [])
         try:
             import pandas  # noqa: F401
         except ImportError:

@@ -130,11 +130,11 @@ def framed(page: Path, height: int = 600) -> str:
 
 
 def flat(row: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    """A row without objects in it: inner names follow a dot."""
+    """A row without objects and lists in it: inner names follow a dot, and lists are left out."""
     cells: dict[str, Any] = {}
     for key, value in row.items():
         if isinstance(value, dict):
             cells.update(flat(value, f"{before}{key}."))
-        else:
+        elif not isinstance(value, list):
             cells[before + key] = value
     return cells

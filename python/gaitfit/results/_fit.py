@@ -237,8 +237,10 @@ class FitResult(Result):
         return self.run_folder / "theta.toml"
 
     def rows(self) -> list[dict[str, Any]]:
-        """One row a parameter."""
-        return [flat(row) for row in self.document["parameters"]]
+        """One row a parameter: ``name``, ``value``, ``unit``, ``interval_lower`` and ``interval_upper`` (the 95 % interval),
+        ``identified``, ``spread``, ``lower`` and ``upper`` (bounds of the search), ``start``, ``at_bound``, ``uncorrected`` and
+        ``truth``; ``None`` where there is no value."""
+        return [_row(one) for one in self.parameters.values()]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -280,3 +282,10 @@ class ValidationResult(Result):
     def rows(self) -> list[dict[str, Any]]:
         """One row a log."""
         return [flat(row) for row in self.document["validation"]]
+
+
+def _row(one: FittedParameter) -> dict[str, Any]:
+    low, high = one.interval or (None, None)
+    before = {"name": one.name, "value": one.value, "unit": one.unit, "interval_lower": low, "interval_upper": high}
+    others = ("identified", "spread", "lower", "upper", "start", "at_bound", "uncorrected", "truth")
+    return {**before, **{name: getattr(one, name) for name in others}}
