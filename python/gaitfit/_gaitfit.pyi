@@ -108,6 +108,7 @@ class Robots:
         seed: int,
         threads: int | None,
         stagger: bool,
+        autoreset: bool,
     ) -> None: ...
     def observe(self, observation: NDArray[np.float32], critic: NDArray[np.float32]) -> None: ...
     def step(

@@ -55,6 +55,8 @@ class Robots:
         seed: Draws depend on it and on an environment's number alone, not on ``threads``.
         threads: Threads; by default one for each core. Of no effect on a GPU.
         stagger: Spread the first episodes' ages, so that time-outs do not come in waves.
+        autoreset: Whether robots whose episode ended begin the next one within the step. ``False``: they stay as they are until
+            :meth:`reset` with their mask; those that diverged begin anew all the same.
         device: ``"cpu"`` or ``"cuda"`` (``"cuda:1"``: the second GPU). On a GPU all robots are stepped there, and the arrays are
             :class:`gaitfit.DeviceArray` in its memory: ``torch.from_dlpack(robots.observation)`` takes one without a copy.
             Robots, commands, starts and noise are the processor's; motions differ by rounding.
@@ -102,16 +104,19 @@ class Robots:
         seed: int = 0,
         threads: int | None = None,
         stagger: bool = False,
+        autoreset: bool = True,
         device: str = "cpu",
     ) -> None:
         num_envs, seed = whole("num_envs", num_envs, 1), whole("seed", seed, 0)
         model: str | None = maybe(path, "robot", robot)
         file, given = configured(config, Train, settings)
-        threads, stagger = checked(threads), flag("stagger", stagger)
+        threads, stagger, autoreset = checked(threads), flag("stagger", stagger), flag("autoreset", autoreset)
         task = _gaitfit.Task(existing("config", file), as_sets(given), model)
         on_gpu = text("device", device) != "cpu"
+        if on_gpu and not autoreset:
+            raise ValueError("autoreset is False; robots on a GPU begin their next episode within the step: give True")
         self._gpu = _gaitfit.CudaRobots(task, num_envs, seed, stagger, device) if on_gpu else None
-        self._robots: Any = self._gpu or _gaitfit.Robots(task, num_envs, seed, threads, stagger)
+        self._robots: Any = self._gpu or _gaitfit.Robots(task, num_envs, seed, threads, stagger, autoreset)
         self._lock, self._seed, self._shape = threading.Lock(), seed, json.loads(task.shape)
         self.num_envs: int = num_envs
         self.num_actions: int = task.action_width

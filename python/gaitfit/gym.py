@@ -37,8 +37,8 @@ def _spaces(robots: Robots) -> tuple[Box, Box]:
 class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-ignore]
     """Robots at a task as a ``gymnasium.vector.VectorEnv``.
 
-    Episodes that end begin anew within the same step (``AutoresetMode.SAME_STEP``). ``infos["final_obs"]`` has what those
-    robots observed before, ``infos["_final_obs"]`` which they are; ``infos["final_info"]`` has their ``episode_return``,
+    By default episodes that end begin anew within the same step (``AutoresetMode.SAME_STEP``). ``infos["final_obs"]`` then has
+    what those robots observed before, ``infos["_final_obs"]`` which they are; ``infos["final_info"]`` has their ``episode_return``,
     ``episode_length`` and ``fell``, arrays of shape ``(num_envs,)`` with masks (``_episode_return``, …). A robot whose simulation
     diverged has fallen: it is terminated, and begins anew. The action space is :attr:`gaitfit.Robots.action_bounds`.
 
@@ -46,7 +46,8 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         config, num_envs, robot, settings, seed, threads, device: As of :class:`gaitfit.Robots`.
         copy: ``False`` hands out the environment's own arrays, without copies; the next step writes over them.
         log_rewards: Whether ``infos["log"]`` has the reward terms of each step by name, means over the robots.
-        autoreset_mode: ``AutoresetMode.SAME_STEP``; the others raise ``ValueError``.
+        autoreset_mode: ``AutoresetMode.SAME_STEP``; ``NEXT_STEP``: the step after an episode's end begins the next one, without
+            an action and reward; ``DISABLED``: ``reset(options={"reset_mask": mask})`` begins it. On a GPU only the first.
 
     With ``device="cuda"`` all robots are stepped on a GPU. Actions are an array of another library there, and what comes back
     are the environment's own :class:`gaitfit.DeviceArray`, without copies: ``copy`` must be ``False``.
@@ -74,15 +75,23 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         log_rewards: bool = False,
         autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP,
     ) -> None:
-        if autoreset_mode != AutoresetMode.SAME_STEP:
+        self._mode = AutoresetMode(autoreset_mode)
+        if device != "cpu" and self._mode != AutoresetMode.SAME_STEP:
             raise ValueError(
-                f"autoreset_mode is {autoreset_mode}; robots begin their next episode within the same step: give "
+                f"autoreset_mode is {self._mode}; robots on a GPU begin their next episode within the same step: give "
                 "AutoresetMode.SAME_STEP"
             )
 
         def make(seed: int) -> Robots:
             return Robots(
-                config, num_envs=num_envs, robot=robot, settings=settings, seed=seed, threads=threads, device=device
+                config,
+                num_envs=num_envs,
+                robot=robot,
+                settings=settings,
+                seed=seed,
+                threads=threads,
+                autoreset=self._mode == AutoresetMode.SAME_STEP,
+                device=device,
             )
 
         self._make = make
@@ -96,7 +105,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         self.single_observation_space, self.single_action_space = _spaces(self._robots)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
+        self.metadata = {"autoreset_mode": self._mode}
         self.render_mode = None
         self.spec = None
 
@@ -105,6 +114,8 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         self._seed, self._fresh = seed, True
         self._returns = np.zeros(self._robots.num_envs)
         self._lengths = np.zeros(self._robots.num_envs, np.int64)
+        #: Whose episode the last step ended, and nothing has begun since.
+        self._over = np.zeros(self._robots.num_envs, np.bool_)
 
     @property
     def robots(self) -> Robots:
@@ -135,7 +146,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         elif mask is not None or not self._fresh:
             self._robots.reset(mask)
         who = slice(None) if mask is None else mask
-        self._returns[who], self._lengths[who] = 0.0, 0
+        self._returns[who], self._lengths[who], self._over[who] = 0.0, 0, False
         self._fresh = False
         return self._out(self._robots.observation), {}
 
@@ -147,9 +158,16 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         infos: dict[str, Any] = {}
         ends = robots.step(actions)
         if robots.device == "cpu":
+            if self._mode == AutoresetMode.NEXT_STEP and self._over.any():
+                # What these robots did in this step belongs to no episode.
+                robots.reset(self._over)
+                for values in (robots.reward, robots.terminated, robots.truncated, self._returns, self._lengths):
+                    values[self._over] = 0
+            begun = self._over if self._mode == AutoresetMode.NEXT_STEP else np.zeros(self.num_envs, np.bool_)
             self._returns += robots.reward
-            self._lengths += 1
-            if ends:
+            self._lengths += ~begun
+            self._over = robots.ended
+            if ends and self._mode == AutoresetMode.SAME_STEP:
                 infos = self._final()
             if self._log:
                 infos["log"] = robots.reward_terms()

@@ -39,6 +39,8 @@ pub struct Robots {
     scene: Scene,
     step: u32,
     threads: usize,
+    /// Whether robots whose episode ended begin a new one within the step.
+    autoreset: bool,
     #[pyo3(get)]
     count: usize,
     observation_width: usize,
@@ -63,6 +65,7 @@ impl Robots {
         seed: u64,
         threads: Option<usize>,
         stagger: bool,
+        autoreset: bool,
     ) -> PyResult<Self> {
         checked(count)?;
         let threads = threads.unwrap_or_else(gaitfit::machine::threads).clamp(1, count.div_ceil(TILE));
@@ -82,6 +85,7 @@ impl Robots {
             scene: scene.map_err(value)?,
             step: 0,
             threads,
+            autoreset,
             count,
             observation_width: task.observation_width,
             critic_width: task.critic_width,
@@ -121,8 +125,8 @@ impl Robots {
         Ok(())
     }
 
-    /// One control period. Robots whose episode ended begin a new one at once; `last` has what they observed before. The
-    /// number of episodes that ended comes back.
+    /// One control period. With `autoreset` robots whose episode ended begin a new one at once, and `last` has what they observed
+    /// before; without it only robots that diverged do. The number of episodes that ended comes back.
     fn step(
         &mut self,
         py: Python<'_>,
@@ -154,7 +158,7 @@ impl Robots {
         let reward = row(&mut reward, "reward", count)?;
         let terminated = row(&mut terminated, "terminated", count)?;
         let truncated = row(&mut truncated, "truncated", count)?;
-        let (scene, step, threads) = (&self.scene, self.step, self.threads);
+        let (scene, step, threads, autoreset) = (&self.scene, self.step, self.threads, self.autoreset);
         let [wide, critic_wide, action_wide] =
             [self.observation_width, self.critic_width, width].map(|width| width.max(1) * TILE);
         let diverged: Mutex<Vec<usize>> = Mutex::default();
@@ -181,7 +185,7 @@ impl Robots {
                 });
                 pool::share(&mut vec![(); threads], jobs, |(), (number, tile, rows)| {
                     let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
-                    let (ends, broken) = advance(&mut tile, step, rows);
+                    let (ends, broken) = advance(&mut tile, step, rows, autoreset);
                     *ended.lock().unwrap_or_else(PoisonError::into_inner) += ends;
                     let broken = broken.into_iter().map(|robot| number * TILE + robot);
                     diverged.lock().unwrap_or_else(PoisonError::into_inner).extend(broken);
@@ -309,7 +313,7 @@ impl Robots {
 }
 
 /// Steps a tile; how many episodes ended, and the robots that diverged.
-fn advance(tile: &mut Environment<'_>, step: u32, rows: Rows<'_>) -> (usize, Vec<usize>) {
+fn advance(tile: &mut Environment<'_>, step: u32, rows: Rows<'_>, autoreset: bool) -> (usize, Vec<usize>) {
     let mut ended = vec![Ended::No; tile.count()];
     tile.step(step, rows.actions, rows.reward, &mut ended);
     for (index, ended) in ended.iter().enumerate() {
@@ -318,7 +322,11 @@ fn advance(tile: &mut Environment<'_>, step: u32, rows: Rows<'_>) -> (usize, Vec
     }
     let ends = ended.iter().filter(|&&ended| ended != Ended::No).count();
     let broken: Vec<usize> = (0..ended.len()).filter(|&index| ended[index] == Ended::Diverged).collect();
-    if ends > 0 {
+    if !autoreset {
+        // A state that is not finite cannot be stepped further.
+        ended.iter_mut().filter(|ended| **ended != Ended::Diverged).for_each(|ended| *ended = Ended::No);
+        tile.begin_episodes(step, &ended);
+    } else if ends > 0 {
         tile.observe(step.wrapping_add(1), rows.last);
         let width = rows.last.len() / ended.len();
         for index in &broken {

@@ -259,12 +259,47 @@ class ForLearners(Case):
         np.testing.assert_array_equal(env.robots.state().steps[~mask], kept[~mask])
         with self.assertRaisesRegex(ValueError, "reset_mask and seed"):
             env.reset(seed=1, options={"reset_mask": mask})
-        with self.assertRaisesRegex(ValueError, "give AutoresetMode.SAME_STEP"):
-            GaitfitVecEnv(num_envs=2, autoreset_mode=AutoresetMode.NEXT_STEP)
         one = GaitfitEnv()
         one.reset(seed=1)
         _, reward, _, _, info = one.step(np.zeros(12, np.float32))
         self.assertAlmostEqual(sum(info["reward_terms"].values()), reward, places=5)
+
+    def test_autoreset_modes(self) -> None:
+        try:
+            from gymnasium.vector import AutoresetMode
+
+            from gaitfit.gym import GaitfitVecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        same, later = (GaitfitVecEnv(num_envs=32, autoreset_mode=mode) for mode in (AutoresetMode.SAME_STEP, "NextStep"))
+        off = GaitfitVecEnv(num_envs=32, autoreset_mode=AutoresetMode.DISABLED)
+        self.assertEqual(later.metadata["autoreset_mode"], AutoresetMode.NEXT_STEP)
+        for env in (same, later, off):
+            env.reset(seed=3)
+        ended = np.zeros(32, bool)
+        for number in range(150):
+            action = np.full((32, 12), 4.0 * np.sin(number), np.float32)
+            steps = [env.step(action) for env in (same, later, off)]
+            ended = steps[0][2] | steps[0][3]
+            for found in steps[1:]:
+                for mine, theirs in zip(found[1:4], steps[0][1:4]):
+                    np.testing.assert_array_equal(mine, theirs)
+                # The last observation is that of the episode that ended.
+                for index in np.flatnonzero(ended):
+                    np.testing.assert_array_equal(found[0][index], steps[0][4]["final_obs"][index])
+            if ended.any():
+                break
+        self.assertTrue(ended.any() and not ended.all())
+        before = later.robots.state()
+        observation, reward, terminated, truncated, _ = later.step(np.ones((32, 12), np.float32))
+        np.testing.assert_array_equal(reward[ended], 0.0)
+        self.assertFalse((terminated | truncated)[ended].any())
+        self.assertTrue((later.robots.state().steps[ended] == 0).all(), "the action had no effect")
+        others = ~ended & ~(terminated | truncated)
+        np.testing.assert_array_equal(later.robots.state().steps[others], before.steps[others] + 1)
+        self.assertTrue(np.isfinite(observation).all())
+        off.reset(options={"reset_mask": ended})
+        np.testing.assert_array_equal(off.robots.state().steps == 0, ended)
 
     def test_stable_baselines3(self) -> None:
         try:
