@@ -71,7 +71,8 @@ PAGES = [
         ("gaitfit.costs", "costs.py", []),
     ]),
     Page("robots", "Python: robots", "Robots at a task for a learner of your own. [Robots](../python-robots.md) begins with examples.", [
-        ("gaitfit", "_robots.py", ["Robots", "RobotsState"]),
+        ("gaitfit", "_robots.py", ["Robots", "RobotsState", "Motion"]),
+        ("gaitfit.gym", "_terms.py", ["Terms"]),
         ("gaitfit.gym", "gym.py", []),
         ("gaitfit.sb3", "sb3.py", []),
         ("gaitfit.rsl_rl", "rsl_rl.py", []),

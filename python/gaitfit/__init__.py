@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ._policy import Interface, Policy, Term
     from ._policy_file import LoadedPolicy, load_policy
     from ._progress import Event
-    from ._robots import Robots
+    from ._robots import Motion, Robots, RobotsState
     from ._stages import fit, loop, validate
     from ._walks import collect, evaluate, finetune, train
     from .results import (
@@ -49,9 +49,11 @@ __all__ = [
     "LoadedPolicy",
     "Log",
     "LoopResult",
+    "Motion",
     "Parameter",
     "Policy",
     "Robots",
+    "RobotsState",
     "Simulator",
     "Stopped",
     "Term",
@@ -83,7 +85,7 @@ _PARTS = {
     "_policy": ("Interface", "Policy", "Term"),
     "_policy_file": ("LoadedPolicy", "load_policy"),
     "_progress": ("Event",),
-    "_robots": ("Robots",),
+    "_robots": ("Motion", "Robots", "RobotsState"),
     "_stages": ("fit", "loop", "validate"),
     "_walks": ("collect", "evaluate", "finetune", "train"),
     "callbacks": ("callbacks",),

@@ -43,6 +43,30 @@ class RobotsState:
     step: int
 
 
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """How all robots move: what is true in the simulation, without the noise of observations. After an episode's end it is that
+    of the next one, unless ``autoreset`` is off.
+
+    Attributes:
+        base_position: Position of the base, m, world frame, shape ``(num_envs, 3)``.
+        base_quaternion: Its orientation, wxyz, shape ``(num_envs, 4)``.
+        base_linear_velocity: Its velocity, m/s, world frame, shape ``(num_envs, 3)``.
+        base_angular_velocity: Its angular velocity, rad/s, body frame, shape ``(num_envs, 3)``.
+        joint_position: Joint positions as the encoders report them, rad, shape ``(num_envs, joints)``.
+        joint_velocity: Joint velocities, rad/s, shape ``(num_envs, joints)``.
+        torque: Torques on the joints in the last physics step, N·m, shape ``(num_envs, joints)``.
+    """
+
+    base_position: NDArray[np.float32]
+    base_quaternion: NDArray[np.float32]
+    base_linear_velocity: NDArray[np.float32]
+    base_angular_velocity: NDArray[np.float32]
+    joint_position: NDArray[np.float32]
+    joint_velocity: NDArray[np.float32]
+    torque: NDArray[np.float32]
+
+
 class Robots:
     """Many robots at the task of a training's configuration, stepped together by the program's own engine.
 
@@ -271,6 +295,18 @@ class Robots:
         with self._alone():
             self._robots.set_state(state.numbers, state.steps, state.step)
             self._observe()
+
+    def motion(self) -> Motion:
+        """How all robots move, as copies.
+
+        Raises ``ValueError`` for robots on a GPU.
+
+        >>> gaitfit.Robots(num_envs=3).motion().base_position.shape
+        (3, 3)
+        """
+        self._on_processor()
+        with self._alone():
+            return Motion(*self._robots.motion())
 
     def picture(self, robot: int = 0, width: int = 480, height: int = 360) -> NDArray[np.uint8]:
         """A picture of a robot, seen from the side, ahead and above. The ground is drawn level at height 0.

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ._arguments import count, flag
 from ._arrays import numbers
 from ._robots import Robots, RobotsState
+from ._terms import Terms
 from .config import Train
 
 Box = spaces.Box
@@ -46,6 +47,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         config, num_envs, robot, settings, seed, threads, device: As of :class:`gaitfit.Robots`.
         copy: ``False`` hands out the environment's own arrays, without copies; the next step writes over them.
         log_rewards: Whether ``infos["log"]`` has the reward terms of each step by name, means over the robots.
+        terms: Reward, end of an episode and observation of your own (:class:`gaitfit.gym.Terms`).
         autoreset_mode: ``AutoresetMode.SAME_STEP``; ``NEXT_STEP``: the step after an episode's end begins the next one, without
             an action and reward; ``DISABLED``: ``reset(options={"reset_mask": mask})`` begins it. On a GPU only the first.
 
@@ -73,9 +75,12 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         copy: bool | None = None,
         device: str = "cpu",
         log_rewards: bool = False,
+        terms: Terms | None = None,
         autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP,
     ) -> None:
-        self._mode = AutoresetMode(autoreset_mode)
+        self._mode, self._terms = AutoresetMode(autoreset_mode), terms
+        if terms is not None and (not isinstance(terms, Terms) or device != "cpu"):
+            raise TypeError(f"terms is {terms!r}; give gaitfit.gym.Terms, and device='cpu'")
         if device != "cpu" and self._mode != AutoresetMode.SAME_STEP:
             raise ValueError(
                 f"autoreset_mode is {self._mode}; robots on a GPU begin their next episode within the same step: give "
@@ -90,7 +95,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
                 settings=settings,
                 seed=seed,
                 threads=threads,
-                autoreset=self._mode == AutoresetMode.SAME_STEP,
+                autoreset=self._mode == AutoresetMode.SAME_STEP and terms is None,
                 device=device,
             )
 
@@ -102,7 +107,9 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
             raise ValueError(f"{what} is True; robots on a GPU hand out their own arrays: give {give}=False")
         self._begin(seed)
         self.num_envs = num_envs
-        self.single_observation_space, self.single_action_space = _spaces(self._robots)
+        observed, self.single_action_space = _spaces(self._robots)
+        width = self._observed().shape[1] if device == "cpu" else observed.shape[0]
+        self.single_observation_space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.metadata = {"autoreset_mode": self._mode}
@@ -148,50 +155,54 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         who = slice(None) if mask is None else mask
         self._returns[who], self._lengths[who], self._over[who] = 0.0, 0, False
         self._fresh = False
-        return self._out(self._robots.observation), {}
+        return self._out(self._observed() if self._robots.device == "cpu" else self._robots.observation), {}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """One control period under ``actions``, shape ``(num_envs, joints)``: observations, rewards, who fell, whose time is up,
-        and infos. Raises as :meth:`gaitfit.Robots.step`."""
+        and infos. Raises as :meth:`gaitfit.Robots.step`, and ``ValueError`` for a term that returns something else."""
         self._fresh = False
-        robots = self._robots
-        infos: dict[str, Any] = {}
+        robots, terms = self._robots, self._terms
         ends = robots.step(actions)
-        if robots.device == "cpu":
-            if self._mode == AutoresetMode.NEXT_STEP and self._over.any():
-                # What these robots did in this step belongs to no episode.
-                robots.reset(self._over)
-                for values in (robots.reward, robots.terminated, robots.truncated, self._returns, self._lengths):
-                    values[self._over] = 0
-            begun = self._over if self._mode == AutoresetMode.NEXT_STEP else np.zeros(self.num_envs, np.bool_)
-            self._returns += robots.reward
-            self._lengths += ~begun
-            self._over = robots.ended
-            if ends and self._mode == AutoresetMode.SAME_STEP:
-                infos = self._final()
-            if self._log:
-                infos["log"] = robots.reward_terms()
-        elif ends:
-            infos = {"final_obs": robots.last_observation, "_final_obs": robots.ended}
-        return (
-            self._out(robots.observation),
-            self._out(robots.reward),
-            self._out(robots.terminated),
-            self._out(robots.truncated),
-            infos,
-        )
+        if robots.device != "cpu":
+            infos = {"final_obs": robots.last_observation, "_final_obs": robots.ended} if ends else {}
+            return robots.observation, robots.reward, robots.terminated, robots.truncated, infos
+        infos = {"log": robots.reward_terms()} if self._log else {}
+        observation, reward, terminated, truncated = robots.observation, robots.reward, robots.terminated, robots.truncated
+        if terms is not None:
+            motion = robots.motion()
+            reward, terminated = terms.rewarded(robots, motion), terms.over(robots, motion)
+            observation = terms.observed(robots, motion)
+        begun = self._over if self._mode == AutoresetMode.NEXT_STEP else np.zeros(self.num_envs, np.bool_)
+        if begun.any():
+            # What these robots did in this step belongs to no episode.
+            robots.reset(begun)
+            for values in (reward, terminated, truncated, self._returns, self._lengths):
+                values[begun] = 0
+            observation = self._observed()
+        self._returns += reward
+        self._lengths += ~begun
+        self._over = ended = terminated | truncated
+        if self._mode == AutoresetMode.SAME_STEP and ended.any():
+            infos |= self._final(ended, terminated, robots.last_observation if terms is None else observation)
+            if terms is not None:
+                robots.reset(ended)
+                observation = self._observed()
+        return self._out(observation), self._out(reward), self._out(terminated), self._out(truncated), infos
 
-    def _final(self) -> dict[str, Any]:
-        """Infos of episodes that ended."""
+    def _observed(self) -> Any:
+        """What the robots observe now."""
         robots = self._robots
-        ended = robots.ended
+        return robots.observation if self._terms is None else self._terms.observed(robots, robots.motion())
+
+    def _final(self, ended: NDArray[np.bool_], terminated: NDArray[np.bool_], last: NDArray[np.float32]) -> dict[str, Any]:
+        """Infos of episodes that ended, with what their robots observed ``last``."""
         final = np.full(self.num_envs, None, object)
         for index in np.flatnonzero(ended):
-            final[index] = robots.last_observation[index].copy()
+            final[index] = last[index].copy()
         values = {
             "episode_return": np.where(ended, self._returns, 0.0),
             "episode_length": np.where(ended, self._lengths, 0),
-            "fell": robots.terminated.copy(),
+            "fell": terminated.copy(),
         }
         masks = {f"_{name}": ended.copy() for name in values}
         self._returns[ended], self._lengths[ended] = 0.0, 0
@@ -206,7 +217,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         robots, self._returns[:], self._lengths[:] = state
         self._robots.set_state(robots)
         self._fresh = False
-        return self._out(self._robots.observation)
+        return self._out(self._observed())
 
     def _out(self, array: Any) -> Any:
         return array.copy() if self._copy else array

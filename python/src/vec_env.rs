@@ -4,7 +4,10 @@ use crate::errors::value;
 use crate::task::{Task, bearable, checked};
 use gaitfit_learn::task::{self, Ended, Environment, Saved, TaskError};
 use gaitfit_sim::pool;
-use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
+use numpy::{
+    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1,
+    PyReadwriteArray2,
+};
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -277,6 +280,38 @@ impl Robots {
         })?;
         self.step = step;
         Ok(())
+    }
+
+    /// How all robots move: position, orientation (wxyz), linear and angular velocity of their bases, then positions, velocities and
+    /// torques of the joints that the policy moves, in its order; row by row.
+    fn motion<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f32>>>> {
+        let mut signals: [(usize, Vec<f32>); 7] = Default::default();
+        self.scene.with_dependent(|task, tiles| {
+            let (all, moved) = (task.walker.model().joints.len().max(1), &task.walker.joints);
+            for tile in tiles {
+                let tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
+                let motion = tile.motion();
+                let whole = [
+                    (3, &motion.base_position),
+                    (4, &motion.base_quaternion),
+                    (3, &motion.base_linear),
+                    (3, &motion.base_angular),
+                ];
+                for ((width, into), (columns, from)) in signals.iter_mut().zip(whole) {
+                    *width = columns;
+                    into.extend(from);
+                }
+                let of_joints = [&motion.joint_position, &motion.joint_velocity, &motion.torque];
+                for ((width, into), from) in signals[4..].iter_mut().zip(of_joints) {
+                    *width = moved.len();
+                    into.extend(from.chunks(all).flat_map(|row| moved.iter().map(|&joint| row[joint])));
+                }
+            }
+        });
+        let arrays = signals
+            .into_iter()
+            .map(|(width, values)| PyArray1::from_vec(py, values).reshape([self.count, width]));
+        arrays.collect()
     }
 
     /// Where robot `index` is: position of its base, m, world frame, its orientation, wxyz, and joint angles less those at which

@@ -264,6 +264,74 @@ class ForLearners(Case):
         _, reward, _, _, info = one.step(np.zeros(12, np.float32))
         self.assertAlmostEqual(sum(info["reward_terms"].values()), reward, places=5)
 
+    def test_terms_of_the_user(self) -> None:
+        try:
+            from gymnasium.vector import AutoresetMode
+
+            from gaitfit.gym import GaitfitVecEnv, Terms
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        plain = GaitfitVecEnv(num_envs=32)
+        terms = Terms(
+            reward=lambda robots, motion: robots.reward + motion.base_position[:, 2],
+            terminated=lambda robots, motion: motion.base_position[:, 2] < 0.25,
+            observation=lambda robots, motion: motion.base_position[:, 2],
+        )
+        for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP):
+            env = GaitfitVecEnv(num_envs=32, terms=terms, autoreset_mode=mode)
+            width = plain.single_observation_space.shape[0]
+            self.assertEqual(env.single_observation_space.shape, (width + 1,))
+            first, _ = env.reset(seed=3)
+            np.testing.assert_array_equal(first[:, :width], plain.reset(seed=3)[0])
+            np.testing.assert_array_equal(first[:, width], env.robots.motion().base_position[:, 2])
+            ends, begun = 0, np.zeros(32, bool)
+            for number in range(60):
+                found = env.step(np.full((32, 12), 3.0 * np.sin(number), np.float32))
+                observation, reward, terminated, truncated, infos = found
+                ended = terminated | truncated
+                self.assertTrue((observation[~ended, width] >= 0.25).all() or mode == AutoresetMode.SAME_STEP)
+                if mode == AutoresetMode.SAME_STEP:
+                    for index in np.flatnonzero(terminated):
+                        self.assertLess(infos["final_obs"][index][width], 0.26)
+                else:
+                    np.testing.assert_array_equal(reward[begun], 0.0)
+                    self.assertTrue((observation[terminated, width] < 0.26).all())
+                    begun = ended
+                ends += ended.sum()
+            self.assertGreater(ends, 0)
+        for wrong, words in (
+            ({"reward": lambda robots, motion: [1.0]}, r"the reward term returned the shape \(1,\)"),
+            ({"reward": lambda robots, motion: np.full(32, np.nan)}, "of finite numbers"),
+            ({"terminated": lambda robots, motion: np.zeros(32)}, "the term terminated returned .* of bool"),
+            ({"observation": lambda robots, motion: np.zeros((3, 2))}, "the observation term returned the shape"),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(ValueError, words):
+                GaitfitVecEnv(num_envs=32, terms=Terms(**wrong)).step(np.zeros((32, 12)))
+        with self.assertRaisesRegex(TypeError, "reward is 3; give a function"):
+            Terms(reward=3)
+        with self.assertRaisesRegex(TypeError, "give gaitfit.gym.Terms"):
+            GaitfitVecEnv(num_envs=2, terms=3)
+
+    def test_motion_is_what_the_robots_do(self) -> None:
+        quiet = {f"task.noise.{name}": 0.0 for name in ("joint_position", "joint_velocity", "projected_gravity", "base_angular_velocity")}
+        robots = gaitfit.Robots("assets/go2-walk.toml", num_envs=300, seed=2, settings=quiet)
+        policy = gaitfit.load_policy("assets/go2-walk.safetensors")
+        before = robots.motion()
+        for _ in range(50):
+            robots.step(policy(robots.observation))
+        after = robots.motion()
+        self.assertEqual((after.joint_position.shape, after.base_quaternion.shape), ((300, 12), (300, 4)))
+        np.testing.assert_allclose(np.linalg.norm(after.base_quaternion, axis=1), 1.0, atol=1e-4)
+        self.assertGreater(np.abs(after.base_position - before.base_position).max(), 0.2)
+        # Without noise the observation of joint positions is the motion less the default pose.
+        names = [term.quantity if hasattr(term, "quantity") else term for term in robots.interface.observation]
+        scales = {term.quantity: term.scale for term in robots.interface.observation}
+        widths = {"command": 3, "base_angular_velocity": 3, "projected_gravity": 3}
+        at = sum(widths.get(name, 12) for name in names[: names.index("joint_position")])
+        scale = np.atleast_1d(scales["joint_position"] or 1.0)[0]
+        expected = (after.joint_position - np.asarray(robots.interface.default_pose)) * scale
+        np.testing.assert_allclose(robots.observation[:, at : at + 12], expected, atol=1e-4)
+
     def test_autoreset_modes(self) -> None:
         try:
             from gymnasium.vector import AutoresetMode
