@@ -61,7 +61,8 @@ PAGES = [
         ("gaitfit.plots", "plots.py", []),
     ]),
     Page("logs", "Python: logs, policies and simulators", "Logs as arrays, policies, and a fit of a simulator of your own.", [
-        ("gaitfit", "_logs.py", ["Log", "Finding", "read_log"]),
+        ("gaitfit", "_logs.py", ["Log", "Finding"]),
+        ("gaitfit", "_log_files.py", ["read_log"]),
         ("gaitfit", "_policy_file.py", ["load_policy", "LoadedPolicy"]),
         ("gaitfit", "_policy.py", ["Policy", "Interface", "Term"]),
         ("gaitfit", "_own_simulator.py", ["fit_simulator", "Simulator", "Parameter", "FitOutcome"]),
@@ -71,7 +72,8 @@ PAGES = [
         ("gaitfit.costs", "costs.py", []),
     ]),
     Page("robots", "Python: robots", "Robots at a task for a learner of your own. [Robots](../python-robots.md) begins with examples.", [
-        ("gaitfit", "_robots.py", ["Robots", "RobotsState", "Motion"]),
+        ("gaitfit", "_robots.py", ["Robots"]),
+        ("gaitfit", "_robots_state.py", ["Motion", "RobotsState"]),
         ("gaitfit.gym", "_terms.py", ["Terms"]),
         ("gaitfit.gym", "gym.py", []),
         ("gaitfit.sb3", "sb3.py", []),

@@ -15,12 +15,14 @@ from ._gaitfit import DeviceArray, GaitfitError, Stopped, __version__
 if TYPE_CHECKING:
     from . import callbacks, config, costs, results
     from ._cma import CMA
-    from ._logs import Finding, Log, read_log
+    from ._log_files import read_log
+    from ._logs import Finding, Log
     from ._own_simulator import FitOutcome, Parameter, Simulator, fit_simulator
     from ._policy import Interface, Policy, Term
     from ._policy_file import LoadedPolicy, load_policy
     from ._progress import Event
-    from ._robots import Motion, Robots, RobotsState
+    from ._robots import Robots
+    from ._robots_state import Motion, RobotsState
     from ._stages import fit, loop, validate
     from ._walks import collect, evaluate, finetune, train
     from .results import (
@@ -80,12 +82,14 @@ __all__ = [
 #: Where what needs NumPy is: it is imported when it is asked for, so that the program starts without.
 _PARTS = {
     "_cma": ("CMA",),
-    "_logs": ("Finding", "Log", "read_log"),
+    "_log_files": ("read_log",),
+    "_logs": ("Finding", "Log"),
     "_own_simulator": ("FitOutcome", "Parameter", "Simulator", "fit_simulator"),
     "_policy": ("Interface", "Policy", "Term"),
     "_policy_file": ("LoadedPolicy", "load_policy"),
     "_progress": ("Event",),
-    "_robots": ("Motion", "Robots", "RobotsState"),
+    "_robots": ("Robots",),
+    "_robots_state": ("Motion", "RobotsState"),
     "_stages": ("fit", "loop", "validate"),
     "_walks": ("collect", "evaluate", "finetune", "train"),
     "callbacks": ("callbacks",),

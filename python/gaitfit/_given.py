@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from ._arguments import count, flag, items, mapping, maybe, path, real, text
 from ._arguments import threads as checked_threads
-from ._logs import Log, kept
+from ._log_files import kept
+from ._logs import Log
 from ._policy import Policy
 from ._toml import toml
 from .config import Settings as TypedSettings

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -292,13 +290,13 @@ class Log:
         >>> for finding in log.check():      # doctest: +SKIP
         ...     print(finding.severity, finding.kind, finding.message)
         """
-        found = json.loads(_gaitfit.check_log(self._native()))
+        found = json.loads(_gaitfit.check_log(self.native()))
         order = ("error", "warning", "note")
         return tuple(sorted((_finding(one) for one in found), key=lambda one: order.index(one.severity)))
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Writes the log as CSV to ``path``: :func:`read_log` gives the same numbers back. Needs ``joints``, and ``dt`` or ``time``."""
-        _gaitfit.write_log(named("path", path), self._native())
+        _gaitfit.write_log(named("path", path), self.native())
 
     def plot(self, joints: Sequence[str] | None = None) -> Figure:
         """Position and target of some joints over time (:func:`gaitfit.plots.log`). Needs ``matplotlib``."""
@@ -313,7 +311,7 @@ class Log:
             raise ValueError("the log has neither time nor dt: give one of them, s")
         return np.arange(len(self), dtype=np.float64) * self.dt
 
-    def _native(self) -> dict[str, Any]:
+    def native(self) -> dict[str, Any]:
         """The log as the native half takes it."""
         if self.joints is None:
             raise ValueError("the log does not name its joints: give joints=[...], one name for each column")
@@ -326,40 +324,6 @@ class Log:
         step = maybe(finite, "simulated_step", self.simulated_step)
         joints = list(self.joints)
         return {**given, **gains, "joints": joints, "time": times, "rate_hz": 1.0 / dt, "simulated_step": step}
-
-
-def read_log(path: str | os.PathLike[str], allow: Sequence[str] = ()) -> Log:
-    """Reads a log, a CSV file as the program takes it, with the TOML file beside it if there is one.
-
-    Arguments:
-        path: The file.
-        allow: Names of findings that do not forbid the log (:attr:`Finding.kind`).
-
-    Raises ``FileNotFoundError`` if there is no file, and :class:`gaitfit.GaitfitError` for a file that cannot be read, where
-    the text names the line, and for a log that ``gaitfit inspect`` forbids. Parts in which the robot falls, hangs or is stuck
-    are yours to cut.
-
-    >>> log = gaitfit.read_log("examples/go2-demo/fit.csv")
-    >>> log.position.shape, log.dt
-    ((1800, 12), 0.005)
-    """
-    names = [text("a name in allow", name) for name in items("allow", allow, "findings' names")]
-    return Log(**_gaitfit.read_log(named("path", path), names))
-
-
-def kept(log: Log, folder: Path) -> Path:
-    """A file with the log in ``folder``: the same log has the same name, so that a run finds it again."""
-    native = log._native()
-    digest = hashlib.sha256()
-    for name in sorted(native):
-        value = native[name]
-        digest.update(name.encode())
-        digest.update(value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode())
-    file = folder / f"log-{digest.hexdigest()[:16]}.csv"
-    if not file.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        log.write(file)
-    return file
 
 
 def _finding(found: Mapping[str, Any]) -> Finding:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._arrays import numbers
-from ._robots import Motion, Robots
+from ._robots import Robots
+from ._robots_state import Motion
 
 #: What a term is: a function of all robots and their motion.
 Function = Callable[[Robots, Motion], ArrayLike]

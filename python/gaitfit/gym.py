@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from ._arguments import count, flag
 from ._arrays import numbers
-from ._robots import Robots, RobotsState
+from ._robots import Robots
+from ._robots_state import RobotsState
 from ._terms import Terms
 from .config import Train
 

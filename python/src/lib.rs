@@ -18,6 +18,7 @@ mod stages;
 mod tables;
 mod task;
 mod vec_env;
+mod vec_rows;
 mod watch;
 
 use pyo3::prelude::*;

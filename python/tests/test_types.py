@@ -94,7 +94,7 @@ class Documentation(Case):
 
     def test_docstrings_examples_work(self) -> None:
         """Every example of a docstring runs, and every function and class that people use has one."""
-        names = ["_cma", "_given", "_logs", "_policy", "_policy_file", "_progress", "_robots", "_stages", "_terms", "_walks", "_own_simulator"]
+        names = ["_cma", "_given", "_log_files", "_logs", "_policy", "_policy_file", "_progress", "_robots", "_stages", "_terms", "_walks", "_own_simulator"]
         names += ["callbacks", "config", "costs", "results", "results._read", "results._fit"]
         for optional, package in (("gym", "gymnasium"), ("plots", "matplotlib")):
             if importlib.util.find_spec(package) is not None:
