@@ -75,7 +75,7 @@ class Bench:
         took = statistics.median(self.times(gaitfit.fit, few, 5, threads=1))
         return max(2, round(few * self.options.seconds / took))
 
-    def times(self, fit: Callable[..., gaitfit.Results], population: int, generations: int, **more: object) -> list[float]:
+    def times(self, fit: Callable[..., gaitfit.FitResult], population: int, generations: int, **more: object) -> list[float]:
         """Seconds of each generation."""
         self.count += 1
         name = f"fit-{self.count}"

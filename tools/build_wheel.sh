@@ -14,11 +14,17 @@ tools=$(mktemp -d)
 trap 'rm -rf "$tools"' EXIT
 python3 -m venv "$tools/venv"
 "$tools/venv/bin/python" -m pip install --quiet --disable-pip-version-check 'maturin>=1.7,<2'
+"$tools/venv/bin/python" tools/make_notices.py
 "$tools/venv/bin/maturin" build --profile dist --locked --manifest-path python/Cargo.toml --out "$tools/wheel" "$@"
+# The licence texts are in it.
+for text in LICENSE-MIT LICENSE-APACHE LICENSE-THIRD-PARTY.txt; do
+    "$tools/venv/bin/python" -m zipfile --list "$tools"/wheel/*.whl | grep -q "licenses/$text" ||
+        { echo "build_wheel.sh: the wheel lacks $text" >&2; exit 1; }
+done
 # What was built does what it should where nothing else is.
 python3 -m venv "$tools/own"
 "$tools/own/bin/python" -m pip install --quiet --disable-pip-version-check "$tools"/wheel/*.whl
-(cd "$tools" && own/bin/gaitfit --version && own/bin/python -c 'import gaitfit; gaitfit.fit')
+(cd "$tools" && own/bin/gaitfit --version && own/bin/python -c 'import gaitfit; gaitfit.fit; gaitfit.config.Fit()')
 mkdir -p "$out"
 for wheel in "$tools"/wheel/*.whl; do
     size=$(wc -c <"$wheel")

@@ -18,10 +18,12 @@ import struct
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from rsl_rl.runners import OnPolicyRunner
+from tensordict import TensorDict
 
 import gaitfit
 from gaitfit.rsl_rl import RslRlVecEnv
@@ -30,7 +32,7 @@ STEPS = 24
 LIMITS = {"linear_velocity_error": 0.15, "angular_velocity_error": 0.20, "fall_rate": 0.01}
 
 
-def settings() -> dict:
+def settings() -> dict[str, Any]:
     """The defaults of `gaitfit train`, as rsl_rl has them."""
     network = {"class_name": "MLPModel", "hidden_dims": [128, 128, 128], "activation": "elu"}
     return {
@@ -64,7 +66,7 @@ class Timed(RslRlVecEnv):
 
     seconds = 0.0
 
-    def step(self, actions: torch.Tensor):
+    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
         begun = time.perf_counter()
         found = super().step(actions)
         self.seconds += time.perf_counter() - begun
@@ -75,8 +77,9 @@ def own_speed(environments: int, iterations: int, threads: int | None, folder: P
     """Samples a second of gaitfit's own learner."""
     size = {"train.environments": environments, "train.steps": STEPS, "train.iterations": iterations}
     found = gaitfit.train(settings=size, runs=folder, name="own", device="cpu", threads=threads, progress=False)
-    lines = (Path(found.seeds[0]["policy"]).parent / "metrics.jsonl").read_text().splitlines()
-    return statistics.median(json.loads(line)["samples_per_second"] for line in lines)
+    lines = (found.policy.parent / "metrics.jsonl").read_text().splitlines()
+    speeds: list[float] = [json.loads(line)["samples_per_second"] for line in lines]
+    return statistics.median(speeds)
 
 
 def main() -> None:
@@ -116,8 +119,13 @@ def main() -> None:
     found = gaitfit.evaluate(policy, trajectories=arguments.trajectories, drift=0, progress=False)
     print(f"rsl_rl's policy: {found.verdict}")
     walks = True
+    measured = {
+        "linear_velocity_error": found.linear_velocity_error,
+        "angular_velocity_error": found.angular_velocity_error,
+        "fall_rate": found.fall_rate,
+    }
     for name, most in LIMITS.items():
-        value = found[name]["mean"]
+        value = measured[name].mean
         walks &= bool(np.isfinite(value) and value <= most)
         print(f"  {name} {value:.3f} (at most {most})")
     print(f"written: {description}")

@@ -1,47 +1,80 @@
 """Fits a legged robot's simulator to logs of the real robot, and trains its policy there.
 
 Stages: :func:`fit`, :func:`validate`, :func:`train`, :func:`finetune`, :func:`evaluate`, :func:`collect`, :func:`loop`.
-Parts: :func:`read_log`, :mod:`gaitfit.costs`, :class:`CMA`, :class:`Policy` (a policy of your own),
+Their results: :mod:`gaitfit.results`; :func:`load` reads them from a run folder.
+Their settings as dataclasses: :mod:`gaitfit.config`; functions for ``progress=``: :mod:`gaitfit.callbacks`.
+Parts: :func:`read_log`, :func:`load_policy` (a policy that acts), :mod:`gaitfit.costs`, :class:`CMA`, :class:`Policy` (a policy of your own),
 :func:`fit_simulator` (a simulator of your own) and :mod:`gaitfit.mujoco` (official MuJoCo as one), :class:`Robots` (many
 robots at a task), :mod:`gaitfit.gym` and :mod:`gaitfit.rsl_rl` (the same as other libraries take them).
 """
 
 from typing import TYPE_CHECKING, Any
 
-from ._gaitfit import DeviceArray, GaitfitError, __version__
+from ._gaitfit import DeviceArray, GaitfitError, Stopped, __version__
 
 if TYPE_CHECKING:
-    from . import costs
+    from . import callbacks, config, costs, results
     from ._cma import CMA
-    from ._logs import Log, read_log
+    from ._log_files import read_log
+    from ._logs import Finding, Log
     from ._own_simulator import FitOutcome, Parameter, Simulator, fit_simulator
     from ._policy import Interface, Policy, Term
-    from ._results import Results
+    from ._policy_file import LoadedPolicy, load_policy
+    from ._progress import Event
     from ._robots import Robots
-    from ._stages import collect, evaluate, finetune, fit, loop, train, validate
+    from ._robots_state import Motion, RobotsState
+    from ._stages import fit, loop, validate
+    from ._walks import collect, evaluate, finetune, train
+    from .results import (
+        Collection,
+        Evaluation,
+        FitResult,
+        FittedParameter,
+        LoopResult,
+        Training,
+        ValidationResult,
+        load,
+    )
 
 __all__ = [
     "CMA",
+    "Collection",
     "DeviceArray",
+    "Evaluation",
+    "Event",
+    "Finding",
     "FitOutcome",
+    "FitResult",
+    "FittedParameter",
     "GaitfitError",
     "Interface",
+    "LoadedPolicy",
     "Log",
+    "LoopResult",
+    "Motion",
     "Parameter",
     "Policy",
-    "Results",
     "Robots",
+    "RobotsState",
     "Simulator",
+    "Stopped",
     "Term",
+    "Training",
+    "ValidationResult",
     "__version__",
+    "callbacks",
     "collect",
+    "config",
     "costs",
     "evaluate",
     "finetune",
     "fit",
     "fit_simulator",
+    "load",
+    "load_policy",
     "loop",
     "read_log",
+    "results",
     "train",
     "validate",
 ]
@@ -49,13 +82,30 @@ __all__ = [
 #: Where what needs NumPy is: it is imported when it is asked for, so that the program starts without.
 _PARTS = {
     "_cma": ("CMA",),
-    "_logs": ("Log", "read_log"),
+    "_log_files": ("read_log",),
+    "_logs": ("Finding", "Log"),
     "_own_simulator": ("FitOutcome", "Parameter", "Simulator", "fit_simulator"),
     "_policy": ("Interface", "Policy", "Term"),
-    "_results": ("Results",),
+    "_policy_file": ("LoadedPolicy", "load_policy"),
+    "_progress": ("Event",),
     "_robots": ("Robots",),
-    "_stages": ("collect", "evaluate", "finetune", "fit", "loop", "train", "validate"),
+    "_robots_state": ("Motion", "RobotsState"),
+    "_stages": ("fit", "loop", "validate"),
+    "_walks": ("collect", "evaluate", "finetune", "train"),
+    "callbacks": ("callbacks",),
+    "config": ("config",),
     "costs": ("costs",),
+    "results": (
+        "results",
+        "Collection",
+        "Evaluation",
+        "FitResult",
+        "FittedParameter",
+        "LoopResult",
+        "Training",
+        "ValidationResult",
+        "load",
+    ),
 }
 
 

@@ -24,7 +24,7 @@ def count(name: str, value: Any, least: int, most: int = 2**64 - 1) -> int:
 
 
 def real(name: str, value: Any) -> float:
-    """A number, finite or not: what is too small or too large the library says itself."""
+    """A number, finite or not: the library itself refuses what is too small or too large."""
     if isinstance(value, (bool, np.bool_, str, bytes)) or getattr(value, "shape", ()) != ():
         raise TypeError(f"{name} is {value!r}; it must be a number")
     try:
@@ -56,7 +56,7 @@ def text(name: str, value: Any) -> str:
 
 
 def path(name: str, value: Any, otherwise: str = "") -> str:
-    """A path as text; ``otherwise`` says what else would do."""
+    """A path as text; ``otherwise`` names other possibilities for the message."""
     if not isinstance(value, (str, os.PathLike)) or not isinstance(os.fspath(value), str):
         raise TypeError(f"{name} is {value!r}; it must be a path: a text or a pathlib.Path{otherwise}")
     return os.fspath(value)

@@ -1,5 +1,8 @@
 """A clamped robot in a simulator that takes MuJoCo's models: what official MuJoCo and MuJoCo Warp have in common."""
 
+# MuJoCo is compiled and names its contents at run time.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import copy
@@ -121,12 +124,13 @@ class Clamped:
         plan: tuple[NDArray[np.float64], int, NDArray[np.int64], Log],
     ) -> dict[str, NDArray[np.float32]]:
         target, every, order, log = plan
+        dt = log.dt or 0.0
         count, width, samples = len(candidates), len(self._joints), len(target)
         models = [self._candidate(values, log, order) for values in candidates]
         steps = samples * every
         control = np.empty((count, steps, width))
         for row, delay in zip(control, delays):
-            row[:] = self._delayed(target, log.dt, delay, steps)
+            row[:] = self._delayed(target, dt, delay, steps)
         start = np.concatenate([np.asarray(log.position)[0, order], np.asarray(log.velocity)[0, order]])
         later = self._simulated(models, start, control, every)[:, : samples - 1]
         found = np.concatenate([np.broadcast_to(start, (count, 1, 2 * width)), later], axis=1)
@@ -150,7 +154,8 @@ class Clamped:
         whole = np.clip(np.floor(at / dt).astype(int), 0, len(target) - 1)
         # Before the first target there was the first target.
         reached = sums[whole] + (at - whole * dt)[:, None] * target[whole]
-        return np.diff(reached, axis=0) / self._timestep
+        mean: NDArray[np.float64] = np.diff(reached, axis=0) / self._timestep
+        return mean
 
 
 def _limits(model: mujoco.MjModel) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,11 +23,17 @@ class CMA:
     >>> search.best_cost < 1e-9
     True
 
-    ``start`` and ``deviation`` have one number for each coordinate, in the problem's own units: the first mean and the
-    first standard deviation. ``lower`` and ``upper`` are bounds; ``bounds`` says what happens to draws outside them,
-    ``"resample"`` or ``"reflect"``. ``covariance`` is ``"full"`` or, for hundreds of coordinates, ``"separable"``.
-    ``population`` is 4 + ⌊3 ln n⌋ by default. The same seed gives the same candidates. ``state`` goes on where
-    :attr:`state` of an earlier search of the same arguments was taken.
+    Arguments:
+        start: The first mean, one number for each coordinate, in the problem's own units.
+        deviation: The first standard deviation, one number for each coordinate.
+        seed: The same seed gives the same candidates.
+        lower, upper: Bounds, one number for each coordinate.
+        population: Candidates a generation; by default 4 + ⌊3 ln n⌋ for n coordinates.
+        bounds: What happens to draws beyond a bound: ``"resample"`` or ``"reflect"``.
+        covariance: ``"full"``, or for hundreds of coordinates ``"separable"``.
+        state: :attr:`state` of an earlier search with the same arguments, which this one continues.
+
+    Raises ``ValueError`` and ``TypeError`` for wrong arguments. A search can be pickled.
     """
 
     def __init__(
@@ -39,8 +45,8 @@ class CMA:
         lower: ArrayLike | None = None,
         upper: ArrayLike | None = None,
         population: int | None = None,
-        bounds: str = "resample",
-        covariance: str = "full",
+        bounds: Literal["resample", "reflect"] = "resample",
+        covariance: Literal["full", "separable"] = "full",
         state: str | None = None,
     ) -> None:
         if bounds not in ("resample", "reflect"):
@@ -71,7 +77,7 @@ class CMA:
         return self._search.ask()
 
     def tell(self, costs: ArrayLike) -> None:
-        """What the candidates of :meth:`ask` cost, shape ``(population,)``; infinity for one that failed."""
+        """Takes ``costs`` of the candidates of :meth:`ask`, shape ``(population,)``; infinity for one that failed."""
         array = numbers("costs", costs, np.float64)
         if array.ndim != 1:
             raise ValueError(f"costs has the shape {array.shape}; needed: one number for each candidate")
@@ -79,7 +85,7 @@ class CMA:
 
     @property
     def stop(self) -> str | None:
-        """Why the search has ended, or ``None`` while it goes on."""
+        """Why the search has ended, or ``None`` while it continues."""
         return self._search.stop()
 
     @property
@@ -106,17 +112,17 @@ class CMA:
 
     @property
     def generation(self) -> int:
-        """Generations told."""
+        """Generations so far."""
         return self._search.generation()
 
     @property
     def evaluations(self) -> int:
-        """Candidates told."""
+        """Candidates so far."""
         return self._search.evaluations()
 
     @property
     def state(self) -> str:
-        """All that changes, as JSON: small, exact, and enough to go on later."""
+        """All that changes, as JSON: small, exact, and enough to continue later."""
         return self._search.state()
 
 
@@ -124,4 +130,5 @@ def _numbers(what: str, values: ArrayLike) -> Sequence[float]:
     array = numbers(what, values, np.float64)
     if array.ndim != 1:
         raise ValueError(f"{what}: needed: one number for each coordinate; found an array of shape {array.shape}")
-    return array.tolist()
+    found: list[float] = array.tolist()
+    return found

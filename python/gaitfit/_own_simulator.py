@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,7 @@ from . import _gaitfit
 from ._arguments import count, finite, flag, items, maybe, path, text
 from ._arrays import numbers
 from ._logs import Log
-from ._progress import Progress, listener
+from ._progress import Progresses, listener
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,7 +24,12 @@ Signals = Mapping[str, ArrayLike]
 
 
 class Simulator(Protocol):
-    """What :func:`fit_simulator` calls: any function will do."""
+    """What :func:`fit_simulator` calls: any function from candidates to signals.
+
+    >>> def still(candidates):
+    ...     zeros = np.zeros((len(candidates), 100, 12))
+    ...     return [{"position": zeros, "velocity": zeros}]
+    """
 
     def __call__(self, candidates: NDArray[np.float64], /) -> Sequence[Signals]:
         """Simulates ``candidates``, shape ``(candidates, parameters)``, in the parameters' own units.
@@ -33,12 +38,23 @@ class Simulator(Protocol):
         logs have it, ``action``: each of shape ``(candidates, samples, joints)``, the samples being those of the log.
         A candidate that diverged has NaN.
         """
+        ...
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number to search: its bounds, and where the search begins (mean and standard deviation; by default the middle
-    and a quarter of the range), all in ``unit``."""
+    """A number to search with :func:`fit_simulator`; all numbers are in ``unit``.
+
+    Attributes:
+        name: Its name.
+        lower, upper: Its bounds.
+        start: Where the search begins: the first mean. By default the middle of the range.
+        deviation: The first standard deviation. By default a quarter of the range.
+        unit: Its unit; ``"-"`` for a ratio.
+
+    >>> Parameter("damping", 0.0, 2.0, unit="N·m·s/rad").upper
+    2.0
+    """
 
     name: str
     lower: float
@@ -50,12 +66,16 @@ class Parameter:
 
 @dataclass(frozen=True)
 class FitOutcome:
-    """What :func:`fit_simulator` found.
+    """The result of :func:`fit_simulator`.
 
-    ``values`` is the best candidate by name, ``cost`` its cost, ``spread`` the standard deviation of the seeds' best
-    values (``None`` with one seed), ``intervals`` the range in which the logs cannot tell a value from the best one,
-    where that was measured, ``at_bound`` the names of values that rest on a bound. ``document`` is all of it as plain
-    data, each seed's run too.
+    Attributes:
+        values: The best candidate by name.
+        cost: Its cost.
+        spread: Standard deviation of the seeds' best values by name; ``None`` with one seed.
+        intervals: By name the range, ``(lower, upper)``, in which the logs do not distinguish a value from the best one;
+            ``None`` where it was not measured.
+        at_bound: Names of values at a bound.
+        document: All of it as plain data, as JSON has it, with each seed's run.
     """
 
     values: dict[str, float]
@@ -69,8 +89,9 @@ class FitOutcome:
         """One flat row for each parameter, for ``pandas.DataFrame`` or ``polars.DataFrame``."""
         keys = ("name", "value", "unit", "spread", "lower", "upper", "start", "at_bound")
         rows = [{key: one[key] for key in keys} for one in self.document["parameters"]]
-        for row in rows if self.intervals else ():
-            row["interval_lower"], row["interval_upper"] = self.intervals[row["name"]]
+        for row in rows:
+            if self.intervals is not None:
+                row["interval_lower"], row["interval_upper"] = self.intervals[row["name"]]
         return rows
 
     def plot(self) -> Figure:
@@ -86,7 +107,7 @@ def fit_simulator(
     parameters: Sequence[Parameter],
     *,
     joints: Sequence[str] | None = None,
-    cost: str = "wass",
+    cost: Literal["wass", "matcho"] = "wass",
     seeds: Sequence[int] = (1,),
     generations: int = 200,
     population: int = 0,
@@ -94,21 +115,38 @@ def fit_simulator(
     skip: int = 0,
     checkpoint: str | os.PathLike[str] | None = None,
     intervals: bool = False,
-    progress: bool | Progress = True,
+    progress: Progresses = True,
 ) -> FitOutcome:
     """Searches the parameters with which a simulator of your own moves like the robot, by CMA-ES.
 
-    ``simulate`` is a :class:`Simulator`: it gets an array of shape ``(candidates, parameters)``, all seeds' candidates
-    together, and returns the signals of all of them on every log. It is called on the calling thread. ``joints`` are
-    the names of the signals' columns, by default those of the first log. ``cost`` is ``"wass"`` (distributions: no
-    common clock is needed) or ``"matcho"`` (sample by sample). The first ``skip`` samples of every log do not count.
-    ``population`` 0 takes 4 + ⌊3 ln n⌋; ``tolerance`` ends a run whose spread has shrunk to this share of its start.
-    With ``checkpoint``, a file, the state is saved after every generation, and a later call with the same arguments
-    goes on there, to the same bits. ``intervals`` measures at the end how well the logs tell each value, with further
-    simulations.
+    Arguments:
+        simulate: A :class:`Simulator`: it gets an array of shape ``(candidates, parameters)``, all seeds' candidates together,
+            and returns the signals of all of them on every log. It is called on the calling thread.
+        logs: The logs that it is compared with.
+        parameters: What is searched.
+        joints: Names of the signals' columns; by default those of the first log.
+        cost: ``"wass"`` (distributions: no common clock is needed) or ``"matcho"`` (sample by sample).
+        seeds: One search each.
+        generations: Largest number of generations of a search.
+        population: Candidates a generation; 0 takes 4 + ⌊3 ln n⌋ for n parameters.
+        tolerance: A search ends when its spread has shrunk to this share of its start.
+        skip: So many first samples of every log do not count.
+        checkpoint: A file in which the state is saved after every generation; a later call with the same arguments continues
+            it, to the same bits.
+        intervals: Whether to measure at the end how well the logs determine each value, with further simulations.
+        progress: As for :func:`fit`.
 
-    Raises ``ValueError`` for arrays of a wrong shape, :class:`GaitfitError` for a search that cannot go on, and
-    whatever ``simulate`` itself raises.
+    Raises ``ValueError`` for arrays of a wrong shape, :class:`GaitfitError` for a search that cannot continue, :class:`Stopped`
+    if ``progress`` returned ``False``, and whatever ``simulate`` itself raises.
+
+    >>> swing = np.sin(np.arange(50) / 5.0)[:, None]
+    >>> log = gaitfit.Log.from_arrays(joints=["a"], dt=0.01, position=0.3 * swing, velocity=swing)
+    >>> def scaled(candidates):
+    ...     position = candidates[:, :, None] * swing
+    ...     return [{"position": position, "velocity": np.broadcast_to(swing, position.shape)}]
+    >>> result = fit_simulator(scaled, log, [Parameter("width", 0.0, 1.0)], cost="matcho", progress=False)
+    >>> round(result.values["width"], 2)
+    0.3
     """
     if not callable(simulate):
         raise TypeError(f"simulate is {simulate!r}; give a function from candidates to signals (gaitfit.Simulator)")

@@ -24,13 +24,20 @@ Numbers = float | Sequence[float]
 
 @dataclass(frozen=True)
 class Term:
-    """One part of an observation: a ``quantity``, times ``scale`` (one number, or one for each of its elements), with
-    ``history`` frames (1: the present alone).
+    """One part of an observation.
+
+    Attributes:
+        quantity: What is observed.
+        scale: Factor on it: one number, or one for each of its elements; ``None``: 1.
+        history: Frames: the present one and those before it; 1: the present alone.
 
     Quantities, with their numbers: ``base_angular_velocity`` (3, rad/s, body frame), ``projected_gravity`` (3, body
     frame), ``command`` (3: m/s, m/s, rad/s), ``joint_position`` (joints, rad, minus the default pose),
     ``joint_velocity`` (joints, rad/s), ``last_action`` (joints), ``base_linear_velocity`` (3, m/s, body frame) and
     ``gait_phase`` (2).
+
+    >>> Term("base_angular_velocity", 0.25).history
+    1
     """
 
     quantity: str
@@ -42,15 +49,27 @@ class Term:
 class Interface:
     """What a policy sees and what its actions mean; joints in the policy's order.
 
-    Every ``control_dt``, s, the joints' targets become ``default_pose + action_scale * action``, rad, and PD controllers
-    with the gains ``kp``, N·m/rad, and ``kd``, N·m·s/rad, hold them until the next. Numbers over joints are one for
-    each joint, or one for all. ``observation`` is a list of :class:`Term` or of quantities' names, one after another in a
-    row. ``action_clip`` is the largest magnitude of an action. ``held`` has joints that the policy does not move:
-    ``{"joint": ..., "position": ..., "kp": ..., "kd": ...}``. ``gait_frequency``, Hz, is needed for ``gait_phase``.
-    ``history`` says how past frames lie: ``{"order": "terms" or "frames" or "newest_first", "start": "first" or
-    "zeros"}``.
+    Every ``control_dt`` the joints' targets become ``default_pose + action_scale * action``, and PD controllers hold them until
+    the next. Numbers over joints are one for each joint, or one for all.
 
-    Raises ``ValueError`` where it contradicts itself.
+    Attributes:
+        joints: The joints.
+        default_pose: Targets at action 0, rad.
+        action_scale: Change of a target by an action of 1, rad.
+        kp: Position gains, N·m/rad.
+        kd: Velocity gains, N·m·s/rad.
+        control_dt: Time between actions, s.
+        observation: :class:`Term` or quantities' names, one after another in a row.
+        action_clip: Largest magnitude of an action; ``None``: not limited.
+        held: Joints that the policy does not move: ``{"joint": ..., "position": ..., "kp": ..., "kd": ...}``.
+        gait_frequency: Frequency of the gait clock, Hz; needed for ``gait_phase``.
+        history: How past frames lie: ``{"order": "terms" or "frames" or "newest_first", "start": "first" or "zeros"}``.
+        robot: Name of the robot.
+
+    Raises ``TypeError`` for fields of a wrong kind, and ``ValueError`` where they contradict each other.
+
+    >>> Interface(["a", "b"], 0.0, 0.5, kp=20.0, kd=0.5, control_dt=0.02, observation=["command", "joint_position"]).observation_width
+    5
     """
 
     joints: Sequence[str]
@@ -69,10 +88,10 @@ class Interface:
     def __post_init__(self) -> None:
         # Refused here, and not in the middle of a call.
         self._check()
-        object.__setattr__(self, "_width", _gaitfit.observation_width(self.to_json()))
+        _gaitfit.observation_width(self.to_json())
 
     def _check(self) -> None:
-        """Every field is of its kind; whether they fit together the native half says."""
+        """Every field is of its kind; the native half checks whether they fit together."""
         for joint in items("joints", self.joints, "joints' names"):
             text("a name in joints", joint)
         for name in ("default_pose", "action_scale", "kp", "kd", "action_clip"):
@@ -97,7 +116,7 @@ class Interface:
     @property
     def observation_width(self) -> int:
         """Numbers in an observation."""
-        return self._width  # type: ignore[attr-defined]
+        return _gaitfit.observation_width(self.to_json())
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Interface:
@@ -129,14 +148,20 @@ class Policy:
     """A policy that is a function of yours, for ``policy=`` of :func:`gaitfit.evaluate`, :func:`gaitfit.collect`,
     :func:`gaitfit.fit` and :func:`gaitfit.validate`.
 
-    ``act`` gets observations, shape ``(robots, observation)``, 32-bit, and returns actions, shape ``(robots, joints)``,
-    before scaling. It is called on the calling thread, with some 30 to 256 robots at a time, and must remember nothing
-    between calls. A ``torch.nn.Module`` is called with a tensor on its own device, without gradients. ``interface`` is an
-    :class:`Interface`, or a file as :meth:`Interface.read` takes it. ``name`` stands in results and messages. ``task`` is
-    the settings of the policy's task as TOML, by default those in the interface's file.
+    Attributes:
+        act: Gets observations, shape ``(robots, observation)``, 32-bit, and returns actions, shape ``(robots, joints)``, before
+            scaling. It is called on the calling thread, with some 30 to 256 robots at a time, and must remember nothing between
+            calls. A ``torch.nn.Module`` is called with a tensor on its own device, without gradients.
+        interface: An :class:`Interface`, or a file as :meth:`Interface.read` takes it.
+        name: What results and messages call it; by default the function's name.
+        task: Settings of the policy's task as TOML; by default those in the interface's file.
 
     An exception in ``act`` ends the call and comes back as it is; actions of another shape, or not finite, are a
     ``ValueError``. A fit keeps its checkpoint.
+
+    >>> standing = Policy(lambda observation: np.zeros((len(observation), 12)), "assets/go2-walk.safetensors", name="standing")
+    >>> gaitfit.evaluate(standing, trajectories=4, seconds=0.2, drift=0, progress=False).policy
+    'standing'
     """
 
     act: Act
@@ -160,8 +185,8 @@ class Policy:
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The actions, shape ``(robots, joints)``, for ``observation``, shape ``(robots, observation)``, checked."""
-        joints = list(self.interface.joints)
-        found = _torch_act(self.act, observation) if _is_module(self.act) else self.act(observation)
+        joints = list(self.described.joints)
+        found: Any = _torch_act(self.act, observation) if _is_module(self.act) else self.act(observation)
         if hasattr(found, "detach"):
             found = found.detach().cpu()
         if found is None:
@@ -180,9 +205,15 @@ class Policy:
             )
         return actions
 
+    @property
+    def described(self) -> Interface:
+        """The interface; of a file the one that was read."""
+        assert isinstance(self.interface, Interface), "files are read when the policy is made"
+        return self.interface
+
     def native(self) -> dict[str, Any]:
         """The policy as the native half takes it."""
-        return {"name": self.name, "interface": self.interface.to_json(), "task": self.task, "act": self}
+        return {"name": self.name, "interface": self.described.to_json(), "task": self.task, "act": self}
 
 
 def _read(path: str | os.PathLike[str]) -> tuple[Interface, str]:
@@ -208,7 +239,7 @@ def _term(term: Term | str) -> dict[str, Any]:
 def _over_joints(name: str, value: Any) -> None:
     """One number, or a list of them."""
     if value is None and name != "default_pose":
-        # What must not be left out has no default; the native half says so.
+        # The native half refuses a required value that is missing.
         return
     if isinstance(value, (str, bytes)) or not np.iterable(value):
         finite(name, value)

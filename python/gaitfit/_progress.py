@@ -1,55 +1,132 @@
-"""Progress of a stage on standard error, or wherever the caller likes."""
+"""Progress of a stage: events, on standard error or wherever the caller likes."""
 
 from __future__ import annotations
 
 import shutil
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
 
-Progress = Callable[[str, str, int, int], None]
+Kind = Literal["note", "stage", "output", "begin", "step", "end"]
 
 
-def listener(progress: bool | Progress) -> Progress | None:
-    """The function that a stage tells its events: ``True`` prints them, ``False`` nobody hears them."""
-    if callable(progress):
-        return progress
-    if not isinstance(progress, bool):
-        raise TypeError(f"progress is {progress!r}; give True, False or a function of (kind, text, done, total)")
-    return _Printed() if progress else None
+@dataclass(frozen=True)
+class Event:
+    """What a stage reports to its ``progress`` function. The function may return ``False``: then the stage stops, keeps what is
+    done, and raises :class:`gaitfit.Stopped`.
+
+    Attributes:
+        kind: ``"note"``: something worth knowing. ``"stage"``: a stage of a loop begins. ``"output"``: a line of a program that
+            a loop runs. ``"begin"``, ``"step"`` and ``"end"``: countable work.
+        text: The note, the stage, the line, or for a step how good the result is so far, in words.
+        what: What is counted, for example ``"generation"`` or ``"seed 1, iteration"``.
+        done: How many are done.
+        total: How many there are.
+        metrics: Numbers of a step by name: of a fit for each cost and seed, such as ``"wass/seed-1/best_so_far"``; of a
+            training such as ``"train/reward"``, ``"reward/…"``, ``"ppo/…"`` and ``"speed/samples_per_second"``.
+
+    >>> Event("step", what="generation", done=3, total=200, metrics={"wass/seed-1/best_so_far": 0.2}).done
+    3
+    """
+
+    kind: Kind
+    text: str = ""
+    what: str = ""
+    done: int = 0
+    total: int = 0
+    metrics: Mapping[str, float] = field(default_factory=dict)
+
+
+#: What takes events: ``False`` stops the stage, every other answer continues.
+Progress = Callable[[Event], object]
+#: What ``progress=`` takes.
+Progresses = bool | Progress | Sequence[Progress]
+#: What the native half calls: kind, text, done, total and numbers.
+Listener = Callable[[Kind | Literal["metrics"], str, int, int, Mapping[str, float]], bool]
+
+
+def listener(progress: Progresses) -> Listener | None:
+    """The function to which the native half reports: with ``True`` it prints, with ``False`` there is none."""
+    if isinstance(progress, bool):
+        return _Reported([Printed()]) if progress else None
+    several = [progress] if callable(progress) else progress
+    if not isinstance(several, (list, tuple)) or not all(callable(one) for one in several):
+        raise TypeError(f"progress is {progress!r}; give True, False, or one or several functions of a gaitfit.Event")
+    return _Reported(several)
+
+
+class _Reported:
+    """Makes events of what the native half reports."""
+
+    def __init__(self, listeners: Sequence[Progress]) -> None:
+        self._listeners = listeners
+        self._what, self._total = "", 0
+        self._metrics: Mapping[str, float] = {}
+
+    def __call__(
+        self, kind: Kind | Literal["metrics"], text: str, done: int, total: int, metrics: Mapping[str, float]
+    ) -> bool:
+        if kind == "metrics":
+            # They belong to the step that follows.
+            self._metrics = metrics
+            return True
+        if kind == "begin":
+            self._what, self._total = text, total
+        counted = kind in ("begin", "step", "end")
+        event = Event(
+            kind,
+            "" if kind == "begin" else text,
+            self._what if counted else "",
+            done,
+            self._total if counted else 0,
+            self._metrics if kind == "step" else {},
+        )
+        if kind == "step":
+            self._metrics = {}
+        # Each gets the event, also if one of them stops.
+        answers = [one(event) for one in self._listeners]
+        return not any(answer is False for answer in answers)
 
 
 _BAR = 24
 
 
-class _Printed:
-    """Notes as lines; countable work as a bar that is written over, or elsewhere than on terminals and in notebooks as a
-    line once in a while."""
+class Printed:
+    """Prints notes as lines. Countable work is a bar that is written over; where there is neither a terminal nor a notebook
+    it is a line every five seconds."""
 
     def __init__(self) -> None:
-        self._what, self._total, self._shown, self._wide = "", 0, 0.0, 0
+        self._shown, self._wide = 0.0, 0
         self._over = sys.stderr.isatty() or "ipykernel" in sys.modules
 
-    def __call__(self, kind: str, text: str, done: int, total: int) -> None:
-        if kind == "begin":
-            self._what, self._total, self._shown, self._wide = text, total, 0.0, 0
-        elif kind == "step":
+    def __call__(self, event: Event) -> None:
+        """Prints one event."""
+        if event.kind == "begin":
+            self._shown, self._wide = 0.0, 0
+        elif event.kind == "step":
             now = time.monotonic()
-            if now - self._shown > (0.1 if self._over else 5.0) or done == self._total:
+            if now - self._shown > (0.1 if self._over else 5.0) or event.done == event.total:
                 self._shown = now
-                line = f"{self._what} {done} of {self._total}  {text}"
-                if self._over:
-                    full = _BAR * done // max(self._total, 1)
-                    line = f"[{'=' * full}{' ' * (_BAR - full)}] {line}"
-                    if sys.stderr.isatty():
-                        line = line[: shutil.get_terminal_size().columns - 1]
-                    # Notebooks know no code that clears a line.
-                    line, self._wide = line.ljust(self._wide), len(line)
-                print(f"\r{line}" if self._over else line, end="" if self._over else "\n", file=sys.stderr, flush=True)
-        elif kind == "end":
+                self._print(event)
+        elif event.kind == "end":
             if self._over and self._shown:
                 print(file=sys.stderr, flush=True)
             self._shown = 0.0
         else:
-            mark = {"note": "note: ", "output": "  "}.get(kind, "")
-            print(f"{mark}{text}", file=sys.stderr, flush=True)
+            mark = {"note": "note: ", "output": "  "}.get(event.kind, "")
+            print(f"{mark}{event.text}", file=sys.stderr, flush=True)
+
+    def _print(self, event: Event) -> None:
+        line = f"{event.what} {event.done} of {event.total}  {event.text}"
+        if not self._over:
+            print(line, file=sys.stderr, flush=True)
+            return
+        full = _BAR * event.done // max(event.total, 1)
+        line = f"[{'=' * full}{' ' * (_BAR - full)}] {line}"
+        if sys.stderr.isatty():
+            line = line[: shutil.get_terminal_size().columns - 1]
+        # Notebooks know no code that clears a line.
+        line, self._wide = line.ljust(self._wide), len(line)
+        print(f"\r{line}", end="", file=sys.stderr, flush=True)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Mapping
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -14,26 +17,57 @@ from ._arguments import count as whole
 from ._arguments import flag, maybe, path, text
 from ._arguments import threads as checked
 from ._arrays import numbers
+from ._given import configured, existing
+from ._given import sets as as_sets
 from ._policy import Interface, interface_of
-from ._stages import _sets
+from ._robots_state import Motion, RobotsState
+from .config import Train
 
 
 class Robots:
     """Many robots at the task of a training's configuration, stepped together by the program's own engine.
 
-    ``config`` is a TOML file as ``gaitfit train`` takes (``gaitfit init ROBOT`` writes one); without it the robot is the
-    built-in Go2 at its task. ``settings`` has single settings by name, for example
-    ``{"task.noise.joint_position": 0.0}``. Draws depend on ``seed`` and an environment's number alone, not on
-    ``threads``. ``stagger`` spreads the first episodes' ages, so that time-outs do not come in waves.
+    Arguments:
+        config: A TOML file as ``gaitfit train`` takes (``gaitfit init ROBOT`` writes one), or a
+            :class:`gaitfit.config.Train`; without it the robot is the built-in Go2 at its task.
+        num_envs: How many robots.
+        robot: The robot's file, MJCF or URDF.
+        settings: Single settings by name, for example ``{"task.noise.joint_position": 0.0}``.
+        seed: Draws depend on it and on an environment's number alone, not on ``threads``.
+        threads: Threads; by default one for each core. Of no effect on a GPU.
+        stagger: Spread the first episodes' ages, so that time-outs do not come in waves.
+        autoreset: Whether robots whose episode ended begin the next one within the step. ``False``: they stay as they are until
+            :meth:`reset` with their mask; those that diverged begin anew all the same.
+        device: ``"cpu"`` or ``"cuda"`` (``"cuda:1"``: the second GPU). On a GPU all robots are stepped there, and the arrays are
+            :class:`gaitfit.DeviceArray` in its memory: ``torch.from_dlpack(robots.observation)`` takes one without a copy.
+            Robots, commands, starts and noise are the processor's; motions differ by rounding.
 
-    ``device`` is ``"cpu"`` or ``"cuda"`` (``"cuda:1"``: the second GPU). On a GPU all robots are stepped there, and the
-    arrays are :class:`gaitfit.DeviceArray` in its memory: ``torch.from_dlpack(robots.observation)`` takes one without a
-    copy. Robots, commands, starts and noise are the processor's, motions differ by rounding. ``threads`` is of no effect.
+    Attributes:
+        observation: What the robots observe, shape ``(num_envs, observation)``. :meth:`step` writes over this array and the next
+            five at every call: copy what must last.
+        critic_observation: What a critic observes, shape ``(num_envs, critic)``.
+        last_observation: What robots whose episode ended observed last.
+        reward: Pay of the last step, shape ``(num_envs,)``.
+        terminated: Who fell, shape ``(num_envs,)``.
+        truncated: Whose time is up, shape ``(num_envs,)``.
+        num_actions: Numbers of an action.
+        joints: Their joints.
+        action_bounds: For each joint the smallest and the largest action that makes a difference, shape ``(num_actions, 2)``:
+            from the joint's range, what the motor's torque needs beyond it, and the action's clip. Other actions are taken, too.
+        control_dt: Time of a step, s.
+        max_episode_length: Steps of an episode.
+        reward_names: Names of the reward terms.
+        interface, task: What a :class:`gaitfit.Policy` trained on the robots needs.
 
-    ``interface`` and ``task`` are what a :class:`gaitfit.Policy` trained on them needs. The arrays that :meth:`step` fills are the same ones at every call: copy what must last.
+    Two threads must not use the same robots at once: that is a ``RuntimeError``.
+
+    >>> robots = gaitfit.Robots(num_envs=4, seed=1)
+    >>> robots.step(np.zeros((4, robots.num_actions)))
+    0
+    >>> robots.observation.shape[0], robots.reward.shape
+    (4, (4,))
     """
 
-    #: What robots show, arrays of NumPy or, on a GPU, :class:`gaitfit.DeviceArray`. They are written over at every step.
     observation: Any
     critic_observation: Any
     last_observation: Any
@@ -43,7 +77,7 @@ class Robots:
 
     def __init__(
         self,
-        config: str | os.PathLike[str] | None = None,
+        config: str | os.PathLike[str] | Train | None = None,
         *,
         num_envs: int = 1024,
         robot: str | os.PathLike[str] | None = None,
@@ -51,20 +85,23 @@ class Robots:
         seed: int = 0,
         threads: int | None = None,
         stagger: bool = False,
+        autoreset: bool = True,
         device: str = "cpu",
     ) -> None:
         num_envs, seed = whole("num_envs", num_envs, 1), whole("seed", seed, 0)
-        files = {name: maybe(path, name, value) for name, value in (("config", config), ("robot", robot))}
-        sets, threads, stagger = _sets(settings or {}), checked(threads), flag("stagger", stagger)
-        task = _gaitfit.Task(files["config"], sets, files["robot"])
+        model: str | None = maybe(path, "robot", robot)
+        file, given = configured(config, Train, settings)
+        threads, stagger, autoreset = checked(threads), flag("stagger", stagger), flag("autoreset", autoreset)
+        task = _gaitfit.Task(existing("config", file), as_sets(given), model)
         on_gpu = text("device", device) != "cpu"
+        if on_gpu and not autoreset:
+            raise ValueError("autoreset is False; robots on a GPU begin their next episode within the step: give True")
         self._gpu = _gaitfit.CudaRobots(task, num_envs, seed, stagger, device) if on_gpu else None
-        self._robots: Any = self._gpu or _gaitfit.Robots(task, num_envs, seed, threads, stagger)
+        self._robots: Any = self._gpu or _gaitfit.Robots(task, num_envs, seed, threads, stagger, autoreset)
+        self._lock, self._seed, self._shape = threading.Lock(), seed, json.loads(task.shape)
         self.num_envs: int = num_envs
         self.num_actions: int = task.action_width
         self.joints: list[str] = task.joints
-        #: For each joint the smallest and the largest action that makes a difference, shape ``(num_actions, 2)``: from the
-        #: joint's range, what the motor's torque needs beyond it, and the action's clip. Other actions are taken, too.
         self.action_bounds: NDArray[np.float32] = np.asarray(task.action_bounds, np.float32)
         self.control_dt: float = task.control_dt
         self.max_episode_length: int = task.episode_steps
@@ -90,56 +127,176 @@ class Robots:
     def _observe(self) -> None:
         self._robots.observe(self.observation, self.critic_observation)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        raise TypeError("robots cannot be pickled: their state is the engine's own. Make them anew in each process")
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        if not self._lock.acquire(blocking=False):
+            raise RuntimeError(
+                "two threads use the same robots at once, and a step is of all of them together: give each thread robots of its "
+                "own, or a lock"
+            )
+        try:
+            yield
+        finally:
+            self._lock.release()
 
-    def reset(self) -> Any:
-        """New episodes for all; what the robots observe, shape ``(num_envs, observation)``. On a GPU it waits first for all
-        that this process does there.
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise TypeError(
+            "robots cannot be pickled: their state is the engine's own. Make them anew in each process; state() can be pickled"
+        )
+
+    def reset(self, mask: NDArray[np.bool_] | None = None) -> Any:
+        """New episodes for all robots, or for those of ``mask``, shape ``(num_envs,)``; returns what the robots observe, shape
+        ``(num_envs, observation)``. On a GPU it waits first for all that this process does there, and takes no mask.
+
+        Raises ``ValueError`` for a mask of another shape.
         """
-        self._robots.restart()
-        if self._gpu is None:
+        with self._alone():
+            if self._gpu is not None:
+                if mask is not None:
+                    raise ValueError("mask is given; robots on a GPU all begin anew together: leave it out")
+                self._gpu.restart()
+                return self.observation
+            self._robots.restart(None if mask is None else self._mask(mask))
             self._observe()
-        return self.observation
+            return self.observation
+
+    def _mask(self, mask: Any) -> NDArray[np.bool_]:
+        array = np.asarray(mask)
+        if array.dtype != np.bool_ or array.shape != (self.num_envs,):
+            raise ValueError(f"mask has the shape {array.shape} and {array.dtype}; needed: ({self.num_envs},) of bool")
+        return np.ascontiguousarray(array)
 
     def step(self, actions: Any) -> int:
-        """One control period under ``actions``, shape ``(num_envs, num_actions)``, unitless, in the order of
-        :attr:`joints`. Fills :attr:`observation` and :attr:`critic_observation` (of the new episode where one ended),
-        :attr:`last_observation` (of the ended one; other rows are left as they were), :attr:`reward`,
-        :attr:`terminated` (it fell) and :attr:`truncated` (time is up). Returns how many episodes ended.
+        """One control period.
 
-        A robot whose simulation diverged counts as one that fell: its reward is 0, and so is its row of
+        Arguments:
+            actions: Shape ``(num_envs, num_actions)``, unitless, in the order of :attr:`joints`. On a GPU they are an array of
+                another library there, 32-bit floats in one block, and are read where they lie, by DLPack (``__dlpack__``). They
+                may be computed on any stream: the step waits for its library's present one, and so for what was begun there
+                before, also for reading of the robots' arrays. The step is done when this returns.
+
+        It fills :attr:`observation` and :attr:`critic_observation` (of the new episode where one ended),
+        :attr:`last_observation` (of the ended one; other rows are left as they were), :attr:`reward`, :attr:`terminated` and
+        :attr:`truncated`. A robot whose simulation diverged counts as one that fell: its reward is 0, and so is its row of
         :attr:`last_observation`. :attr:`diverged` counts them.
 
-        On a GPU ``actions`` are an array of another library there, 32-bit floats in one block, and are read where they lie, by
-        DLPack (``__dlpack__``). They may be computed on any stream: the step waits for its library's present one, and so for
-        what was begun there before, also for reading of the robots' arrays. The step is done when this returns.
+        Returns how many episodes ended.
 
         Raises ``ValueError`` for actions of a wrong shape or not finite, :class:`GaitfitError` if more than ten robots, and
-        more than one in a hundred, diverged in the step: the simulation is broken then.
+        more than one in a hundred, diverged in the step (the simulation is broken then), ``RuntimeError`` if another thread uses
+        the robots.
+        """
+        with self._alone():
+            if self._gpu is not None:
+                shape = (self.num_envs, self.num_actions)
+                return self._gpu.step(
+                    _gaitfit.DeviceInput("actions", actions, shape, self._gpu.device, self._gpu.stream)
+                )
+            actions = numbers("actions", actions, np.float32)
+            if actions.ndim != 2:
+                raise ValueError(f"actions have the shape {actions.shape}; needed: {(self.num_envs, self.num_actions)}")
+            ended: int = self._robots.step(
+                actions,
+                self.observation,
+                self.critic_observation,
+                self.last_observation,
+                self.reward,
+                self.terminated,
+                self.truncated,
+            )
+            return ended
+
+    def reward_terms(self) -> dict[str, float]:
+        """The weighted reward terms by name: the pay of a control step, mean over all robots and the steps since the last call.
+        Their sum is the mean of :attr:`reward`, but for robots that diverged.
+
+        Raises ``ValueError`` for robots on a GPU.
         """
         if self._gpu is not None:
-            shape = (self.num_envs, self.num_actions)
-            return self._gpu.step(
-                _gaitfit.DeviceInput("actions", actions, shape, self._gpu.device, self._gpu.stream)
-            )
-        actions = numbers("actions", actions, np.float32)
-        if actions.ndim != 2:
-            raise ValueError(f"actions have the shape {actions.shape}; needed: {(self.num_envs, self.num_actions)}")
-        return self._robots.step(
-            actions,
-            self.observation,
-            self.critic_observation,
-            self.last_observation,
-            self.reward,
-            self.terminated,
-            self.truncated,
-        )
+            raise ValueError("robots on a GPU do not keep their reward terms: take device='cpu'")
+        with self._alone():
+            return dict(zip(self.reward_names, self._robots.take_terms()))
+
+    def state(self) -> RobotsState:
+        """Everything that changes from step to step. Robots made with the same arguments that take it with :meth:`set_state`
+        go the same way from there, bit for bit.
+
+        Raises ``ValueError`` for robots on a GPU.
+
+        >>> robots = gaitfit.Robots(num_envs=2)
+        >>> kept = robots.state()
+        >>> _ = robots.step(np.ones((2, 12)))
+        >>> robots.set_state(kept)
+        """
+        self._on_processor()
+        with self._alone():
+            values, steps, step = self._robots.state()
+            return RobotsState(self.task, self._seed, values, steps, step)
+
+    def set_state(self, state: RobotsState) -> None:
+        """Takes up the state of robots that were made with the same arguments; :attr:`observation` is what they observed.
+
+        Raises ``ValueError`` for a state of other robots, which names what differs.
+        """
+        self._on_processor()
+        if not isinstance(state, RobotsState):
+            raise TypeError(f"state is {state!r}; give what state() returned")
+        for what, mine, theirs in (
+            ("task", self.task, state.task),
+            ("seed", self._seed, state.seed),
+            ("num_envs", self.num_envs, len(state.steps)),
+        ):
+            if mine != theirs:
+                values = "" if what == "task" else f": {theirs}, and here it is {mine}"
+                raise ValueError(f"the state is of robots with another {what}{values}")
+        with self._alone():
+            self._robots.set_state(state.numbers, state.steps, state.step)
+            self._observe()
+
+    def motion(self) -> Motion:
+        """How all robots move, as copies.
+
+        Raises ``ValueError`` for robots on a GPU.
+
+        >>> gaitfit.Robots(num_envs=3).motion().base_position.shape
+        (3, 3)
+        """
+        self._on_processor()
+        with self._alone():
+            return Motion(*self._robots.motion())
+
+    def picture(self, robot: int = 0, width: int = 480, height: int = 360) -> NDArray[np.uint8]:
+        """A picture of a robot, seen from the side, ahead and above. The ground is drawn level at height 0.
+
+        Arguments:
+            robot: Its number.
+            width, height: Pixels.
+
+        Returns red, green and blue, shape ``(height, width, 3)``.
+
+        Raises ``ValueError`` for a robot that there is not, and for robots on a GPU.
+
+        >>> robots = gaitfit.Robots(num_envs=2)
+        >>> robots.picture(1, width=64, height=48).shape
+        (48, 64, 3)
+        """
+        from ._picture import picture
+
+        self._on_processor()
+        number, size = whole("robot", robot, 0), [whole("width", width, 8, 8192), whole("height", height, 8, 8192)]
+        with self._alone():
+            pose = self._robots.pose(number)
+        return picture(self._shape, pose, *size)
+
+    def _on_processor(self) -> None:
+        if self._gpu is not None:
+            raise ValueError("the state of robots on a GPU stays there: take device='cpu'")
 
     @property
     def diverged(self) -> int:
         """How many episodes ended because the simulation diverged."""
-        return self._robots.diverged
+        diverged: int = self._robots.diverged
+        return diverged
 
     @property
     def ended(self) -> Any:

@@ -1,312 +1,145 @@
-"""The stages of the method."""
+"""Fits, their validation, and the loop."""
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from . import _gaitfit
-from ._arguments import count, flag, items, mapping, maybe, path, real, text, threads as _threads
+from . import _given as given
+from ._arguments import maybe, path
+from ._arguments import threads as checked_threads
+from ._given import Device, PathLike, Resume, Settings
+from ._logs import Log
 from ._policy import Policy
-from ._progress import Progress, listener
-from ._results import Results
-from ._toml import toml
+from ._progress import Progresses, listener
+from .config import Cost, Fit, Loop
+from .results import FitResult, LoopResult, ValidationResult, _read
 
-PathLike = str | os.PathLike[str]
-Settings = Mapping[str, Any]
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def fit(
-    config: PathLike | None = None,
+    config: PathLike | Fit | None = None,
     *,
-    logs: PathLike | Sequence[PathLike] | None = None,
+    logs: PathLike | Log | pd.DataFrame | Sequence[PathLike | Log | pd.DataFrame] | None = None,
     robot: PathLike | None = None,
     policy: PathLike | Policy | None = None,
-    costs: str | Sequence[str] | None = None,
+    costs: Cost | Sequence[Cost] | None = None,
     settings: Settings | None = None,
     name: str | None = None,
     runs: PathLike | None = None,
-    resume: bool = False,
-    device: str = "cpu",
+    resume: Resume = False,
+    device: Device = "cpu",
     threads: int | None = None,
-    progress: bool | Progress = True,
-) -> Results:
+    progress: Progresses = True,
+) -> FitResult:
     """Fits the simulator's parameters to logs of a robot, as ``gaitfit fit``.
 
-    ``config`` is a TOML file (``gaitfit config`` prints one with all defaults); the arguments win over it. ``settings``
-    has any other setting by its name in the file, for example ``{"optimizer.generations": 50}``. With a ``policy`` (a
-    file, or a :class:`Policy` of your own) the logs are of a robot that walks by it, without one of a clamped robot. ``progress`` is ``True``, ``False``, or a
-    function of ``(kind, text, done, total)``. Ctrl-C keeps what is done; ``resume=True`` goes on with it, to the same
-    bits.
+    Arguments:
+        config: A TOML file (``gaitfit config`` prints one with all defaults), or a :class:`gaitfit.config.Fit`. The other
+            arguments win over it.
+        logs: Logs to fit: CSV files or folders, :class:`Log`, or tables with columns as in a CSV log. Logs that are not files
+            are written into ``runs/python-logs``.
+        robot: The robot's file, MJCF or URDF.
+        policy: The policy that walked: a file, or a :class:`Policy` of your own. Without one the robot's base was held and
+            its legs hung in the air.
+        costs: What is minimised, one fit each; the first one's values are kept. ``"wass"`` compares distributions of whole
+            walks, ``"matcho"`` a free simulation sample by sample, ``"matchr1"`` short predictions from the sensors.
+        settings: Any other setting by its name in a file, for example ``{"optimizer.generations": 50}``.
+        name: Name of the run folder; by default that of the configuration.
+        runs: Folder of the run folders; by default ``"runs"``.
+        resume: ``True`` continues the latest run of that name, to the same bits; ``"auto"`` does if there is one.
+        device: What simulates walks.
+        threads: Threads; by default one for each core.
+        progress: ``True`` prints, ``False`` does not; or functions that take a :class:`Event` (:mod:`gaitfit.callbacks`).
 
-    Raises :class:`GaitfitError` with the program's own message.
+    Returns the result; its files are in :attr:`FitResult.run_folder`.
+
+    Raises ``FileNotFoundError`` for a file that is missing, :class:`GaitfitError` for logs, robots and settings that cannot be
+    used, :class:`Stopped` if ``progress`` returned ``False``, and ``KeyboardInterrupt`` after Ctrl-C; a run that was stopped
+    can be resumed.
+
+    >>> result = gaitfit.fit("examples/go2-demo/adapt.toml", costs="matcho")      # doctest: +SKIP
+    >>> result.parameters["delay"].value      # doctest: +SKIP
+    0.00701
     """
-    settings = _fit_settings(logs, robot, _named(policy), costs, settings, runs)
-    run = _run(config, settings, name, resume, threads, device)
-    return _results(_gaitfit.adapt(run, _own(policy), listener(progress), None))
+    others = given.fit_settings(logs, robot, given.named_policy(policy), costs, settings, runs)
+    run = given.run(config, Fit, others, name, resume, threads, device)
+    return _read.fit_result(json.loads(_gaitfit.adapt(run, given.own(policy), listener(progress), None)))
 
 
 def validate(
     theta: PathLike,
-    logs: PathLike | Sequence[PathLike],
+    logs: PathLike | Log | pd.DataFrame | Sequence[PathLike | Log | pd.DataFrame],
     *,
     config: PathLike | None = None,
     settings: Settings | None = None,
     threads: int | None = None,
     policy: Policy | None = None,
-) -> Results:
-    """How well the fit in the ``theta.toml`` predicts other logs, as ``gaitfit validate``. A fit with a :class:`Policy` of
-    your own needs it here too."""
-    sets, files = _sets(settings or {}), (path("theta", theta), _paths("logs", logs), maybe(path, "config", config))
+) -> ValidationResult:
+    """How well a fit predicts other logs, as ``gaitfit validate``.
+
+    Arguments:
+        theta: The fit's ``theta.toml`` (:attr:`FitResult.theta`).
+        logs: Logs that were not fitted, as for :func:`fit`.
+        config: The fit's configuration; by default the ``config.toml`` beside ``theta``.
+        settings: Changes of its settings, by name.
+        threads: Threads; by default one for each core.
+        policy: The :class:`Policy` of a fit with a policy of your own.
+
+    Raises ``FileNotFoundError`` for a file that is missing, and :class:`GaitfitError` for logs that cannot be used.
+
+    >>> checked = gaitfit.validate(result.theta, "examples/go2-demo/validate.csv")      # doctest: +SKIP
+    >>> checked.rmse_rad      # doctest: +SKIP
+    0.0032
+    """
+    sets = given.sets(settings)
+    path("theta", theta)
     if not isinstance(policy, Policy | None):
         raise TypeError(f"policy is {policy!r}; it must be a gaitfit.Policy: a policy's file is in the fit's configuration")
-    return _results(_gaitfit.validate(*files, sets, _threads(threads), _own(policy)))
-
-
-def train(
-    config: PathLike | None = None,
-    *,
-    robot: PathLike | None = None,
-    seeds: Iterable[int] | None = None,
-    settings: Settings | None = None,
-    name: str | None = None,
-    runs: PathLike | None = None,
-    resume: bool = False,
-    device: str = "cpu",
-    threads: int | None = None,
-    progress: bool | Progress = True,
-) -> Results:
-    """Trains a policy by PPO, as ``gaitfit train``. Arguments as of :func:`fit`."""
-    run = _run(config, {"runs": maybe(path, "runs", runs), **_given(settings)}, name, resume, threads, device)
-    return _results(_gaitfit.train(run, maybe(path, "robot", robot), _list(seeds), listener(progress)))
-
-
-def finetune(
-    policy: PathLike,
-    *,
-    theta: PathLike | None = None,
-    robot: PathLike | None = None,
-    task: str | None = None,
-    spring: Sequence[str] = (),
-    torque_noise: float = 0.0,
-    lenient: bool = False,
-    config: PathLike | None = None,
-    seeds: Iterable[int] | None = None,
-    settings: Settings | None = None,
-    name: str | None = None,
-    runs: PathLike | None = None,
-    resume: bool = False,
-    device: str = "cpu",
-    threads: int | None = None,
-    progress: bool | Progress = True,
-) -> Results:
-    """Goes on training ``policy`` in the simulator that ``theta`` (a ``theta.toml``) makes, as ``gaitfit finetune``."""
-    run = _run(config, {"runs": maybe(path, "runs", runs), **_given(settings)}, name, resume, threads, device)
-    world = _world(_file(policy), robot, lenient, task, theta, spring, torque_noise)
-    return _results(_gaitfit.finetune(run, world, _list(seeds), listener(progress)))
+    maybe(path, "config", config)
+    threads = checked_threads(threads)
+    files = given.log_files(logs, None)
+    fitted, config = given.existing("theta", theta), given.existing("config", config)
+    try:
+        found = _gaitfit.validate(str(fitted), files, config, sets, threads, given.own(policy))
+    except FileNotFoundError as missing:
+        name = re.search(r"policy `(the function [^`,]*)", str(missing))
+        if policy is None and name is not None:
+            raise _gaitfit.GaitfitError(
+                f"the robot of this fit walked by {name.group(1)}, which is not a file: give it as policy=gaitfit.Policy(...)"
+            ) from None
+        raise
+    return _read.validation_result(json.loads(found))
 
 
 def loop(
-    config: PathLike,
+    config: PathLike | Loop,
     *,
     settings: Settings | None = None,
     name: str | None = None,
     runs: PathLike | None = None,
-    resume: bool = False,
-    device: str = "cpu",
+    resume: Resume = False,
+    device: Device = "cpu",
     threads: int | None = None,
-    progress: bool | Progress = True,
-) -> Results:
-    """Collects, adapts, fine-tunes and evaluates while it helps, as ``gaitfit loop``."""
-    run = _run(config, {"runs": maybe(path, "runs", runs), **_given(settings)}, name, resume, threads, device)
-    return _results(_gaitfit.run_loop(run, listener(progress)))
+    progress: Progresses = True,
+) -> LoopResult:
+    """Collects logs, fits, trains and evaluates while it helps, as ``gaitfit loop``.
 
+    Arguments:
+        config: A TOML file (``gaitfit config loop`` prints one with all defaults), or a :class:`gaitfit.config.Loop`.
+        settings, name, runs, resume, device, threads, progress: As for :func:`fit`.
 
-def evaluate(
-    policy: PathLike | Policy,
-    *,
-    robot: PathLike | None = None,
-    theta: PathLike | None = None,
-    task: str | None = None,
-    trajectories: int = 10_000,
-    seconds: float = 4.0,
-    drift: int = 64,
-    terrain: str = "own",
-    spring: Sequence[str] = (),
-    torque_noise: float = 0.0,
-    randomised: bool = False,
-    preset: str = "fast",
-    lenient: bool = False,
-    seed: int = 0,
-    device: str = "cpu",
-    threads: int | None = None,
-    progress: bool | Progress = True,
-) -> Results:
-    """How well ``policy`` (a file, or a :class:`Policy` of your own) walks in a simulator, as ``gaitfit evaluate``: errors
-    in m/s and rad/s, falls as a share."""
-    world = _world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
-    trajectories, drift, seconds = count("trajectories", trajectories, 1), count("drift", drift, 0), real("seconds", seconds)
-    terrain, device = text("terrain", terrain), text("device", device)
-    return _results(_gaitfit.evaluate(world, trajectories, seconds, drift, terrain, device, listener(progress)))
+    Raises as :func:`fit`.
 
-
-def collect(
-    policy: PathLike | Policy,
-    out: PathLike,
-    *,
-    robot: PathLike | None = None,
-    theta: PathLike | None = None,
-    task: str | None = None,
-    trajectories: int = 64,
-    seconds: float = 4.0,
-    log_shift: tuple[float, float] = (0.0, 0.0),
-    privileged: bool = False,
-    commands: PathLike | None = None,
-    spring: Sequence[str] = (),
-    torque_noise: float = 0.0,
-    randomised: bool = False,
-    preset: str = "fast",
-    lenient: bool = False,
-    seed: int = 0,
-    device: str = "cpu",
-    threads: int | None = None,
-    progress: bool | Progress = True,
-) -> Results:
-    """Writes logs of ``policy`` (a file, or a :class:`Policy` of your own) in a simulator into the folder ``out``, as ``gaitfit collect``.
-    ``device="cuda"`` simulates on a GPU."""
-    world = _world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
-    trajectories, seconds, out = count("trajectories", trajectories, 1), real("seconds", seconds), path("out", out)
-    privileged, commands = flag("privileged", privileged), maybe(path, "commands", commands)
-    try:
-        low, high = (float(one) for one in log_shift)
-    except (TypeError, ValueError):
-        raise TypeError(f"log_shift is {log_shift!r}; give two numbers, the shortest and the longest, s") from None
-    simulator, files, falls = _gaitfit.collect(
-        world, out, trajectories, seconds, [low, high], privileged, commands, text("device", device), listener(progress)
-    )
-    files = [str(file) for file in files]
-    return Results({"simulator": simulator, "trajectories": len(files), "seconds": seconds, "falls": falls, "files": files})
-
-
-def _fit_settings(
-    logs: PathLike | Sequence[PathLike] | None,
-    robot: PathLike | None,
-    policy: PathLike | None,
-    costs: str | Sequence[str] | None,
-    settings: Settings | None,
-    runs: PathLike | None,
-) -> dict[str, Any]:
-    given = {
-        "logs": maybe(_paths, "logs", logs),
-        "robot": maybe(path, "robot", robot),
-        "policy": policy,
-        "base": None if policy is None else "free",
-        "costs": [costs] if isinstance(costs, str) else maybe(_names, "costs", costs),
-        "runs": maybe(path, "runs", runs),
-    }
-    return {**given, **_given(settings)}
-
-
-def _run(
-    config: PathLike | None,
-    settings: Settings,
-    name: str | None,
-    resume: bool,
-    threads: int | None,
-    device: str,
-) -> dict[str, Any]:
-    return {
-        "config": maybe(path, "config", config),
-        "sets": _sets(settings),
-        "name": maybe(text, "name", name),
-        "resume": flag("resume", resume),
-        "threads": _threads(threads),
-        "device": text("device", device),
-    }
-
-
-def _world(
-    policy: PathLike | Policy,
-    robot: PathLike | None,
-    lenient: bool,
-    task: str | None,
-    theta: PathLike | None,
-    spring: Sequence[str],
-    torque_noise: float,
-    randomised: bool = False,
-    preset: str = "fast",
-    seed: int = 0,
-    threads: int | None = None,
-) -> dict[str, Any]:
-    return {
-        "policy": _own(policy) or path("policy", _named(policy)),
-        "robot": maybe(path, "robot", robot),
-        "lenient": flag("lenient", lenient),
-        "task": maybe(text, "task", task),
-        "theta": maybe(path, "theta", theta),
-        "spring": [spring] if isinstance(spring, str) else _names("spring", spring),
-        "torque_noise": real("torque_noise", torque_noise),
-        "randomised": flag("randomised", randomised),
-        "preset": text("preset", preset),
-        "seed": count("seed", seed, 0),
-        "threads": _threads(threads),
-    }
-
-
-def _results(document: str) -> Results:
-    return Results(json.loads(document))
-
-
-def _own(policy: PathLike | Policy | None) -> dict[str, Any] | None:
-    return policy.native() if isinstance(policy, Policy) else None
-
-
-def _file(policy: PathLike | Policy) -> PathLike:
-    """The policy that is to be trained on, which must be a file."""
-    if isinstance(policy, Policy) or callable(policy):
-        name = policy.name if isinstance(policy, Policy) else getattr(policy, "__name__", type(policy).__name__)
-        raise TypeError(
-            f"the policy {name} is a function, and a function has no weights that could be trained here: give the policy's "
-            "file (.safetensors, .onnx or a .toml), or train it where its weights are, with a learner of your own on "
-            "gaitfit.gym.GaitfitVecEnv or gaitfit.rsl_rl.RslRlVecEnv"
-        )
-    return path("policy", policy)
-
-
-def _named(policy: PathLike | Policy | None) -> PathLike | None:
-    """The policy as a run's settings keep it: of a function its name and a hash of its interface."""
-    if policy is not None and not isinstance(policy, Policy):
-        if callable(policy):
-            raise TypeError(
-                f"policy is {policy!r}; a function needs what it sees and does: give gaitfit.Policy(function, interface)"
-            )
-        return path("policy", policy, ", or a gaitfit.Policy")
-    if policy is None:
-        return None
-    digest = hashlib.sha256(f"{policy.interface.to_json()}{policy.task}".encode()).hexdigest()
-    return f"the function {policy.name}, interface {digest[:12]}"
-
-
-def _paths(name: str, paths: PathLike | Sequence[PathLike]) -> list[str]:
-    several = [paths] if isinstance(paths, (str, os.PathLike)) else items(name, paths, "paths")
-    return [path(f"an element of {name}", one) for one in several]
-
-
-def _names(name: str, values: Sequence[str]) -> list[str]:
-    return [text(f"an element of {name}", one) for one in items(name, values, "texts")]
-
-
-def _list(seeds: Iterable[int] | None) -> list[int] | None:
-    return None if seeds is None else [count("a seed", seed, 0) for seed in items("seeds", seeds, "whole numbers")]
-
-
-def _given(settings: Settings | None) -> dict[str, Any]:
-    return {} if settings is None else mapping("settings", settings, '{"optimizer.generations": 50}')
-
-
-def _sets(settings: Settings) -> list[str]:
-    """Settings as the program's ``--set`` has them: ``key=value``, the value as TOML writes it."""
-    return [f"{key}={toml(value)}" for key, value in _given(settings).items() if value is not None]
+    >>> result = gaitfit.loop("examples/go2-ground/loop.toml")      # doctest: +SKIP
+    >>> result.policy      # doctest: +SKIP
+    PosixPath('runs/loop/policies/policy-1.safetensors')
+    """
+    others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
+    run = given.run(config, Loop, others, name, resume, threads, device)
+    return _read.loop_result(json.loads(_gaitfit.run_loop(run, listener(progress))))

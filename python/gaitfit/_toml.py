@@ -9,6 +9,12 @@ from collections.abc import Mapping
 from typing import Any
 
 
+def key(name: str) -> str:
+    """A key as TOML writes it."""
+    bare = bool(name) and all(letter.isascii() and (letter.isalnum() or letter in "_-") for letter in name)
+    return name if bare else toml(name)
+
+
 def toml(value: Any) -> str:
     """``value`` as TOML; ``TypeError`` for what has no place in a setting."""
     if isinstance(value, bool):
@@ -16,7 +22,7 @@ def toml(value: Any) -> str:
     if isinstance(value, (str, os.PathLike)):
         return json.dumps(os.fspath(value), ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{toml(str(key))} = {toml(one)}" for key, one in value.items()) + "}"
+        return "{" + ", ".join(f"{key(str(name))} = {toml(one)}" for name, one in value.items()) + "}"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(toml(one) for one in value) + "]"
     if hasattr(value, "tolist"):

@@ -18,6 +18,9 @@ def wasserstein(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64] | float:
     computed in 64 bits, and exchanging ``a`` and ``b`` changes nothing.
 
     Raises ``ValueError`` for samples that are empty, not finite, or of different dimensions.
+
+    >>> wasserstein([0.0, 1.0], [2.0, 3.0])
+    2.0
     """
     first, second = numbers("a", a, np.float64), numbers("b", b, np.float64)
     if first.ndim != second.ndim or first.ndim not in (1, 2):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -20,8 +20,14 @@ from numpy.typing import NDArray
 from ._arguments import count, flag
 from ._arrays import numbers
 from ._robots import Robots
+from ._robots_state import RobotsState
+from ._terms import Terms
+from .config import Train
 
-def _spaces(robots: Robots) -> tuple[spaces.Box, spaces.Box]:
+Box = spaces.Box
+
+
+def _spaces(robots: Robots) -> tuple[Box, Box]:
     """Of one robot: what it observes, and the actions that it can use."""
     low, high = robots.action_bounds.T
     return (
@@ -30,22 +36,37 @@ def _spaces(robots: Robots) -> tuple[spaces.Box, spaces.Box]:
     )
 
 
-class GaitfitVecEnv(VectorEnv):
-    """Robots at a task as a ``gymnasium.vector.VectorEnv``. Arguments as of :class:`gaitfit.Robots`.
+class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-ignore]
+    """Robots at a task as a ``gymnasium.vector.VectorEnv``.
 
-    Episodes that end begin anew within the same step (``AutoresetMode.SAME_STEP``): ``infos["final_obs"]`` has what
-    those robots observed before, ``infos["_final_obs"]`` which they are. A robot whose simulation diverged has fallen: it is
-    terminated, and begins anew. The action space is :attr:`gaitfit.Robots.action_bounds`.
-    ``copy=False`` hands out the environment's own arrays, without copies; the next step writes over them.
+    By default episodes that end begin anew within the same step (``AutoresetMode.SAME_STEP``). ``infos["final_obs"]`` then has
+    what those robots observed before, ``infos["_final_obs"]`` which they are; ``infos["final_info"]`` has their ``episode_return``,
+    ``episode_length`` and ``fell``, arrays of shape ``(num_envs,)`` with masks (``_episode_return``, …). A robot whose simulation
+    diverged has fallen: it is terminated, and begins anew. The action space is :attr:`gaitfit.Robots.action_bounds`.
+
+    Arguments:
+        config, num_envs, robot, settings, seed, threads, device: As of :class:`gaitfit.Robots`.
+        copy: ``False`` hands out the environment's own arrays, without copies; the next step writes over them.
+        log_rewards: Whether ``infos["log"]`` has the reward terms of each step by name, means over the robots.
+        terms: Reward, end of an episode and observation of your own (:class:`gaitfit.gym.Terms`).
+        autoreset_mode: ``AutoresetMode.SAME_STEP``; ``NEXT_STEP``: the step after an episode's end begins the next one, without
+            an action and reward; ``DISABLED``: ``reset(options={"reset_mask": mask})`` begins it. On a GPU only the first.
 
     With ``device="cuda"`` all robots are stepped on a GPU. Actions are an array of another library there, and what comes back
     are the environment's own :class:`gaitfit.DeviceArray`, without copies: ``copy`` must be ``False``.
-    ``infos["final_obs"]`` is one array of all robots' last observations, ``infos["_final_obs"]`` says whose are new.
+    ``infos["final_obs"]`` is one array of all robots' last observations, ``infos["_final_obs"]`` marks the new ones, and there is
+    no ``final_info``.
+
+    >>> env = GaitfitVecEnv(num_envs=8)
+    >>> observation, infos = env.reset(seed=1)
+    >>> observation, reward, terminated, truncated, infos = env.step(env.action_space.sample())
+    >>> reward.shape
+    (8,)
     """
 
     def __init__(
         self,
-        config: str | os.PathLike[str] | None = None,
+        config: str | os.PathLike[str] | Train | None = None,
         *,
         num_envs: int = 1024,
         robot: str | os.PathLike[str] | None = None,
@@ -54,107 +75,206 @@ class GaitfitVecEnv(VectorEnv):
         threads: int | None = None,
         copy: bool | None = None,
         device: str = "cpu",
+        log_rewards: bool = False,
+        terms: Terms | None = None,
+        autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP,
     ) -> None:
-        self._arguments = {
-            "config": config,
-            "num_envs": num_envs,
-            "robot": robot,
-            "settings": settings,
-            "threads": threads,
-            "device": device,
-        }
+        self._mode, self._terms = AutoresetMode(autoreset_mode), terms
+        if terms is not None and (not isinstance(terms, Terms) or device != "cpu"):
+            raise TypeError(f"terms is {terms!r}; give gaitfit.gym.Terms, and device='cpu'")
+        if device != "cpu" and self._mode != AutoresetMode.SAME_STEP:
+            raise ValueError(
+                f"autoreset_mode is {self._mode}; robots on a GPU begin their next episode within the same step: give "
+                "AutoresetMode.SAME_STEP"
+            )
+
+        def make(seed: int) -> Robots:
+            return Robots(
+                config,
+                num_envs=num_envs,
+                robot=robot,
+                settings=settings,
+                seed=seed,
+                threads=threads,
+                autoreset=self._mode == AutoresetMode.SAME_STEP and terms is None,
+                device=device,
+            )
+
+        self._make = make
         self._copy = device == "cpu" if copy is None else flag("copy", copy)
-        if self._copy and device != "cpu":
-            raise ValueError("copy is True; robots on a GPU hand out their own arrays: give copy=False")
+        self._log = flag("log_rewards", log_rewards)
+        if device != "cpu" and (self._copy or self._log):
+            what, give = ("copy", "copy") if self._copy else ("log_rewards", "log_rewards")
+            raise ValueError(f"{what} is True; robots on a GPU hand out their own arrays: give {give}=False")
         self._begin(seed)
         self.num_envs = num_envs
-        self.single_observation_space, self.single_action_space = _spaces(self._robots)
+        observed, self.single_action_space = _spaces(self._robots)
+        width = self._observed().shape[1] if device == "cpu" else observed.shape[0]
+        self.single_observation_space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
+        self.metadata = {"autoreset_mode": self._mode}
         self.render_mode = None
         self.spec = None
 
     def _begin(self, seed: int) -> None:
-        self._robots = Robots(**self._arguments, seed=seed)
+        self._robots = self._make(seed)
         self._seed, self._fresh = seed, True
+        self._returns = np.zeros(self._robots.num_envs)
+        self._lengths = np.zeros(self._robots.num_envs, np.int64)
+        #: Whose episode the last step ended, and nothing has begun since.
+        self._over = np.zeros(self._robots.num_envs, np.bool_)
+
+    @property
+    def robots(self) -> Robots:
+        """The robots themselves."""
+        return self._robots
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """New episodes; with a ``seed`` the same ones every time. Of several seeds the first counts."""
+        """New episodes.
+
+        Arguments:
+            seed: The same episodes every time. Of several seeds the first counts.
+            options: ``{"reset_mask": mask}`` begins only the episodes of ``mask``, shape ``(num_envs,)``; not with a seed.
+
+        Returns what the robots observe, shape ``(num_envs, observation)``, and no infos.
+        """
         if isinstance(seed, (list, tuple)):
             # One seed is enough: draws depend on it and on an environment's number.
             seed = next((one for one in seed if one is not None), None)
-        seed = None if seed is None else count("seed", seed, 0)
-        super().reset(seed=seed)
-        if seed is not None and not (self._fresh and seed == self._seed):
-            self._begin(seed)
-        elif not self._fresh:
-            self._robots.reset()
+        chosen = None if seed is None else count("seed", seed, 0)
+        mask = None if options is None else options.get("reset_mask")
+        if mask is not None and chosen is not None:
+            raise ValueError("reset_mask and seed are given; a seed makes all robots anew: give one of them")
+        super().reset(seed=chosen)
+        if chosen is not None and not (self._fresh and chosen == self._seed):
+            self._begin(chosen)
+        elif mask is not None or not self._fresh:
+            self._robots.reset(mask)
+        who = slice(None) if mask is None else mask
+        self._returns[who], self._lengths[who], self._over[who] = 0.0, 0, False
         self._fresh = False
-        return self._out(self._robots.observation), {}
+        return self._out(self._observed() if self._robots.device == "cpu" else self._robots.observation), {}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """One control period."""
+        """One control period under ``actions``, shape ``(num_envs, joints)``: observations, rewards, who fell, whose time is up,
+        and infos. Raises as :meth:`gaitfit.Robots.step`, and ``ValueError`` for a term that returns something else."""
         self._fresh = False
-        robots, infos = self._robots, {}
+        robots, terms = self._robots, self._terms
         ends = robots.step(actions)
-        if ends and robots.device != "cpu":
-            infos = {"final_obs": robots.last_observation, "_final_obs": robots.ended}
-        elif ends:
-            ended = robots.ended
-            final = np.full(self.num_envs, None, object)
-            for index in np.flatnonzero(ended):
-                final[index] = robots.last_observation[index].copy()
-            infos = {"final_obs": final, "_final_obs": ended}
-        return (
-            self._out(robots.observation),
-            self._out(robots.reward),
-            self._out(robots.terminated),
-            self._out(robots.truncated),
-            infos,
-        )
+        if robots.device != "cpu":
+            infos = {"final_obs": robots.last_observation, "_final_obs": robots.ended} if ends else {}
+            return robots.observation, robots.reward, robots.terminated, robots.truncated, infos
+        infos = {"log": robots.reward_terms()} if self._log else {}
+        observation, reward, terminated, truncated = robots.observation, robots.reward, robots.terminated, robots.truncated
+        if terms is not None:
+            motion = robots.motion()
+            reward, terminated = terms.rewarded(robots, motion), terms.over(robots, motion)
+            observation = terms.observed(robots, motion)
+        begun = self._over if self._mode == AutoresetMode.NEXT_STEP else np.zeros(self.num_envs, np.bool_)
+        if begun.any():
+            # What these robots did in this step belongs to no episode.
+            robots.reset(begun)
+            for values in (reward, terminated, truncated, self._returns, self._lengths):
+                values[begun] = 0
+            observation = self._observed()
+        self._returns += reward
+        self._lengths += ~begun
+        self._over = ended = terminated | truncated
+        if self._mode == AutoresetMode.SAME_STEP and ended.any():
+            infos |= self._final(ended, terminated, robots.last_observation if terms is None else observation)
+            if terms is not None:
+                robots.reset(ended)
+                observation = self._observed()
+        return self._out(observation), self._out(reward), self._out(terminated), self._out(truncated), infos
+
+    def _observed(self) -> Any:
+        """What the robots observe now."""
+        robots = self._robots
+        return robots.observation if self._terms is None else self._terms.observed(robots, robots.motion())
+
+    def _final(self, ended: NDArray[np.bool_], terminated: NDArray[np.bool_], last: NDArray[np.float32]) -> dict[str, Any]:
+        """Infos of episodes that ended, with what their robots observed ``last``."""
+        final = np.full(self.num_envs, None, object)
+        for index in np.flatnonzero(ended):
+            final[index] = last[index].copy()
+        values = {
+            "episode_return": np.where(ended, self._returns, 0.0),
+            "episode_length": np.where(ended, self._lengths, 0),
+            "fell": terminated.copy(),
+        }
+        masks = {f"_{name}": ended.copy() for name in values}
+        self._returns[ended], self._lengths[ended] = 0.0, 0
+        return {"final_obs": final, "_final_obs": ended, "final_info": {**values, **masks}, "_final_info": ended.copy()}
+
+    def state(self) -> tuple[RobotsState, NDArray[np.float64], NDArray[np.int64]]:
+        """The robots' state (:meth:`gaitfit.Robots.state`), and return and length of their episodes so far."""
+        return self._robots.state(), self._returns.copy(), self._lengths.copy()
+
+    def set_state(self, state: tuple[RobotsState, NDArray[np.float64], NDArray[np.int64]]) -> Any:
+        """Takes up a state of an environment that was made with the same arguments; returns what the robots observe."""
+        robots, self._returns[:], self._lengths[:] = state
+        self._robots.set_state(robots)
+        self._fresh = False
+        return self._out(self._observed())
 
     def _out(self, array: Any) -> Any:
         return array.copy() if self._copy else array
 
 
-class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """One robot at a task as a ``gymnasium.Env``. Arguments as of :class:`gaitfit.Robots`. For trying things out: the
-    engine steps hundreds of robots in the time of some ten.
+class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # type: ignore[misc, unused-ignore]
+    """One robot at a task as a ``gymnasium.Env``. For trying things out: the engine steps hundreds of robots in the time of
+    some ten.
 
     Observations have the shape ``(observation,)``, actions ``(joints,)``, unitless; the action space is
     :attr:`gaitfit.Robots.action_bounds`. A robot whose simulation diverged has fallen: it is terminated.
+    ``info["reward_terms"]`` has the weighted terms of the step's reward by name.
+
+    Arguments:
+        config, robot, settings, seed: As of :class:`gaitfit.Robots`.
+        render_mode: ``"rgb_array"``: :meth:`render` returns pictures (:meth:`gaitfit.Robots.picture`); ``None``: no pictures.
+
+    >>> env = GaitfitEnv()
+    >>> observation, info = env.reset(seed=1)
+    >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
 
     def __init__(
         self,
-        config: str | os.PathLike[str] | None = None,
+        config: str | os.PathLike[str] | Train | None = None,
         *,
         robot: str | os.PathLike[str] | None = None,
         settings: Mapping[str, Any] | None = None,
         seed: int = 0,
         render_mode: str | None = None,
     ) -> None:
-        if render_mode is not None:
-            raise ValueError(f"render_mode is {render_mode!r}; this environment draws nothing: give None")
-        self._arguments = {"config": config, "robot": robot, "settings": settings, "num_envs": 1, "threads": 1}
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode is {render_mode!r}; this environment opens no window: give 'rgb_array' or None")
+
+        def make(seed: int) -> Robots:
+            return Robots(config, num_envs=1, threads=1, robot=robot, settings=settings, seed=seed)
+
+        self._make = make
         self._begin(seed)
-        self.observation_space, self.action_space = _spaces(self._robots)
-        self.render_mode = None
+        observed, moved = _spaces(self._robots)
+        self.observation_space = cast("spaces.Space[NDArray[np.float32]]", observed)
+        self.action_space = cast("spaces.Space[NDArray[np.float32]]", moved)
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": round(1.0 / self._robots.control_dt)}
 
     def _begin(self, seed: int) -> None:
         # What the robots begin with is an episode already.
-        self._robots = Robots(**self._arguments, seed=seed)
+        self._robots = self._make(seed)
         self._seed, self._fresh = seed, True
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """A new episode; with a ``seed`` the same one every time."""
+        """A new episode; with a ``seed`` the same one every time. ``options`` have no effect."""
         super().reset(seed=seed)
         if seed is not None and not (self._fresh and seed == self._seed):
             self._begin(seed)
@@ -164,7 +284,7 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._robots.observation[0].copy(), {}
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """One control period."""
+        """One control period under ``action``, shape ``(joints,)``."""
         robots = self._robots
         action = numbers("action", action, np.float32)
         if action.shape != self.action_space.shape:
@@ -174,7 +294,13 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if ended:
             self._seed, self._fresh = -1, True
         observation = (robots.last_observation if ended else robots.observation)[0].copy()
-        return observation, float(robots.reward[0]), bool(robots.terminated[0]), bool(robots.truncated[0]), {}
+        info = {"reward_terms": robots.reward_terms()}
+        return observation, float(robots.reward[0]), bool(robots.terminated[0]), bool(robots.truncated[0]), info
+
+    def render(self) -> Any:
+        """A picture of the robot, shape ``(360, 480, 3)``, with ``render_mode="rgb_array"``; else ``None``. After an episode's end
+        it shows the next one's beginning."""
+        return self._robots.picture() if self.render_mode == "rgb_array" else None
 
 
 gymnasium.register(

@@ -1,5 +1,8 @@
 """Official MuJoCo as the simulator of a fit. Needs ``mujoco`` (``pip install "gaitfit[mujoco]"``)."""
 
+# MuJoCo is compiled and names its contents at run time.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import os
@@ -20,12 +23,21 @@ class ClampedRobot(Clamped):
     """A robot whose base is held and whose legs hang in the air, in official MuJoCo, for :func:`gaitfit.fit_simulator`.
 
     It plays the logs' position targets through the logs' PD gains, which MuJoCo evaluates at every physics step, on all
-    candidates at once with ``mujoco.rollout``. Contacts are off. A replay starts in the log's first sample. ``model`` is
-    an MJCF or URDF file; a free joint of its base is removed and its actuators are replaced.
+    candidates at once with ``mujoco.rollout``. Contacts are off. A replay starts in the log's first sample. A free joint of the
+    model's base is removed and its actuators are replaced.
 
-    A parameter's name says what it sets: ``frictionloss``, N·m, ``armature``, kg·m², or ``damping``, N·m·s/rad, of all
+    Arguments:
+        model: An MJCF or URDF file.
+        logs: The logs whose targets it plays.
+        parameters: What is searched.
+        timestep: The physics step, s.
+        torque_limit: N·m, one number for each joint, instead of the model's limits.
+        threads: Threads; by default one for each core.
+
+    Raises ``ValueError`` for logs without targets or gains, and for parameters that it does not have.
+
+    A parameter's name is what it sets: ``frictionloss``, N·m, ``armature``, kg·m², or ``damping``, N·m·s/rad, of all
     joints, or of those that a pattern takes, as in ``frictionloss:*_hip``; or ``delay``, s, of the targets.
-    ``timestep`` is the physics step, s. ``torque_limit``, N·m, one number for each joint, replaces the model's limits.
     """
 
     def __init__(
@@ -50,4 +62,5 @@ class ClampedRobot(Clamped):
         state[:, here] = start
         data = [mujoco.MjData(self._model) for _ in range(min(self._threads, len(models)))]
         # What comes back begins after the first step.
-        return rollout.rollout(models, data, state, control)[0][:, every - 1 :: every, here]
+        found = np.asarray(rollout.rollout(models, data, state, control)[0], np.float64)
+        return found[:, every - 1 :: every, here]

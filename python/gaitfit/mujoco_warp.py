@@ -1,5 +1,8 @@
 """MuJoCo Warp as the simulator of a fit. Needs ``mujoco-warp`` (``pip install "gaitfit[mujoco-warp]"``)."""
 
+# MuJoCo is compiled and names its contents at run time.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import copy

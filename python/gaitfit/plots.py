@@ -1,4 +1,8 @@
-"""Charts for notebooks. Needs ``matplotlib`` (``pip install "gaitfit[plot]"``). Each function returns the figure."""
+"""Charts for notebooks. Needs ``matplotlib`` (``pip install "gaitfit[plot]"``). Each function returns the figure, and raises ``ValueError`` for
+results without what its chart shows.
+
+>>> log(gaitfit.read_log("examples/go2-demo/fit.csv")[:200], ["FL_hip"]).savefig("log.png")      # doctest: +SKIP
+"""
 
 from __future__ import annotations
 
@@ -13,15 +17,19 @@ from matplotlib.figure import Figure
 
 from ._arguments import items
 from ._logs import Log
+from .results import Result
 
 if TYPE_CHECKING:
     from ._own_simulator import FitOutcome
 
+#: What a stage returned, or its document.
+Shown = Result | Mapping[str, Any]
 
-def plot(results: Mapping[str, Any]) -> Figure:
-    """The chart of what a stage found: a fit's :func:`parameters`, an evaluation's :func:`drift`, a training's
+
+def plot(results: Shown) -> Figure:
+    """The chart of ``results``: a fit's :func:`parameters`, an evaluation's :func:`drift`, a training's
     :func:`training`, and of a loop the fit of its last round."""
-    _check(results)
+    results = _document(results)
     if results.get("parameters"):
         return parameters(results)
     if results.get("rounds"):
@@ -33,11 +41,13 @@ def plot(results: Mapping[str, Any]) -> Figure:
     raise ValueError(f"there is no chart of results with {', '.join(results)}: plot its rows with matplotlib")
 
 
-def parameters(found: Mapping[str, Any] | FitOutcome) -> Figure:
-    """Each parameter between its bounds: what was found, the interval in which the logs cannot tell it, and the truth
-    where it is known."""
-    if isinstance(found, Mapping):
-        rows = _rows(found, "parameters", "of a fit", ("name", "value", "unit", "lower", "upper"))
+def parameters(found: Shown | FitOutcome) -> Figure:
+    """Each parameter of ``found``, a fit's result, between its bounds: the estimate, its interval, and the truth where it is
+    known."""
+    if isinstance(found, (Result, Mapping)):
+        rows: Sequence[Mapping[str, Any]] = _rows(
+            found, "parameters", "of a fit", ("name", "value", "unit", "lower", "upper")
+        )
     elif hasattr(found, "rows"):
         rows = _parameters(found)
     else:
@@ -65,8 +75,8 @@ def parameters(found: Mapping[str, Any] | FitOutcome) -> Figure:
     return figure
 
 
-def convergence(results: Mapping[str, Any]) -> Figure:
-    """The smallest cost so far of each seed, generation by generation, of a fit with a run folder."""
+def convergence(results: Shown) -> Figure:
+    """The smallest cost so far of each seed, generation by generation; ``results`` are of a fit with a run folder."""
     lines = _metrics(results)
     figure, axes = plt.subplots(figsize=(7.0, 3.5), layout="constrained")
     for cost, seed in sorted({(line["cost"], line["seed"]) for line in lines}):
@@ -77,8 +87,8 @@ def convergence(results: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def training(results: Mapping[str, Any]) -> Figure:
-    """Reward and velocity errors of each seed of a training, iteration by iteration."""
+def training(results: Shown) -> Figure:
+    """Reward and velocity errors of each seed, iteration by iteration; ``results`` are of a training."""
     figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.5), layout="constrained")
     for seed in _rows(results, "seeds", "of a training", ("seed", "policy")):
         lines = _lines(Path(seed["policy"]).parent / "metrics.jsonl")
@@ -93,8 +103,8 @@ def training(results: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def drift(results: Mapping[str, Any]) -> Figure:
-    """The paths of an evaluation's first robots under constant commands, seen from above, m."""
+def drift(results: Shown) -> Figure:
+    """The paths of the first robots under constant commands, seen from above, m; ``results`` are of an evaluation."""
     figure, axes = plt.subplots(figsize=(5.0, 5.0), layout="constrained")
     for trial in _rows(results, "drift", "of an evaluation with drift", ("name", "path")):
         path = np.asarray(trial["path"], float)
@@ -130,13 +140,16 @@ def log(log: Log, joints: Sequence[str] | None = None) -> Figure:
     return figure
 
 
-def _check(results: object) -> None:
+def _document(results: object) -> Mapping[str, Any]:
+    if isinstance(results, Result):
+        return results.document
     if not isinstance(results, Mapping):
         raise TypeError(f"results is a {type(results).__name__}; give what a stage returned, or its document as a dict")
+    return results
 
 
-def _rows(results: Mapping[str, Any], key: str, whose: str, fields: Sequence[str] = ()) -> list[Mapping[str, Any]]:
-    _check(results)
+def _rows(results: Shown, key: str, whose: str, fields: Sequence[str] = ()) -> list[Mapping[str, Any]]:
+    results = _document(results)
     rows = results.get(key)
     if not isinstance(rows, Sequence) or not all(isinstance(row, Mapping) for row in rows):
         raise ValueError(f"these results have no {key}, which the chart {whose} shows; they have {', '.join(results)}")
@@ -151,9 +164,8 @@ def _parameters(found: FitOutcome) -> list[dict[str, Any]]:
     return [{**row, "interval": (found.intervals or {}).get(row["name"])} for row in found.rows()]
 
 
-def _metrics(results: Mapping[str, Any]) -> list[dict[str, Any]]:
-    _check(results)
-    folder = results.get("run_folder")
+def _metrics(results: Shown) -> list[dict[str, Any]]:
+    folder = _document(results).get("run_folder")
     path = None if folder is None else Path(folder) / "metrics.jsonl"
     if path is None or not path.exists():
         raise ValueError("these results have no run folder with metrics: they are not of a fit, or it was removed")

@@ -10,13 +10,21 @@ from typing import Any
 import torch
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
+from torch.utils.dlpack import from_dlpack
 
 from ._robots import Robots
+from .config import Train
 
 
-class RslRlVecEnv(VecEnv):
-    """Robots at a task as rsl_rl's ``VecEnv``. Arguments as of :class:`gaitfit.Robots`.
+class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
+    """Robots at a task as rsl_rl's ``VecEnv``.
 
+    Arguments:
+        config, num_envs, robot, settings, seed, threads: As of :class:`gaitfit.Robots`. ``stagger`` is on.
+        device: PyTorch's device, where the tensors are; the robots are stepped there, too.
+        robots_device: Where the robots are stepped instead.
+
+    ``extras["log"]`` has the reward terms of each step, ``"/reward/NAME"``, means over the robots; those on a GPU have none.
     Observation groups are ``policy`` and, where the task has one, ``critic``. Tensors are copies on ``device``, since rsl_rl
     keeps them until its update. Robots are stepped on ``device`` too; with ``robots_device="cpu"`` they are stepped on the
     processor, and observations and actions cross the bus. That is for tasks that a GPU does not step, such as uneven ground.
@@ -24,7 +32,7 @@ class RslRlVecEnv(VecEnv):
 
     def __init__(
         self,
-        config: str | os.PathLike[str] | None = None,
+        config: str | os.PathLike[str] | Train | None = None,
         *,
         num_envs: int = 1024,
         robot: str | os.PathLike[str] | None = None,
@@ -49,8 +57,9 @@ class RslRlVecEnv(VecEnv):
         self.max_episode_length = self._robots.max_episode_length
         self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=device)
         self.device = device
-        self.cfg = {"config": None if config is None else os.fspath(config), "settings": dict(settings or {})}
-        take = torch.from_dlpack
+        named = config.to_dict() if isinstance(config, Train) else None if config is None else os.fspath(config)
+        self.cfg = {"config": named, "settings": dict(settings or {})}
+        take = from_dlpack
         self._observation, self._critic = take(self._robots.observation), take(self._robots.critic_observation)
         self._reward, self._late = take(self._robots.reward), take(self._robots.truncated)
 
@@ -73,14 +82,17 @@ class RslRlVecEnv(VecEnv):
         return self.get_observations(), {}
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
-        """One control period; episodes that end begin anew within it."""
+        """One control period under ``actions``, shape ``(num_envs, num_actions)``; episodes that end begin anew within it."""
         robots = self._robots
         robots.step(actions.detach().to(robots.device, torch.float32).contiguous())
-        ended = torch.from_dlpack(robots.ended).to(self.device)
+        ended = from_dlpack(robots.ended).to(self.device)
         self.episode_length_buf += 1
         self.episode_length_buf[ended] = 0
         found = self.get_observations()
-        return found, self._on(self._reward), ended.to(torch.long), {"time_outs": self._on(self._late)}
+        extras: dict[str, Any] = {"time_outs": self._on(self._late)}
+        if robots.device == "cpu":
+            extras["log"] = {f"/reward/{name}": value for name, value in robots.reward_terms().items()}
+        return found, self._on(self._reward), ended.to(torch.long), extras
 
     def _on(self, tensor: torch.Tensor) -> torch.Tensor:
         # rsl_rl keeps what it is given until the update; the robots write over their own.

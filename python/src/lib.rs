@@ -10,12 +10,15 @@ mod forked;
 mod logs;
 mod own_policy;
 mod own_simulator;
+mod policy_file;
 mod program;
+mod settings;
 mod share;
 mod stages;
 mod tables;
 mod task;
 mod vec_env;
+mod vec_rows;
 mod watch;
 
 use pyo3::prelude::*;
@@ -33,15 +36,19 @@ mod _gaitfit {
     #[pymodule_export]
     use super::dlpack::{DeviceArray, DeviceInput};
     #[pymodule_export]
-    use super::errors::GaitfitError;
+    use super::errors::{GaitfitError, Stopped};
     #[pymodule_export]
-    use super::logs::read_log;
+    use super::logs::{check_log, read_log, write_log};
     #[pymodule_export]
     use super::own_policy::{interface_of, observation_width};
     #[pymodule_export]
     use super::own_simulator::fit_simulator;
     #[pymodule_export]
+    use super::policy_file::PolicyFile;
+    #[pymodule_export]
     use super::program::program;
+    #[pymodule_export]
+    use super::settings::{read_toml, resolve_settings};
     #[pymodule_export]
     use super::share::Helper;
     #[pymodule_export]

@@ -25,9 +25,28 @@ pub struct Run {
     config: Option<PathBuf>,
     sets: Vec<String>,
     name: Option<String>,
-    resume: bool,
+    resume: Resume,
     threads: Option<usize>,
     device: String,
+}
+
+/// Whether to continue an earlier run.
+enum Resume {
+    /// Yes or no.
+    Always(bool),
+    /// `"auto"`: if there is one.
+    IfThere,
+}
+
+impl<'py> FromPyObject<'_, 'py> for Resume {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if given.extract::<&str>().is_ok_and(|text| text == "auto") {
+            return Ok(Self::IfThere);
+        }
+        Ok(Self::Always(given.extract()?))
+    }
 }
 
 impl Run {
@@ -39,6 +58,14 @@ impl Run {
 
     fn devices(&self) -> PyResult<Devices> {
         self.device.parse().map_err(|wrong: String| value(format!("device: {wrong}")))
+    }
+
+    /// Whether to continue the run `name` in the folder `runs`.
+    fn resumes(&self, runs: &str, name: &str) -> bool {
+        match &self.resume {
+            Resume::Always(resume) => *resume,
+            Resume::IfThere => Path::new(runs).join(name).is_dir(),
+        }
     }
 
     /// The configuration's file as errors name it.
@@ -84,7 +111,7 @@ pub fn adapt(
     let found = watched_acting(py, progress.as_ref(), act, |watch, caller| {
         let policy = policy.as_ref().map_or(Ok(None), |policy| policy.policy(caller.asked()))?;
         let mut setup = Setup::open_policy(&config, path, threads, &devices, policy.as_ref())?;
-        let folder = RunFolder::begin(Path::new(&config.runs), &name, run.resume)?;
+        let folder = RunFolder::begin(Path::new(&config.runs), &name, run.resumes(&config.runs, &name))?;
         setup.warnings.iter().for_each(|warning| watch.note(warning));
         if let Some(crew) = &crew {
             crew.open(&setup)?;
@@ -140,7 +167,9 @@ pub fn train(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let setup = training(&run, robot, seeds)?;
-    json(watched(py, progress.as_ref(), |watch| gaitfit::train::train(&setup, run.resume, watch))?)
+    json(watched(py, progress.as_ref(), |watch| {
+        gaitfit::train::train(&setup, run.resumes(&setup.plan.runs, &setup.plan.name), watch)
+    })?)
 }
 
 /// What a training needs to be made in parts: its name, its run folder, which is begun, its seeds, and the files that it
@@ -149,8 +178,8 @@ type Parts = (String, PathBuf, Vec<u64>, Vec<PathBuf>);
 
 fn plan(run: &Run, setup: &gaitfit::train::Setup) -> PyResult<Parts> {
     let plan = &setup.plan;
-    let folder =
-        RunFolder::begin(Path::new(&plan.runs), &plan.name, run.resume).map_err(|error| to_py_err(&error))?;
+    let folder = RunFolder::begin(Path::new(&plan.runs), &plan.name, run.resumes(&plan.runs, &plan.name))
+        .map_err(|error| to_py_err(&error))?;
     let read: Vec<PathBuf> = setup.inputs.files.keys().map(PathBuf::from).collect();
     let parts = read.iter().flat_map(|file| gaitfit::robot::parts(file));
     let files = run.config.iter().cloned().chain(parts).chain(read.iter().cloned()).collect();
@@ -205,7 +234,9 @@ pub fn finetune(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let setup = tuning(&run, world, seeds)?;
-    json(watched(py, progress.as_ref(), |watch| gaitfit::train::train(&setup, run.resume, watch))?)
+    json(watched(py, progress.as_ref(), |watch| {
+        gaitfit::train::train(&setup, run.resumes(&setup.plan.runs, &setup.plan.name), watch)
+    })?)
 }
 
 /// The loop.
@@ -218,7 +249,8 @@ pub fn run_loop(py: Python<'_>, run: Run, progress: Option<Py<PyAny>>) -> PyResu
     let threads = run.threads()?.map_or_else(machine::threads, NonZeroUsize::get);
     let opened = config.check(run.path()).and_then(|()| loop_::Setup::open(config, run.path(), threads));
     let setup = loop_::Setup { devices: run.devices()?, ..opened.map_err(|error| to_py_err(&error))? };
-    json(watched(py, progress.as_ref(), |watch| loop_::run(&setup, &name, run.resume, watch))?)
+    let resume = run.resumes(&setup.config.runs, &name);
+    json(watched(py, progress.as_ref(), |watch| loop_::run(&setup, &name, resume, watch))?)
 }
 
 /// A policy and the simulator it runs in.

@@ -3,7 +3,7 @@
 use crate::errors::{failed, to_py_err, value};
 use gaitfit::device::Device;
 use gaitfit::settings::{self, TrainConfig};
-use gaitfit::train;
+use gaitfit::{replay, train};
 use gaitfit_learn::{MEND_DIVERGENCE, max_diverged, task};
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -39,6 +39,9 @@ pub struct Task {
     /// Settings, as TOML.
     #[pyo3(get)]
     settings: String,
+    /// What the robot looks like, as JSON: its bodies and their shapes.
+    #[pyo3(get)]
+    shape: String,
 }
 
 #[pymethods]
@@ -64,6 +67,7 @@ impl Task {
             rewards: task.reward_names().into_iter().map(str::to_owned).collect(),
             interface: serde_json::to_string(&walker.interface).map_err(failed)?,
             settings: toml::to_string(&task.settings).map_err(failed)?,
+            shape: serde_json::to_string(&replay::shape("robot", walker.model(), &[])).map_err(failed)?,
             scene: Arc::new(task),
         })
     }

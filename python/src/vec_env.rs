@@ -2,9 +2,13 @@
 
 use crate::errors::value;
 use crate::task::{Task, bearable, checked};
-use gaitfit_learn::task::{self, Ended, Environment, TaskError};
+use crate::vec_rows::{Rows, advance, chunks, row, rows};
+use gaitfit_learn::task::{self, Ended, Environment, Saved, TaskError};
 use gaitfit_sim::pool;
-use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
+use numpy::{
+    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1,
+    PyReadwriteArray2,
+};
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -22,29 +26,22 @@ self_cell::self_cell!(
     }
 );
 
-/// The arrays of one step, as one tile sees them.
-struct Rows<'a> {
-    actions: &'a [f32],
-    observation: &'a mut [f32],
-    critic: &'a mut [f32],
-    last: &'a mut [f32],
-    reward: &'a mut [f32],
-    terminated: &'a mut [bool],
-    truncated: &'a mut [bool],
-}
-
 /// Many robots at a task. The Python classes around it have the documentation.
 #[pyclass(module = "gaitfit._gaitfit")]
 pub struct Robots {
     scene: Scene,
     step: u32,
     threads: usize,
+    /// Whether robots whose episode ended begin a new one within the step.
+    autoreset: bool,
     #[pyo3(get)]
     count: usize,
     observation_width: usize,
     critic_width: usize,
     action_width: usize,
     joints: Vec<String>,
+    /// Steps since the reward terms were read.
+    summed: usize,
     /// Episodes that ended because the simulation diverged.
     #[pyo3(get)]
     diverged: usize,
@@ -61,6 +58,7 @@ impl Robots {
         seed: u64,
         threads: Option<usize>,
         stagger: bool,
+        autoreset: bool,
     ) -> PyResult<Self> {
         checked(count)?;
         let threads = threads.unwrap_or_else(gaitfit::machine::threads).clamp(1, count.div_ceil(TILE));
@@ -80,11 +78,13 @@ impl Robots {
             scene: scene.map_err(value)?,
             step: 0,
             threads,
+            autoreset,
             count,
             observation_width: task.observation_width,
             critic_width: task.critic_width,
             action_width: task.action_width,
             joints: task.joints.clone(),
+            summed: 0,
             diverged: 0,
         })
     }
@@ -118,8 +118,8 @@ impl Robots {
         Ok(())
     }
 
-    /// One control period. Robots whose episode ended begin a new one at once; `last` has what they observed before. The
-    /// number of episodes that ended comes back.
+    /// One control period. With `autoreset` robots whose episode ended begin a new one at once, and `last` has what they observed
+    /// before; without it only robots that diverged do. The number of episodes that ended comes back.
     fn step(
         &mut self,
         py: Python<'_>,
@@ -151,7 +151,7 @@ impl Robots {
         let reward = row(&mut reward, "reward", count)?;
         let terminated = row(&mut terminated, "terminated", count)?;
         let truncated = row(&mut truncated, "truncated", count)?;
-        let (scene, step, threads) = (&self.scene, self.step, self.threads);
+        let (scene, step, threads, autoreset) = (&self.scene, self.step, self.threads, self.autoreset);
         let [wide, critic_wide, action_wide] =
             [self.observation_width, self.critic_width, width].map(|width| width.max(1) * TILE);
         let diverged: Mutex<Vec<usize>> = Mutex::default();
@@ -178,7 +178,7 @@ impl Robots {
                 });
                 pool::share(&mut vec![(); threads], jobs, |(), (number, tile, rows)| {
                     let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
-                    let (ends, broken) = advance(&mut tile, step, rows);
+                    let (ends, broken) = advance(&mut tile, step, rows, autoreset);
                     *ended.lock().unwrap_or_else(PoisonError::into_inner) += ends;
                     let broken = broken.into_iter().map(|robot| number * TILE + robot);
                     diverged.lock().unwrap_or_else(PoisonError::into_inner).extend(broken);
@@ -186,25 +186,144 @@ impl Robots {
             });
         });
         self.step = self.step.wrapping_add(1);
+        self.summed += 1;
         let diverged = diverged.into_inner().unwrap_or_else(PoisonError::into_inner);
         self.diverged += diverged.len();
         bearable(diverged.len(), count, || Ok(diverged.iter().min().copied()))?;
         Ok(ended.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// New episodes for all robots.
-    fn restart(&mut self, py: Python<'_>) {
+    /// New episodes for the robots of `mask`, or without one for all.
+    #[pyo3(signature = (mask=None))]
+    fn restart(&mut self, py: Python<'_>, mask: Option<PyReadonlyArray1<'_, bool>>) -> PyResult<()> {
+        let mask = mask.map(|mask| mask.as_array().to_vec());
+        if mask.as_ref().is_some_and(|mask| mask.len() != self.count) {
+            return Err(value(format!("the mask must have {} elements, one for each robot", self.count)));
+        }
         let (scene, step) = (&self.scene, self.step);
         py.detach(|| {
             scene.with_dependent(|_, tiles| {
-                for tile in tiles {
+                for (number, tile) in tiles.iter().enumerate() {
                     let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
-                    let all = vec![Ended::TimeOut; tile.count()];
-                    tile.begin_episodes(step, &all);
+                    let begins = |robot: usize| mask.as_ref().is_none_or(|mask| mask[number * TILE + robot]);
+                    let ended = |robot| if begins(robot) { Ended::TimeOut } else { Ended::No };
+                    let ended: Vec<Ended> = (0..tile.count()).map(ended).collect();
+                    tile.begin_episodes(step, &ended);
                 }
             });
         });
         self.step = self.step.wrapping_add(1);
+        Ok(())
+    }
+
+    /// Mean of each weighted reward term, in the order of the task's names, over all robots and the steps since the last
+    /// call: a control step's pay. Without steps in between it is 0.
+    fn take_terms(&mut self) -> Vec<f64> {
+        let steps = std::mem::take(&mut self.summed).max(1);
+        let samples = (steps * self.count) as f64;
+        let sums = self.scene.with_dependent(|_, tiles| {
+            let of = |tile: &Mutex<Environment<'_>>| {
+                tile.lock().unwrap_or_else(PoisonError::into_inner).take_terms()
+            };
+            tiles.iter().map(of).reduce(|sum, one| sum.iter().zip(&one).map(|(a, b)| a + b).collect())
+        });
+        sums.unwrap_or_default().into_iter().map(|sum| sum / samples).collect()
+    }
+
+    /// Everything that changes from step to step: numbers of the tiles, steps of the episodes, and the step.
+    fn state<'py>(&self, py: Python<'py>) -> (Bound<'py, PyArray1<f32>>, Bound<'py, PyArray1<u32>>, u32) {
+        let (mut numbers, mut steps) = (Vec::new(), Vec::new());
+        self.scene.with_dependent(|_, tiles| {
+            for tile in tiles {
+                let saved = tile.lock().unwrap_or_else(PoisonError::into_inner).save();
+                numbers.extend(saved.numbers);
+                steps.extend(saved.steps);
+            }
+        });
+        (PyArray1::from_vec(py, numbers), PyArray1::from_vec(py, steps), self.step)
+    }
+
+    /// Takes up what `state` gave of robots at the same task. After an error some robots may have been changed.
+    fn set_state(
+        &mut self,
+        numbers: PyReadonlyArray1<'_, f32>,
+        steps: PyReadonlyArray1<'_, u32>,
+        step: u32,
+    ) -> PyResult<()> {
+        let foreign = || value("the state is of other robots: another task, robot or num_envs");
+        let (numbers, steps) = (numbers.as_slice()?, steps.as_slice()?);
+        self.scene.with_dependent(|_, tiles| {
+            let (mut numbers, mut steps) = (numbers, steps);
+            for tile in tiles {
+                let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
+                let size = tile.save();
+                let split =
+                    numbers.split_at_checked(size.numbers.len()).zip(steps.split_at_checked(tile.count()));
+                let Some(((mine, other_numbers), (episodes, other_steps))) = split else {
+                    return Err(foreign());
+                };
+                let saved = Saved { numbers: mine.to_vec(), steps: episodes.to_vec() };
+                tile.restore(&saved).map_err(|_| foreign())?;
+                (numbers, steps) = (other_numbers, other_steps);
+            }
+            if numbers.is_empty() && steps.is_empty() { Ok(()) } else { Err(foreign()) }
+        })?;
+        self.step = step;
+        Ok(())
+    }
+
+    /// How all robots move: position, orientation (wxyz), linear and angular velocity of their bases, then positions, velocities and
+    /// torques of the joints that the policy moves, in its order; row by row.
+    fn motion<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f32>>>> {
+        let mut signals: [(usize, Vec<f32>); 7] = Default::default();
+        self.scene.with_dependent(|task, tiles| {
+            let (all, moved) = (task.walker.model().joints.len().max(1), &task.walker.joints);
+            for tile in tiles {
+                let tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
+                let motion = tile.motion();
+                let whole = [
+                    (3, &motion.base_position),
+                    (4, &motion.base_quaternion),
+                    (3, &motion.base_linear),
+                    (3, &motion.base_angular),
+                ];
+                for ((width, into), (columns, from)) in signals.iter_mut().zip(whole) {
+                    *width = columns;
+                    into.extend(from);
+                }
+                let of_joints = [&motion.joint_position, &motion.joint_velocity, &motion.torque];
+                for ((width, into), from) in signals[4..].iter_mut().zip(of_joints) {
+                    *width = moved.len();
+                    into.extend(from.chunks(all).flat_map(|row| moved.iter().map(|&joint| row[joint])));
+                }
+            }
+        });
+        let arrays = signals
+            .into_iter()
+            .map(|(width, values)| PyArray1::from_vec(py, values).reshape([self.count, width]));
+        arrays.collect()
+    }
+
+    /// Where robot `index` is: position of its base, m, world frame, its orientation, wxyz, and joint angles less those at which
+    /// the file places the bodies, rad, in the model's order.
+    fn pose(&self, index: usize) -> PyResult<([f32; 3], [f32; 4], Vec<f64>)> {
+        if index >= self.count {
+            return Err(value(format!(
+                "there is no robot {index}; they are numbered from 0 to {}",
+                self.count - 1
+            )));
+        }
+        Ok(self.scene.with_dependent(|task, tiles| {
+            let tile = tiles[index / TILE].lock().unwrap_or_else(PoisonError::into_inner);
+            let (motion, row) = (tile.motion(), index % TILE);
+            let joints = &task.walker.model().joints;
+            let angles = &motion.joint_position[row * joints.len()..(row + 1) * joints.len()];
+            (
+                std::array::from_fn(|k| motion.base_position[3 * row + k]),
+                std::array::from_fn(|k| motion.base_quaternion[4 * row + k]),
+                angles.iter().zip(joints).map(|(angle, joint)| f64::from(*angle) - joint.reference).collect(),
+            )
+        }))
     }
 
     /// The commands that the robots follow: ahead and to the side, m/s, and turning, rad/s.
@@ -216,62 +335,4 @@ impl Robots {
             tiles.iter().flat_map(of).collect()
         })
     }
-}
-
-/// Steps a tile; how many episodes ended, and the robots that diverged.
-fn advance(tile: &mut Environment<'_>, step: u32, rows: Rows<'_>) -> (usize, Vec<usize>) {
-    let mut ended = vec![Ended::No; tile.count()];
-    tile.step(step, rows.actions, rows.reward, &mut ended);
-    for (index, ended) in ended.iter().enumerate() {
-        rows.terminated[index] = matches!(ended, Ended::Fall | Ended::Diverged);
-        rows.truncated[index] = *ended == Ended::TimeOut;
-    }
-    let ends = ended.iter().filter(|&&ended| ended != Ended::No).count();
-    let broken: Vec<usize> = (0..ended.len()).filter(|&index| ended[index] == Ended::Diverged).collect();
-    if ends > 0 {
-        tile.observe(step.wrapping_add(1), rows.last);
-        let width = rows.last.len() / ended.len();
-        for index in &broken {
-            rows.last[index * width..(index + 1) * width].fill(0.0);
-        }
-        tile.begin_episodes(step, &ended);
-    }
-    tile.observe(step.wrapping_add(1), rows.observation);
-    tile.observe_critic(rows.critic);
-    (ends, broken)
-}
-
-/// The parts of `values` of `count` tiles; a task without a critic's observation has empty ones.
-fn chunks(values: &mut [f32], size: usize, count: usize) -> impl Iterator<Item = &mut [f32]> + Send {
-    let mut rest = Some(values);
-    (0..count).map_while(move |_| {
-        let values = rest.take()?;
-        let (first, others) = values.split_at_mut(size.min(values.len()));
-        rest = Some(others);
-        Some(first)
-    })
-}
-
-fn rows<'a>(
-    array: &'a mut PyReadwriteArray2<'_, f32>,
-    what: &str,
-    count: usize,
-    width: usize,
-) -> PyResult<&'a mut [f32]> {
-    let shape = array.as_array().dim();
-    if shape != (count, width) {
-        return Err(value(format!("{what} has the shape {shape:?}; needed: {:?}", (count, width))));
-    }
-    array.as_slice_mut().map_err(|_| value(format!("{what} must be one block of memory, row by row")))
-}
-
-fn row<'a, T: numpy::Element>(
-    array: &'a mut PyReadwriteArray1<'_, T>,
-    what: &str,
-    count: usize,
-) -> PyResult<&'a mut [T]> {
-    if array.as_array().len() != count {
-        return Err(value(format!("{what} has {} numbers; needed: {count}", array.as_array().len())));
-    }
-    array.as_slice_mut().map_err(|_| value(format!("{what} must be one block of memory")))
 }

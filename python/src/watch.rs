@@ -5,10 +5,12 @@
 //! and libraries that want one thread have one: a policy is asked through a [`Caller`]; with a simulator the whole stage
 //! runs there ([`in_place`]).
 
+use crate::errors::{Stopped, in_python};
 use crate::forked::Home;
 use gaitfit::watch::{Event, Watch};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::{IntoPyDict, PyBool};
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::sync::PoisonError;
@@ -19,19 +21,38 @@ use std::time::Duration;
 /// How often signals are looked for, also while nothing happens.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// An event that outlives its texts: what it is, a text, and two counts.
-type Report = (&'static str, String, usize, usize);
+/// An event that outlives its texts: what it is, a text, two counts, and numbers by name.
+type Report = (&'static str, String, usize, usize, Vec<(String, f64)>);
 
 fn report(event: Event<'_>) -> Option<Report> {
-    Some(match event {
-        Event::Note(text) => ("note", text.to_owned(), 0, 0),
-        Event::Stage(text) => ("stage", text.to_owned(), 0, 0),
-        Event::Output(text) => ("output", text.to_owned(), 0, 0),
-        Event::Begin(work) => ("begin", work.what.to_owned(), work.first, work.total),
-        Event::Step(step) => ("step", step.state.to_owned(), step.done, 0),
-        Event::End => ("end", String::new(), 0, 0),
-        _ => return None,
-    })
+    let plain = |kind, text: String| Some((kind, text, 0, 0, Vec::new()));
+    match event {
+        Event::Note(text) => plain("note", in_python(text)),
+        Event::Stage(text) => plain("stage", text.to_owned()),
+        Event::Output(text) => plain("output", text.to_owned()),
+        Event::Begin(work) => Some(("begin", work.what.to_owned(), work.first, work.total, Vec::new())),
+        Event::Step(step) => Some(("step", step.state.to_owned(), step.done, 0, Vec::new())),
+        Event::Metrics(metrics) => {
+            let owned = metrics.iter().map(|(name, value)| ((*name).to_owned(), *value));
+            Some(("metrics", String::new(), 0, 0, owned.collect()))
+        }
+        Event::End => plain("end", String::new()),
+        _ => None,
+    }
+}
+
+/// Calls the user's `progress`; an answer of `False` stops the stage.
+fn reported(py: Python<'_>, progress: &Py<PyAny>, report: &Report) -> PyResult<()> {
+    let (kind, text, done, total, metrics) = report;
+    let metrics = metrics.iter().map(|(name, value)| (name.as_str(), *value)).into_py_dict(py)?;
+    let answer = progress.bind(py).call1((*kind, text.as_str(), *done, *total, metrics))?;
+    match answer.cast::<PyBool>() {
+        Ok(answer) if !answer.is_true() => Err(Stopped::new_err(
+            "stopped, because the progress function returned False. A fit, a training or a loop keeps what is done: \
+             resume=True continues it",
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// What the stage's threads have for the calling one.
@@ -95,8 +116,8 @@ fn acted(py: Python<'_>, act: &Py<PyAny>, asked: &mut Asked) -> PyResult<Vec<f32
     Ok(actions.as_array().iter().copied().collect())
 }
 
-/// Runs `stage` on a thread of its own. `progress(kind, text, done, total)` is called on the calling thread. When it raises, or
-/// a signal asks to, the stage stops, and that exception comes back.
+/// Runs `stage` on a thread of its own. `progress(kind, text, done, total, metrics)` is called on the calling thread. When it
+/// raises or returns `False`, or a signal asks to, the stage stops, and that exception comes back.
 pub fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
@@ -147,8 +168,8 @@ pub fn watched_acting<T: Send>(
                 let mut call = |py: Python<'_>| {
                     py.check_signals()?;
                     match (&mut message, progress, act) {
-                        (Some(Message::Reported((kind, text, done, total))), Some(progress), _) => {
-                            progress.call1(py, (*kind, text.as_str(), *done, *total))?;
+                        (Some(Message::Reported(report)), Some(progress), _) => {
+                            reported(py, progress, report)?
                         }
                         (Some(Message::Asked(asked)), _, Some(act)) => {
                             let actions = acted(py, act, asked)?;
@@ -193,8 +214,8 @@ pub fn in_place<T: Send>(
         if raised.is_none() {
             *raised = Python::attach(|py| {
                 py.check_signals()?;
-                if let (Some(progress), Some((kind, text, done, total))) = (progress, report(event)) {
-                    progress.call1(py, (kind, text, done, total))?;
+                if let (Some(progress), Some(report)) = (progress, report(event)) {
+                    reported(py, progress, &report)?;
                 }
                 Ok(())
             })

@@ -22,7 +22,7 @@ def still(observation):
 
 def walks(act, **more):
     arguments = {"trajectories": 4, "seconds": 0.5, "drift": 0, "progress": False, **more}
-    return gaitfit.evaluate(Policy(act, FILE), **arguments)["linear_velocity_error"]["mean"]
+    return gaitfit.evaluate(Policy(act, FILE), **arguments).linear_velocity_error.mean
 
 def pendulum(candidates):
     time = np.arange(50)[None, :, None]
@@ -87,7 +87,7 @@ print(walks(act) == expected, codes[6] == expected, *codes[:6], codes[7], flush=
 
 # The same in a function that hears of progress, and in a simulator, which the calling thread runs as any function.
 heard = []
-def progress(kind, text, done, total):
+def progress(event):
     if not heard:
         heard.append(forked(ends(3)))
 with tempfile.TemporaryDirectory() as runs:

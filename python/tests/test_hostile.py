@@ -51,7 +51,7 @@ class Interrupts(Case):
         self.assertLess(took, 1.0)
 
     def test_a_fit_stops_within_a_second_and_goes_on(self) -> None:
-        def fit(generations: int, **more: object) -> gaitfit.Results:
+        def fit(generations: int, **more: object) -> gaitfit.FitResult:
             settings = {**LONG, "optimizer.generations": generations}
             return gaitfit.fit(DEMO / "adapt.toml", runs=self.folder, settings=settings, progress=False, **more)
 

@@ -53,12 +53,12 @@ class Notebooks(Case):
         page = names["found"]._repr_html_()
         self.assertIn("<iframe srcdoc=", page)
         self.assertIn("frictionloss_hip", page)
-        for row in names["found"].rows("parameters"):
-            self.assertAlmostEqual(row["value"] / row["truth"], 1.0, delta=0.1, msg=row["name"])
+        for one in names["found"].parameters.values():
+            self.assertAlmostEqual(one.value / one.truth, 1.0, delta=0.1, msg=one.name)
 
     def test_loop(self) -> None:
         found = self.run_notebook("loop.ipynb")["found"]
-        self.assertEqual({row["on"] for row in found.rows("evaluations")}, {"target", "adapted"})
+        self.assertEqual({one.on for one in found.evaluations}, {"target", "adapted"})
 
     def test_own_simulator(self) -> None:
         try:

@@ -64,7 +64,7 @@ def called_in_fork(seed: int) -> float:
 
 
 class OwnPolicy(Case):
-    def fit(self, policy: object, name: str, **more: object) -> gaitfit.Results:
+    def fit(self, policy: object, name: str, **more: object) -> gaitfit.FitResult:
         arguments = {**FIT, "runs": self.folder / "runs", "logs": self.folder / "logs", "policy": policy, "name": name, **more}
         return gaitfit.fit(**arguments)
 
@@ -95,25 +95,25 @@ class OwnPolicy(Case):
     def test_a_fit_ends_at_the_same_answer(self) -> None:
         gaitfit.collect(FILE, self.folder / "logs", **WALKS)
         found = [self.fit(policy, name) for policy, name in ((FILE, "file"), (Policy(network, FILE), "own"))]
-        values = [one.rows("parameters")[0]["value"] for one in found]
+        values = [one.rows()[0]["value"] for one in found]
         self.assertAlmostEqual(*values, delta=0.01)
         self.assertAlmostEqual(found[0].cost, found[1].cost, delta=0.01 * found[0].cost)
         checks = [
-            gaitfit.validate(one.run_folder + "/theta.toml", self.folder / "logs", policy=policy)
+            gaitfit.validate(one.theta, self.folder / "logs", policy=policy)
             for one, policy in zip(found, (None, Policy(network, FILE)))
         ]
         self.assertAlmostEqual(checks[0].cost, checks[1].cost, delta=0.01 * checks[0].cost)
         with self.assertRaisesRegex(gaitfit.GaitfitError, "the function network"):
-            gaitfit.validate(found[1].run_folder + "/theta.toml", self.folder / "logs")
+            gaitfit.validate(found[1].theta, self.folder / "logs")
 
     def test_an_exception_in_a_fit_keeps_the_checkpoint(self) -> None:
         gaitfit.collect(FILE, self.folder / "logs", **WALKS)
         whole = self.fit(Policy(network, FILE), "whole")
         generation = 0
 
-        def count(kind: str, _text: str, done: int, _total: int) -> None:
+        def count(event: gaitfit.Event) -> None:
             nonlocal generation
-            generation = done if kind == "step" else generation
+            generation = event.done if event.kind == "step" else generation
 
         def breaks(observation: np.ndarray) -> np.ndarray:
             if generation == 3:
@@ -164,13 +164,13 @@ class OwnPolicy(Case):
         for wrong in ({"name": 3}, {"task": 3}):
             with self.assertRaisesRegex(TypeError, "is 3; give a text"):
                 Policy(network, FILE, **wrong)
-        with self.assertRaisesRegex(gaitfit.GaitfitError, "nowhere.toml"):
+        with self.assertRaisesRegex(FileNotFoundError, "nowhere.toml"):
             Policy(network, "nowhere.toml")
 
     def test_forked_processes_have_their_own(self) -> None:
         def walks(seed: int) -> float:
             found = gaitfit.evaluate(Policy(network, FILE), trajectories=4, seconds=0.5, drift=0, seed=seed, progress=False)
-            return found["linear_velocity_error"]
+            return found.linear_velocity_error.mean
 
         global in_fork
         in_fork = walks

@@ -18,7 +18,9 @@ import numpy as np
 
 import gaitfit
 from gaitfit import Policy
-from gaitfit._stages import _fit_settings, _run
+from gaitfit._given import fit_settings, run as run_of
+from gaitfit.config import Fit
+from gaitfit.results._read import fit_result
 
 from .common import DEMO, PACKAGE, ROOT, Case
 from .test_own_policy import FILE, LAYERS, network
@@ -27,7 +29,7 @@ RAY = importlib.util.find_spec("ray") is not None
 SETTINGS = {"optimizer.generations": 10, "optimizer.seeds": 2, "costs": ["matcho", "wass"], "checkpoint_seconds": 0.0}
 
 
-def found(results: gaitfit.Results) -> object:
+def found(results: gaitfit.FitResult) -> object:
     """What a fit found, without times and places."""
     document = results.to_dict()
     return [document["parameters"], document["cost"], [[fit["cost"], fit["parameters"]] for fit in document["fits"]]]
@@ -57,11 +59,11 @@ class OwnCrew:
 class Shared(Case):
     """What is shared, without Ray: the same bits however candidates are cut."""
 
-    def fit(self, config: object, crew: object, **more: object) -> gaitfit.Results:
+    def fit(self, config: object, crew: object, **more: object) -> gaitfit.FitResult:
         given = {name: more.pop(name, None) for name in ("logs", "robot", "policy", "costs")}
-        settings = _fit_settings(*given.values(), more.pop("settings"), self.folder)
-        run = _run(config, settings, "own", False, None, "cpu")
-        return gaitfit.Results(json.loads(gaitfit._gaitfit.adapt(run, None, None, crew)))
+        settings = fit_settings(*given.values(), more.pop("settings"), self.folder)
+        run = run_of(config, Fit, settings, "own", False, None, "cpu")
+        return fit_result(json.loads(gaitfit._gaitfit.adapt(run, None, None, crew)))
 
     def test_a_fit_has_the_same_bits_however_it_is_cut(self) -> None:
         alone = self.fit(DEMO / "adapt.toml", None, settings=SETTINGS)
@@ -107,10 +109,10 @@ class Shared(Case):
                 raise LookupError("the network is gone")
             return network(observation)
 
-        def fit(crew: object) -> gaitfit.Results:
-            given = _fit_settings(logs, None, "the function network", "wass", settings, self.folder)
-            run = _run(None, given, "own", False, None, "cpu")
-            return gaitfit.Results(json.loads(gaitfit._gaitfit.adapt(run, Policy(network, FILE).native(), None, crew)))
+        def fit(crew: object) -> gaitfit.FitResult:
+            given = fit_settings(logs, None, "the function network", "wass", settings, self.folder)
+            run = run_of(None, Fit, given, "own", False, None, "cpu")
+            return fit_result(json.loads(gaitfit._gaitfit.adapt(run, Policy(network, FILE).native(), None, crew)))
 
         alone = fit(None)
         crew = OwnCrew(3, True)
@@ -215,7 +217,7 @@ class Ray(Case):
         ray.shutdown()
         cls.cluster.shutdown()
 
-    def fit(self, fit: object, name: str, settings: dict | None = None, **more: object) -> gaitfit.Results:
+    def fit(self, fit: object, name: str, settings: dict | None = None, **more: object) -> gaitfit.FitResult:
         settings = {**SETTINGS, **(settings or {})}
         return fit(DEMO / "adapt.toml", runs=self.folder, name=name, settings=settings, progress=False, **more)
 
@@ -240,8 +242,8 @@ class Fits(Ray):
         alone = self.fit(gaitfit.fit, "alone")
         lost = []
 
-        def progress(kind: str, _text: str, done: int, _total: int) -> None:
-            if kind == "step" and done == 4 and not lost:
+        def progress(event: gaitfit.Event) -> None:
+            if event.kind == "step" and event.done == 4 and not lost:
                 # In the midst of the next generation.
                 lost.append(threading.Timer(0.02, lambda: self.cluster.remove_node(self.nodes.pop(), allow_graceful=False)))
                 lost[0].start()
@@ -253,7 +255,7 @@ class Fits(Ray):
         self.cluster.wait_for_nodes()
         self.assertEqual(found(shared), found(alone))
 
-    def fit_with(self, progress: object) -> gaitfit.Results:
+    def fit_with(self, progress: object) -> gaitfit.FitResult:
         import gaitfit.ray
 
         return gaitfit.ray.fit(DEMO / "adapt.toml", runs=self.folder, name="lost", settings=SETTINGS, progress=progress)
@@ -265,7 +267,7 @@ class Fits(Ray):
         code = (
             "import sys, json, gaitfit.ray\n"
             "arguments = json.loads(sys.argv[1])\n"
-            "gaitfit.ray.fit(**arguments, progress=lambda *event: print(*event, flush=True))\n"
+            "gaitfit.ray.fit(**arguments, progress=lambda event: print(event.kind, event.done, flush=True))\n"
         )
         arguments = {
             "config": str(DEMO / "adapt.toml"),
@@ -330,7 +332,7 @@ class Fits(Ray):
                     observation = np.where(observation > 0, observation, np.expm1(np.minimum(observation, 0)))
             return observation
 
-        def fit(fit: object, name: str, act: object = act) -> gaitfit.Results:
+        def fit(fit: object, name: str, act: object = act) -> gaitfit.FitResult:
             policy = Policy(act, FILE, name="network")
             return fit(
                 logs=self.folder / "logs", policy=policy, costs="wass", settings=settings, runs=self.folder, name=name,
@@ -488,13 +490,13 @@ class Tables(Ray):
 
         notes = []
 
-        def progress(kind: str, text: str, _done: int, total: int) -> None:
-            if kind == "begin" and total == 4 and not lost:
+        def progress(event: gaitfit.Event) -> None:
+            if event.kind == "begin" and event.total == 4 and not lost:
                 # In the midst of the first cells.
                 lost.append(threading.Timer(1.0, remove))
                 lost[0].start()
-            if kind == "note":
-                notes.append(text)
+            if event.kind == "note":
+                notes.append(event.text)
 
         shared = self.table(progress=progress, every=0.3)
         lost[0].join()

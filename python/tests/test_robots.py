@@ -1,5 +1,7 @@
 """Many robots at a task: the environment alone, for Gymnasium and for rsl_rl."""
 
+import pickle
+import threading
 import unittest
 import warnings
 
@@ -86,8 +88,8 @@ class Many(Case):
             ({"num_envs": 0}, ValueError),
             ({"num_envs": -1}, ValueError),
             ({"num_envs": 1 << 40}, ValueError),
-            ({"config": "nowhere.toml"}, gaitfit.GaitfitError),
-            ({"robot": "nowhere.xml"}, gaitfit.GaitfitError),
+            ({"config": "nowhere.toml"}, FileNotFoundError),
+            ({"robot": "nowhere.xml"}, FileNotFoundError),
             ({"settings": {"task.nothing": 1}}, gaitfit.GaitfitError),
             ({"seed": "one"}, TypeError),
         ):
@@ -114,7 +116,282 @@ class Many(Case):
             robots.step(np.zeros((4, 12)))
 
 
+    def test_states_are_taken_up_to_the_bit(self) -> None:
+        rng = np.random.default_rng(0)
+        actions = rng.normal(0.0, 1.5, size=(40, COUNT, 12)).astype(np.float32)
+        first = gaitfit.Robots(num_envs=COUNT, seed=4)
+        for row in actions[:20]:
+            first.step(row)
+        state = pickle.loads(pickle.dumps(first.state()))
+        seen = first.observation.copy()
+        other = gaitfit.Robots(num_envs=COUNT, seed=4)
+        other.set_state(state)
+        np.testing.assert_array_equal(other.observation, seen)
+        for row in actions[20:]:
+            self.assertEqual(first.step(row), other.step(row))
+            for name in ("observation", "critic_observation", "reward", "terminated", "truncated"):
+                np.testing.assert_array_equal(getattr(first, name), getattr(other, name), err_msg=name)
+        for robots, words in (
+            (gaitfit.Robots(num_envs=COUNT, seed=5), "another seed: 4, and here it is 5"),
+            (gaitfit.Robots(num_envs=3, seed=4), "another num_envs: 300, and here it is 3"),
+            (gaitfit.Robots(num_envs=COUNT, seed=4, settings={"task.episode_seconds": 5.0}), "another task"),
+        ):
+            with self.assertRaisesRegex(ValueError, words):
+                robots.set_state(state)
+        with self.assertRaisesRegex(TypeError, "give what state"):
+            first.set_state(3)
+
+    def test_reward_terms_sum_to_the_reward(self) -> None:
+        robots = gaitfit.Robots(num_envs=COUNT, seed=2)
+        rewards = []
+        for _ in range(3):
+            robots.step(np.zeros((COUNT, 12)))
+            rewards.append(robots.reward.mean())
+        terms = robots.reward_terms()
+        self.assertEqual(list(terms), robots.reward_names)
+        self.assertAlmostEqual(sum(terms.values()), float(np.mean(rewards)), places=5)
+        self.assertEqual(set(robots.reward_terms().values()), {0.0}, "nothing was stepped since")
+
+    def test_some_robots_begin_anew(self) -> None:
+        robots = gaitfit.Robots(num_envs=COUNT, seed=2)
+        for _ in range(5):
+            robots.step(np.ones((COUNT, 12)))
+        before = robots.state()
+        mask = np.arange(COUNT) % 3 == 0
+        robots.reset(mask)
+        after = robots.state()
+        self.assertTrue((after.steps[mask] == 0).all())
+        np.testing.assert_array_equal(after.steps[~mask], before.steps[~mask])
+        for wrong in (np.ones(3, bool), np.ones(COUNT), [1] * COUNT):
+            with self.assertRaisesRegex(ValueError, "mask has the shape"):
+                robots.reset(wrong)
+
+    def test_pictures_show_the_robot_where_it_is(self) -> None:
+        robots = gaitfit.Robots("assets/go2-walk.toml", num_envs=3, seed=1)
+        picture = robots.picture(2)
+        # Limbs are orange, and nothing else is.
+        orange = (picture[..., 0] > 1.4 * picture[..., 2]) & (picture[..., 0] > 60)
+        rows, columns = np.nonzero(orange)
+        self.assertGreater(orange.mean(), 0.01)
+        self.assertTrue(60 < columns.min() and columns.max() < 420 and 60 < rows.min() and rows.max() < 340)
+        dark = picture.sum(axis=-1) < 300
+        self.assertTrue(dark[165:195, 225:255].mean() > 0.5, "the trunk is in the middle")
+        np.testing.assert_array_equal(robots.picture(2), picture)
+        robots.step(np.full((3, 12), 3.0))
+        self.assertFalse(np.array_equal(robots.picture(2), picture))
+        self.assertEqual(robots.picture(width=64, height=32).shape, (32, 64, 3))
+        with self.assertRaisesRegex(ValueError, "there is no robot 3; they are numbered from 0 to 2"):
+            robots.picture(3)
+
+    def test_shapes_are_hit_where_they_are(self) -> None:
+        """By hand: a ray along −x from x = 5 meets a ball, a capsule and a box at their nearest points."""
+        from gaitfit._picture import _hit
+
+        eye, ray = np.array([5.0, 0.0, 0.0]), np.array([[[-1.0, 0.0, 0.0]]])
+        for shape, distance in (
+            ({"sphere": {"radius": 0.5}}, 4.5),
+            ({"capsule": {"radius": 0.2, "half_length": 1.0}}, 4.8),
+            ({"box": {"half": [0.3, 1.0, 1.0]}}, 4.7),
+        ):
+            found, normal = _hit(shape, np.zeros(3), np.eye(3), eye, ray)
+            self.assertAlmostEqual(float(found[0, 0]), distance, places=12)
+            np.testing.assert_allclose(normal[0, 0], [1.0, 0.0, 0.0], atol=1e-12)
+            missed, _ = _hit(shape, np.array([0.0, 3.0, 0.0]), np.eye(3), eye, ray)
+            self.assertEqual(float(missed[0, 0]), np.inf)
+        # On its side the capsule's round end is nearest.
+        turned = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+        found, _ = _hit({"capsule": {"radius": 0.2, "half_length": 1.0}}, np.zeros(3), turned, eye, ray)
+        self.assertAlmostEqual(float(found[0, 0]), 3.8, places=12)
+
+    def test_two_threads_are_told_of(self) -> None:
+        robots = gaitfit.Robots(num_envs=4096, seed=1)
+        actions = np.zeros((4096, 12), np.float32)
+        told: list[str] = []
+
+        def work() -> None:
+            for _ in range(20):
+                try:
+                    robots.step(actions)
+                except RuntimeError as error:
+                    told.append(str(error))
+
+        threads = [threading.Thread(target=work) for _ in range(3)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertIn("two threads use the same robots at once", " ".join(set(told)))
+        robots.step(actions)
+
+
 class ForLearners(Case):
+    def test_final_infos_and_masks(self) -> None:
+        try:
+            from gymnasium.vector import AutoresetMode
+
+            from gaitfit.gym import GaitfitEnv, GaitfitVecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        env = GaitfitVecEnv(num_envs=32, log_rewards=True)
+        env.reset(seed=3)
+        returns, lengths, ends = np.zeros(32), np.zeros(32, int), 0
+        for number in range(150):
+            _, reward, terminated, truncated, infos = env.step(np.full((32, 12), 4.0 * np.sin(number)))
+            returns, lengths = returns + reward, lengths + 1
+            self.assertAlmostEqual(sum(infos["log"].values()), float(reward.mean()), places=5)
+            ended = terminated | truncated
+            if ended.any():
+                ends += 1
+                final = infos["final_info"]
+                np.testing.assert_allclose(final["episode_return"][ended], returns[ended], rtol=1e-12)
+                np.testing.assert_array_equal(final["episode_length"][ended], lengths[ended])
+                np.testing.assert_array_equal(final["fell"], terminated)
+                np.testing.assert_array_equal(final["_episode_return"], ended)
+                returns[ended], lengths[ended] = 0.0, 0
+        self.assertGreater(ends, 0)
+        state = env.state()
+        first = env.step(np.zeros((32, 12)))[0]
+        env.set_state(state)
+        np.testing.assert_array_equal(env.step(np.zeros((32, 12)))[0], first)
+        mask = np.arange(32) < 4
+        kept = env.robots.state().steps
+        env.reset(options={"reset_mask": mask})
+        np.testing.assert_array_equal(env.robots.state().steps[~mask], kept[~mask])
+        with self.assertRaisesRegex(ValueError, "reset_mask and seed"):
+            env.reset(seed=1, options={"reset_mask": mask})
+        one = GaitfitEnv()
+        one.reset(seed=1)
+        _, reward, _, _, info = one.step(np.zeros(12, np.float32))
+        self.assertAlmostEqual(sum(info["reward_terms"].values()), reward, places=5)
+
+    def test_terms_of_the_user(self) -> None:
+        try:
+            from gymnasium.vector import AutoresetMode
+
+            from gaitfit.gym import GaitfitVecEnv, Terms
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        plain = GaitfitVecEnv(num_envs=32)
+        terms = Terms(
+            reward=lambda robots, motion: robots.reward + motion.base_position[:, 2],
+            terminated=lambda robots, motion: motion.base_position[:, 2] < 0.25,
+            observation=lambda robots, motion: motion.base_position[:, 2],
+        )
+        for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP):
+            env = GaitfitVecEnv(num_envs=32, terms=terms, autoreset_mode=mode)
+            width = plain.single_observation_space.shape[0]
+            self.assertEqual(env.single_observation_space.shape, (width + 1,))
+            first, _ = env.reset(seed=3)
+            np.testing.assert_array_equal(first[:, :width], plain.reset(seed=3)[0])
+            np.testing.assert_array_equal(first[:, width], env.robots.motion().base_position[:, 2])
+            ends, begun = 0, np.zeros(32, bool)
+            for number in range(60):
+                found = env.step(np.full((32, 12), 3.0 * np.sin(number), np.float32))
+                observation, reward, terminated, truncated, infos = found
+                ended = terminated | truncated
+                self.assertTrue((observation[~ended, width] >= 0.25).all() or mode == AutoresetMode.SAME_STEP)
+                if mode == AutoresetMode.SAME_STEP:
+                    for index in np.flatnonzero(terminated):
+                        self.assertLess(infos["final_obs"][index][width], 0.26)
+                else:
+                    np.testing.assert_array_equal(reward[begun], 0.0)
+                    self.assertTrue((observation[terminated, width] < 0.26).all())
+                    begun = ended
+                ends += ended.sum()
+            self.assertGreater(ends, 0)
+        for wrong, words in (
+            ({"reward": lambda robots, motion: [1.0]}, r"the reward term returned the shape \(1,\)"),
+            ({"reward": lambda robots, motion: np.full(32, np.nan)}, "of finite numbers"),
+            ({"terminated": lambda robots, motion: np.zeros(32)}, "the term terminated returned .* of bool"),
+            ({"observation": lambda robots, motion: np.zeros((3, 2))}, "the observation term returned the shape"),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(ValueError, words):
+                GaitfitVecEnv(num_envs=32, terms=Terms(**wrong)).step(np.zeros((32, 12)))
+        with self.assertRaisesRegex(TypeError, "reward is 3; give a function"):
+            Terms(reward=3)
+        with self.assertRaisesRegex(TypeError, "give gaitfit.gym.Terms"):
+            GaitfitVecEnv(num_envs=2, terms=3)
+
+    def test_motion_is_what_the_robots_do(self) -> None:
+        quiet = {f"task.noise.{name}": 0.0 for name in ("joint_position", "joint_velocity", "projected_gravity", "base_angular_velocity")}
+        robots = gaitfit.Robots("assets/go2-walk.toml", num_envs=300, seed=2, settings=quiet)
+        policy = gaitfit.load_policy("assets/go2-walk.safetensors")
+        before = robots.motion()
+        for _ in range(50):
+            robots.step(policy(robots.observation))
+        after = robots.motion()
+        self.assertEqual((after.joint_position.shape, after.base_quaternion.shape), ((300, 12), (300, 4)))
+        np.testing.assert_allclose(np.linalg.norm(after.base_quaternion, axis=1), 1.0, atol=1e-4)
+        self.assertGreater(np.abs(after.base_position - before.base_position).max(), 0.2)
+        # Without noise the observation of joint positions is the motion less the default pose.
+        names = [term.quantity if hasattr(term, "quantity") else term for term in robots.interface.observation]
+        scales = {term.quantity: term.scale for term in robots.interface.observation}
+        widths = {"command": 3, "base_angular_velocity": 3, "projected_gravity": 3}
+        at = sum(widths.get(name, 12) for name in names[: names.index("joint_position")])
+        scale = np.atleast_1d(scales["joint_position"] or 1.0)[0]
+        expected = (after.joint_position - np.asarray(robots.interface.default_pose)) * scale
+        np.testing.assert_allclose(robots.observation[:, at : at + 12], expected, atol=1e-4)
+
+    def test_autoreset_modes(self) -> None:
+        try:
+            from gymnasium.vector import AutoresetMode
+
+            from gaitfit.gym import GaitfitVecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        same, later = (GaitfitVecEnv(num_envs=32, autoreset_mode=mode) for mode in (AutoresetMode.SAME_STEP, "NextStep"))
+        off = GaitfitVecEnv(num_envs=32, autoreset_mode=AutoresetMode.DISABLED)
+        self.assertEqual(later.metadata["autoreset_mode"], AutoresetMode.NEXT_STEP)
+        for env in (same, later, off):
+            env.reset(seed=3)
+        ended = np.zeros(32, bool)
+        for number in range(150):
+            action = np.full((32, 12), 4.0 * np.sin(number), np.float32)
+            steps = [env.step(action) for env in (same, later, off)]
+            ended = steps[0][2] | steps[0][3]
+            for found in steps[1:]:
+                for mine, theirs in zip(found[1:4], steps[0][1:4]):
+                    np.testing.assert_array_equal(mine, theirs)
+                # The last observation is that of the episode that ended.
+                for index in np.flatnonzero(ended):
+                    np.testing.assert_array_equal(found[0][index], steps[0][4]["final_obs"][index])
+            if ended.any():
+                break
+        self.assertTrue(ended.any() and not ended.all())
+        before = later.robots.state()
+        observation, reward, terminated, truncated, _ = later.step(np.ones((32, 12), np.float32))
+        np.testing.assert_array_equal(reward[ended], 0.0)
+        self.assertFalse((terminated | truncated)[ended].any())
+        self.assertTrue((later.robots.state().steps[ended] == 0).all(), "the action had no effect")
+        others = ~ended & ~(terminated | truncated)
+        np.testing.assert_array_equal(later.robots.state().steps[others], before.steps[others] + 1)
+        self.assertTrue(np.isfinite(observation).all())
+        off.reset(options={"reset_mask": ended})
+        np.testing.assert_array_equal(off.robots.state().steps == 0, ended)
+
+    def test_stable_baselines3(self) -> None:
+        try:
+            from stable_baselines3 import PPO
+
+            from gaitfit.sb3 import Sb3VecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        env = Sb3VecEnv(num_envs=32, seed=1)
+        env.seed(5)
+        first = env.reset()
+        np.testing.assert_array_equal(first, gaitfit.Robots(num_envs=32, seed=5).observation)
+        ends = 0
+        for number in range(120):
+            observation, reward, done, infos = env.step(np.full((32, 12), 4.0 * np.sin(number), np.float32))
+            for index in np.flatnonzero(done):
+                ends += 1
+                self.assertEqual(infos[index]["terminal_observation"].shape, observation[index].shape)
+                self.assertGreater(infos[index]["episode"]["l"], 0)
+            self.assertTrue(all(not infos[index] for index in np.flatnonzero(~done)))
+        self.assertGreater(ends, 0)
+        model = PPO("MlpPolicy", env, n_steps=8, batch_size=64, n_epochs=1, device="cpu").learn(512)
+        self.assertEqual(model.predict(observation)[0].shape, (32, 12))
+
     def test_gymnasium(self) -> None:
         try:
             from gymnasium.vector import AutoresetMode, VectorEnv
@@ -193,8 +470,11 @@ class ForLearners(Case):
         many = gymnasium.make_vec("gaitfit.gym:gaitfit/Go2-v0", num_envs=3, vectorization_mode="vector_entry_point")
         self.assertIsInstance(many.unwrapped, GaitfitVecEnv)
         self.assertEqual(many.reset(seed=1)[0].shape[0], 3)
-        with self.assertRaisesRegex(ValueError, "draws nothing"):
+        with self.assertRaisesRegex(ValueError, "opens no window: give 'rgb_array'"):
             GaitfitEnv(render_mode="human")
+        drawn = GaitfitEnv(render_mode="rgb_array")
+        drawn.reset(seed=1)
+        self.assertEqual((drawn.render().shape, drawn.render().dtype, drawn.metadata["render_fps"]), ((360, 480, 3), np.uint8, 50))
 
     def test_one_robot_is_the_first_of_many(self) -> None:
         try:

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Pages of the repository: those at its root, of docs and of the examples.
 fn pages() -> Vec<PathBuf> {
     let examples = ["examples", "examples/go2-ground", "examples/go2-demo", "examples/go2-stairs"];
-    let folders = ["", "docs", "docs/results"].into_iter().chain(examples);
+    let folders = ["", "docs", "docs/api", "docs/results"].into_iter().chain(examples);
     let mut pages: Vec<PathBuf> = folders
         .flat_map(|folder| std::fs::read_dir(root().join(folder)).unwrap())
         .map(|entry| entry.unwrap().path())

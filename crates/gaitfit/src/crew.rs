@@ -86,7 +86,7 @@ impl Speaker<'_> {
                 }
             }
             Event::End => *counted() = None,
-            Event::Poll => {}
+            Event::Metrics(_) | Event::Poll => {}
         }
         if failed.load(Ordering::Relaxed) || watch.stop() {
             ControlFlow::Break(())

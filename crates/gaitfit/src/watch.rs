@@ -17,6 +17,8 @@ pub enum Event<'a> {
     Begin(Work<'a>),
     /// Work goes on.
     Step(Step<'a>),
+    /// Numbers of the step that follows, by name.
+    Metrics(&'a [(&'a str, f64)]),
     /// The countable work that began last has ended.
     End,
     /// Nothing happened; a stage asks whether to go on. It comes often, and from any thread.
@@ -101,6 +103,11 @@ pub struct Counting<'a> {
 }
 
 impl Counting<'_> {
+    /// Numbers of the step that is told next, by name, for programs that draw curves.
+    pub fn metrics(&self, metrics: &[(&str, f64)]) {
+        self.watch.tell(Event::Metrics(metrics));
+    }
+
     /// `done` are finished, the last one with `parts` parts; `state` says how good it is so far.
     pub fn step(&self, done: usize, parts: usize, state: &str) {
         self.watch.tell(Event::Step(Step { done, parts, state }));

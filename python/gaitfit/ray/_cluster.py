@@ -77,7 +77,8 @@ class Cluster:
             )
 
     def _resources(self) -> dict[str, float]:
-        return self._ray.cluster_resources()
+        resources: dict[str, float] = self._ray.cluster_resources()
+        return resources
 
     def places(self) -> int:
         """Tasks that fit into the nodes at the same time."""
@@ -114,7 +115,7 @@ class Cluster:
     def ready(self, streams: Sequence[Any]) -> Sequence[Any]:
         """Tasks that are done, and streams of which the next answer, or the end, is there; none where nothing came for a
         moment."""
-        ready, _ = self._ray.wait(list(streams), num_returns=1, timeout=PATIENCE)
+        ready: list[Any] = self._ray.wait(list(streams), num_returns=1, timeout=PATIENCE)[0]
         return ready
 
     def next(self, stream: Any) -> Any | None:

@@ -1,46 +1,62 @@
 """Fits whose candidates are shared among workers."""
 
+# Without Ray this folder is what a checker finds by that name.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 from .. import _gaitfit
 from .._policy import Policy
-from .._progress import Progress, listener
-from .._results import Results
-from .._stages import PathLike, Settings, _fit_settings, _named, _own, _results, _run
+from .._progress import Progresses, listener
+from ..results import FitResult
+from ..results import _read
+from .. import _given as given
+from .._given import PathLike, Resume, Settings
+from .._logs import Log
+from ..config import Cost, Fit
 from ._cluster import Cluster, Place, library
 from ._workers import Workers
 
 
 def fit(
-    config: PathLike | None = None,
+    config: PathLike | Fit | None = None,
     *,
-    logs: PathLike | Sequence[PathLike] | None = None,
+    logs: PathLike | Log | Sequence[PathLike | Log] | None = None,
     robot: PathLike | None = None,
     policy: PathLike | Policy | None = None,
-    costs: str | Sequence[str] | None = None,
+    costs: Cost | Sequence[Cost] | None = None,
     settings: Settings | None = None,
     name: str | None = None,
     runs: PathLike | None = None,
-    resume: bool = False,
+    resume: Resume = False,
     threads: int | None = None,
-    progress: bool | Progress = True,
+    progress: Progresses = True,
     address: str | None = None,
     num_cpus: float = 1,
     num_gpus: float = 0,
     retries: int = 10,
-) -> Results:
+) -> FitResult:
     """Fits as :func:`gaitfit.fit`, to the same bits; the workers of a Ray cluster simulate the candidates.
 
-    The candidates of all costs and seeds are shared. Each task takes ``num_cpus`` CPUs, and as many threads; with
-    ``num_gpus`` the candidates are simulated on GPUs. Robot, policy and logs are sent once to each node. The task of a
-    lost worker runs again, up to ``retries`` times. This process keeps the run folder: if it is killed, ``resume=True``
-    goes on where its checkpoint was.
+    Arguments:
+        config, logs, robot, policy, costs, settings, name, runs, resume, progress: As for :func:`gaitfit.fit`.
+        threads: Threads of this process.
+        address: The cluster's, as :func:`ray.init` takes it.
+        num_cpus: CPUs of a task, and its threads.
+        num_gpus: GPUs of a task; above 0 the candidates are simulated there.
+        retries: How often the task of a lost worker runs again.
 
-    ``address`` is the cluster's, as :func:`ray.init` takes it. Nodes need the same version of gaitfit. A worker that
+    Raises as :func:`gaitfit.fit`, and :class:`GaitfitError` for a worker that computes other bits.
+
+    The candidates of all costs and seeds are shared. Robot, policy and logs are sent once to each node. This process keeps the run folder: if it is killed, ``resume=True``
+    continues from its checkpoint.
+
+    Nodes need the same version of gaitfit. A worker that
     computes other bits than this process is refused; with ``num_gpus`` than the first worker.
 
     A :class:`gaitfit.Policy` of your own is sent to the workers as Ray pickles it, and called there: it needs the same
@@ -50,12 +66,12 @@ def fit(
     listen = listener(progress)
     if isinstance(policy, Policy) and num_gpus > 0:
         raise ValueError(f"the policy {policy.name} is a function, which GPUs do not simulate with: leave num_gpus out")
-    settings = _fit_settings(logs, robot, _named(policy), costs, settings, runs)
-    run = _run(config, settings, name, resume, threads, "cpu")
+    others = given.fit_settings(logs, robot, given.named_policy(policy), costs, settings, runs)
+    run = given.run(config, Fit, others, name, resume, threads, "cpu")
     own = _sent(policy) if isinstance(policy, Policy) else b""
     crew = Crew(Cluster(address, place), own)
     try:
-        return _results(_gaitfit.adapt(run, _own(policy), listen, crew))
+        return _read.fit_result(json.loads(_gaitfit.adapt(run, given.own(policy), listen, crew)))
     finally:
         crew.close()
 
@@ -66,7 +82,8 @@ def _sent(policy: Policy) -> bytes:
     from ray import cloudpickle
 
     try:
-        return cloudpickle.dumps(policy)
+        sent: bytes = cloudpickle.dumps(policy)  # type: ignore[no-untyped-call, unused-ignore]
+        return sent
     except Exception as error:
         raise TypeError(
             f"the policy {policy.name} cannot be sent to workers ({error}): give a function that makes what cannot be "

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import _gaitfit
-from .._progress import Progress
+from .._progress import Kind, Listener
 from ._cluster import Cluster
 from ._parts import read, write
 
@@ -26,7 +26,7 @@ class Orders:
     """Makes parts on workers, and keeps what they write."""
 
     def __init__(
-        self, cluster: Cluster, sources: Mapping[str, bytes], retries: int, every: float, listen: Progress
+        self, cluster: Cluster, sources: Mapping[str, bytes], retries: int, every: float, listen: Listener
     ) -> None:
         self._cluster, self._retries, self._every, self._listen = cluster, retries, every, listen
         self._sources = cluster.put(sources)
@@ -34,13 +34,17 @@ class Orders:
         # A part that is lost is begun here again, from what came of it.
         self._begin = cluster.remote("made", streams=True, max_retries=0)
 
+    def _tell(self, kind: Kind, text: str = "", done: int = 0, total: int = 0) -> None:
+        if not self._listen(kind, text, done, total, {}) and kind != "end":
+            raise _gaitfit.Stopped("stopped, because the progress function returned False. The same call continues")
+
     def make(self, orders: Sequence[Order]) -> None:
         """Makes all of them; the first failure ends it, after what came was kept."""
         lost = {order.name: 0 for order in orders}
         done = 0
         if not orders:
             return
-        self._listen("begin", "part", 0, len(orders))
+        self._tell("begin", "part", 0, len(orders))
         open_ = {self._start(order): order for order in orders}
         try:
             while open_:
@@ -56,19 +60,19 @@ class Orders:
                                 f"{order.name}: its worker was lost {lost[order.name]} times, which is more than chance: {error}. "
                                 "What is done is in the run folder; the same call continues."
                             ) from None
-                        self._listen("note", f"{order.name}: its worker was lost; it goes on on another", 0, 0)
+                        self._tell("note", f"{order.name}: its worker was lost; another continues it")
                         open_[self._start(order)] = order
                         continue
                     if files is None:
                         open_.pop(stream)
                         done += 1
-                        self._listen("step", order.name, done, 0)
+                        self._tell("step", order.name, done)
                     else:
                         write(Path(order.folder), files)
         finally:
             for stream in open_:
                 self._cluster.give_up(stream)
-            self._listen("end", "", 0, 0)
+            self._tell("end")
 
     def _start(self, order: Order) -> Any:
         for needed in order.needs:
@@ -81,8 +85,9 @@ class Orders:
         )
 
 
-def silent(_kind: str, _text: str, _done: int, _total: int) -> None:
+def silent(_kind: str, _text: str, _done: int, _total: int, _metrics: Mapping[str, float]) -> bool:
     """A listener that says nothing."""
+    return True
 
 
 def sources(files: Sequence[str]) -> dict[str, bytes]:

@@ -10,9 +10,10 @@ from typing import Any
 from .. import _gaitfit
 from .._arguments import count, flag, mapping, maybe, path, text
 from .._arguments import threads as checked
-from .._progress import Progress, listener
-from .._results import Results
-from .._stages import PathLike, Settings, _results, _sets
+from .._progress import Progresses, listener
+from ..results import Table
+from ..results import _read
+from .._given import PathLike, Settings, sets
 from ._cluster import Cluster, Place
 from ._orders import Order, Orders, silent, sources
 
@@ -27,19 +28,29 @@ def reproduce(
     experiments: PathLike = "experiments",
     runs: PathLike | None = None,
     threads: int | None = None,
-    progress: bool | Progress = True,
+    progress: Progresses = True,
     address: str | None = None,
     num_cpus: float = 1,
     num_gpus: float = 0,
     retries: int = 10,
     every: float = 20.0,
-) -> Results:
+) -> Table:
     """Runs a table of the paper or continues it, as ``gaitfit reproduce``, its cells and seeds on a Ray cluster.
 
-    ``table`` is one of those that ``gaitfit reproduce list`` prints; arguments as of that command, and of
-    :func:`gaitfit.ray.fit`. What cells of a scenario share is made first. Workers send what they write every so many
-    seconds (``every``), and it is kept in the table's folder: a lost worker's cell goes on from there on another node, and
-    the same call continues after the driver was killed. Paths in experiment files are seen from the current folder, or
+    Arguments:
+        table: One of those that ``gaitfit reproduce list`` prints.
+        full: Whether to run it at the paper's scale.
+        seeds: Seeds of each cell.
+        only: Part of the names of the cells to run.
+        settings: Changes of the experiments' settings, by name.
+        experiments: Folder of the experiment files.
+        runs: Folder of the run folders.
+        threads, progress: As for :func:`gaitfit.fit`.
+        address, num_cpus, num_gpus, retries: As for :func:`gaitfit.ray.fit`, for each cell.
+        every: Time between parts that a worker sends, s.
+
+    What cells of a scenario share is made first. What workers send is kept in the table's folder: another node continues a lost
+    worker's cell from there, and the same call continues after this process was killed. Paths in experiment files are seen from the current folder, or
     from the file's; absolute ones must lead to the same file on every node.
     """
     place, listen = Place(num_cpus, num_gpus, retries), listener(progress) or silent
@@ -52,7 +63,7 @@ def reproduce(
         "full": flag("full", full),
         "seeds": count("seeds", seeds, 1),
         "only": maybe(text, "only", only),
-        "sets": _sets(given),
+        "sets": sets(given),
         "experiments": os.path.relpath(path("experiments", experiments)),
         "threads": checked(threads),
         "device": "cpu",
@@ -79,4 +90,4 @@ def reproduce(
     wanted = {(part["scenario"], part["seed"]) for part in cells}
     orders.make([order(part) for part in shared if (part["scenario"], part["seed"]) in wanted or not cells])
     orders.make([order(part) for part in cells])
-    return _results(_gaitfit.reproduce(request, listen))
+    return _read.table_result(json.loads(_gaitfit.reproduce(request, listen)))

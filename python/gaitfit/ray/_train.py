@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from .. import _gaitfit
-from .._progress import Progress, listener
-from .._results import Results
+from .._progress import Listener, Progresses, listener
+from ..results import Training
+from ..results import _read
 from .._arguments import mapping
-from .._stages import PathLike, Settings, _file, _list, _results, _run, _world
+from .. import _given as given
+from .._given import PathLike, Resume, Settings
+from ..config import Finetune, Train
 from ._cluster import Cluster, Place
 from ._orders import Order, Orders, silent, sources
 
@@ -23,30 +27,34 @@ def train(
     settings: Settings | None = None,
     name: str | None = None,
     runs: PathLike | None = None,
-    resume: bool = False,
-    progress: bool | Progress = True,
+    resume: Resume = False,
+    progress: Progresses = True,
     address: str | None = None,
     num_cpus: float = 1,
     num_gpus: float = 0,
     retries: int = 10,
     every: float = 20.0,
-) -> Results:
+) -> Training:
     """Trains a policy by PPO as :func:`gaitfit.train`, each of the ``seeds`` on a worker of a Ray cluster.
 
-    Each seed takes ``num_cpus`` CPUs, and as many threads, or a GPU with ``num_gpus``. Workers send their checkpoints every
-    so many seconds (``every``); they are kept in the run folder, from which a lost worker's seed goes on on another node, and
-    ``resume=True`` after the driver was killed. Other arguments as of :func:`gaitfit.ray.fit`.
+    Arguments:
+        config, robot, seeds, settings, name, runs, resume, progress: As for :func:`gaitfit.train`.
+        address, num_cpus, num_gpus, retries: As for :func:`gaitfit.ray.fit`, for each seed.
+        every: Time between checkpoints that a worker sends, s.
+
+    The checkpoints are kept in the run folder: another node continues a lost worker's seed from there, and ``resume=True``
+    continues after this process was killed.
     """
     cluster = Cluster(address, Place(num_cpus, num_gpus, retries))
     config, robot = _seen(config), _seen(robot)
 
-    def run(name: str | None, resume: bool, threads: int | None, device: str) -> dict[str, Any]:
-        return _run(config, _given(settings, runs), name, resume, threads, device)
+    def run(name: str | None, resume: Resume, threads: int | None, device: str) -> dict[str, Any]:
+        return given.run(config, Train, _given(settings, runs), name, resume, threads, device)
 
-    plan = _gaitfit.train_plan(run(name, resume, None, "cpu"), robot, _list(seeds))
+    plan = _gaitfit.train_plan(run(name, resume, None, "cpu"), robot, given.seeds_of(seeds))
     how = {"what": "training", "robot": robot}
 
-    def rest(run: Mapping[str, Any], seeds: Sequence[int], listen: Progress) -> str:
+    def rest(run: Mapping[str, Any], seeds: Sequence[int], listen: Listener) -> str:
         return _gaitfit.train(run, robot, seeds, listen)
 
     return _parts(cluster, every, progress, run, plan, how, rest)
@@ -66,31 +74,36 @@ def finetune(
     settings: Settings | None = None,
     name: str | None = None,
     runs: PathLike | None = None,
-    resume: bool = False,
-    progress: bool | Progress = True,
+    resume: Resume = False,
+    progress: Progresses = True,
     address: str | None = None,
     num_cpus: float = 1,
     num_gpus: float = 0,
     retries: int = 10,
     every: float = 20.0,
-) -> Results:
-    """Goes on training ``policy``, a file, as :func:`gaitfit.finetune`, each of the ``seeds`` on a worker of a Ray cluster.
+) -> Training:
+    """Trains ``policy``, a file, further, as :func:`gaitfit.finetune`, each of the ``seeds`` on a worker of a Ray cluster.
 
-    Arguments as there and of :func:`gaitfit.ray.train`. Files that the policy's file names by itself are not sent: give a
+    Arguments:
+        policy, theta, robot, task, spring, torque_noise, lenient, config, seeds, settings, name, runs, resume, progress: As for
+            :func:`gaitfit.finetune`.
+        address, num_cpus, num_gpus, retries, every: As for :func:`gaitfit.ray.train`.
+
+    Files that the policy's file names by itself are not sent: give a
     ``.safetensors`` or ``.onnx``.
     """
-    named = _seen(_file(policy))
+    named = os.path.relpath(given.file_of(policy))
     cluster = Cluster(address, Place(num_cpus, num_gpus, retries))
     config = _seen(config)
-    world = _world(named, _seen(robot), lenient, task, _seen(theta), spring, torque_noise)
+    world = given.world(named, _seen(robot), lenient, task, _seen(theta), spring, torque_noise)
 
-    def run(name: str | None, resume: bool, threads: int | None, device: str) -> dict[str, Any]:
-        return _run(config, _given(settings, runs), name, resume, threads, device)
+    def run(name: str | None, resume: Resume, threads: int | None, device: str) -> dict[str, Any]:
+        return given.run(config, Finetune, _given(settings, runs), name, resume, threads, device)
 
-    plan = _gaitfit.finetune_plan(run(name, resume, None, "cpu"), world, _list(seeds))
+    plan = _gaitfit.finetune_plan(run(name, resume, None, "cpu"), world, given.seeds_of(seeds))
     how = {"what": "finetuning", "world": world}
 
-    def rest(run: Mapping[str, Any], seeds: Sequence[int], listen: Progress) -> str:
+    def rest(run: Mapping[str, Any], seeds: Sequence[int], listen: Listener) -> str:
         return _gaitfit.finetune(run, world, seeds, listen)
 
     return _parts(cluster, every, progress, run, plan, how, rest)
@@ -99,12 +112,12 @@ def finetune(
 def _parts(
     cluster: Cluster,
     every: float,
-    progress: bool | Progress,
-    run: Callable[[str | None, bool, int | None, str], dict[str, Any]],
+    progress: Progresses,
+    run: Callable[[str | None, Resume, int | None, str], dict[str, Any]],
     plan: tuple[str, str, list[int], list[str]],
     how: Mapping[str, Any],
-    rest: Callable[[Mapping[str, Any], Sequence[int], Progress], str],
-) -> Results:
+    rest: Callable[[Mapping[str, Any], Sequence[int], Listener], str],
+) -> Training:
     """Has each seed of a training made by a worker; what is left, the results, is done here."""
     name, folder, seeds, files = plan
     place, listen = cluster.place, listener(progress) or silent
@@ -115,7 +128,7 @@ def _parts(
     ]
     read = sources([os.fspath(file) for file in files])
     Orders(cluster, read, place.retries, every, listen).make(orders)
-    return _results(rest(run(name, True, None, "cpu"), seeds, listen))
+    return _read.training_result(json.loads(rest(run(name, True, None, "cpu"), seeds, listen)))
 
 
 def _given(settings: Settings | None, runs: PathLike | None) -> dict[str, Any]:

@@ -1,5 +1,8 @@
 """What workers do, and what they keep from task to task."""
 
+# Without Ray this folder is what a checker finds by that name.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import os
@@ -21,6 +24,7 @@ MAX_OPEN = 2
 def helper(key: str, parcel: list[Any], threads: int, device: str) -> _gaitfit.Helper:
     """What simulates the fit ``key``; ``parcel`` holds the reference of what it needs."""
     import ray
+    from ray import cloudpickle
 
     which = (key, threads, device)
     found = _open.pop(which, None)
@@ -28,7 +32,7 @@ def helper(key: str, parcel: list[Any], threads: int, device: str) -> _gaitfit.H
         while len(_open) >= MAX_OPEN:
             _open.pop(next(iter(_open)))
         needed, policy = ray.get(parcel[0])
-        own = ray.cloudpickle.loads(policy).native() if policy else None
+        own = cloudpickle.loads(policy).native() if policy else None
         found = _gaitfit.Helper(needed, threads, device, own)
     _open[which] = found
     return found

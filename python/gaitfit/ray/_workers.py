@@ -58,7 +58,7 @@ class Workers:
                         if lost[number] > self._cluster.place.retries:
                             raise Lost(
                                 f"a task's worker was lost {lost[number]} times, which is more than chance: {error}. What is "
-                                "done is in the run folder; resume=True goes on with it."
+                                "done is in the run folder; resume=True continues it."
                             ) from None
                         continue
                     self._open[worker].remove(number)

@@ -4,7 +4,7 @@ use super::setup::Setup;
 use crate::Error;
 use crate::run::RunFolder;
 use crate::run::inputs::Inputs;
-use crate::watch::{Watch, Work};
+use crate::watch::{Counting, Watch, Work};
 use gaitfit_adapt::fit::{Checkpoint, CostOutcome, Fit, FitError, Generation, RunGeneration};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
@@ -96,6 +96,7 @@ pub fn fit(
             Err(error) => return Err(Error::failed(error)),
         };
         folder.append(METRICS, &metric_lines(&generation, seconds())?)?;
+        tell_metrics(&counting, &generation);
         counting.step(fit.generation(), generation.evaluations, &best(setup, &fit));
         if watch.stop() {
             return Err(interrupted(&fit));
@@ -168,6 +169,24 @@ fn metric_lines(generation: &Generation, wall_seconds: f64) -> Result<String, Er
         lines.push('\n');
     }
     Ok(lines)
+}
+
+/// The numbers of a generation by name, such as `wass/seed-1/best_so_far`.
+fn tell_metrics(counting: &Counting<'_>, generation: &Generation) {
+    let named = generation.runs.iter().flat_map(|run| {
+        let name = |what: &str| format!("{}/seed-{}/{what}", run.cost, run.seed);
+        [
+            (name("best_so_far"), run.best_so_far),
+            (name("best"), run.best),
+            (name("mean"), run.mean),
+            (name("sigma"), run.sigma),
+            (name("diverged"), run.diverged as f64),
+            (name("fallen"), run.fallen as f64),
+        ]
+    });
+    let named: Vec<(String, f64)> = named.collect();
+    let metrics: Vec<(&str, f64)> = named.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+    counting.metrics(&metrics);
 }
 
 /// The best so far, for the progress bar: each cost, and the first values of θ of the first one.

@@ -176,6 +176,7 @@ impl Session<'_> {
             let step = u64::from(metric.iteration);
             events.scalars(step, now.as_secs_f64(), &scalars).map_err(unwritable)?;
             let steps = self.setup.plan.train.environments * self.setup.plan.train.steps;
+            counting.metrics(&scalars);
             counting.step(metric.iteration as usize, steps, &state(&metric));
             let interrupted = self.watch.stop();
             if interrupted || saved.0.elapsed() >= every || self.finished() {

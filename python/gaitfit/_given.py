@@ -1,0 +1,203 @@
+"""What users give stages, as the native half takes it."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from ._arguments import count, flag, items, mapping, maybe, path, real, text
+from ._arguments import threads as checked_threads
+from ._log_files import kept
+from ._logs import Log
+from ._policy import Policy
+from ._toml import toml
+from .config import Settings as TypedSettings
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PathLike = str | os.PathLike[str]
+#: Settings by their names in a file, with dots between tables.
+Settings = Mapping[str, Any]
+#: Logs of a stage: a file, a folder, a log, a table, or several of them.
+OneLog = "PathLike | Log | pd.DataFrame"
+#: What computes. ``"cuda:0,1"`` are several GPUs; other numbers of GPUs are right, too, where these are not enough.
+Device = Literal[
+    "cpu", "auto", "cuda", "cuda:0", "cuda:1", "cuda:2", "cuda:3", "cuda:4", "cuda:5", "cuda:6", "cuda:7",
+    "cuda:0,1", "cuda:0,1,2,3", "cuda:0,1,2,3,4,5,6,7",
+]
+Preset = Literal["fast", "accurate", "converged"]
+#: Whether to continue an earlier run: ``"auto"`` does if there is one.
+Resume = bool | Literal["auto"]
+
+
+def run(
+    config: PathLike | TypedSettings | None,
+    kind: type[TypedSettings],
+    settings: Settings,
+    name: str | None,
+    resume: Resume,
+    threads: int | None,
+    device: str,
+) -> dict[str, Any]:
+    """What every stage with a run folder takes. ``kind`` is the class of typed settings that it takes."""
+    file, given = configured(config, kind, settings)
+    checked = {
+        "sets": sets(given),
+        "name": maybe(text, "name", name),
+        "resume": resume if resume == "auto" else flag("resume", resume),
+        "threads": checked_threads(threads),
+        "device": text("device", device),
+    }
+    return {"config": existing("config", file), **checked}
+
+
+def configured(
+    config: PathLike | TypedSettings | None, kind: type[TypedSettings], settings: Settings | None
+) -> tuple[str | None, dict[str, Any]]:
+    """The configuration's file if it is one, and the settings that go over it."""
+    if isinstance(config, TypedSettings):
+        if not isinstance(config, kind):
+            raise TypeError(f"config is a gaitfit.config.{type(config).__name__}; give a gaitfit.config.{kind.__name__}")
+        return None, {**config.to_dict(), **given_settings(settings)}
+    file = None if config is None else path("config", config, f", or a gaitfit.config.{kind.__name__}")
+    return file, given_settings(settings)
+
+
+def existing(name: str, file: PathLike | None) -> str | None:
+    """A file that must be there."""
+    if file is None:
+        return None
+    found = path(name, file)
+    if not os.path.exists(found):
+        raise FileNotFoundError(f"{name}: there is no file {found}")
+    return found
+
+
+def given_settings(settings: Settings | None) -> dict[str, Any]:
+    """Settings by name."""
+    return {} if settings is None else mapping("settings", settings, '{"optimizer.generations": 50}')
+
+
+def sets(settings: Settings | None) -> list[str]:
+    """Settings as the native half takes them: ``key=value``, the value as TOML writes it."""
+    return [f"{name}={toml(_plain(value))}" for name, value in given_settings(settings).items() if value is not None]
+
+
+def _plain(value: Any) -> Any:
+    """A setting's value: parts of :mod:`gaitfit.config` are tables."""
+    if isinstance(value, TypedSettings):
+        return value.to_dict()
+    if isinstance(value, (list, tuple)):
+        return [_plain(one) for one in value]
+    return value
+
+
+def fit_settings(
+    logs: Any,
+    robot: PathLike | None,
+    policy: PathLike | None,
+    costs: str | Sequence[str] | None,
+    settings: Settings | None,
+    runs: PathLike | None,
+) -> dict[str, Any]:
+    """The settings of a fit that are arguments too."""
+    given = {
+        "logs": None if logs is None else log_files(logs, runs),
+        "robot": maybe(path, "robot", robot),
+        "policy": policy,
+        "base": None if policy is None else "free",
+        "costs": [costs] if isinstance(costs, str) else maybe(names, "costs", costs),
+        "runs": maybe(path, "runs", runs),
+    }
+    return {**{name: value for name, value in given.items() if value is not None}, **given_settings(settings)}
+
+
+def log_files(logs: Any, runs: PathLike | None) -> list[str]:
+    """Logs as files. Logs and tables are written into ``runs``, where the same log has the same name."""
+    several = [logs] if isinstance(logs, (str, os.PathLike, Log)) or _is_table(logs) else items("logs", logs, "paths or logs")
+    folder = Path("runs" if runs is None else path("runs", runs)) / "python-logs"
+    files = []
+    for one in several:
+        log = Log.from_dataframe(one) if _is_table(one) else one
+        otherwise = ", a gaitfit.Log or a DataFrame"
+        files.append(str(kept(log, folder)) if isinstance(log, Log) else path("an element of logs", log, otherwise))
+    return files
+
+
+def _is_table(value: object) -> bool:
+    """Whether it is a table of pandas or polars."""
+    return hasattr(value, "columns") and hasattr(value, "__getitem__") and not isinstance(value, Log)
+
+
+def world(
+    policy: PathLike | Policy,
+    robot: PathLike | None,
+    lenient: bool,
+    task: str | None,
+    theta: PathLike | None,
+    spring: Sequence[str],
+    torque_noise: float,
+    randomised: bool = False,
+    preset: str = "fast",
+    seed: int = 0,
+    threads: int | None = None,
+) -> dict[str, Any]:
+    """A policy and the simulator that it walks in."""
+    return {
+        "policy": own(policy) or path("policy", named_policy(policy)),
+        "robot": maybe(path, "robot", robot),
+        "lenient": flag("lenient", lenient),
+        "task": maybe(text, "task", task),
+        "theta": existing("theta", theta),
+        "spring": [spring] if isinstance(spring, str) else names("spring", spring),
+        "torque_noise": real("torque_noise", torque_noise),
+        "randomised": flag("randomised", randomised),
+        "preset": text("preset", preset),
+        "seed": count("seed", seed, 0),
+        "threads": checked_threads(threads),
+    }
+
+
+def own(policy: PathLike | Policy | None) -> dict[str, Any] | None:
+    """A policy that is a function, as the native half takes it."""
+    return policy.native() if isinstance(policy, Policy) else None
+
+
+def file_of(policy: PathLike | Policy) -> str:
+    """The policy that is to be trained further, which must be a file."""
+    if isinstance(policy, Policy) or (callable(policy) and not isinstance(policy, os.PathLike)):
+        name = policy.name if isinstance(policy, Policy) else getattr(policy, "__name__", type(policy).__name__)
+        raise TypeError(
+            f"the policy {name} is a function, and a function has no weights that could be trained here: give the policy's "
+            "file (.safetensors, .onnx or a .toml), or train it where its weights are, with a learner of your own on "
+            "gaitfit.gym.GaitfitVecEnv or gaitfit.rsl_rl.RslRlVecEnv"
+        )
+    return path("policy", policy)
+
+
+def named_policy(policy: PathLike | Policy | None) -> PathLike | None:
+    """The policy as a run's settings keep it: of a function its name and a hash of its interface."""
+    if policy is None:
+        return None
+    if not isinstance(policy, Policy):
+        if callable(policy) and not isinstance(policy, os.PathLike):
+            raise TypeError(
+                f"policy is {policy!r}; a function needs what it sees and does: give gaitfit.Policy(function, interface)"
+            )
+        return path("policy", policy, ", or a gaitfit.Policy")
+    digest = hashlib.sha256(f"{policy.described.to_json()}{policy.task}".encode()).hexdigest()
+    return f"the function {policy.name}, interface {digest[:12]}"
+
+
+def names(name: str, values: Sequence[str]) -> list[str]:
+    """A list of texts."""
+    return [text(f"an element of {name}", one) for one in items(name, values, "texts")]
+
+
+def seeds_of(seeds: Iterable[int] | None) -> list[int] | None:
+    """A list of seeds."""
+    return None if seeds is None else [count("a seed", seed, 0) for seed in items("seeds", seeds, "whole numbers")]

@@ -1,0 +1,51 @@
+"""What robots are and do at a moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class RobotsState:
+    """Everything of :class:`Robots` that changes from step to step. It can be pickled.
+
+    Attributes:
+        task: Settings of the task, as TOML.
+        seed: Seed of the robots.
+        numbers: The engine's numbers.
+        steps: Steps since each episode began, shape ``(num_envs,)``.
+        step: Steps of all robots.
+    """
+
+    task: str
+    seed: int
+    numbers: NDArray[np.float32]
+    steps: NDArray[np.uint32]
+    step: int
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """How all robots move: what is true in the simulation, without the noise of observations. After an episode's end it is that
+    of the next one, unless ``autoreset`` is off.
+
+    Attributes:
+        base_position: Position of the base, m, world frame, shape ``(num_envs, 3)``.
+        base_quaternion: Its orientation, wxyz, shape ``(num_envs, 4)``.
+        base_linear_velocity: Its velocity, m/s, world frame, shape ``(num_envs, 3)``.
+        base_angular_velocity: Its angular velocity, rad/s, body frame, shape ``(num_envs, 3)``.
+        joint_position: Joint positions as the encoders report them, rad, shape ``(num_envs, joints)``.
+        joint_velocity: Joint velocities, rad/s, shape ``(num_envs, joints)``.
+        torque: Torques on the joints in the last physics step, N·m, shape ``(num_envs, joints)``.
+    """
+
+    base_position: NDArray[np.float32]
+    base_quaternion: NDArray[np.float32]
+    base_linear_velocity: NDArray[np.float32]
+    base_angular_velocity: NDArray[np.float32]
+    joint_position: NDArray[np.float32]
+    joint_velocity: NDArray[np.float32]
+    torque: NDArray[np.float32]

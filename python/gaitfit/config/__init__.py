@@ -1,0 +1,105 @@
+"""Settings as dataclasses, made from the program's own: autocompletion, types, and documentation with units.
+
+>>> from gaitfit.config import Fit, Optimizer, Parameter
+>>> config = Fit(
+...     robot="assets/go2.xml",
+...     logs=["examples/go2-demo/fit.csv"],
+...     parameters=[Parameter("frictionloss", per="group", upper=1.0), Parameter("delay", per="all")],
+...     optimizer=Optimizer(generations=50),
+... )
+>>> print(config.to_toml())
+robot = "assets/go2.xml"
+logs = ["examples/go2-demo/fit.csv"]
+<BLANKLINE>
+[optimizer]
+generations = 50
+<BLANKLINE>
+[[parameter]]
+kind = "frictionloss"
+per = "group"
+upper = 1.0
+<BLANKLINE>
+[[parameter]]
+kind = "delay"
+per = "all"
+<BLANKLINE>
+>>> Fit.from_toml(config.to_toml()) == config
+True
+
+:func:`gaitfit.fit` takes a :class:`Fit`, :func:`gaitfit.train` a :class:`Train`, :func:`gaitfit.finetune` a :class:`Finetune` and
+:func:`gaitfit.loop` a :class:`Loop`. A setting that is ``None`` has gaitfit's default, which may depend on other settings.
+"""
+
+from ._fit import (
+    Check,
+    Cost,
+    Falls,
+    Fit,
+    Gains,
+    Network,
+    Number,
+    Optimizer,
+    Parameter,
+    Prior,
+    Simulation,
+    ValidateGains,
+)
+from ._loop import Controls, Evaluate, Loop, Target, TrueNumber, TrueParameter, Truth
+from ._settings import Settings
+from ._train import (
+    Command,
+    Curriculum,
+    Fall,
+    Finetune,
+    History,
+    Noise,
+    Ppo,
+    Push,
+    Randomisation,
+    Size,
+    Start,
+    Task,
+    TaskPolicy,
+    Term,
+    Terrain,
+    Train,
+)
+
+__all__ = [
+    "Check",
+    "Command",
+    "Controls",
+    "Cost",
+    "Curriculum",
+    "Evaluate",
+    "Fall",
+    "Falls",
+    "Finetune",
+    "Fit",
+    "Gains",
+    "History",
+    "Loop",
+    "Network",
+    "Noise",
+    "Number",
+    "Optimizer",
+    "Parameter",
+    "Ppo",
+    "Prior",
+    "Push",
+    "Randomisation",
+    "Settings",
+    "Simulation",
+    "Size",
+    "Start",
+    "Target",
+    "Task",
+    "TaskPolicy",
+    "Term",
+    "Terrain",
+    "Train",
+    "TrueNumber",
+    "TrueParameter",
+    "Truth",
+    "ValidateGains",
+]

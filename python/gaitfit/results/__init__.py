@@ -1,0 +1,48 @@
+"""The results of the stages: frozen dataclasses whose fields have types, units and documentation.
+
+Every stage has its own: :func:`gaitfit.fit` a :class:`FitResult`, :func:`gaitfit.validate` a :class:`ValidationResult`,
+:func:`gaitfit.train` and :func:`gaitfit.finetune` a :class:`Training`, :func:`gaitfit.evaluate` an :class:`Evaluation`,
+:func:`gaitfit.collect` a :class:`Collection`, :func:`gaitfit.loop` a :class:`LoopResult`, and
+:func:`gaitfit.ray.reproduce` a :class:`Table`. :func:`load` reads them again from a run folder.
+
+Files are :class:`pathlib.Path`. A number that could not be measured is NaN where it is a mean, and ``None`` where the field's
+description has it. :attr:`Result.document` has the whole document that the program prints with ``--json``, with more detail than the
+fields.
+"""
+
+from .._decode import Named
+from ._base import Check, Doubt, Estimate, Result
+from ._fit import CostFit, FitResult, FittedParameter, HeldOut, Prior, Score, Spring, ValidatedLog, ValidationResult
+from ._loop import Comparison, LoopResult, Measurement, Round, Table, TableRow
+from ._read import load
+from ._walk import Collection, Drift, Evaluation, Gait, SeedResult, Training
+
+__all__ = [
+    "Check",
+    "Collection",
+    "Comparison",
+    "CostFit",
+    "Doubt",
+    "Drift",
+    "Estimate",
+    "Evaluation",
+    "FitResult",
+    "FittedParameter",
+    "Gait",
+    "HeldOut",
+    "LoopResult",
+    "Measurement",
+    "Named",
+    "Prior",
+    "Result",
+    "Round",
+    "Score",
+    "SeedResult",
+    "Spring",
+    "Table",
+    "TableRow",
+    "Training",
+    "ValidatedLog",
+    "ValidationResult",
+    "load",
+]

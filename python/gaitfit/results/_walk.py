@@ -1,0 +1,221 @@
+"""The results of trainings, evaluations and collections."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ._base import Doubt, Estimate, Result, Triple, flat
+
+
+@dataclass(frozen=True)
+class Gait:
+    """The gait of a walk straight ahead.
+
+    Attributes:
+        alternation: Share of time with exactly one gait group on the ground.
+        step_frequency: Steps a second of one foot, Hz.
+        duty_factor: Share of time that a foot is on the ground.
+        foot_lift: Mean height of a swing, m.
+        action_rate: Root-mean-square change of an action a step, per joint.
+        torque: Root-mean-square torque, N·m.
+    """
+
+    alternation: float
+    step_frequency: float
+    duty_factor: float
+    foot_lift: float
+    action_rate: float
+    torque: float
+
+
+@dataclass(frozen=True)
+class Drift:
+    """A trial under a constant command, over several robots.
+
+    Attributes:
+        name: The command in a word, for example ``"+x"``.
+        command: Ahead and to the left, m/s, and turning, rad/s.
+        x: Final position minus the wanted one along the start's heading, m.
+        y: The same to the left, m.
+        yaw: Final heading minus the wanted one, rad.
+        fall_rate: Share of falls.
+        diverged: Robots whose simulation diverged; they count as falls.
+        path: The first robot's path: x, y, m, and heading, rad.
+    """
+
+    name: str
+    command: Triple
+    x: Estimate
+    y: Estimate
+    yaw: Estimate
+    fall_rate: Estimate
+    diverged: int = 0
+    path: tuple[Triple, ...] = ()
+
+
+@dataclass(frozen=True)
+class SeedResult:
+    """One seed of a training: means over its last iterations.
+
+    Attributes:
+        seed: The seed.
+        iterations: Iterations.
+        samples: Control steps of all robots.
+        reward: Mean reward of a control step.
+        episode_return: Mean summed reward of an episode; ``None`` where none ended.
+        episode_seconds: Mean length of an episode, s.
+        fall_rate: Share of episodes that ended in a fall.
+        linear_velocity_error: Mean error of horizontal velocity, m/s.
+        angular_velocity_error: Mean error of yaw rate, rad/s.
+        gait: The policy's gait.
+        samples_per_second: Control steps of all robots a second.
+        wall_seconds: Wall time, s.
+        policy: The policy's file.
+        replay: The page that shows it.
+        diverged: Episodes that ended because the simulation diverged.
+    """
+
+    seed: int
+    iterations: int
+    samples: int
+    reward: float
+    episode_return: float | None
+    episode_seconds: float | None
+    fall_rate: float | None
+    linear_velocity_error: float
+    angular_velocity_error: float
+    gait: Gait
+    samples_per_second: float
+    wall_seconds: float
+    policy: Path
+    replay: Path
+    diverged: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Training(Result):
+    """The result of :func:`gaitfit.train` and :func:`gaitfit.finetune`.
+
+    Attributes:
+        name: Name of the run.
+        robot: Name of the robot.
+        task: The built-in task that it began with.
+        environments: Robots at once.
+        steps: Control steps of a rollout.
+        seeds: One training a seed.
+        run_folder: The folder with the run's files.
+        wall_seconds: Wall time of all seeds, s.
+        trained: Whether the policy's actions were trained; ``False`` if all updates taught the critic alone.
+        doubts: Reasons not to take it as it is.
+        warnings: What to know before trusting the result.
+    """
+
+    name: str
+    robot: str
+    task: str
+    environments: int
+    steps: int
+    seeds: tuple[SeedResult, ...]
+    run_folder: Path
+    wall_seconds: float
+    trained: bool = True
+    doubts: tuple[Doubt, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def policy(self) -> Path:
+        """The policy of the first seed."""
+        return self.seeds[0].policy
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a seed."""
+        return [flat(row) for row in self.document["seeds"]]
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Evaluation(Result):
+    """The result of :func:`gaitfit.evaluate`.
+
+    Attributes:
+        policy: The policy, by its file or name.
+        simulator: Where it walked, in a few words.
+        seconds: Length of a trajectory, s.
+        seed: Seed of commands, starts and noise.
+        trajectories: Trajectories.
+        reward: Summed reward of a trajectory.
+        linear_velocity_error: Error of horizontal velocity, m/s.
+        angular_velocity_error: Error of yaw rate, rad/s.
+        fall_rate: Share of falls.
+        action_rate: Root-mean-square change of an action a step, per joint.
+        diverged: Trajectories whose simulation diverged; they count as falls.
+        drift: Trials under constant commands.
+        gait: The gait straight ahead; ``None`` where it does not walk.
+        verdict: Whether it walks, in a sentence; ``None`` where that cannot be judged.
+        wall_seconds: Wall time, s.
+    """
+
+    policy: str
+    simulator: str
+    seconds: float
+    seed: int
+    trajectories: int
+    reward: Estimate
+    linear_velocity_error: Estimate
+    angular_velocity_error: Estimate
+    fall_rate: Estimate
+    action_rate: Estimate
+    diverged: int = 0
+    drift: tuple[Drift, ...] = ()
+    gait: Gait | None = None
+    verdict: str | None = None
+    wall_seconds: float = math.nan
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a measured number: ``quantity``, ``mean``, ``ci95`` and ``unit``."""
+        units = {
+            "linear_velocity_error": "m/s",
+            "angular_velocity_error": "rad/s",
+            "fall_rate": "-",
+            "reward": "-",
+            "action_rate": "-",
+        }
+        values: list[tuple[str, Estimate]] = [
+            ("linear_velocity_error", self.linear_velocity_error),
+            ("angular_velocity_error", self.angular_velocity_error),
+            ("fall_rate", self.fall_rate),
+            ("reward", self.reward),
+            ("action_rate", self.action_rate),
+        ]
+        return [{"quantity": name, "mean": one.mean, "ci95": one.ci95, "unit": units[name]} for name, one in values]
+
+    def _headline(self) -> str:
+        return self.verdict or f"{self.policy} on {self.simulator}"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Collection(Result):
+    """The result of :func:`gaitfit.collect`.
+
+    Attributes:
+        simulator: Where the policy walked, in a few words.
+        trajectories: Trajectories.
+        seconds: Length of each, s.
+        falls: Robots that fell.
+        files: The logs.
+    """
+
+    simulator: str
+    trajectories: int
+    seconds: float
+    falls: int
+    files: tuple[Path, ...]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a log."""
+        return [{"file": str(file)} for file in self.files]
+
+    def _headline(self) -> str:
+        return f"{self.trajectories} logs of {self.seconds} s, {self.falls} falls"

@@ -1,0 +1,108 @@
+"""Ready-made functions for progress: what they show and write, with packages that are there and packages that are not."""
+
+import io
+import sys
+import types
+import unittest
+from contextlib import redirect_stderr
+from unittest import mock
+
+import gaitfit
+from gaitfit import Event, callbacks
+
+from .common import DEMO, Case
+
+STEPS = [
+    Event("note", "late stamps"),
+    Event("begin", what="seed 2, iteration", total=2),
+    Event("step", "reward 1", "seed 2, iteration", 1, 2, {"train/reward": 1.0}),
+    Event("step", "reward 2", "seed 2, iteration", 2, 2, {"train/reward": 2.0}),
+    Event("end", what="seed 2, iteration", total=2),
+]
+
+
+class Recorded:
+    """Stands for a package: keeps how it was called."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[str, tuple, dict]] = []
+
+    def __getattr__(self, name: str) -> object:
+        return lambda *values, **named: self.calls.append((name, values, named))
+
+
+class Callbacks(Case):
+    def test_numbers_go_to_weights_and_biases_and_mlflow(self) -> None:
+        run, began = Recorded(), []
+        wandb = types.SimpleNamespace(init=lambda **options: began.append(options) or run)
+        with mock.patch.dict(sys.modules, {"wandb": wandb}):
+            tell = callbacks.WandB(project="go2")
+        for event in STEPS:
+            tell(event)
+        self.assertEqual(began, [{"project": "go2"}])
+        self.assertEqual([call[1] for call in run.calls], [({"seed-2/train/reward": float(n), "done": n},) for n in (1, 2)])
+        mlflow = Recorded()
+        with mock.patch.dict(sys.modules, {"mlflow": mlflow}):
+            tell = callbacks.MLflow()
+        for event in STEPS:
+            tell(event)
+        self.assertEqual(mlflow.calls[1], ("log_metrics", ({"seed-2/train/reward": 2.0},), {"step": 2}))
+
+    def test_numbers_go_to_tensorboard(self) -> None:
+        try:
+            from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        tell = callbacks.TensorBoard(self.folder / "board")
+        settings = {"optimizer.generations": 3, "optimizer.seeds": 1}
+        found = gaitfit.fit(DEMO / "adapt.toml", runs=self.folder, name="f", settings=settings, progress=tell)
+        read = EventAccumulator(str(self.folder / "board"))
+        read.Reload()
+        curve = read.Scalars(f"{found.cost_name}/seed-1/best_so_far")
+        self.assertEqual([one.step for one in curve], [1, 2, 3])
+        self.assertAlmostEqual(curve[-1].value, found.cost, delta=1e-4 * found.cost)
+
+    def test_tqdm_shows_the_work(self) -> None:
+        shown = io.StringIO()
+        try:
+            bar = callbacks.Tqdm(file=shown)
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        for event in STEPS:
+            bar(event)
+        self.assertIn("2/2", shown.getvalue())
+        self.assertIn("seed 2, iteration", shown.getvalue())
+
+    def test_printed_lines(self) -> None:
+        told = io.StringIO()
+        with redirect_stderr(told):
+            for tell in (callbacks.Printed(),):
+                for event in STEPS:
+                    tell(event)
+        self.assertEqual(told.getvalue().splitlines()[0], "note: late stamps")
+        self.assertIn("seed 2, iteration 2 of 2  reward 2", told.getvalue())
+
+    def test_absent_packages_are_named(self) -> None:
+        for make, module, package in (
+            (callbacks.Tqdm, "tqdm.auto", "tqdm"),
+            (callbacks.WandB, "wandb", "wandb"),
+            (callbacks.MLflow, "mlflow", "mlflow"),
+            (lambda: callbacks.TensorBoard("x"), "tensorboard.summary.writer.event_file_writer", "tensorboard"),
+        ):
+            with mock.patch.dict(sys.modules, {module: None}):
+                with self.subTest(package), self.assertRaisesRegex(ImportError, f"pip install {package}"):
+                    make()
+
+    def test_a_training_has_its_numbers(self) -> None:
+        events: list[Event] = []
+        size = {"train.environments": 32, "train.iterations": 2}
+        trained = gaitfit.train(runs=self.folder, name="t", settings=size, progress=events.append)
+        steps = [event for event in events if event.kind == "step" and event.metrics]
+        self.assertEqual([event.done for event in steps], [1, 2])
+        mean = sum(event.metrics["train/reward"] for event in steps) / 2
+        self.assertAlmostEqual(mean, trained.seeds[0].reward, places=12)
+        self.assertIn("ppo/kl", " ".join(steps[0].metrics))
+
+
+if __name__ == "__main__":
+    unittest.main()
