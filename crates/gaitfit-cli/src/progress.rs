@@ -67,8 +67,8 @@ impl Progress {
         let speed = speed(self.counted as f64 / seconds);
         let state = harmless(state);
         // Searches often converge before their last generation.
-        let most = if self.what == "generation" { "at most " } else { "" };
-        let text = format!("{state}  {speed} {}/s  {most}{} left", self.parts, time(left));
+        let bound = if self.what == "generation" { "at most " } else { "" };
+        let text = format!("{state}  {speed} {}/s  {bound}{} left", self.parts, time(left));
         match &self.bar {
             Some(bar) => {
                 bar.set_position(done as u64);

@@ -107,7 +107,7 @@ pub(crate) fn read(
         }
         match words[column].take() {
             None => drop(sparse.columns.insert(name.clone(), filled)),
-            // A column of words with a known name is no quantity of the robot.
+            // A needed column with numbers has a damaged cell. A column of words alone is left out, whatever its name.
             Some((line, cell)) if !filled.0.is_empty() && wanted(name, mapping) => {
                 return Err(TableError::Number { line, column: name.clone(), cell }.into());
             }

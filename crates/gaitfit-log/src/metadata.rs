@@ -260,7 +260,7 @@ pub fn stated(path: &Path, text: &str) -> Result<Stated, LogError> {
     };
     let own = beside(path.with_extension("toml")).unwrap_or_default();
     let all = comments.or(own).or(beside(path.with_file_name("log.toml"))?);
-    let placed = |said: Sourced<PerJoint>| (said.value, said.place);
+    let placed = |stated: Sourced<PerJoint>| (stated.value, stated.place);
     Ok(Stated {
         robot: all.robot.map(|said| said.value),
         rate_hz: all.rate_hz.map(|said| said.value),

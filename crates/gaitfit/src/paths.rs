@@ -22,7 +22,7 @@ pub fn find(named: &str, what: &str, config: &Path) -> Result<PathBuf, Error> {
     if beside.exists() {
         return Ok(beside);
     }
-    if crate::robot::is_built_in(&here) {
+    if what == "robot" && crate::robot::is_built_in(&here) {
         return Err(Error::settings(format!(
             "{}: {what} `{named}`: the built-in Go2 is used where no robot is named; leave the name out",
             config.display()

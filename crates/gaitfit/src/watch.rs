@@ -103,7 +103,7 @@ pub struct Counting<'a> {
 }
 
 impl Counting<'_> {
-    /// Numbers of the step that is told next, by name, for programs that draw curves.
+    /// Reports numbers of the next step, by name, for programs that draw curves.
     pub fn metrics(&self, metrics: &[(&str, f64)]) {
         self.watch.tell(Event::Metrics(metrics));
     }

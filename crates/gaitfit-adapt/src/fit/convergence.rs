@@ -6,9 +6,9 @@ use super::{CostOutcome, MAX_SCANNED, ParameterOutcome, Stop};
 const PROGRESS: f64 = 0.01;
 /// Seeds whose values differ by more than this part of the bounds (one standard deviation) found different ones.
 const APART: f64 = 0.05;
-/// A search that its limit of generations ended before has shown nothing.
+/// Min generations of a search that its time limit did not end; with fewer it has shown nothing.
 const MIN_GENERATIONS: usize = 4;
-/// A search that its time limit ended before has shown nothing.
+/// Min generations of a search that its time limit ended; with fewer it has shown nothing.
 const MIN_GENERATIONS_IN_TIME: usize = 30;
 /// Parameters named in a reason.
 const NAMED: usize = 4;

@@ -23,7 +23,7 @@ struct Document {
 pub fn run(args: &Init) -> Result<(), Failure> {
     if robot::is_built_in(&args.robot) {
         return Err(Failure::usage(
-            "the built-in Go2 needs no configuration: `gaitfit train` walks it, and `gaitfit config train` prints its settings",
+            "the built-in Go2 needs no configuration: `gaitfit train` trains a policy for it, and `gaitfit config train` prints the settings",
         ));
     }
     let model = robot::read(&args.robot, args.lenient, Hold::File)?;

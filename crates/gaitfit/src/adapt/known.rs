@@ -17,7 +17,7 @@ fn covers(number: &SwingNumber, kind: &str, joints: &[String]) -> bool {
     number.kind == kind && (number.joints.is_empty() || !joints.is_empty()) && joints.iter().all(covered)
 }
 
-/// A friction of so many times the search's upper bound is none.
+/// A friction estimate above this multiple of the search's upper bound is wrong.
 const IMPOSSIBLE: f64 = 2.0;
 
 /// `given` priors, which win, and those that `measured` estimates give for the other entries of `theta`. An entry that

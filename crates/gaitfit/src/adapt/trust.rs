@@ -75,7 +75,8 @@ pub(super) fn stopped(error: FitError, folder: &RunFolder) -> Error {
     Error::interrupted(message, path)
 }
 
-/// Why a search that its time limit ended is not corrected. A correction takes minutes, and needs the search's end.
+/// Why `outcome` is not corrected, if its time limit ended it. A correction takes minutes, and needs a search that was not cut
+/// short.
 fn cut_short(outcome: &CostOutcome) -> Option<String> {
     let cut = outcome.runs.iter().any(|run| run.stop.is_none());
     cut.then(|| "The time limit ended the search (optimizer.max_seconds).".to_owned())

@@ -43,39 +43,38 @@ impl Fit {
     /// The gains of the robot's joints, and where they are stated: in the first log, in the configuration, or by the policy.
     /// Absent where none of them can be read any more.
     pub fn gains(&self, model: &Model) -> Option<(Gains, String)> {
-        let in_log = || {
-            let first = paths::find(self.config.logs.first()?, "log", &self.path).ok()?;
-            let file = if first.is_dir() { csv_files(&first).ok()?.into_iter().next()? } else { first };
-            let log = read_csv(&file, &ReadOptions::default()).ok()?;
-            let wanted: Vec<usize> = (0..model.joints.len()).collect();
-            let named = |joint: &usize| {
-                let name = &model.joints[*joint].name;
-                log.joints.iter().any(|of_log| {
-                    model.find_joint(self.config.joint_names.get(of_log).unwrap_or(of_log))
-                        == model.find_joint(name)
-                })
-            };
-            let wanted: Vec<usize> = wanted.into_iter().filter(named).collect();
-            let (log, _) =
-                log_joints::of_robot(&log, &file, &self.config.joint_names, model, &wanted).ok()?;
-            let of_log = log.gains?;
-            Some((spread(&of_log, &wanted, model), format!("the log {}", shown_path(&file))))
-        };
-        let in_config = || {
-            let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
-            let gains = &self.config.gains;
-            let kp = gains.kp.as_ref()?.resolve("kp", &names).ok()?;
-            let kd = gains.kd.as_ref()?.resolve("kd", &names).ok()?;
-            Some((Gains { kp, kd }, format!("[gains] of {}", shown_path(&self.path))))
-        };
-        let in_policy = || {
-            let named = self.config.policy.as_ref()?;
-            let file = crate::policy_file::find(&paths::find(named, "policy", &self.path).ok()?).ok()?.path;
-            let policy = gaitfit_policy::read(&file).ok()?;
-            let gains = of_policy(&policy, &file, model).ok()?;
-            Some((gains, format!("the policy {}", shown_path(&file))))
-        };
-        in_log().or_else(in_config).or_else(in_policy)
+        self.of_log(model).or_else(|| self.of_config(model)).or_else(|| self.of_policy(model))
+    }
+
+    /// Those that the first log states.
+    fn of_log(&self, model: &Model) -> Option<(Gains, String)> {
+        let first = paths::find(self.config.logs.first()?, "log", &self.path).ok()?;
+        let file = if first.is_dir() { csv_files(&first).ok()?.into_iter().next()? } else { first };
+        let log = read_csv(&file, &ReadOptions::default()).ok()?;
+        let names = &self.config.joint_names;
+        let logged: Vec<Option<usize>> =
+            log.joints.iter().map(|name| model.find_joint(names.get(name).unwrap_or(name))).collect();
+        let wanted: Vec<usize> =
+            (0..model.joints.len()).filter(|joint| logged.contains(&Some(*joint))).collect();
+        let (log, _) = log_joints::of_robot(&log, &file, names, model, &wanted).ok()?;
+        Some((spread(&log.gains?, &wanted, model), format!("the log {}", shown_path(&file))))
+    }
+
+    /// Those of `[gains]`.
+    fn of_config(&self, model: &Model) -> Option<(Gains, String)> {
+        let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+        let gains = &self.config.gains;
+        let kp = gains.kp.as_ref()?.resolve("kp", &names).ok()?;
+        let kd = gains.kd.as_ref()?.resolve("kd", &names).ok()?;
+        Some((Gains { kp, kd }, format!("[gains] of {}", shown_path(&self.path))))
+    }
+
+    /// Those of the policy that walked.
+    fn of_policy(&self, model: &Model) -> Option<(Gains, String)> {
+        let named = paths::find(self.config.policy.as_ref()?, "policy", &self.path).ok()?;
+        let file = crate::policy_file::find(&named).ok()?.path;
+        let policy = gaitfit_policy::read(&file).ok()?;
+        Some((of_policy(&policy, &file, model).ok()?, format!("the policy {}", shown_path(&file))))
     }
 }
 

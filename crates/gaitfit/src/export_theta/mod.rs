@@ -82,7 +82,7 @@ pub struct Exported {
 pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
     let file = theta::read(&settings.theta)?;
     let asked = settings.robot.clone().map(|path| (path, settings.lenient));
-    // Where the caller names everything, the fit's files may be gone.
+    // If the caller names the robot, the fit's files are not needed and may be gone.
     let stated = settings.kp.is_some() || settings.kd.is_some() || settings.policy.is_some();
     let fit = match asked.is_some() {
         true => Fit::beside(&settings.theta).unwrap_or_default(),

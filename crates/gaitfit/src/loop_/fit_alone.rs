@@ -2,13 +2,11 @@
 
 use super::rounds::split;
 use crate::files::{MAX_BYTES, read_text};
-use crate::settings::{self, AdaptConfig, LoopConfig};
+use crate::settings::{self, AdaptConfig, LoopConfig, OF_LOOPS};
 use crate::walk::log_files;
 use crate::{Error, paths};
 use std::path::Path;
 
-/// Tables that only a loop's configuration has.
-const OF_LOOPS: [&str; 4] = ["adapt", "finetune", "target", "controls"];
 /// Settings of the fit that stand at the top of a loop's configuration.
 const SHARED: [&str; 7] = ["name", "policy", "robot", "lenient", "runs", "logs", "checkpoint_seconds"];
 

@@ -96,7 +96,7 @@ impl Found<'_> {
                 );
             }
         }
-        text.push_str("\n[[number]]                       # from joint positions to velocities, s: filters of robots, steps of simulators\n");
+        text.push_str("\n[[number]]                       # lag of joint velocities behind positions, s: a robot's filter or a simulator's step\n");
         text.push_str("kind = \"velocity_lag\"\n");
         let _ = writeln!(text, "\n[optimizer]\n{}", choices::SEARCH.trim_end());
         text.push_str("\n[simulation]\n");

@@ -52,7 +52,7 @@ pub fn line_and_column(text: &str, offset: usize) -> String {
 }
 
 /// Tables that only the configuration of a loop has.
-const OF_LOOPS: [&str; 4] = ["adapt", "target", "finetune", "controls"];
+pub(crate) const OF_LOOPS: [&str; 4] = ["adapt", "target", "finetune", "controls"];
 
 /// Tables and keys that only the configuration of a fit has, and of a training.
 const OF_FITS: [&str; 8] =

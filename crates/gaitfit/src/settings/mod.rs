@@ -20,6 +20,7 @@ pub use controls::{ControlsConfig, TruthConfig};
 pub use finetune::{FINETUNE_DEFAULTS, FinetuneConfig, changed};
 pub use load::{Configuration, load};
 pub use loop_::{FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, MAX_DRIFT, MAX_SEED};
+pub(crate) use messages::OF_LOOPS;
 pub use messages::tamed;
 pub use target::{TargetConfig, TargetKind, check_torque_noise};
 pub use task::{Task, TaskName, load_task};

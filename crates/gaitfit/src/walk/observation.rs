@@ -5,7 +5,7 @@ use gaitfit_model::rotation::normalize;
 use gaitfit_policy::observation::{Layout, Sensed};
 use gaitfit_policy::{BaseSample, Interface, Quantity, Term};
 
-/// What of the base's motion a sample has, by quantity, as far as it is observed.
+/// What a sample of a log has of each quantity that follows from the base's motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Given {
     values: [Option<[f64; 3]>; Quantity::ALL.len()],
@@ -61,7 +61,7 @@ impl Given {
         missing
     }
 
-    /// With `values` for what was missing, and 0 for what else is.
+    /// With `values` for the `missing` numbers. Other unknown numbers are 0, and unknown gravity is that of a level base.
     pub fn filled(&self, missing: &[Unknown], values: &[f64]) -> Self {
         let mut filled = Self { values: self.values.map(|value| Some(value.unwrap_or_default())) };
         for (unknown, &value) in missing.iter().zip(values) {

@@ -43,7 +43,8 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
     })
 }
 
-/// What to do with the fit of `config`, the configuration at `path`. One that has not converged goes on first.
+/// The next commands after a fit of `config`, the configuration at `path`. A fit with a time limit that has not converged is
+/// resumed first.
 fn next(results: &AdaptResults, path: &Path, config: &AdaptConfig) -> Vec<String> {
     let theta = format!("{}/theta.toml", results.run_folder);
     if !results.converged && config.optimizer.max_seconds > 0.0 {
