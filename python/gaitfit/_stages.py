@@ -113,7 +113,7 @@ def validate(
     fitted, config = given.existing("theta", theta), given.existing("config", config)
     try:
         found = _gaitfit.validate(str(fitted), files, config, sets, threads, given.own(policy))
-    except FileNotFoundError as missing:
+    except _gaitfit.GaitfitError as missing:
         name = re.search(r"policy `(the function [^`,]*)", str(missing))
         if policy is None and name is not None:
             raise _gaitfit.GaitfitError(
