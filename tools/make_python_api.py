@@ -48,7 +48,7 @@ PAGES = [
         ("gaitfit.callbacks", "callbacks.py", []),
     ]),
     Page("config", "Python: settings", "`gaitfit.config`: settings as dataclasses. A setting that is left out has gaitfit's default.", [
-        ("gaitfit.config", "config/_settings.py", []),
+        ("gaitfit.config", "_settings.py", ["Settings"]),
         ("gaitfit.config", "config/_fit.py", []),
         ("gaitfit.config", "config/_train.py", []),
         ("gaitfit.config", "config/_loop.py", []),

@@ -120,7 +120,7 @@ TYPES = {
 }
 #: Fields that name files or folders.
 PATHS = {"robot", "policy", "known", "theta", "logs", "validate", "runs"}
-#: Keys of a file that have another name in Python; the same table is KEYS in config/_settings.py.
+#: Keys of a file that have another name in Python; the same table is KEYS in gaitfit/_settings.py.
 NAMES = {"parameter": "parameters", "number": "numbers", "network": "networks", "lambda": "lambda_"}
 #: Fields that users cannot set.
 HIDDEN = {"decided", "policy_sha256", "theta_sha256"}
@@ -333,7 +333,7 @@ def files() -> dict[str, str]:
     return {
         "_fit.py": HEAD.format(doc="Settings of fits.")
         + imports
-        + "from ._settings import Settings\n\n"
+        + "from .._settings import Settings\n\n"
         + aliases(fit_enums)
         + alias("ParameterKind", [name for name, *_ in parameter_kinds()])
         + "#: Of ``matchr`` and ``matchs`` the common numbers of samples; settings by name take any.\n"
@@ -342,13 +342,13 @@ def files() -> dict[str, str]:
         + text(FIT),
         "_train.py": HEAD.format(doc="Settings of trainings.")
         + imports
-        + "from ._fit import Preset\nfrom ._settings import Settings\n\n"
+        + "from .._settings import Settings\nfrom ._fit import Preset\n\n"
         + aliases(train_enums)
         + "\n\n"
         + text(TRAIN),
         "_loop.py": HEAD.format(doc="Settings of loops.")
         + imports.replace("from dataclasses import dataclass, field", "from dataclasses import dataclass, field")
-        + "from ._fit import Fit, ParameterKind, Preset, RobotNumber\nfrom ._settings import Settings\nfrom ._train import Finetune\n\n"
+        + "from .._settings import Settings\nfrom ._fit import Fit, ParameterKind, Preset, RobotNumber\nfrom ._train import Finetune\n\n"
         + aliases(["TargetKind"])
         + "\n\n"
         + text(LOOP),

@@ -14,7 +14,7 @@ from ._log_files import kept
 from ._logs import Log
 from ._policy import Policy
 from ._toml import toml
-from .config import Settings as TypedSettings
+from ._settings import Settings as TypedSettings
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,7 +7,7 @@ import os
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,9 @@ from ._given import configured, existing
 from ._given import sets as as_sets
 from ._policy import Interface, interface_of
 from ._robots_state import Motion, RobotsState
-from .config import Train
+
+if TYPE_CHECKING:
+    from .config import Train
 
 
 class Robots:
@@ -90,6 +92,8 @@ class Robots:
     ) -> None:
         num_envs, seed = whole("num_envs", num_envs, 1), whole("seed", seed, 0)
         model: str | None = maybe(path, "robot", robot)
+        from .config import Train
+
         file, given = configured(config, Train, settings)
         threads, stagger, autoreset = checked(threads), flag("stagger", stagger), flag("autoreset", autoreset)
         task = _gaitfit.Task(existing("config", file), as_sets(given), model)

@@ -15,11 +15,12 @@ from ._given import Device, PathLike, Resume, Settings
 from ._logs import Log
 from ._policy import Policy
 from ._progress import Progresses, listener
-from .config import Cost, Fit, Loop
-from .results import FitResult, LoopResult, ValidationResult, _read
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from .config import Cost, Fit, Loop
+    from .results import FitResult, LoopResult, ValidationResult
 
 
 def fit(
@@ -67,6 +68,9 @@ def fit(
     >>> result.parameters["delay"].value      # doctest: +SKIP
     0.00701
     """
+    from .config import Fit
+    from .results import _read
+
     others = given.fit_settings(logs, robot, given.named_policy(policy), costs, settings, runs)
     run = given.run(config, Fit, others, name, resume, threads, device)
     return _read.fit_result(json.loads(_gaitfit.adapt(run, given.own(policy), listener(progress), None)))
@@ -97,6 +101,8 @@ def validate(
     >>> checked.rmse_rad      # doctest: +SKIP
     0.0032
     """
+    from .results import _read
+
     sets = given.sets(settings)
     path("theta", theta)
     if not isinstance(policy, Policy | None):
@@ -107,7 +113,7 @@ def validate(
     fitted, config = given.existing("theta", theta), given.existing("config", config)
     try:
         found = _gaitfit.validate(str(fitted), files, config, sets, threads, given.own(policy))
-    except FileNotFoundError as missing:
+    except _gaitfit.GaitfitError as missing:
         name = re.search(r"policy `(the function [^`,]*)", str(missing))
         if policy is None and name is not None:
             raise _gaitfit.GaitfitError(
@@ -140,6 +146,9 @@ def loop(
     >>> result.policy      # doctest: +SKIP
     PosixPath('runs/loop/policies/policy-1.safetensors')
     """
+    from .config import Loop
+    from .results import _read
+
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
     run = given.run(config, Loop, others, name, resume, threads, device)
     return _read.loop_result(json.loads(_gaitfit.run_loop(run, listener(progress))))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from . import _gaitfit
 from . import _given as given
@@ -11,8 +12,10 @@ from ._arguments import count, flag, maybe, path, real, text
 from ._given import Device, PathLike, Preset, Resume, Settings
 from ._policy import Policy
 from ._progress import Progresses, listener
-from .config import Finetune, Train
-from .results import Collection, Evaluation, Training, _read
+
+if TYPE_CHECKING:
+    from .config import Finetune, Train
+    from .results import Collection, Evaluation, Training
 
 
 def train(
@@ -47,6 +50,9 @@ def train(
     >>> trained.seeds[0].reward      # doctest: +SKIP
     0.02
     """
+    from .config import Train
+    from .results import _read
+
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
     run = given.run(config, Train, others, name, resume, threads, device)
     found = _gaitfit.train(run, maybe(path, "robot", robot), given.seeds_of(seeds), listener(progress))
@@ -89,6 +95,9 @@ def finetune(
 
     >>> trained = gaitfit.finetune("assets/go2-walk.safetensors", theta=result.theta)      # doctest: +SKIP
     """
+    from .config import Finetune
+    from .results import _read
+
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
     run = given.run(config, Finetune, others, name, resume, threads, device)
     world = given.world(given.file_of(policy), robot, lenient, task, theta, spring, torque_noise)
@@ -137,6 +146,8 @@ def evaluate(
     >>> walked.trajectories, walked.fall_rate.mean
     (4, 0.0)
     """
+    from .results import _read
+
     world = given.world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
     trajectories, drift, seconds = count("trajectories", trajectories, 1), count("drift", drift, 0), real("seconds", seconds)
     terrain = text("terrain", terrain)
@@ -185,6 +196,8 @@ def collect(
     >>> gaitfit.read_log(logs.files[0]).duration      # doctest: +SKIP
     3.98
     """
+    from .results import _read
+
     world = given.world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
     trajectories, seconds, out = count("trajectories", trajectories, 1), real("seconds", seconds), path("out", out)
     privileged, moves = flag("privileged", privileged), given.existing("commands", commands)

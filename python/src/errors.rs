@@ -37,7 +37,9 @@ pub fn failed(message: impl ToString) -> PyErr {
     let text = text(message);
     // Errors of the library keep only the text of what the system says, or say themselves where they looked.
     let looked = text.contains("does not exist") && text.contains("the folder its path starts from");
-    let missing = looked || text.contains("(os error 2)");
+    // A policy that is a function of Python is no file that could be there.
+    let missing = (looked && !text.contains("`the function ") && !text.contains("/the function "))
+        || text.contains("(os error 2)");
     if missing { PyFileNotFoundError::new_err(text) } else { GaitfitError::new_err(text) }
 }
 

@@ -30,6 +30,7 @@ True
 :func:`gaitfit.loop` a :class:`Loop`. A setting that is ``None`` has gaitfit's default, which may depend on other settings.
 """
 
+from .._settings import Settings
 from ._fit import (
     Check,
     Cost,
@@ -45,7 +46,6 @@ from ._fit import (
     ValidateGains,
 )
 from ._loop import Controls, Evaluate, Loop, Target, TrueNumber, TrueParameter, Truth
-from ._settings import Settings
 from ._train import (
     Command,
     Curriculum,

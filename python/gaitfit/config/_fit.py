@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from ._settings import Settings
+from .._settings import Settings
 
 Base = Literal["fixed", "free"]
 Method = Literal["auto", "cma-es", "least-squares"]

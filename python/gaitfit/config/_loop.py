@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
+from .._settings import Settings
 from ._fit import Fit, ParameterKind, Preset, RobotNumber
-from ._settings import Settings
 from ._train import Finetune
 
 TargetKind = Literal["simulated", "command", "unitree-go2", "simulated-go2"]

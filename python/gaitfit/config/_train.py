@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
+from .._settings import Settings
 from ._fit import Preset
-from ._settings import Settings
 
 TaskName = Literal["velocity", "biped"]
 Cone = Literal["pyramidal", "elliptic"]

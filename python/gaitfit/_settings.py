@@ -11,9 +11,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from .. import _gaitfit
-from .._arguments import path as named
-from .._toml import key, toml
+from . import _gaitfit
+from ._arguments import path as named
+from ._toml import key, toml
 
 if TYPE_CHECKING:
     from typing import Self
