@@ -57,7 +57,6 @@ TRAIN = [
     Class("Command", "CommandSettings", TASK / "settings.rs", "task.command"),
     Class("Fall", "FallSettings", CRATES / "gaitfit-policy" / "src" / "walker" / "fall.rs", "task.fall"),
     Class("Start", "StartSettings", TASK / "settings.rs", "task.start"),
-    Class("Noise", "NoiseSettings", TASK / "settings.rs", "task.noise"),
     Class("Randomisation", "RandomisationSettings", TASK / "settings.rs", "task.randomisation"),
     Class("Push", "PushSettings", TASK / "settings.rs", "task.push"),
     Class("Terrain", "TerrainSettings", TASK / "terrain" / "settings.rs"),
@@ -95,7 +94,7 @@ ENUMS = {
     "Schedule": CRATES / "gaitfit-learn" / "src" / "ppo" / "settings.rs",
     "FrameOrder": CRATES / "gaitfit-policy" / "src" / "history.rs",
     "HistoryStart": CRATES / "gaitfit-policy" / "src" / "history.rs",
-    "Quantity": CRATES / "gaitfit-policy" / "src" / "interface.rs",
+    "Quantity": CRATES / "gaitfit-policy" / "src" / "quantity.rs",
 }
 #: Types that Python writes in its own way.
 TYPES = {
@@ -106,6 +105,7 @@ TYPES = {
     "Interval": "tuple[float, float]",
     **dict.fromkeys(("PerJoint", "JointNumber"), "float | Mapping[str, float]"),
     "JointTable": "Mapping[str, float]",
+    "NoiseSettings": "Mapping[Quantity, float]",
     "Spring": "str",
     "SelfContact": 'Literal["off", "file", "limbs"] | Sequence[tuple[str, str]]',
     "Kinds": "str | Mapping[str, float]",
@@ -156,6 +156,10 @@ def cased(variant: str, style: str) -> str:
 
 def choices(name: str) -> list[str]:
     text = read(ENUMS[name])
+    # Quantities are rows of a table.
+    table = re.search(r"^quantities! \{$(.*)", text, re.M | re.S)
+    if table:
+        return re.findall(r'^    [A-Z]\w+ "(\w+)" \{$', table.group(1), re.M)
     style = re.search(rf'#\[serde\(rename_all = "([^"]+)"\)\]\n(?:#\[.*\]\n)*pub enum {name} ', text)
     _, lines = body(text, "enum", name)
     found, renamed = [], None

@@ -33,8 +33,8 @@ class Term:
 
     Quantities, with their numbers: ``base_angular_velocity`` (3, rad/s, body frame), ``projected_gravity`` (3, body
     frame), ``command`` (3: m/s, m/s, rad/s), ``joint_position`` (joints, rad, minus the default pose),
-    ``joint_velocity`` (joints, rad/s), ``last_action`` (joints), ``base_linear_velocity`` (3, m/s, body frame) and
-    ``gait_phase`` (2).
+    ``joint_velocity`` (joints, rad/s), ``last_action`` (joints), ``base_linear_velocity`` (3, m/s, body frame),
+    ``base_height`` (1, m above the ground, of simulators alone) and ``gait_phase`` (2).
 
     >>> Term("base_angular_velocity", 0.25).history
     1

@@ -71,7 +71,7 @@ class Used(Case):
         self.assertEqual(resumed.parameters, found[0].parameters)
 
     def test_typed_settings_of_robots(self) -> None:
-        quiet = Train(task=Task(noise=config.Noise(joint_position=0.0), rewards={"height": 1.0}))
+        quiet = Train(task=Task(noise={"joint_position": 0.0}, rewards={"height": 1.0}))
         self.assertIn("joint_position = 0.0", gaitfit.Robots(quiet, num_envs=2).task)
         with self.assertRaisesRegex(TypeError, r"config is a gaitfit\.config\.Fit; give a gaitfit\.config\.Train"):
             gaitfit.Robots(Fit(), num_envs=2)

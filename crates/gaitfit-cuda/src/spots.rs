@@ -1,4 +1,4 @@
-//! Where the physics keeps a robot's numbers, and what kernels are told of it.
+//! Where the physics keeps a robot's numbers, and these places as kernels' text.
 
 use gaitfit_physics::Owner;
 use gaitfit_physics::trace::{Input, Output};
@@ -32,7 +32,7 @@ pub(crate) struct Spots {
     pub memory: Vec<Spot>,
     /// The joint that each number of `memory` is of.
     pub memory_of: Vec<usize>,
-    /// Of the disturbing torques; none without.
+    /// Of the disturbing torques; empty without them.
     pub disturbance: Vec<Spot>,
     /// Of torques, normal forces and centres.
     pub report: Vec<Spot>,

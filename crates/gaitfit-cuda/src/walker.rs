@@ -1,4 +1,4 @@
-//! What kernels are told of a policy on a robot: joints, targets, falls and what is observed.
+//! A policy on a robot as kernels' text: joints, targets, falls and observations.
 
 use gaitfit_policy::walker::{TOUCH, Walker};
 use gaitfit_policy::{Quantity, Term, frames, target};
@@ -62,14 +62,14 @@ impl Words {
         self.text.extend(texts);
     }
 
-    /// How long before its end a control period's forces act half, s.
+    /// How much later read velocities are than the simulation's, s; 0 if they are not.
     pub fn lead(&mut self, lead: f32) {
         self.define("LEAD", single(lead));
         self.define("HAS_LEAD", u32::from(lead != 0.0));
     }
 
     /// The numbers that quantities have in terms, by their names in capitals; the terms of each row, one row after the
-    /// other; and their scales. Gives the rows, as `Row` has them.
+    /// other; and their scales. Returns each row as the text of a `Row`.
     pub fn observed(&mut self, walker: &Walker, rows: &[Observed<'_>]) -> Vec<String> {
         let names: Vec<String> =
             Quantity::ALL.iter().map(|quantity| quantity.name().to_uppercase()).collect();

@@ -61,7 +61,7 @@ impl BaseSample {
 /// A quantity that follows from the base's motion. A log may lack it.
 #[derive(Clone, Copy, Debug)]
 pub struct OfBase {
-    /// Spread about 0 on a robot that walks, of each number that must be known to know all, in its unit.
+    /// Spread about 0 on a robot that walks, in the quantity's unit: one for each number that does not follow from the others.
     pub spreads: &'static [f64],
     /// Its numbers; absent where the log lacks them.
     pub read: fn(&BaseSample) -> Option<[f64; 3]>,

@@ -274,7 +274,8 @@ class Optimizer(Settings):
         prior_weight: What a distance of one standard error from a ``[prior]`` adds to the cost. Default: 0.0005.
         tolerance: A seed stops once its search distribution is this small: largest standard deviation of any parameter,
             relative to its initial deviation. 0 never stops early. Default: 0.0001.
-        max_seconds: Wall time after which the fit stops with what it has, s; 0 has no limit. Default: 0.0.
+        max_seconds: Wall time after which the search stops with what it has, s; 0 has no limit. Intervals are measured
+            after it. Default: 0.0.
     """
 
     method: Method | None = None

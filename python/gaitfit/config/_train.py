@@ -17,7 +17,7 @@ FrameOrder = Literal["terms", "frames", "newest_first"]
 HistoryStart = Literal["first", "zeros"]
 Quantity = Literal[
     "base_angular_velocity", "projected_gravity", "command", "joint_position", "joint_velocity", "last_action",
-    "base_linear_velocity", "gait_phase",
+    "base_linear_velocity", "base_height", "gait_phase",
 ]
 
 
@@ -163,23 +163,6 @@ class Start(Settings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Noise(Settings):
-    """Half range of the uniform noise on the actor's observation, before scaling.
-
-    Attributes:
-        base_angular_velocity: Base angular velocity, rad/s. Default: 0.2.
-        projected_gravity: Projected gravity. Default: 0.05.
-        joint_position: Joint position, rad. Default: 0.01.
-        joint_velocity: Joint velocity, rad/s. Default: 1.5.
-    """
-
-    base_angular_velocity: float | None = None
-    projected_gravity: float | None = None
-    joint_position: float | None = None
-    joint_velocity: float | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
 class Randomisation(Settings):
     """What differs between the robots, drawn uniformly once a robot.
 
@@ -312,7 +295,7 @@ class Task(Settings):
     command: Command | None = None
     fall: Fall | None = None
     start: Start | None = None
-    noise: Noise | None = None
+    noise: Mapping[Quantity, float] | None = None
     randomisation: Randomisation | None = None
     push: Push | None = None
     terms: Mapping[str, str] | None = None

@@ -24,7 +24,7 @@ pub struct Foot {
     pub speed: f32,
 }
 
-/// What the end of a control period makes of a foot's numbers ([`Foot::NAMES`]), and 1 if it came down in it, else 0.
+/// A foot's numbers ([`Foot::NAMES`]) after a control period, and 1 if the foot came down in this period, else 0.
 /// `force`: on it, N; `place`: of its centre, m, world frame; `dt`: the period, s; `begins`: 1 in an episode's first
 /// period, before which there was no place to move from, else 0. Kernels are written from this.
 pub fn advanced<R: Real>(
@@ -36,7 +36,7 @@ pub fn advanced<R: Real>(
 ) -> ([R; Foot::NUMBERS], R) {
     let (zero, one) = (R::zero(), R::lit(1.0));
     let touches = R::select_lt(R::lit(TOUCH.into()), force, one, zero);
-    // Where it touches the second, else the third.
+    // `on` if the foot touches the ground, else `off`.
     let either = |on, off| R::select_lt(zero, touches, on, off);
     let flew = R::select_lt(zero, air, one, zero);
     let landed = touches * (one - touching) * flew;
@@ -55,7 +55,7 @@ impl Foot {
     pub const NAMES: [&'static str; Self::NUMBERS] =
         ["touching", "air", "contact", "last_air", "place_x", "place_y", "place_z", "speed"];
 
-    /// Takes up the end of a control period of `dt` seconds; `ground`: height of the ground under the foot, m; `begins`:
+    /// Updates the foot at the end of a control period of `dt` seconds. `ground`: height of the ground under it, m; `begins`:
     /// whether it is the episode's first.
     pub fn advance(&mut self, force: f32, place: [f32; 3], ground: f32, dt: f32, begins: bool) {
         let (numbers, landed) = advanced(self.numbers(), force, place, dt, flag(begins));

@@ -17,7 +17,7 @@ pub enum Ended {
     Fall,
     /// Time is up.
     TimeOut,
-    /// A number is not finite, or a speed is none that a robot can have.
+    /// A number is not finite, or a speed is higher than a robot can have.
     Diverged,
 }
 
@@ -75,7 +75,7 @@ impl Environment<'_> {
         base[2] - self.task.walker.ground_under(base)
     }
 
-    /// What environment `index` is at with its base.
+    /// Velocity, posture and command of the base of environment `index`, as rewards name them.
     pub(super) fn base(&self, index: usize) -> BaseMoment<f32> {
         let motion = &self.motion;
         let (_, _, posture) = self.task.walker.fall_limits();

@@ -53,7 +53,7 @@ pub struct Moment<'a> {
     pub fallen: bool,
 }
 
-/// What a moment has of its base.
+/// The numbers of a [`Moment`] that follow from the base's state and the command.
 pub struct BaseMoment<R> {
     /// Velocity: forward, left, up, m/s, heading frame.
     pub velocity: [R; 3],

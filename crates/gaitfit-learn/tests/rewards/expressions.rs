@@ -157,7 +157,7 @@ fn wrong_expressions_are_refused_with_place_and_remedy() {
         ("sum(tau + contact)", 9, &["4 numbers", "12"]),
         ("sum(select(contact, tau, 0))", 5, &["do not go together"]),
         ("1 < 2 < 3", 7, &["compare two at a time", "`and`"]),
-        ("clamp(1, 2)", 1, &["`clamp`", "its least and its largest", "not 2"]),
+        ("clamp(1, 2)", 1, &["`clamp`", "its minimum and its maximum", "not 2"]),
         ("1 + clamp(height, 2, 1)", 5, &["`clamp` goes from 2 to 1", "exchange"]),
         ("clamp(height, -0.1, -(1 + 1))", 1, &["from -0.1 to -2"]),
         ("abs(1, 2)", 1, &["one value, not 2"]),

@@ -1,6 +1,6 @@
 // After a control period: feet, rewards, ends of episodes, new commands and new episodes.
 
-// A number of `Sum`, of environment `e`.
+// Sum `k` of environment `e`: the reward, then each reward term, then those of `Sum`.
 #define TALLY(k) tally[(k) * ENVIRONMENTS + e]
 #define FOOT(k, number) feet[(FOOT_SIZE * (k) + (number)) * ENVIRONMENTS + e]
 

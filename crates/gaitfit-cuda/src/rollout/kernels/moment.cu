@@ -57,7 +57,7 @@ QUANTITY(clock, m.clock)
 
 // What expressions are made of, besides C's operators and functions.
 DEVICE float square(float x) { return x * x; }
-// Unlike fminf and fmaxf, not a number if one of them is none.
+// Unlike fminf and fmaxf, these give NaN if a or b is NaN.
 DEVICE float smaller(float a, float b) { return a < b || a != a ? a : b; }
 DEVICE float larger(float a, float b) { return a > b || a != a ? a : b; }
 

@@ -8,7 +8,7 @@ DEVICE float target_of(int k, float wanted) {
     return target;
 }
 
-// Sends joint `j` of environment `e` its next target. Before its `first` target a robot is taken to have held it.
+// Sends joint `j` of environment `e` its next target. The `first` target also counts as all earlier ones.
 DEVICE void send_target(float* targets, u32 e, int j, float target, bool first) {
     for (int tap = TAPS - 1; tap > 0; tap--) TARGET(tap, j) = first ? target : TARGET(tap - 1, j);
     TARGET(0, j) = target;

@@ -259,7 +259,7 @@ impl Function {
             Self::One(_) => "one value",
             Self::Fold(FoldKind::Min | FoldKind::Max) => "a row, or two values",
             Self::Fold(_) | Self::Pairs(_) => "a row",
-            Self::Clamp => "a value, its least and its largest",
+            Self::Clamp => "a value, its minimum and its maximum",
             Self::Select => "a condition and two values",
         }
     }

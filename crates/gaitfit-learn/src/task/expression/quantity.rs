@@ -75,7 +75,7 @@ macro_rules! quantities {
         pub enum Quantity { $($(#[doc = $doc])+ $variant,)* $($(#[doc = $task_doc])+ $task,)* }
 
         impl Quantity {
-            /// All, in the order of the documentation.
+            /// All: first those of a moment, then those of a task.
             pub const ALL: &'static [Self] = &[$(Self::$variant,)* $(Self::$task,)*];
 
             /// Its name in expressions. The kernels have a function `quantity_NAME` for each that changes from step to

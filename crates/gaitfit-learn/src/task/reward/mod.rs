@@ -70,7 +70,7 @@ terms! {
             clamp(foot_height / swing_height, 0, 1))) / max(sum(gait_group >= 0), 1), 0)";
     /// Σ v² of feet on the ground, m²/s².
     foot_slip = "sum(contact * square(foot_speed))";
-    /// Squared distance from the default pose while the command is zero, rad².
+    /// Squared distance from the default pose while the command asks for standing (norm up to 0.1), rad².
     stand_still = "select(walking, 0, sum(square(qpos - default_pose)))";
     /// Squared distance from the default pose, rad².
     joint_deviation = "sum(square(qpos - default_pose))";
@@ -86,6 +86,6 @@ terms! {
     /// stand in the first half.
     step_clock = "sum(gait_group >= 0 and contact == ((clock < 0.5) == (gait_group / 2 == floor(gait_group / 2)))) \
             / max(sum(gait_group >= 0), 1)";
-    /// 1 in the step of a fall.
+    /// 1/dt in the step of a fall, else 0, 1/s.
     fall = "fallen / dt";
 }
