@@ -12,7 +12,7 @@
 //! A quantity is a number or a row of numbers (one a joint, foot or axis). Operators work element by element; `sum`,
 //! `mean`, `norm`, `min` and `max` fold a row into a number. An expression is kept as a tree in which folds are pulled
 //! out: first each fold goes once over its row, then the rest is one number. So its cost grows with text times row. A GPU's
-//! text is written from the tree; the CPU computes a [`program::Program`] of all expressions of a task for many robots
+//! text is written from the tree; the CPU computes a `program::Program` of all expressions of a task for many robots
 //! at once.
 
 mod error;
