@@ -46,12 +46,6 @@ pub fn fit(
 ) -> Result<(Vec<CostOutcome>, f64), Error> {
     let (mut fit, before) = start(setup, folder, inputs)?;
     let limit = setup.config.optimizer.max_seconds;
-    if limit > 0.0 {
-        watch.note(&format!(
-            "the search ends after {limit} s at the latest (optimizer.max_seconds); intervals are measured after it, which takes \
-             about as long as some ten generations"
-        ));
-    }
     let begun = Instant::now();
     let seconds = || before + begun.elapsed().as_secs_f64();
     let counting = watch.begin(Work {
@@ -103,7 +97,7 @@ pub fn fit(
         }
         if limit > 0.0 && seconds() >= limit && !fit.finished() {
             watch.note(&format!(
-                "stopped after {limit} s (optimizer.max_seconds), generation {}",
+                "stopped after {limit} s (optimizer.max_seconds), generation {}; intervals are measured next",
                 fit.generation()
             ));
             break;
