@@ -230,8 +230,9 @@ fn time_remedy(names: &[String]) -> String {
     if let [only] = names
         && (only.contains(';') || only.contains('\t'))
     {
-        return "the header has one column, and a log's cells are separated by commas; `gaitfit import FILE --mapping MAP.toml --out log.csv` \
-                makes a log of it".into();
+        return "the header has one column; cells are separated by commas here: `gaitfit import FILE --mapping MAP.toml \
+                --out log.csv` makes a log of it"
+            .into();
     }
     if names.iter().all(|name| name.parse::<f64>().is_ok()) {
         return "the first line holds numbers; put the header line before it, without a leading `#`".into();
