@@ -22,24 +22,24 @@ fn spot(layout: &Layout, place: Place) -> Spot {
 
 /// Places of the numbers that kernels beside the physics read and write.
 pub(crate) struct Spots {
-    /// Of the state, in the order of `State::visit`.
+    /// The state, in the order of `State::visit`.
     pub state: Vec<Spot>,
-    /// Of the joints' encoder biases.
+    /// Encoder biases, one a joint, rad.
     pub bias: Vec<Spot>,
-    /// Of the sent targets; `taps × joints`.
+    /// Sent targets, rad, `taps × joints`.
     pub targets: Vec<Spot>,
-    /// Of what networks remember.
+    /// Memories of networks.
     pub memory: Vec<Spot>,
-    /// The joint that each number of `memory` is of.
+    /// The joint of each number of `memory`.
     pub memory_of: Vec<usize>,
-    /// Of the disturbing torques; empty without them.
+    /// Disturbing torques, N·m; empty without them.
     pub disturbance: Vec<Spot>,
-    /// Of torques, normal forces and centres.
+    /// Reported torques (N·m), normal forces (N) and centres of geoms (m).
     pub report: Vec<Spot>,
 }
 
 impl Spots {
-    /// In a period's tiles.
+    /// The places in the tiles of `period`.
     pub fn new(period: &Period) -> Self {
         Self {
             state: input_spots(period, |input| matches!(input, Input::State(_))),

@@ -21,6 +21,15 @@ pub enum PerJoint {
 }
 
 impl PerJoint {
+    /// All values that it states: one, one a joint, or one an entry.
+    pub fn values(&self) -> Vec<f64> {
+        match self {
+            PerJoint::All(value) => vec![*value],
+            PerJoint::List(values) => values.clone(),
+            PerJoint::Named(values) => values.values().copied().collect(),
+        }
+    }
+
     /// One value for each of `joints`; `what` names the quantity in the error, which says what does not fit.
     ///
     /// # Errors

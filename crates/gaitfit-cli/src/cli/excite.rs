@@ -186,12 +186,7 @@ impl std::str::FromStr for Gain {
             toml::from_str::<Holder>(&format!("gain = {text}")).map(|holder| holder.gain).map_err(|_| {
                 "give a number for all joints, or a table such as '{ \"*\" = 40, \"*_hip\" = 20 }'".to_owned()
             })?;
-        let values = match &gain {
-            PerJoint::All(value) => vec![*value],
-            PerJoint::List(values) => values.clone(),
-            PerJoint::Named(values) => values.values().copied().collect(),
-        };
-        match values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
+        match gain.values().iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
             Some(wrong) => Err(format!("a gain is {wrong}; give numbers of at least 0")),
             None => Ok(Self(gain)),
         }

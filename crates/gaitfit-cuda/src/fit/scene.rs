@@ -119,7 +119,7 @@ pub struct Scene<'a> {
     /// Its physics.
     pub period: &'a Period,
     pub(super) spots: Spots,
-    /// Of all parameters.
+    /// Places of all parameters.
     pub(super) params: Vec<Spot>,
 }
 

@@ -14,17 +14,17 @@ macro_rules! sums {
 }
 
 sums! {
-    /// Of the velocity's error, m/s.
+    /// Sum of the horizontal velocity's error, m/s.
     VelocityError = "VELOCITY_ERROR";
-    /// Of the yaw rate's error, rad/s.
+    /// Sum of the yaw rate's error, rad/s.
     YawError = "YAW_ERROR";
     /// Episodes that ended.
     Episodes = "EPISODES";
-    /// Of these, by a fall or a divergence.
+    /// Episodes that a fall or a divergence ended.
     Falls = "FALLS";
-    /// Their steps.
+    /// Steps of the episodes that ended.
     EpisodeSteps = "EPISODE_STEPS";
-    /// Their rewards.
+    /// Rewards of the episodes that ended.
     EpisodeReturn = "EPISODE_RETURN";
     /// Simulations that diverged.
     Diverged = "DIVERGED";

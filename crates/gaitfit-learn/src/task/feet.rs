@@ -1,5 +1,6 @@
 //! Clocks of the feet: how long each has been on the ground or off it.
 
+use super::expression::flag;
 use gaitfit_physics::Real;
 use gaitfit_policy::walker::TOUCH;
 
@@ -81,10 +82,6 @@ impl Foot {
             speed: n[7],
         }
     }
-}
-
-fn flag(on: bool) -> f32 {
-    if on { 1.0 } else { 0.0 }
 }
 
 #[cfg(test)]

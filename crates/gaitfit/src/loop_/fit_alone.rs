@@ -46,3 +46,32 @@ pub fn settings(path: &Path, sets: &[String]) -> Result<AdaptConfig, Error> {
         ..config.adapt(1, policy, shown(fitted))
     })
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_loops_file_is_a_fit_of_its_logs_with_every_fourth_kept_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("logs")).unwrap();
+        (0..8).for_each(|log| std::fs::write(at(&format!("logs/walk_{log}.csv")), "").unwrap());
+        std::fs::write(at("policy.safetensors"), "").unwrap();
+        let text = "policy = \"policy.safetensors\"\nlogs = [\"logs\"]\n[adapt.optimizer]\nseed = 7\n";
+        std::fs::write(at("walks.toml"), text).unwrap();
+        let sets = ["optimizer.max_seconds=9.0".to_owned(), "name=\"mine\"".to_owned()];
+        let config = settings(&at("walks.toml"), &sets).unwrap();
+        assert_eq!((config.logs.len(), config.validate.len()), (6, 2));
+        assert!(config.validate[0].ends_with("walk_3.csv"), "{:?}", config.validate);
+        assert_eq!((config.optimizer.seed, config.optimizer.max_seconds), (7, 9.0));
+        assert_eq!(config.name.as_deref(), Some("mine"));
+        std::fs::write(at("walks.toml"), "policy = \"policy.safetensors\"\n[adapt]\n").unwrap();
+        let error = settings(&at("walks.toml"), &[]).unwrap_err().to_string();
+        assert!(error.contains("a loop without `logs`"), "{error}");
+        std::fs::write(at("fit.toml"), "logs = [\"logs/walk_0.csv\"]\n[optimizer]\nseed = 5\n").unwrap();
+        let config = settings(&at("fit.toml"), &[]).unwrap();
+        assert_eq!((config.logs.len(), config.validate.len(), config.optimizer.seed), (1, 0, 5));
+    }
+}

@@ -87,7 +87,7 @@ impl Gains {
 
     /// What a kd of 0 does to the fit.
     fn doubt(&self) -> Option<String> {
-        let zero = values(&self.kd).into_iter().filter(|kd| *kd == 0.0).count();
+        let zero = self.kd.values().into_iter().filter(|kd| *kd == 0.0).count();
         (zero > 0).then(|| {
             "kd is 0: with it the fitted damping also holds the kd that the robot's controller had. If that was not 0, give \
              --kp and --kd"
@@ -96,17 +96,9 @@ impl Gains {
     }
 }
 
-fn values(gains: &PerJoint) -> Vec<f64> {
-    match gains {
-        PerJoint::All(value) => vec![*value],
-        PerJoint::List(values) => values.clone(),
-        PerJoint::Named(values) => values.values().copied().collect(),
-    }
-}
-
 /// The gain of all joints, or the smallest and the largest.
 fn range(gains: &PerJoint) -> String {
-    let values = values(gains);
+    let values = gains.values();
     let min = values.iter().copied().fold(f64::INFINITY, f64::min);
     let max = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if min == max { shown_number(min) } else { format!("{} to {}", shown_number(min), shown_number(max)) }

@@ -35,7 +35,7 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
         } else {
             output::print(&text::text(&results, &setup.warnings))?;
             if results.failed_check().is_none() && results.refusal().is_none() {
-                output::next(&next(&results, &args.config, &config))?;
+                output::next(&next(&results, args, &config))?;
             }
         }
         viewer::report(args.run.open, &results.run_folder);
@@ -43,14 +43,19 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
     })
 }
 
-/// The next commands after a fit of `config`, the configuration at `path`. A fit with a time limit that has not converged is
-/// resumed first.
-fn next(results: &AdaptResults, path: &Path, config: &AdaptConfig) -> Vec<String> {
+/// The next commands after a fit of `config`. A fit with a time limit that has not converged is resumed first, with the same
+/// name and settings.
+fn next(results: &AdaptResults, args: &cli::Fit, config: &AdaptConfig) -> Vec<String> {
     let theta = format!("{}/theta.toml", results.run_folder);
     if !results.converged && config.optimizer.max_seconds > 0.0 {
-        let seconds = 3.0 * config.optimizer.max_seconds;
-        let path = path.display();
-        return vec![format!("gaitfit fit {path} --resume --set optimizer.max_seconds={seconds}")];
+        let name = args.run.name.as_ref().map_or(String::new(), |name| format!(" --name {name}"));
+        let limited = |set: &&String| set.contains("optimizer.max_seconds");
+        let sets: String =
+            args.run.set.iter().filter(|set| !limited(set)).map(|set| format!(" --set '{set}'")).collect();
+        let (path, seconds) = (args.config.display(), 3.0 * config.optimizer.max_seconds);
+        return vec![format!(
+            "gaitfit fit {path} --resume{name}{sets} --set optimizer.max_seconds={seconds}"
+        )];
     }
     let training = config.policy.as_ref().map(|policy| {
         let robot = robot_option(Path::new(policy), &config.robot);

@@ -27,6 +27,7 @@ use std::fmt;
 use super::Moment;
 
 pub use error::{ExpressionError, Problem};
+pub(in crate::task) use operator::flag;
 pub use operator::{FoldKind, One, Two};
 pub use quantity::{Elements, Names, Quantity};
 
@@ -96,7 +97,8 @@ impl Expression {
         &self.value
     }
 
-    /// Its value. What is not a number in it stays that, also through `min`, `max` and `clamp`.
+    /// Its value at one moment. NaN stays NaN, also through `min`, `max` and `clamp`. Each call compiles the expression; a task
+    /// compiles its terms once.
     pub fn value(&self, moment: &Moment<'_>) -> f32 {
         let program = Program::new([self]);
         let mut values = [0.0];

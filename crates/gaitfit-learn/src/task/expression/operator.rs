@@ -266,16 +266,16 @@ impl Function {
 }
 
 /// 1 or 0.
-pub(super) fn flag(on: bool) -> f32 {
+pub(in crate::task) fn flag(on: bool) -> f32 {
     if on { 1.0 } else { 0.0 }
 }
 
-/// Unlike `f32::min`, not a number if one of them is none.
+/// Unlike `f32::min`, this gives NaN if `a` or `b` is NaN.
 fn smaller(a: f32, b: f32) -> f32 {
     if a < b || a.is_nan() { a } else { b }
 }
 
-/// Unlike `f32::max`, not a number if one of them is none.
+/// Unlike `f32::max`, this gives NaN if `a` or `b` is NaN.
 fn larger(a: f32, b: f32) -> f32 {
     if a > b || a.is_nan() { a } else { b }
 }

@@ -1,9 +1,9 @@
 //! Expressions as a list of steps that computes them for several robots at once.
 //!
 //! Trees are walked once, when a task is made. A step takes whole rows, and each number of a row is [`LANES`] robots side
-//! by side, so that the time goes into vector instructions and not into finding out what to do. Steps that several
-//! expressions have in common are made once. Operations and their order are those of the trees, so values have the bits
-//! of an evaluation robot by robot.
+//! by side, so that the time goes into vector instructions and not into finding out what to do. A step that several
+//! expressions share exists once. Operations and their order are those of the trees, so the values have the same bits as
+//! an evaluation robot by robot.
 
 use std::collections::HashMap;
 
@@ -147,7 +147,7 @@ impl List {
         self.node(expression.root(), &folded)
     }
 
-    /// The step that makes a node's row; `folded`: those of the folds before.
+    /// Index of the step that computes a node's row. `folded`: indices of the steps of the expression's earlier folds.
     fn node(&mut self, node: &Node, folded: &[usize]) -> usize {
         match node {
             Node::Number(number) => self.step(Work::Number(number.to_bits()), 1),
