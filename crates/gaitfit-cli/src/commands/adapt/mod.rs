@@ -54,7 +54,7 @@ fn next(results: &AdaptResults, args: &cli::Fit, config: &AdaptConfig) -> Vec<St
             args.run.set.iter().filter(|set| !limited(set)).map(|set| format!(" --set '{set}'")).collect();
         let (path, seconds) = (args.config.display(), 3.0 * config.optimizer.max_seconds);
         return vec![format!(
-            "gaitfit fit {path} --resume{name}{sets} --set optimizer.max_seconds={seconds}"
+            "gaitfit fit {path}{name}{sets} --resume --set optimizer.max_seconds={seconds}"
         )];
     }
     let training = config.policy.as_ref().map(|policy| {
