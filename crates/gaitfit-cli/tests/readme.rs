@@ -37,7 +37,8 @@ const SHORTER: [(&str, &str); 4] = [
     ),
     (
         "gaitfit fit ",
-        "--set optimizer.generations=10 --set optimizer.seeds=1 --set simulation.timestep=0.005 --set 'check={}'",
+        "--set optimizer.generations=10 --set optimizer.seeds=1 --set optimizer.replicates=0 \
+         --set simulation.timestep=0.005 --set 'check={}'",
     ),
     ("gaitfit train ", "--set train.environments=32 --set train.iterations=2"),
     ("gaitfit evaluate ", "--trajectories 64 --drift 2"),

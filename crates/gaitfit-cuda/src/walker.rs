@@ -1,13 +1,14 @@
 //! A policy on a robot as kernels' text: joints, targets, falls and observations.
 
+use gaitfit_policy::observation::Layout;
 use gaitfit_policy::walker::{TOUCH, Walker};
-use gaitfit_policy::{Quantity, Term, frames, target};
+use gaitfit_policy::{HistoryStart, Quantity, frames, target};
 
 use crate::traced::function;
 use crate::words::{Words, double, single};
 
-/// The terms of a row, and the half range of the noise on each.
-pub(crate) type Observed<'a> = (&'a [Term], &'a dyn Fn(Quantity) -> f32);
+/// Where the terms of a row lie, and the half range of the noise on each.
+pub(crate) type Observed<'a> = (&'a Layout, &'a dyn Fn(Quantity) -> f32);
 
 impl Words {
     /// Joints and their targets, the clock, and when a robot has fallen.
@@ -74,18 +75,24 @@ impl Words {
         let names: Vec<String> =
             Quantity::ALL.iter().map(|quantity| quantity.name().to_uppercase()).collect();
         self.text.push_str(&format!("enum {{ {} }};\n", names.join(", ")));
-        let interface = &walker.interface;
+        let zeros = walker.interface.history.start == HistoryStart::Zeros;
+        self.define("ZEROS_BEFORE", u32::from(zeros));
         let (mut terms, mut scales, mut all) = (Vec::new(), Vec::new(), Vec::new());
-        for (observation, noise) in rows {
-            let (first, scale, mut place) = (terms.len(), scales.len(), 0);
-            for &Term { quantity, .. } in *observation {
-                let width = quantity.width(interface.joints.len());
-                let half = single(noise(quantity));
-                terms.push(format!("{{{}, {place}, {width}, {half}}}", quantity as usize));
-                place += width;
+        for (layout, noise) in rows {
+            let (first, scale, mut draw) = (terms.len(), scales.len(), 0);
+            for slot in layout.slots() {
+                let (quantity, width) = (slot.quantity as usize, slot.present.len());
+                let (place, half) = (slot.present.start, single(noise(slot.quantity)));
+                let (oldest, frames) = (slot.frames[0], slot.frames.len());
+                let apart = slot.frames.get(1).map_or(0, |&second| second as i64 - oldest as i64);
+                terms.push(format!(
+                    "{{{quantity}, {place}, {width}, {draw}, {half}, {oldest}, {apart}, {frames}}}"
+                ));
+                draw += width;
             }
-            scales.extend(interface.scales(observation));
-            all.push(format!("{{{first}, {}, {scale}, {place}}}", observation.len()));
+            scales.extend(layout.scales());
+            let (count, width) = (layout.slots().len(), layout.width());
+            all.push(format!("{{{first}, {count}, {scale}, {width}, {}}}", layout.frames()));
         }
         self.table("Term", "TERMS", terms);
         self.singles("SCALES", &scales);

@@ -72,5 +72,5 @@ pub use own::{Parts, SelfContact, SelfContactError, SelfPair};
 pub use read::{ReadOptions, read, read_mjcf_str, read_urdf_str};
 pub use shown::{escaped, shown, shown_number, shown_path};
 pub use summary::*;
-pub use surface::{LeaningField, Surface};
+pub use surface::{LeaningField, Surface, SurfaceBlock, SurfaceField};
 pub use terrain::{Ground, HeightField, Obstacle, ObstacleShape};

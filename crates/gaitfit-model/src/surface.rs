@@ -11,12 +11,14 @@ const UPRIGHT: f64 = 1e-9;
 /// The highest ground above each point of the horizontal plane: of planes, boxes and height fields.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    /// Height at the origin and slopes along x and y.
-    planes: Vec<[f64; 3]>,
-    blocks: Vec<Block>,
-    fields: Vec<Field>,
+    /// Of each plane its height at the origin (m) and its slopes along x and y.
+    pub planes: Vec<[f64; 3]>,
+    /// Boxes.
+    pub blocks: Vec<SurfaceBlock>,
+    /// Height fields.
+    pub fields: Vec<SurfaceField>,
     /// The lowest of all, m: the height where there is nothing.
-    lowest: f64,
+    pub lowest: f64,
 }
 
 /// Ground whose heights are not known.
@@ -29,24 +31,34 @@ pub struct LeaningField {
     pub name: String,
 }
 
+/// A box of the ground.
 #[derive(Clone, Debug)]
-struct Block {
-    position: Vec3,
+pub struct SurfaceBlock {
+    /// Its middle, m, world frame.
+    pub position: Vec3,
     /// Its axes in the world.
-    axes: [Vec3; 3],
-    half: Vec3,
+    pub axes: [Vec3; 3],
+    /// Half its edges, m.
+    pub half: Vec3,
 }
 
+/// An upright height field of the ground.
 #[derive(Clone, Debug)]
-struct Field {
-    position: Vec3,
+pub struct SurfaceField {
+    /// Its middle, m, world frame.
+    pub position: Vec3,
     /// Cosine and sine of its turn about the vertical.
-    turn: [f64; 2],
-    half_size: [f64; 2],
-    step: [f64; 2],
-    rows: usize,
-    columns: usize,
-    heights: Vec<f64>,
+    pub turn: [f64; 2],
+    /// Half sizes along its x and y, m.
+    pub half_size: [f64; 2],
+    /// Distances of neighbouring vertices along its x and y, m.
+    pub step: [f64; 2],
+    /// Vertices along its y.
+    pub rows: usize,
+    /// Vertices along its x.
+    pub columns: usize,
+    /// Heights, m, row by row from the lowest y, each from the lowest x.
+    pub heights: Vec<f64>,
 }
 
 impl Surface {
@@ -76,7 +88,7 @@ impl Surface {
                 ObstacleShape::Box { half_size } => {
                     let reach: f64 = (0..3).map(|k| half_size[k] * axes[k][2].abs()).sum();
                     surface.lowest = surface.lowest.min(obstacle.pos[2] - reach);
-                    surface.blocks.push(Block { position: obstacle.pos, axes, half: *half_size });
+                    surface.blocks.push(SurfaceBlock { position: obstacle.pos, axes, half: *half_size });
                 }
                 ObstacleShape::Field(field) => {
                     if axes[2][0].hypot(axes[2][1]) > UPRIGHT || axes[2][2] < 0.0 {
@@ -89,7 +101,7 @@ impl Surface {
                     }
                     let low = field.heights.iter().copied().fold(f64::INFINITY, f64::min);
                     surface.lowest = surface.lowest.min(obstacle.pos[2] + low);
-                    surface.fields.push(Field {
+                    surface.fields.push(SurfaceField {
                         position: obstacle.pos,
                         turn: [axes[0][0], axes[0][1]],
                         half_size: field.half_size,
@@ -121,7 +133,7 @@ impl Surface {
     }
 }
 
-impl Block {
+impl SurfaceBlock {
     /// Where the vertical line at x, y leaves it, if it meets it.
     fn top(&self, x: f64, y: f64) -> Option<f64> {
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -142,7 +154,7 @@ impl Block {
     }
 }
 
-impl Field {
+impl SurfaceField {
     /// Its height at x, y, on the triangles that the physics touches: a cell's diagonal runs from its lower row and
     /// column to its higher ones.
     fn height(&self, x: f64, y: f64) -> Option<f64> {

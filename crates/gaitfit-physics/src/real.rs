@@ -79,8 +79,7 @@ pub trait Real:
     fn merge(self, guard: Self::Guard, before: Self) -> Self;
     /// The nearest whole number, for |self| < 2²².
     fn round(self) -> Self;
-    /// The entry of `table` with the number `index`, which is whole and not negative; zero beyond the table's end. A
-    /// recording scalar does not have it.
+    /// The entry of `table` with the number `index`, which is whole and not negative; zero beyond the table's end.
     fn gather(table: &[Self::K], index: Self) -> Self;
     /// Calls a part of the step that is a function of its own, compiled for the scalar's instruction set.
     #[inline(never)]

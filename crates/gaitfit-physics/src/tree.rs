@@ -233,11 +233,6 @@ impl<K> Tree<K> {
         self.pairs.iter().map(|pair| pair.model_pair).collect()
     }
 
-    /// Whether the ground has more than planes.
-    pub fn has_obstacles(&self) -> bool {
-        !(self.blocks.is_empty() && self.fields.is_empty())
-    }
-
     /// Whether the robot's own parts may touch each other.
     pub fn has_self_contact(&self) -> bool {
         !self.self_contact.is_empty()

@@ -125,6 +125,8 @@ impl Program {
                     }
                     Op::Sin => a.sin(),
                     Op::Cos => a.cos(),
+                    Op::Round => a.round_ties_even(),
+                    Op::Gather(table) => self.tables[table as usize].get(a as usize).copied().unwrap_or(0.0),
                     Op::Merge => {
                         if a == 0.0 {
                             c

@@ -28,7 +28,7 @@ pub use layout::{Class, Layout, Place, Slots, TILE};
 pub use op::{Node, Op};
 pub use program::{Kind, Program, Region};
 pub use seating::Seating;
-pub use text::{KERNEL, WORDS, body, cuda, head};
+pub use text::{KERNEL, WORDS, body, cuda, head, table_name};
 pub use turns::has_two_texts;
 
 use chain::Chains;

@@ -49,6 +49,10 @@ pub enum Op {
     Sin,
     /// cos a
     Cos,
+    /// The whole number nearest to a.
+    Round,
+    /// The entry with the number a of a table (its place in [`Program::tables`](super::Program::tables)); 0 beyond its end.
+    Gather(u32),
     /// A guard: whether some lane does not satisfy a ≥ b.
     Unless,
     /// After a region with this guard (the first): the second, made in it, else the third.
@@ -67,6 +71,7 @@ impl Op {
         match self {
             Op::Constant(_) | Op::Table(_) | Op::Input(_) | Op::Variable(..) | Op::Result(..) => 0,
             Op::Neg | Op::Sqrt | Op::Recip | Op::Tanh | Op::Abs | Op::Sin | Op::Cos => 1,
+            Op::Round | Op::Gather(_) => 1,
             Op::LaneSum | Op::LaneMax | Op::LaneMin => 1,
             Op::Add | Op::Sub | Op::Mul | Op::Div | Op::Min | Op::Max | Op::Unless => 2,
             Op::Fma | Op::Fnma | Op::Fms | Op::Merge => 3,
@@ -120,6 +125,8 @@ impl From<trace::Node> for Node {
             From::Select(..) => Op::Select,
             From::Sin(..) => Op::Sin,
             From::Cos(..) => Op::Cos,
+            From::Round(..) => Op::Round,
+            From::Gather(table, _) => Op::Gather(table),
             From::Unless(..) => Op::Unless,
             From::Merge(..) => Op::Merge,
             From::Variable(region, place) => Op::Variable(region, place),

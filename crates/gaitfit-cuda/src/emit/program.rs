@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::EmitError;
 use super::op::{Node, Op};
@@ -47,6 +48,8 @@ pub struct Program {
     pub home: Vec<Option<u32>>,
     /// Constants that differ by lane.
     pub table: Vec<Vec<f64>>,
+    /// Constants that [`Op::Gather`] reads, the same for all lanes.
+    pub tables: Vec<Arc<[f64]>>,
     /// Nodes of the outputs.
     pub outputs: Vec<u32>,
 }
@@ -240,7 +243,8 @@ impl Draft {
         });
         let regions: Vec<Region> = made.collect();
         let outputs = self.outputs.iter().map(|&output| number[output as usize]).collect();
-        Program { lanes, nodes, regions, home, table: plan.table.clone(), outputs }
+        let (table, tables) = (plan.table.clone(), source.tables.clone());
+        Program { lanes, nodes, regions, home, table, tables, outputs }
     }
 }
 

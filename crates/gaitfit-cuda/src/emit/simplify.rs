@@ -69,6 +69,7 @@ impl Nodes {
             Op::Tanh => self.of_one(op, a, f64::tanh),
             Op::Sin => self.of_one(op, a, f64::sin),
             Op::Cos => self.of_one(op, a, f64::cos),
+            Op::Round => self.of_one(op, a, f64::round_ties_even),
             Op::Abs => {
                 let bare = self.negated(a).unwrap_or(a);
                 self.of_one(op, bare, f64::abs)

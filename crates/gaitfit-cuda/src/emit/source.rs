@@ -4,6 +4,7 @@
 //! region's result equals the number before it, and a branch costs more than a few operations.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use gaitfit_physics::trace::{Graph, RegionKind};
 
@@ -37,6 +38,8 @@ pub struct Source {
     pub live: Vec<bool>,
     /// How often needed nodes and outputs use it.
     pub uses: Vec<u32>,
+    /// The recording's tables.
+    pub tables: Vec<Arc<[f64]>>,
 }
 
 impl Source {
@@ -84,8 +87,8 @@ impl Source {
             regions.push(SourceRegion { guard, turns, parent });
         }
         let outputs = graph.outputs.iter().map(|id| alias[id.0 as usize]).collect();
-        let mut source =
-            Self { nodes, home, regions, outputs, live: vec![false; count], uses: vec![0; count] };
+        let (live, uses, tables) = (vec![false; count], vec![0; count], graph.tables.clone());
+        let mut source = Self { nodes, home, regions, outputs, live, uses, tables };
         source.find_live();
         source.count_uses();
         source

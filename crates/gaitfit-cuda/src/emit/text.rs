@@ -16,6 +16,11 @@ pub const KERNEL: &str = "control_period";
 /// The words that a program's text is written in, as CUDA.
 pub const WORDS: &str = include_str!("words.cuh");
 
+/// Name of the array in the text that holds a table of the program; whoever loads the program fills it.
+pub fn table_name(number: usize) -> String {
+    format!("table_{number}")
+}
+
 /// Text of a kernel of blocks of `block` threads; to compile it, put its [`head`] and [`WORDS`] before it.
 pub fn body(program: &PeriodProgram, layout: &Layout) -> String {
     let mut writer = Writer::new(program, layout);
@@ -171,6 +176,9 @@ impl<'a> Writer<'a> {
                 .collect();
             let _ = writeln!(self.text, "__device__ const float table_values[] = {{{}}};", values.join(", "));
         }
+        for (number, table) in self.program.tables.iter().enumerate() {
+            let _ = writeln!(self.text, "__device__ float {}[{}];", table_name(number), table.len().max(1));
+        }
         let _ = writeln!(self.text, "KERNEL({KERNEL}) {{");
         self.depth = 1;
         self.line("BEGIN");
@@ -324,6 +332,8 @@ impl<'a> Writer<'a> {
             Op::Sqrt => format!("SQRT({})", a[0]),
             Op::Recip => format!("RECIP({})", a[0]),
             Op::Tanh => format!("TANH({})", a[0]),
+            Op::Round => format!("ROUND({})", a[0]),
+            Op::Gather(table) => format!("GATHER({}, {})", table_name(table as usize), a[0]),
             Op::Min => format!("MIN({}, {})", a[0], a[1]),
             Op::Max => format!("MAX({}, {})", a[0], a[1]),
             Op::Abs => format!("ABS({})", a[0]),

@@ -6,6 +6,12 @@ typedef float R;
 #define MAX(a, b) fmaxf(a, b)
 #define ABS(a) fabsf(a)
 #define SELECT(a, b, x, y) ((a) < (b) ? (x) : (y))
+#define ROUND(a) rintf(a)
+// An entry of a table; 0 beyond its end.
+#define GATHER(table, at) gather(table, sizeof(table) / 4, (int)(at))
+__device__ __forceinline__ float gather(const float* table, unsigned length, int at) {
+  return (unsigned)at < length ? table[at] : 0.f;
+}
 __device__ __forceinline__ float RECIP(float x) {
   float y;
   asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(y) : "f"(x));

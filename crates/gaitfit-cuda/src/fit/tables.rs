@@ -37,9 +37,6 @@ impl Tables {
         if policy.front.is_some() {
             return Err(FitError::Unsupported("a recurrent or two-part policy".to_owned()));
         }
-        if walker.ground().is_some() {
-            return Err(FitError::Unsupported("uneven ground".to_owned()));
-        }
         if walker.touches_itself() {
             let what = "contact between the robot's own parts (self_contact)";
             return Err(FitError::Unsupported(what.to_owned()));

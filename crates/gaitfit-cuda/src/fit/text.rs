@@ -5,6 +5,7 @@ use gaitfit_policy::walker::Walker;
 use gaitfit_policy::{Policy, Term};
 
 use super::scene::{Scene, Subject};
+use crate::rollout::GROUND_HEIGHTS;
 use crate::runtime::Program;
 use crate::words::{Words, single};
 
@@ -13,6 +14,10 @@ pub(super) fn program(scene: &Scene<'_>, rows: usize, group: usize) -> Program {
     let mut text = String::from(include_str!("../common.cuh"));
     text.push_str(include_str!("../rollout/kernels/structs.cu"));
     let mut words = Words { text };
+    let heights = match scene.subject {
+        Subject::Walk(walker, _) => words.ground(walker),
+        Subject::Replay(_) => Vec::new(),
+    };
     sizes(&mut words, scene);
     let parts: &[&str] = match scene.subject {
         Subject::Walk(walker, policy) => {
@@ -21,6 +26,7 @@ pub(super) fn program(scene: &Scene<'_>, rows: usize, group: usize) -> Program {
             words.define("GROUP", group);
             &[
                 include_str!("../rollout/kernels/draws.cu"),
+                include_str!("../rollout/kernels/ground.cu"),
                 include_str!("../rollout/kernels/robot.cu"),
                 include_str!("../rollout/kernels/sensors.cu"),
                 include_str!("../rollout/kernels/observe.cu"),
@@ -45,7 +51,8 @@ pub(super) fn program(scene: &Scene<'_>, rows: usize, group: usize) -> Program {
     for part in parts {
         words.text.push_str(part);
     }
-    Program::new("fit", words.text).option("-fmad=false")
+    let program = Program::new("fit", words.text).option("-fmad=false");
+    if heights.is_empty() { program } else { program.table(GROUND_HEIGHTS, heights) }
 }
 
 fn sizes(words: &mut Words, scene: &Scene<'_>) {
@@ -69,7 +76,7 @@ fn walk(words: &mut Words, walker: &Walker) {
     words.define("PARTS", parts.len());
     words.text.push_str("// Four numbers of a term.\nstruct Part {\n    int term, from;\n};\n");
     words.table("Part", "PART", parts);
-    words.observed(walker, &[(&interface.observation, &|_| 0.0)]);
+    words.observed(walker, &[(&walker.observation, &|_| 0.0)]);
 }
 
 /// Largest width of a layer's input or output, a multiple of 4.

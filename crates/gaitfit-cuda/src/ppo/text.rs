@@ -30,7 +30,7 @@ pub(super) const LOSSES: usize = 6;
 pub(super) const MAX_ACTIONS: usize = 256 - LOSSES;
 
 /// The text for one learner and what the launches must know of it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Text {
     pub program: Program,
     pub actor: NetLayout,

@@ -11,6 +11,7 @@
 mod collect;
 mod error;
 mod expression;
+mod ground;
 mod packed;
 mod plan;
 mod play;
@@ -25,6 +26,7 @@ mod trials;
 
 pub use collect::collect;
 pub use error::RolloutError;
+pub(crate) use ground::GROUND_HEIGHTS;
 pub use packed::{Packed, imu_rows};
 pub use plan::{Home, Plan, control};
 pub use run::Rollout;

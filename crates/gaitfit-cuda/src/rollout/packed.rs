@@ -1,8 +1,10 @@
 //! Environments of the CPU as the kernels' arrays, and back.
 
 use gaitfit_learn::task::{Foot, Snapshot};
+use gaitfit_policy::observation::Layout;
 use gaitfit_sim::{Candidate, IMU_NUMBERS, Imu, RobotState};
 
+use super::plan::kept;
 use super::scene::Scene;
 use crate::emit::Class;
 use crate::spots::Spot;
@@ -30,6 +32,12 @@ pub struct Packed {
     pub feet: Vec<f32>,
     /// Reward and steps since each episode began, a row each.
     pub returns: Vec<f32>,
+    /// Last rows of the actor, environment by environment; empty without past frames.
+    pub past: Vec<f32>,
+    /// The same of the critic.
+    pub critic_past: Vec<f32>,
+    /// Ways on generated ground, a row a number; empty without.
+    pub ways: Vec<f32>,
 }
 
 impl Packed {
@@ -50,6 +58,14 @@ impl Packed {
         let rows = |width: usize, of: &dyn Fn(&Snapshot, usize) -> f32| -> Vec<f32> {
             (0..width).flat_map(|k| snapshots.iter().map(move |one| of(one, k))).collect()
         };
+        // Who has no row yet does not look at it.
+        let past = |who: usize, layout: &Layout| -> Vec<f32> {
+            let row = |one: &Snapshot| match one.past[who].len() {
+                0 => vec![0.0; kept(layout)],
+                _ => one.past[who].clone(),
+            };
+            snapshots.iter().flat_map(row).collect()
+        };
         let shown = |one: &Snapshot, index: usize| {
             let RobotState { torque, normal_force, tracked, .. } = &one.robot;
             let number = torque.iter().chain(normal_force).chain(tracked).nth(index);
@@ -68,6 +84,9 @@ impl Packed {
                 one.feet[k / Foot::NUMBERS][k % Foot::NUMBERS]
             }),
             returns: rows(2, &|one, k| one.returns[k]),
+            past: past(0, &scene.task.walker.observation),
+            critic_past: past(1, &scene.task.walker.critic_observation),
+            ways: rows(if scene.task.course.is_some() { 3 } else { 0 }, &|one, k| one.way[k]),
         }
     }
 
@@ -104,6 +123,11 @@ impl Packed {
                     .map(|foot| std::array::from_fn(|k| row(&self.feet, Foot::NUMBERS * foot + k, e)))
                     .collect(),
                 returns: std::array::from_fn(|k| row(&self.returns, k, e)),
+                past: [&self.past, &self.critic_past].map(|rows| match (rows.len() / count, self.fresh[e]) {
+                    (width, 0) => rows[e * width..(e + 1) * width].to_vec(),
+                    _ => Vec::new(),
+                }),
+                way: std::array::from_fn(|k| self.ways.get(k * count + e).copied().unwrap_or_default()),
             }
         };
         (0..count).map(one).collect()

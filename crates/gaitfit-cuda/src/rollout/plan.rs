@@ -6,6 +6,7 @@ use crate::emit::Class;
 use crate::ppo::{Array, Id, Kind, Launch, Value};
 use crate::runtime::{Program, Shape};
 use gaitfit_learn::task::{Foot, Interval};
+use gaitfit_policy::observation::Layout;
 use gaitfit_sim::IMU_NUMBERS;
 
 /// Who has an array.
@@ -32,6 +33,11 @@ pub fn control(first_step: u32, seed: u64, ranges: [Interval; 3], first_environm
     let words = |number: u64| [number as u32, (number >> 32) as u32];
     let ends = ranges.iter().flatten().flat_map(|end| words(end.to_bits()));
     [first_step].into_iter().chain(words(seed)).chain(ends).chain([first_environment]).collect()
+}
+
+/// Numbers of a row that are kept from step to step: none without past frames.
+pub(super) fn kept(layout: &Layout) -> usize {
+    if layout.frames() > 1 { layout.width() } else { 0 }
 }
 
 /// Arrays and kernels of a rollout.
@@ -102,6 +108,9 @@ impl Plan {
             ("last_action", own, Kind::F32, actions * environments),
             ("feet", own, Kind::F32, Foot::NUMBERS * feet * environments),
             ("returns", own, Kind::F32, 2 * environments),
+            ("past", own, Kind::F32, kept(&scene.task.walker.observation) * environments),
+            ("critic_past", own, Kind::F32, kept(&scene.task.walker.critic_observation) * environments),
+            ("ways", own, Kind::F32, if scene.task.course.is_some() { 3 * environments } else { 0 }),
             ("cut", own, Kind::U32, scene.cuts() * environments),
             ("tail", own, Kind::F32, tails * critic),
             ("tail_value", own, Kind::F32, tails),
@@ -171,9 +180,12 @@ impl Plan {
             "robot_params",
             "robot_memory",
             "steps",
+            "fresh",
             "imu",
             "command",
             "last_action",
+            "past",
+            "critic_past",
             "observation",
             "critic_observation",
         ];
@@ -232,13 +244,25 @@ impl Plan {
             "last_observation",
             "robot_memory",
             "imu",
+            "ways",
+            "past",
+            "critic_past",
         ];
         self.launch("finish", Some(step), &arrays)
     }
 
     /// What the critic sees after the last step.
     pub fn observe_end(&self) -> Launch {
-        let arrays = ["robot_state", "robot_params", "steps", "command", "last_action", "tail"];
+        let arrays = [
+            "robot_state",
+            "robot_params",
+            "steps",
+            "fresh",
+            "command",
+            "last_action",
+            "critic_past",
+            "tail",
+        ];
         self.columns(self.launch("observe_end", None, &arrays), self.terms[1])
     }
 
@@ -282,6 +306,7 @@ impl Plan {
             "last_action",
             "feet",
             "returns",
+            "ways",
         ];
         vec![self.launch("restart", None, &arrays), self.next(), self.observe(0)]
     }

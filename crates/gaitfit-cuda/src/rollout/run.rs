@@ -187,6 +187,9 @@ impl<'a> Rollout<'a> {
             ("last_action", &packed.last_action),
             ("feet", &packed.feet),
             ("returns", &packed.returns),
+            ("past", &packed.past),
+            ("critic_past", &packed.critic_past),
+            ("ways", &packed.ways),
         ] {
             self.write(stream, name, numbers)?;
         }
@@ -230,6 +233,9 @@ impl<'a> Rollout<'a> {
             last_action: self.read(stream, "last_action")?,
             feet: self.read(stream, "feet")?,
             returns: self.read(stream, "returns")?,
+            past: self.read(stream, "past")?,
+            critic_past: self.read(stream, "critic_past")?,
+            ways: self.read(stream, "ways")?,
         };
         Ok(packed.snapshots(&self.scene()?))
     }

@@ -74,12 +74,6 @@ fn check_robots(task: &Task, candidates: &[Candidate]) -> Result<(), RolloutErro
     if candidates.iter().any(|candidate| candidate.networks != networks) {
         return unsupported("robots whose networks differ");
     }
-    if task.walker.sees_past() {
-        return unsupported("a history of observations");
-    }
-    if task.walker.ground().is_some() {
-        return unsupported("uneven ground ([terrain], or boxes and height fields of the robot file)");
-    }
     if task.walker.touches_itself() {
         return unsupported("contact between the robot's own parts (self_contact)");
     }
@@ -100,7 +94,7 @@ impl<'a> Scene<'a> {
     /// The physics that a task's rollouts need. `processors`: the GPU's multiprocessors.
     ///
     /// # Errors
-    /// A robot that cannot be stepped; candidates with different networks; past frames in observations; uneven ground.
+    /// A robot that cannot be stepped; candidates with different networks.
     pub fn period(
         task: &Task,
         candidates: &[Candidate],
@@ -137,7 +131,7 @@ impl<'a> Scene<'a> {
     /// A task on the physics of [`Scene::period`].
     ///
     /// # Errors
-    /// [`RolloutError::Unsupported`] for reward terms that are functions of a library's user and past frames in observations.
+    /// [`RolloutError::Unsupported`] for reward terms that are functions of a library's user.
     pub fn new(task: &'a Task, period: &'a Period, sizes: Sizes) -> Result<Self, RolloutError> {
         check_robots(task, &[])?;
         check_rewards(task)?;
@@ -157,7 +151,9 @@ impl<'a> Scene<'a> {
         if self.is(Mode::Steps) {
             return 0;
         }
-        self.sizes.steps.div_ceil(self.episode_steps() as usize)
+        // Episodes also end at the edge of generated ground.
+        let left = usize::from(self.task.course.is_some());
+        self.sizes.steps.div_ceil(self.episode_steps() as usize) + left
     }
 
     /// Bytes from one list of ends to the next: libraries want arrays to begin at multiples of 256 bytes.

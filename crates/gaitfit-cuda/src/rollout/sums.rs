@@ -30,6 +30,8 @@ sums! {
     Diverged = "DIVERGED";
     /// Steps that falls cut off.
     LostSteps = "LOST_STEPS";
+    /// Sum of the levels of the ground that robots are on; 0 without levels.
+    Level = "LEVEL";
     /// No sum: the step of the first divergence, from 1; 0 without one.
     BrokenAt = "BROKEN_AT";
     /// No sum: the reward term that was not finite then, from 1; 0 if it was the robot's state.

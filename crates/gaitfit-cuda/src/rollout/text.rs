@@ -4,11 +4,13 @@ use std::fmt::Write;
 
 use gaitfit_learn::task::reward::Value;
 use gaitfit_learn::task::{BaseMoment, FASTEST_BASE, FASTEST_JOINT, Foot, Task, advanced_foot};
+use gaitfit_model::Shape;
 use gaitfit_model::kinematics::Reach;
 use gaitfit_model::rotation::vec_of;
 use gaitfit_policy::walker::GAP;
 
 use super::expression::Terms;
+use super::ground::GROUND_HEIGHTS;
 use super::plan::THREADS;
 use super::scene::{Mode, Scene};
 use super::sums::Sum;
@@ -21,6 +23,8 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
     let mut text = String::from(include_str!("../common.cuh"));
     text.push_str(include_str!("kernels/structs.cu"));
     let mut writer = Words { text };
+    let heights = writer.ground(&scene.task.walker);
+    writer.course(scene.task);
     writer.sizes(scene);
     writer.task(scene);
     writer.robot(scene);
@@ -28,6 +32,8 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
     let mut text = writer.text;
     for part in [
         include_str!("kernels/draws.cu"),
+        include_str!("kernels/ground.cu"),
+        include_str!("kernels/course.cu"),
         include_str!("kernels/robot.cu"),
         include_str!("kernels/sensors.cu"),
         include_str!("kernels/observe.cu"),
@@ -47,7 +53,8 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
     if scene.recorded() > 0 {
         text.push_str(include_str!("kernels/record.cu"));
     }
-    Program::new("rollout", text).option("-fmad=false")
+    let program = Program::new("rollout", text).option("-fmad=false");
+    if heights.is_empty() { program } else { program.table(GROUND_HEIGHTS, heights) }
 }
 
 /// Functions of a moment: `advanced_foot`, `base_moment`, `base_errors`.
@@ -200,7 +207,9 @@ impl Words {
             let edges: Vec<f64> = reach.edges.iter().flatten().copied().collect();
             let (radius, rim) = (double(reach.radius), double(reach.rim));
             let count = bodies.len();
-            format!("{{{first}, {count}, {position}, {radius}, {}, {rim}, {axis}}}", doubles(&edges))
+            let round = matches!(geom.shape, Shape::Sphere { .. } | Shape::Capsule { .. });
+            let round = u32::from(round);
+            format!("{{{first}, {count}, {position}, {radius}, {}, {rim}, {axis}, {round}}}", doubles(&edges))
         });
         let shapes: Vec<String> = shapes.collect();
         self.table("int", "PATH", path);
@@ -212,12 +221,11 @@ impl Words {
 
     fn rows(&mut self, scene: &Scene<'_>) {
         let (walker, noise) = (&scene.task.walker, &scene.task.settings.noise);
-        let interface = &walker.interface;
         let rows = self.observed(
             walker,
             &[
-                (&interface.observation, &|quantity| noise.half_range(quantity)),
-                (&interface.critic_observation, &|_| 0.0),
+                (&walker.observation, &|quantity| noise.half_range(quantity)),
+                (&walker.critic_observation, &|_| 0.0),
             ],
         );
         for (name, row) in ["ACTOR_ROW", "CRITIC_ROW"].into_iter().zip(rows) {

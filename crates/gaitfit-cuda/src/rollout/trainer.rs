@@ -187,7 +187,7 @@ impl<'a> Trainer<'a> {
             episode_steps: sum(Sum::EpisodeSteps),
             episode_return: sum(Sum::EpisodeReturn),
             diverged: sum(Sum::Diverged),
-            levels: 0.0,
+            levels: sum(Sum::Level),
             lost_steps: sum(Sum::LostSteps),
         }
     }

@@ -1,11 +1,13 @@
 //! A program's text to machine code, from the cache if it was compiled before.
 
+use std::sync::Arc;
+
 use super::cache::Cache;
 use super::error::CudaError;
 use super::nvrtc::{Image, Nvrtc};
 
 /// A program in CUDA C++ whose kernels are `extern "C"`. It includes no headers: none are needed where it runs.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Program {
     /// Name in messages; letters, digits, `_` and `-`.
     pub name: String,
@@ -13,18 +15,28 @@ pub struct Program {
     pub text: String,
     /// Options of NVRTC besides the architecture, for example `--use_fast_math` or `--maxrregcount=128`.
     pub options: Vec<String>,
+    /// Numbers of arrays that the text declares (`__device__ float name[length]`), by name. They are copied in when the
+    /// program is loaded, so programs that differ only in these numbers are compiled once.
+    pub tables: Vec<(String, Arc<[f32]>)>,
 }
 
 impl Program {
-    /// Of this name and text, with no options.
+    /// Of this name and text, with neither options nor tables.
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
-        Self { name: name.into(), text: text.into(), options: Vec::new() }
+        Self { name: name.into(), text: text.into(), options: Vec::new(), tables: Vec::new() }
     }
 
     /// With one option more.
     #[must_use]
     pub fn option(mut self, option: impl Into<String>) -> Self {
         self.options.push(option.into());
+        self
+    }
+
+    /// With the numbers of one array more.
+    #[must_use]
+    pub fn table(mut self, name: impl Into<String>, numbers: impl Into<Arc<[f32]>>) -> Self {
+        self.tables.push((name.into(), numbers.into()));
         self
     }
 }

@@ -206,6 +206,10 @@ impl Device {
     pub fn load(&self, program: &Program) -> Result<Module, CudaError> {
         let cache = Cache::of_user();
         let compiled = compile(Nvrtc::get()?, program, self.info().capability, cache.as_ref())?;
-        Module::load(self, &program.name, compiled)
+        let module = Module::load(self, &program.name, compiled)?;
+        for (name, numbers) in &program.tables {
+            module.fill(name, numbers)?;
+        }
+        Ok(module)
     }
 }

@@ -41,6 +41,8 @@ functions! {
         module_load = "cuModuleLoadData"(*mut Handle, *const c_void);
         module_unload = "cuModuleUnload"(Handle);
         module_function = "cuModuleGetFunction"(*mut Handle, Handle, *const c_char);
+        module_global = "cuModuleGetGlobal_v2"(*mut Address, *mut usize, Handle, *const c_char);
+        copy_now = "cuMemcpyHtoD_v2"(Address, *const c_void, usize);
         function_attribute = "cuFuncGetAttribute"(*mut c_int, c_int, Handle);
         set_function_attribute = "cuFuncSetAttribute"(Handle, c_int, c_int);
         blocks_per_processor = "cuOccupancyMaxActiveBlocksPerMultiprocessor"(*mut c_int, Handle, c_int, usize);

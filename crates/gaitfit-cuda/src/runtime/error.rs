@@ -66,6 +66,14 @@ pub enum CudaError {
         /// Name of the kernel.
         kernel: String,
     },
+    /// A program without this array, or with one of another length.
+    #[error("the program `{program}` has no array `{table}` of the length of its numbers")]
+    NoTable {
+        /// Name of the program.
+        program: String,
+        /// Name of the array.
+        table: String,
+    },
     /// More memory than is free.
     #[error(
         "`{what}` needs {} of GPU {ordinal}'s memory, {} of {} are free: use fewer environments or candidates, or \

@@ -70,6 +70,33 @@ impl Module {
         Ok(Self { loaded: Arc::new(Loaded { context, handle, name, log, cached }) })
     }
 
+    /// Copies `numbers` into the array `name` that the text declares.
+    ///
+    /// # Errors
+    /// [`CudaError::NoTable`] if there is no such array of that length; [`CudaError::Call`].
+    pub(super) fn fill(&self, name: &str, numbers: &[f32]) -> Result<(), CudaError> {
+        let missing = || CudaError::NoTable { program: self.loaded.name.clone(), table: name.to_owned() };
+        let text = CString::new(name).map_err(|_| missing())?;
+        let context = &self.loaded.context;
+        context.enter()?;
+        let (mut address, mut bytes) = (0, 0);
+        // SAFETY: the module is alive, the name ends with 0, the driver stores one address and one size.
+        let code = unsafe {
+            (context.driver.module_global)(
+                &raw mut address,
+                &raw mut bytes,
+                self.loaded.handle,
+                text.as_ptr(),
+            )
+        };
+        if code != 0 || bytes != size_of_val(numbers) {
+            return Err(missing());
+        }
+        // SAFETY: both arrays have that many bytes; the call returns when `numbers` has been read.
+        let code = unsafe { (context.driver.copy_now)(address, numbers.as_ptr().cast(), bytes) };
+        context.driver.check(code, || format!("copying into `{name}`"))
+    }
+
     /// The compiler's words.
     pub fn log(&self) -> &str {
         &self.loaded.log

@@ -15,6 +15,12 @@ static inline R FMA(R a, R b, R c) { return a * b + c; }
 static inline R SELECT(R a, R b, R x, R y) { return a < b ? x : y; }
 static inline R MIN(R a, R b) { return a < b ? a : b; }
 static inline R MAX(R a, R b) { return a > b ? a : b; }
+static inline R ROUND(R a) { for (int i = 0; i < LANES; ++i) a[i] = std::nearbyint(a[i]); return a; }
+#define GATHER(table, at) gather(table, sizeof(table) / 4, at)
+static inline R gather(const float* table, unsigned length, R at) {
+  for (int i = 0; i < LANES; ++i) at[i] = (unsigned)(int)at[i] < length ? table[(int)at[i]] : 0.f;
+  return at;
+}
 static inline R ABS(R a) { return a < 0 ? -a : a; }
 static inline R RECIP(R a) { return 1.f / a; }
 static inline R DIV(R a, R b) { return a / b; }

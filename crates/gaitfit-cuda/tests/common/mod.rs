@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 use gaitfit_cuda::emit::{EmitOptions, PeriodProgram, Seating};
-use gaitfit_model::{Model, ReadOptions, Shape, read};
+use gaitfit_model::{HeightField, Model, ObstacleShape, ReadOptions, Shape, read};
 use gaitfit_physics::in_f64::control_period;
 use gaitfit_physics::trace::{PeriodGraph, Report, Traced, record_period_with};
 use gaitfit_physics::{
@@ -30,6 +30,22 @@ pub fn feet(mut model: Model) -> Model {
     };
     let kept: Vec<_> = model.pairs.iter().filter(|pair| foot(pair.geom)).cloned().collect();
     model.pairs = kept;
+    model
+}
+
+/// On a rough height field in the planes' place.
+pub fn on_field(model: Model) -> Model {
+    let mut random = Random(11);
+    let (rows, columns) = (41, 31);
+    let heights = (0..rows * columns).map(|_| random.uniform(-0.04, 0.04)).collect();
+    model.on_field("rough", HeightField { rows, columns, half_size: [1.5, 2.0], heights })
+}
+
+/// On a box in the planes' place.
+pub fn on_box(model: Model) -> Model {
+    let mut model = on_field(model);
+    model.obstacles[0].pos[2] = -0.5;
+    model.obstacles[0].shape = ObstacleShape::Box { half_size: [0.6, 0.7, 0.5] };
     model
 }
 

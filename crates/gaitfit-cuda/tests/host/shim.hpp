@@ -203,6 +203,12 @@ static void load(const char* path, std::vector<char>& bytes) {
     }
     fclose(file);
 }
+// Fills a table that the text declares.
+static void fill(const char* path, float* table, size_t size) {
+    std::vector<char> bytes(size);
+    load(path, bytes);
+    memcpy(table, bytes.data(), size);
+}
 static void store(const char* path, const std::vector<char>& bytes) {
     FILE* file = fopen(path, "wb");
     if (!file || fwrite(bytes.data(), 1, bytes.size(), file) != bytes.size() || fclose(file)) exit(1);

@@ -1,6 +1,8 @@
 //! A program shared among threads, computed in `f64`, equals the step.
 
-use crate::common::{difference, feet, networks, recorded, robot, samples, samples_with, shared};
+use crate::common::{
+    difference, feet, networks, on_box, on_field, recorded, robot, samples, samples_with, shared,
+};
 use gaitfit_cuda::emit::{EmitOptions, Node, Op, PeriodProgram, Seating};
 use gaitfit_cuda::physics::{Period, PeriodOptions, Shared};
 use gaitfit_model::{Cone, Model};
@@ -40,6 +42,17 @@ fn a_quadruped_is_shared() {
             compare("go2 feet", &feet(go2.clone()), Preset::Fast, lanes, min_guarded, 1e-11);
         }
         compare("go2", &go2, Preset::Accurate, lanes, 100, 1e-11);
+    }
+}
+
+/// Feet on a height field and on a box. A point beside a vertex may be given to the neighbour by the last bits.
+#[test]
+fn a_quadruped_on_uneven_ground_is_shared() {
+    for (label, model) in [("field", on_field(feet(robot("go2")))), ("box", on_box(feet(robot("go2"))))] {
+        compare(label, &model, Preset::Fast, 1, 0, 0.0);
+        for lanes in [2, 4] {
+            compare(label, &model, Preset::Fast, lanes, 600, 1e-9);
+        }
     }
 }
 

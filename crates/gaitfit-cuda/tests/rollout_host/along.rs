@@ -84,7 +84,7 @@ fn rollout(
     let mut exploration = Exploration::new(SEED, 0);
     let mut returns = vec![[0.0f32; 2]; ENVIRONMENTS];
     let mut sums = [0.0f64; 7];
-    let (mut diverged, mut lost) = (0.0, 0.0);
+    let (mut diverged, mut lost, mut levels) = (0.0, 0.0, 0.0);
     let mut steps = Vec::new();
     for t in 0..STEPS {
         let number = FIRST + t as u32;
@@ -114,6 +114,7 @@ fn rollout(
         for (index, so_far) in returns.iter_mut().enumerate() {
             let broken = step.ended[index] == Ended::Diverged;
             diverged += f64::from(u8::from(broken));
+            levels += environment.cell(index).map_or(0.0, |cell| cell.level as f64);
             let errors = if broken { [0.0; 2] } else { environment.tracking_error(index) };
             let [velocity, yaw] = errors.map(f64::from);
             so_far[0] += step.reward[index];
@@ -136,7 +137,7 @@ fn rollout(
     let [reward, rest @ ..] = sums;
     assert_eq!((steps[BROKEN.0].ended[BROKEN.1], diverged), (Ended::Diverged, 1.0));
     // The first divergence, by its step from 1, is of no reward term.
-    let last = vec![diverged, lost, BROKEN.0 as f64 + 1.0, 0.0];
+    let last = vec![diverged, lost, levels, BROKEN.0 as f64 + 1.0, 0.0];
     (steps, [vec![reward], environment.take_terms(), rest.to_vec(), last].concat())
 }
 
@@ -189,6 +190,7 @@ pub fn flat(snapshot: &Snapshot) -> Vec<f32> {
     [&robot.state, &robot.targets, &robot.memory, &robot.normal_force, &robot.tracked, &robot.torque]
         .into_iter()
         .chain([&snapshot.command.to_vec(), &snapshot.last_action, &feet, &snapshot.returns.to_vec()])
+        .chain([&snapshot.way.to_vec(), &snapshot.past[0], &snapshot.past[1]])
         .flatten()
         .copied()
         .chain([snapshot.steps as f32, f32::from(u8::from(robot.fresh))])
@@ -229,6 +231,9 @@ pub fn inputs(start: &Packed, params: &[f32], candidate: &Candidate) -> HashMap<
         ("last_action", f(&start.last_action)),
         ("feet", f(&start.feet)),
         ("returns", f(&start.returns)),
+        ("past", f(&start.past)),
+        ("critic_past", f(&start.critic_past)),
+        ("ways", f(&start.ways)),
     ];
     files.map(|(name, bytes)| (name.to_owned(), bytes)).into()
 }
@@ -246,7 +251,9 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
     };
     let mean = numbers(STEPS * ENVIRONMENTS * actions, 0, 0.5);
     let log_std: Vec<f32> = (0..actions).map(|k| -0.3 - 0.05 * k as f32).collect();
-    let tails = (1 + STEPS.div_ceil(task.episode_steps() as usize)) * ENVIRONMENTS;
+    // Episodes also end at the edge of generated ground.
+    let cuts = STEPS.div_ceil(task.episode_steps() as usize) + usize::from(task.course.is_some());
+    let tails = (1 + cuts) * ENVIRONMENTS;
     let tail_value = numbers(tails, 1 << 20, 3.0);
 
     let mut environment = Environment::new(task, Some(candidate), SEED, 0, ENVIRONMENTS).unwrap();
@@ -281,8 +288,16 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
         "last_action",
         "feet",
         "returns",
+        "past",
+        "critic_past",
+        "ways",
     ];
-    let mut statements = call(&plan.begin());
+    let mut statements = String::new();
+    for (name, numbers) in &plan.program.tables {
+        files.insert(name.clone(), f(numbers));
+        statements.push_str(&format!("    fill(\"{name}\", {name}, sizeof {name});\n"));
+    }
+    statements.push_str(&call(&plan.begin()));
     for (t, step) in steps.iter().enumerate() {
         let packed = Packed::new(&scene, &step.moved, tiles);
         files.insert(format!("robot_state.moved{t}"), f(&packed.state));
@@ -348,12 +363,14 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
     let (tail, cut) = (out("tail"), read("cut", "out"));
     let width = task.walker.interface.critic_width();
     let (mut cuts, mut falls) = (0, 0);
+    let mut cut_before = [0; ENVIRONMENTS];
     for (t, step) in steps.iter().enumerate() {
-        let slot = t / task.episode_steps() as usize;
         for (e, ended) in step.ended.iter().enumerate() {
+            let slot = if task.course.is_some() { cut_before[e] } else { t / task.episode_steps() as usize };
             falls += usize::from(*ended == Ended::Fall);
             if *ended == Ended::TimeOut {
                 cuts += 1;
+                cut_before[e] += 1;
                 let row = (1 + slot) * ENVIRONMENTS + e;
                 rewards[t * ENVIRONMENTS + e] += sizes().gamma as f32 * tail_value[row];
                 let reached = &step.reached[e * width..(e + 1) * width];
@@ -391,6 +408,9 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
             last_action: numbers("last_action"),
             feet: numbers("feet"),
             returns: numbers("returns"),
+            past: numbers("past"),
+            critic_past: numbers("critic_past"),
+            ways: numbers("ways"),
         };
         for (e, (got, want)) in found.snapshots(&scene).iter().zip(&step.begun).enumerate() {
             check(&format!("environment {e}"), t, &flat(got), &flat(want), 3e-6);

@@ -1,7 +1,9 @@
 //! One robot at its task, apart from what simulates it.
 
+use gaitfit_policy::observation::Layout;
 use gaitfit_sim::RobotState;
 
+use super::terrain::Way;
 use super::{Environment, Foot, TaskError};
 
 /// One robot at its task: everything that changes from step to step.
@@ -19,6 +21,11 @@ pub struct Snapshot {
     pub feet: Vec<[f32; Foot::NUMBERS]>,
     /// Reward and steps since its episode began.
     pub returns: [f32; 2],
+    /// On generated ground: level of its cell, distance walked along its commands and distance commanded (m) since its
+    /// episode began; else zeros.
+    pub way: [f32; 3],
+    /// Its last rows, actor's and critic's; empty at an episode's start, and without past frames.
+    pub past: [Vec<f32>; 2],
 }
 
 impl Environment<'_> {
@@ -34,13 +41,15 @@ impl Environment<'_> {
             last_action: self.last_action.row(index).to_vec(),
             feet: self.feet(index).iter().map(Foot::numbers).collect(),
             returns: [0.0; 2],
+            way: self.ways.get(index).map_or([0.0; 3], Way::numbers),
+            past: [0, 1].map(|who| self.past[who].row(index).map(<[f32]>::to_vec).unwrap_or_default()),
         }
     }
 
-    /// Makes environment `index` what it was, here or on a GPU; past frames of observations begin anew. The motion shows it after [`Environment::refresh`].
+    /// Makes environment `index` what it was, here or on a GPU. The motion shows it after [`Environment::refresh`].
     ///
     /// # Errors
-    /// A snapshot of another robot.
+    /// A snapshot of another robot or ground.
     ///
     /// # Panics
     /// If there is no such environment: an error of the caller.
@@ -50,11 +59,21 @@ impl Environment<'_> {
             let what = "is of another task or robot".to_owned();
             return Err(TaskError::Setting { setting: "a robot's state".to_owned(), what });
         }
+        if !self.ways.is_empty() && !self.restore_way(index, &snapshot.way) {
+            let what = "is of ground with other levels".to_owned();
+            return Err(TaskError::Setting { setting: "a robot's state".to_owned(), what });
+        }
         self.tile.set_robot(index, &snapshot.robot)?;
         self.steps[index] = snapshot.steps;
         self.command[index] = snapshot.command;
         self.last_action.set(index, &snapshot.last_action);
-        self.past.iter_mut().for_each(|past| past.begin(index));
+        let widths = [&self.task.walker.observation, &self.task.walker.critic_observation].map(Layout::width);
+        for ((past, row), width) in self.past.iter_mut().zip(&snapshot.past).zip(widths) {
+            past.begin(index);
+            if row.len() == width {
+                past.set(index, row);
+            }
+        }
         let feet = &mut self.feet[index * count..(index + 1) * count];
         for (foot, numbers) in feet.iter_mut().zip(&snapshot.feet) {
             *foot = Foot::from_numbers(numbers);

@@ -73,6 +73,10 @@ impl Graph {
                 Node::Select(a, b, x, y) => f64::select_lt(at(a), at(b), at(x), at(y)),
                 Node::Sin(a) => at(a).sin(),
                 Node::Cos(a) => at(a).cos(),
+                Node::Round(a) => Real::round(at(a)),
+                Node::Gather(table, a) => {
+                    self.tables[table as usize].get(at(a) as usize).copied().unwrap_or(0.0)
+                }
                 Node::Unless(a, b) => f64::from(u8::from(at(a).unless_ge(at(b)))),
                 Node::Merge(guard, inside, before) => {
                     if at(guard) == 0.0 {

@@ -1,6 +1,7 @@
 //! What a recording leaves.
 
 use core::ops::Range;
+use std::sync::Arc;
 
 /// Place of a node in [`Graph::nodes`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -45,6 +46,10 @@ pub enum Node {
     Sin(Id),
     /// cos a
     Cos(Id),
+    /// The whole number nearest to a.
+    Round(Id),
+    /// The entry with the number a, whole and not negative, of a table (its place in [`Graph::tables`]); 0 beyond its end.
+    Gather(u32, Id),
     /// A guard: 0 if every lane certainly satisfies a ≥ b, else 1.
     Unless(Id, Id),
     /// After a guarded region: the second, made in it, where the guard (the first) is not 0, else the third.
@@ -66,7 +71,9 @@ impl Node {
             | Node::Tanh(a)
             | Node::Abs(a)
             | Node::Sin(a)
-            | Node::Cos(a) => ([a; 4], 1),
+            | Node::Cos(a)
+            | Node::Round(a)
+            | Node::Gather(_, a) => ([a; 4], 1),
             Node::Add(a, b)
             | Node::Sub(a, b)
             | Node::Mul(a, b)
@@ -117,7 +124,7 @@ pub struct Region {
 }
 
 /// A recorded computation.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Graph {
     /// Operations, in an order in which they can be computed.
     pub nodes: Vec<Node>,
@@ -127,6 +134,8 @@ pub struct Graph {
     pub outputs: Vec<Id>,
     /// Number of inputs.
     pub inputs: usize,
+    /// What [`Node::Gather`] reads: constants that are too many for nodes, such as the heights of a field.
+    pub tables: Vec<Arc<[f64]>>,
 }
 
 /// What a recorded function may not do.
@@ -138,11 +147,9 @@ pub enum TraceError {
          region, or as a carried number of the loop", .0.0
     )]
     Escapes(Id),
-    /// The ground has boxes or height fields.
-    #[error(
-        "boxes and height fields as ground cannot be recorded, so no GPU simulates them; use the processor (--device cpu), or a flat floor"
-    )]
-    Obstacles,
+    /// A table that is not of constants.
+    #[error("a table whose entries are no constants cannot be recorded")]
+    Table,
     /// Own parts of a robot that touch each other.
     #[error(
         "contact between the robot's own parts cannot be recorded, so no GPU simulates it; use the processor (--device cpu), or leave `self_contact` out"

@@ -123,9 +123,6 @@ pub fn record_period_with(
     modifications: &[JointModification<Known>],
     report: &Report,
 ) -> Result<PeriodGraph, TraceError> {
-    if tree.has_obstacles() {
-        return Err(TraceError::Obstacles);
-    }
     if tree.has_self_contact() {
         return Err(TraceError::SelfContact);
     }

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap};
 
 use super::graph::{Carried, Graph, Id, Node, Region, RegionKind, TraceError};
-use super::scalar::Traced;
+use super::scalar::{Known, Traced};
 
 /// What must run for a node to have a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -22,6 +22,8 @@ struct Recording {
     scopes: Vec<Scope>,
     /// Nodes of each operation; several where none can be used in the other's place.
     known: HashMap<Node, Vec<Id>>,
+    /// Places in [`Graph::tables`], by address and length.
+    tables: HashMap<(usize, usize), u32>,
     /// Open regions, outer first.
     open: Vec<u32>,
     scope: Scope,
@@ -88,9 +90,12 @@ pub(super) fn input() -> Traced {
     })
 }
 
-/// Fails: an operation that no graph has.
-pub(super) fn unsupported() {
-    RECORDING.with_borrow_mut(|recording| recording.fail(TraceError::Obstacles));
+/// The entry of a table. A table lives as long as the recording, so its address names it.
+pub(super) fn gather(table: &[Known], index: Traced) -> Traced {
+    RECORDING.with_borrow_mut(|recording| {
+        let table = recording.table(table);
+        Traced(recording.node(Node::Gather(table, index.0)))
+    })
 }
 
 pub(super) fn enter(guard: Id) {
@@ -113,6 +118,25 @@ pub(super) fn leave(guard: Id) {
 impl Recording {
     fn fail(&mut self, error: TraceError) {
         self.error.get_or_insert(error);
+    }
+
+    fn table(&mut self, table: &[Known]) -> u32 {
+        let key = (table.as_ptr() as usize, table.len());
+        if let Some(&place) = self.tables.get(&key) {
+            return place;
+        }
+        let value = |entry: &Known| match entry {
+            Known::Constant(value) => Some(*value),
+            Known::Number(_) => None,
+        };
+        let values: Option<Vec<f64>> = table.iter().map(value).collect();
+        if values.is_none() {
+            self.fail(TraceError::Table);
+        }
+        let place = self.graph.tables.len() as u32;
+        self.graph.tables.push(values.unwrap_or_default().into());
+        self.tables.insert(key, place);
+        place
     }
 
     fn constant(&self, id: Id) -> Option<f64> {

@@ -3,7 +3,7 @@
 use core::ops::{Add, Mul, Neg, Sub};
 
 use super::graph::{Id, Node};
-use super::record::{constant, enter, input, leave, node, unsupported};
+use super::record::{constant, enter, gather, input, leave, node};
 use crate::Real;
 
 /// A number of the recording of this thread.
@@ -107,12 +107,10 @@ impl Real for Traced {
         (node(Node::Sin(self.0)), node(Node::Cos(self.0)))
     }
     fn round(self) -> Self {
-        unsupported();
-        self
+        node(Node::Round(self.0))
     }
-    fn gather(_table: &[Known], index: Self) -> Self {
-        unsupported();
-        index
+    fn gather(table: &[Known], index: Self) -> Self {
+        gather(table, index)
     }
     fn never() -> Guard {
         Guard(None)

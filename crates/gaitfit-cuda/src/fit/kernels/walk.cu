@@ -17,9 +17,11 @@ DEVICE bool ends_here(const float* state, const float* report, u32 e) {
     for (int k = 0; k < 4; k++) q[k] = STATE(QUATERNION + k);
     up_of(q, up);
     uprightness_of(up, POSTURE, &uprightness);
-    bool ends = has_fallen(report, e, uprightness, STATE(POSITION + 2));
+    float place[3];
+    for (int k = 0; k < 3; k++) place[k] = STATE(POSITION + k);
+    bool ends = has_fallen(report, e, uprightness, place[2] - ground_under(place));
     // A diverged robot's numbers fail every comparison.
-    for (int k = 0; k < 3; k++) ends |= !is_finite(STATE(POSITION + k));
+    for (int k = 0; k < 3; k++) ends |= !is_finite(place[k]);
     return ends;
 }
 
@@ -98,7 +100,7 @@ KERNEL walk(
         u32 e = from + r, last = length[r] - 1, now = sample < last ? sample : last;
         const float* command = commands + ((u64)recording[r] * samples + now) * 3;
         write_term(
-            part.term, part.from, part.from + 4, SCALES, nullptr, state, params, memory, sample, imu[r], command,
+            part.term, part.from, part.from + 4, SCALES, nullptr, nullptr, state, params, memory, sample, imu[r], command,
             last_action + (u64)e * ACTIONS, 1, e, second + r * OBSERVATION);
     }
     __syncthreads();

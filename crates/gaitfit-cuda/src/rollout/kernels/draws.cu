@@ -1,7 +1,7 @@
 // The draws of gaitfit-random: pure functions of seed, purpose, environment, step and number, in f64 with the CPU's bits.
 
 // Purposes.
-enum { TORQUE_DRAWS = 3, COMMAND_DRAWS = 5, RESET_DRAWS = 6, NOISE_DRAWS = 8, EXPLORATION_DRAWS = 9, PUSH_DRAWS = 13 };
+enum { TORQUE_DRAWS = 3, COMMAND_DRAWS = 5, RESET_DRAWS = 6, NOISE_DRAWS = 8, EXPLORATION_DRAWS = 9, PUSH_DRAWS = 13, PLACE_DRAWS = 15 };
 
 // Numbers in `control`, which the host writes before a rollout.
 // COMMAND_RANGES: the ends of the commands' ranges as doubles, low words first. FIRST_ENVIRONMENT: the number that draws of

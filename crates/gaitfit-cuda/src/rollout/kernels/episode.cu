@@ -39,11 +39,11 @@ DEVICE Quat turn(int axis, double angle) {
     return {c, axis == 0 ? s : 0.0, axis == 1 ? s : 0.0, axis == 2 ? s : 0.0};
 }
 
-// Lowest point of shape `k` for the base's origin at 0. `halves` holds cos and sin of half of each joint's angle from its
-// reference.
-DEVICE double lowest_point(int k, Quat base, const double* halves) {
+// How high the base's origin must be over x, y of `place` for shape `k` to touch the ground: on flat ground over its
+// plane. `halves` holds cos and sin of half of each joint's angle from its reference.
+DEVICE double needed_height(int k, Quat base, const double place[2], const double* halves) {
     Shape shape = SHAPE[k];
-    Vec p = {0.0, 0.0, 0.0};
+    Vec p = {UNEVEN ? place[0] : 0.0, UNEVEN ? place[1] : 0.0, 0.0};
     Quat q = base;
     for (int place = shape.first; place < shape.first + shape.bodies; place++) {
         int b = PATH[place];
@@ -70,19 +70,38 @@ DEVICE double lowest_point(int k, Quat base, const double* halves) {
     double slope = rotated(q, {shape.axis[0], shape.axis[1], shape.axis[2]}).z;
     double flat = 1.0 - slope * slope;
     flat = flat > 0.0 ? flat : 0.0;
-    return centre.z - (edges[0] + edges[1] + edges[2] + shape.rim * sqrt(flat) + shape.radius);
+    double drop = edges[0] + edges[1] + edges[2] + shape.rim * sqrt(flat) + shape.radius;
+#if UNEVEN
+    // Both ends of a capsule touch; the reach of boxes and cylinders is as wide as it is high.
+    if (!shape.round) return highest_about(centre.x, centre.y, drop) + drop - centre.z;
+    Vec end = rotated(q, {shape.edges[0], shape.edges[1], shape.edges[2]});
+    double one = highest_about(centre.x + end.x, centre.y + end.y, shape.radius) + shape.radius - (centre.z + end.z);
+    double other = highest_about(centre.x - end.x, centre.y - end.y, shape.radius) + shape.radius - (centre.z - end.z);
+    return one > other ? one : other;
+#else
+    return GROUND - (centre.z - drop);
+#endif
 }
+
+#if UNEVEN
+#define HEIGHT_WITHOUT_SHAPES ground_height(place[0], place[1])
+#else
+#define HEIGHT_WITHOUT_SHAPES GROUND
+#endif
 
 // What a block's threads hand to each other while they place a robot.
 struct Placing {
-    double angles[JOINTS], halves[2 * JOINTS], lowest[SHAPES > 0 ? SHAPES : 1];
+    double angles[JOINTS], halves[2 * JOINTS], heights[SHAPES > 0 ? SHAPES : 1];
 };
 
 // A new episode of environment `e` that begins at `step`: all threads of the block share the work.
 DEVICE void start_episode(
-    const u32* control, u32 e, u32 step, Placing& placing, float* state, float* report, float* memory, float* command
+    const u32* control, u32 e, u32 step, Placing& placing, float* state, float* report, float* memory, float* command,
+    const float* ways
 ) {
     Draws draws = draws_of(control, RESET_DRAWS, e, step);
+    double place[2];
+    start_place(control, ways, e, step, place);
 #define EITHER(draw, half) within(draws, draw, -(half), half)
     int thread = (int)threadIdx.x, threads = (int)blockDim.x;
     for (int j = thread; j < JOINTS; j += threads) {
@@ -100,7 +119,7 @@ DEVICE void start_episode(
     Quat posture = product(turn(1, START_PITCH + EITHER(1, START_TILT)), turn(0, EITHER(2, START_TILT)));
     Quat q = product(turn(2, yaw), posture);
     __syncthreads();
-    for (int k = thread; k < SHAPES; k += threads) placing.lowest[k] = lowest_point(k, q, placing.halves);
+    for (int k = thread; k < SHAPES; k += threads) placing.heights[k] = needed_height(k, q, place, placing.halves);
     for (int k = thread; k < STATE_COUNT; k += threads) {
         if (k >= QPOS && k < QACC) continue;
         if (k >= LINEAR && k < LINEAR + 2) STATE(k) = (float)EITHER(3 + k - LINEAR, START_LINEAR_VELOCITY);
@@ -118,9 +137,9 @@ DEVICE void start_episode(
         for (int axis = 0; axis < 3; axis++) CENTRE(k, axis) = 0.0f;
     __syncthreads();
     if (thread != 0) return;
-    double lowest = 1e300;
-    for (int k = 0; k < SHAPES; k++) lowest = placing.lowest[k] < lowest ? placing.lowest[k] : lowest;
-    double height = lowest < 1e300 ? GROUND - lowest : GROUND;
+    double height = SHAPES > 0 ? placing.heights[0] : HEIGHT_WITHOUT_SHAPES;
+    for (int k = 1; k < SHAPES; k++) height = placing.heights[k] > height ? placing.heights[k] : height;
+    for (int k = 0; k < 2; k++) STATE(POSITION + k) = (float)place[k];
     STATE(POSITION + 2) = (float)(height + GAP);
     STATE(QUATERNION) = (float)q.w;
     STATE(QUATERNION + 1) = (float)q.x;

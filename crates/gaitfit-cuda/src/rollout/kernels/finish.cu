@@ -12,7 +12,14 @@ DEVICE void advance_foot(const float* report, float* feet, u32 e, u32 steps, int
     for (int i = FOOT_FIRST[k]; i < FOOT_FIRST[k + 1]; i++) force += FORCE(FOOT_GEOM[i]);
     for (int axis = 0; axis < 3; axis++) place[axis] = CENTRE(k, axis);
     for (int number = 0; number < FOOT_SIZE; number++) before[number] = FOOT(k, number);
-    advanced_foot(before, force, place, (float)CONTROL_DT, steps <= 1 ? 1.0f : 0.0f, foot);
+    bool begins = steps <= 1;
+#if COURSE
+    // Episodes may begin in their midst, and far from the origin.
+    bool fresh = true;
+    for (int number = 0; number < FOOT_SIZE; number++) fresh &= before[number] == 0.0f;
+    begins |= fresh;
+#endif
+    advanced_foot(before, force, place, (float)CONTROL_DT, flag(begins), foot);
     for (int number = 0; number < FOOT_SIZE; number++) FOOT(k, number) = foot[number];
 }
 
@@ -26,12 +33,12 @@ DEVICE void forget_episode(u32* fresh, float* last_action, float* feet, u32 e) {
 // New episodes from `step` on of those environments of the block that begin anew: all its threads share the work.
 DEVICE void start_episodes(
     const u32* control, u32 step, const u32* begins, Placing& placing, float* state, float* report, float* memory,
-    float* command
+    float* command, const float* ways
 ) {
     __syncthreads();
     for (u32 k = 0; k < THREADS; k++) {
         if (!begins[k]) continue;
-        start_episode(control, blockIdx.x * blockDim.x + k, step, placing, state, report, memory, command);
+        start_episode(control, blockIdx.x * blockDim.x + k, step, placing, state, report, memory, command, ways);
         __syncthreads();
     }
 }
@@ -40,7 +47,8 @@ DEVICE void start_episodes(
 DEVICE bool finish_step(
     u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
     float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
-    float* tail, double* tally, float* errors, unsigned char* ends, float* last_observation, const float* memory, const float* imu, u32 e
+    float* tail, double* tally, float* errors, unsigned char* ends, float* last_observation, const float* memory, const float* imu,
+    float* ways, const float* past, const float* critic_past, u32 e
 ) {
     u64 row = (u64)step * ENVIRONMENTS + e;
     u32 number = control[FIRST_STEP] + step, age = steps[e] + 1;
@@ -48,7 +56,8 @@ DEVICE bool finish_step(
     Moment m;
     for (int k = 0; k < FEET; k++) advance_foot(report, feet, e, age, k, m.feet[k]);
     // Numbers that are none fail every comparison.
-    bool whole = is_finite(base.position[2]);
+    float height = base.position[2] - ground_under(base.position);
+    bool whole = is_finite(height);
     for (int k = 0; k < 3; k++) whole &= fabsf(base.linear[k]) <= FASTEST_BASE && fabsf(base.angular[k]) <= FASTEST_BASE;
     for (int k = 0; k < 4; k++) whole &= is_finite(base.quaternion[k]);
     for (int j = 0; j < JOINTS; j++) whole &= fabsf(joint_velocity(state, e, j)) <= FASTEST_JOINT;
@@ -57,7 +66,7 @@ DEVICE bool finish_step(
     base_moment(base.quaternion, base.linear, base.angular, m.command, POSTURE, numbers);
     for (int k = 0; k < 3; k++) m.velocity[k] = numbers[k], m.gravity[k] = numbers[3 + k], m.angular[k] = base.angular[k];
     m.yaw_rate = numbers[6], m.uprightness = numbers[7], m.walking = numbers[8] != 0.0f;
-    m.height = base.position[2];
+    m.height = height;
     m.clock = clock_of(age);
     m.fallen = has_fallen(report, e, m.uprightness, m.height);
     m.body_contacts = 0;
@@ -70,7 +79,13 @@ DEVICE bool finish_step(
     float paid = 0.0f;
     for (int k = 0; k < REWARDS; k++) paid += terms[k];
     bool broken = !whole || !is_finite(paid);
-    int ended = m.fallen || broken ? FALL : age >= EPISODE_STEPS_MAX ? TIME_OUT : GOES_ON;
+    bool over = age >= EPISODE_STEPS_MAX;
+#if COURSE
+    TALLY(LEVEL) += (double)WAY(WAY_LEVEL);
+    if (whole) advance_way(ways, e, m.command, m.velocity);
+    over |= is_outside(base.position);
+#endif
+    int ended = m.fallen || broken ? FALL : over ? TIME_OUT : GOES_ON;
 
     for (int k = 0; k < ACTIONS; k++) last_action[k * ENVIRONMENTS + e] = m.action[k];
     if (age % COMMAND_STEPS == 0) draw_command(control, e, number + 1, command);
@@ -104,14 +119,18 @@ DEVICE bool finish_step(
     ends[ENDS_APART + e] = ended == TIME_OUT;
     ends[2 * ENDS_APART + e] = ended != GOES_ON;
     if (ended != GOES_ON)
-        write_last_row(control, state, params, memory, age, imu, command, last_action, broken, e, number + 1, last_observation);
+        write_last_row(control, state, params, memory, age, imu, command, last_action, past, broken, e, number + 1, last_observation);
 #else
     u32 slot = step / EPISODE_STEPS_MAX;
+#if COURSE
+    // Who leaves the ground is cut off too: the first free place.
+    for (slot = 0; slot + 1 < CUTS && cut[slot * ENVIRONMENTS + e] > 0;) slot++;
+#endif
     if (ended == TIME_OUT) {
         // It would have gone on: the critic's value of the state reached stands for the rewards that follow.
         cut[slot * ENVIRONMENTS + e] = step + 1;
         write_critic_row(
-            state, params, age, command, last_action, e,
+            state, params, age, command, last_action, critic_past, e,
             tail + ((u64)(1 + slot) * ENVIRONMENTS + e) * CRITIC_ROW.width);
     }
 #endif
@@ -123,6 +142,9 @@ DEVICE bool finish_step(
         TALLY(EPISODE_RETURN) += (double)sum;
         sum = length = 0.0f;
         age = 0;
+#if COURSE
+        next_way(control, ways, e, number + 1, base.position, ended == FALL);
+#endif
         forget_episode(fresh, last_action, feet, e);
     }
     returns[e] = sum;
@@ -134,7 +156,8 @@ DEVICE bool finish_step(
 KERNEL finish(
     u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
     float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
-    float* tail, double* tally, float* errors, unsigned char* ends, float* last_observation, float* memory, const float* imu
+    float* tail, double* tally, float* errors, unsigned char* ends, float* last_observation, float* memory, const float* imu,
+    float* ways, const float* past, const float* critic_past
 ) {
     // Which environments of the block begin anew.
     __shared__ u32 begins[THREADS];
@@ -143,8 +166,8 @@ KERNEL finish(
     bool inside = e < ENVIRONMENTS;
     begins[threadIdx.x] = inside && finish_step(
         step, control, state, params, report, action, reward, done, steps, fresh, command, last_action, feet, returns, cut,
-        tail, tally, errors, ends, last_observation, memory, imu, e) ? 1 : 0;
-    start_episodes(control, control[FIRST_STEP] + step + 1, begins, placing, state, report, memory, command);
+        tail, tally, errors, ends, last_observation, memory, imu, ways, past, critic_past, e) ? 1 : 0;
+    start_episodes(control, control[FIRST_STEP] + step + 1, begins, placing, state, report, memory, command, ways);
 }
 
 // Before a rollout: sums of 0, no episode cut off.

@@ -9,7 +9,7 @@ struct Moment {
     const float *state, *params, *report;
     // The action of this period; the one before, with ENVIRONMENTS between its numbers.
     const float *action, *last_action;
-    // Of each foot its numbers, and 1 if it landed; without uneven ground a foot is as high as its centre.
+    // Of each foot its numbers, and 1 if it landed.
     float feet[FEET > 0 ? FEET : 1][FOOT_SIZE + 1];
 };
 
@@ -45,7 +45,7 @@ QUANTITY(action, m.action[k])
 QUANTITY(last_action, m.last_action[k * ENVIRONMENTS + e])
 QUANTITY(contact, m.feet[k][TOUCHING])
 QUANTITY(landed, m.feet[k][FOOT_SIZE])
-QUANTITY(foot_height, m.feet[k][PLACE_Z])
+QUANTITY(foot_height, m.feet[k][PLACE_Z] - ground_under(m.feet[k] + PLACE_X))
 QUANTITY(foot_speed, m.feet[k][SPEED])
 QUANTITY(air_time, m.feet[k][AIR])
 QUANTITY(contact_time, m.feet[k][CONTACT])

@@ -1,10 +1,11 @@
 // Observations: rows as the policy's interface lays them out.
 
-// Writes the numbers `from` to `until` of term `number` of TERMS into their places of a row; `from` is a multiple of 4. `scales`: those of the row. `noise`: draws of this environment
-// and step, or none. `memory` and `imu`: errors of this robot's sensors, or none; `command` and `last_action`: this robot's; all have
-// their numbers `apart` from each other.
+// Writes the numbers `from` to `until` of term `number` of TERMS into their places of a row, in all frames; `from` is a
+// multiple of 4. `scales`: those of the row. `noise`: draws of this environment and step, or none. `past`: the row of the
+// step before, whose frames move up, or none at an episode's start; it may be `out`. `memory` and `imu`: errors of this
+// robot's sensors, or none; `command` and `last_action`: this robot's; all have their numbers `apart` from each other.
 DEVICE void write_term(
-    int number, int from, int until, const float* scales, const Draws* noise, const float* state, const float* params,
+    int number, int from, int until, const float* scales, const Draws* noise, const float* past, const float* state, const float* params,
     const float* memory, u32 steps, const float* imu, const float* command, const float* last_action, u32 apart, u32 e, float* out
 ) {
     Term term = TERMS[number];
@@ -29,8 +30,8 @@ DEVICE void write_term(
             to_body(base.quaternion, base.linear, vector);
             break;
         case BASE_HEIGHT:
-            // Uneven ground is refused.
-            vector[0] = base_of(state, e).position[2];
+            base = base_of(state, e);
+            vector[0] = base.position[2] - ground_under(base.position);
             break;
         case COMMAND:
             for (int k = 0; k < 3; k++) vector[k] = command[k * apart];
@@ -44,7 +45,7 @@ DEVICE void write_term(
     }
     until = until < term.width ? until : term.width;
     for (; from < until; from += 4) {
-        if (noise && term.half_range > 0.0f) block_of(*noise, term.place + from, words);
+        if (noise && term.half_range > 0.0f) block_of(*noise, term.draw + from, words);
 #pragma unroll
         for (int i = 0; i < 4; i++) {
             int k = from + i;
@@ -59,6 +60,10 @@ DEVICE void write_term(
             if (noise && term.half_range > 0.0f)
                 value += term.half_range * (2.0f * ((float)(words[i] >> 8) * (1.0f / 16777216.0f)) - 1.0f);
             out[term.place + k] = value * scales[term.place + k];
+            for (int frame = 0; frame + 1 < term.frames; frame++) {
+                int place = term.oldest + frame * term.apart + k;
+                out[place] = past ? past[place + term.apart] : ZEROS_BEFORE ? 0.0f : out[term.place + k];
+            }
         }
     }
 }

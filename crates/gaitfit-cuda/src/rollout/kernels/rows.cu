@@ -1,56 +1,72 @@
 // The rows of a rollout's samples.
 
+// A row as it was last observed: `past` of the actor, `critic_past` of the critic; without past frames nobody keeps them.
+#define PAST_ROW(rows, row) (row.frames > 1 ? rows + (u64)e * row.width : nullptr)
+
+// What the critic of environment `e` sees after a step, before a new episode begins.
 DEVICE void write_critic_row(
-    const float* state, const float* params, u32 steps, const float* command, const float* last_action, u32 e, float* out
+    const float* state, const float* params, u32 steps, const float* command, const float* last_action, const float* critic_past, u32 e,
+    float* out
 ) {
     for (int t = CRITIC_ROW.first; t < CRITIC_ROW.first + CRITIC_ROW.terms; t++)
         write_term(
-            t, 0, TERMS[t].width, SCALES + CRITIC_ROW.scale, nullptr, state, params, nullptr, steps, nullptr, command + e, last_action + e,
-            ENVIRONMENTS, e, out);
+            t, 0, TERMS[t].width, SCALES + CRITIC_ROW.scale, nullptr, PAST_ROW(critic_past, CRITIC_ROW), state, params, nullptr, steps,
+            nullptr, command + e, last_action + e, ENVIRONMENTS, e, out);
 }
 
 #if STEPWISE
 // What the actor of environment `e` observes at step `number`, at an episode's end; zeros if its simulation came apart.
 DEVICE void write_last_row(
     const u32* control, const float* state, const float* params, const float* memory, u32 steps, const float* imu, const float* command,
-    const float* last_action, bool broken, u32 e, u32 number, float* rows
+    const float* last_action, const float* past, bool broken, u32 e, u32 number, float* rows
 ) {
     float* out = rows + (u64)e * ACTOR_ROW.width;
     Draws noise = draws_of(control, NOISE_DRAWS, e, number);
     for (int t = ACTOR_ROW.first; t < ACTOR_ROW.first + ACTOR_ROW.terms; t++)
         write_term(
-            t, 0, TERMS[t].width, SCALES + ACTOR_ROW.scale, &noise, state, params, memory, steps, imu + e, command + e,
-            last_action + e, ENVIRONMENTS, e, out);
+            t, 0, TERMS[t].width, SCALES + ACTOR_ROW.scale, &noise, PAST_ROW(past, ACTOR_ROW), state, params, memory, steps, imu + e,
+            command + e, last_action + e, ENVIRONMENTS, e, out);
     for (int k = 0; k < ACTOR_ROW.width && broken; k++) out[k] = 0.0f;
 }
 #endif
 
-// The rows of step `step` of the samples: a block column for each term of the actor, then of the critic.
+// The rows of step `step` of the samples: a block column for each term of the actor, then of the critic. `fresh`: whether
+// each episode begins.
 KERNEL observe(
-    u32 step, const u32* control, const float* state, const float* params, const float* memory, const u32* steps, const float* imu,
-    const float* command, const float* last_action, float* observation, float* critic_observation
+    u32 step, const u32* control, const float* state, const float* params, const float* memory, const u32* steps, const u32* fresh,
+    const float* imu, const float* command, const float* last_action, float* past, float* critic_past, float* observation,
+    float* critic_observation
 ) {
     u32 e = blockIdx.x * blockDim.x + threadIdx.x;
     if (e >= ENVIRONMENTS) return;
-    u64 row = (u64)step * ENVIRONMENTS + e;
+    u64 sample = (u64)step * ENVIRONMENTS + e;
     int number = (int)blockIdx.y;
     bool actor = number < ACTOR_ROW.terms;
+    Row row = actor ? ACTOR_ROW : CRITIC_ROW;
     Draws noise = draws_of(control, NOISE_DRAWS, e, control[FIRST_STEP] + step);
-    float* out = actor ? observation + row * ACTOR_ROW.width : critic_observation + row * CRITIC_ROW.width;
+    float* out = (actor ? observation : critic_observation) + sample * row.width;
+    float* kept = PAST_ROW((actor ? past : critic_past), row);
     write_term(
-        number, 0, TERMS[number].width, SCALES + (actor ? ACTOR_ROW.scale : CRITIC_ROW.scale), actor ? &noise : nullptr, state, params,
-        actor ? memory : nullptr, steps[e],
-        actor ? imu + e : nullptr, command + e, last_action + e, ENVIRONMENTS, e, out);
+        number, 0, TERMS[number].width, SCALES + row.scale, actor ? &noise : nullptr, fresh[e] ? nullptr : kept, state, params,
+        actor ? memory : nullptr, steps[e], actor ? imu + e : nullptr, command + e, last_action + e, ENVIRONMENTS, e, out);
+    if (!kept) return;
+    Term term = TERMS[number];
+    for (int frame = 0; frame < term.frames; frame++)
+        for (int k = 0; k < term.width; k++) {
+            int place = term.oldest + frame * term.apart + k;
+            kept[place] = out[place];
+        }
 }
 
 // What the critic sees after the last step: a block column for each term.
 KERNEL observe_end(
-    const float* state, const float* params, const u32* steps, const float* command, const float* last_action, float* tail
+    const float* state, const float* params, const u32* steps, const u32* fresh, const float* command, const float* last_action,
+    const float* critic_past, float* tail
 ) {
     u32 e = blockIdx.x * blockDim.x + threadIdx.x;
     if (e >= ENVIRONMENTS) return;
     int number = CRITIC_ROW.first + (int)blockIdx.y;
     write_term(
-        number, 0, TERMS[number].width, SCALES + CRITIC_ROW.scale, nullptr, state, params, nullptr, steps[e], nullptr, command + e,
-        last_action + e, ENVIRONMENTS, e, tail + (u64)e * CRITIC_ROW.width);
+        number, 0, TERMS[number].width, SCALES + CRITIC_ROW.scale, nullptr, fresh[e] ? nullptr : PAST_ROW(critic_past, CRITIC_ROW), state,
+        params, nullptr, steps[e], nullptr, command + e, last_action + e, ENVIRONMENTS, e, tail + (u64)e * CRITIC_ROW.width);
 }

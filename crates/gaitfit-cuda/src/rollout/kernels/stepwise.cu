@@ -17,7 +17,7 @@ KERNEL next_step(u32* control) {
 // New episodes for all environments, as if each had ended in the present step.
 KERNEL restart(
     const u32* control, float* state, float* report, float* memory, u32* steps, u32* fresh, float* command, float* last_action,
-    float* feet, float* returns
+    float* feet, float* returns, float* ways
 ) {
     __shared__ u32 begins[THREADS];
     __shared__ Placing placing;
@@ -28,6 +28,10 @@ KERNEL restart(
         forget_episode(fresh, last_action, feet, e);
         steps[e] = 0;
         returns[e] = returns[ENVIRONMENTS + e] = 0.0f;
+#if COURSE
+        WAY(WAY_LEVEL) = (float)any_level(control, e, control[FIRST_STEP] + 1, DRAWN_LEVELS);
+        WAY(WAY_WALKED) = WAY(WAY_COMMANDED) = 0.0f;
+#endif
     }
-    start_episodes(control, control[FIRST_STEP] + 1, begins, placing, state, report, memory, command);
+    start_episodes(control, control[FIRST_STEP] + 1, begins, placing, state, report, memory, command, ways);
 }

@@ -10,14 +10,16 @@
 struct Spot {
     int base, stride;
 };
-// A term of an observation: its quantity, first place in the row, numbers, and the noise's half range.
+// A term of an observation: its quantity, first place of its present frame in the row, numbers of a frame, its noise's
+// first draw and half range, the first place of its oldest frame, how far apart frames are, and how many it has.
 struct Term {
-    int quantity, place, width;
+    int quantity, place, width, draw;
     float half_range;
+    int oldest, apart, frames;
 };
-// A row: its first term and their number, the first of its scales, its width.
+// A row: its first term and their number, the first of its scales, its width, and the most frames of a term.
 struct Row {
-    int first, terms, scale, width;
+    int first, terms, scale, width, frames;
 };
 // A body: its parent (-1 for the root), its joints' places in HINGE_ORDER, and its frame in the parent's.
 struct Body {
@@ -35,5 +37,7 @@ struct Hinge {
 struct Shape {
     int first, bodies;
     double position[3], radius, edges[9], rim, axis[3];
+    // Whether it is a sphere or a capsule.
+    int round;
 };
 

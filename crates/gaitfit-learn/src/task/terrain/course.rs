@@ -98,6 +98,25 @@ impl Course {
         environment as usize % self.settings.columns
     }
 
+    /// Half the edges of the ground, along levels and columns, without the strip that ends an episode, m.
+    pub fn inside(&self) -> [f64; 2] {
+        self.inside
+    }
+
+    /// Half the edge of the square about the middle of a cell in which episodes start, m.
+    pub fn room(&self) -> f64 {
+        (0.5 * self.settings.platform - ROOM).max(0.0)
+    }
+
+    /// Levels that the first episode, or any without a curriculum, starts on, from the lowest.
+    pub fn drawn_levels(&self) -> usize {
+        if self.settings.curriculum {
+            self.settings.start_level.saturating_add(1).min(self.settings.levels)
+        } else {
+            self.settings.levels
+        }
+    }
+
     /// Whether x, y is so near the edge of the ground that the episode ends, or beyond it.
     pub(in crate::task) fn is_outside(&self, [x, y]: [f32; 2]) -> bool {
         f64::from(x).abs() > self.inside[0] || f64::from(y).abs() > self.inside[1]
@@ -106,7 +125,7 @@ impl Course {
     /// Where on `cell` an episode of `environment` starts that begins at `step`: x and y, m.
     pub(in crate::task) fn place(&self, cell: Cell, seed: u64, environment: u32, step: u32) -> [f64; 2] {
         let stream = Stream::new(seed, Purpose::PLACE).environment(environment).step(step);
-        let room = (0.5 * self.settings.platform - ROOM).max(0.0);
+        let room = self.room();
         let [x, y] = self.middle(cell);
         let off = |draw: u32| room * (2.0 * stream.uniform(draw) - 1.0);
         [x + off(1), y + off(2)]
@@ -114,12 +133,7 @@ impl Course {
 
     /// The level of the first episode of `environment`, or of one that begins at `step` where there is no curriculum.
     pub(in crate::task) fn drawn_level(&self, seed: u64, environment: u32, step: u32) -> usize {
-        let levels = if self.settings.curriculum {
-            self.settings.start_level.saturating_add(1).min(self.settings.levels)
-        } else {
-            self.settings.levels
-        };
-        any(levels, seed, environment, step)
+        any(self.drawn_levels(), seed, environment, step)
     }
 
     /// The level of the episode of `environment` that begins at `step`, after one that went like `way` and ended at x, y

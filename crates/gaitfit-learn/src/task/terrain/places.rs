@@ -56,11 +56,19 @@ impl Environment<'_> {
 
     /// Takes up saved ways; false if some cannot be.
     pub(in crate::task) fn restore_ways(&mut self, numbers: &[f32]) -> bool {
-        let levels = self.task.course.as_ref().map_or(0, |course| course.settings().levels);
         let saved = numbers.as_chunks::<3>().0;
-        self.ways
-            .iter_mut()
-            .zip(saved)
-            .all(|(way, numbers)| Way::from_numbers(numbers, levels).map(|found| *way = found).is_some())
+        (0..self.ways.len()).zip(saved).all(|(index, numbers)| self.restore_way(index, numbers))
+    }
+
+    /// Takes up the saved way of environment `index`; false if it cannot be.
+    pub(in crate::task) fn restore_way(&mut self, index: usize, numbers: &[f32; 3]) -> bool {
+        let levels = self.task.course.as_ref().map_or(0, |course| course.settings().levels);
+        match (self.ways.get_mut(index), Way::from_numbers(numbers, levels)) {
+            (Some(way), Some(saved)) => {
+                *way = saved;
+                true
+            }
+            _ => false,
+        }
     }
 }
