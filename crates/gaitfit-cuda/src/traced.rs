@@ -70,7 +70,7 @@ fn lines(graph: &Graph, inputs: &[String]) -> Option<String> {
             Node::Abs(a) => format!("fabsf({})", n(a)),
             Node::Select(a, b, x, y) => format!("{} < {} ? {} : {}", n(a), n(b), n(x), n(y)),
             Node::Recip(_) | Node::Tanh(_) | Node::Sin(_) | Node::Cos(_) => return None,
-            Node::Round(_) | Node::Gather(..) => return None,
+            Node::Round(_) | Node::Gather(..) | Node::Call(..) => return None,
             Node::Unless(..) | Node::Merge(..) | Node::Variable(..) | Node::Result(..) => return None,
         };
         // Writing to a string does not fail.

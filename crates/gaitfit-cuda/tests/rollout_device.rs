@@ -7,7 +7,7 @@ use gaitfit_cuda::runtime::Device;
 use gaitfit_learn::collect::{self, CollectOptions, Collected};
 use gaitfit_learn::evaluate::{self, Subject};
 use gaitfit_learn::ppo::Settings;
-use gaitfit_learn::task::{Snapshot, Task, TaskSettings, preset};
+use gaitfit_learn::task::{Snapshot, Task, TaskSettings, TerrainSettings, preset};
 use gaitfit_learn::{Origin, Training, TrainingSettings};
 use gaitfit_log::Trajectory;
 use gaitfit_model::Model;
@@ -23,6 +23,13 @@ fn go2() -> Model {
 
 fn task(name: &str) -> Task {
     let settings: TaskSettings = toml::from_str(preset(name).unwrap()).unwrap();
+    Task::new(&go2(), &settings, Preset::Fast).unwrap()
+}
+
+/// The velocity task with other settings.
+fn changed(change: impl FnOnce(&mut TaskSettings)) -> Task {
+    let mut settings: TaskSettings = toml::from_str(preset("velocity").unwrap()).unwrap();
+    change(&mut settings);
     Task::new(&go2(), &settings, Preset::Fast).unwrap()
 }
 
@@ -71,8 +78,17 @@ fn gpu_rollouts_are_the_cpus() {
         ("velocity", fitted),
         ("velocity", with),
         ("velocity", everywhere),
+        ("uneven", Candidate::nominal(&go2())),
+        ("past", Candidate::nominal(&go2())),
     ] {
-        let task = task(name);
+        let task = match name {
+            "uneven" => changed(|settings| settings.terrain = Some(TerrainSettings::default())),
+            "past" => changed(|settings| {
+                settings.policy.observation.iter_mut().for_each(|term| term.history = 5);
+                settings.policy.critic_observation[0].history = 3;
+            }),
+            name => task(name),
+        };
         let mut cpu = around(&task, &candidate, 300, 3);
         let mut trainer = Trainer::new(&device, &mut cpu, Precision::F32).unwrap();
         let (mut gpu, wanted) = (around(&task, &candidate, 300, 3), cpu.iterate(8).unwrap());

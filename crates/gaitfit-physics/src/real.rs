@@ -81,6 +81,12 @@ pub trait Real:
     fn round(self) -> Self;
     /// The entry of `table` with the number `index`, which is whole and not negative; zero beyond the table's end.
     fn gather(table: &[Self::K], index: Self) -> Self;
+    /// A function of three numbers that is taken at many places: a recording has its operations once. `key` stands for the
+    /// function and all that it knows besides its arguments.
+    #[inline(always)]
+    fn call(_key: usize, inputs: [Self; 3], function: impl FnOnce([Self; 3]) -> [Self; 4]) -> [Self; 4] {
+        function(inputs)
+    }
     /// Calls a part of the step that is a function of its own, compiled for the scalar's instruction set.
     #[inline(never)]
     fn separate<P: Part<A, R>, A, R>(arguments: A) -> R {

@@ -183,6 +183,16 @@ impl<K: Copy> Field<K> {
     /// surface within half a cell is in them. Below the surface, the triangle above counts as a plane.
     #[inline(always)]
     pub fn nearest<T: Real<K = K>>(&self, x: V3<T>) -> Nearest<T> {
+        let key = std::ptr::from_ref(self) as usize;
+        let [distance, x, y, z] = T::call(key, x, |x| {
+            let Nearest { distance, normal: [x, y, z] } = self.nearest_inline(x);
+            [distance, x, y, z]
+        });
+        Nearest { distance, normal: [x, y, z] }
+    }
+
+    #[inline(always)]
+    fn nearest_inline<T: Real<K = K>>(&self, x: V3<T>) -> Nearest<T> {
         let (zero, one) = (T::zero(), T::lit(1.0));
         let c = local::<T>(&self.rotation, &self.position, x);
         let (dx, dy) = (T::k(self.step[0]), T::k(self.step[1]));

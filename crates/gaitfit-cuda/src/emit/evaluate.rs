@@ -126,6 +126,9 @@ impl Program {
                     Op::Sin => a.sin(),
                     Op::Cos => a.cos(),
                     Op::Round => a.round_ties_even(),
+                    Op::Call(function, output) => {
+                        self.functions[function as usize].evaluate(&[a, b, c])[output as usize]
+                    }
                     Op::Gather(table) => self.tables[table as usize].get(a as usize).copied().unwrap_or(0.0),
                     Op::Merge => {
                         if a == 0.0 {

@@ -8,6 +8,7 @@
 mod chain;
 mod crossing;
 mod evaluate;
+mod function;
 mod lanes;
 mod layout;
 mod op;
@@ -24,11 +25,12 @@ use std::collections::HashMap;
 use gaitfit_physics::trace::{Input, Node as Recorded, Output, PeriodGraph};
 use gaitfit_physics::{Owner, Slot};
 
+pub use function::tables;
 pub use layout::{Class, Layout, Place, Slots, TILE};
 pub use op::{Node, Op};
 pub use program::{Kind, Program, Region};
 pub use seating::Seating;
-pub use text::{KERNEL, WORDS, body, cuda, head, table_name};
+pub use text::{KERNEL, WORDS, body, cuda, head};
 pub use turns::has_two_texts;
 
 use chain::Chains;

@@ -53,6 +53,8 @@ pub enum Op {
     Round,
     /// The entry with the number a of a table (its place in [`Program::tables`](super::Program::tables)); 0 beyond its end.
     Gather(u32),
+    /// Of a function (its place in [`Program::functions`](super::Program::functions)) the output with this number.
+    Call(u32, u32),
     /// A guard: whether some lane does not satisfy a ≥ b.
     Unless,
     /// After a region with this guard (the first): the second, made in it, else the third.
@@ -74,7 +76,7 @@ impl Op {
             Op::Round | Op::Gather(_) => 1,
             Op::LaneSum | Op::LaneMax | Op::LaneMin => 1,
             Op::Add | Op::Sub | Op::Mul | Op::Div | Op::Min | Op::Max | Op::Unless => 2,
-            Op::Fma | Op::Fnma | Op::Fms | Op::Merge => 3,
+            Op::Fma | Op::Fnma | Op::Fms | Op::Merge | Op::Call(..) => 3,
             Op::Select => 4,
         }
     }
@@ -127,6 +129,7 @@ impl From<trace::Node> for Node {
             From::Cos(..) => Op::Cos,
             From::Round(..) => Op::Round,
             From::Gather(table, _) => Op::Gather(table),
+            From::Call(function, output, ..) => Op::Call(function, output),
             From::Unless(..) => Op::Unless,
             From::Merge(..) => Op::Merge,
             From::Variable(region, place) => Op::Variable(region, place),

@@ -4,6 +4,8 @@ use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
 
+use gaitfit_physics::trace::Graph;
+
 use super::EmitError;
 use super::op::{Node, Op};
 use super::plan::{Handed, Plan};
@@ -50,6 +52,8 @@ pub struct Program {
     pub table: Vec<Vec<f64>>,
     /// Constants that [`Op::Gather`] reads, the same for all lanes.
     pub tables: Vec<Arc<[f64]>>,
+    /// What [`Op::Call`] computes.
+    pub functions: Vec<Arc<Graph>>,
     /// Nodes of the outputs.
     pub outputs: Vec<u32>,
 }
@@ -243,8 +247,9 @@ impl Draft {
         });
         let regions: Vec<Region> = made.collect();
         let outputs = self.outputs.iter().map(|&output| number[output as usize]).collect();
-        let (table, tables) = (plan.table.clone(), source.tables.clone());
-        Program { lanes, nodes, regions, home, table, tables, outputs }
+        let (table, tables, functions) =
+            (plan.table.clone(), source.tables.clone(), source.functions.clone());
+        Program { lanes, nodes, regions, home, table, tables, functions, outputs }
     }
 }
 

@@ -40,6 +40,8 @@ pub struct Source {
     pub uses: Vec<u32>,
     /// The recording's tables.
     pub tables: Vec<Arc<[f64]>>,
+    /// Its functions.
+    pub functions: Vec<Arc<Graph>>,
 }
 
 impl Source {
@@ -87,8 +89,9 @@ impl Source {
             regions.push(SourceRegion { guard, turns, parent });
         }
         let outputs = graph.outputs.iter().map(|id| alias[id.0 as usize]).collect();
-        let (live, uses, tables) = (vec![false; count], vec![0; count], graph.tables.clone());
-        let mut source = Self { nodes, home, regions, outputs, live, uses, tables };
+        let (live, uses) = (vec![false; count], vec![0; count]);
+        let (tables, functions) = (graph.tables.clone(), graph.functions.clone());
+        let mut source = Self { nodes, home, regions, outputs, live, uses, tables, functions };
         source.find_live();
         source.count_uses();
         source

@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use super::PeriodProgram;
 use super::crossing::Crossing;
+use super::function::{self, function_name};
 use super::layout::{Class, Layout, Place};
 use super::op::{Node, Op, literal};
 use super::program::{Kind, Program};
@@ -17,7 +18,7 @@ pub const KERNEL: &str = "control_period";
 pub const WORDS: &str = include_str!("words.cuh");
 
 /// Name of the array in the text that holds a table of the program; whoever loads the program fills it.
-pub fn table_name(number: usize) -> String {
+pub(super) fn table_name(number: usize) -> String {
     format!("table_{number}")
 }
 
@@ -36,6 +37,34 @@ pub fn head(layout: &Layout, block: usize) -> String {
 /// Everything that the device's compiler needs.
 pub fn cuda(program: &PeriodProgram, layout: &Layout, block: usize) -> String {
     head(layout, block) + WORDS + &body(program, layout)
+}
+
+/// What an operation computes, for operations that are one expression of their operands. `table`: the name of a table.
+pub(super) fn computed(op: Op, a: &[String], table: impl Fn(usize) -> String) -> Option<String> {
+    Some(match op {
+        Op::Add => format!("{} + {}", a[0], a[1]),
+        Op::Sub => format!("{} - {}", a[0], a[1]),
+        Op::Mul => format!("{} * {}", a[0], a[1]),
+        Op::Fma => format!("FMA({}, {}, {})", a[0], a[1], a[2]),
+        Op::Fnma => format!("FMA(-{}, {}, {})", a[0], a[1], a[2]),
+        Op::Fms => format!("FMA({}, {}, -{})", a[0], a[1], a[2]),
+        Op::Div => format!("DIV({}, {})", a[0], a[1]),
+        Op::Sqrt => format!("SQRT({})", a[0]),
+        Op::Recip => format!("RECIP({})", a[0]),
+        Op::Tanh => format!("TANH({})", a[0]),
+        Op::Round => format!("ROUND({})", a[0]),
+        Op::Gather(number) => format!("GATHER({}, {})", table(number as usize), a[0]),
+        Op::Min => format!("MIN({}, {})", a[0], a[1]),
+        Op::Max => format!("MAX({}, {})", a[0], a[1]),
+        Op::Abs => format!("ABS({})", a[0]),
+        Op::Select => format!("SELECT({}, {}, {}, {})", a[0], a[1], a[2], a[3]),
+        Op::Unless => format!("UNLESS({}, {})", a[0], a[1]),
+        Op::Merge => format!("({} ? {} : {})", a[0], a[1], a[2]),
+        Op::LaneSum => format!("LANE_SUM({})", a[0]),
+        Op::LaneMax => format!("LANE_MAX({})", a[0]),
+        Op::LaneMin => format!("LANE_MIN({})", a[0]),
+        _ => return None,
+    })
 }
 
 pub(super) struct Writer<'a> {
@@ -178,6 +207,9 @@ impl<'a> Writer<'a> {
         }
         for (number, table) in self.program.tables.iter().enumerate() {
             let _ = writeln!(self.text, "__device__ float {}[{}];", table_name(number), table.len().max(1));
+        }
+        for (number, function) in self.program.functions.iter().enumerate() {
+            self.text.push_str(&function::text(number, function));
         }
         let _ = writeln!(self.text, "KERNEL({KERNEL}) {{");
         self.depth = 1;
@@ -322,33 +354,34 @@ impl<'a> Writer<'a> {
             return self.turn(index, node, &a[0]);
         }
         let value = match node.op {
-            Op::Add => format!("{} + {}", a[0], a[1]),
-            Op::Sub => format!("{} - {}", a[0], a[1]),
-            Op::Mul => format!("{} * {}", a[0], a[1]),
-            Op::Fma => format!("FMA({}, {}, {})", a[0], a[1], a[2]),
-            Op::Fnma => format!("FMA(-{}, {}, {})", a[0], a[1], a[2]),
-            Op::Fms => format!("FMA({}, {}, -{})", a[0], a[1], a[2]),
-            Op::Div => format!("DIV({}, {})", a[0], a[1]),
-            Op::Sqrt => format!("SQRT({})", a[0]),
-            Op::Recip => format!("RECIP({})", a[0]),
-            Op::Tanh => format!("TANH({})", a[0]),
-            Op::Round => format!("ROUND({})", a[0]),
-            Op::Gather(table) => format!("GATHER({}, {})", table_name(table as usize), a[0]),
-            Op::Min => format!("MIN({}, {})", a[0], a[1]),
-            Op::Max => format!("MAX({}, {})", a[0], a[1]),
-            Op::Abs => format!("ABS({})", a[0]),
-            Op::Select => format!("SELECT({}, {}, {}, {})", a[0], a[1], a[2], a[3]),
-            Op::Unless => format!("UNLESS({}, {})", a[0], a[1]),
-            Op::Merge => format!("({} ? {} : {})", a[0], a[1], a[2]),
-            Op::LaneSum => format!("LANE_SUM({})", a[0]),
-            Op::LaneMax => format!("LANE_MAX({})", a[0]),
-            Op::LaneMin => format!("LANE_MIN({})", a[0]),
             Op::Input(number) => self.source(self.places[number as usize]),
-            _ => return,
+            Op::Call(function, output) => {
+                format!("{}.n{output}", self.call(index, node, function, &a))
+            }
+            op => match computed(op, &a, table_name) {
+                Some(value) => value,
+                None => return,
+            },
         };
         let kind = if node.op == Op::Unless { "const bool " } else { "const R " };
         let kind = if self.crossing.early.contains(&index) { "" } else { kind };
         self.line(&format!("{kind}t{index} = {value};"));
+    }
+
+    /// The result of a function: one call for outputs that stand in a row.
+    fn call(&mut self, index: u32, node: Node, function: u32, arguments: &[String]) -> String {
+        let is_output = |at: u32, number: u32| {
+            self.program.nodes.get(at as usize) == Some(&Node { op: Op::Call(function, number), ..node })
+                && self.program.home[at as usize] == self.program.home[index as usize]
+        };
+        let Op::Call(_, output) = node.op else { return String::new() };
+        let first = index.checked_sub(output).filter(|first| (0..output).all(|k| is_output(first + k, k)));
+        let call = format!("{}({})", function_name(function as usize), arguments.join(", "));
+        let Some(first) = first else { return call };
+        if output == 0 {
+            self.line(&format!("const Four c{first} = {call};"));
+        }
+        format!("c{first}")
     }
 
     /// Sine and cosine of one angle at once.

@@ -7,6 +7,11 @@ typedef float R;
 #define ABS(a) fabsf(a)
 #define SELECT(a, b, x, y) ((a) < (b) ? (x) : (y))
 #define ROUND(a) rintf(a)
+// A function that is taken at many places.
+struct Four {
+  R n0, n1, n2, n3;
+};
+#define FUNCTION(name) __device__ __noinline__ Four name(R i0, R i1, R i2)
 // An entry of a table; 0 beyond its end.
 #define GATHER(table, at) gather(table, sizeof(table) / 4, (int)(at))
 __device__ __forceinline__ float gather(const float* table, unsigned length, int at) {

@@ -5,7 +5,7 @@ use gaitfit_physics::trace::{Input, Known, PeriodGraph, Report, Traced, record_p
 use gaitfit_physics::{JointModification, Settings, Slot, compile};
 
 use super::{DeviceError, Shared};
-use crate::emit::{EmitOptions, KERNEL, Layout, PeriodProgram, Seating, cuda, has_two_texts, table_name};
+use crate::emit::{EmitOptions, KERNEL, Layout, PeriodProgram, Seating, cuda, has_two_texts, tables};
 use crate::runtime::Program;
 
 /// Threads of a block. Two warps: the number makes no difference up to 128.
@@ -181,9 +181,9 @@ impl Period {
     /// the fast reciprocals take them. Two texts of a loop must have the same bits: in them only what the text says is fused.
     pub fn program(&self) -> Program {
         let mut program = Program::new(KERNEL, self.text.clone()).option("-ftz=true");
-        for (number, table) in self.graph.graph.tables.iter().enumerate() {
+        for (name, table) in tables(&self.graph.graph) {
             let numbers: Vec<f32> = table.iter().map(|&number| number as f32).collect();
-            program = program.table(table_name(number), numbers);
+            program = program.table(name, numbers);
         }
         if has_two_texts(&self.shared, &self.layout) { program.option("-fmad=false") } else { program }
     }

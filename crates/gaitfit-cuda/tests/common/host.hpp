@@ -16,6 +16,8 @@ static inline R SELECT(R a, R b, R x, R y) { return a < b ? x : y; }
 static inline R MIN(R a, R b) { return a < b ? a : b; }
 static inline R MAX(R a, R b) { return a > b ? a : b; }
 static inline R ROUND(R a) { for (int i = 0; i < LANES; ++i) a[i] = std::nearbyint(a[i]); return a; }
+struct Four { R n0, n1, n2, n3; };
+#define FUNCTION(name) static Four name(R i0, R i1, R i2)
 #define GATHER(table, at) gather(table, sizeof(table) / 4, at)
 static inline R gather(const float* table, unsigned length, R at) {
   for (int i = 0; i < LANES; ++i) at[i] = (unsigned)(int)at[i] < length ? table[(int)at[i]] : 0.f;

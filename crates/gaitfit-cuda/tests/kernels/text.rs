@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::process::Command;
 
 use crate::common::{Sample, feet, on_box, on_field, recorded, robot, samples, shared};
-use gaitfit_cuda::emit::{Class, Layout, PeriodProgram, body, cuda, head, table_name};
+use gaitfit_cuda::emit::{Class, Layout, PeriodProgram, body, cuda, head, tables};
 use gaitfit_cuda::runtime::{Nvrtc, Program, compile};
 use gaitfit_model::{Cone, Model, ObstacleShape};
 use gaitfit_physics::trace::{Input, Output, PeriodGraph};
@@ -73,8 +73,7 @@ fn run_cxx_with(case: &Case, samples: &[Sample], line: &str) -> BTreeMap<Class, 
     let words = include_str!("../common/host.hpp");
     let mut text = line.to_owned() + &head(&case.layout, 64) + words + &body(&case.program, &case.layout);
     text.push_str("#include <cstdio>\nint main() {\n");
-    for (number, table) in case.program.program.tables.iter().enumerate() {
-        let name = table_name(number);
+    for (name, table) in tables(&case.period.graph) {
         let numbers: Vec<u8> = table.iter().flat_map(|&number| (number as f32).to_ne_bytes()).collect();
         std::fs::write(folder.path().join(&name), numbers).unwrap();
         writeln!(text, "std::fread({name}, 4, {}, std::fopen(\"{name}\", \"rb\"));", table.len()).unwrap();
@@ -267,6 +266,7 @@ fn nvrtc_compiles_the_text() {
         ("go2, fast, 2 lanes", case(&go2, Preset::Fast, 2, 100, false)),
         ("go2 feet, fast, 4 lanes, networks", case(&feet, Preset::Fast, 4, 100, true)),
         ("go2 feet on a field, fast, 4 lanes", case(&on_field(feet.clone()), Preset::Fast, 4, 600, false)),
+        ("go2 on a field, fast, 4 lanes", case(&on_field(go2.clone()), Preset::Fast, 4, 600, false)),
         ("humanoid, fast, 2 lanes", case(&humanoid, Preset::Fast, 2, 100, false)),
     ];
     for (label, case) in cases {

@@ -74,6 +74,9 @@ impl Graph {
                 Node::Sin(a) => at(a).sin(),
                 Node::Cos(a) => at(a).cos(),
                 Node::Round(a) => Real::round(at(a)),
+                Node::Call(function, output, a, b, c) => {
+                    self.functions[function as usize].evaluate(&[at(a), at(b), at(c)])[output as usize]
+                }
                 Node::Gather(table, a) => {
                     self.tables[table as usize].get(at(a) as usize).copied().unwrap_or(0.0)
                 }

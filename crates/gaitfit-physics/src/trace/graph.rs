@@ -50,6 +50,8 @@ pub enum Node {
     Round(Id),
     /// The entry with the number a, whole and not negative, of a table (its place in [`Graph::tables`]); 0 beyond its end.
     Gather(u32, Id),
+    /// Of a function (its place in [`Graph::functions`]) the output with this number, for these arguments.
+    Call(u32, u32, Id, Id, Id),
     /// A guard: 0 if every lane certainly satisfies a ≥ b, else 1.
     Unless(Id, Id),
     /// After a guarded region: the second, made in it, where the guard (the first) is not 0, else the third.
@@ -81,7 +83,9 @@ impl Node {
             | Node::Min(a, b)
             | Node::Max(a, b)
             | Node::Unless(a, b) => ([a, b, a, a], 2),
-            Node::Fma(a, b, c) | Node::Fnma(a, b, c) | Node::Merge(a, b, c) => ([a, b, c, a], 3),
+            Node::Fma(a, b, c) | Node::Fnma(a, b, c) | Node::Merge(a, b, c) | Node::Call(_, _, a, b, c) => {
+                ([a, b, c, a], 3)
+            }
             Node::Select(a, b, x, y) => ([a, b, x, y], 4),
         };
         all.into_iter().take(count)
@@ -136,6 +140,8 @@ pub struct Graph {
     pub inputs: usize,
     /// What [`Node::Gather`] reads: constants that are too many for nodes, such as the heights of a field.
     pub tables: Vec<Arc<[f64]>>,
+    /// What [`Node::Call`] computes: functions of three numbers with four outputs, without regions.
+    pub functions: Vec<Arc<Graph>>,
 }
 
 /// What a recorded function may not do.
@@ -155,6 +161,11 @@ pub enum TraceError {
         "contact between the robot's own parts cannot be recorded, so no GPU simulates it; use the processor (--device cpu), or leave `self_contact` out"
     )]
     SelfContact,
+    /// A function with regions.
+    #[error(
+        "a function that is taken at many places has guarded regions or loops; use `Real::select_lt` in it"
+    )]
+    Function,
     /// Regions are not properly nested.
     #[error("a region ends that is not the one begun last; end inner regions first")]
     Nesting,

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap};
+use std::sync::Arc;
 
 use super::graph::{Carried, Graph, Id, Node, Region, RegionKind, TraceError};
 use super::scalar::{Known, Traced};
@@ -24,6 +25,8 @@ struct Recording {
     known: HashMap<Node, Vec<Id>>,
     /// Places in [`Graph::tables`], by address and length.
     tables: HashMap<(usize, usize), u32>,
+    /// Places in [`Graph::functions`], by their keys.
+    functions: HashMap<usize, u32>,
     /// Open regions, outer first.
     open: Vec<u32>,
     scope: Scope,
@@ -98,6 +101,21 @@ pub(super) fn gather(table: &[Known], index: Traced) -> Traced {
     })
 }
 
+/// A function's outputs for `inputs`; its operations are recorded when its key is new.
+pub(super) fn call(
+    key: usize,
+    inputs: [Traced; 3],
+    function: impl FnOnce([Traced; 3]) -> [Traced; 4],
+) -> [Traced; 4] {
+    let known = RECORDING.with_borrow(|recording| recording.functions.get(&key).copied());
+    let own = known.is_none().then(|| record(|| function(std::array::from_fn(|_| input())).to_vec()));
+    RECORDING.with_borrow_mut(|recording| {
+        let place = known.unwrap_or_else(|| recording.function(key, own));
+        let [a, b, c] = inputs.map(|number| number.0);
+        std::array::from_fn(|output| Traced(recording.node(Node::Call(place, output as u32, a, b, c))))
+    })
+}
+
 pub(super) fn enter(guard: Id) {
     RECORDING.with_borrow_mut(|recording| {
         recording.check(&[guard]);
@@ -136,6 +154,25 @@ impl Recording {
         let place = self.graph.tables.len() as u32;
         self.graph.tables.push(values.unwrap_or_default().into());
         self.tables.insert(key, place);
+        place
+    }
+
+    /// Takes up a function's recording.
+    fn function(&mut self, key: usize, own: Option<Result<Graph, TraceError>>) -> u32 {
+        let graph = match own {
+            Some(Ok(graph)) if graph.regions.is_empty() => graph,
+            Some(Err(error)) => {
+                self.fail(error);
+                Graph::default()
+            }
+            _ => {
+                self.fail(TraceError::Function);
+                Graph::default()
+            }
+        };
+        let place = self.graph.functions.len() as u32;
+        self.graph.functions.push(Arc::new(graph));
+        self.functions.insert(key, place);
         place
     }
 

@@ -3,7 +3,7 @@
 use core::ops::{Add, Mul, Neg, Sub};
 
 use super::graph::{Id, Node};
-use super::record::{constant, enter, gather, input, leave, node};
+use super::record::{call, constant, enter, gather, input, leave, node};
 use crate::Real;
 
 /// A number of the recording of this thread.
@@ -111,6 +111,9 @@ impl Real for Traced {
     }
     fn gather(table: &[Known], index: Self) -> Self {
         gather(table, index)
+    }
+    fn call(key: usize, inputs: [Self; 3], function: impl FnOnce([Self; 3]) -> [Self; 4]) -> [Self; 4] {
+        call(key, inputs, function)
     }
     fn never() -> Guard {
         Guard(None)
