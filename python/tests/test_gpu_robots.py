@@ -288,8 +288,11 @@ class OnGpu(Case):
                 array.__dlpack__(**named)
         for stream in (None, -1, 1, 2, torch.cuda.Stream().cuda_stream):
             array.__dlpack__(stream=stream, max_version=(1, 0))
-        with self.assertRaisesRegex(gaitfit.GaitfitError, "robots with uneven ground"):
-            gaitfit.Robots(num_envs=4, device="cuda", settings={"task.terrain.levels": 4, "task.terrain.columns": 2})
+        with self.assertRaisesRegex(gaitfit.GaitfitError, "robots with contact between"):
+            gaitfit.Robots(num_envs=4, device="cuda", settings={"task.self_contact": "file"})
+        uneven = gaitfit.Robots(num_envs=4, device="cuda", settings={"task.terrain.levels": 4, "task.terrain.columns": 2})
+        uneven.step(torch.zeros(4, 12, device="cuda"))
+        self.assertTrue(np.isfinite(uneven.observation.numpy()).all())
 
     def test_a_robot_that_diverges_has_fallen_unless_they_are_many(self) -> None:
         torch, count = self.torch, 300

@@ -88,6 +88,18 @@ const MAX_EMULATED: f64 = 2.0;
 /// # Errors
 /// Names the joint or geom whose numbers the step cannot honour.
 pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>, PhysicsError> {
+    compile_with::<T>(model, settings, true)
+}
+
+/// As [`compile`]; without `on_ground` the tree has no contacts with the ground, whose height fields take long.
+///
+/// # Errors
+/// As there.
+pub(crate) fn compile_with<T: Real>(
+    model: &Model,
+    settings: &Settings,
+    on_ground: bool,
+) -> Result<Tree<T::K>, PhysicsError> {
     if !(settings.timestep.is_finite() && settings.timestep > 0.0) {
         return Err(PhysicsError::Value {
             object: "settings".to_owned(),
@@ -113,13 +125,14 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
 
     let mut pairs = Vec::new();
     let mut points = 0;
-    let obstacles = Obstacles::compile::<T>(model)?;
+    let obstacles = if on_ground { Obstacles::compile::<T>(model)? } else { Obstacles::none() };
+    let contacts = if on_ground { &model.pairs[..] } else { &[] };
     let planes = model.planes.iter().map(|plane| ground_plane(&plane.pos, &plane.quat)).collect::<Vec<_>>();
     let ground = Grounds { planes: &planes, obstacles: &obstacles };
     let mut ranges = Vec::with_capacity(hinges.len() + 1);
     for link in 0..=hinges.len() {
         let first = pairs.len();
-        for (index, pair) in model.pairs.iter().enumerate() {
+        for (index, pair) in contacts.iter().enumerate() {
             let seat = seats[model.geoms[pair.geom].body];
             if seat.link == link && (link > 0 || floating) {
                 let pair = compile_pair::<T>(model, index, pair, &seat, &ground, settings, points)?;

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use gaitfit_model::Model;
 
-use crate::compile::compile;
+use crate::compile::compile_with;
 use crate::dense::{bodies, carries, mass_matrix, subspaces};
 use crate::params::{JointParams, LinkInertia, PairInvweight};
 use crate::seat::seats;
@@ -34,7 +34,8 @@ pub(crate) fn invweights(
     changes: &[BodyChange],
     armature: &[f64],
 ) -> Result<Invweights, PhysicsError> {
-    let tree = compile::<f64>(model, &Settings::new(&model.options, Preset::Fast))?;
+    let settings = Settings::new(&model.options, Preset::Fast);
+    let tree = compile_with::<f64>(model, &settings, false)?;
     // The mass matrix reads nothing else of a joint.
     let joint = |armature: &f64| JointParams { armature: *armature, ..JointParams::uniform(0.0) };
     let params = Params {

@@ -19,13 +19,18 @@ pub(crate) struct Obstacles<K> {
 }
 
 impl<K> Obstacles<K> {
+    /// No obstacles.
+    pub fn none() -> Self {
+        Self { blocks: Vec::new(), fields: Vec::new(), places: Vec::new() }
+    }
+
     /// Compiles the obstacles of `model`.
     ///
     /// # Errors
     /// A height field that is no grid.
     pub fn compile<T: Real<K = K>>(model: &Model) -> Result<Self, PhysicsError> {
         let k3 = |v: V3<f64>| v.map(T::constant);
-        let mut all = Self { blocks: Vec::new(), fields: Vec::new(), places: Vec::new() };
+        let mut all = Self::none();
         for obstacle in &model.obstacles {
             let (rotation, position) = (quat_matrix(&obstacle.quat).map(k3), k3(obstacle.pos));
             match &obstacle.shape {

@@ -6,6 +6,7 @@ use std::fmt::Write;
 use std::process::Command;
 
 use gaitfit_cuda::ppo::{Array, Launch, Plan, Value};
+use gaitfit_cuda::runtime::Program;
 
 /// Arrays by name, as bytes.
 pub type Arrays = HashMap<&'static str, Vec<u8>>;
@@ -51,6 +52,17 @@ pub fn run(text: &str, plan: &Plan, arrays: &Arrays, zeros: &[&str]) -> Arrays {
 pub fn keep(arrays: &[Array], name: &str, suffix: &str) -> String {
     let number = arrays.iter().position(|array| array.name == name).unwrap();
     format!("store(\"{name}.{suffix}\", all[{number}]);")
+}
+
+/// The C++ statements that fill a program's tables, whose files join `files`.
+#[allow(dead_code, reason = "not every test has tables")]
+pub fn fill(program: &Program, files: &mut HashMap<String, Vec<u8>>) -> String {
+    let mut statements = String::new();
+    for (name, numbers) in &program.tables {
+        files.insert(name.clone(), bytes(numbers, f32::to_ne_bytes));
+        writeln!(statements, "    fill(\"{name}\", {name}, sizeof {name});").unwrap();
+    }
+    statements
 }
 
 /// The C++ statement that reads an array from the file `name.suffix`.

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::host::{bytes, call, doubles, execute, floats, keep, take};
+use crate::host::{bytes, call, doubles, execute, fill, floats, keep, take};
 use gaitfit_cuda::emit::Class;
 use gaitfit_cuda::physics::Period;
 use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, control, imu_rows};
@@ -292,11 +292,7 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
         "critic_past",
         "ways",
     ];
-    let mut statements = String::new();
-    for (name, numbers) in &plan.program.tables {
-        files.insert(name.clone(), f(numbers));
-        statements.push_str(&format!("    fill(\"{name}\", {name}, sizeof {name});\n"));
-    }
+    let mut statements = fill(&plan.program, &mut files);
     statements.push_str(&call(&plan.begin()));
     for (t, step) in steps.iter().enumerate() {
         let packed = Packed::new(&scene, &step.moved, tiles);

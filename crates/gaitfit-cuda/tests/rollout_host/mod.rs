@@ -12,7 +12,7 @@ use std::path::Path;
 use gaitfit_cuda::ppo::Id;
 use gaitfit_cuda::rollout::{Mode, Plan, RolloutError, Scene, Sizes};
 use gaitfit_cuda::runtime::{Nvrtc, compile};
-use gaitfit_learn::task::{CurriculumSettings, JointNumber, Task, TerrainSettings};
+use gaitfit_learn::task::{CurriculumSettings, JointNumber, Task, TaskSettings, TerrainSettings};
 use gaitfit_model::{ContactPair, Ground, HeightField, Obstacle, ObstacleShape, Shape};
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
 use gaitfit_policy::{FrameOrder, History, HistoryStart, Quantity, Term};
@@ -185,25 +185,29 @@ fn cxx_steps_with_written_rewards_are_the_cpus() {
     compare("written", &task, &Candidate::nominal(&model));
 }
 
-/// Levels of all kinds, with a curriculum and without one. Cells are so small that robots leave them and the ground.
+/// Levels of all kinds. Cells are so small that robots leave them and the ground.
+fn on_levels(curriculum: bool) -> TaskSettings {
+    let mut settings = lively("velocity");
+    settings.fall.tilt = 12.0;
+    settings.start.linear_velocity = 6.0;
+    settings.terrain = Some(TerrainSettings {
+        levels: 3,
+        columns: 4,
+        size: 1.5,
+        platform: 1.0,
+        border: 1.0,
+        curriculum,
+        start_level: 1,
+        ..TerrainSettings::default()
+    });
+    settings
+}
+
 #[test]
 #[ignore = "needs g++"]
 fn cxx_steps_on_uneven_ground_are_the_cpus() {
     for (label, curriculum) in [("levels", true), ("drawn levels", false)] {
-        let mut settings = lively("velocity");
-        settings.fall.tilt = 12.0;
-        settings.start.linear_velocity = 6.0;
-        settings.terrain = Some(TerrainSettings {
-            levels: 3,
-            columns: 4,
-            size: 1.5,
-            platform: 1.0,
-            border: 1.0,
-            curriculum,
-            start_level: 1,
-            ..TerrainSettings::default()
-        });
-        let task = Task::new(&go2(), &settings, Preset::Fast).unwrap();
+        let task = Task::new(&go2(), &on_levels(curriculum), Preset::Fast).unwrap();
         compare(label, &task, &Candidate::nominal(&go2()));
     }
 }

@@ -1,7 +1,7 @@
 //! Steps one by one under actions from outside by the kernels, as C++, and by the CPU's environments.
 
 use super::along::{ENVIRONMENTS, PROCESSORS, SEED, apart, go2, inputs, lively, params, snapshots};
-use crate::host::{bytes, call, doubles, execute, floats, keep, take};
+use crate::host::{bytes, call, doubles, execute, fill, floats, keep, take};
 use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, control};
 use gaitfit_learn::task::{Ended, Environment, Snapshot, Task};
 use gaitfit_physics::Preset;
@@ -116,7 +116,8 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
     let keep_all = |statements: &mut String, names: &[&str], suffix: &str| {
         names.iter().for_each(|name| statements.push_str(&keep(arrays, name, suffix)));
     };
-    let mut statements: String = plan.restart().iter().map(call).collect();
+    let mut statements = fill(&plan.program, &mut files);
+    statements.extend(plan.restart().iter().map(call));
     statements.push_str(&take(arrays, "steps", "ages"));
     statements.push_str(&call(&plan.observe(0)));
     keep_all(&mut statements, &rows, "before");
@@ -236,6 +237,17 @@ fn cxx_steps_under_given_actions_on_hind_legs_are_the_cpus() {
     settings.fall.tilt = 12.0;
     let task = Task::new(&go2(), &settings, Preset::Fast).unwrap();
     compare("biped", &task, &Candidate::nominal(&go2()));
+}
+
+/// On levels of small cells, with past frames.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_under_given_actions_on_uneven_ground_are_the_cpus() {
+    let mut settings = super::on_levels(true);
+    settings.policy.observation.iter_mut().for_each(|term| term.history = 3);
+    settings.policy.critic_observation[1].history = 2;
+    let task = Task::new(&go2(), &settings, Preset::Fast).unwrap();
+    compare("levels", &task, &Candidate::nominal(&go2()));
 }
 
 #[test]

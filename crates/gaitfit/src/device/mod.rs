@@ -177,7 +177,7 @@ pub fn fit_error(error: FitError) -> Error {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use gaitfit_learn::task::{TaskSettings, TerrainSettings};
+    use gaitfit_learn::task::TaskSettings;
 
     #[test]
     fn what_a_found_gpu_refuses_the_cpu_does() {
@@ -203,19 +203,21 @@ mod tests {
     }
 
     #[test]
-    fn a_gpu_that_was_found_leaves_uneven_ground_to_the_cpu() {
-        let terrain = TerrainSettings { levels: 4, columns: 2, ..TerrainSettings::default() };
-        let settings = TaskSettings { terrain: Some(terrain), ..TaskSettings::default() };
+    fn a_gpu_that_was_found_leaves_self_contact_to_the_cpu() {
         let model = crate::robot::go2().unwrap();
-        let scene = Task::new(&model, &settings, gaitfit_physics::Preset::Fast).unwrap();
-        let learner = gaitfit_learn::Training::fresh_learner(&scene, &Default::default(), 1).unwrap();
-        let (device, note) = Device::Found(0).for_training(&scene, &[], &learner).unwrap();
+        let open = |self_contact| {
+            let settings = TaskSettings { self_contact, ..TaskSettings::default() };
+            Task::new(&model, &settings, gaitfit_physics::Preset::Fast).unwrap()
+        };
+        let touching = open(gaitfit_model::SelfContact::File);
+        let learner = gaitfit_learn::Training::fresh_learner(&touching, &Default::default(), 1).unwrap();
+        let (device, note) = Device::Found(0).for_training(&touching, &[], &learner).unwrap();
         assert_eq!(device, Device::Cpu);
-        assert!(note.unwrap().contains("uneven ground"));
-        let error = Device::Cuda(0).for_training(&scene, &[], &learner).unwrap_err();
-        assert!(error.refusal().unwrap().contains("uneven ground"), "{error}");
-        let even = Task::new(&model, &Default::default(), gaitfit_physics::Preset::Fast).unwrap();
-        assert_eq!(Device::Found(0).for_training(&even, &[], &learner).unwrap(), (Device::Found(0), None));
+        assert!(note.unwrap().contains("self_contact"));
+        let error = Device::Cuda(0).for_training(&touching, &[], &learner).unwrap_err();
+        assert!(error.refusal().unwrap().contains("self_contact"), "{error}");
+        let plain = open(TaskSettings::default().self_contact);
+        assert_eq!(Device::Found(0).for_training(&plain, &[], &learner).unwrap(), (Device::Found(0), None));
     }
 
     #[test]

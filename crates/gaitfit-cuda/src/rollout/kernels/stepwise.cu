@@ -29,8 +29,14 @@ KERNEL restart(
         steps[e] = 0;
         returns[e] = returns[ENVIRONMENTS + e] = 0.0f;
 #if COURSE
-        WAY(WAY_LEVEL) = (float)any_level(control, e, control[FIRST_STEP] + 1, DRAWN_LEVELS);
-        WAY(WAY_WALKED) = WAY(WAY_COMMANDED) = 0.0f;
+        u32 next = control[FIRST_STEP] + 1;
+        if (next == 0) {
+            // The very first episodes.
+            WAY(WAY_LEVEL) = (float)any_level(control, e, next, DRAWN_LEVELS);
+            WAY(WAY_WALKED) = WAY(WAY_COMMANDED) = 0.0f;
+        } else {
+            next_way(control, ways, e, next, base_of(state, e).position, false);
+        }
 #endif
     }
     start_episodes(control, control[FIRST_STEP] + 1, begins, placing, state, report, memory, command, ways);
