@@ -54,11 +54,17 @@ pub fn standing_policy(runs: &Path) -> PathBuf {
     runs.join("p/seed-1/policy.safetensors")
 }
 
-/// Arguments of a quick fit of the demo: few generations of few seeds, coarse steps, results under `runs`.
+/// Arguments of a quick fit of the demo: few generations of few seeds, few simulated robots, coarse steps, results under `runs`.
 pub fn quick_demo(runs: &Path, more: &[&str]) -> Vec<String> {
     let mut args = vec!["adapt".to_owned(), "examples/go2-demo/adapt.toml".to_owned(), "--json".to_owned()];
     let runs = format!("runs={}", runs.display());
-    for set in [runs.as_str(), "optimizer.generations=6", "optimizer.seeds=2", "simulation.timestep=0.005"] {
+    for set in [
+        runs.as_str(),
+        "optimizer.generations=6",
+        "optimizer.seeds=2",
+        "optimizer.replicates=1",
+        "simulation.timestep=0.005",
+    ] {
         args.extend(["--set".to_owned(), set.to_owned()]);
     }
     // The demo states a check that six generations do not meet.
