@@ -10,6 +10,11 @@ use crate::words::{Words, double, single};
 /// Where the terms of a row lie, and the half range of the noise on each.
 pub(crate) type Observed<'a> = (&'a Layout, &'a dyn Fn(Quantity) -> f32);
 
+/// Numbers of a row that are kept from step to step: none without past frames.
+pub(crate) fn kept(layout: &Layout) -> usize {
+    if layout.frames() > 1 { layout.width() } else { 0 }
+}
+
 impl Words {
     /// Joints and their targets, the clock, and when a robot has fallen.
     pub fn walker(&mut self, walker: &Walker) {

@@ -46,7 +46,12 @@ impl OnGpu for WalkSimulator {
     }
 
     fn resets(&self, resets: Resets) -> bool {
-        !matches!(resets, Resets::Sensors(_))
+        match resets {
+            Resets::Never => true,
+            // What a policy with a history saw before a reset follows from the log on the CPU.
+            Resets::State(_) => !self.walking().task.walker.sees_past(),
+            Resets::Sensors(_) => false,
+        }
     }
 }
 

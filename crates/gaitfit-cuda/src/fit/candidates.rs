@@ -119,7 +119,7 @@ impl Candidates {
             Subject::Replay(_) => dimensions,
         };
         let mut found: Vec<Option<Parts>> = vec![None; jobs.len()];
-        for (structure, mut own) in self.groups(jobs)? {
+        for (structure, mut own) in self.groups(subject, jobs)? {
             own.sort_by_key(|&job| compared[job] == Compared::Squares);
             let mut rest = own.as_slice();
             while !rest.is_empty() {
@@ -161,7 +161,7 @@ impl Candidates {
         cancel: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), FitError> {
         let (recordings, dimensions) = (self.tables.recordings(), subject.dimensions());
-        for (structure, own) in self.groups(jobs)? {
+        for (structure, own) in self.groups(subject, jobs)? {
             let mut rest = own.as_slice();
             while !rest.is_empty() {
                 if cancel() {
@@ -192,9 +192,14 @@ impl Candidates {
     }
 
     /// Jobs of one structure together, by their numbers.
-    fn groups(&self, jobs: &[Job]) -> Result<Vec<(Structure, Vec<usize>)>, FitError> {
+    fn groups(&self, subject: Subject<'_>, jobs: &[Job]) -> Result<Vec<(Structure, Vec<usize>)>, FitError> {
         if !self.tables.has_states && jobs.iter().any(|job| job.reset_every.is_some()) {
             return Err(WalkerError::NoStates.into());
+        }
+        let resets = jobs.iter().any(|job| job.reset_every.is_some());
+        if resets && matches!(subject, Subject::Walk(walker, _) if walker.sees_past()) {
+            let what = "resets to the log (matchs) of a policy that observes a history";
+            return Err(FitError::Unsupported(what.to_owned()));
         }
         let mut groups: Vec<(Structure, Vec<usize>)> = Vec::new();
         for (number, job) in jobs.iter().enumerate() {

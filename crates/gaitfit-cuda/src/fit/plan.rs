@@ -7,6 +7,7 @@ use super::text::{program, widest};
 use crate::emit::Class;
 use crate::ppo::{Array, Id, Kind, Launch, Value};
 use crate::runtime::{Program, Shape};
+use crate::walker::kept;
 use gaitfit_sim::IMU_NUMBERS;
 
 /// Threads of a block, where each has an environment.
@@ -97,6 +98,7 @@ impl Plan {
         let block = match scene.subject {
             Subject::Walk(walker, policy) => {
                 own.push(("last_action", Kind::F32, places * walker.joints.len()));
+                own.push(("past", Kind::F32, places * kept(&walker.observation)));
                 // No replay: these are not looked at.
                 own.push(("gains", Kind::F64, 0));
                 // Of layers of 128 numbers no thread is idle.
@@ -186,6 +188,7 @@ impl Plan {
                     "robot_targets",
                     "robot_memory",
                     "last_action",
+                    "past",
                     "signals",
                     "ends",
                 ];

@@ -31,9 +31,6 @@ impl Tables {
     /// # Errors
     /// [`FitError::Unsupported`] for policies that the kernels do not know.
     pub fn walk(walker: &Walker, policy: &Policy, scripts: &[Script]) -> Result<Self, FitError> {
-        if walker.sees_past() {
-            return Err(FitError::Unsupported("a policy that observes a history".to_owned()));
-        }
         if policy.front.is_some() {
             return Err(FitError::Unsupported("a recurrent or two-part policy".to_owned()));
         }

@@ -68,6 +68,7 @@ fn walk(words: &mut Words, walker: &Walker) {
     let interface = &walker.interface;
     words.walker(walker);
     words.define("OBSERVATION", interface.observation_width());
+    words.define("HAS_PAST", u32::from(walker.sees_past()));
     let mut parts = Vec::new();
     for (number, Term { quantity, .. }) in interface.observation.iter().enumerate() {
         let width = quantity.width(interface.joints.len());

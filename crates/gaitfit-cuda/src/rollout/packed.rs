@@ -4,10 +4,10 @@ use gaitfit_learn::task::{Foot, Snapshot};
 use gaitfit_policy::observation::Layout;
 use gaitfit_sim::{Candidate, IMU_NUMBERS, Imu, RobotState};
 
-use super::plan::kept;
 use super::scene::Scene;
 use crate::emit::Class;
 use crate::spots::Spot;
+use crate::walker::kept;
 
 /// Environments as the kernels' arrays.
 #[derive(Clone, Debug, Default, PartialEq)]

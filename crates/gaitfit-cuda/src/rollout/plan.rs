@@ -5,8 +5,8 @@ use super::text::program;
 use crate::emit::Class;
 use crate::ppo::{Array, Id, Kind, Launch, Value};
 use crate::runtime::{Program, Shape};
+use crate::walker::kept;
 use gaitfit_learn::task::{Foot, Interval};
-use gaitfit_policy::observation::Layout;
 use gaitfit_sim::IMU_NUMBERS;
 
 /// Who has an array.
@@ -33,11 +33,6 @@ pub fn control(first_step: u32, seed: u64, ranges: [Interval; 3], first_environm
     let words = |number: u64| [number as u32, (number >> 32) as u32];
     let ends = ranges.iter().flatten().flat_map(|end| words(end.to_bits()));
     [first_step].into_iter().chain(words(seed)).chain(ends).chain([first_environment]).collect()
-}
-
-/// Numbers of a row that are kept from step to step: none without past frames.
-pub(super) fn kept(layout: &Layout) -> usize {
-    if layout.frames() > 1 { layout.width() } else { 0 }
 }
 
 /// Arrays and kernels of a rollout.

@@ -31,7 +31,7 @@ DEVICE bool ends_here(const float* state, const float* report, u32 e) {
 KERNEL walk(
     u32 sample, u32 count, u32 places, u32 recordings, u32 samples, const u32* lengths, const float* commands,
     const float* starts, const float* states, const float* actions, const u32* every, const float* imus, const float* network,
-    const float* params, const float* report, float* state, float* targets, float* memory, float* last_action,
+    const float* params, const float* report, float* state, float* targets, float* memory, float* last_action, float* past,
     float* signals, u32* ends
 ) {
     POOL(pool);
@@ -100,10 +100,12 @@ KERNEL walk(
         u32 e = from + r, last = length[r] - 1, now = sample < last ? sample : last;
         const float* command = commands + ((u64)recording[r] * samples + now) * 3;
         write_term(
-            part.term, part.from, part.from + 4, SCALES, nullptr, nullptr, state, params, memory, sample, imu[r], command,
+            part.term, part.from, part.from + 4, SCALES, nullptr, HAS_PAST && sample > 0 ? past + (u64)e * OBSERVATION : nullptr, state, params, memory, sample, imu[r], command,
             last_action + (u64)e * ACTIONS, 1, e, second + r * OBSERVATION);
     }
     __syncthreads();
+    // For the frames of the next row.
+    for (int i = thread; HAS_PAST && i < rows * OBSERVATION; i += threads) past[(u64)from * OBSERVATION + i] = second[i];
     for (int i = thread; i < ROWS * ((OBSERVATION + 3) / 4 * 4); i += threads) {
         int k = i / ROWS, r = i % ROWS;
         float x = 0.0f;
