@@ -133,7 +133,7 @@ def read(path: Path) -> str:
 def documentation(lines: list[str]) -> str:
     """The words of `///` lines, without links that only Rust's documentation follows."""
     text = " ".join(line.strip().removeprefix("///").strip() for line in lines)
-    text = re.sub(r"[;,]?\s*(see|as) \[`[^`]*`\](\([^)]*\))?( says)?", "", text)
+    text = re.sub(r"[;,:]?\s*(see|as) \[`[^`]*`\](\([^)]*\))?( says)?", "", text)
     text = re.sub(r"\[`(?:\w+::)*(\w+)`\](?:\([^)]*\))?", r"``\1``", text)
     text = re.sub(r"(?<!`)`([^`]+)`(?!`)", r"``\1``", text)
     return text.replace("\\", "\\\\").strip()

@@ -91,6 +91,8 @@ def _plain(value: Any) -> Any:
     """A setting's value: parts of :mod:`gaitfit.config` are tables."""
     if isinstance(value, TypedSettings):
         return value.to_dict()
+    if isinstance(value, Mapping):
+        return {name: _plain(one) for name, one in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(one) for one in value]
     return value

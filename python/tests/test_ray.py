@@ -233,6 +233,15 @@ class Fits(Ray):
         for one, other in zip(*read, strict=True):
             one, other = json.loads(one), json.loads(other)
             self.assertEqual({**one, "wall_seconds": 0}, {**other, "wall_seconds": 0})
+        self.assertIsNone(alone.sharing)
+        sharing = shared.sharing
+        assert sharing is not None
+        # Ten generations of each seed and cost at least, by two workers.
+        self.assertGreaterEqual(sharing.tasks["costs"], 10)
+        self.assertGreaterEqual(sharing.tasks["intervals"], 2)
+        self.assertEqual(len(sharing.workers), 2)
+        self.assertTrue(all(seconds > 0 for seconds in sharing.workers.values()), sharing)
+        self.assertIn("validation logs", sharing.alone)
         # A finished run is taken as it is, also by one machine.
         self.assertEqual(found(self.fit(gaitfit.fit, "shared", resume=True)), found(alone))
 
@@ -446,6 +455,42 @@ class Fits(Ray):
         with self.assertRaises(KeyboardInterrupt):
             self.fit(gaitfit.ray.fit, "stopped", settings=long)
         self.assertLess(time.monotonic() - pressed[0], 1.0)
+
+
+class Fleets(Ray):
+    def test_the_fits_of_a_fleet_are_those_of_one_machine(self) -> None:
+        import gaitfit.ray
+
+        log = gaitfit.read_log(DEMO / "fit.csv")
+        robots = {f"robot-{at}": log.between(at, at + 1.0) for at in range(4)}
+        settings = {"optimizer.method": "least-squares", "optimizer.seeds": 1, "simulation.timestep": 0.005}
+        arguments = {"settings": settings, "progress": False}
+        fleet = gaitfit.ray.fleet(robots, DEMO / "adapt.toml", runs=self.folder, **arguments)
+        alone = {
+            name: gaitfit.fit(DEMO / "adapt.toml", logs=one, name=name, runs=self.folder / "alone", **arguments)
+            for name, one in robots.items()
+        }
+        for name, one in alone.items():
+            worker = gaitfit.load(self.folder / "fleet" / name)
+            self.assertEqual(found(worker), found(one))
+            self.assertEqual(worker.run_folder.resolve(), (self.folder / "fleet" / name).resolve())
+        same = gaitfit.fleet(alone)
+        self.assertEqual((fleet.numbers, fleet.robots), (same.numbers, same.robots))
+        self.assertEqual(gaitfit.load(self.folder / "fleet" / "fleet.json"), fleet)
+        again = gaitfit.ray.fleet(robots, DEMO / "adapt.toml", runs=self.folder, resume=True, **arguments)
+        self.assertEqual(again.robots, fleet.robots)
+        with self.assertRaisesRegex(FileNotFoundError, "nowhere"):
+            gaitfit.ray.fleet({**robots, "robot-1": "nowhere.csv"}, DEMO / "adapt.toml", runs=self.folder, **arguments)
+
+    def test_wrong_fleets_are_refused(self) -> None:
+        import gaitfit.ray
+
+        with self.assertRaisesRegex(ValueError, "there are 3 robots"):
+            gaitfit.ray.fleet({"a": "a.csv", "b": "b.csv", "c": "c.csv"})
+        with self.assertRaisesRegex(ValueError, "must be a name for a folder"):
+            gaitfit.ray.fleet({"a/b": "a.csv", "b": "b.csv", "c": "c.csv", "d": "d.csv"})
+        with self.assertRaisesRegex(TypeError, "robots is 3"):
+            gaitfit.ray.fleet(3)
 
 
 class Tables(Ray):

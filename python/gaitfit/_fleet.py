@@ -1,0 +1,140 @@
+"""A fleet of robots alike: the distribution of their numbers, which tells what a further robot's are likely to be."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ._arguments import items
+from ._hierarchy import MIN_ROBOTS, Array, Hierarchy
+from .results._base import Interval
+from .results._fit import FitResult, FittedParameter
+from .results._fleet import Fleet, FleetEstimate, FleetNumber, Scale, fleet_result, scaled, standard_error, unscaled
+from .results._read import load
+
+#: Relative standard error above which the logarithm of an estimate is not normal.
+MAX_RELATIVE = 0.5
+
+
+def fleet(fits: Mapping[str, FitResult | str | os.PathLike[str]] | Sequence[FitResult | str | os.PathLike[str]]) -> Fleet:
+    """What the fits of robots alike show together: how each number scatters over the robots.
+
+    Arguments:
+        fits: For each robot its fit, or the fit's run folder; by the robots' names, or as a list. At least 4 robots, all
+            fitted in the same way.
+
+    Each number is described by a normal hierarchical model, by itself: of its logarithm if all estimates are positive and
+    most have a standard error below a half of them, else of the number. An estimate weighs by its 95 % interval. Robots with few
+    logs move towards the others, and :meth:`Fleet.estimate` does the same for another robot.
+
+    Raises ``ValueError`` for fewer than 4 robots, for fits without a common number, and for numbers without an interval.
+
+    >>> results = {name: gaitfit.fit(logs=f"logs/{name}", name=name) for name in robots}      # doctest: +SKIP
+    >>> fleet = gaitfit.fleet(results)      # doctest: +SKIP
+    >>> fleet.numbers["frictionloss_calf"].scatter      # doctest: +SKIP
+    0.19
+    """
+    named = dict(fits) if isinstance(fits, Mapping) else dict(_named(items("fits", fits, "gaitfit.FitResult or run folders")))
+    results = {str(name): _fit(str(name), one) for name, one in named.items()}
+    if len(results) < MIN_ROBOTS:
+        raise ValueError(f"there are {len(results)} robots; the scatter of a fleet needs at least {MIN_ROBOTS}")
+    first = next(iter(results.values()))
+    everywhere = [name for name in first.parameters if all(name in one.parameters for one in results.values())]
+    if not everywhere:
+        raise ValueError("the fits have no number in common: fit all robots with the same parameters")
+    left_out = {
+        name: "not all robots have it" for one in results.values() for name in one.parameters if name not in everywhere
+    }
+    numbers: list[dict[str, Any]] = []
+    robots: dict[str, dict[str, Any]] = {robot: {} for robot in results}
+    for name in everywhere:
+        number, estimates = _number({robot: one.parameters[name] for robot, one in results.items()})
+        numbers.append(asdict(number))
+        for robot, estimate in estimates.items():
+            robots[robot][name] = asdict(estimate)
+    document = {
+        "headline": _headline(len(results), numbers),
+        "numbers": numbers,
+        "robots": robots,
+        "left_out": left_out,
+        "folders": {robot: str(one.run_folder) for robot, one in results.items()},
+    }
+    return fleet_result(document)
+
+
+def _named(fits: list[Any]) -> list[tuple[str, Any]]:
+    """Fits with the names of their runs; equal names get a number."""
+    found: list[tuple[str, Any]] = []
+    for one in fits:
+        name = one.name if isinstance(one, FitResult) else Path(one).name if isinstance(one, (str, os.PathLike)) else str(one)
+        several = sum(other == name or other.startswith(f"{name} (") for other, _ in found)
+        found.append((f"{name} ({several + 1})" if several else name, one))
+    return found
+
+
+def _fit(robot: str, fit: object) -> FitResult:
+    result = load(fit) if isinstance(fit, (str, os.PathLike)) else fit
+    if not isinstance(result, FitResult):
+        raise TypeError(f"the robot {robot} has a {type(result).__name__}; give a gaitfit.FitResult or a fit's run folder")
+    return result
+
+
+def _number(fits: Mapping[str, FittedParameter]) -> tuple[FleetNumber, dict[str, FleetEstimate]]:
+    """One number's distribution, and the estimates of all robots."""
+    parameters = list(fits.values())
+    plain = np.array([one.value for one in parameters])
+    plain_errors = np.array([standard_error(one, f"the robot {robot}") for robot, one in fits.items()])
+    lower, upper = min(one.lower for one in parameters), max(one.upper for one in parameters)
+    positive = lower >= 0 and bool(np.all(plain > 0)) and float(np.median(plain_errors / plain)) < MAX_RELATIVE
+    scale: Scale = "relative" if positive else "absolute"
+    pairs = np.array([scaled(scale, value, error) for value, error in zip(plain, plain_errors)])
+    values, errors = pairs[:, 0], pairs[:, 1]
+    hierarchy = Hierarchy.of(values, errors)
+    center, scatter = float(hierarchy.center().mean), hierarchy.scatter(0.5)
+
+    def read(value: Array | float) -> float:
+        return float(np.exp(min(float(value), 700.0))) if scale == "relative" else float(value)
+
+    def interval(mixture: Any) -> Interval:
+        return read(mixture.quantile(0.025)), read(mixture.quantile(0.975))
+
+    number = FleetNumber(
+        name=parameters[0].name,
+        unit=parameters[0].unit,
+        scale=scale,
+        center=read(center),
+        center_interval=interval(hierarchy.center()),
+        scatter=scatter,
+        scatter_interval=(hierarchy.scatter(0.025), hierarchy.scatter(0.975)),
+        another=interval(hierarchy.another()),
+        lower=lower,
+        upper=upper,
+    )
+    mixture, shares = hierarchy.members(values, errors)
+    means, ends = mixture.mean, (mixture.quantile(0.025), mixture.quantile(0.975))
+    away = (values - center) / np.hypot(scatter, errors)
+    estimates = {
+        robot: FleetEstimate(
+            name=number.name,
+            unit=number.unit,
+            value=unscaled(number, float(means[at])),
+            interval=(unscaled(number, float(ends[0][at])), unscaled(number, float(ends[1][at]))),
+            alone=float(plain[at]),
+            alone_error=float(plain_errors[at]),
+            own_share=float(shares[at]),
+            away=float(away[at]),
+        )
+        for at, robot in enumerate(fits)
+    }
+    return number, estimates
+
+
+def _headline(robots: int, numbers: list[dict[str, Any]]) -> str:
+    relative = [one["scatter"] for one in numbers if one["scale"] == "relative"]
+    scatter = f"; positive numbers scatter by {100 * min(relative):.0f} to {100 * max(relative):.0f} %" if relative else ""
+    return f"{len(numbers)} numbers of {robots} robots{scatter}."
