@@ -14,6 +14,7 @@ the fleet, how often 95 % intervals contain the truth, and the scatter of each n
 import argparse
 import json
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -83,14 +84,16 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        found = measured(World(options, Path(name)))
-    text = json.dumps({"options": {**vars(options), "out": None}, **found}, indent=1)
+        # Each new robot makes the numbers surer; what is there already is kept.
+        for found in measured(World(options, Path(name))):
+            text = json.dumps({"options": {**vars(options), "out": None}, **found}, indent=1)
+            if options.out:
+                options.out.write_text(text + "\n", encoding="utf-8")
     print(text)
-    if options.out:
-        options.out.write_text(text + "\n", encoding="utf-8")
 
 
-def measured(world: World) -> dict[str, object]:
+def measured(world: World) -> Iterator[dict[str, object]]:
+    """The measured numbers after each new robot."""
     options = world.options
     truths, fits = [], {}
     for at in range(options.robots):
@@ -99,14 +102,6 @@ def measured(world: World) -> dict[str, object]:
         fits[name] = world.fit(world.logs(name, truths[-1], options.fleet_logs), name)
         print(f"{name} of {options.robots}", flush=True)
     fleet = gaitfit.fleet(fits)
-    rows: dict[int, list[Cells]] = {count: [] for count in COUNTS}
-    for at in range(options.new):
-        truth, name = world.robot(), f"new-{at}"
-        logs = world.logs(name, truth, max(COUNTS))
-        for count in COUNTS:
-            result = world.fit(logs[:count], f"{name}-{count}")
-            rows[count].append(cells(result, fleet.estimate(result), truth))
-        print(f"{name} of {options.new}", flush=True)
     own = [cells(fits[name], fleet.robots[name], truth) for name, truth in zip(fits, truths)]
     scatter = {}
     for name, one in fleet.numbers.items():
@@ -117,7 +112,15 @@ def measured(world: World) -> dict[str, object]:
             "interval": one.scatter_interval,
             "center_over_true": one.center / float(np.exp(np.mean(logs_of_truth))),
         }
-    return {"scatter": scatter, "fleet": summary(own), "new": {count: summary(values) for count, values in rows.items()}}
+    rows: dict[int, list[Cells]] = {count: [] for count in COUNTS}
+    for at in range(options.new):
+        truth, name = world.robot(), f"new-{at}"
+        logs = world.logs(name, truth, max(COUNTS))
+        for count in COUNTS:
+            result = world.fit(logs[:count], f"{name}-{count}")
+            rows[count].append(cells(result, fleet.estimate(result), truth))
+        print(f"{name} of {options.new}", flush=True)
+        yield {"scatter": scatter, "fleet": summary(own), "new": {count: summary(values) for count, values in rows.items()}}
 
 
 def cells(result: gaitfit.FitResult, estimates: dict[str, gaitfit.results.FleetEstimate], truth: Truth) -> Cells:

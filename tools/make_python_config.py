@@ -351,7 +351,7 @@ def files() -> dict[str, str]:
         + "\n\n"
         + text(TRAIN),
         "_loop.py": HEAD.format(doc="Settings of loops.")
-        + imports.replace("from dataclasses import dataclass, field", "from dataclasses import dataclass, field")
+        + imports.replace("import Mapping, Sequence", "import Sequence")
         + "from .._settings import Settings\nfrom ._fit import Fit, ParameterKind, Preset, RobotNumber\nfrom ._train import Finetune\n\n"
         + aliases(["TargetKind"])
         + "\n\n"

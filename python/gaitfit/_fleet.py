@@ -21,16 +21,24 @@ from .results._read import load
 MAX_RELATIVE = 0.5
 
 
-def fleet(fits: Mapping[str, FitResult | str | os.PathLike[str]] | Sequence[FitResult | str | os.PathLike[str]]) -> Fleet:
+#: A robot's fit, or its run folder.
+Given = FitResult | str | os.PathLike[str]
+
+
+def fleet(fits: Mapping[str, Given | Sequence[Given]] | Sequence[Given | Sequence[Given]]) -> Fleet:
     """What the fits of robots alike show together: how each number scatters over the robots.
 
     Arguments:
-        fits: For each robot its fit, or the fit's run folder; by the robots' names, or as a list. At least 4 robots, all
-            fitted in the same way.
+        fits: For each robot its fit, or the fit's run folder, or several fits to different logs of the robot; by the robots'
+            names, or as a list. At least 4 robots, all fitted in the same way.
 
     Each number is described by a normal hierarchical model, by itself: of its logarithm if all estimates are positive and
     most have a standard error below a half of them, else of the number. An estimate weighs by its 95 % interval. Robots with few
     logs move towards the others, and :meth:`Fleet.estimate` does the same for another robot.
+
+    Intervals also cover what the model may lack, so they can be wider than the estimates scatter. Several fits of a robot show
+    that scatter: how much they differ from each other, over what their intervals state, is
+    :attr:`FleetNumber.calibration`, by which all standard errors are multiplied.
 
     Raises ``ValueError`` for fewer than 4 robots, for fits without a common number, and for numbers without an interval.
 
@@ -40,20 +48,18 @@ def fleet(fits: Mapping[str, FitResult | str | os.PathLike[str]] | Sequence[FitR
     0.19
     """
     named = dict(fits) if isinstance(fits, Mapping) else dict(_named(items("fits", fits, "gaitfit.FitResult or run folders")))
-    results = {str(name): _fit(str(name), one) for name, one in named.items()}
+    results = {str(name): _fits(str(name), one) for name, one in named.items()}
     if len(results) < MIN_ROBOTS:
         raise ValueError(f"there are {len(results)} robots; the scatter of a fleet needs at least {MIN_ROBOTS}")
-    first = next(iter(results.values()))
-    everywhere = [name for name in first.parameters if all(name in one.parameters for one in results.values())]
+    every = [one for several in results.values() for one in several]
+    everywhere = [name for name in every[0].parameters if all(name in one.parameters for one in every)]
     if not everywhere:
         raise ValueError("the fits have no number in common: fit all robots with the same parameters")
-    left_out = {
-        name: "not all robots have it" for one in results.values() for name in one.parameters if name not in everywhere
-    }
+    left_out = {name: "not all robots have it" for one in every for name in one.parameters if name not in everywhere}
     numbers: list[dict[str, Any]] = []
     robots: dict[str, dict[str, Any]] = {robot: {} for robot in results}
     for name in everywhere:
-        number, estimates = _number({robot: one.parameters[name] for robot, one in results.items()})
+        number, estimates = _number({robot: [one.parameters[name] for one in several] for robot, several in results.items()})
         numbers.append(asdict(number))
         for robot, estimate in estimates.items():
             robots[robot][name] = asdict(estimate)
@@ -62,7 +68,7 @@ def fleet(fits: Mapping[str, FitResult | str | os.PathLike[str]] | Sequence[FitR
         "numbers": numbers,
         "robots": robots,
         "left_out": left_out,
-        "folders": {robot: str(one.run_folder) for robot, one in results.items()},
+        "folders": {robot: [str(one.run_folder) for one in several] for robot, several in results.items()},
     }
     return fleet_result(document)
 
@@ -71,29 +77,35 @@ def _named(fits: list[Any]) -> list[tuple[str, Any]]:
     """Fits with the names of their runs; equal names get a number."""
     found: list[tuple[str, Any]] = []
     for one in fits:
-        name = one.name if isinstance(one, FitResult) else Path(one).name if isinstance(one, (str, os.PathLike)) else str(one)
+        first = one[0] if isinstance(one, (list, tuple)) and one else one
+        name = first.name if isinstance(first, FitResult) else Path(first).name if isinstance(first, (str, os.PathLike)) else str(first)
         several = sum(other == name or other.startswith(f"{name} (") for other, _ in found)
         found.append((f"{name} ({several + 1})" if several else name, one))
     return found
 
 
-def _fit(robot: str, fit: object) -> FitResult:
-    result = load(fit) if isinstance(fit, (str, os.PathLike)) else fit
-    if not isinstance(result, FitResult):
-        raise TypeError(f"the robot {robot} has a {type(result).__name__}; give a gaitfit.FitResult or a fit's run folder")
-    return result
+def _fits(robot: str, fits: object) -> list[FitResult]:
+    """The fits of a robot."""
+    results: list[FitResult] = []
+    for fit in fits if isinstance(fits, (list, tuple)) else [fits]:
+        result = load(fit) if isinstance(fit, (str, os.PathLike)) else fit
+        if not isinstance(result, FitResult):
+            raise TypeError(f"the robot {robot} has a {type(result).__name__}; give a gaitfit.FitResult or a fit's run folder")
+        results.append(result)
+    if not results:
+        raise ValueError(f"the robot {robot} has no fit: give one, or leave the robot out")
+    return results
 
 
-def _number(fits: Mapping[str, FittedParameter]) -> tuple[FleetNumber, dict[str, FleetEstimate]]:
+def _number(fits: Mapping[str, list[FittedParameter]]) -> tuple[FleetNumber, dict[str, FleetEstimate]]:
     """One number's distribution, and the estimates of all robots."""
-    parameters = list(fits.values())
-    plain = np.array([one.value for one in parameters])
-    plain_errors = np.array([standard_error(one, f"the robot {robot}") for robot, one in fits.items()])
+    parameters = [one for several in fits.values() for one in several]
     lower, upper = min(one.lower for one in parameters), max(one.upper for one in parameters)
-    positive = lower >= 0 and bool(np.all(plain > 0)) and float(np.median(plain_errors / plain)) < MAX_RELATIVE
+    each = [[(one.value, standard_error(one, f"the robot {robot}")) for one in several] for robot, several in fits.items()]
+    relative = [error / value if value > 0 else np.inf for several in each for value, error in several]
+    positive = lower >= 0 and max(relative) < np.inf and float(np.median(relative)) < MAX_RELATIVE
     scale: Scale = "relative" if positive else "absolute"
-    pairs = np.array([scaled(scale, value, error) for value, error in zip(plain, plain_errors)])
-    values, errors = pairs[:, 0], pairs[:, 1]
+    calibration, values, errors = _joined([[scaled(scale, *one) for one in several] for several in each])
     hierarchy = Hierarchy.of(values, errors)
     center, scatter = float(hierarchy.center().mean), hierarchy.scatter(0.5)
 
@@ -114,6 +126,7 @@ def _number(fits: Mapping[str, FittedParameter]) -> tuple[FleetNumber, dict[str,
         another=interval(hierarchy.another()),
         lower=lower,
         upper=upper,
+        calibration=calibration,
     )
     mixture, shares = hierarchy.members(values, errors)
     means, ends = mixture.mean, (mixture.quantile(0.025), mixture.quantile(0.975))
@@ -124,14 +137,33 @@ def _number(fits: Mapping[str, FittedParameter]) -> tuple[FleetNumber, dict[str,
             unit=number.unit,
             value=unscaled(number, float(means[at])),
             interval=(unscaled(number, float(ends[0][at])), unscaled(number, float(ends[1][at]))),
-            alone=float(plain[at]),
-            alone_error=float(plain_errors[at]),
+            alone=read(values[at]),
+            alone_error=float(errors[at]) * (read(values[at]) if scale == "relative" else 1.0),
             own_share=float(shares[at]),
             away=float(away[at]),
         )
         for at, robot in enumerate(fits)
     }
     return number, estimates
+
+
+def _joined(each: list[list[tuple[float, float]]]) -> tuple[float, Array, Array]:
+    """The calibration of the standard errors, and for each robot the mean of its estimates with its standard error.
+
+    Estimates weigh by their squared errors. The calibration is the root of χ² over its degrees of freedom, of all robots'
+    estimates around their means; 1 without repeated fits.
+    """
+    values, errors, chi, free = np.zeros(len(each)), np.zeros(len(each)), 0.0, 0
+    for at, several in enumerate(each):
+        own, own_errors = np.array(several).T
+        weights = own_errors**-2.0
+        values[at], errors[at] = (weights * own).sum() / weights.sum(), weights.sum() ** -0.5
+        chi += float((weights * (own - values[at]) ** 2).sum())
+        free += len(several) - 1
+    calibration = float(np.sqrt(chi / free)) if free else 1.0
+    # Estimates that agree to the last digit leave no error; a hundredth is beyond what repeats can show.
+    calibration = max(calibration, 0.01)
+    return calibration, values, calibration * errors
 
 
 def _headline(robots: int, numbers: list[dict[str, Any]]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -132,7 +132,7 @@ class Robots:
         self._robots.observe(self.observation, self.critic_observation)
 
     @contextmanager
-    def _alone(self) -> Iterator[None]:
+    def _alone(self) -> Generator[None, None, None]:
         if not self._lock.acquire(blocking=False):
             raise RuntimeError(
                 "two threads use the same robots at once, and a step is of all of them together: give each thread robots of its "

@@ -118,7 +118,41 @@ class Fleets(Case):
         values = np.array([one["frictionloss"].value for one in fleet.robots.values()])
         self.assertLess(np.sqrt(np.mean((values - self.truth) ** 2)), 0.9 * np.sqrt(np.mean((self.alone - self.truth) ** 2)))
         self.assertEqual(len(fleet.rows()), 60)
+        try:
+            import matplotlib
+
+            matplotlib.use("Agg")
+        except ImportError:
+            return
+        axes = fleet.plot().axes[0]
+        self.assertEqual([label.get_text() for label in axes.get_yticklabels()], ["frictionloss"])
+        self.assertEqual(len(axes.lines[1].get_xdata()), 30)
         self.assertRegex(fleet.headline, "^2 numbers of 30 robots")
+
+    def test_several_fits_of_a_robot_calibrate_the_intervals(self) -> None:
+        """Intervals that are five times as wide as the estimates scatter hide the robots' scatter, unless fits are repeated."""
+        template = next(iter(self.results(1).values()))
+        rng, kind = np.random.default_rng(6), type(template.parameters)
+
+        def fit(truth: float) -> gaitfit.FitResult:
+            value = truth * math.exp(rng.normal(0.0, 0.05))
+            return replace(template, parameters=kind({"frictionloss": parameter("frictionloss", value, 0.25 * value)}))
+
+        twice = [[fit(truth), fit(truth)] for truth in self.truth]
+        fleet, blind = gaitfit.fleet(twice), gaitfit.fleet([one for one, _ in twice])
+        number = fleet.numbers["frictionloss"]
+        self.assertAlmostEqual(number.calibration, 0.2, delta=0.06)
+        self.assertEqual(blind.numbers["frictionloss"].calibration, 1.0)
+        self.assertLess(blind.numbers["frictionloss"].scatter, 0.1)
+        self.assertAlmostEqual(number.scatter, 0.2, delta=0.05)
+        one = fleet.robots["go2-demo"]["frictionloss"]
+        first = [two.parameters["frictionloss"].value for two in twice[0]]
+        self.assertAlmostEqual(one.alone, math.sqrt(first[0] * first[1]), delta=0.02)
+        self.assertAlmostEqual(one.alone_error / one.alone, 0.05 / math.sqrt(2.0), delta=0.012)
+        another = fleet.estimate(twice[0][0])["frictionloss"]
+        self.assertAlmostEqual(another.alone_error / another.alone, 0.05, delta=0.015)
+        with self.assertRaisesRegex(ValueError, "has no fit"):
+            gaitfit.fleet({"a": twice[0], "b": twice[1], "c": twice[2], "d": []})
 
     def test_it_is_read_again(self) -> None:
         fleet = gaitfit.fleet(self.results())

@@ -44,6 +44,7 @@ class FleetNumber:
         scatter_interval: Its 95 % interval.
         another: 95 % interval for the true value of another robot, before any log of it.
         lower, upper: Bounds of the search.
+        calibration: Factor on the standard errors of the fits' intervals, from robots with several fits; 1 without such.
     """
 
     name: str
@@ -56,6 +57,7 @@ class FleetNumber:
     another: Interval
     lower: float
     upper: float
+    calibration: float
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class FleetEstimate:
         value: The estimate from the robot's own logs and the fleet.
         interval: Its 95 % interval.
         alone: The estimate from the robot's own logs.
-        alone_error: Standard error of ``alone``, from its 95 % interval.
+        alone_error: Standard error of ``alone``: of its 95 % interval, times :attr:`FleetNumber.calibration`.
         own_share: The share of the robot's own logs in ``value``, from 0 to 1.
         away: How far ``alone`` is from the fleet's center, in standard deviations of scatter and error together. Beyond 3 the
             robot is unlike the others.
@@ -106,7 +108,7 @@ class Fleet(Result):
         ``result`` is a fit of the robot's logs that did not use the fleet. The prior is combined with it after the fit: the
         product of two normal densities, for each number by itself. Numbers that the fleet does not have are left out.
 
-        Raises ``ValueError`` if they have no number in common, for numbers without an interval, and for a fit whose
+        Raises ``ValueError`` if they have no number in common, for numbers without an interval or at a bound of 0, and for a fit whose
         settings had :attr:`prior` already: it would count twice.
         """
         common = [one for name, one in result.parameters.items() if name in self.numbers]
@@ -121,7 +123,12 @@ class Fleet(Result):
                     f"{one.name} of the fit {result.name} has the fleet's prior already, so it would count twice: fit without it"
                 )
             number = self.numbers[one.name]
-            value, error = scaled(number.scale, one.value, standard_error(one, result.name))
+            if number.scale == "relative" and one.value <= 0:
+                raise ValueError(
+                    f"{one.name} of the fit {result.name} is {one.value:g}, at its bound; the fleet's are positive: record more logs, "
+                    "or use the fleet's center"
+                )
+            value, error = scaled(number.scale, one.value, number.calibration * standard_error(one, result.name))
             mixture, share = self._hierarchy(one.name).with_estimate(value, error)
             found[one.name] = _estimate(number, one, error, mixture, share, self._away(number, value, error))
         return found
@@ -140,13 +147,17 @@ class Fleet(Result):
     def write_theta(self, result: FitResult, path: str | os.PathLike[str]) -> Path:
         """Writes the ``theta.toml`` of a fit with the estimates of :meth:`estimate` in the place of its own values.
 
+        Arguments:
+            result: The fit, of a robot of the fleet or of another one.
+            path: Where the file goes.
+
         A robot of the fleet keeps its estimate from :attr:`robots`. Numbers that the fleet does not have stay as they are.
         The file is for :func:`gaitfit.validate`, :func:`gaitfit.finetune`, :func:`gaitfit.evaluate` and the program.
 
         Raises as :meth:`estimate`, and ``FileNotFoundError`` if the fit's file is missing.
         """
         file = Path(named("path", path))
-        same = next((name for name, folder in self.document["folders"].items() if folder == str(result.run_folder)), None)
+        same = next((name for name, folder in self.document["folders"].items() if str(result.run_folder) in folder), None)
         estimates = self.estimate(result) if same is None else self.robots[same]
         document = json.loads(_gaitfit.read_toml(result.theta.read_text(encoding="utf-8")))
         document.pop("checksum", None)
@@ -158,7 +169,7 @@ class Fleet(Result):
         return file
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Writes the fleet as JSON, which :func:`gaitfit.load` reads again."""
+        """Writes the fleet as JSON to ``path``, which :func:`gaitfit.load` reads again."""
         file = Path(named("path", path))
         file.write_text(self.to_json(indent=1) + "\n", encoding="utf-8")
         return file
