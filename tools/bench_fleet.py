@@ -1,37 +1,38 @@
 """Measures what the prior of a fleet is worth: robots whose numbers scatter by 20 %, and new robots with few logs.
 
-Robots are simulated Go2s that walk with a policy. Friction loss and armature of each joint kind are log-normal around nominal
-values, and motors have torque noise. A log is a walk of --seconds with a command of its own. `gaitfit.fit` fits every robot of
-the fleet to --fleet-logs logs with the cost `matchr1`, and `gaitfit.fleet` describes all of them. New robots are fitted to 1, 2,
-4 and 8 logs, alone and combined with the fleet.
+Robots are Go2s with clamped bases and legs in the air, simulated by official MuJoCo, which is not the fit's engine. Friction loss,
+armature and damping of each joint kind, and the delay, are log-normal around nominal values. A log is short (--seconds), every
+joint follows a sine of its own at 200 Hz, and encoders are coarse (--noise): so a log leaves something open. Each robot of the
+fleet has two fits, each to --fleet-logs logs, which calibrate the intervals. New robots are fitted to 1, 2, 4 and 8 logs, alone
+and combined with the fleet.
 
-Usage: .venv/bin/python tools/bench_fleet.py [--robots 12] [--new 8] [--out fleet.json]      (with the package gaitfit)
+Usage: .venv/bin/python tools/bench_fleet.py [--robots 20] [--new 20] [--out fleet.json]      (with the package gaitfit)
 
-Printed as JSON: for each number of logs the root mean square of relative errors over new robots and numbers, alone and with
-the fleet, how often 95 % intervals contain the truth, and the scatter of each number, true and estimated.
+Printed as JSON, for each number of logs: the root mean square of relative errors over new robots and numbers, alone and with the
+fleet, and how often 95 % intervals contain the truth; and the scatter of each number, true and estimated.
 """
 
 import argparse
 import json
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 import gaitfit
-from gaitfit.config import Fit, Optimizer, Parameter
+from gaitfit.config import Fit, Optimizer, Parameter, Simulation
+from gaitfit.mujoco import ClampedRobot
 
-POLICY = Path(__file__).parent.parent / "assets" / "go2-walk.safetensors"
-NOMINAL = {
-    "frictionloss": {"hip": 0.21, "thigh": 0.17, "calf": 0.62},
-    "armature": {"hip": 0.015, "thigh": 0.019, "calf": 0.047},
-}
-NAMES = [f"{kind}_{joint}" for kind, joints in NOMINAL.items() for joint in joints]
-CENTRES = np.array([value for joints in NOMINAL.values() for value in joints.values()])
+ROBOT = Path(__file__).parent.parent / "assets" / "go2.xml"
+KINDS = ("hip", "thigh", "calf")
+NOMINAL = {"frictionloss": (0.21, 0.17, 0.62), "armature": (0.015, 0.019, 0.047), "damping": (0.19, 0.22, 0.31)}
+NAMES = [f"{number}_{kind}" for number in NOMINAL for kind in KINDS] + ["delay"]
+CENTRES = np.array([value for values in NOMINAL.values() for value in values] + [0.007])
+JOINTS = [f"{leg}_{kind}" for leg in ("FL", "FR", "RL", "RR") for kind in KINDS]
+DT, KP, KD = 0.005, [20.0, 20.0, 40.0] * 4, [1.0, 1.0, 2.0] * 4
 COUNTS = (1, 2, 4, 8)
 Truth = dict[str, float]
-#: For each number: estimate alone and with the fleet over the truth, whether the intervals contain it, and their widths over it.
+#: For each number: estimate alone and with the fleet over the truth, and whether the fit's interval and the fleet's contain it.
 Cells = list[list[float]]
 
 
@@ -40,69 +41,87 @@ class World:
 
     def __init__(self, options: argparse.Namespace, folder: Path) -> None:
         self.options, self.folder, self.rng = options, folder, np.random.default_rng(options.seed)
+        self.parameters = [gaitfit.Parameter(f"{number}:*_{kind}", 0.0, 10.0) for number in NOMINAL for kind in KINDS]
+        self.parameters.append(gaitfit.Parameter("delay", 0.0, 0.05))
 
     def robot(self) -> Truth:
         """True numbers of a robot."""
-        values = CENTRES * np.exp(self.rng.normal(0.0, self.options.scatter, len(NAMES)))
-        return dict(zip(NAMES, values.tolist()))
+        return dict(zip(NAMES, (CENTRES * np.exp(self.rng.normal(0.0, self.options.scatter, len(NAMES)))).tolist()))
 
-    def logs(self, name: str, truth: Truth, count: int) -> list[Path]:
-        """Logs of a robot: as many as the program collects at a time, of which the first are kept."""
-        text = "format = 2\n"
-        for number, value in truth.items():
-            kind, joint = number.rsplit("_", 1)
-            text += f'\n[[parameter]]\nname = "{number}"\nkind = "{kind}"\njoints = ["*_{joint}_joint"]\nvalue = {value!r}\n'
-        theta = self.folder / f"{name}.toml"
-        theta.write_text(text, encoding="utf-8")
-        out = self.folder / f"{name}-logs"
-        seed = int(self.rng.integers(2**31))
-        gaitfit.collect(
-            POLICY, out, trajectories=max(COUNTS), seconds=self.options.seconds, theta=theta, seed=seed,
-            torque_noise=self.options.torque_noise, progress=False,
+    def log(self, truth: Truth) -> gaitfit.Log:
+        """A log of a robot, from a start at rest."""
+        rng, noise = self.rng, self.options.noise
+        time = np.arange(0.0, self.options.seconds, DT)[:, None]
+        waves = np.sin(2 * np.pi * rng.uniform(1.0, 3.0, 12) * time + rng.uniform(0.0, 2 * np.pi, 12))
+        target = np.tile([0.0, 0.95, -1.75], 4) + 0.3 * waves
+        still = gaitfit.Log.from_arrays(
+            joints=JOINTS, dt=DT, position=target, velocity=0 * target, target=target, kp=KP, kd=KD
         )
-        return sorted(out.glob("*.csv"))[:count]
+        simulate = ClampedRobot(ROBOT, still, self.parameters, timestep=0.0005)
+        moved = simulate(np.array([list(truth.values())]))[0]
+        position = np.asarray(moved["position"])[0] + rng.normal(0.0, noise, target.shape)
+        velocity = np.asarray(moved["velocity"])[0] + rng.normal(0.0, 30 * noise, target.shape)
+        return gaitfit.Log.from_arrays(
+            joints=JOINTS, dt=DT, position=position, velocity=velocity, target=target, kp=KP, kd=KD
+        )
 
-    def fit(self, logs: list[Path], name: str) -> gaitfit.FitResult:
-        parameters = [Parameter("frictionloss", per="group", upper=2.0), Parameter("armature", per="group", upper=0.2)]
+    def fit(self, logs: list[gaitfit.Log], name: str) -> gaitfit.FitResult:
         config = Fit(
-            parameters=parameters, optimizer=Optimizer(replicates=self.options.replicates), swings=False, effects=False,
-            odd_joints=False,
+            robot=ROBOT,
+            costs=["matcho"],
+            parameters=[
+                Parameter("frictionloss", per="group", upper=3.0),
+                Parameter("armature", per="group", upper=0.3),
+                Parameter("damping", per="group", upper=2.0),
+                Parameter("delay", per="all", upper=0.03),
+            ],
+            simulation=Simulation(timestep=0.00125),
+            optimizer=Optimizer(method="least-squares", seeds=1),
         )
-        return gaitfit.fit(config, logs=logs, policy=POLICY, costs="matchr1", runs=self.folder, name=name, progress=False)
+        return gaitfit.fit(config, logs=logs, runs=self.folder, name=name, progress=False)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--robots", type=int, default=12)
-    parser.add_argument("--new", type=int, default=8)
+    parser.add_argument("--robots", type=int, default=20)
+    parser.add_argument("--new", type=int, default=20)
     parser.add_argument("--fleet-logs", type=int, default=2)
-    parser.add_argument("--seconds", type=float, default=11.0)
+    parser.add_argument("--seconds", type=float, default=0.6)
+    parser.add_argument("--noise", type=float, default=0.01, help="of positions, rad; of velocities 30/s times as much")
     parser.add_argument("--scatter", type=float, default=0.2)
-    parser.add_argument("--torque-noise", type=float, default=2.5, help="N·m")
-    parser.add_argument("--replicates", type=int, default=2, help="sets of simulated logs that correct a fit")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        # Each new robot makes the numbers surer; what is there already is kept.
-        for found in measured(World(options, Path(name))):
-            text = json.dumps({"options": {**vars(options), "out": None}, **found}, indent=1)
-            if options.out:
-                options.out.write_text(text + "\n", encoding="utf-8")
+        found = measured(World(options, Path(name)))
+    text = json.dumps({"options": {**vars(options), "out": None}, **found}, indent=1)
     print(text)
+    if options.out:
+        options.out.write_text(text + "\n", encoding="utf-8")
 
 
-def measured(world: World) -> Iterator[dict[str, object]]:
-    """The measured numbers after each new robot."""
+def measured(world: World) -> dict[str, object]:
     options = world.options
-    truths, fits = [], {}
-    for at in range(options.robots):
-        truths.append(world.robot())
-        name = f"robot-{at}"
-        fits[name] = world.fit(world.logs(name, truths[-1], options.fleet_logs), name)
-        print(f"{name} of {options.robots}", flush=True)
+    truths = [world.robot() for _ in range(options.robots)]
+    fits = {
+        f"robot-{at}": [
+            world.fit([world.log(truth) for _ in range(options.fleet_logs)], f"robot-{at}-{repeat}") for repeat in (1, 2)
+        ]
+        for at, truth in enumerate(truths)
+    }
     fleet = gaitfit.fleet(fits)
-    own = [cells(fits[name], fleet.robots[name], truth) for name, truth in zip(fits, truths)]
+    rows: dict[int, list[Cells]] = {count: [] for count in COUNTS}
+    left_out = dict.fromkeys(COUNTS, 0)
+    for at in range(options.new):
+        truth = world.robot()
+        logs = [world.log(truth) for _ in range(max(COUNTS))]
+        for count in COUNTS:
+            result = world.fit(logs[:count], f"new-{at}-{count}")
+            if any(one.value <= 0 for one in result.parameters.values()):
+                # An estimate at the bound 0 has no logarithm.
+                left_out[count] += 1
+                continue
+            rows[count].append(cells(result, fleet.estimate(result), truth))
     scatter = {}
     for name, one in fleet.numbers.items():
         logs_of_truth = np.log([truth[name] for truth in truths])
@@ -111,16 +130,13 @@ def measured(world: World) -> Iterator[dict[str, object]]:
             "estimated": one.scatter,
             "interval": one.scatter_interval,
             "center_over_true": one.center / float(np.exp(np.mean(logs_of_truth))),
+            "calibration": one.calibration,
         }
-    rows: dict[int, list[Cells]] = {count: [] for count in COUNTS}
-    for at in range(options.new):
-        truth, name = world.robot(), f"new-{at}"
-        logs = world.logs(name, truth, max(COUNTS))
-        for count in COUNTS:
-            result = world.fit(logs[:count], f"{name}-{count}")
-            rows[count].append(cells(result, fleet.estimate(result), truth))
-        print(f"{name} of {options.new}", flush=True)
-        yield {"scatter": scatter, "fleet": summary(own), "new": {count: summary(values) for count, values in rows.items()}}
+    own = [
+        cells(several[0], fleet.robots[name], truth) for (name, several), truth in zip(fits.items(), truths)
+    ]
+    new = {count: {**summary(values), "left_out": left_out[count]} for count, values in rows.items()}
+    return {"scatter": scatter, "fleet": summary(own), "new": new}
 
 
 def cells(result: gaitfit.FitResult, estimates: dict[str, gaitfit.results.FleetEstimate], truth: Truth) -> Cells:
@@ -128,31 +144,22 @@ def cells(result: gaitfit.FitResult, estimates: dict[str, gaitfit.results.FleetE
     for name, true in truth.items():
         one, alone = estimates[name], result.parameters[name].interval
         assert alone is not None
-        intervals = (alone, one.interval)
-        inside = [float(lower <= true <= upper) for lower, upper in intervals]
-        rows.append([one.alone / true, one.value / true, *inside, *[(upper - lower) / true for lower, upper in intervals]])
+        inside = [float(lower <= true <= upper) for lower, upper in (alone, one.interval)]
+        rows.append([one.alone / true, one.value / true, *inside])
     return rows
-
-
-def rms(ratios: np.ndarray) -> float:
-    return float(np.sqrt(np.mean((ratios - 1.0) ** 2)))
 
 
 def summary(rows: list[Cells]) -> dict[str, object]:
     array = np.array(rows)
-    kinds = {kind: [at for at, name in enumerate(NAMES) if name.startswith(kind)] for kind in NOMINAL}
-    found: dict[str, object] = {"count": len(rows)}
-    for kind, places in kinds.items():
-        part = array[:, places]
-        found[kind] = {
-            "alone": rms(part[..., 0]),
-            "with_fleet": rms(part[..., 1]),
-            "inside_alone": float(np.mean(part[..., 2])),
-            "inside_with_fleet": float(np.mean(part[..., 3])),
-            "width_alone": float(np.median(part[..., 4])),
-            "width_with_fleet": float(np.median(part[..., 5])),
-        }
-    return found
+
+    def part(places: list[int]) -> dict[str, float]:
+        chosen = array[:, places]
+        alone, together = (float(np.sqrt(np.mean((chosen[..., at] - 1.0) ** 2))) for at in (0, 1))
+        inside = [float(np.mean(chosen[..., at])) for at in (2, 3)]
+        return {"alone": alone, "with_fleet": together, "inside_alone": inside[0], "inside_with_fleet": inside[1]}
+
+    kinds = {kind: [at for at, name in enumerate(NAMES) if name.startswith(kind)] for kind in (*NOMINAL, "delay")}
+    return {"robots": len(rows), "all": part(list(range(len(NAMES)))), **{kind: part(at) for kind, at in kinds.items()}}
 
 
 if __name__ == "__main__":

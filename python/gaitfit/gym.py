@@ -81,8 +81,13 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP,
     ) -> None:
         self._mode, self._terms = AutoresetMode(autoreset_mode), terms
-        if terms is not None and (not isinstance(terms, Terms) or device != "cpu"):
-            raise TypeError(f"terms is {terms!r}; give gaitfit.gym.Terms, and device='cpu'")
+        if terms is not None and not isinstance(terms, Terms):
+            raise TypeError(f"terms is {terms!r}; give gaitfit.gym.Terms")
+        if terms is not None and device != "cpu":
+            raise ValueError(
+                f"terms are functions of the processor's robots, and device is {device!r}: give device='cpu', or compute the "
+                "terms from observation and reward in your own loop"
+            )
         if device != "cpu" and self._mode != AutoresetMode.SAME_STEP:
             raise ValueError(
                 f"autoreset_mode is {self._mode}; robots on a GPU begin their next episode within the same step: give "

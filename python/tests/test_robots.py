@@ -316,6 +316,22 @@ class ForLearners(Case):
             Terms(reward=3)
         with self.assertRaisesRegex(TypeError, "give gaitfit.gym.Terms"):
             GaitfitVecEnv(num_envs=2, terms=3)
+        with self.assertRaisesRegex(ValueError, "terms are functions of the processor's robots, and device is 'cuda'"):
+            GaitfitVecEnv(num_envs=2, terms=Terms(), device="cuda")
+
+    def test_what_robots_on_a_gpu_lack_is_an_error_with_a_remedy(self) -> None:
+        robots = gaitfit.Robots(num_envs=2)
+        state = robots.state()
+        # As robots on a GPU are, without one.
+        robots._gpu, robots.device = robots._robots, "cuda:0"
+        for name, call in (
+            ("state", robots.state),
+            ("set_state", lambda: robots.set_state(state)),
+            ("motion", robots.motion),
+            ("picture", robots.picture),
+        ):
+            with self.assertRaisesRegex(ValueError, rf"^{name}\(\) is of robots on the processor; on cuda:0 .* device='cpu'"):
+                call()
 
     def test_motion_is_what_the_robots_do(self) -> None:
         quiet = {f"task.noise.{name}": 0.0 for name in ("joint_position", "joint_velocity", "projected_gravity", "base_angular_velocity")}
