@@ -3,10 +3,10 @@
 Robots are Go2s with clamped bases and legs in the air, simulated by official MuJoCo, which is not the fit's engine. Friction loss,
 armature and damping of each joint kind, and the delay, are log-normal around nominal values. A log is short (--seconds), every
 joint follows a sine of its own at 200 Hz, and encoders are coarse (--noise): so a log leaves something open. Each robot of the
-fleet has two fits, each to --fleet-logs logs, which calibrate the intervals. New robots are fitted to 1, 2, 4 and 8 logs, alone
-and combined with the fleet.
+fleet has two fits of one log each, which calibrate the intervals. New robots have 1, 2, 4 and 8 logs: one fit of all of them, and
+fits of one log each that are combined with the fleet.
 
-Usage: .venv/bin/python tools/bench_fleet.py [--robots 20] [--new 20] [--out fleet.json]      (with the package gaitfit)
+Usage: .venv/bin/python tools/bench_fleet.py [--robots 20] [--new 12] [--out fleet.json]      (with the package gaitfit)
 
 Printed as JSON, for each number of logs: the root mean square of relative errors over new robots and numbers, alone and with the
 fleet, and how often 95 % intervals contain the truth; and the scatter of each number, true and estimated.
@@ -32,7 +32,8 @@ JOINTS = [f"{leg}_{kind}" for leg in ("FL", "FR", "RL", "RR") for kind in KINDS]
 DT, KP, KD = 0.005, [20.0, 20.0, 40.0] * 4, [1.0, 1.0, 2.0] * 4
 COUNTS = (1, 2, 4, 8)
 Truth = dict[str, float]
-#: For each number: estimate alone and with the fleet over the truth, and whether the fit's interval and the fleet's contain it.
+#: For each number: one fit's estimate, the mean of fits of one log each, and that with the fleet, over the truth; and whether the
+#: fit's interval and the fleet's contain it.
 Cells = list[list[float]]
 
 
@@ -84,8 +85,7 @@ class World:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robots", type=int, default=20)
-    parser.add_argument("--new", type=int, default=20)
-    parser.add_argument("--fleet-logs", type=int, default=2)
+    parser.add_argument("--new", type=int, default=12)
     parser.add_argument("--seconds", type=float, default=0.6)
     parser.add_argument("--noise", type=float, default=0.01, help="of positions, rad; of velocities 30/s times as much")
     parser.add_argument("--scatter", type=float, default=0.2)
@@ -105,23 +105,23 @@ def measured(world: World) -> dict[str, object]:
     truths = [world.robot() for _ in range(options.robots)]
     fits = {
         f"robot-{at}": [
-            world.fit([world.log(truth) for _ in range(options.fleet_logs)], f"robot-{at}-{repeat}") for repeat in (1, 2)
+            world.fit([world.log(truth)], f"robot-{at}-{repeat}") for repeat in (1, 2)
         ]
         for at, truth in enumerate(truths)
     }
     fleet = gaitfit.fleet(fits)
     rows: dict[int, list[Cells]] = {count: [] for count in COUNTS}
-    left_out = dict.fromkeys(COUNTS, 0)
+    left_out = 0
     for at in range(options.new):
         truth = world.robot()
         logs = [world.log(truth) for _ in range(max(COUNTS))]
+        single = [world.fit([log], f"new-{at}-{number}") for number, log in enumerate(logs)]
+        # An estimate at the bound 0 has no logarithm.
+        usable = [one for one in single if all(parameter.value > 0 for parameter in one.parameters.values())]
+        left_out += len(single) - len(usable)
         for count in COUNTS:
-            result = world.fit(logs[:count], f"new-{at}-{count}")
-            if any(one.value <= 0 for one in result.parameters.values()):
-                # An estimate at the bound 0 has no logarithm.
-                left_out[count] += 1
-                continue
-            rows[count].append(cells(result, fleet.estimate(result), truth))
+            joint = single[0] if count == 1 else world.fit(logs[:count], f"new-{at}-all-{count}")
+            rows[count].append(cells(joint, fleet.estimate(usable[:count]), truth))
     scatter = {}
     for name, one in fleet.numbers.items():
         logs_of_truth = np.log([truth[name] for truth in truths])
@@ -135,8 +135,8 @@ def measured(world: World) -> dict[str, object]:
     own = [
         cells(several[0], fleet.robots[name], truth) for (name, several), truth in zip(fits.items(), truths)
     ]
-    new = {count: {**summary(values), "left_out": left_out[count]} for count, values in rows.items()}
-    return {"scatter": scatter, "fleet": summary(own), "new": new}
+    new = {count: summary(values) for count, values in rows.items()}
+    return {"scatter": scatter, "fleet": summary(own), "new": new, "fits_at_bound": left_out}
 
 
 def cells(result: gaitfit.FitResult, estimates: dict[str, gaitfit.results.FleetEstimate], truth: Truth) -> Cells:
@@ -145,7 +145,7 @@ def cells(result: gaitfit.FitResult, estimates: dict[str, gaitfit.results.FleetE
         one, alone = estimates[name], result.parameters[name].interval
         assert alone is not None
         inside = [float(lower <= true <= upper) for lower, upper in (alone, one.interval)]
-        rows.append([one.alone / true, one.value / true, *inside])
+        rows.append([result.parameters[name].value / true, one.alone / true, one.value / true, *inside])
     return rows
 
 
@@ -154,9 +154,9 @@ def summary(rows: list[Cells]) -> dict[str, object]:
 
     def part(places: list[int]) -> dict[str, float]:
         chosen = array[:, places]
-        alone, together = (float(np.sqrt(np.mean((chosen[..., at] - 1.0) ** 2))) for at in (0, 1))
-        inside = [float(np.mean(chosen[..., at])) for at in (2, 3)]
-        return {"alone": alone, "with_fleet": together, "inside_alone": inside[0], "inside_with_fleet": inside[1]}
+        errors = [float(np.sqrt(np.mean((chosen[..., at] - 1.0) ** 2))) for at in (0, 1, 2)]
+        inside = [float(np.mean(chosen[..., at])) for at in (3, 4)]
+        return dict(zip(("one_fit", "mean_of_fits", "with_fleet", "inside_one_fit", "inside_with_fleet"), errors + inside))
 
     kinds = {kind: [at for at, name in enumerate(NAMES) if name.startswith(kind)] for kind in (*NOMINAL, "delay")}
     return {"robots": len(rows), "all": part(list(range(len(NAMES)))), **{kind: part(at) for kind, at in kinds.items()}}

@@ -14,7 +14,7 @@ from ._arguments import items
 from ._hierarchy import MIN_ROBOTS, Array, Hierarchy
 from .results._base import Interval
 from .results._fit import FitResult, FittedParameter
-from .results._fleet import Fleet, FleetEstimate, FleetNumber, Scale, fleet_result, scaled, standard_error, unscaled
+from .results._fleet import Fleet, FleetEstimate, FleetNumber, Scale, fleet_result, mean_of, scaled, standard_error, unscaled
 from .results._read import load
 
 #: Relative standard error above which the logarithm of an estimate is not normal.
@@ -102,10 +102,12 @@ def _number(fits: Mapping[str, list[FittedParameter]]) -> tuple[FleetNumber, dic
     parameters = [one for several in fits.values() for one in several]
     lower, upper = min(one.lower for one in parameters), max(one.upper for one in parameters)
     each = [[(one.value, standard_error(one, f"the robot {robot}")) for one in several] for robot, several in fits.items()]
-    relative = [error / value if value > 0 else np.inf for several in each for value, error in several]
-    positive = lower >= 0 and max(relative) < np.inf and float(np.median(relative)) < MAX_RELATIVE
-    scale: Scale = "relative" if positive else "absolute"
-    calibration, values, errors = _joined([[scaled(scale, *one) for one in several] for several in each])
+    scale: Scale = "absolute"
+    calibration, values, errors = _joined(each)
+    if lower >= 0 and all(value > 0 for several in each for value, _ in several):
+        relative = _joined([[scaled("relative", *one) for one in several] for several in each])
+        if float(np.median(relative[2])) < MAX_RELATIVE:
+            scale, (calibration, values, errors) = "relative", relative
     hierarchy = Hierarchy.of(values, errors)
     center, scatter = float(hierarchy.center().mean), hierarchy.scatter(0.5)
 
@@ -153,13 +155,9 @@ def _joined(each: list[list[tuple[float, float]]]) -> tuple[float, Array, Array]
     Estimates weigh by their squared errors. The calibration is the root of χ² over its degrees of freedom, of all robots'
     estimates around their means; 1 without repeated fits.
     """
-    values, errors, chi, free = np.zeros(len(each)), np.zeros(len(each)), 0.0, 0
-    for at, several in enumerate(each):
-        own, own_errors = np.array(several).T
-        weights = own_errors**-2.0
-        values[at], errors[at] = (weights * own).sum() / weights.sum(), weights.sum() ** -0.5
-        chi += float((weights * (own - values[at]) ** 2).sum())
-        free += len(several) - 1
+    values, errors = np.array([mean_of(several) for several in each]).T
+    free = sum(len(several) - 1 for several in each)
+    chi = sum(((own - mean) / error) ** 2 for several, mean in zip(each, values) for own, error in several)
     calibration = float(np.sqrt(chi / free)) if free else 1.0
     # Estimates that agree to the last digit leave no error; a hundredth is beyond what repeats can show.
     calibration = max(calibration, 0.01)

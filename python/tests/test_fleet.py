@@ -151,6 +151,12 @@ class Fleets(Case):
         self.assertAlmostEqual(one.alone_error / one.alone, 0.05 / math.sqrt(2.0), delta=0.012)
         another = fleet.estimate(twice[0][0])["frictionloss"]
         self.assertAlmostEqual(another.alone_error / another.alone, 0.05, delta=0.015)
+        # Two fits of another robot say as much as two of the fleet's.
+        both = fleet.estimate(twice[0])["frictionloss"]
+        self.assertAlmostEqual(both.alone, one.alone, delta=1e-9)
+        self.assertAlmostEqual(both.alone_error, one.alone_error, delta=1e-9)
+        with self.assertRaisesRegex(ValueError, "of an empty list"):
+            fleet.estimate([])
         with self.assertRaisesRegex(ValueError, "has no fit"):
             gaitfit.fleet({"a": twice[0], "b": twice[1], "c": twice[2], "d": []})
 

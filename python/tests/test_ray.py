@@ -18,7 +18,7 @@ import numpy as np
 
 import gaitfit
 from gaitfit import Policy
-from gaitfit._given import fit_settings, run as run_of
+from gaitfit._given import fit_settings, run as run_of, sets
 from gaitfit.config import Fit
 from gaitfit.results._read import fit_result
 
@@ -480,6 +480,10 @@ class Fleets(Ray):
         same = gaitfit.fleet(alone)
         self.assertEqual((fleet.numbers, fleet.robots), (same.numbers, same.robots))
         self.assertEqual(gaitfit.load(self.folder / "fleet" / "fleet.json"), fleet)
+        parted = {name: [one.between(at, at + 0.5), one.between(at + 0.5, at + 1.0)] for at, (name, one) in enumerate(robots.items())}
+        twice = gaitfit.ray.fleet(parted, DEMO / "adapt.toml", runs=self.folder, name="twice", fits=2, **arguments)
+        self.assertEqual(twice.document["folders"]["robot-3"][1], os.path.relpath(self.folder / "twice" / "robot-3-2"))
+        self.assertNotEqual({one.calibration for one in twice.numbers.values()}, {1.0})
         again = gaitfit.ray.fleet(robots, DEMO / "adapt.toml", runs=self.folder, resume=True, **arguments)
         self.assertEqual(again.robots, fleet.robots)
         with self.assertRaisesRegex(FileNotFoundError, "nowhere"):
@@ -494,6 +498,8 @@ class Fleets(Ray):
             gaitfit.ray.fleet({"a/b": "a.csv", "b": "b.csv", "c": "c.csv", "d": "d.csv"})
         with self.assertRaisesRegex(TypeError, "robots is 3"):
             gaitfit.ray.fleet(3)
+        with self.assertRaisesRegex(ValueError, "the robot a has 1 logs, and fits is 2"):
+            gaitfit.ray.fleet({"a": "a.csv", "b": "b.csv", "c": "c.csv", "d": "d.csv"}, fits=2)
 
 
 class Tables(Ray):
@@ -517,7 +523,7 @@ class Tables(Ray):
             "full": False,
             "seeds": 2,
             "only": "*-matchs*",
-            "sets": gaitfit._stages._sets({**self.SMALL, "runs": str(self.folder / "alone")}),
+            "sets": sets({**self.SMALL, "runs": str(self.folder / "alone")}),
             "experiments": "experiments",
             "threads": None,
             "device": "cpu",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -102,35 +102,30 @@ class Fleet(Result):
     robots: Named[Named[FleetEstimate]]
     left_out: Named[str]
 
-    def estimate(self, result: FitResult) -> Named[FleetEstimate]:
+    def estimate(self, result: FitResult | Sequence[FitResult]) -> Named[FleetEstimate]:
         """The numbers of another robot, from its own fit and from the fleet.
 
-        ``result`` is a fit of the robot's logs that did not use the fleet. The prior is combined with it after the fit: the
-        product of two normal densities, for each number by itself. Numbers that the fleet does not have are left out.
+        ``result`` is a fit of the robot's logs that did not use the fleet, or several fits, each to logs of its own. The prior
+        is combined with it after the fit: the product of two normal densities, for each number by itself. Numbers that the
+        fleet does not have are left out.
+
+        A fleet whose intervals are calibrated (:attr:`FleetNumber.calibration`) needs fits like its own: to as many logs each.
+        A robot with more logs has more fits then, not longer ones.
 
         Raises ``ValueError`` if they have no number in common, for numbers without an interval or at a bound of 0, and for a fit whose
         settings had :attr:`prior` already: it would count twice.
         """
-        common = [one for name, one in result.parameters.items() if name in self.numbers]
+        results = [result] if isinstance(result, FitResult) else list(result)
+        common = [name for name in self.numbers if results and all(name in one.parameters for one in results)]
         if not common:
-            raise ValueError(
-                f"the fit {result.name} and the fleet have no number in common; the fleet has {', '.join(self.numbers)}"
-            )
+            names = ", ".join(one.name for one in results) or "of an empty list"
+            raise ValueError(f"the fit {names} and the fleet have no number in common; the fleet has {', '.join(self.numbers)}")
         found: Named[FleetEstimate] = Named()
-        for one in common:
-            if one.prior is not None and math.isclose(one.prior.value, self.numbers[one.name].center, rel_tol=1e-9):
-                raise ValueError(
-                    f"{one.name} of the fit {result.name} has the fleet's prior already, so it would count twice: fit without it"
-                )
-            number = self.numbers[one.name]
-            if number.scale == "relative" and one.value <= 0:
-                raise ValueError(
-                    f"{one.name} of the fit {result.name} is {one.value:g}, at its bound; the fleet's are positive: record more logs, "
-                    "or use the fleet's center"
-                )
-            value, error = scaled(number.scale, one.value, number.calibration * standard_error(one, result.name))
-            mixture, share = self._hierarchy(one.name).with_estimate(value, error)
-            found[one.name] = _estimate(number, one, error, mixture, share, self._away(number, value, error))
+        for name in common:
+            number = self.numbers[name]
+            value, error = mean_of([_own(number, one.parameters[name], one.name) for one in results])
+            mixture, share = self._hierarchy(name).with_estimate(value, error)
+            found[name] = _estimate(number, value, error, mixture, share, self._away(number, value, error))
         return found
 
     @property
@@ -231,10 +226,30 @@ def estimates_of(scale: Scale, estimates: list[FleetEstimate]) -> tuple[NDArray[
     return pairs[:, 0], pairs[:, 1]
 
 
+def mean_of(estimates: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """The mean of estimates of one number, weighed by their squared standard errors, and its standard error."""
+    values, errors = np.array(estimates).T
+    weights = errors**-2.0
+    return float((weights * values).sum() / weights.sum()), float(weights.sum() ** -0.5)
+
+
+def _own(number: FleetNumber, one: FittedParameter, whose: str) -> tuple[float, float]:
+    """A fit's estimate on the number's scale, and its calibrated standard error."""
+    if one.prior is not None and math.isclose(one.prior.value, number.center, rel_tol=1e-9):
+        raise ValueError(f"{one.name} of the fit {whose} has the fleet's prior already, so it would count twice: fit without it")
+    if number.scale == "relative" and one.value <= 0:
+        raise ValueError(
+            f"{one.name} of the fit {whose} is {one.value:g}, at its bound; the fleet's are positive: record more logs, or use the "
+            "fleet's center"
+        )
+    return scaled(number.scale, one.value, number.calibration * standard_error(one, whose))
+
+
 def _estimate(
-    number: FleetNumber, one: FittedParameter, error: float, mixture: Mixture, share: float, away: float
+    number: FleetNumber, own: float, error: float, mixture: Mixture, share: float, away: float
 ) -> FleetEstimate:
     lower, upper = (unscaled(number, float(mixture.quantile(part))) for part in (0.025, 0.975))
-    alone_error = error * one.value if number.scale == "relative" else error
+    alone = float(np.exp(own)) if number.scale == "relative" else own
+    alone_error = error * alone if number.scale == "relative" else error
     value = unscaled(number, float(mixture.mean))
-    return FleetEstimate(one.name, one.unit, value, (lower, upper), one.value, alone_error, share, away)
+    return FleetEstimate(number.name, number.unit, value, (lower, upper), alone, alone_error, share, away)
