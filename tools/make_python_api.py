@@ -43,6 +43,7 @@ PAGES = [
     Page("stages", "Python: stages", "The commands of the program as functions. [Call it from Python](../python.md) begins with examples.\n\n" + TYPES, [
         ("gaitfit", "_stages.py", ["fit", "validate", "loop"]),
         ("gaitfit", "_walks.py", ["train", "finetune", "evaluate", "collect"]),
+        ("gaitfit", "_fleet.py", ["fleet"]),
         ("gaitfit", "results/_read.py", ["load"]),
         ("gaitfit", "_progress.py", ["Event"]),
         ("gaitfit.callbacks", "callbacks.py", []),
@@ -58,6 +59,7 @@ PAGES = [
         ("gaitfit.results", "results/_fit.py", []),
         ("gaitfit.results", "results/_walk.py", []),
         ("gaitfit.results", "results/_loop.py", []),
+        ("gaitfit.results", "results/_fleet.py", ["Fleet", "FleetNumber", "FleetEstimate"]),
         ("gaitfit.plots", "plots.py", []),
     ]),
     Page("logs", "Python: logs, policies and simulators", "Logs as arrays, policies, and a fit of a simulator of your own.", [
@@ -81,6 +83,7 @@ PAGES = [
     ]),
     Page("ray", "Python: many machines", "`gaitfit.ray`: the same on a Ray cluster. [Many machines](../scale.md) begins with examples.", [
         ("gaitfit.ray", "ray/_fit.py", ["fit"]),
+        ("gaitfit.ray", "ray/_fleet.py", ["fleet"]),
         ("gaitfit.ray", "ray/_train.py", ["train", "finetune"]),
         ("gaitfit.ray", "ray/_tables.py", ["reproduce"]),
     ]),

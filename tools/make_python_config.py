@@ -133,7 +133,7 @@ def read(path: Path) -> str:
 def documentation(lines: list[str]) -> str:
     """The words of `///` lines, without links that only Rust's documentation follows."""
     text = " ".join(line.strip().removeprefix("///").strip() for line in lines)
-    text = re.sub(r"[;,]?\s*(see|as) \[`[^`]*`\](\([^)]*\))?( says)?", "", text)
+    text = re.sub(r"[;,:]?\s*(see|as) \[`[^`]*`\](\([^)]*\))?( says)?", "", text)
     text = re.sub(r"\[`(?:\w+::)*(\w+)`\](?:\([^)]*\))?", r"``\1``", text)
     text = re.sub(r"(?<!`)`([^`]+)`(?!`)", r"``\1``", text)
     return text.replace("\\", "\\\\").strip()
@@ -351,7 +351,7 @@ def files() -> dict[str, str]:
         + "\n\n"
         + text(TRAIN),
         "_loop.py": HEAD.format(doc="Settings of loops.")
-        + imports.replace("from dataclasses import dataclass, field", "from dataclasses import dataclass, field")
+        + imports.replace("import Mapping, Sequence", "import Sequence")
         + "from .._settings import Settings\nfrom ._fit import Fit, ParameterKind, Preset, RobotNumber\nfrom ._train import Finetune\n\n"
         + aliases(["TargetKind"])
         + "\n\n"

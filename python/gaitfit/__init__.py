@@ -15,6 +15,7 @@ from ._gaitfit import DeviceArray, GaitfitError, Stopped, __version__
 if TYPE_CHECKING:
     from . import callbacks, config, costs, results
     from ._cma import CMA
+    from ._fleet import fleet
     from ._log_files import read_log
     from ._logs import Finding, Log
     from ._own_simulator import FitOutcome, Parameter, Simulator, fit_simulator
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
         Evaluation,
         FitResult,
         FittedParameter,
+        Fleet,
         LoopResult,
         Training,
         ValidationResult,
@@ -46,6 +48,7 @@ __all__ = [
     "FitOutcome",
     "FitResult",
     "FittedParameter",
+    "Fleet",
     "GaitfitError",
     "Interface",
     "LoadedPolicy",
@@ -70,6 +73,7 @@ __all__ = [
     "finetune",
     "fit",
     "fit_simulator",
+    "fleet",
     "load",
     "load_policy",
     "loop",
@@ -82,6 +86,7 @@ __all__ = [
 #: Where what needs NumPy is: it is imported when it is asked for, so that the program starts without.
 _PARTS = {
     "_cma": ("CMA",),
+    "_fleet": ("fleet",),
     "_log_files": ("read_log",),
     "_logs": ("Finding", "Log"),
     "_own_simulator": ("FitOutcome", "Parameter", "Simulator", "fit_simulator"),
@@ -101,6 +106,7 @@ _PARTS = {
         "Evaluation",
         "FitResult",
         "FittedParameter",
+        "Fleet",
         "LoopResult",
         "Training",
         "ValidationResult",

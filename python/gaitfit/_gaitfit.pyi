@@ -151,6 +151,7 @@ def adapt(
     progress: Listener | None,
     crew: Any | None,
 ) -> str: ...
+def adapt_plan(run: Mapping[str, Any]) -> tuple[str, list[str]]: ...
 def validate(
     theta: str,
     logs: Sequence[str],

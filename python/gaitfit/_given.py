@@ -6,7 +6,7 @@ import hashlib
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from ._arguments import count, flag, items, mapping, maybe, path, real, text
 from ._arguments import threads as checked_threads
@@ -16,14 +16,9 @@ from ._policy import Policy
 from ._toml import toml
 from ._settings import Settings as TypedSettings
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 PathLike = str | os.PathLike[str]
 #: Settings by their names in a file, with dots between tables.
 Settings = Mapping[str, Any]
-#: Logs of a stage: a file, a folder, a log, a table, or several of them.
-OneLog = "PathLike | Log | pd.DataFrame"
 #: What computes. ``"cuda:0,1"`` are several GPUs; other numbers of GPUs are right, too, where these are not enough.
 Device = Literal[
     "cpu", "auto", "cuda", "cuda:0", "cuda:1", "cuda:2", "cuda:3", "cuda:4", "cuda:5", "cuda:6", "cuda:7",
@@ -91,6 +86,8 @@ def _plain(value: Any) -> Any:
     """A setting's value: parts of :mod:`gaitfit.config` are tables."""
     if isinstance(value, TypedSettings):
         return value.to_dict()
+    if isinstance(value, Mapping):
+        return {name: _plain(one) for name, one in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(one) for one in value]
     return value

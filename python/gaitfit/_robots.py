@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -132,7 +132,7 @@ class Robots:
         self._robots.observe(self.observation, self.critic_observation)
 
     @contextmanager
-    def _alone(self) -> Iterator[None]:
+    def _alone(self) -> Generator[None, None, None]:
         if not self._lock.acquire(blocking=False):
             raise RuntimeError(
                 "two threads use the same robots at once, and a step is of all of them together: give each thread robots of its "
@@ -232,7 +232,7 @@ class Robots:
         >>> _ = robots.step(np.ones((2, 12)))
         >>> robots.set_state(kept)
         """
-        self._on_processor()
+        self._on_processor("state")
         with self._alone():
             values, steps, step = self._robots.state()
             return RobotsState(self.task, self._seed, values, steps, step)
@@ -242,7 +242,7 @@ class Robots:
 
         Raises ``ValueError`` for a state of other robots, which names what differs.
         """
-        self._on_processor()
+        self._on_processor("set_state")
         if not isinstance(state, RobotsState):
             raise TypeError(f"state is {state!r}; give what state() returned")
         for what, mine, theirs in (
@@ -265,7 +265,7 @@ class Robots:
         >>> gaitfit.Robots(num_envs=3).motion().base_position.shape
         (3, 3)
         """
-        self._on_processor()
+        self._on_processor("motion")
         with self._alone():
             return Motion(*self._robots.motion())
 
@@ -286,15 +286,18 @@ class Robots:
         """
         from ._picture import picture
 
-        self._on_processor()
+        self._on_processor("picture")
         number, size = whole("robot", robot, 0), [whole("width", width, 8, 8192), whole("height", height, 8, 8192)]
         with self._alone():
             pose = self._robots.pose(number)
         return picture(self._shape, pose, *size)
 
-    def _on_processor(self) -> None:
+    def _on_processor(self, what: str) -> None:
         if self._gpu is not None:
-            raise ValueError("the state of robots on a GPU stays there: take device='cpu'")
+            raise ValueError(
+                f"{what}() is of robots on the processor; on {self.device} only what they observe can be read. Make them with "
+                "device='cpu', where the same seed gives the same robots"
+            )
 
     @property
     def diverged(self) -> int:
@@ -309,7 +312,10 @@ class Robots:
 
     @property
     def commands(self) -> Any:
-        """What the robots are asked to do: ahead and to the side, m/s, and turning, rad/s; shape ``(num_envs, 3)``."""
+        """What the robots are asked to do: ahead and to the side, m/s, and turning, rad/s; shape ``(num_envs, 3)``.
+
+        Ahead is where the base heads; :attr:`Motion.base_linear_velocity` is in the world's frame instead. :func:`evaluate`
+        measures how well a policy follows commands."""
         if self._gpu is not None:
             return self._gpu.array("commands")
         return np.asarray(self._robots.commands(), np.float32)

@@ -49,7 +49,7 @@ class Settings:
 
     def to_toml(self) -> str:
         """The settings that are not ``None``, as a configuration file for the program."""
-        return "".join(_lines("", self.to_dict()))
+        return "".join(table_lines("", self.to_dict()))
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> Self:
@@ -139,18 +139,18 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _lines(place: str, table: Mapping[str, Any]) -> list[str]:
+def table_lines(place: str, table: Mapping[str, Any]) -> list[str]:
     """A table of a file: first its values, then its tables and lists of tables."""
     inner = {name: value for name, value in table.items() if isinstance(value, dict)}
     several = {name: value for name, value in table.items() if _is_tables(value)}
     lines = [f"{key(name)} = {toml(value)}\n" for name, value in table.items() if name not in inner and name not in several]
     for name, value in inner.items():
         where = f"{place}{key(name)}"
-        lines += [f"\n[{where}]\n", *_lines(f"{where}.", value)]
+        lines += [f"\n[{where}]\n", *table_lines(f"{where}.", value)]
     for name, values in several.items():
         where = f"{place}{key(name)}"
         for value in values:
-            lines += [f"\n[[{where}]]\n", *_lines(f"{where}.", value)]
+            lines += [f"\n[[{where}]]\n", *table_lines(f"{where}.", value)]
     return lines
 
 

@@ -44,7 +44,8 @@ def fit(
         config: A TOML file (``gaitfit config`` prints one with all defaults), or a :class:`gaitfit.config.Fit`. The other
             arguments win over it.
         logs: Logs to fit: CSV files or folders, :class:`Log`, or tables with columns as in a CSV log. Logs that are not files
-            are written into ``runs/python-logs``.
+            are written into ``runs/python-logs``. A table has no PD gains: ``Log.from_dataframe(table, kp=20.0, kd=0.5)`` states
+            them, or ``settings={"gains.kp": 20.0, "gains.kd": 0.5}``.
         robot: The robot's file, MJCF or URDF.
         policy: The policy that walked: a file, or a :class:`Policy` of your own. Without one the robot's base was held and
             its legs hung in the air.

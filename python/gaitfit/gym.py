@@ -22,6 +22,7 @@ from ._arrays import numbers
 from ._robots import Robots
 from ._robots_state import RobotsState
 from ._terms import Terms
+from ._window import Window
 from .config import Train
 
 Box = spaces.Box
@@ -80,8 +81,13 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP,
     ) -> None:
         self._mode, self._terms = AutoresetMode(autoreset_mode), terms
-        if terms is not None and (not isinstance(terms, Terms) or device != "cpu"):
-            raise TypeError(f"terms is {terms!r}; give gaitfit.gym.Terms, and device='cpu'")
+        if terms is not None and not isinstance(terms, Terms):
+            raise TypeError(f"terms is {terms!r}; give gaitfit.gym.Terms")
+        if terms is not None and device != "cpu":
+            raise ValueError(
+                f"terms are functions of the processor's robots, and device is {device!r}: give device='cpu', or compute the "
+                "terms from observation and reward in your own loop"
+            )
         if device != "cpu" and self._mode != AutoresetMode.SAME_STEP:
             raise ValueError(
                 f"autoreset_mode is {self._mode}; robots on a GPU begin their next episode within the same step: give "
@@ -234,14 +240,16 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
 
     Arguments:
         config, robot, settings, seed: As of :class:`gaitfit.Robots`.
-        render_mode: ``"rgb_array"``: :meth:`render` returns pictures (:meth:`gaitfit.Robots.picture`); ``None``: no pictures.
+        render_mode: ``"rgb_array"``: :meth:`render` returns pictures (:meth:`gaitfit.Robots.picture`). ``"human"``: a page in
+            the browser shows every step, in real time where the machine is fast enough; it is on this machine alone. ``None``: no
+            pictures.
 
     >>> env = GaitfitEnv()
     >>> observation, info = env.reset(seed=1)
     >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 50}
 
     def __init__(
         self,
@@ -252,8 +260,8 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
         seed: int = 0,
         render_mode: str | None = None,
     ) -> None:
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"render_mode is {render_mode!r}; this environment opens no window: give 'rgb_array' or None")
+        if render_mode not in (None, "human", "rgb_array"):
+            raise ValueError(f"render_mode is {render_mode!r}; give 'human', 'rgb_array' or None")
 
         def make(seed: int) -> Robots:
             return Robots(config, num_envs=1, threads=1, robot=robot, settings=settings, seed=seed)
@@ -264,7 +272,13 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
         self.observation_space = cast("spaces.Space[NDArray[np.float32]]", observed)
         self.action_space = cast("spaces.Space[NDArray[np.float32]]", moved)
         self.render_mode = render_mode
+        self._window = Window(self._robots.control_dt) if render_mode == "human" else None
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self._robots.control_dt)}
+
+    @property
+    def robots(self) -> Robots:
+        """The robot itself, as one of many."""
+        return self._robots
 
     def _begin(self, seed: int) -> None:
         # What the robots begin with is an episode already.
@@ -281,6 +295,7 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
         elif not self._fresh:
             self._robots.reset()
         self._fresh = False
+        self._show()
         return self._robots.observation[0].copy(), {}
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -293,6 +308,7 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
         # The robots are in their next episode by then.
         if ended:
             self._seed, self._fresh = -1, True
+        self._show()
         observation = (robots.last_observation if ended else robots.observation)[0].copy()
         info = {"reward_terms": robots.reward_terms()}
         return observation, float(robots.reward[0]), bool(robots.terminated[0]), bool(robots.truncated[0]), info
@@ -301,6 +317,16 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
         """A picture of the robot, shape ``(360, 480, 3)``, with ``render_mode="rgb_array"``; else ``None``. After an episode's end
         it shows the next one's beginning."""
         return self._robots.picture() if self.render_mode == "rgb_array" else None
+
+    def _show(self) -> None:
+        if self._window is not None:
+            self._window.show(self._robots.picture())
+
+    def close(self) -> None:
+        """Ends the page of ``render_mode="human"``."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
 
 
 gymnasium.register(

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from ._arguments import items
 from ._logs import Log
-from .results import Result
+from .results import Fleet, Result
 
 if TYPE_CHECKING:
     from ._own_simulator import FitOutcome
@@ -28,7 +28,9 @@ Shown = Result | Mapping[str, Any]
 
 def plot(results: Shown) -> Figure:
     """The chart of ``results``: a fit's :func:`parameters`, an evaluation's :func:`drift`, a training's
-    :func:`training`, and of a loop the fit of its last round."""
+    :func:`training`, a :func:`fleet`, and of a loop the fit of its last round."""
+    if isinstance(results, Fleet):
+        return fleet(results)
     results = _document(results)
     if results.get("parameters"):
         return parameters(results)
@@ -72,6 +74,26 @@ def parameters(found: Shown | FitOutcome) -> Figure:
     axes.spines[["top", "right", "left"]].set_visible(False)
     if any(row.get("truth") is not None for row in rows):
         axes.set_title("found (dot), truth (line)", fontsize=10)
+    return figure
+
+
+def fleet(found: Fleet) -> Figure:
+    """Each number of the robots of ``found`` over the fleet's center: the estimate of a robot's own logs (open), the one with
+    the other robots (filled), and the range of 95 % of such robots. Numbers that may be negative are left out."""
+    numbers = [one for one in found.numbers.values() if one.scale == "relative"]
+    if not numbers:
+        raise ValueError("the fleet has no positive numbers: plot its rows with matplotlib")
+    figure, axes = plt.subplots(figsize=(7.0, 0.6 + 0.34 * len(numbers)), layout="constrained")
+    for at, number in enumerate(numbers):
+        ends = [end / number.center for end in number.another]
+        axes.plot(ends, [at, at], color="0.85", linewidth=6, solid_capstyle="butt", zorder=1)
+        own = [robot[number.name] for robot in found.robots.values()]
+        axes.plot([one.alone / number.center for one in own], [at] * len(own), "o", mfc="none", color="0.4", zorder=2)
+        axes.plot([one.value / number.center for one in own], [at] * len(own), ".", color="tab:blue", zorder=3)
+    axes.set_yticks(range(len(numbers)), [one.name for one in numbers])
+    axes.set_xlabel("over the fleet's center")
+    axes.invert_yaxis()
+    axes.spines[["top", "right", "left"]].set_visible(False)
     return figure
 
 

@@ -53,7 +53,7 @@ mod _gaitfit {
     use super::share::Helper;
     #[pymodule_export]
     use super::stages::{
-        adapt, collect, evaluate, finetune, finetune_plan, run_loop, train, train_plan, validate,
+        adapt, adapt_plan, collect, evaluate, finetune, finetune_plan, run_loop, train, train_plan, validate,
     };
     #[pymodule_export]
     use super::tables::{reproduce, reproduce_part, reproduce_plan};

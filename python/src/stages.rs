@@ -157,6 +157,23 @@ fn training(run: &Run, robot: Option<String>, seeds: Option<Vec<u64>>) -> PyResu
         .map_err(|error| to_py_err(&error))
 }
 
+/// The run folder of a fit, which is begun, and the files that the fit reads. Logs and settings are checked.
+#[pyfunction]
+pub fn adapt_plan(run: Run) -> PyResult<(PathBuf, Vec<PathBuf>)> {
+    let mut config: AdaptConfig =
+        settings::load(run.config.as_deref(), &run.sets).map_err(|error| to_py_err(&error))?;
+    let name = run.name(config.name.as_ref(), "fit");
+    config.name = Some(name.clone());
+    let threads = run.threads()?.map(NonZeroUsize::get);
+    let setup = Setup::open_policy(&config, run.path(), threads, &run.devices()?, None)
+        .map_err(|error| to_py_err(&error))?;
+    let folder = RunFolder::begin(Path::new(&config.runs), &name, run.resumes(&config.runs, &name))
+        .map_err(|error| to_py_err(&error))?;
+    let parts = setup.files.iter().flat_map(|file| gaitfit::robot::parts(file));
+    let files = run.config.iter().cloned().chain(parts).chain(setup.files.iter().cloned()).collect();
+    Ok((folder.path().to_owned(), files))
+}
+
 /// A training from nothing.
 #[pyfunction]
 pub fn train(

@@ -18,7 +18,7 @@ import numpy as np
 
 import gaitfit
 from gaitfit import Policy
-from gaitfit._given import fit_settings, run as run_of
+from gaitfit._given import fit_settings, run as run_of, sets
 from gaitfit.config import Fit
 from gaitfit.results._read import fit_result
 
@@ -26,6 +26,8 @@ from .common import DEMO, PACKAGE, ROOT, Case
 from .test_own_policy import FILE, LAYERS, network
 
 RAY = importlib.util.find_spec("ray") is not None
+#: One number instead of the dozens of a walk's fit: a policy that is a function is slow.
+ONE = {"parameter": [{"kind": "frictionloss", "per": "all", "upper": 0.8}]}
 SETTINGS = {"optimizer.generations": 10, "optimizer.seeds": 2, "costs": ["matcho", "wass"], "checkpoint_seconds": 0.0}
 
 
@@ -99,7 +101,8 @@ class Shared(Case):
                 self.assertGreaterEqual(crew.done, tasks)
 
     def test_a_policy_that_is_a_function_acts_at_both_ends(self) -> None:
-        logs, settings = self.folder / "logs", {"optimizer.seeds": 1, "optimizer.generations": 2, "optimizer.population": 6}
+        logs = self.folder / "logs"
+        settings = {**ONE, "optimizer.seeds": 1, "optimizer.generations": 2, "optimizer.population": 6}
         gaitfit.collect(FILE, logs, trajectories=10, seconds=2.5, progress=False)
         calls = []
 
@@ -233,6 +236,15 @@ class Fits(Ray):
         for one, other in zip(*read, strict=True):
             one, other = json.loads(one), json.loads(other)
             self.assertEqual({**one, "wall_seconds": 0}, {**other, "wall_seconds": 0})
+        self.assertIsNone(alone.sharing)
+        sharing = shared.sharing
+        assert sharing is not None
+        # Ten generations of each seed and cost at least, by two workers.
+        self.assertGreaterEqual(sharing.tasks["costs"], 10)
+        self.assertGreaterEqual(sharing.tasks["intervals"], 2)
+        self.assertEqual(len(sharing.workers), 2)
+        self.assertTrue(all(seconds > 0 for seconds in sharing.workers.values()), sharing)
+        self.assertIn("validation logs", sharing.alone)
         # A finished run is taken as it is, also by one machine.
         self.assertEqual(found(self.fit(gaitfit.fit, "shared", resume=True)), found(alone))
 
@@ -299,7 +311,7 @@ class Fits(Ray):
 
         with self.assertRaisesRegex(gaitfit.GaitfitError, "has 99 CPUs"):
             self.fit(gaitfit.ray.fit, "large", num_cpus=99)
-        with self.assertRaisesRegex(gaitfit.GaitfitError, "nowhere.csv"):
+        with self.assertRaisesRegex(FileNotFoundError, "nowhere.csv"):
             self.fit(gaitfit.ray.fit, "absent", logs="nowhere.csv")
         with mock.patch("gaitfit._gaitfit.__version__", "0.0.9"):
             with self.assertRaisesRegex(gaitfit.GaitfitError, "and the driver has 0.0.9"):
@@ -321,7 +333,7 @@ class Fits(Ray):
         import gaitfit.ray
 
         gaitfit.collect(FILE, self.folder / "logs", trajectories=10, seconds=2.5, progress=False)
-        settings = {"optimizer.seeds": 1, "optimizer.generations": 2, "optimizer.population": 12}
+        settings = {**ONE, "optimizer.seeds": 1, "optimizer.generations": 2, "optimizer.population": 12}
         layers = LAYERS
 
         def act(observation: np.ndarray) -> np.ndarray:
@@ -448,6 +460,48 @@ class Fits(Ray):
         self.assertLess(time.monotonic() - pressed[0], 1.0)
 
 
+class Fleets(Ray):
+    def test_the_fits_of_a_fleet_are_those_of_one_machine(self) -> None:
+        import gaitfit.ray
+
+        log = gaitfit.read_log(DEMO / "fit.csv")
+        robots = {f"robot-{at}": log.between(at, at + 1.0) for at in range(4)}
+        settings = {"optimizer.method": "least-squares", "optimizer.seeds": 1, "simulation.timestep": 0.005}
+        arguments = {"settings": settings, "progress": False}
+        fleet = gaitfit.ray.fleet(robots, DEMO / "adapt.toml", runs=self.folder, **arguments)
+        alone = {
+            name: gaitfit.fit(DEMO / "adapt.toml", logs=one, name=name, runs=self.folder / "alone", **arguments)
+            for name, one in robots.items()
+        }
+        for name, one in alone.items():
+            worker = gaitfit.load(self.folder / "fleet" / name)
+            self.assertEqual(found(worker), found(one))
+            self.assertEqual(worker.run_folder.resolve(), (self.folder / "fleet" / name).resolve())
+        same = gaitfit.fleet(alone)
+        self.assertEqual((fleet.numbers, fleet.robots), (same.numbers, same.robots))
+        self.assertEqual(gaitfit.load(self.folder / "fleet" / "fleet.json"), fleet)
+        parted = {name: [one.between(at, at + 0.5), one.between(at + 0.5, at + 1.0)] for at, (name, one) in enumerate(robots.items())}
+        twice = gaitfit.ray.fleet(parted, DEMO / "adapt.toml", runs=self.folder, name="twice", fits=2, **arguments)
+        self.assertEqual(twice.document["folders"]["robot-3"][1], os.path.relpath(self.folder / "twice" / "robot-3-2"))
+        self.assertNotEqual({one.calibration for one in twice.numbers.values()}, {1.0})
+        again = gaitfit.ray.fleet(robots, DEMO / "adapt.toml", runs=self.folder, resume=True, **arguments)
+        self.assertEqual(again.robots, fleet.robots)
+        with self.assertRaisesRegex(FileNotFoundError, "nowhere"):
+            gaitfit.ray.fleet({**robots, "robot-1": "nowhere.csv"}, DEMO / "adapt.toml", runs=self.folder, **arguments)
+
+    def test_wrong_fleets_are_refused(self) -> None:
+        import gaitfit.ray
+
+        with self.assertRaisesRegex(ValueError, "there are 3 robots"):
+            gaitfit.ray.fleet({"a": "a.csv", "b": "b.csv", "c": "c.csv"})
+        with self.assertRaisesRegex(ValueError, "must be a name for a folder"):
+            gaitfit.ray.fleet({"a/b": "a.csv", "b": "b.csv", "c": "c.csv", "d": "d.csv"})
+        with self.assertRaisesRegex(TypeError, "robots is 3"):
+            gaitfit.ray.fleet(3)
+        with self.assertRaisesRegex(ValueError, "the robot a has 1 logs, and fits is 2"):
+            gaitfit.ray.fleet({"a": "a.csv", "b": "b.csv", "c": "c.csv", "d": "d.csv"}, fits=2)
+
+
 class Tables(Ray):
     SMALL = {
         "target.trajectories": 8,
@@ -469,7 +523,7 @@ class Tables(Ray):
             "full": False,
             "seeds": 2,
             "only": "*-matchs*",
-            "sets": gaitfit._stages._sets({**self.SMALL, "runs": str(self.folder / "alone")}),
+            "sets": sets({**self.SMALL, "runs": str(self.folder / "alone")}),
             "experiments": "experiments",
             "threads": None,
             "device": "cpu",

@@ -1,9 +1,14 @@
 """Many robots at a task: the environment alone, for Gymnasium and for rsl_rl."""
 
+import io
 import pickle
 import threading
+import time
 import unittest
+import urllib.error
+import urllib.request
 import warnings
+from unittest import mock
 
 import numpy as np
 
@@ -311,6 +316,22 @@ class ForLearners(Case):
             Terms(reward=3)
         with self.assertRaisesRegex(TypeError, "give gaitfit.gym.Terms"):
             GaitfitVecEnv(num_envs=2, terms=3)
+        with self.assertRaisesRegex(ValueError, "terms are functions of the processor's robots, and device is 'cuda'"):
+            GaitfitVecEnv(num_envs=2, terms=Terms(), device="cuda")
+
+    def test_what_robots_on_a_gpu_lack_is_an_error_with_a_remedy(self) -> None:
+        robots = gaitfit.Robots(num_envs=2)
+        state = robots.state()
+        # As robots on a GPU are, without one.
+        robots._gpu, robots.device = robots._robots, "cuda:0"
+        for name, call in (
+            ("state", robots.state),
+            ("set_state", lambda: robots.set_state(state)),
+            ("motion", robots.motion),
+            ("picture", robots.picture),
+        ):
+            with self.assertRaisesRegex(ValueError, rf"^{name}\(\) is of robots on the processor; on cuda:0 .* device='cpu'"):
+                call()
 
     def test_motion_is_what_the_robots_do(self) -> None:
         quiet = {f"task.noise.{name}": 0.0 for name in ("joint_position", "joint_velocity", "projected_gravity", "base_angular_velocity")}
@@ -459,7 +480,9 @@ class ForLearners(Case):
             from gaitfit.gym import GaitfitEnv, GaitfitVecEnv
         except ImportError as missing:
             self.skipTest(str(missing))
-        with warnings.catch_warnings(record=True) as said:
+        # The checker renders in each mode.
+        opened = mock.patch("webbrowser.open", return_value=True)
+        with opened, warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             check_env(GaitfitEnv())
             check_env(gymnasium.make("gaitfit.gym:gaitfit/Go2-v0").unwrapped)
@@ -470,11 +493,49 @@ class ForLearners(Case):
         many = gymnasium.make_vec("gaitfit.gym:gaitfit/Go2-v0", num_envs=3, vectorization_mode="vector_entry_point")
         self.assertIsInstance(many.unwrapped, GaitfitVecEnv)
         self.assertEqual(many.reset(seed=1)[0].shape[0], 3)
-        with self.assertRaisesRegex(ValueError, "opens no window: give 'rgb_array'"):
-            GaitfitEnv(render_mode="human")
+        with self.assertRaisesRegex(ValueError, "give 'human', 'rgb_array' or None"):
+            GaitfitEnv(render_mode="ansi")
         drawn = GaitfitEnv(render_mode="rgb_array")
         drawn.reset(seed=1)
         self.assertEqual((drawn.render().shape, drawn.render().dtype, drawn.metadata["render_fps"]), ((360, 480, 3), np.uint8, 50))
+
+    def test_a_page_shows_every_step(self) -> None:
+        try:
+            from gaitfit.gym import GaitfitEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        from gaitfit._window import png
+
+        with mock.patch("webbrowser.open", return_value=True) as opened:
+            env = GaitfitEnv(render_mode="human")
+            begun = time.monotonic()
+            env.reset(seed=1)
+            for _ in range(3):
+                env.step(np.zeros(12, np.float32))
+        # It does not run faster than the robot.
+        self.assertGreater(time.monotonic() - begun, 3 * 0.02)
+        opened.assert_called_once()
+        address = opened.call_args.args[0]
+        self.assertRegex(address, r"^http://127\.0\.0\.1:\d+/$")
+        self.assertIn(b"<img", urllib.request.urlopen(address).read())
+        with urllib.request.urlopen(f"{address}picture?seen=2") as answer:
+            self.assertEqual((answer.headers["X-Number"], answer.read()), ("4", png(env.robots.picture())))
+        with self.assertRaisesRegex(urllib.error.HTTPError, "404"):
+            urllib.request.urlopen(f"{address}other")
+        env.close()
+        with self.assertRaises(urllib.error.URLError):
+            urllib.request.urlopen(address)
+
+    def test_a_png_file_has_the_pixels(self) -> None:
+        try:
+            from matplotlib import image
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        from gaitfit._window import png
+
+        picture = np.random.default_rng(0).integers(0, 256, (7, 5, 3), np.uint8)
+        read = image.imread(io.BytesIO(png(picture)))
+        np.testing.assert_array_equal(np.round(255 * read[..., :3]), picture)
 
     def test_one_robot_is_the_first_of_many(self) -> None:
         try:

@@ -192,7 +192,7 @@ class Number(Settings):
 @dataclass(frozen=True, kw_only=True)
 class Prior(Settings):
     """An estimate of an entry that was made without the fit, with its standard error: legs in the air, a data sheet, a
-    test bench. The search begins there, with steps of that size, and pays for going away:.
+    test bench. The search begins there, with steps of that size, and pays for going away.
 
     Attributes:
         value: The estimate, in the entry's unit.

@@ -5,7 +5,8 @@ Results have the bits of one machine, whatever the number of workers and whichev
 """
 
 from ._fit import fit
+from ._fleet import fleet
 from ._tables import reproduce
 from ._train import finetune, train
 
-__all__ = ["finetune", "fit", "reproduce", "train"]
+__all__ = ["finetune", "fit", "fleet", "reproduce", "train"]

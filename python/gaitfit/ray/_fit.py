@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from collections.abc import Iterator, Sequence
-from typing import Any
+from dataclasses import replace
 
 from .. import _gaitfit
 from .._policy import Policy
 from .._progress import Progresses, listener
-from ..results import FitResult
+from ..results import FitResult, Named, Sharing
 from ..results import _read
 from .. import _given as given
 from .._given import PathLike, Resume, Settings
@@ -53,8 +54,10 @@ def fit(
 
     Raises as :func:`gaitfit.fit`, and :class:`GaitfitError` for a worker that computes other bits.
 
-    The candidates of all costs and seeds are shared. Robot, policy and logs are sent once to each node. This process keeps the run folder: if it is killed, ``resume=True``
-    continues from its checkpoint.
+    The candidates of all costs and seeds are shared, also those of one cost and one seed; so are the moves of values for
+    intervals, derivatives, and sets of simulated logs. :attr:`FitResult.sharing`, which is also printed, states what was shared and
+    what this process computed alone. Robot, policy and logs are sent once to each node. This process keeps the run folder: if it
+    is killed, ``resume=True`` continues from its checkpoint.
 
     Nodes need the same version of gaitfit. A worker that
     computes other bits than this process is refused; with ``num_gpus`` than the first worker.
@@ -70,8 +73,13 @@ def fit(
     run = given.run(config, Fit, others, name, resume, threads, "cpu")
     own = _sent(policy) if isinstance(policy, Policy) else b""
     crew = Crew(Cluster(address, place), own)
+    begun = time.process_time()
     try:
-        return _read.fit_result(json.loads(_gaitfit.adapt(run, given.own(policy), listen, crew)))
+        result = _read.fit_result(json.loads(_gaitfit.adapt(run, given.own(policy), listen, crew)))
+        sharing = crew.sharing(time.process_time() - begun, result)
+        if listen is not None:
+            listen("note", str(sharing), 0, 0, {})
+        return replace(result, sharing=sharing)
     finally:
         crew.close()
 
@@ -91,12 +99,17 @@ def _sent(policy: Policy) -> bytes:
         ) from error
 
 
+#: Kinds of work, by the name that a task has for it.
+KINDS = {b'"Costs"': "costs", b'"Views"': "intervals", b'"Signals"': "signals", b'"Ask"': "corrections"}
+
+
 class Crew:
     """The workers of a fit; the native half calls it."""
 
     def __init__(self, cluster: Cluster, policy: bytes = b"") -> None:
         self._cluster, self._policy = cluster, policy
         self._workers: Workers | None = None
+        self._tasks, self._seconds = dict[str, int](), dict[str, float]()
         #: Whether this process computes as the workers do.
         self.alike = cluster.place.num_gpus == 0
 
@@ -114,6 +127,15 @@ class Crew:
         if self._workers is not None:
             self._workers.end()
 
+    def sharing(self, driver_seconds: float, result: FitResult) -> Sharing:
+        """What workers did for a fit, of which this process computed so long."""
+        alone = ["the search's own arithmetic"]
+        if result.validation or result.held_out is not None:
+            alone.append("validation logs")
+        if result.document.get("base") == "free" and "wass" in {fit.cost_name for fit in result.fits}:
+            alone.append("simulated robots that correct wass")
+        return Sharing(Named(self._tasks), Named(self._seconds), driver_seconds, (*alone, "the report"))
+
     def places(self) -> int:
         return self._cluster.places()
 
@@ -123,7 +145,10 @@ class Crew:
             if answer is None:
                 yield None
                 continue
-            number, (where, mark, found) = answer
+            number, (where, mark, found, seconds) = answer
+            self._seconds[where] = self._seconds.get(where, 0.0) + seconds
+            kind = next((words for sign, words in KINDS.items() if sign in tasks[number]), "others")
+            self._tasks[kind] = self._tasks.get(kind, 0) + 1
             self._mark = self._mark or mark
             if mark != self._mark:
                 raise _gaitfit.GaitfitError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,14 +13,19 @@ from .._progress import Kind, Listener
 from ._cluster import Cluster
 from ._parts import read, write
 
+#: Parts for each place of the cluster that are begun at a time.
+AHEAD = 2
+
 
 class Order:
-    """A part: its name, its folder, folders that it needs, and how it is made."""
+    """A part: its name, its folder, folders that it needs, how it is made, and the files that only it needs."""
 
-    def __init__(self, name: str, folder: str, needs: Sequence[str], how: Mapping[str, Any]) -> None:
+    def __init__(
+        self, name: str, folder: str, needs: Sequence[str], how: Mapping[str, Any], files: Sequence[str] = ()
+    ) -> None:
         if os.path.isabs(folder):
             raise ValueError(f"{folder} is an absolute path, which workers do not share: give `runs` as seen from here")
-        self.name, self.folder, self.needs, self.how = name, folder, needs, how
+        self.name, self.folder, self.needs, self.how, self.files = name, folder, needs, how, files
 
 
 class Orders:
@@ -45,9 +51,13 @@ class Orders:
         if not orders:
             return
         self._tell("begin", "part", 0, len(orders))
-        open_ = {self._start(order): order for order in orders}
+        waiting, open_ = deque(orders), dict[Any, Order]()
         try:
-            while open_:
+            while open_ or waiting:
+                # Files of a part are in the object store while it waits for its place: few wait at a time.
+                while waiting and len(open_) < AHEAD * max(1, self._cluster.places()):
+                    order = waiting.popleft()
+                    open_[self._start(order)] = order
                 for stream in self._cluster.ready(list(open_)):
                     order = open_[stream]
                     try:
@@ -80,8 +90,9 @@ class Orders:
                 self._needs[needed] = self._cluster.put(read(Path(needed)))
         own = self._cluster.put(read(Path(order.folder)))
         needs = {needed: self._needs[needed] for needed in order.needs}
+        needed = self._cluster.put(sources(order.files)) if order.files else self._sources
         return self._begin(
-            os.getcwd(), self._sources, {**needs, order.folder: own}, order.folder, order.how, self._every
+            os.getcwd(), needed, {**needs, order.folder: own}, order.folder, order.how, self._every
         )
 
 

@@ -9,6 +9,7 @@ import os
 import platform
 import tempfile
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -38,8 +39,9 @@ def helper(key: str, parcel: list[Any], threads: int, device: str) -> _gaitfit.H
     return found
 
 
-def simulated(key: str, parcel: list[Any], threads: int, device: str, task: bytes) -> tuple[str, str, bytes]:
-    """Does a task of a fit: who did it, what its robot costs where the search begins, and the answer."""
+def simulated(key: str, parcel: list[Any], threads: int, device: str, task: bytes) -> tuple[str, str, bytes, float]:
+    """Does a task of a fit: who did it, what its robot costs where the search begins, the answer, and the time it took, s."""
+    begun = time.monotonic()
     found = helper(key, parcel, threads, device)
     try:
         answer = found.work(task)
@@ -47,7 +49,7 @@ def simulated(key: str, parcel: list[Any], threads: int, device: str, task: byte
         # A policy's function that failed once is not asked again.
         _open.pop((key, threads, device), None)
         raise
-    return f"{platform.node()} (process {os.getpid()})", found.mark, answer
+    return f"{platform.node()} (process {os.getpid()})", found.mark, answer, time.monotonic() - begun
 
 
 def made(
@@ -79,6 +81,8 @@ def made(
 def _work(how: Mapping[str, Any], progress: Any) -> None:
     if how["what"] == "cell":
         _gaitfit.reproduce_part(how["request"], how["part"], progress)
+    elif how["what"] == "fit":
+        _gaitfit.adapt(how["run"], None, progress, None)
     elif how["what"] == "finetuning":
         _gaitfit.finetune(how["run"], how["world"], how["seeds"], progress)
     else:

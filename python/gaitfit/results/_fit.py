@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -78,6 +78,32 @@ class Spring:
     stiffness_interval: Interval | None = None
     rest: float | None = None
     rest_interval: Interval | None = None
+
+
+@dataclass(frozen=True)
+class Sharing:
+    """What workers did for a fit, and what the driver did alone.
+
+    Attributes:
+        tasks: Tasks of each kind that workers did: ``"costs"`` (candidates of a search), ``"intervals"`` (moved values, for
+            intervals), ``"signals"`` (simulations whose signals came back, for derivatives), ``"corrections"`` (sets of simulated
+            logs).
+        workers: Seconds of each worker's work, by node and process.
+        driver_seconds: Processor time of the driver, s: all of the fit that was not shared, and the handing out of tasks.
+        alone: What the driver computed alone.
+    """
+
+    tasks: Named[int]
+    workers: Named[float]
+    driver_seconds: float
+    alone: tuple[str, ...]
+
+    def __str__(self) -> str:
+        tasks = ", ".join(f"{count} of {kind}" for kind, count in self.tasks.items()) or "none"
+        return (
+            f"tasks of workers: {tasks}; {len(self.workers)} workers computed {sum(self.workers.values()):.1f} s, this process "
+            f"{self.driver_seconds:.1f} s alone ({', '.join(self.alone)})"
+        )
 
 
 @dataclass(frozen=True)
@@ -199,6 +225,7 @@ class FitResult(Result):
         verdict: Walking logs: the verdict of walks that were not fitted; ``None`` without such walks.
         held_out: Walking logs: these walks in numbers.
         falls: Walking logs in which the robot fell; they were cut there.
+        sharing: Of :func:`gaitfit.ray.fit`: what workers did. It is not part of the run folder.
 
     >>> result = gaitfit.fit("examples/go2-demo/adapt.toml")      # doctest: +SKIP
     >>> result.parameters["delay"].value, result.parameters["delay"].unit      # doctest: +SKIP
@@ -230,6 +257,7 @@ class FitResult(Result):
     verdict: Verdict | None = None
     held_out: HeldOut | None = None
     falls: int = 0
+    sharing: Sharing | None = field(default=None, compare=False)
 
     @property
     def theta(self) -> Path:

@@ -11,11 +11,12 @@ from typing import Any
 from .._arguments import path as named
 from .._decode import decoded
 from ._fit import FitResult, ValidationResult
+from ._fleet import Fleet, fleet_result
 from ._loop import LoopResult, Measurement, Round, Table, TableRow
 from ._walk import Collection, Evaluation, Training
 
 #: What :func:`load` returns.
-Loaded = FitResult | Training | Evaluation | LoopResult | ValidationResult | Table
+Loaded = FitResult | Training | Evaluation | LoopResult | ValidationResult | Table | Fleet
 
 
 def load(run: str | os.PathLike[str]) -> Loaded:
@@ -92,6 +93,8 @@ def table_result(document: Mapping[str, Any]) -> Table:
 
 
 def _of_any(document: Mapping[str, Any]) -> Loaded:
+    if "folders" in document:
+        return fleet_result(document)
     if "rounds" in document:
         return loop_result(document)
     if "fits" in document:
