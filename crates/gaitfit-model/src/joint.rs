@@ -120,6 +120,11 @@ impl JointForm {
                 }));
             }
             "hinge" => {}
+            "ball" => {
+                let remedy = "replace it by hinges, or weld the body by removing the joint";
+                ctx.refuse_unmended(at, element.label(), "ball joints are not simulated", remedy)?;
+                return Ok(Finished::Dropped);
+            }
             other => {
                 ctx.refuse(
                     at,

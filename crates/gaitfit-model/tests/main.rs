@@ -3,6 +3,7 @@
 mod free_joint;
 mod ground;
 mod hostile;
+mod mend;
 mod mujoco;
 mod refuse;
 mod robots;
