@@ -4,7 +4,8 @@ A robot is a file (.xml, .urdf), a folder whose robot files are all tried, or a 
 are named from the list's folder). Columns: how the file reads (plainly, mended, refused), whether `init` writes a task, the
 feet that it chose, the leg's length and the robot's mass, how many things it mended or guessed, and why not where it refuses.
 
-With --out FOLDER the configurations, mended robot files and pages stay there: `tools/train_robots.py FOLDER` trains them.
+With --out FOLDER the configurations, robot files and pages stay there; each robot is one file then, so that the folder can be
+carried to another machine, where `tools/train_robots.py FOLDER` trains them.
 
 Usage: python3 tools/init_table.py --list robots.tsv --gaitfit target/release/gaitfit --out tried
 """
@@ -42,11 +43,11 @@ def reads(gaitfit, path):
     return done.returncode == 0
 
 
-def attempt(gaitfit, name, path, folder, seconds):
+def attempt(gaitfit, name, path, folder, seconds, *more):
     """What `init` prints as JSON, or None and its message."""
-    command = [gaitfit, "init", str(path), "--json", "--force", "--out", str(folder / f"{name}.toml")]
+    command = [gaitfit, "init", str(path.resolve()), "--json", "--force", "--out", f"{name}.toml", *more]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=seconds)
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=seconds, cwd=folder)
     except subprocess.TimeoutExpired:
         return None, f"not done in {seconds} s"
     if done.returncode == 0:
@@ -83,6 +84,7 @@ def main():
     parser.add_argument("--out", type=pathlib.Path)
     parser.add_argument("--seconds", type=float, default=120.0, help="longest that one robot may take")
     args = parser.parse_args()
+    args.gaitfit = str(pathlib.Path(args.gaitfit).resolve())
     with tempfile.TemporaryDirectory() as scratch:
         folder = args.out or pathlib.Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
@@ -91,6 +93,8 @@ def main():
         written = tried = 0
         for name, path in robots(args):
             document, why = attempt(args.gaitfit, name, path, folder, args.seconds)
+            if document and args.out and not document.get("robot_file"):
+                attempt(args.gaitfit, name, path, folder, args.seconds, "--one-file")
             tried, written = tried + 1, written + (document is not None)
             print(row(name, document, why, reads(args.gaitfit, path)), flush=True)
         print(f"\n{written} of {tried} robots get a task with nothing edited.")

@@ -140,7 +140,7 @@ impl<'c, 's> BodyReader<'c, 's> {
                 "geom" => self.read_geom(child, scope, mass)?,
                 "site" => self.read_site(child, scope)?,
                 "camera" | "light" => {}
-                "composite" | "flexcomp" | "replicate" | "attach" | "plugin" => self.ctx.refuse(
+                "composite" | "flexcomp" | "attach" | "plugin" => self.ctx.refuse(
                     child.at,
                     child.label(),
                     "generated and attached parts are not expanded",

@@ -11,7 +11,7 @@ use crate::orientation::compose;
 use crate::own::Parts;
 use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::scan::MAX_NAME;
-use crate::servo::resolve_damping_ratios;
+use crate::servo::{resolve_damping_ratios, resolve_springs};
 use crate::shown::{escaped, shown};
 use crate::spec::{GeomKind, GeomSpec, Spec};
 use crate::terrain::{Ground, Obstacle, ObstacleShape};
@@ -107,6 +107,15 @@ pub(crate) fn compile(
                 format!("actuator \"{}\"", shown(&actuator.name)),
                 "its joint belongs to a body that was dropped",
             ),
+        }
+    }
+    resolve_springs(&mut model);
+    for joint in &mut model.joints {
+        if spec.disabled.spring {
+            joint.stiffness = 0.0;
+        }
+        if spec.disabled.damper {
+            joint.damping = 0.0;
         }
     }
     resolve_damping_ratios(&mut model);
@@ -259,12 +268,6 @@ fn fill_bodies(model: &mut Model, spec: &Spec, root: usize, member: &[bool]) -> 
             }
             if spec.disabled.frictionloss {
                 joint.frictionloss = 0.0;
-            }
-            if spec.disabled.spring {
-                joint.stiffness = 0.0;
-            }
-            if spec.disabled.damper {
-                joint.damping = 0.0;
             }
             numbers.push(Some(model.joints.len()));
             model.joints.push(joint);

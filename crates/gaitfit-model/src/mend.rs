@@ -154,12 +154,9 @@ pub(crate) fn outlines(spec: &Spec, member: &[bool]) -> Vec<Outline> {
         let place = index - root;
         found.extend(body.outlines.iter().map(|outline| Outline { body: place, ..outline.clone() }));
         found.extend(body.geoms.iter().filter_map(|geom| {
+            // Simple shapes that do not collide are no feet: their file could have said so.
+            let form = Form::Mesh(geom.mesh.clone()?);
             let colliding = !geom.surface.is_visual();
-            let form = match (geom.kind, &geom.mesh) {
-                (_, Some(mesh)) => Form::Mesh(mesh.clone()),
-                (GeomKind::Solid(shape), None) if !colliding => Form::Solid(shape),
-                _ => return None,
-            };
             let name = geom.name.clone();
             Some(Outline { name, body: place, pos: geom.pos, quat: geom.quat, colliding, form })
         }));

@@ -11,6 +11,7 @@ use crate::model::{Joint, Root};
 use crate::options::{Compiler, default_options, read_option};
 use crate::outline::Meshes;
 use crate::pairs::read_contact;
+use crate::replicate::expand;
 use crate::shown::shown;
 use crate::spec::{Disabled, KeySpec, MAX_ITEMS, Spec};
 use crate::terrain::{Fields, read_fields};
@@ -27,12 +28,14 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
     let mut a = Attributes::new(document);
     let name = a.text("model").filter(|name| !name.is_empty()).map(str::to_string);
     a.finish(ctx)?;
-    let sections = |wanted: &'static str| document.children.iter().filter(move |c| c.name == wanted);
-
     let mut compiler = Compiler::default();
-    for section in sections("compiler") {
+    for section in document.children.iter().filter(|child| child.name == "compiler") {
         compiler.read(ctx, section)?;
     }
+    let expanded = expand(ctx, document, &compiler)?;
+    let document = expanded.as_ref().unwrap_or(document);
+    let sections = |wanted: &'static str| document.children.iter().filter(move |c| c.name == wanted);
+
     let mut options = default_options();
     let mut disabled = Disabled::default();
     for section in sections("option") {

@@ -6,6 +6,7 @@ mod hostile;
 mod mend;
 mod mujoco;
 mod refuse;
+mod replicate;
 mod robots;
 mod templates;
 mod terrain;

@@ -256,6 +256,25 @@ fn close(found: &serde_json::Value, wanted: &serde_json::Value, place: &str) {
     }
 }
 
+/// A scene that names itself, or one geometry many times, ends within a bound of work.
+#[test]
+fn scenes_that_name_themselves_are_refused() {
+    let scene = |nodes: &str| {
+        format!(
+            "<COLLADA><library_geometries><geometry id=\"g\"><mesh><source id=\"p\"><float_array>{}</float_array></source><vertices \
+             id=\"v\"><input semantic=\"POSITION\" source=\"#p\"/></vertices><triangles><input semantic=\"VERTEX\" source=\"#v\"/><p>0 1 \
+             2</p></triangles></mesh></geometry></library_geometries><visual_scene>{nodes}</visual_scene></COLLADA>",
+            "0 1 2 ".repeat(3000)
+        )
+    };
+    let itself = scene("<node id=\"a\"><instance_node url=\"#a\"/><instance_node url=\"#a\"/></node>");
+    assert!(mesh::parse("dae", itself.as_bytes()).unwrap_err().contains("nodes deeper than"));
+    let many = scene(&format!("<node>{}</node>", "<instance_geometry url=\"#g\"/>".repeat(20_000)));
+    assert!(mesh::parse("dae", many.as_bytes()).unwrap_err().contains("numbers and nodes"));
+    let one = scene("<node><instance_geometry url=\"#g\"/></node>");
+    assert_eq!(mesh::parse("dae", one.as_bytes()).unwrap().triangles.len(), 1);
+}
+
 #[test]
 fn damaged_meshes_end_in_a_mesh_or_an_error() {
     let whole = cube();

@@ -5,7 +5,7 @@ use crate::exit::{Exit, Failure};
 use crate::watcher::watched;
 use crate::{interrupt, output};
 use gaitfit::files::{self, Output};
-use gaitfit::init::{Guess, Look, Prepared, other_guesses, prepare};
+use gaitfit::init::{Guess, Look, Preparation, Prepared, other_guesses, prepare};
 use gaitfit::settings::{self, TrainConfig};
 use gaitfit::{paths, robot, train};
 use serde::Serialize;
@@ -54,9 +54,14 @@ impl Files {
     /// Refuses to overwrite what is there, unless that is asked for.
     fn new(args: &Init, prepared: &Prepared) -> Result<Self, Failure> {
         let configuration = args.out.clone().unwrap_or_else(|| file_for(&prepared.model.name));
-        let mended = prepared.file.as_ref().map(|_| configuration.with_extension("xml"));
-        let stem =
-            configuration.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        let stem = configuration.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        let stem = stem.unwrap_or_default();
+        // The robot's own file stays as it is.
+        let plain = configuration.with_extension("xml");
+        let whole = |path: &Path| std::fs::canonicalize(path).ok();
+        let own = whole(&plain).is_some_and(|path| whole(&args.robot) == Some(path));
+        let beside = if own { configuration.with_file_name(format!("{stem}-mended.xml")) } else { plain };
+        let mended = prepared.file.as_ref().map(|_| beside);
         let page = (!args.no_picture).then(|| configuration.with_file_name(format!("{stem}-stance.html")));
         let mut outputs = vec![Output { path: &configuration, option: "--out", ending: Some("toml") }];
         outputs.extend(mended.as_ref().map(|path| Output {
@@ -89,7 +94,9 @@ pub fn run(args: &Init) -> Result<(), Failure> {
             "the built-in Go2 needs no configuration: `gaitfit train` trains a policy for it, and `gaitfit config train` prints the settings",
         ));
     }
-    let prepared = prepare(&args.robot, args.lenient, args.feet_from_mesh)?;
+    let how =
+        Preparation { lenient: args.lenient, feet_from_mesh: args.feet_from_mesh, one_file: args.one_file };
+    let prepared = prepare(&args.robot, how)?;
     let files = Files::new(args, &prepared)?;
     if let (Some(path), Some(text)) = (&files.mended, &prepared.file) {
         files::write(path, text.as_bytes())?;

@@ -11,6 +11,8 @@ use gaitfit_model::{ContactPair, Form, Geom, Ground, Model, Outline, shown};
 const WHEEL_RANGE: f64 = 4.0 * std::f64::consts::PI;
 /// A link without mass and shape at the end of a leg, farther than this from its joint, is where the foot is, m.
 const MARKER: f64 = 0.03;
+/// Max number of a limb's or the base's shapes that are read.
+const MAX_SHAPES: usize = 64;
 /// The base's box is a little smaller than what it stands for.
 const BASE_SHARE: f64 = 0.9;
 
@@ -126,7 +128,8 @@ impl Sight {
     fn new(model: &Model, limb: &Limb, frames: &[Frame]) -> Option<Self> {
         let outlines = |colliding: bool| {
             let of_limb = |outline: &&Outline| limb.bodies.contains(&outline.body);
-            model.outlines.iter().filter(of_limb).filter(move |outline| outline.colliding == colliding)
+            let found = model.outlines.iter().filter(of_limb);
+            found.filter(move |outline| outline.colliding == colliding).take(MAX_SHAPES)
         };
         let mut missing: Option<String> = None;
         for colliding in [true, false] {
@@ -236,7 +239,7 @@ fn base_box(model: &mut Model, frames: &[Frame], ground: f64, height: f64) -> Op
         let to_base = |point: Vec3| frames[outline.body].point(point);
         Some(points.into_iter().map(to_base).collect())
     };
-    let points: Vec<Vec3> = outlines.filter_map(in_base).flatten().collect();
+    let points: Vec<Vec3> = outlines.take(MAX_SHAPES).filter_map(in_base).flatten().collect();
     let mut fitted = around(&points)?;
     if let gaitfit_model::Shape::Box { half_size } = &mut fitted.shape {
         *half_size = half_size.map(|half| BASE_SHARE * half);

@@ -25,20 +25,31 @@ pub struct Prepared {
     pub mended: Vec<Guess>,
 }
 
-/// Reads the robot at `path`, mends it where that is needed, and looks at it. `lenient`: drop what the engine cannot simulate.
-/// `feet_from_mesh`: fit the feet to the file's meshes even if other shapes of it touch the ground.
+/// How a robot file is prepared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Preparation {
+    /// Drop what the engine cannot simulate.
+    pub lenient: bool,
+    /// Fit the feet to the file's meshes even if other shapes of it touch the ground.
+    pub feet_from_mesh: bool,
+    /// Write the robot as a file of its own even if it reads as it is.
+    pub one_file: bool,
+}
+
+/// Reads the robot at `path`, mends it where that is needed, and looks at it.
 ///
 /// # Errors
 /// A file that reads neither plainly nor mended, or a robot that cannot walk; the message of the plain reading, and what keeps
 /// the file from being mended.
-pub fn prepare(path: &Path, lenient: bool, feet_from_mesh: bool) -> Result<Prepared, Error> {
+pub fn prepare(path: &Path, how: Preparation) -> Result<Prepared, Error> {
+    let Preparation { lenient, feet_from_mesh, one_file } = how;
     let plain = plainly(path, lenient);
     let refusal = match plain {
-        Ok(prepared) if !feet_from_mesh => return Ok(prepared),
+        Ok(prepared) if !feet_from_mesh && !one_file => return Ok(prepared),
         Ok(_) => None,
         Err(error) => Some(error),
     };
-    let Some(refusal) = refusal else { return mend(path, lenient, true) };
+    let Some(refusal) = refusal else { return mend(path, lenient, feet_from_mesh) };
     if !mendable(&refusal) {
         return Err(refusal);
     }
@@ -132,7 +143,8 @@ fn changes(model: &Model, added: &[Added]) -> Vec<Guess> {
     }
     for (change, count) in grouped(&model.changed) {
         let more = if count > 1 { format!(" (and {} more like it)", count - 1) } else { String::new() };
-        say("mended", format!("{}: {}{more}", change.what, change.how));
+        let what = if change.what.starts_with("floor") { "floor" } else { "mended" };
+        say(what, format!("{}: {}{more}", change.what, change.how));
     }
     for group in model.left_out().iter().filter(|group| !group.harmless) {
         say("left out", format!("{}: {}", group.what, group.why));

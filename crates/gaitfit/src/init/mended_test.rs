@@ -1,7 +1,7 @@
 //! Robots whose files do not read as they are, or have feet of meshes: what `init` makes of them.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-use super::{look, other_guesses, prepare};
+use super::{Preparation, look, other_guesses, prepare};
 use gaitfit_model::{ReadOptions, Shape, read_mjcf_str};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -90,7 +90,7 @@ fn package(text: &str, with_mesh: bool) -> (tempfile::TempDir, PathBuf) {
 #[test]
 fn feet_that_are_meshes_get_balls_on_four_legs_and_soles_on_two() {
     let (_folder, file) = package(&walker(&FOUR, false, 20.0), true);
-    let found = prepare(&file, false, false).unwrap();
+    let found = prepare(&file, Preparation::default()).unwrap();
     assert_eq!(
         found.look.settings.feet,
         ["FL_shank_foot", "FR_shank_foot", "RL_shank_foot", "RR_shank_foot"]
@@ -110,7 +110,7 @@ fn feet_that_are_meshes_get_balls_on_four_legs_and_soles_on_two() {
     assert_eq!(look(&again).unwrap().settings, found.look.settings);
 
     let (_folder, file) = package(&walker(&TWO, true, 20.0), true);
-    let found = prepare(&file, false, false).unwrap();
+    let found = prepare(&file, Preparation::default()).unwrap();
     let soles: Vec<&Shape> =
         found.model.geoms.iter().filter(|geom| geom.name.ends_with("foot")).map(|geom| &geom.shape).collect();
     assert!(
@@ -126,7 +126,7 @@ fn feet_that_are_meshes_get_balls_on_four_legs_and_soles_on_two() {
 #[test]
 fn without_the_mesh_the_foot_is_a_guess_that_names_the_file() {
     let (_folder, file) = package(&walker(&FOUR, false, 20.0), false);
-    let found = prepare(&file, false, false).unwrap();
+    let found = prepare(&file, Preparation::default()).unwrap();
     let feet: Vec<&str> =
         found.mended.iter().filter(|guess| guess.what == "foot").map(|guess| guess.found.as_str()).collect();
     assert_eq!(feet.len(), 4, "{:?}", found.mended);
@@ -151,10 +151,10 @@ fn a_robot_with_other_feet_is_left_as_it_is() {
     let shanks = text.split("</link><joint").collect::<Vec<_>>().join(&format!("{ball}"));
     let text = shanks.replace("</collision></link><joint", "</collision></link><joint");
     let (_folder, file) = package(&text, true);
-    let plain = prepare(&file, false, false).unwrap();
+    let plain = prepare(&file, Preparation::default()).unwrap();
     assert!(plain.file.is_none() && plain.mended.is_empty());
     assert!(plain.model.outlines.is_empty());
-    let anew = prepare(&file, false, true).unwrap();
+    let anew = prepare(&file, Preparation { feet_from_mesh: true, ..Preparation::default() }).unwrap();
     assert!(
         anew.file.is_some() && anew.look.settings.feet[0] == "FL_shank_foot",
         "{:?}",
@@ -172,7 +172,7 @@ fn a_foot_whose_name_was_made_up_has_its_links() {
     let rest: String =
         parts.iter().map(|part| format!("{ball}{}", part.split_once("</collision>").unwrap().1)).collect();
     let (_folder, file) = package(&(first + &rest), false);
-    let found = prepare(&file, false, false).unwrap();
+    let found = prepare(&file, Preparation::default()).unwrap();
     assert!(found.file.is_none());
     assert_eq!(found.look.settings.feet, ["FL_shank", "FR_shank", "RL_shank", "RR_shank"]);
 }
@@ -181,7 +181,7 @@ fn a_foot_whose_name_was_made_up_has_its_links() {
 fn limits_that_nobody_meant_are_flagged_with_a_guess() {
     let said = |effort: f64| {
         let (_folder, file) = package(&walker(&FOUR, false, effort), true);
-        let found = prepare(&file, false, false).unwrap();
+        let found = prepare(&file, Preparation::default()).unwrap();
         found
             .look
             .guesses
@@ -221,22 +221,22 @@ fn closed_loops_name_a_serial_twin() {
         robot("<equality><connect body1=\"FL_shank\" body2=\"FR_shank\" anchor=\"0 0 0\"/></equality>"),
     )
     .unwrap();
-    let alone = prepare(&looped, false, false).unwrap_err().to_string();
+    let alone = prepare(&looped, Preparation::default()).unwrap_err().to_string();
     assert!(
         alone.contains("<equality>") && alone.contains("closes a loop") && !alone.contains("try it"),
         "{alone}"
     );
     fs::write(folder.path().join("serial.xml"), robot("")).unwrap();
     fs::write(folder.path().join("other.xml"), "<mujoco/>").unwrap();
-    let named = prepare(&looped, false, false).unwrap_err().to_string();
+    let named = prepare(&looped, Preparation::default()).unwrap_err().to_string();
     assert!(named.contains("serial.xml has 8 joints of the same names"), "{named}");
-    assert!(prepare(Path::new("absent.xml"), false, false).is_err());
+    assert!(prepare(Path::new("absent.xml"), Preparation::default()).is_err());
 }
 
 #[test]
 fn other_guesses_differ_from_the_first_in_their_gains() {
     let (_folder, file) = package(&walker(&FOUR, false, 20.0), true);
-    let found = prepare(&file, false, false).unwrap();
+    let found = prepare(&file, Preparation::default()).unwrap();
     let others = other_guesses(&found.model, &found.look);
     // No servos: softer and stiffer than by size.
     assert_eq!(others.len(), 2);

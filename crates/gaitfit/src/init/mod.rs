@@ -31,7 +31,7 @@ use anatomy::Anatomy;
 pub(crate) use anatomy::path;
 pub(crate) use gains::servo;
 use gains::{Gains, Source};
-pub use mended::{Prepared, prepare};
+pub use mended::{Preparation, Prepared, prepare};
 use pose::Pose;
 use sizes::Sizes;
 

@@ -100,8 +100,11 @@ pub fn foot(points: &[Vec3], leg: f64, soles: bool) -> Option<Fitted> {
     let below = |height: f64| -> Vec<Vec3> {
         points.iter().copied().filter(|point| point[2] <= low + height).collect()
     };
-    let lowest = below(LOW * height);
-    let print = Footprint::new(&below(height));
+    let (lowest, slice) = (below(LOW * height), below(height));
+    let print = Footprint::new(&slice);
+    // Where the slice's own highest points are: a mesh has few of them.
+    let rim = slice.iter().map(|point| point[2] - low).fold(0.0, f64::max);
+    let rim = if rim > LOW * height { rim } else { height };
     let inner = Footprint::along(&lowest, print.yaw);
     // Along the slice's sides, whichever of the inner ones is longer.
     let [along, across] = extents(&lowest, print.yaw).map(|[low, high]| high - low);
@@ -109,7 +112,7 @@ pub fn foot(points: &[Vec3], leg: f64, soles: bool) -> Option<Fitted> {
     // From the width of a slice to the radius of a circle through its rim and its lowest point.
     let radius = |width: f64| {
         let half = 0.5 * width;
-        ((half * half + height * height) / (2.0 * height)).min(0.5 * tall).min(SMALL * leg)
+        ((half * half + rim * rim) / (2.0 * rim)).min(0.5 * tall).min(SMALL * leg)
     };
     let ball = |radius: f64| Fitted {
         shape: Shape::Sphere { radius },
