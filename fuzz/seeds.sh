@@ -20,3 +20,7 @@ put onnx "$policies"/*.onnx "$policies"/*/*.onnx
 put safetensors "$policies"/*.safetensors
 put mjcf ../assets/*.xml ../crates/gaitfit-model/tests/robots/*.xml
 put urdf ../assets/*.urdf
+# A triangle as a text in two formats.
+mkdir -p corpus/mesh
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n' > corpus/mesh/triangle.obj
+printf 'solid t\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n' > corpus/mesh/triangle.stl

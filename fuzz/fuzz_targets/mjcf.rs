@@ -8,10 +8,10 @@ use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|text: &str| {
     for root in [None, Some(Root::Fixed), Some(Root::Floating)] {
-        for lenient in [false, true] {
+        for (lenient, mend) in [(false, false), (true, false), (false, true)] {
             // Both kinds of mistakes are passed over together.
             let add_floor = lenient;
-            if let Ok(model) = read_mjcf_str(text, &ReadOptions { lenient, root, add_floor }) {
+            if let Ok(model) = read_mjcf_str(text, &ReadOptions { lenient, root, add_floor, mend }) {
                 assert!(model.pairs.iter().all(|p| p.geom < model.geoms.len()));
                 let _ = model.summary();
             }

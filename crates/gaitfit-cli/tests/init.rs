@@ -242,6 +242,88 @@ fn what_cannot_walk_is_said_and_nothing_is_overwritten() {
     assert!(errors(&output).contains("go2.toml exists already"), "{}", errors(&output));
 }
 
+/// A robot on four legs with an arm whose finger follows another, and a trunk with a mesh that is missing.
+fn coupled(folder: &Path) -> PathBuf {
+    let leg = |name: &str, x: f64, y: f64| {
+        format!(
+            "<body name=\"{name}_thigh\" pos=\"{x} {y} 0\"><joint name=\"{name}_hip\" axis=\"0 1 0\" range=\"-100 100\"/><geom type=\"capsule\" \
+             fromto=\"0 0 0 0 0 -.2\" size=\".02\"/><body name=\"{name}_shank\" pos=\"0 0 -.2\"><joint name=\"{name}_knee\" axis=\"0 1 0\" \
+             range=\"-140 10\"/><geom type=\"capsule\" fromto=\"0 0 0 0 0 -.2\" size=\".02\"/></body></body>"
+        )
+    };
+    let legs: String = [("FL", 0.2, 0.1), ("FR", 0.2, -0.1), ("RL", -0.2, 0.1), ("RR", -0.2, -0.1)]
+        .map(|(name, x, y)| leg(name, x, y))
+        .concat();
+    let finger = |name: &str, y: f64| {
+        format!("<body pos=\"0 {y} .1\"><joint name=\"{name}\" range=\"-30 30\"/><geom size=\".02\"/></body>")
+    };
+    let path = folder.join("robot.xml");
+    let text = format!(
+        "<mujoco model=\"coupled\"><asset><mesh name=\"shell\" file=\"shell.stl\"/></asset><worldbody><body name=\"trunk\" pos=\"0 0 .4\"><freejoint/>\
+         <geom type=\"box\" size=\".2 .1 .05\"/><geom type=\"mesh\" mesh=\"shell\" mass=\"0\"/>{legs}{}{}</body></worldbody><equality><joint \
+         joint1=\"right\" joint2=\"left\"/></equality></mujoco>",
+        finger("left", 0.05),
+        finger("right", -0.05)
+    );
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+#[test]
+fn a_file_that_does_not_read_is_mended_into_a_file_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let robot = coupled(folder.path());
+    let before = std::fs::read(&robot).unwrap();
+    let (found, printed) = init(&robot, folder.path(), &[]);
+    // Beside the robot's own file, which has the name that it would get.
+    let mended = folder.path().join("robot-mended.xml");
+    assert_eq!((std::fs::read(&robot).unwrap(), printed["robot_file"].as_str()), (before, mended.to_str()));
+    assert!(found["robot"].as_str().unwrap().ends_with("robot-mended.xml") && found.get("lenient").is_none());
+    let said = printed["guesses"].to_string();
+    for words in ["joint \\\"right\\\": it follows \\\"left\\\"", "it is locked", "mesh"] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    let page = std::fs::read_to_string(printed["page"].as_str().unwrap()).unwrap();
+    assert!(page.contains("coupled") && page.contains("<script"), "a page that plays");
+    train(&folder.path().join("robot.toml"), folder.path(), &TINY);
+
+    // Nothing is overwritten without a word.
+    let out = folder.path().join("robot.toml");
+    std::fs::remove_file(&out).unwrap();
+    let output = run(&["init", robot.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(errors(&output).contains("robot-mended.xml exists already"), "{}", errors(&output));
+}
+
+#[test]
+fn a_guess_that_does_not_walk_is_followed_by_the_next() {
+    let folder = tempfile::tempdir().unwrap();
+    let robot = coupled(folder.path());
+    let (out, runs) = (folder.path().join("walk.toml"), format!("runs={}", folder.path().display()));
+    let mut args = vec![
+        "init",
+        robot.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+        "--no-picture",
+        "--json",
+        "--train",
+    ];
+    args.extend(["--device", "cpu", "--set", &runs]);
+    TINY.iter().for_each(|set| args.extend(["--set", set]));
+    let output = run(&args);
+    // One iteration teaches nobody to walk.
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    let trainings = json(&output)["trainings"].as_array().unwrap().clone();
+    let gains: Vec<&str> = trainings.iter().map(|training| training["gains"].as_str().unwrap()).collect();
+    assert!(gains.len() == 3 && gains[0] != gains[1] && gains[1] != gains[2], "{gains:?}");
+    assert!(errors(&output).contains("no guess came to walk"), "{}", errors(&output));
+    // The configuration is the first guess again.
+    let text = std::fs::read_to_string(&out).unwrap();
+    assert!(text.contains("kp = 0.56 m g l"), "{text}");
+    assert!(!folder.path().join("walk-stance.html").exists());
+}
+
 fn shared(name: &str) -> PathBuf {
     root().join("../shared/data/robots").join(name)
 }

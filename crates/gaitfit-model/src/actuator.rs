@@ -170,7 +170,7 @@ impl ActuatorForm {
         };
         let Some(joint) = joints.iter().position(|j| !j.name.is_empty() && j.name == target) else {
             let message = format!("{label} names joint \"{}\", which is no hinge of the file", shown(target));
-            if ctx.lenient {
+            if ctx.drops() {
                 ctx.refuse(at, message, "its joint is missing or was dropped", "correct the name")?;
                 return Ok(None);
             }

@@ -12,6 +12,10 @@ const MAX_DROPPED: usize = 2_000;
 pub(crate) struct Context<'s> {
     pub sources: &'s Sources,
     pub lenient: bool,
+    /// Mend what can be mended and drop what the rest of the robot does without, as [`crate::ReadOptions::mend`] says.
+    pub mend: bool,
+    /// Folder of meshes from the file's, where the file names one.
+    pub mesh_folder: String,
     /// Give a floating robot without a floor one.
     pub add_floor: bool,
     pub dropped: Vec<Dropped>,
@@ -51,12 +55,8 @@ impl Context<'_> {
         remedy: &str,
     ) -> Result<(), ModelError> {
         let (what, why) = (what.into(), why.into());
-        if !self.lenient {
-            return Err(ModelError::Unsupported {
-                place: self.sources.place(at),
-                message: format!("{what}: {why}"),
-                remedy: format!("{remedy}, or read leniently to drop it"),
-            });
+        if !self.drops() {
+            return Err(self.unsupported(at, &what, &why, remedy));
         }
         if self.dropped.len() >= MAX_DROPPED {
             return Err(ModelError::TooLarge {
@@ -67,6 +67,38 @@ impl Context<'_> {
         }
         self.list(at, what, why, false);
         Ok(())
+    }
+
+    /// Refuses something without which the robot is another one. Lenient reading lists it as dropped instead; a mending one
+    /// refuses it too.
+    ///
+    /// # Errors
+    /// As [`Context::refuse`].
+    pub fn refuse_unmended(
+        &mut self,
+        at: At,
+        what: impl Into<String>,
+        why: impl Into<String>,
+        remedy: &str,
+    ) -> Result<(), ModelError> {
+        let (what, why) = (what.into(), why.into());
+        match self.lenient {
+            true => self.refuse(at, what, why, remedy),
+            false => Err(self.unsupported(at, &what, &why, remedy)),
+        }
+    }
+
+    /// Whether something that is refused in a strict reading is dropped.
+    pub fn drops(&self) -> bool {
+        self.lenient || self.mend
+    }
+
+    fn unsupported(&self, at: At, what: &str, why: &str, remedy: &str) -> ModelError {
+        ModelError::Unsupported {
+            place: self.sources.place(at),
+            message: format!("{what}: {why}"),
+            remedy: format!("{remedy}, or read leniently to drop it"),
+        }
     }
 
     /// An error for a value that makes no valid robot.

@@ -6,9 +6,12 @@ use crate::error::ModelError;
 use crate::inertia::{Inertial, combine};
 use crate::inertial::{check_inertia, read_inertial};
 use crate::joint::Finished;
+use crate::mend::{Weight, balance, floats_by_parts, weigh};
 use crate::options::{Compiler, InertiaFromGeom};
 use crate::orientation::{compose, read_orientation};
+use crate::outline::Meshes;
 use crate::rotation::{IDENTITY, Quat, Vec3};
+use crate::shown::shown;
 use crate::spec::{BodySpec, MAX_BODIES, MAX_ITEMS, MAX_JOINTS};
 use crate::terrain::Fields;
 use crate::xml::{At, Element};
@@ -19,6 +22,7 @@ pub(crate) struct BodyReader<'c, 's> {
     pub compiler: &'c Compiler,
     pub defaults: &'c Defaults,
     pub fields: &'c Fields,
+    pub meshes: &'c Meshes,
     pub bodies: Vec<BodySpec>,
     joints: usize,
     geoms: usize,
@@ -34,12 +38,24 @@ struct Scope {
     frame: (Vec3, Quat),
 }
 
+/// What one geom adds to its body's mass.
+struct MassSource {
+    /// `None` where it cannot be computed without the mesh.
+    part: Option<Inertial>,
+    weight: Weight,
+    at: At,
+    label: String,
+    /// Whether it counts beside an explicit inertial, and without one.
+    always: bool,
+    auto: bool,
+}
+
 /// What the elements of one body say about its mass.
 #[derive(Default)]
 struct MassSources {
     explicit: Option<Inertial>,
-    /// What each geom adds; `None` where it cannot be computed.
-    geoms: Vec<(Option<Inertial>, At, String, bool, bool)>,
+    /// What each geom adds, in the order of the body's geoms.
+    geoms: Vec<MassSource>,
 }
 
 impl<'c, 's> BodyReader<'c, 's> {
@@ -49,9 +65,10 @@ impl<'c, 's> BodyReader<'c, 's> {
         compiler: &'c Compiler,
         defaults: &'c Defaults,
         fields: &'c Fields,
+        meshes: &'c Meshes,
     ) -> Self {
         let world = BodySpec::new("world".to_string(), At::default(), 0);
-        Self { ctx, compiler, defaults, fields, bodies: vec![world], joints: 0, geoms: 0, sites: 0 }
+        Self { ctx, compiler, defaults, fields, meshes, bodies: vec![world], joints: 0, geoms: 0, sites: 0 }
     }
 
     /// Reads one `<worldbody>` section.
@@ -101,6 +118,7 @@ impl<'c, 's> BodyReader<'c, 's> {
                     }
                     mass.explicit = Some(read_inertial(self.ctx, child, self.compiler.units)?);
                 }
+                "joint" if self.bodies[scope.body].free.is_some() && floats_by_parts(element) => {}
                 "joint" => self.read_joint(child, scope)?,
                 "freejoint" => {
                     let mut a = Attributes::new(child);
@@ -122,7 +140,7 @@ impl<'c, 's> BodyReader<'c, 's> {
                 "geom" => self.read_geom(child, scope, mass)?,
                 "site" => self.read_site(child, scope)?,
                 "camera" | "light" => {}
-                "composite" | "flexcomp" | "replicate" | "attach" | "plugin" => self.ctx.refuse(
+                "composite" | "flexcomp" | "attach" | "plugin" => self.ctx.refuse(
                     child.at,
                     child.label(),
                     "generated and attached parts are not expanded",
@@ -176,11 +194,16 @@ impl<'c, 's> BodyReader<'c, 's> {
         let index = self.bodies.len();
         let mut body = BodySpec::new(name, element.at, scope.body);
         (body.pos, body.quat) = compose(scope.frame, pose);
+        if self.ctx.mend && scope.body == 0 && floats_by_parts(element) {
+            body.free = Some(element.at);
+            let how = "it slides along three axes and turns about three: it floats here";
+            self.ctx.note(element.at, format!("body \"{}\"", shown(&body.name)), how);
+        }
         self.bodies.push(body);
         let mut mass = MassSources::default();
         let inner = Scope { body: index, class, frame: ([0.0; 3], IDENTITY) };
         self.read_children(element, inner, &mut mass)?;
-        self.bodies[index].inertial = self.settle_mass(element, pose, mass)?;
+        self.bodies[index].inertial = self.settle_mass(element, index, pose, mass)?;
         Ok(())
     }
 
@@ -189,6 +212,7 @@ impl<'c, 's> BodyReader<'c, 's> {
     fn settle_mass(
         &mut self,
         element: &Element,
+        index: usize,
         pose: (Vec3, Quat),
         mass: MassSources,
     ) -> Result<Inertial, ModelError> {
@@ -203,14 +227,18 @@ impl<'c, 's> BodyReader<'c, 's> {
         let mut inertial = mass.explicit.unwrap_or(nothing);
         if from_geoms {
             let mut parts = Vec::new();
-            for (part, at, label, always, auto) in &mass.geoms {
-                let counts = if mass.explicit.is_some() { *always } else { *auto };
-                match part {
-                    _ if !counts => {}
-                    Some(part) => parts.push(*part),
+            for (place, source) in mass.geoms.iter().enumerate() {
+                let counts = if mass.explicit.is_some() { source.always } else { source.auto };
+                if !counts {
+                    continue;
+                }
+                let of_mesh =
+                    || self.bodies[index].geoms.get(place).and_then(|geom| weigh(geom, source.weight));
+                match source.part.or_else(of_mesh) {
+                    Some(part) => parts.push(part),
                     None => self.ctx.refuse(
-                        *at,
-                        format!("mass of {label}"),
+                        source.at,
+                        format!("mass of {}", source.label),
                         format!(
                             "{} has no <inertial>, and this geom's mass is not computed",
                             element.label()
@@ -228,6 +256,7 @@ impl<'c, 's> BodyReader<'c, 's> {
         inertial.mass = inertial.mass.max(c.bound_mass);
         inertial.inertia = inertial.inertia.map(|i| i.max(c.bound_inertia));
         check_inertia(self.ctx, element.at, &element.label(), inertial, c.balance_inertia)
+            .or_else(|error| balance(self.ctx, element.at, &element.label(), inertial).ok_or(error))
     }
 
     fn read_joint(&mut self, element: &Element, scope: Scope) -> Result<(), ModelError> {
@@ -294,14 +323,21 @@ impl<'c, 's> BodyReader<'c, 's> {
         for child in &element.children {
             self.ctx.refuse(child.at, child.label(), "geom plugins are not simulated", "remove it")?;
         }
-        let (mut geom, part) = form.finish(self.ctx, element, self.fields)?;
+        let (mut geom, part) = form.finish(self.ctx, element, self.fields, self.meshes)?;
         (geom.pos, geom.quat) = compose(scope.frame, (geom.pos, geom.quat));
         let part = part.map(|p| {
             let (pos, quat) = compose(scope.frame, (p.pos, p.quat));
             Inertial { pos, quat, ..p }
         });
         let counts = |explicit| form.counts(self.compiler, explicit);
-        mass.geoms.push((part, element.at, element.label(), counts(true), counts(false)));
+        mass.geoms.push(MassSource {
+            part,
+            weight: form.weight(),
+            at: element.at,
+            label: element.label(),
+            always: counts(true),
+            auto: counts(false),
+        });
         self.bodies[scope.body].geoms.push(geom);
         Ok(())
     }

@@ -4,13 +4,14 @@ use crate::attributes::Context;
 use crate::contact::{candidates, numbered, self_collisions};
 use crate::error::ModelError;
 use crate::keyframes::fill_keyframes;
+use crate::mend::{fill_masses, outlines};
 use crate::model::{Body, FreeJoint, Geom, Model, Plane, Root, Shape};
 use crate::names::name_everything;
 use crate::orientation::compose;
 use crate::own::Parts;
 use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::scan::MAX_NAME;
-use crate::servo::resolve_damping_ratios;
+use crate::servo::{resolve_damping_ratios, resolve_springs};
 use crate::shown::{escaped, shown};
 use crate::spec::{GeomKind, GeomSpec, Spec};
 use crate::terrain::{Ground, Obstacle, ObstacleShape};
@@ -43,6 +44,9 @@ pub(crate) fn compile(
     // Bodies of the robot are contiguous in depth-first order.
     let member: Vec<bool> = (0..spec.bodies.len()).map(|b| is_below(&spec, b, root)).collect();
     let welds = weld_roots(&spec, root, floating, &member);
+    if ctx.mend {
+        fill_masses(ctx, &mut spec, &welds, &member);
+    }
     check_masses(ctx, &spec, &welds, &member)?;
     let pairs = candidates(ctx, &spec, &welds, &member)?;
     let ignored = self_collisions(&spec, &welds, &member);
@@ -77,6 +81,7 @@ pub(crate) fn compile(
         actuators: Vec::new(),
         keyframes: Vec::new(),
         sites: Vec::new(),
+        outlines: Vec::new(),
         dropped: Vec::new(),
         changed: Vec::new(),
     };
@@ -84,6 +89,9 @@ pub(crate) fn compile(
         model.options.gravity = [0.0; 3];
     }
     let joint_numbers = fill_bodies(&mut model, &spec, root, &member);
+    if ctx.mend {
+        model.outlines = outlines(&spec, &member);
+    }
     fill_geoms(ctx, &mut model, &spec, &member, &welds, &pairs)?;
     for mut actuator in spec.actuators.drain(..) {
         match joint_numbers[actuator.joint] {
@@ -99,6 +107,15 @@ pub(crate) fn compile(
                 format!("actuator \"{}\"", shown(&actuator.name)),
                 "its joint belongs to a body that was dropped",
             ),
+        }
+    }
+    resolve_springs(&mut model);
+    for joint in &mut model.joints {
+        if spec.disabled.spring {
+            joint.stiffness = 0.0;
+        }
+        if spec.disabled.damper {
+            joint.damping = 0.0;
         }
     }
     resolve_damping_ratios(&mut model);
@@ -252,12 +269,6 @@ fn fill_bodies(model: &mut Model, spec: &Spec, root: usize, member: &[bool]) -> 
             if spec.disabled.frictionloss {
                 joint.frictionloss = 0.0;
             }
-            if spec.disabled.spring {
-                joint.stiffness = 0.0;
-            }
-            if spec.disabled.damper {
-                joint.damping = 0.0;
-            }
             numbers.push(Some(model.joints.len()));
             model.joints.push(joint);
         }
@@ -371,7 +382,7 @@ fn fill_geoms(
 /// Why a geom of the robot is refused whose shape does not collide here, and what is left to touch the ground.
 fn uncollidable(ctx: &Context, spec: &Spec, member: &[bool], pairs: &[crate::contact::Candidate]) -> String {
     let why = "this shape does not collide here";
-    if ctx.lenient {
+    if ctx.drops() {
         return why.to_string();
     }
     let geoms = numbered(spec);

@@ -22,6 +22,8 @@ pub(crate) struct Class {
     pub site: SiteForm,
     pub pair: ContactPair,
     pub actuator: ActuatorForm,
+    /// Factors of meshes along their axes.
+    pub mesh_scale: [f64; 3],
 }
 
 impl Default for Class {
@@ -32,6 +34,7 @@ impl Default for Class {
             site: SiteForm::default(),
             pair: default_pair(),
             actuator: ActuatorForm::default(),
+            mesh_scale: [1.0; 3],
         }
     }
 }
@@ -141,7 +144,11 @@ fn read_entry(
         "pair" => crate::pairs::apply_pair(ctx, &mut a, &mut class.pair)?,
         kind if KINDS.contains(&kind) => class.actuator.apply(ctx, &mut a)?,
         // Defaults of things that are ignored, or refused where they are used.
-        "mesh" | "material" | "camera" | "light" | "equality" | "tendon" => return Ok(()),
+        "mesh" => {
+            a.set_array(ctx, "scale", &mut class.mesh_scale)?;
+            return Ok(());
+        }
+        "material" | "camera" | "light" | "equality" | "tendon" => return Ok(()),
         kind if FOREIGN_KINDS.contains(&kind) => {
             return ctx.refuse(
                 element.at,

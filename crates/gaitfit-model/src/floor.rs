@@ -60,6 +60,7 @@ pub(crate) fn add_floor(
         quat: IDENTITY,
         kind: GeomKind::Plane,
         surface,
+        mesh: None,
     });
 }
 

@@ -3,9 +3,11 @@
 use crate::attributes::{Attributes, Context};
 use crate::error::ModelError;
 use crate::inertia::{Inertial, MASSLESS, Solid};
+use crate::mend::Weight;
 use crate::model::Shape;
 use crate::options::{Compiler, InertiaFromGeom};
 use crate::orientation::read_orientation;
+use crate::outline::Meshes;
 use crate::rotation::{IDENTITY, Quat, Vec3, add, dot, unit, z_to};
 use crate::shown::shown;
 use crate::spec::{GeomKind, GeomSpec, Surface};
@@ -29,6 +31,7 @@ pub(crate) struct GeomForm {
     density: f64,
     shell: bool,
     mesh: bool,
+    mesh_name: Option<String>,
     field: Option<String>,
     surface: Surface,
 }
@@ -46,6 +49,7 @@ impl Default for GeomForm {
             density: 1000.0,
             shell: false,
             mesh: false,
+            mesh_name: None,
             field: None,
             surface: Surface::default(),
         }
@@ -82,8 +86,9 @@ impl GeomForm {
         if let Some(shell) = a.boolean(ctx, "shellinertia")? {
             self.shell = shell;
         }
-        if a.text("mesh").is_some() {
+        if let Some(name) = a.text("mesh") {
             self.mesh = true;
+            self.mesh_name = Some(name.to_string());
         }
         if let Some(name) = a.text("hfield") {
             self.mesh = true;
@@ -119,12 +124,13 @@ impl GeomForm {
         self.surface
     }
 
-    /// The geom in its body's frame (`fields`: the file's height fields), and what it adds to the body's inertia (`None`: unknown).
+    /// The geom in its body's frame (`fields`, `meshes`: the file's assets), and what it adds to the body's inertia (`None`: unknown).
     pub fn finish(
         &self,
         ctx: &mut Context,
         element: &Element,
         fields: &Fields,
+        meshes: &Meshes,
     ) -> Result<(GeomSpec, Option<Inertial>), ModelError> {
         let type_name = TYPES[self.kind];
         let at = element.at;
@@ -197,8 +203,9 @@ impl GeomForm {
             (other, _) => GeomKind::Other(other),
         };
         let name = element.get("name").unwrap_or("").to_string();
+        let mesh = self.mesh_name.as_deref().and_then(|name| meshes.get(name)).cloned();
         let inertial = self.inertial(ctx, element, kind, solid, pos, quat)?;
-        Ok((GeomSpec { name, at, pos, quat, kind, surface: self.surface }, inertial))
+        Ok((GeomSpec { name, at, pos, quat, kind, surface: self.surface, mesh }, inertial))
     }
 
     /// A height field of the assets.
@@ -248,6 +255,11 @@ impl GeomForm {
             ));
         }
         Ok(Some(Inertial { mass, pos, quat, inertia: solid.inertia(mass) }))
+    }
+
+    /// The mass that the geom states, kg, or its density, kg/m³.
+    pub fn weight(&self) -> Weight {
+        self.mass.map_or(Weight::Density(self.density), Weight::Mass)
     }
 
     /// Whether the body's inertia is computed from this geom.

@@ -26,6 +26,8 @@ pub(crate) struct JointForm {
     limited: usize,
     force_range: [f64; 2],
     force_limited: usize,
+    /// Time constant (s) and damping ratio of the spring, or zeros.
+    spring_damper: [f64; 2],
 }
 
 impl Default for JointForm {
@@ -37,6 +39,7 @@ impl Default for JointForm {
             limited: AUTO,
             force_range: [0.0; 2],
             force_limited: AUTO,
+            spring_damper: [0.0; 2],
         }
     }
 }
@@ -77,12 +80,7 @@ impl JointForm {
         a.set(ctx, "margin", &mut j.margin)?;
         a.set(ctx, "ref", &mut j.reference)?;
         a.set(ctx, "springref", &mut j.springref)?;
-        a.refuse_nonzero(
-            ctx,
-            "springdamper",
-            "stiffness and damping from a time constant are not computed",
-            "give `stiffness` and `damping`",
-        )?;
+        a.set_array(ctx, "springdamper", &mut self.spring_damper)?;
         if a.boolean(ctx, "actuatorgravcomp")? == Some(true) {
             let at = a.at("actuatorgravcomp");
             ctx.refuse(at, "`actuatorgravcomp`", "gravity compensation is not simulated", "remove it")?;
@@ -120,6 +118,11 @@ impl JointForm {
                 }));
             }
             "hinge" => {}
+            "ball" => {
+                let remedy = "replace it by hinges, or weld the body by removing the joint";
+                ctx.refuse_unmended(at, element.label(), "ball joints are not simulated", remedy)?;
+                return Ok(Finished::Dropped);
+            }
             other => {
                 ctx.refuse(
                     at,
@@ -136,6 +139,11 @@ impl JointForm {
             ctx.invalid(at, format!("{}: the axis is zero", element.label()), "give a direction")
         })?;
         j.pos = add(frame.0, rotate(frame.1, j.pos));
+        // As with `dampratio`, what it stands for is computed when all masses are known.
+        if self.spring_damper.iter().all(|value| *value > 0.0) {
+            let [time, ratio] = self.spring_damper;
+            (j.stiffness, j.damping) = (-time, -ratio);
+        }
         j.reference = compiler.units.radians(j.reference);
         j.springref = compiler.units.radians(j.springref);
         j.range = resolve_range(ctx, at, &element.label(), "range", self.limited, self.range, compiler)?

@@ -26,7 +26,9 @@ pub(crate) fn fill_keyframes(
         };
         let qpos = key.qpos.clone().unwrap_or_else(|| whole(&rest));
         let qvel = key.qvel.clone().unwrap_or_else(|| vec![0.0; base_v + joints]);
-        let ctrl = key.ctrl.clone().unwrap_or_else(|| vec![0.0; model.actuators.len()]);
+        // A mending reading drops actuators of locked joints; a pose is of use without controls.
+        let stated = key.ctrl.clone().filter(|ctrl| !ctx.mend || ctrl.len() == model.actuators.len());
+        let ctrl = stated.unwrap_or_else(|| vec![0.0; model.actuators.len()]);
         let lengths = [
             ("qpos", qpos.len(), base_q + joints),
             ("qvel", qvel.len(), base_v + joints),
@@ -67,7 +69,7 @@ fn accept_lengths(
     for (name, got, want) in lengths {
         if got != want {
             let what = format!("keyframe \"{}\": `{name}` has {got} numbers", shown(&key.name));
-            if !ctx.lenient {
+            if !ctx.drops() {
                 return Err(ctx.invalid(key.at, what, format!("give {want}")));
             }
             ctx.refuse(key.at, what, format!("the model needs {want}"), "correct it")?;

@@ -12,19 +12,22 @@
 //!
 //! | MJCF | |
 //! | --- | --- |
-//! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `inertial`, `freejoint`, hinges, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `key`, the tuple `velocity_limit` |
+//! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `replicate`, `inertial`, `freejoint`, hinges, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `key`, the tuple `velocity_limit` |
 //! | read of `asset` | `hfield`: elevations, MuJoCo's binary files, PNG pictures |
 //! | passed over | other assets, `visual`, `statistic`, `size`, other `custom` data, lights, cameras |
 //! | listed | visual geoms, sensors, self-collision ([`Model::touching_itself`] chooses pairs of it) |
-//! | refused | slide and ball joints, `equality`, `tendon`, plugins, colliding meshes, obstacles of other shapes, boxes and cylinders that may touch obstacles, actuators with state, fluid, `replicate`, `composite`, `attach`, RK4 and `implicit` |
+//! | refused | slide and ball joints, `equality`, `tendon`, plugins, colliding meshes, obstacles of other shapes, boxes and cylinders that may touch obstacles, actuators with state, fluid, `composite`, `attach`, RK4 and `implicit` |
 //!
 //! | URDF | |
 //! | --- | --- |
 //! | read | links, inertials, box, sphere and cylinder collisions, revolute, continuous and fixed joints, limits, dynamics |
 //! | added | a ground plane z = 0, a motor on every hinge, MuJoCo's defaults |
-//! | changed | a massless root link fixed to its only child, impossible inertias of light fixed links; [`Model::changed`] says so |
+//! | changed | a massless root link fixed to its only child or below a floating joint, impossible inertias of light fixed links; [`Model::changed`] says so |
 //! | listed | collision meshes, transmissions, annotations of other simulators (`contact`, `gazebo`, `dont_collapse`, ...) |
-//! | refused | prismatic, floating and planar joints, `mimic`, unknown elements |
+//! | refused | prismatic and planar joints, floating ones but at the root, `mimic`, unknown elements |
+//!
+//! A mending reading ([`ReadOptions::mend`]) locks coupled and sliding joints, gives links mass, and keeps what a robot looks
+//! like ([`Model::outlines`], with the readers of [`mesh`]); [`Model::to_mjcf`] writes the result as a file of its own.
 
 mod actuator;
 mod attributes;
@@ -42,16 +45,20 @@ mod joint;
 mod keyframes;
 pub mod kinematics;
 mod listing;
+mod mend;
+pub mod mesh;
 mod mjcf;
 mod model;
 mod names;
 mod options;
 mod orientation;
+mod outline;
 mod own;
 mod pairs;
 pub mod patterns;
 mod picture;
 mod read;
+mod replicate;
 pub mod rotation;
 mod scan;
 mod servo;
@@ -63,14 +70,17 @@ mod surface;
 mod terrain;
 mod uneven;
 mod urdf;
+mod write;
 mod xml;
 
 pub use error::{ModelError, Place};
 pub use listing::LeftOut;
 pub use model::*;
+pub use outline::{Form, MeshFile, Outline};
 pub use own::{Parts, SelfContact, SelfContactError, SelfPair};
 pub use read::{ReadOptions, read, read_mjcf_str, read_urdf_str};
 pub use shown::{escaped, shown, shown_number, shown_path};
 pub use summary::*;
 pub use surface::{LeaningField, Surface, SurfaceBlock, SurfaceField};
 pub use terrain::{Ground, HeightField, Obstacle, ObstacleShape};
+pub use write::WriteError;

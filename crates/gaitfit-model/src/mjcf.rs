@@ -6,9 +6,12 @@ use crate::bodies::BodyReader;
 use crate::defaults::Defaults;
 use crate::error::ModelError;
 use crate::floor::add_floor;
+use crate::mend::{self, Locked, lock_coupled};
 use crate::model::{Joint, Root};
 use crate::options::{Compiler, default_options, read_option};
+use crate::outline::Meshes;
 use crate::pairs::read_contact;
+use crate::replicate::expand;
 use crate::shown::shown;
 use crate::spec::{Disabled, KeySpec, MAX_ITEMS, Spec};
 use crate::terrain::{Fields, read_fields};
@@ -25,12 +28,14 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
     let mut a = Attributes::new(document);
     let name = a.text("model").filter(|name| !name.is_empty()).map(str::to_string);
     a.finish(ctx)?;
-    let sections = |wanted: &'static str| document.children.iter().filter(move |c| c.name == wanted);
-
     let mut compiler = Compiler::default();
-    for section in sections("compiler") {
+    for section in document.children.iter().filter(|child| child.name == "compiler") {
         compiler.read(ctx, section)?;
     }
+    let expanded = expand(ctx, document, &compiler)?;
+    let document = expanded.as_ref().unwrap_or(document);
+    let sections = |wanted: &'static str| document.children.iter().filter(move |c| c.name == wanted);
+
     let mut options = default_options();
     let mut disabled = Disabled::default();
     for section in sections("option") {
@@ -44,12 +49,17 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
     for section in sections("asset") {
         read_fields(ctx, section, &compiler, &mut fields)?;
     }
-    let mut reader = BodyReader::new(ctx, &compiler, &defaults, &fields);
+    let mut meshes = Meshes::default();
+    for section in sections("asset") {
+        meshes.read(ctx, section, &compiler, defaults.class(0).mesh_scale)?;
+    }
+    let mut reader = BodyReader::new(ctx, &compiler, &defaults, &fields, &meshes);
     for section in sections("worldbody") {
         reader.read_world(section)?;
     }
     let mut bodies = reader.bodies;
     add_floor(ctx, document, &defaults, &mut bodies, wanted);
+    let locked = lock_coupled(ctx, document, &mut bodies);
 
     let mut spec = Spec {
         name,
@@ -70,7 +80,7 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
         read_actuators(ctx, section, &compiler, &defaults, &mut spec)?;
     }
     for section in sections("keyframe") {
-        read_keys(ctx, section, &mut spec)?;
+        read_keys(ctx, section, &locked, &mut spec)?;
     }
     for section in sections("custom") {
         read_speed_limits(ctx, section, &mut spec)?;
@@ -95,6 +105,18 @@ fn other_section(ctx: &mut Context, section: &Element) -> Result<(), ModelError>
         "sensor" => {
             ctx.drop_quietly(section.at, format!("<sensor> ({count} sensors)"), "the state is known exactly");
             Ok(())
+        }
+        // Coupled joints are locked then; what is left are closed loops.
+        "equality" if ctx.mend && !ctx.lenient => {
+            let loops = section.children.iter().find(|child| mend::closes_a_loop(child));
+            loops.map_or(Ok(()), |child| {
+                ctx.refuse_unmended(
+                    child.at,
+                    child.label(),
+                    "it closes a loop, and the engine simulates trees",
+                    "take the robot's file of serial legs, if there is one",
+                )
+            })
         }
         "equality" | "tendon" | "deformable" => ctx.refuse(
             section.at,
@@ -145,7 +167,12 @@ fn read_actuators(
     Ok(())
 }
 
-fn read_keys(ctx: &mut Context, section: &Element, spec: &mut Spec) -> Result<(), ModelError> {
+fn read_keys(
+    ctx: &mut Context,
+    section: &Element,
+    locked: &Locked,
+    spec: &mut Spec,
+) -> Result<(), ModelError> {
     for element in &section.children {
         if element.name != "key" {
             ctx.refuse(element.at, element.label(), "not known in <keyframe>", "remove it")?;
@@ -159,8 +186,8 @@ fn read_keys(ctx: &mut Context, section: &Element, spec: &mut Spec) -> Result<()
         let key = KeySpec {
             at: element.at,
             name: a.text("name").unwrap_or("").to_string(),
-            qpos: filled(a.numbers(ctx, "qpos")?),
-            qvel: filled(a.numbers(ctx, "qvel")?),
+            qpos: filled(a.numbers(ctx, "qpos")?).map(|qpos| locked.left_of_qpos(qpos)),
+            qvel: filled(a.numbers(ctx, "qvel")?).map(|qvel| locked.left_of_qvel(qvel)),
             ctrl: filled(a.numbers(ctx, "ctrl")?),
         };
         a.ignore(&["time", "act", "mpos", "mquat"]);

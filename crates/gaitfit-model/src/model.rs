@@ -6,6 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::outline::Outline;
 use crate::own::{Parts, SelfPair};
 use crate::terrain::{Ground, Obstacle};
 
@@ -79,6 +80,9 @@ pub struct Model {
     pub keyframes: Vec<Keyframe>,
     /// Named points on bodies.
     pub sites: Vec<Site>,
+    /// Shapes that are shown or collide in the file and are not simulated: kept by a mending reading alone.
+    #[serde(skip)]
+    pub outlines: Vec<Outline>,
     /// What the file says and this model leaves out (lenient reading, visuals, self-collision).
     pub dropped: Vec<Dropped>,
     /// What reading added or mended: a floor, a root link folded into its child, an inertia that cannot be.

@@ -253,7 +253,16 @@ fn read_flag(
         }
     }
     // Diagnostics, collision search, memory: the motion stays the same.
-    a.ignore(&["equality", "warmstart", "sensor", "midphase", "autoreset", "nativeccd", "island"]);
+    a.ignore(&[
+        "equality",
+        "warmstart",
+        "sensor",
+        "sensornoise",
+        "midphase",
+        "autoreset",
+        "nativeccd",
+        "island",
+    ]);
     a.ignore(&["multiccd", "energy", "invdiscrete", "sleep"]);
     a.finish(ctx)
 }

@@ -1,11 +1,11 @@
-//! Position servos whose damping is given as a ratio (`dampratio`).
+//! Position servos whose damping is given as a ratio (`dampratio`), and springs that are given by a time constant.
 //!
 //! MuJoCo 4.0 turns the ratio ζ into a velocity gain once, at the reference pose: kv = 2 ζ √(kp m / gear²),
 //! where 1 / m is the joint's diagonal entry of the inverse mass matrix (`dof_invweight0`).
 
 use crate::inertia::rotated;
 use crate::kinematics::{Frame, rest_frames};
-use crate::model::{Model, Root};
+use crate::model::{Joint, Model, Root};
 use crate::rotation::{Vec3, cross, dot, product, rotate, sub};
 
 /// Replaces positive third bias parameters of position-like actuators by the damping they stand for.
@@ -24,6 +24,23 @@ pub(crate) fn resolve_damping_ratios(model: &mut Model) {
             let inertia = if gear2 > 1e-15 { 1.0 / (inverse.max(1e-15) * gear2) } else { 0.0 };
             actuator.bias[2] *= -2.0 * (actuator.gain.abs() * inertia).sqrt();
         }
+    }
+}
+
+/// Replaces negative stiffness and damping of joints, which stand for a spring's time constant T and damping ratio ζ
+/// (`springdamper`), by k = I / (T² ζ²) and d = 2 I / T, with I the joint's inertia as above.
+pub(crate) fn resolve_springs(model: &mut Model) {
+    let given = |joint: &Joint| joint.stiffness < 0.0 && joint.damping < 0.0;
+    if !model.joints.iter().any(given) {
+        return;
+    }
+    let factor = cholesky(mass_matrix(model));
+    let first_joint = model.nv() - model.joints.len();
+    for (index, joint) in model.joints.iter_mut().enumerate().filter(|(_, joint)| given(joint)) {
+        let inertia = 1.0 / inverse_diagonal(&factor, first_joint + index).max(1e-15);
+        let (time, ratio) = (-joint.stiffness, -joint.damping);
+        (joint.stiffness, joint.damping) =
+            (inertia / (time * time * ratio * ratio).max(1e-15), 2.0 * inertia / time.max(1e-15));
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::inertia::Inertial;
 use crate::model::{Actuator, ContactPair, FreeJoint, Joint, Options, Shape, Site};
+use crate::outline::{MeshFile, Outline};
 use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::terrain::{Ground, HeightField};
 use crate::xml::At;
@@ -70,6 +71,8 @@ pub(crate) struct BodySpec {
     pub geoms: Vec<GeomSpec>,
     /// Sites; `body` is not set yet.
     pub sites: Vec<Site>,
+    /// What a URDF shows of the link; kept by a mending reading.
+    pub outlines: Vec<Outline>,
 }
 
 /// A geom in its body's frame.
@@ -81,6 +84,8 @@ pub(crate) struct GeomSpec {
     pub quat: Quat,
     pub kind: GeomKind,
     pub surface: Surface,
+    /// The mesh that it is, or that its size is from; kept by a mending reading.
+    pub mesh: Option<MeshFile>,
 }
 
 /// What a geom is.
@@ -178,6 +183,7 @@ impl BodySpec {
             joints: Vec::new(),
             geoms: Vec::new(),
             sites: Vec::new(),
+            outlines: Vec::new(),
         }
     }
 }

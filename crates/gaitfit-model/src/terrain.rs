@@ -116,7 +116,7 @@ pub(crate) fn read_fields(
 }
 
 /// The name that an asset gets from its file.
-fn stem(file: &str) -> &str {
+pub(crate) fn stem(file: &str) -> &str {
     let name = file.rsplit(['/', '\\']).next().unwrap_or(file);
     name.rsplit_once('.').map_or(name, |(stem, _)| stem)
 }

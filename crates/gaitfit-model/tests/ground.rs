@@ -119,7 +119,7 @@ fn what_is_left_out_is_counted_by_kind() {
     let text = hopper(&[]).replace("<freejoint/>", &format!("<freejoint/>{shells}{solid}"));
     let error = with_floor(&text).unwrap_err().to_string();
     assert!(error.contains("2 geoms of the robot are such, 1 others touch the ground"), "{error}");
-    let lenient = ReadOptions { lenient: true, add_floor: true, root: None };
+    let lenient = ReadOptions { lenient: true, add_floor: true, ..Default::default() };
     let model = read_mjcf_str(&text, &lenient).unwrap();
     let groups = model.left_out();
     let meshes = groups.iter().find(|group| group.what == "36 visual meshes").unwrap();

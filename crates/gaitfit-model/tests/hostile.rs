@@ -9,7 +9,8 @@ fn here(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
-const LENIENT: ReadOptions = ReadOptions { lenient: true, root: Some(Root::Fixed), add_floor: false };
+const LENIENT: ReadOptions =
+    ReadOptions { lenient: true, root: Some(Root::Fixed), add_floor: false, mend: false };
 
 fn strict(text: &str) -> ModelError {
     read_mjcf_str(text, &ReadOptions::default()).unwrap_err()
@@ -175,6 +176,7 @@ fn mutated_robots_never_panic() {
                 lenient: round % 2 == 0,
                 root: [None, Some(Root::Fixed), Some(Root::Floating)][round % 3],
                 add_floor: round % 5 < 2,
+                mend: round % 7 < 3,
             };
             let result = if path.ends_with("urdf") {
                 read_urdf_str(&broken, &options)

@@ -3,8 +3,10 @@
 mod free_joint;
 mod ground;
 mod hostile;
+mod mend;
 mod mujoco;
 mod refuse;
+mod replicate;
 mod robots;
 mod templates;
 mod terrain;

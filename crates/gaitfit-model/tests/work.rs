@@ -19,7 +19,7 @@ fn timed(what: &str, read: impl Fn(&ReadOptions) -> Result<Model, ModelError>) -
     let mut message = String::new();
     for lenient in [true, false] {
         let start = processor_seconds();
-        let result = read(&ReadOptions { lenient, root: None, add_floor: true });
+        let result = read(&ReadOptions { lenient, add_floor: true, ..Default::default() });
         let seconds = processor_seconds() - start;
         eprintln!("{what}: {seconds:.3}");
         assert!(seconds < 1.0, "{what}: {seconds} s");
@@ -273,6 +273,6 @@ fn hostile_includes_take_no_time() {
     }
     let message = timed("nodes", |options| read(path, options));
     assert!(message.contains("2.xml:1:") && message.contains("200000 XML nodes"), "{message}");
-    let fixed = ReadOptions { lenient: true, root: Some(Root::Fixed), add_floor: false };
+    let fixed = ReadOptions { lenient: true, root: Some(Root::Fixed), ..Default::default() };
     assert!(read(path, &fixed).is_err());
 }

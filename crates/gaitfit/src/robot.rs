@@ -49,7 +49,7 @@ pub fn read(path: &Path, lenient: bool, hold: Hold) -> Result<Model, Error> {
         Hold::File => None,
         Hold::Clamped => Some(Root::Fixed),
     };
-    Ok(gaitfit_model::read(path, &ReadOptions { lenient, root, add_floor: true })?)
+    Ok(gaitfit_model::read(path, &ReadOptions { lenient, root, add_floor: true, ..Default::default() })?)
 }
 
 /// The name of the built-in Go2.
@@ -70,7 +70,7 @@ pub fn named(robot: &Path, lenient: bool) -> Result<Model, Error> {
 
 /// Reads an MJCF or URDF robot as MuJoCo reads it: without a floor that the file does not have.
 pub fn as_written(path: &Path, lenient: bool) -> Result<Model, Error> {
-    Ok(gaitfit_model::read(path, &ReadOptions { lenient, root: None, add_floor: false })?)
+    Ok(gaitfit_model::read(path, &ReadOptions { lenient, ..Default::default() })?)
 }
 
 /// Names of the robot's joints, in its order.

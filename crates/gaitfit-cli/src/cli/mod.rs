@@ -29,6 +29,7 @@ pub use world::{Collect, Evaluate};
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 use gaitfit_isa::Isa;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 /// Fits a legged robot's simulator to the real robot from its joint sensors.
@@ -159,6 +160,27 @@ pub struct Init {
     /// Drop what the engine cannot simulate in the robot file, instead of refusing it
     #[arg(long)]
     pub lenient: bool,
+    /// Fit the feet to the robot's meshes, even if other shapes of it touch the ground
+    #[arg(long)]
+    pub feet_from_mesh: bool,
+    /// Write the robot as one MJCF file, without includes and meshes, even if its own file reads
+    #[arg(long)]
+    pub one_file: bool,
+    /// Write no page of the stance
+    #[arg(long, hide = true)]
+    pub no_picture: bool,
+    /// Train what is written; if it does not come to walk, train with the next guess of the gains
+    #[arg(long)]
+    pub train: bool,
+    /// With --train, change one setting of the trainings, for example --set train.iterations=200 (repeatable)
+    #[arg(long, value_name = "KEY=VALUE", requires = "train", hide = true)]
+    pub set: Vec<String>,
+    /// With --train, what computes: cpu, cuda, cuda:N or auto [default: auto]
+    #[arg(long, value_name = "DEVICE", requires = "train", hide = true)]
+    pub device: Option<Devices>,
+    /// With --train, threads [default: one for each core]
+    #[arg(long, value_name = "N", requires = "train", hide = true)]
+    pub threads: Option<NonZeroUsize>,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,

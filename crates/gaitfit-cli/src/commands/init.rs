@@ -1,52 +1,200 @@
 //! `gaitfit init`: looks at a robot and writes a task for it.
 
-use crate::cli::Init;
-use crate::exit::Failure;
-use crate::output;
+use crate::cli::{Devices, Init};
+use crate::exit::{Exit, Failure};
+use crate::watcher::watched;
+use crate::{interrupt, output};
 use gaitfit::files::{self, Output};
-use gaitfit::init::{Guess, look};
-use gaitfit::paths;
-use gaitfit::robot::{self, Hold};
+use gaitfit::init::{Guess, Look, Preparation, Prepared, other_guesses, prepare};
+use gaitfit::settings::{self, TrainConfig};
+use gaitfit::{paths, robot, train};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
 
 /// What was found, as `--json` prints it.
 #[derive(Serialize)]
 struct Document {
     robot: String,
     written: String,
+    /// The mended robot file, where one was written.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    robot_file: Option<String>,
+    /// The page of the stance.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    page: Option<String>,
     guesses: Vec<Guess>,
     warnings: Vec<String>,
+    /// What was trained, with `--train`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    trainings: Vec<Training>,
 }
 
-/// Writes the configuration and prints what was guessed.
+/// One training of `--train`.
+#[derive(Serialize)]
+struct Training {
+    /// The guess that it had.
+    gains: String,
+    /// Whether its policy walks.
+    walks: bool,
+    /// Why not, or where the policy is.
+    result: String,
+    #[serde(skip)]
+    policy: Option<String>,
+}
+
+/// Where the files go.
+struct Files {
+    configuration: PathBuf,
+    mended: Option<PathBuf>,
+    page: Option<PathBuf>,
+}
+
+impl Files {
+    /// Refuses to overwrite what is there, unless that is asked for.
+    fn new(args: &Init, prepared: &Prepared) -> Result<Self, Failure> {
+        let configuration = args.out.clone().unwrap_or_else(|| file_for(&prepared.model.name));
+        let stem = configuration.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        let stem = stem.unwrap_or_default();
+        // The robot's own file stays as it is.
+        let plain = configuration.with_extension("xml");
+        let whole = |path: &Path| std::fs::canonicalize(path).ok();
+        let own = whole(&plain).is_some_and(|path| whole(&args.robot) == Some(path));
+        let beside = if own { configuration.with_file_name(format!("{stem}-mended.xml")) } else { plain };
+        let mended = prepared.file.as_ref().map(|_| beside);
+        let page = (!args.no_picture).then(|| configuration.with_file_name(format!("{stem}-stance.html")));
+        let mut outputs = vec![Output { path: &configuration, option: "--out", ending: Some("toml") }];
+        outputs.extend(mended.as_ref().map(|path| Output {
+            path,
+            option: "the mended robot file",
+            ending: None,
+        }));
+        outputs.extend(page.as_ref().map(|path| Output {
+            path,
+            option: "the page of the stance",
+            ending: None,
+        }));
+        files::check(&outputs, [args.robot.as_path()])?;
+        for path in [Some(&configuration), mended.as_ref(), page.as_ref()].into_iter().flatten() {
+            if path.exists() && !args.force {
+                return Err(Failure::usage(format!(
+                    "{} exists already; give another --out, or --force to overwrite it",
+                    path.display()
+                )));
+            }
+        }
+        Ok(Self { configuration, mended, page })
+    }
+}
+
+/// Writes the configuration, and a mended robot file where that is needed, prints what was guessed, and trains it if asked to.
 pub fn run(args: &Init) -> Result<(), Failure> {
     if robot::is_built_in(&args.robot) {
         return Err(Failure::usage(
             "the built-in Go2 needs no configuration: `gaitfit train` trains a policy for it, and `gaitfit config train` prints the settings",
         ));
     }
-    let model = robot::read(&args.robot, args.lenient, Hold::File)?;
-    let out = args.out.clone().unwrap_or_else(|| file_for(&model.name));
-    let asked = Output { path: &out, option: "--out", ending: Some("toml") };
-    files::check(&[asked], [args.robot.as_path()])?;
-    if out.exists() && !args.force {
-        return Err(Failure::usage(format!(
-            "{} exists already; give another --out, or --force to overwrite it",
-            out.display()
-        )));
+    let how =
+        Preparation { lenient: args.lenient, feet_from_mesh: args.feet_from_mesh, one_file: args.one_file };
+    let prepared = prepare(&args.robot, how)?;
+    let files = Files::new(args, &prepared)?;
+    if let (Some(path), Some(text)) = (&files.mended, &prepared.file) {
+        files::write(path, text.as_bytes())?;
     }
-    let found =
-        look(&model).map_err(|error| Failure::failed(format!("{}: {error}", args.robot.display())))?;
-    let text = found.configuration(&paths::named(&args.robot, &out), args.lenient);
-    files::write(&out, text.as_bytes())?;
-    let document = Document {
-        robot: model.name.clone(),
-        written: out.display().to_string(),
-        guesses: found.guesses,
-        warnings: robot::remarks(&model),
+    if let Some(path) = &files.page {
+        let page =
+            gaitfit_view::replay_html(&prepared.look.stance(&prepared.model)).map_err(Failure::failed)?;
+        files::write(path, page.as_bytes())?;
+    }
+    write_configuration(args, &files, &prepared.look)?;
+    let path = |path: &Path| path.display().to_string();
+    let mut document = Document {
+        robot: prepared.model.name.clone(),
+        written: path(&files.configuration),
+        robot_file: files.mended.as_deref().map(path),
+        page: files.page.as_deref().map(path),
+        warnings: robot::remarks(&prepared.model),
+        guesses: prepared.mended.iter().chain(&prepared.look.guesses).cloned().collect(),
+        trainings: Vec::new(),
     };
-    if args.json { output::print_json(&document) } else { output::print(&shown(&document)) }
+    if args.train {
+        if !args.json {
+            output::print(&shown(&document))?;
+        }
+        document.trainings = train_guesses(args, &files, &prepared)?;
+    }
+    match (args.json, args.train) {
+        (true, _) => output::print_json(&document)?,
+        (false, false) => {
+            output::print(&format!("{}next: gaitfit train {}\n", shown(&document), document.written))?
+        }
+        (false, true) => {
+            let walks = document.trainings.iter().find(|training| training.walks);
+            let policy = walks.and_then(|training| training.policy.clone());
+            output::print(&tried(&document.trainings))?;
+            if let Some(policy) = policy {
+                output::next(&[format!("gaitfit evaluate {policy} --report evaluation.html")])?;
+            }
+        }
+    }
+    match document.trainings.iter().any(|training| training.walks) || !args.train {
+        true => Ok(()),
+        false => Err(Failure {
+            exit: Exit::Check,
+            message: format!(
+                "no guess came to walk in its training; {} has the first one. Look at the stance in the page, and train \
+                 longer with --set train.iterations=N",
+                document.written
+            ),
+        }),
+    }
+}
+
+fn write_configuration(args: &Init, files: &Files, look: &Look) -> Result<(), Failure> {
+    let robot_file = files.mended.as_deref().unwrap_or(&args.robot);
+    // What was dropped is not in a mended file.
+    let lenient = args.lenient && files.mended.is_none();
+    let text = look.configuration(&paths::named(robot_file, &files.configuration), lenient);
+    Ok(files::write(&files.configuration, text.as_bytes())?)
+}
+
+/// Trains the guesses one after the other until a policy walks. The configuration is that of the guess that does, or of the
+/// first one.
+fn train_guesses(args: &Init, files: &Files, prepared: &Prepared) -> Result<Vec<Training>, Failure> {
+    interrupt::listen()?;
+    let others = other_guesses(&prepared.model, &prepared.look);
+    let threads = args.threads.map_or_else(gaitfit::machine::threads, NonZeroUsize::get);
+    let mut trainings = Vec::new();
+    for (number, look) in std::iter::once(&prepared.look).chain(&others).enumerate() {
+        write_configuration(args, files, look)?;
+        let mut config: TrainConfig = settings::load(Some(&files.configuration), &args.set)?;
+        let stem = files.configuration.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        let name = format!("{}-guess-{}", stem.unwrap_or_default(), number + 1);
+        config.name = Some(name.clone());
+        let devices = Devices::of_run(args.device.clone(), None);
+        let setup = train::setup(&config, &name, Some(&files.configuration), threads, &devices)?;
+        output::devices(&setup.devices);
+        let gains = gains(look);
+        output::note(&format!("guess {} of {}: {gains}", number + 1, others.len() + 1));
+        let results = watched(super::train::LINES, |watch| train::train(&setup, false, watch))?;
+        let failed = results.unlearnt();
+        let policy = results.seeds.first().map(|seed| seed.policy.clone());
+        let walks = failed.is_none();
+        let result =
+            failed.unwrap_or_else(|| format!("its policy walks: {}", policy.clone().unwrap_or_default()));
+        trainings.push(Training { gains, walks, result, policy });
+        if walks {
+            return Ok(trainings);
+        }
+    }
+    write_configuration(args, files, &prepared.look)?;
+    Ok(trainings)
+}
+
+/// What a guess says of the gains.
+fn gains(look: &Look) -> String {
+    let found = look.guesses.iter().find(|guess| guess.what == "gains");
+    found.map(|guess| guess.found.clone()).unwrap_or_default()
 }
 
 /// The robot's name as a file in the current folder.
@@ -61,12 +209,25 @@ fn file_for(robot: &str) -> PathBuf {
 
 fn shown(document: &Document) -> String {
     let mut text = format!("{}: {}\n", document.robot, document.written);
+    let mut line = |what: &str, found: &str| text.push_str(&format!("  {what:<10}{found}\n"));
+    if let Some(file) = &document.robot_file {
+        line("robot", &format!("{file}: the robot's file, mended; it lists what changed"));
+    }
     for guess in &document.guesses {
-        text.push_str(&format!("  {:<10}{}\n", guess.what, guess.found));
+        line(guess.what, &guess.found);
+    }
+    if let Some(page) = &document.page {
+        line("page", &format!("{page}: the stance and the gait"));
     }
     for warning in &document.warnings {
         text.push_str(&format!("note: {warning}\n"));
     }
-    text.push_str(&format!("next: gaitfit train {}\n", document.written));
     text
+}
+
+fn tried(trainings: &[Training]) -> String {
+    let line = |(number, training): (usize, &Training)| {
+        format!("guess {}: {}\n  {}\n", number + 1, training.gains, training.result)
+    };
+    trainings.iter().enumerate().map(line).collect()
 }

@@ -11,7 +11,7 @@ const COLOUR: &str = "it only colours";
 const DRIVE: &str = "about a drive's inside; the joint's limits are `effort` and `velocity`";
 
 /// Elements, and why they are left out.
-const ELEMENTS: [(&str, &str); 12] = [
+const ELEMENTS: [(&str, &str); 15] = [
     ("gazebo", NOT_DYNAMICS),
     ("sensor", NOT_DYNAMICS),
     ("camera", NOT_DYNAMICS),
@@ -19,6 +19,9 @@ const ELEMENTS: [(&str, &str); 12] = [
     ("transmission", NOT_DYNAMICS),
     ("ros2_control", NOT_DYNAMICS),
     ("verbose", NOT_DYNAMICS),
+    ("self_filter", NOT_DYNAMICS),
+    ("collision_checking", NOT_DYNAMICS),
+    ("joint_properties", "settings of another program; the joint's own are in <limit> and <dynamics>"),
     ("self_collision_checking", "contacts are computed between the robot and the ground only"),
     ("contact", CONTACT),
     ("contact_coefficients", CONTACT),

@@ -1,11 +1,11 @@
-//! URDF `<joint>`: revolute, continuous and fixed.
+//! URDF `<joint>`: revolute, continuous and fixed; a floating one at the root.
 
 use std::collections::HashMap;
 
 use crate::attributes::{Attributes, Context};
 use crate::error::ModelError;
 use crate::model::Joint;
-use crate::rotation::{IDENTITY, Quat, Vec3, unit};
+use crate::rotation::{IDENTITY, Quat, Vec3, axis_angle, product, unit};
 use crate::shown::shown;
 use crate::spec::default_joint;
 use crate::xml::{At, Element};
@@ -22,10 +22,19 @@ pub(super) struct Connection {
     pub quat: Quat,
     /// `None`: the links are welded.
     pub hinge: Option<Joint>,
+    /// The child floats: it is the robot's root.
+    pub floats: bool,
     /// It is revolute, but its file gives it no limits.
     pub unlimited: bool,
     /// Largest torque, N·m; 0: not given.
     pub effort: f64,
+}
+
+impl Connection {
+    /// Whether it welds its links.
+    pub fn is_fixed(&self) -> bool {
+        self.hinge.is_none() && !self.floats
+    }
 }
 
 /// Reads one joint.
@@ -41,7 +50,8 @@ pub(super) fn read_joint(
     a.finish(ctx)?;
     let label = element.label();
     let turns = matches!(kind, "revolute" | "continuous");
-    if !turns && kind != "fixed" {
+    let floats = kind == "floating";
+    if !turns && !floats && kind != "fixed" {
         // Dropped, the joint becomes a weld: its child stays part of the robot.
         ctx.refuse(
             element.at,
@@ -56,6 +66,7 @@ pub(super) fn read_joint(
     joint.name = name;
     joint.axis = [1.0, 0.0, 0.0];
     let mut effort = 0.0;
+    let mut follows = None;
     let (mut limits, mut unlimited) = (None, kind == "revolute");
     for child in &element.children {
         let mut a = Attributes::new(child);
@@ -90,6 +101,15 @@ pub(super) fn read_joint(
                 a.set_nonnegative(ctx, "damping", &mut joint.damping)?;
                 a.set_nonnegative(ctx, "friction", &mut joint.frictionloss)?;
             }
+            "mimic" if ctx.mend && !ctx.lenient => {
+                let leader = shown(a.text("joint").unwrap_or("")).to_string();
+                let how = format!(
+                    "it follows \"{leader}\" (<mimic>), and coupled joints are not simulated: it is locked"
+                );
+                ctx.note(child.at, format!("joint \"{}\"", shown(&joint.name)), how);
+                follows = Some(a.number(ctx, "offset")?.unwrap_or(0.0));
+                continue;
+            }
             "mimic" => {
                 ctx.refuse(child.at, format!("<mimic> of {label}"), "coupled joints", "remove it")?;
                 continue;
@@ -122,14 +142,25 @@ pub(super) fn read_joint(
         }
     };
     if kind == "revolute" && !unlimited {
-        let Some([lower, upper]) = limits.filter(|[lower, upper]| lower < upper) else {
-            return Err(ctx.invalid(
+        let [lower, upper] = match limits {
+            Some([lower, upper]) if lower < upper => [lower, upper],
+            Some([upper, lower]) if lower < upper && ctx.mend => {
+                let how = "`lower` is above `upper` in the file: they are exchanged";
+                ctx.note(element.at, format!("limits of {label}"), how);
+                [lower, upper]
+            }
+            _ => {
+                return Err(ctx.invalid(
                 element.at,
                 format!("{label} is revolute, but has no limits with lower < upper"),
                 "add <limit lower=\"...\" upper=\"...\" effort=\"...\" velocity=\"...\"/>, or make it continuous",
-            ));
+                ));
+            }
         };
         joint.range = Some([lower, upper]);
+    }
+    if let Some(angle) = follows {
+        pose.1 = product(pose.1, axis_angle(joint.axis, angle));
     }
     Ok(Some(Connection {
         element: element.at,
@@ -137,7 +168,8 @@ pub(super) fn read_joint(
         child,
         pos: pose.0,
         quat: pose.1,
-        hinge: turns.then_some(joint),
+        hinge: (turns && follows.is_none()).then_some(joint),
+        floats,
         unlimited,
         effort,
     }))

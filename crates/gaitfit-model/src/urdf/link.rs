@@ -13,6 +13,7 @@ use crate::xml::Element;
 
 use super::foreign::{list_attributes, list_element};
 use super::mend::Impossible;
+use super::shown::show;
 use super::{Link, read_origin, required};
 
 /// How the entry of a collision mesh in [`crate::Model::dropped`] begins; its link follows.
@@ -53,8 +54,15 @@ pub(super) fn read_link(
                     return Err(ctx.too_many(child.at, "collisions of a link", MAX_ITEMS / MAX_BODIES));
                 }
                 body.geoms.extend(read_collision(ctx, child, element)?);
+                show(ctx, child, &mut body, true)?;
             }
-            "visual" => {}
+            "visual" => show(ctx, child, &mut body, false)?,
+            // Links have no pose of their own in URDF: their joint has it.
+            "origin" => ctx.drop_quietly(
+                child.at,
+                format!("<origin> in {}", element.label()),
+                "a link has none in URDF",
+            ),
             _ if list_element(ctx, child, &element.label()) => {}
             _ => ctx.refuse(child.at, child.label(), "not known in <link>", "remove it")?,
         }
@@ -161,6 +169,7 @@ fn read_collision(
         quat: pose.1,
         kind: GeomKind::Solid(shape),
         surface: Surface::default(),
+        mesh: None,
     }))
 }
 

@@ -34,14 +34,24 @@ pub(super) fn mend_inertias(
     connections: &[Connection],
 ) -> Result<(), ModelError> {
     let total: f64 = links.iter().map(|link| link.body.inertial.mass.max(0.0)).sum();
-    for link in links {
+    // A dummy root that is fixed to the trunk moves with it.
+    let is_base = |index: usize| {
+        let fixed = |connection: &Connection| connection.parent == index && connection.is_fixed();
+        connections.iter().any(fixed)
+    };
+    for (index, link) in links.iter_mut().enumerate() {
         let Some(Impossible { at, error }) = link.impossible.take() else { continue };
         let inertial = &mut link.body.inertial;
         let share = inertial.mass / total;
-        let fixed = link.held_by.is_some_and(|joint| connections[joint].hinge.is_none());
+        let fixed = match link.held_by {
+            Some(joint) => connections[joint].is_fixed(),
+            None => is_base(index),
+        };
         let finite = inertial.inertia.iter().all(|moment| moment.is_finite());
         if !(fixed && finite && (0.0..LIGHT).contains(&share)) {
-            return Err(*error);
+            let label = format!("link \"{}\"", shown(&link.body.name));
+            *inertial = crate::mend::balance(ctx, at, &label, *inertial).ok_or(*error)?;
+            continue;
         }
         let mean = inertial.inertia.iter().map(|moment| moment.max(0.0)).sum::<f64>() / 3.0;
         let moments = inertial.inertia.map(|moment| shown_number(rounded(moment))).join(", ");

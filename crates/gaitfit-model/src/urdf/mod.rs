@@ -7,6 +7,7 @@ mod foreign;
 mod joint;
 mod link;
 mod mend;
+mod shown;
 
 use std::collections::HashMap;
 
@@ -26,6 +27,9 @@ use joint::{Connection, read_joint};
 pub(crate) use link::COLLISION_MESH;
 use link::read_link;
 use mend::{Impossible, mend_inertias};
+
+/// Share of the robot's mass up to which a link with a floating joint stands for the world.
+const MAX_WORLD_SHARE: f64 = 1e-3;
 
 /// A link and how it hangs.
 struct Link {
@@ -62,6 +66,7 @@ pub(crate) fn read(
         }
     }
 
+    ctx.mesh_folder = compiler.mesh_folder.clone();
     let mut links = Vec::new();
     let mut by_name = HashMap::new();
     for element in document.children.iter().filter(|c| c.name == "link") {
@@ -161,13 +166,14 @@ fn assemble(
     let mut actuators = Vec::new();
     let mut joints = 0;
     let mut bodyless: Vec<Option<BodySpec>> = links.into_iter().map(|l| Some(l.body)).collect();
+    root = below_floating_joint(ctx, root, &mut bodyless, connections, &children)?;
     let is_world = bodyless[root].as_ref().is_some_and(|b| {
         b.name == "world" && b.inertial == MASSLESS && b.geoms.is_empty() && !children[root].is_empty()
     });
     let mut pose = ([0.0; 3], IDENTITY);
     while let [only] = children[root][..]
         && !is_world
-        && connections[only].hinge.is_none()
+        && connections[only].is_fixed()
         && let Some(body) = bodyless[root].take_if(|b| b.inertial == MASSLESS && b.geoms.is_empty())
     {
         let connection = &connections[only];
@@ -189,6 +195,7 @@ fn assemble(
             quat: IDENTITY,
             kind: GeomKind::Plane,
             surface: Surface::default(),
+            mesh: None,
         });
     }
     // Depth first with an explicit stack; children reversed so that they come out in file order.
@@ -233,6 +240,36 @@ fn assemble(
         ));
     }
     Ok((bodies, actuators))
+}
+
+/// The robot's root: the child of a floating joint at the root, whose parent stands for the world and is left out.
+///
+/// # Errors
+/// A floating joint elsewhere, or below a link that is a part of the robot.
+fn below_floating_joint(
+    ctx: &mut Context,
+    root: usize,
+    links: &mut [Option<BodySpec>],
+    connections: &[Connection],
+    children: &[Vec<usize>],
+) -> Result<usize, ModelError> {
+    let Some(floating) = connections.iter().find(|connection| connection.floats) else { return Ok(root) };
+    let total: f64 = links.iter().flatten().map(|link| link.inertial.mass).sum();
+    let bare = |link: &BodySpec| link.geoms.is_empty() && link.inertial.mass <= MAX_WORLD_SHARE * total;
+    let alone = floating.parent == root && children[root].len() == 1;
+    let Some(world) = links[root].take_if(|link| alone && bare(link)) else {
+        ctx.refuse_unmended(
+            floating.element,
+            "a joint of type floating below a part of the robot",
+            "one body of a robot floats: its root",
+            "replace it",
+        )?;
+        return Ok(root);
+    };
+    let child = links[floating.child].as_ref().map_or("", |link| &link.name);
+    let how = format!("a floating joint hangs \"{}\" on it, which is the floating root here", shown(child));
+    ctx.note(world.at, format!("root link \"{}\"", shown(&world.name)), how);
+    Ok(floating.child)
 }
 
 /// An attribute that must be there and not empty.

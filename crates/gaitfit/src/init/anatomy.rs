@@ -2,12 +2,15 @@
 
 use super::InitError;
 use gaitfit_model::kinematics::{Frame, body_frames, lowest_point};
+use gaitfit_model::rotation::{axes, dot, product, rotate, sub};
 use gaitfit_model::{Model, Shape, shown};
 
 /// Last links whose lowest point lies within this share of the base's height of the lowest of all are legs.
-const NEAR_GROUND: f64 = 0.3;
+pub(super) const NEAR_GROUND: f64 = 0.3;
 /// Geoms of a foot lie within this share of it of the foot's lowest point.
 const SAME_FOOT: f64 = 0.03;
+/// A wheel's middle is this near to its axis, as a share of its radius.
+const OFF_AXIS: f64 = 0.1;
 /// Most legs.
 const MAX_LEGS: usize = 8;
 
@@ -33,8 +36,12 @@ pub struct Leg {
 pub struct Anatomy {
     /// The legs.
     pub legs: Vec<Leg>,
-    /// Joints of any leg, by index.
+    /// Joints of any leg that the policy moves, by index.
     pub moved: Vec<usize>,
+    /// Joints of legs without a motor, in a file that gives others one: springs and slack.
+    pub passive: Vec<usize>,
+    /// Joints on which a leg's foot turns as a wheel.
+    pub wheels: Vec<usize>,
     /// Groups of legs that move together; none where the sides do not match.
     pub gait: Vec<Vec<usize>>,
     /// Geoms of the base that may touch the ground.
@@ -91,6 +98,12 @@ impl Anatomy {
                 false => InitError::Ghosts { robot: robot(), links: names.join(", ") },
             });
         }
+        // One hand or tail that hangs lowest is no leg, unless the robot has no other limb.
+        let limbs = (0..model.bodies.len()).filter(|&body| last(&paths[body]));
+        let limbs: std::collections::HashSet<&Vec<usize>> = limbs.map(|body| &paths[body]).collect();
+        if legs.len() == 1 && limbs.len() > 1 {
+            return Err(InitError::NoLegs { robot: robot() });
+        }
         if !(height > 0.0 && height.is_finite()) {
             return Err(InitError::NoLegs { robot: robot() });
         }
@@ -101,9 +114,16 @@ impl Anatomy {
             };
             leg.joints = leg.path.iter().copied().filter(|joint| !shared(joint)).collect();
         }
-        let moved = (0..model.joints.len()).filter(|joint| all.iter().any(|path| path.contains(joint)));
+        let wheels: Vec<usize> = legs.iter().filter_map(|leg| wheel(model, leg, &frames)).collect();
+        let of_legs = || (0..model.joints.len()).filter(|joint| all.iter().any(|path| path.contains(joint)));
+        let driven = |joint: &usize| model.actuators.iter().any(|actuator| actuator.joint == *joint);
+        let passive: Vec<usize> =
+            of_legs().filter(|joint| of_legs().any(|other| driven(&other)) && !driven(joint)).collect();
+        let moves = |joint: &usize| !wheels.contains(joint) && !passive.contains(joint);
+        let moved: Vec<usize> = of_legs().filter(moves).collect();
+        legs.iter_mut().for_each(|leg| leg.joints.retain(moves));
         let base_geoms = contacts.into_iter().filter(|&geom| path_of(geom).is_empty()).collect();
-        Ok(Self { gait: gait(&legs), moved: moved.collect(), base_geoms, legs })
+        Ok(Self { gait: gait(&legs), moved, passive, wheels, base_geoms, legs })
     }
 
     /// Whether it walks on two legs.
@@ -116,6 +136,15 @@ impl Anatomy {
         let geoms = self.legs.iter().map(|leg| leg.geoms.len()).max().unwrap_or_default();
         let several = if geoms > 1 { format!(" ({geoms} geoms a foot)") } else { String::new() };
         format!("the lowest geoms of the last links{several}")
+    }
+
+    /// The links of feet whose geoms have names that the reader made up; `None` where none has.
+    pub fn links(&self, model: &Model) -> Option<String> {
+        let of_leg = |leg: &Leg| shown(&model.bodies[model.geoms[*leg.geoms.first()?].body].name).into();
+        self.legs.iter().any(|leg| made_up(&leg.foot)).then(|| {
+            let links: Vec<String> = self.legs.iter().filter_map(of_leg).collect();
+            format!("on {}", links.join(", "))
+        })
     }
 
     /// The gait in words.
@@ -142,7 +171,7 @@ const LOW_ORIGIN: f64 = 0.25;
 
 /// How tall a robot is, m: its base above `ground`, which is seen from the base's origin. Where a file has that origin at
 /// the floor, its highest joint counts.
-fn height_above(model: &Model, frames: &[Frame], ground: f64) -> f64 {
+pub(super) fn height_above(model: &Model, frames: &[Frame], ground: f64) -> f64 {
     let anchor = |joint: &gaitfit_model::Joint| frames[joint.body].point(joint.pos)[2];
     let highest = model.joints.iter().map(anchor).fold(f64::NEG_INFINITY, f64::max);
     if -ground < LOW_ORIGIN * (highest - ground) { highest - ground } else { -ground }
@@ -159,7 +188,15 @@ fn leg(
     let bottom = own.iter().map(|&geom| lowest(geom)).fold(f64::INFINITY, f64::min);
     let mut geoms: Vec<usize> = own.iter().copied().filter(|&geom| lowest(geom) <= bottom + near).collect();
     let (foot, geoms) = match geoms[..] {
-        [only] => (model.geoms[only].name.clone(), vec![only]),
+        [only] => {
+            // A link's name says more than one that was made up; the link is a foot only with all its geoms.
+            let geom = &model.geoms[only];
+            let link = &model.bodies[geom.body].name;
+            let alone = !own.iter().any(|&other| other != only && model.geoms[other].body == geom.body);
+            let free = !model.geoms.iter().any(|geom| geom.name == *link);
+            let name = if made_up(&geom.name) && alone && free { link } else { &geom.name };
+            (name.clone(), vec![only])
+        }
         _ => {
             let body = geoms.first().map_or(0, |&geom| model.geoms[geom].body);
             let of_body = own.iter().filter(|&&geom| model.geoms[geom].body == body);
@@ -180,6 +217,34 @@ fn leg(
     let centre = |geom: usize| frames[model.geoms[geom].body].point(model.geoms[geom].pos);
     let place = std::array::from_fn(|k| geoms.iter().map(|&geom| centre(geom)[k]).sum::<f64>() / count);
     Leg { foot, geoms, path, joints: Vec::new(), sole, place }
+}
+
+/// The joint on which a leg's foot turns as a wheel: without limits, and with a foot that is round about its axis.
+fn wheel(model: &Model, leg: &Leg, frames: &[Frame]) -> Option<usize> {
+    let &last = leg.joints.last()?;
+    let hinge = &model.joints[last];
+    let (&[geom], None) = (&leg.geoms[..], hinge.range) else { return None };
+    let geom = &model.geoms[geom];
+    let (joint, foot) = (&frames[hinge.body], &frames[geom.body]);
+    let axis = rotate(joint.quaternion, hinge.axis);
+    let arm = sub(foot.point(geom.pos), joint.point(hinge.pos));
+    let along = dot(arm, axis);
+    let off_axis = (dot(arm, arm) - along * along).max(0.0).sqrt();
+    let round = match geom.shape {
+        Shape::Sphere { radius } => off_axis < OFF_AXIS * radius,
+        Shape::Cylinder { radius, .. } | Shape::Capsule { radius, .. } => {
+            let turned = axes(product(foot.quaternion, geom.quat))[2];
+            off_axis < OFF_AXIS * radius && dot(turned, axis).abs() > 1.0 - OFF_AXIS
+        }
+        Shape::Box { .. } => false,
+    };
+    round.then_some(last)
+}
+
+/// Whether a geom's name is one that the reader made up: `geom6`.
+pub(super) fn made_up(name: &str) -> bool {
+    let digits = name.strip_prefix("geom").map(|rest| rest.trim_end_matches('_'));
+    digits.is_some_and(|digits| !digits.is_empty() && digits.chars().all(|letter| letter.is_ascii_digit()))
 }
 
 /// Joints from the base to a body.

@@ -33,6 +33,18 @@ const ROTOR: f64 = 0.0073;
 /// How far a held joint sags under what hangs on it, rad.
 const SAG: f64 = 0.1;
 
+/// Where the gains of the legs come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Source {
+    /// The file's position actuators where they are likely, else the robot's size.
+    #[default]
+    Likely,
+    /// The file's position actuators, whatever they are.
+    Servos,
+    /// This factor of those by the robot's size.
+    Size(f64),
+}
+
 /// Gains and scales, one a joint of the model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gains {
@@ -64,7 +76,17 @@ pub fn servo(model: &Model, joint: usize) -> Option<[f64; 2]> {
 
 impl Gains {
     /// In the pose `angles` (rad, model order).
-    pub fn new(model: &Model, anatomy: &Anatomy, angles: &[f64], sizes: &Sizes) -> Result<Self, InitError> {
+    pub fn new(
+        model: &Model,
+        anatomy: &Anatomy,
+        angles: &[f64],
+        sizes: &Sizes,
+        source: Source,
+    ) -> Result<Self, InitError> {
+        let stiffness = match source {
+            Source::Size(factor) => STIFFNESS * factor,
+            _ => STIFFNESS,
+        };
         let unit = sizes.mass * sizes.gravity * sizes.leg;
         let inertia: Vec<f64> = Robot::nominal(model)
             .params(model)
@@ -80,14 +102,18 @@ impl Gains {
                 (Some(effort), Some(usual)) if usual > 0.0 => (effort / usual).min(1.0),
                 _ => 1.0,
             };
-            STIFFNESS * unit * weak
+            stiffness * unit * weak
         };
         let servos: Vec<Option<[f64; 2]>> =
             (0..model.joints.len()).map(|joint| servo(model, joint)).collect();
         let ratios: Vec<f64> =
             anatomy.moved.iter().filter_map(|&joint| Some(servos[joint]?[0] / by_size(joint))).collect();
         let ratio = median(ratios).filter(|_| anatomy.moved.iter().all(|&joint| servos[joint].is_some()));
-        let likely = ratio.is_some_and(|ratio| (1.0 / LIKELY..=LIKELY).contains(&ratio));
+        let likely = match source {
+            Source::Likely => ratio.is_some_and(|ratio| (1.0 / LIKELY..=LIKELY).contains(&ratio)),
+            Source::Servos => ratio.is_some(),
+            Source::Size(_) => false,
+        };
         let held = held(model, angles, sizes.gravity);
         let (mut kp, mut kd, mut scale) = (Vec::new(), Vec::new(), Vec::new());
         let mut bounded = Vec::new();
@@ -97,6 +123,14 @@ impl Gains {
             let damping = model.joints[joint].damping;
             let (stiffest, thickest) =
                 (stiff * inertia[joint] / (STEP * STEP), thick * inertia[joint] / STEP);
+            if anatomy.passive.contains(&joint) {
+                kp.push(0.0);
+                kd.push(0.0);
+                scale.push(SCALE);
+                continue;
+            }
+            // A braked wheel carries the robot as a foot does.
+            let moved = moved || anatomy.wheels.contains(&joint);
             let [p, d] = match (moved, servos[joint]) {
                 (true, Some([p, d])) if likely && d > 0.0 => [p, d],
                 (true, Some([p, _])) if likely => [p, (DAMPING * p - damping).max(0.0)],
@@ -125,10 +159,10 @@ impl Gains {
             "kp and kd of the file's position actuators".to_owned()
         } else {
             let mut how = format!(
-                "kp = {STIFFNESS} m g l = {:?} N·m/rad, less for joints with weaker motors; kd = {DAMPING} s · kp (a guess)",
-                tidy(STIFFNESS * unit)
+                "kp = {stiffness:?} m g l = {:?} N·m/rad, less for joints with weaker motors; kd = {DAMPING} s · kp (a guess)",
+                tidy(stiffness * unit)
             );
-            if let Some(ratio) = ratio {
+            if let Some(ratio) = ratio.filter(|_| source == Source::Likely) {
                 let times = if ratio > 1.0 { tidy(ratio) } else { tidy(1.0 / ratio) };
                 let than = if ratio > 1.0 { "stiffer" } else { "softer" };
                 how.push_str(&format!(

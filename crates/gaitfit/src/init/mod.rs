@@ -5,12 +5,20 @@
 //! bipedal and quadrupedal animals": walks of equal Froude number v²/(g l) are alike).
 
 mod anatomy;
+mod feet;
 mod gains;
+mod mended;
+#[cfg(test)]
+mod mended_test;
+mod motors;
 #[cfg(test)]
 mod odd_test;
 mod pose;
+mod shape;
 mod sizes;
+mod stance;
 mod text;
+mod twin;
 
 use crate::settings::{Configuration, TrainConfig};
 use gaitfit_learn::task::{Task, TaskError, TaskSettings};
@@ -21,8 +29,9 @@ use serde::Serialize;
 
 use anatomy::Anatomy;
 pub(crate) use anatomy::path;
-use gains::Gains;
 pub(crate) use gains::servo;
+use gains::{Gains, Source};
+pub use mended::{Preparation, Prepared, prepare};
 use pose::Pose;
 use sizes::Sizes;
 
@@ -114,9 +123,18 @@ pub struct Look {
     elliptic: bool,
     /// The tables `[train]`, `[ppo]` and `[task]` of a configuration, with comments.
     text: String,
+    /// Legs and gait.
+    anatomy: Anatomy,
+    /// Angles of the stance, rad, model order.
+    angles: Vec<f64>,
 }
 
 impl Look {
+    /// A page of the stance and the gait. `model`: the robot that this is a look at.
+    pub fn stance(&self, model: &Model) -> gaitfit_view::replay::Replay {
+        stance::stance(model, &self.anatomy, &self.angles, self.settings.height)
+    }
+
     /// A configuration of a training. `robot`: the file as the configuration names it; `lenient`: how it was read.
     pub fn configuration(&self, robot: &str, lenient: bool) -> String {
         let mut text = String::from(
@@ -142,17 +160,34 @@ impl Look {
 /// # Errors
 /// A robot that cannot walk, or in which no legs are found.
 pub fn look(model: &Model) -> Result<Look, InitError> {
+    look_with(model, Source::Likely)
+}
+
+/// Other guesses at the gains of a robot, for a training that did not come to walk: those of the file's position actuators, and
+/// those by size, softer and stiffer. The first guess, and what cannot be simulated, are left out.
+pub fn other_guesses(model: &Model, first: &Look) -> Vec<Look> {
+    let sources = [Source::Servos, Source::Size(1.0), Source::Size(0.6), Source::Size(1.6)];
+    let mut found: Vec<Look> = Vec::new();
+    for look in sources.iter().filter_map(|&source| look_with(model, source).ok()) {
+        let same = |other: &Look| other.settings.policy == look.settings.policy;
+        if !same(first) && !found.iter().any(same) {
+            found.push(look);
+        }
+    }
+    found
+}
+
+fn look_with(model: &Model, source: Source) -> Result<Look, InitError> {
     let robot = || shown(&model.name);
     if model.root != Root::Floating {
         return Err(InitError::Clamped { robot: robot() });
     }
-    let start = pose::start(model);
-    let anatomy = Anatomy::find(model, &start.angles)?;
+    let (start, anatomy) = first_look(model)?;
     let pose = pose::standing(model, start, &anatomy);
     // Feet are looked for once more in the pose that was found: the lowest geoms may be others.
     let anatomy = Anatomy::find(model, &pose.angles)?;
     let sizes = Sizes::new(model, &anatomy, &pose.angles);
-    let gains = Gains::new(model, &anatomy, &pose.angles, &sizes)?;
+    let gains = Gains::new(model, &anatomy, &pose.angles, &sizes, source)?;
     let text = text::task(model, &anatomy, &pose, &sizes, &gains);
     let settings = read(&text).map_err(|why| InitError::Task { robot: robot(), why })?;
     // What a training would refuse, in a robot of odd sizes, is said now.
@@ -160,7 +195,25 @@ pub fn look(model: &Model) -> Result<Look, InitError> {
     let task = Task::new(model, &settings, Preset::Fast).map_err(refused)?;
     task.robots(&[Candidate::nominal(model)], 0, 0, VARIED).map_err(refused)?;
     let elliptic = model.options.cone == Cone::Elliptic;
-    Ok(Look { settings, guesses: guesses(model, &anatomy, &pose, &sizes, &gains), elliptic, text })
+    let guesses = guesses(model, &anatomy, &pose, &sizes, &gains);
+    Ok(Look { settings, guesses, elliptic, text, anatomy, angles: pose.angles })
+}
+
+/// The pose from which the stance is sought, and the legs in it: a keyframe's, unless the robot as the file draws it has more
+/// legs on the ground. Some keyframes have joints of another sign.
+fn first_look(model: &Model) -> Result<(Pose, Anatomy), InitError> {
+    let start = pose::start(model);
+    let found = Anatomy::find(model, &start.angles);
+    if start.keyframe.is_some() {
+        let drawn = Pose { angles: pose::drawn(model), keyframe: None };
+        let legs =
+            |found: &Result<Anatomy, InitError>| found.as_ref().map_or(0, |anatomy| anatomy.legs.len());
+        let other = Anatomy::find(model, &drawn.angles);
+        if legs(&other) > legs(&found) {
+            return other.map(|anatomy| (drawn, anatomy));
+        }
+    }
+    found.map(|anatomy| (start, anatomy))
 }
 
 /// The task of a configuration that names no robot: as another robot than the Go2 has it.
@@ -177,7 +230,8 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
     let mut say = |what: &'static str, found: String| guesses.push(Guess { what, found });
     let legs = &anatomy.legs;
     let feet: Vec<String> = legs.iter().map(|leg| shown(&leg.foot)).collect();
-    say("feet", format!("{}: {}", feet.join(", "), anatomy.how()));
+    let links = anatomy.links(model).map(|links| format!(", {links}")).unwrap_or_default();
+    say("feet", format!("{}{links}: {}", feet.join(", "), anatomy.how()));
     say("gait", anatomy.gait_in_words());
     say("pose", pose.how());
     say(
@@ -191,10 +245,30 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
         ),
     );
     let others = model.joints.len() - anatomy.moved.len();
-    if others > 0 {
+    let names = |joints: &[usize]| {
+        joints.iter().map(|&joint| shown(&model.joints[joint].name)).collect::<Vec<_>>().join(", ")
+    };
+    if !anatomy.wheels.is_empty() {
+        let wheels = names(&anatomy.wheels);
+        say(
+            "wheels",
+            format!(
+                "{wheels}: braked, the robot walks on them; a policy gives positions, which roll no wheel"
+            ),
+        );
+    }
+    if !anatomy.passive.is_empty() {
+        let passive = names(&anatomy.passive);
+        say(
+            "passive",
+            format!("{passive}: without motors in the file; they turn under their springs and limits"),
+        );
+    }
+    let held = others - anatomy.passive.len();
+    if held > 0 {
         say(
             "joints",
-            format!("the policy moves the {} of the legs, {others} others are held", anatomy.moved.len()),
+            format!("the policy moves the {} of the legs, {held} others are held", anatomy.moved.len()),
         );
     }
     say("gains", gains.how.clone());
@@ -206,6 +280,9 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
     }
     for doubt in &gains.doubts {
         say("gains", doubt.clone());
+    }
+    for doubt in motors::placeholders(model, anatomy, sizes) {
+        say("limits", doubt);
     }
     say(
         "commands",

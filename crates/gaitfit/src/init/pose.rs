@@ -12,6 +12,8 @@ const BENT: f64 = 0.8;
 const NEARLY_STRAIGHT: f64 = 0.95;
 /// The same share below which a keyframe has folded legs: the robot lies. Unitree's own B2 has 0.2, standing robots 0.6 or more.
 const FOLDED: f64 = 0.35;
+/// How far a keyframe may be beyond the limits of a joint, rad.
+const BEYOND: f64 = 0.1;
 /// Sine of the angle at the knee from which a leg counts as bent as the file draws it.
 const DRAWN_BENT: f64 = 0.1;
 /// Steps of the search for a leg's angles.
@@ -39,8 +41,11 @@ impl Pose {
 /// A keyframe that stands, or every joint at its reference as far as its range allows.
 pub fn start(model: &Model) -> Pose {
     let first = 7;
+    // A stance beyond the joints' own limits cannot be held; bounded to them it is another one.
+    let inside = |joint: &gaitfit_model::Joint, angle: &f64| (within(joint, *angle) - angle).abs() <= BEYOND;
     let stands = |qpos: &[f64]| {
         qpos.len() == model.nq()
+            && model.joints.iter().zip(&qpos[first..]).all(|(joint, angle)| inside(joint, angle))
             && qpos.iter().all(|x| x.is_finite())
             && qpos.get(3..7).is_some_and(|q| {
                 let q: [f32; 4] = std::array::from_fn(|k| q[k] as f32);
@@ -55,11 +60,13 @@ pub fn start(model: &Model) -> Pose {
                 model.joints.iter().zip(&key.qpos[first..]).map(|(joint, &angle)| within(joint, angle));
             Pose { angles: angles.collect(), keyframe: Some(key.name.clone()) }
         }
-        None => {
-            let angle = |joint: &gaitfit_model::Joint| within(joint, joint.reference);
-            Pose { angles: model.joints.iter().map(angle).collect(), keyframe: None }
-        }
+        None => Pose { angles: drawn(model), keyframe: None },
     }
+}
+
+/// Every joint at its reference, as the file draws the robot, as far as its range allows. rad, model order.
+pub fn drawn(model: &Model) -> Vec<f64> {
+    model.joints.iter().map(|joint| within(joint, joint.reference)).collect()
 }
 
 fn within(joint: &gaitfit_model::Joint, angle: f64) -> f64 {
@@ -79,6 +86,20 @@ pub fn standing(model: &Model, start: Pose, anatomy: &Anatomy) -> Pose {
         bend(model, leg, share, anatomy.biped(), &mut angles);
     }
     Pose { angles, keyframe: None }
+}
+
+/// Share of the distance of hip and foot by which a lifted foot is nearer.
+const LIFTED: f64 = 0.88;
+
+/// A stance with some legs lifted: their feet are nearer to their hips, as far as the legs bend. `angles`: rad, model order.
+pub fn lifted(model: &Model, anatomy: &Anatomy, legs: &[usize], angles: &[f64]) -> Vec<f64> {
+    let mut found = angles.to_vec();
+    for leg in legs.iter().map(|&leg| &anatomy.legs[leg]) {
+        if let Some(share) = share_of(model, leg, angles) {
+            bend(model, leg, LIFTED * share, anatomy.biped(), &mut found);
+        }
+    }
+    found
 }
 
 /// A leg as far as it bends in the vertical plane.

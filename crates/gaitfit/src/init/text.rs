@@ -68,7 +68,9 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
         );
     }
     let feet = list(anatomy.legs.iter().map(|leg| quoted(&leg.foot)));
-    line(&mut text, "feet", feet, &format!("{}; a geom, or a body with all its geoms", anatomy.how()));
+    let links = anatomy.links(model).map(|links| format!(" ({links})")).unwrap_or_default();
+    let comment = format!("{}{links}; a geom, or a body with all its geoms", anatomy.how());
+    line(&mut text, "feet", feet, &comment);
     let group = |group: &Vec<usize>| list(group.iter().map(|&leg| quoted(&anatomy.legs[leg].foot)));
     line(&mut text, "gait", list(anatomy.gait.iter().map(group)), "feet that move together; forward is x");
     own_parts(&mut text, model);

@@ -1,0 +1,271 @@
+//! What a mending reading makes of parts that a strict one refuses: coupled joints are locked, links without mass get one,
+//! impossible inertias become possible. Every change is listed.
+
+use std::collections::HashSet;
+
+use crate::attributes::Context;
+use crate::inertia::{Inertial, Solid, combine};
+use crate::mesh::Measure;
+use crate::model::Shape;
+use crate::orientation::compose;
+use crate::outline::{Form, MAX_OUTLINES, MeshFile, Outline};
+use crate::rotation::{Quat, Vec3, axis_angle, rotate, sub};
+use crate::shown::{shown, shown_number};
+use crate::spec::{BodySpec, GeomKind, GeomSpec, Spec};
+use crate::xml::{At, Element};
+
+/// Density of links that state no mass, kg/m³: MuJoCo's default, water.
+const DENSITY: f64 = 1000.0;
+/// Mass of a link that says nothing of it, as a share of the robot's, and radius of the ball that it counts as, m.
+const DUMMY_SHARE: f64 = 1e-3;
+const DUMMY_RADIUS: f64 = 0.02;
+/// Below this a moving mass or inertia counts as none (`mjMINVAL`).
+const MIN_MASS: f64 = 1e-15;
+
+/// What a geom says of its mass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Weight {
+    /// kg.
+    Mass(f64),
+    /// kg/m³.
+    Density(f64),
+}
+
+/// Mass and inertia of a solid in its own frame, brought to the frame in which it has this pose.
+fn moved(part: Inertial, pos: Vec3, quat: Quat) -> Inertial {
+    let (pos, quat) = compose((pos, quat), (part.pos, part.quat));
+    Inertial { pos, quat, ..part }
+}
+
+/// Mass and inertia of a mesh in its own frame; `None` where it cannot be read or encloses nothing.
+fn of_mesh(mesh: &MeshFile, weight: Weight) -> Option<Inertial> {
+    let measure = Measure::new(&mesh.read().ok()?)?;
+    let mass = match weight {
+        Weight::Mass(mass) => mass,
+        Weight::Density(density) => density * measure.volume,
+    };
+    let density = mass / measure.volume;
+    let inertia = measure.moments.map(|moment| density * moment);
+    (mass.is_finite() && mass > 0.0).then_some(Inertial {
+        mass,
+        pos: measure.centre,
+        quat: measure.axes,
+        inertia,
+    })
+}
+
+/// Mass and inertia of a geom that is a mesh, in its body's frame; `None` of another one, or in a reading that does not mend.
+pub(crate) fn weigh(geom: &GeomSpec, weight: Weight) -> Option<Inertial> {
+    of_mesh(geom.mesh.as_ref()?, weight).map(|part| moved(part, geom.pos, geom.quat))
+}
+
+fn of_shape(shape: Shape) -> Inertial {
+    let solid = match shape {
+        Shape::Sphere { radius } => Solid::Sphere { radius },
+        Shape::Capsule { radius, half_length } => Solid::Capsule { radius, half_length },
+        Shape::Cylinder { radius, half_length } => Solid::Cylinder { radius, half_length },
+        Shape::Box { half_size } => Solid::Box { half_size },
+    };
+    let mass = DENSITY * solid.volume();
+    Inertial { mass, inertia: solid.inertia(mass), ..crate::inertia::MASSLESS }
+}
+
+/// A mended inertia that cannot be: its moments become their mean, as in MuJoCo's `balanceinertia`. `None` in a reading that
+/// does not mend, and of one that has no mean.
+pub(crate) fn balance(ctx: &mut Context, at: At, label: &str, inertial: Inertial) -> Option<Inertial> {
+    let mean = inertial.inertia.iter().map(|moment| moment.max(0.0)).sum::<f64>() / 3.0;
+    if !(ctx.mend && mean.is_finite() && inertial.mass.is_finite() && inertial.mass >= 0.0) {
+        return None;
+    }
+    let rounded = |value: f64| shown_number(format!("{value:.2e}").parse().unwrap_or(value));
+    let moments = inertial.inertia.map(rounded).join(", ");
+    ctx.note(
+        at,
+        format!("inertia of {label}"),
+        format!(
+            "no body has the principal moments [{moments}]; their mean {} stands for each",
+            rounded(mean)
+        ),
+    );
+    Some(Inertial { inertia: [mean; 3], ..inertial })
+}
+
+/// Gives links that move and have no mass one: of their shapes at a density, or that of a small ball.
+pub(crate) fn fill_masses(ctx: &mut Context, spec: &mut Spec, welds: &[usize], member: &[bool]) {
+    let total: f64 = spec.bodies.iter().map(|body| body.inertial.mass).sum();
+    for index in 1..spec.bodies.len() {
+        if welds[index] != index || !member[index] {
+            continue;
+        }
+        let parts = || (index..welds.len()).filter(|&body| welds[body] == index);
+        let mass: f64 = parts().map(|body| spec.bodies[body].inertial.mass).sum();
+        let turns = parts().any(|body| spec.bodies[body].inertial.inertia.iter().any(|i| *i >= MIN_MASS));
+        if mass >= MIN_MASS && turns {
+            continue;
+        }
+        let body = &spec.bodies[index];
+        let found = combine(&shapes(body));
+        let (inertial, how) = if mass >= MIN_MASS {
+            // A point mass: a ball around it.
+            let inertia = [0.4 * body.inertial.mass.max(mass) * DUMMY_RADIUS * DUMMY_RADIUS; 3];
+            (Inertial { inertia, ..body.inertial }, format!("that of a ball of {DUMMY_RADIUS} m"))
+        } else if found.mass >= MIN_MASS {
+            let kilograms = shown_number(format!("{:.2e}", found.mass).parse().unwrap_or(found.mass));
+            (found, format!("its shapes weigh {kilograms} kg at {DENSITY} kg/m³"))
+        } else {
+            let mass = if total > 0.0 { DUMMY_SHARE * total } else { 1.0 };
+            let inertia = [0.4 * mass * DUMMY_RADIUS * DUMMY_RADIUS; 3];
+            let how = format!("a ball of {DUMMY_RADIUS} m with {DUMMY_SHARE} of the robot's mass");
+            (Inertial { mass, inertia, ..crate::inertia::MASSLESS }, how)
+        };
+        let what = format!("inertia of body \"{}\"", shown(&body.name));
+        ctx.note(body.at, what, format!("it moves without mass or inertia in the file; {how} (a guess)"));
+        spec.bodies[index].inertial = inertial;
+    }
+}
+
+/// Masses of a body's shapes at the usual density: of those that collide, else of those that are seen.
+fn shapes(body: &BodySpec) -> Vec<Inertial> {
+    let solids = body.geoms.iter().filter_map(|geom| match geom.kind {
+        GeomKind::Solid(shape) => Some(moved(of_shape(shape), geom.pos, geom.quat)),
+        _ => weigh(geom, Weight::Density(DENSITY)),
+    });
+    let mut parts: Vec<Inertial> = solids.collect();
+    for colliding in [true, false] {
+        if parts.is_empty() {
+            let outlines = body.outlines.iter().filter(|outline| outline.colliding == colliding);
+            parts.extend(outlines.filter_map(|outline| {
+                let part = match &outline.form {
+                    Form::Solid(shape) => Some(of_shape(*shape)),
+                    Form::Mesh(mesh) => of_mesh(mesh, Weight::Density(DENSITY)),
+                };
+                part.map(|part| moved(part, outline.pos, outline.quat))
+            }));
+        }
+    }
+    parts
+}
+
+/// What the robot's bodies look like beside the geoms that are simulated.
+pub(crate) fn outlines(spec: &Spec, member: &[bool]) -> Vec<Outline> {
+    let root = member.iter().position(|member| *member).unwrap_or(0);
+    let mut found = Vec::new();
+    for (index, body) in spec.bodies.iter().enumerate().filter(|(index, _)| member[*index]) {
+        let place = index - root;
+        found.extend(body.outlines.iter().map(|outline| Outline { body: place, ..outline.clone() }));
+        found.extend(body.geoms.iter().filter_map(|geom| {
+            // Simple shapes that do not collide are no feet: their file could have said so.
+            let form = Form::Mesh(geom.mesh.clone()?);
+            let colliding = !geom.surface.is_visual();
+            let name = geom.name.clone();
+            Some(Outline { name, body: place, pos: geom.pos, quat: geom.quat, colliding, form })
+        }));
+    }
+    found.truncate(MAX_OUTLINES);
+    found
+}
+
+/// Whether an element of `<equality>` closes a loop.
+pub(crate) fn closes_a_loop(element: &Element) -> bool {
+    let off = element.get("active") == Some("false");
+    !off && !matches!(element.name.as_str(), "joint" | "tendon")
+}
+
+/// Where joints that were locked stood in `qpos` and `qvel`.
+#[derive(Debug, Default)]
+pub(crate) struct Locked {
+    qpos: HashSet<usize>,
+    qvel: HashSet<usize>,
+    nq: usize,
+    nv: usize,
+}
+
+impl Locked {
+    /// A keyframe's `qpos` without the locked joints; as it is if it is of another length than the file's.
+    pub fn left_of_qpos(&self, qpos: Vec<f64>) -> Vec<f64> {
+        left(qpos, &self.qpos, self.nq)
+    }
+
+    /// The same of `qvel`.
+    pub fn left_of_qvel(&self, qvel: Vec<f64>) -> Vec<f64> {
+        left(qvel, &self.qvel, self.nv)
+    }
+}
+
+fn left(values: Vec<f64>, without: &HashSet<usize>, length: usize) -> Vec<f64> {
+    if values.len() != length {
+        return values;
+    }
+    values
+        .into_iter()
+        .enumerate()
+        .filter(|(place, _)| !without.contains(place))
+        .map(|(_, value)| value)
+        .collect()
+}
+
+/// Locks the joints that MJCF's `<equality>` couples to others, in a mending reading: the coupled one keeps the angle that it
+/// has while the other is at its reference.
+pub(crate) fn lock_coupled(ctx: &mut Context, document: &Element, bodies: &mut [BodySpec]) -> Locked {
+    let mut locked = Locked::default();
+    if !ctx.mend {
+        return locked;
+    }
+    let sections = document.children.iter().filter(|section| section.name == "equality");
+    let coupled: Vec<&Element> = sections
+        .flat_map(|section| &section.children)
+        .filter(|child| child.name == "joint" && child.get("active") != Some("false"))
+        .collect();
+    let (mut q, mut v) = (0, 0);
+    for body in bodies.iter_mut() {
+        if body.free.is_some() {
+            (q, v) = (q + 7, v + 6);
+        }
+        let mut kept = Vec::new();
+        let alone = body.joints.len() == 1;
+        for (joint, at) in std::mem::take(&mut body.joints) {
+            let names =
+                |element: &&&Element| !joint.name.is_empty() && element.get("joint1") == Some(&joint.name);
+            match coupled.iter().find(names) {
+                None => kept.push((joint, at)),
+                Some(element) => {
+                    locked.qpos.insert(q);
+                    locked.qvel.insert(v);
+                    let first =
+                        element.get("polycoef").and_then(|text| text.split_whitespace().next()?.parse().ok());
+                    let angle: f64 = first.filter(|angle: &f64| angle.is_finite()).unwrap_or(0.0);
+                    if alone && angle != 0.0 {
+                        turn_body(body, joint.pos, joint.axis, angle);
+                    }
+                    let other = element.get("joint2").map(|name| format!("follows \"{}\"", shown(name)));
+                    let other = other.unwrap_or_else(|| "is held by the file".to_owned());
+                    ctx.note(
+                        element.at,
+                        format!("joint \"{}\"", shown(&joint.name)),
+                        format!(
+                            "it {other} (<equality>), and coupled joints are not simulated: it is locked"
+                        ),
+                    );
+                }
+            }
+            (q, v) = (q + 1, v + 1);
+        }
+        body.joints = kept;
+    }
+    (locked.nq, locked.nv) = (q, v);
+    locked
+}
+
+/// Whether a body of the world floats by six joints of one degree of freedom, or three and a ball: three slides and what turns.
+pub(crate) fn floats_by_parts(element: &Element) -> bool {
+    let joints = || element.children.iter().filter(|child| child.name == "joint");
+    let count = |kind: &str| joints().filter(|joint| joint.get("type").unwrap_or("hinge") == kind).count();
+    count("slide") == 3 && matches!((count("ball"), count("hinge"), joints().count()), (1, 0, 4) | (0, 3, 6))
+}
+
+/// Turns a body about a point and axis of its own frame.
+pub(crate) fn turn_body(body: &mut BodySpec, anchor: Vec3, axis: Vec3, angle: f64) {
+    let turn = axis_angle(axis, angle);
+    let shift = sub(anchor, rotate(turn, anchor));
+    (body.pos, body.quat) = compose((body.pos, body.quat), (shift, turn));
+}

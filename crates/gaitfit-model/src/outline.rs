@@ -1,0 +1,172 @@
+//! What a robot looks like: shapes that its file shows or lets collide and its [`Model`](crate::Model) does not simulate.
+//!
+//! Only a mending reading keeps them ([`ReadOptions::mend`](crate::ReadOptions::mend)): feet that are meshes get shapes
+//! fitted to them.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use crate::attributes::{Attributes, Context};
+use crate::error::ModelError;
+use crate::mesh::{self, Mesh, MeshError};
+use crate::model::Shape;
+use crate::options::Compiler;
+use crate::rotation::{Quat, Vec3, add, rotate};
+use crate::xml::Element;
+
+/// Max number of folders above a robot file in which a package is looked for.
+const MAX_FOLDERS: usize = 8;
+/// Max number of shapes that are kept.
+pub(crate) const MAX_OUTLINES: usize = 2048;
+
+/// A shape of a body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outline {
+    /// The geom's name, or the link's.
+    pub name: String,
+    /// The body, by its place in the model.
+    pub body: usize,
+    /// Position in the body frame, m.
+    pub pos: Vec3,
+    /// Orientation in the body frame, wxyz.
+    pub quat: Quat,
+    /// Whether the file lets it collide.
+    pub colliding: bool,
+    /// What it is.
+    pub form: Form,
+}
+
+/// What an outline is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Form {
+    /// A simple shape.
+    Solid(Shape),
+    /// A mesh.
+    Mesh(MeshFile),
+}
+
+/// A mesh of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshFile {
+    /// Where it should be; it may be missing.
+    pub file: PathBuf,
+    /// Factors along the mesh's axes; the file's unit times these is metres.
+    pub scale: Vec3,
+}
+
+impl MeshFile {
+    /// The mesh in metres, in its own frame.
+    ///
+    /// # Errors
+    /// A file that is missing or that cannot be read.
+    pub fn read(&self) -> Result<Mesh, MeshError> {
+        let mut mesh = mesh::read(&self.file)?;
+        for point in mesh.triangles.iter_mut().flatten() {
+            *point = std::array::from_fn(|k| point[k] * self.scale[k]);
+        }
+        Ok(mesh)
+    }
+}
+
+impl Outline {
+    /// Points on its surface in the body frame, m: a mesh's vertices; a simple shape's corners, or points around it.
+    ///
+    /// # Errors
+    /// A mesh that cannot be read.
+    pub fn points(&self) -> Result<Vec<Vec3>, MeshError> {
+        let inner: Vec<Vec3> = match &self.form {
+            Form::Mesh(file) => file.read()?.triangles.into_iter().flatten().collect(),
+            Form::Solid(shape) => surface(shape),
+        };
+        Ok(inner.into_iter().map(|point| add(self.pos, rotate(self.quat, point))).collect())
+    }
+}
+
+/// Points on the surface of a shape, in its frame.
+fn surface(shape: &Shape) -> Vec<Vec3> {
+    /// Number of points around, and from pole to pole.
+    const AROUND: usize = 24;
+    let ring = |radius: f64, z: f64| {
+        (0..AROUND).map(move |step| {
+            let (sine, cosine) = (std::f64::consts::TAU * step as f64 / AROUND as f64).sin_cos();
+            [radius * cosine, radius * sine, z]
+        })
+    };
+    let ball = |radius: f64, half: f64| {
+        (0..=AROUND).flat_map(move |step| {
+            let (sine, cosine) = (std::f64::consts::PI * step as f64 / AROUND as f64).sin_cos();
+            ring(radius * sine, radius * cosine + half * cosine.signum())
+        })
+    };
+    match *shape {
+        Shape::Sphere { radius } => ball(radius, 0.0).collect(),
+        Shape::Capsule { radius, half_length } => ball(radius, half_length).collect(),
+        Shape::Cylinder { radius, half_length } => {
+            ring(radius, half_length).chain(ring(radius, -half_length)).collect()
+        }
+        Shape::Box { half_size } => (0..8)
+            .map(|corner| {
+                std::array::from_fn(|k| if corner >> k & 1 == 0 { -half_size[k] } else { half_size[k] })
+            })
+            .collect(),
+    }
+}
+
+/// The meshes of an MJCF file's assets, by name.
+#[derive(Debug, Default)]
+pub(crate) struct Meshes(HashMap<String, MeshFile>);
+
+impl Meshes {
+    /// The meshes that the `<asset>` section names. `scale`: that of the default class.
+    pub fn read(
+        &mut self,
+        ctx: &Context,
+        asset: &Element,
+        compiler: &Compiler,
+        scale: Vec3,
+    ) -> Result<(), ModelError> {
+        let Some(folder) = ctx.sources.folder.as_ref().filter(|_| ctx.mend) else { return Ok(()) };
+        for element in asset.children.iter().filter(|child| child.name == "mesh") {
+            let mut a = Attributes::new(element);
+            let Some(file) = a.text("file") else { continue };
+            let name = a.text("name").unwrap_or_else(|| crate::terrain::stem(file));
+            let mut scale = scale;
+            a.set_array(ctx, "scale", &mut scale)?;
+            if self.0.len() >= MAX_OUTLINES {
+                return Err(ctx.too_many(element.at, "meshes", MAX_OUTLINES));
+            }
+            let file = folder.join(&compiler.mesh_folder).join(file);
+            self.0.insert(name.to_string(), MeshFile { file, scale });
+        }
+        Ok(())
+    }
+
+    /// A mesh by its name.
+    pub fn get(&self, name: &str) -> Option<&MeshFile> {
+        self.0.get(name)
+    }
+}
+
+/// The file of a URDF's `filename`: `package://name/path` is looked for in the folders above the robot file, and any file
+/// also in `mesh_folder`. The first place that has it; else the one where it should be.
+pub(crate) fn resolve(folder: &Path, filename: &str, mesh_folder: &str) -> PathBuf {
+    let (package, rest) = match filename.split_once("://") {
+        Some(("package" | "model", path)) => match path.split_once('/') {
+            Some((package, rest)) => (Some(package), rest),
+            None => (None, path),
+        },
+        Some(("file", path)) => (None, path),
+        _ => (None, filename),
+    };
+    let base = rest.rsplit(['/', '\\']).next().unwrap_or(rest);
+    let mut places = vec![folder.join(rest), folder.join(mesh_folder).join(base)];
+    if let Some(package) = package {
+        let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
+        for above in absolute.ancestors().take(MAX_FOLDERS) {
+            places.push(above.join(package).join(rest));
+            places.push(above.join(rest));
+        }
+    }
+    let found = places.iter().find(|path| path.is_file()).cloned();
+    found.unwrap_or_else(|| places.swap_remove(0))
+}

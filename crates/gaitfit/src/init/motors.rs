@@ -1,0 +1,70 @@
+//! Limits of motors that nobody meant: exporters write placeholders where they know none.
+
+use super::anatomy::Anatomy;
+use super::sizes::{Sizes, tidy};
+use gaitfit_model::{Model, shown};
+
+/// Torque limits of legs over m g l: the Go2's, which other robots are compared with. Walking robots have 0.3 to 3.
+const USUAL_EFFORT: f64 = 1.0;
+const MAX_EFFORT: f64 = 8.0;
+/// Speeds of legs' joints, rad/s: the fastest that walking robots have is about 45.
+const MAX_SPEED: f64 = 60.0;
+/// A range beyond this bounds nothing: more than a turn to both sides, rad.
+const MAX_RANGE: f64 = 2.0 * std::f64::consts::TAU;
+/// Max number of joints that a message names.
+const NAMED: usize = 3;
+
+/// Sentences about limits of the legs' joints that look like placeholders, each with a guess and where to write it.
+pub fn placeholders(model: &Model, anatomy: &Anatomy, sizes: &Sizes) -> Vec<String> {
+    let unit = sizes.mass * sizes.gravity * sizes.leg;
+    let moved = || anatomy.moved.iter().copied();
+    let mut found = Vec::new();
+    let strong: Vec<usize> = moved()
+        .filter(|&joint| model.effort(joint).is_some_and(|effort| effort > MAX_EFFORT * unit))
+        .collect();
+    if let Some(&first) = strong.first() {
+        let effort = model.effort(first).unwrap_or_default();
+        found.push(format!(
+            "torque limits of {} look like placeholders: {} N·m is {:.0} m g l, and legs have about {USUAL_EFFORT:.0}. A \
+             guess is {:?} N·m: write what the motor and its gear give into the robot's file (URDF: <limit effort>, MJCF: \
+             `forcerange` of the actuator)",
+            named(model, &strong),
+            tidy(effort),
+            effort / unit,
+            tidy(USUAL_EFFORT * unit)
+        ));
+    }
+    let fast =
+        moved().filter(|&joint| model.joints[joint].velocity_limit.is_some_and(|speed| speed > MAX_SPEED));
+    let fast: Vec<usize> = fast.collect();
+    if let Some(&first) = fast.first() {
+        let speed = model.joints[first].velocity_limit.unwrap_or_default();
+        found.push(format!(
+            "speed limits of {} look like placeholders: {} rad/s, where legs have 10 to 45. Simulations do not use them",
+            named(model, &fast),
+            tidy(speed)
+        ));
+    }
+    let wide =
+        moved().filter(|&joint| model.joints[joint].range.is_some_and(|[low, high]| high - low > MAX_RANGE));
+    let wide: Vec<usize> = wide.collect();
+    if let Some(&first) = wide.first() {
+        let [low, high] = model.joints[first].range.unwrap_or_default();
+        found.push(format!(
+            "ranges of {} look like placeholders: {:?} to {:?} rad bounds nothing. Write where the joint stops into the \
+             robot's file (`range`; URDF: <limit lower upper>)",
+            named(model, &wide),
+            tidy(low),
+            tidy(high)
+        ));
+    }
+    found
+}
+
+fn named(model: &Model, joints: &[usize]) -> String {
+    let names: Vec<String> =
+        joints.iter().take(NAMED).map(|&joint| shown(&model.joints[joint].name)).collect();
+    let more = joints.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{more}", names.join(", "))
+}
