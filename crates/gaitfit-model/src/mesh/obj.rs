@@ -1,45 +1,25 @@
-//! Wavefront OBJ: vertices and faces, which may have any number of corners.
+//! Wavefront OBJ.
+
+use tobj::{LoadError, LoadOptions};
 
 use crate::rotation::Vec3;
 
-/// Max number of vertices.
-const MAX_VERTICES: usize = 3 * super::MAX_TRIANGLES;
-
+/// Triangles of all objects of a file; faces of more corners are cut into triangles, materials are not read.
 pub(super) fn read(text: &str) -> Result<Vec<[Vec3; 3]>, String> {
-    let mut points: Vec<Vec3> = Vec::new();
+    let options =
+        LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..LoadOptions::default() };
+    let no_materials = |_: &std::path::Path| Err(LoadError::OpenFileFailed);
+    let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, no_materials)
+        .map_err(|error| error.to_string())?;
     let mut triangles = Vec::new();
-    for (number, line) in text.lines().enumerate() {
-        let wrong = |what: &str| format!("line {}: {what}", number + 1);
-        let mut words = line.split_whitespace();
-        match words.next() {
-            Some("v") => {
-                // A fourth number is a weight, or the first of a colour.
-                let numbers: Vec<f64> = words.take(3).map_while(|word| word.parse().ok()).collect();
-                let [x, y, z] = numbers[..] else { return Err(wrong("a vertex without three numbers")) };
-                if points.len() >= MAX_VERTICES {
-                    return Err(super::too_many());
-                }
-                points.push([x, y, z]);
+    for mesh in models.iter().map(|model| &model.mesh) {
+        let points: Vec<Vec3> =
+            mesh.positions.as_chunks::<3>().0.iter().map(|point| point.map(f64::from)).collect();
+        for corners in mesh.indices.as_chunks::<3>().0 {
+            if triangles.len() >= super::MAX_TRIANGLES {
+                return Err(super::too_many());
             }
-            Some("f") => {
-                let corner = |word: &str| -> Option<usize> {
-                    let index: i64 = word.split('/').next()?.parse().ok()?;
-                    // Negative numbers count from the last vertex so far.
-                    let from_zero = if index < 0 { points.len() as i64 + index } else { index - 1 };
-                    usize::try_from(from_zero).ok()
-                };
-                let corners: Option<Vec<usize>> = words.map(corner).collect();
-                let corners = corners.ok_or_else(|| wrong("a face with a corner that is no number"))?;
-                let [first, rest @ ..] = &corners[..] else { return Err(wrong("a face without corners")) };
-                if triangles.len() + rest.len() > super::MAX_TRIANGLES {
-                    return Err(super::too_many());
-                }
-                for pair in rest.windows(2) {
-                    let triangle = super::indexed(&points, [*first, pair[0], pair[1]]);
-                    triangles.push(triangle.map_err(|what| wrong(&what))?);
-                }
-            }
-            _ => {}
+            triangles.push(super::indexed(&points, corners.map(|corner| corner as usize))?);
         }
     }
     Ok(triangles)

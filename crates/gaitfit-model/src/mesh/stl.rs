@@ -1,59 +1,36 @@
 //! STL, binary and as a text.
 
+use std::io::Cursor;
+
 use crate::rotation::Vec3;
 
 /// Bytes before the triangles of a binary file, and of each.
 const HEADER: usize = 84;
 const FACET: usize = 50;
 
-/// Triangles of a file. A text begins with `solid`; some binary files do so too, and have the size that their count says.
+/// Triangles of a file.
 pub(super) fn read(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, String> {
-    let count =
-        bytes.get(80..HEADER).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]) as usize);
-    let whole = count
-        .is_some_and(|count| bytes.len() as u64 >= (HEADER + FACET) as u64 * u64::from(count > 0))
-        && count.is_some_and(|count| bytes.len() as u64 >= HEADER as u64 + FACET as u64 * count as u64);
-    if bytes.starts_with(b"solid")
-        && !(whole && count.is_some_and(|count| bytes.len() == HEADER + FACET * count))
-    {
-        return read_text(bytes);
+    let mut bytes = bytes.to_vec();
+    if bytes.starts_with(b"solid") && is_binary(&bytes) {
+        // The reader takes what begins like a text for one.
+        bytes[0] = b' ';
     }
-    let Some(count) = count.filter(|_| whole) else {
-        return Err("not STL: the file is shorter than its count of triangles says".to_owned());
-    };
-    if count > super::MAX_TRIANGLES {
-        return Err(super::too_many());
-    }
-    let float = |facet: &[u8], place: usize| {
-        let at = 12 + 4 * place;
-        f64::from(f32::from_le_bytes([facet[at], facet[at + 1], facet[at + 2], facet[at + 3]]))
-    };
-    let corner = |facet: &[u8], corner: usize| std::array::from_fn(|k| float(facet, 3 * corner + k));
-    let facets = bytes[HEADER..].chunks_exact(FACET).take(count);
-    Ok(facets.map(|facet| std::array::from_fn(|index| corner(facet, index))).collect())
-}
-
-fn read_text(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, String> {
-    let text = super::text(bytes)?;
+    let mut cursor = Cursor::new(bytes);
+    let wrong = |error: std::io::Error| format!("not STL: {error}");
     let mut triangles = Vec::new();
-    let mut corners: Vec<Vec3> = Vec::new();
-    for (number, line) in text.lines().enumerate() {
-        let Some(rest) = line.trim_start().strip_prefix("vertex") else { continue };
-        let numbers: Vec<f64> = rest.split_whitespace().map_while(|word| word.parse().ok()).collect();
-        let [x, y, z] = numbers[..] else {
-            return Err(format!("line {}: a vertex without three numbers", number + 1));
-        };
-        corners.push([x, y, z]);
-        if let [a, b, c] = corners[..] {
-            if triangles.len() >= super::MAX_TRIANGLES {
-                return Err(super::too_many());
-            }
-            triangles.push([a, b, c]);
-            corners.clear();
+    for triangle in stl_io::create_stl_reader(&mut cursor).map_err(wrong)? {
+        if triangles.len() >= super::MAX_TRIANGLES {
+            return Err(super::too_many());
         }
-    }
-    if !corners.is_empty() {
-        return Err("its last triangle is not complete".to_owned());
+        triangles.push(triangle.map_err(wrong)?.vertices.map(|vertex| vertex.0.map(f64::from)));
     }
     Ok(triangles)
+}
+
+/// Whether a file has the size that a binary file's count of triangles says.
+fn is_binary(bytes: &[u8]) -> bool {
+    let count = bytes.get(HEADER - 4..HEADER).and_then(|word| <[u8; 4]>::try_from(word).ok());
+    count.is_some_and(|word| {
+        bytes.len() as u64 == HEADER as u64 + FACET as u64 * u64::from(u32::from_le_bytes(word))
+    })
 }

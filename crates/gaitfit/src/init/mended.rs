@@ -86,12 +86,10 @@ fn looked(path: &Path, error: &InitError) -> Error {
 
 /// Whether another reading may help.
 fn mendable(error: &Error) -> bool {
-    match error {
-        Error::Robot(gaitfit_model::ModelError::Io { .. } | gaitfit_model::ModelError::Syntax { .. }) => {
-            false
-        }
-        _ => true,
-    }
+    let foreign = |error: &gaitfit_model::ModelError| {
+        matches!(error, gaitfit_model::ModelError::Io { .. } | gaitfit_model::ModelError::Syntax { .. })
+    };
+    !matches!(error, Error::Robot(error) if foreign(error))
 }
 
 fn mend(path: &Path, lenient: bool, anew: bool) -> Result<Prepared, Error> {
