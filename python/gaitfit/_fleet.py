@@ -19,6 +19,8 @@ from .results._read import load
 
 #: Relative standard error above which the logarithm of an estimate is not normal.
 MAX_RELATIVE = 0.5
+#: An estimate below this share of the median is one that the logs do not tell from 0, and no factor on the others.
+SMALL = 0.1
 
 
 #: A robot's fit, or its run folder.
@@ -32,8 +34,8 @@ def fleet(fits: Mapping[str, Given | Sequence[Given]] | Sequence[Given | Sequenc
         fits: For each robot its fit, or the fit's run folder, or several fits to different logs of the robot; by the robots'
             names, or as a list. At least 4 robots, all fitted in the same way.
 
-    Each number is described by a normal hierarchical model, by itself: of its logarithm if all estimates are positive and
-    most have a standard error below a half of them, else of the number. An estimate weighs by its 95 % interval. Robots with few
+    Each number is described by a normal hierarchical model, by itself: of its logarithm if all estimates are positive, none
+    is near 0, and most have a standard error below a half of them, else of the number. An estimate weighs by its 95 % interval. Robots with few
     logs move towards the others, and :meth:`Fleet.estimate` does the same for another robot.
 
     Intervals also cover what the model may lack, so they can be wider than the estimates scatter. Several fits of a robot show
@@ -104,7 +106,8 @@ def _number(fits: Mapping[str, list[FittedParameter]]) -> tuple[FleetNumber, dic
     each = [[(one.value, standard_error(one, f"the robot {robot}")) for one in several] for robot, several in fits.items()]
     scale: Scale = "absolute"
     calibration, values, errors = _joined(each)
-    if lower >= 0 and all(value > 0 for several in each for value, _ in several):
+    plain = [value for several in each for value, _ in several]
+    if lower >= 0 and min(plain) > SMALL * float(np.median(plain)):
         relative = _joined([[scaled("relative", *one) for one in several] for several in each])
         if float(np.median(relative[2])) < MAX_RELATIVE:
             scale, (calibration, values, errors) = "relative", relative
