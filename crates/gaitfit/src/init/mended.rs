@@ -86,12 +86,8 @@ fn looked(path: &Path, error: &InitError) -> Error {
 
 /// Whether another reading may help.
 fn mendable(error: &Error) -> bool {
-    match error {
-        Error::Robot(gaitfit_model::ModelError::Io { .. } | gaitfit_model::ModelError::Syntax { .. }) => {
-            false
-        }
-        _ => true,
-    }
+    use gaitfit_model::ModelError::{Io, Syntax};
+    !matches!(error, Error::Robot(Io { .. } | Syntax { .. }))
 }
 
 fn mend(path: &Path, lenient: bool, anew: bool) -> Result<Prepared, Error> {
