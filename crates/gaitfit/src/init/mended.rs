@@ -86,10 +86,8 @@ fn looked(path: &Path, error: &InitError) -> Error {
 
 /// Whether another reading may help.
 fn mendable(error: &Error) -> bool {
-    let foreign = |error: &gaitfit_model::ModelError| {
-        matches!(error, gaitfit_model::ModelError::Io { .. } | gaitfit_model::ModelError::Syntax { .. })
-    };
-    !matches!(error, Error::Robot(error) if foreign(error))
+    use gaitfit_model::ModelError::{Io, Syntax};
+    !matches!(error, Error::Robot(Io { .. } | Syntax { .. }))
 }
 
 fn mend(path: &Path, lenient: bool, anew: bool) -> Result<Prepared, Error> {

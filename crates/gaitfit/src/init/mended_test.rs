@@ -148,7 +148,7 @@ fn without_the_mesh_the_foot_is_a_guess_that_names_the_file() {
 fn a_robot_with_other_feet_is_left_as_it_is() {
     let ball = "<collision><origin xyz=\"0 0 -0.2\"/><geometry><sphere radius=\"0.02\"/></geometry></collision></link><joint";
     let text = walker(&FOUR, false, 20.0);
-    let text = text.replace("</link><joint", ball);
+    let text = text.split("</link><joint").collect::<Vec<_>>().join(ball);
     let (_folder, file) = package(&text, true);
     let plain = prepare(&file, Preparation::default()).unwrap();
     assert!(plain.file.is_none() && plain.mended.is_empty());
