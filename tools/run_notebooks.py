@@ -3,7 +3,8 @@
 Usage: .venv/bin/python tools/run_notebooks.py [--check] [NOTEBOOK...]      (default: all; needs tools/setup_venv.sh)
 
 Times, progress and folders of runs are left out, so that another run of the same package changes little. With --check the files
-stay as they are: it only tells whether all cells run. An output above 200 kB is an error, because files with such outputs are
+stay unchanged; the script only checks that all cells run.
+An output above 200 kB is an error, because files with such outputs are
 too large for a repository: draw less, or print less.
 """
 

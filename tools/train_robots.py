@@ -1,7 +1,8 @@
 """Trains the tasks that `tools/init_table.py --out FOLDER` wrote, and prints which robots walk, in our simulator and in MuJoCo.
 
 Each NAME.toml of the folder is trained on its own within a budget of time, its policy evaluated over 500 trajectories of
-random commands, exported to ONNX and walked in official MuJoCo where that package is there. A robot walks if at most 2 % of the
+random commands, exported to ONNX and walked in official MuJoCo if that package is installed.
+A robot walks if at most 2 % of the
 trajectories end in a fall and its velocity error is less than half of that of a robot that stands still. Results go to
 FOLDER/walks.csv line by line, so that a run that was cut off resumes.
 

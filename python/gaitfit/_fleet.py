@@ -1,4 +1,4 @@
-"""A fleet of robots alike: the distribution of their numbers, which tells what a further robot's are likely to be."""
+"""A fleet of robots of one kind: the distribution of their numbers, which predicts those of another robot."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .results._read import load
 
 #: Relative standard error above which the logarithm of an estimate is not normal.
 MAX_RELATIVE = 0.5
-#: An estimate below this share of the median is one that the logs do not tell from 0, and no factor on the others.
+#: An estimate below this share of the median counts as near 0, so logarithms are not used.
 SMALL = 0.1
 
 
@@ -28,19 +28,20 @@ Given = FitResult | str | os.PathLike[str]
 
 
 def fleet(fits: Mapping[str, Given | Sequence[Given]] | Sequence[Given | Sequence[Given]]) -> Fleet:
-    """What the fits of robots alike show together: how each number scatters over the robots.
+    """Combines the fits of robots of one kind: how each number scatters over the robots.
 
     Arguments:
         fits: For each robot its fit, or the fit's run folder, or several fits to different logs of the robot; by the robots'
             names, or as a list. At least 4 robots, all fitted in the same way.
 
-    Each number is described by a normal hierarchical model, by itself: of its logarithm if all estimates are positive, none
-    is near 0, and most have a standard error below a half of them, else of the number. An estimate weighs by its 95 % interval. Robots with few
-    logs move towards the others, and :meth:`Fleet.estimate` does the same for another robot.
+    Each number has its own normal hierarchical model. The model uses the logarithm if no estimate is near 0 or negative
+    and the median relative standard error is below one half, else the number itself. The weight of an estimate follows
+    from its 95 % interval. Robots with few logs move towards the others,
+    and :meth:`Fleet.estimate` does the same for another robot.
 
-    Intervals also cover what the model may lack, so they can be wider than the estimates scatter. Several fits of a robot show
-    that scatter: how much they differ from each other, over what their intervals state, is
-    :attr:`FleetNumber.calibration`, by which all standard errors are multiplied.
+    Intervals also cover effects that the model may lack, so they can be wider than the scatter of the estimates.
+    Several fits of a robot show that scatter. :attr:`FleetNumber.calibration` is the ratio of their differences to
+    those that their intervals predict. All standard errors are multiplied by it.
 
     Raises ``ValueError`` for fewer than 4 robots, for fits without a common number, and for numbers without an interval.
 

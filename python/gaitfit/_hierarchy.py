@@ -25,7 +25,7 @@ MIN_ROBOTS = 4
 
 @dataclass(frozen=True)
 class Mixture:
-    """Normal distributions with weights, one a point of the scatter. The last axis is the grid's."""
+    """Weighted normal distributions, one for each point of the scatter's grid. The last axis is the grid."""
 
     means: Array
     deviations: Array
@@ -36,7 +36,7 @@ class Mixture:
         return np.asarray((self.weights * self.means).sum(-1))
 
     def quantile(self, probability: float) -> Array:
-        """Where so much of the probability is below."""
+        """The value below which this share of the probability lies."""
         lower = (self.means - 6.0 * self.deviations).min(-1)
         upper = (self.means + 6.0 * self.deviations).max(-1)
         for _ in range(40):
@@ -79,7 +79,7 @@ class Hierarchy:
         return cls(scatters[kept], weights, means[kept], variances[kept])
 
     def scatter(self, probability: float) -> float:
-        """The scatter below which so much of the probability is."""
+        """The scatter below which this share of the probability lies."""
         return float(np.interp(probability, np.cumsum(self.weights) - 0.5 * self.weights, self.scatters))
 
     def center(self) -> Mixture:

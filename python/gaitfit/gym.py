@@ -241,7 +241,8 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
     Arguments:
         config, robot, settings, seed: As of :class:`gaitfit.Robots`.
         render_mode: ``"rgb_array"``: :meth:`render` returns pictures (:meth:`gaitfit.Robots.picture`). ``"human"``: a page in
-            the browser shows every step, in real time where the machine is fast enough; it is on this machine alone. ``None``: no
+            the browser shows every step, in real time if the machine is fast enough. Only this
+            machine can open it. ``None``: no
             pictures.
 
     >>> env = GaitfitEnv()

@@ -69,8 +69,8 @@ impl Context<'_> {
         Ok(())
     }
 
-    /// Refuses something without which the robot is another one. Lenient reading lists it as dropped instead; a mending one
-    /// refuses it too.
+    /// Refuses a part whose removal would make another robot. A lenient reading lists it as dropped instead; a mending
+    /// reading refuses it too.
     ///
     /// # Errors
     /// As [`Context::refuse`].

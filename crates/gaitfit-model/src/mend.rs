@@ -16,7 +16,8 @@ use crate::xml::{At, Element};
 
 /// Density of links that state no mass, kg/m³: MuJoCo's default, water.
 const DENSITY: f64 = 1000.0;
-/// Mass of a link that says nothing of it, as a share of the robot's, and radius of the ball that it counts as, m.
+/// Mass of a link for which the file gives no mass, as a share of the robot's, and radius of the ball that
+/// replaces it, m.
 const DUMMY_SHARE: f64 = 1e-3;
 const DUMMY_RADIUS: f64 = 0.02;
 /// Below this a moving mass or inertia counts as none (`mjMINVAL`).
@@ -90,7 +91,7 @@ pub(crate) fn balance(ctx: &mut Context, at: At, label: &str, inertial: Inertial
     Some(Inertial { inertia: [mean; 3], ..inertial })
 }
 
-/// Gives links that move and have no mass one: of their shapes at a density, or that of a small ball.
+/// Gives moving links without mass or inertia those of their shapes at a density, or those of a small ball.
 pub(crate) fn fill_masses(ctx: &mut Context, spec: &mut Spec, welds: &[usize], member: &[bool]) {
     let total: f64 = spec.bodies.iter().map(|body| body.inertial.mass).sum();
     for index in 1..spec.bodies.len() {

@@ -1,7 +1,7 @@
 //! MJCF `<replicate>`: copies of bodies, each turned and shifted against the one before.
 //!
-//! As MuJoCo 4.0 expands it: the copies' names get `sep` and the copy's number, with as many digits as the count has; what
-//! refers to them in other sections is copied too, after all that is not, one copy after the other.
+//! As MuJoCo 4.0 expands it: the copies' names get `sep` and the copy's number, with as many digits as the count has.
+//! Elements of other sections that refer to them are copied too. They follow the other elements, copy by copy.
 
 use std::collections::HashSet;
 

@@ -81,8 +81,8 @@ pub trait Real:
     fn round(self) -> Self;
     /// The entry of `table` with the number `index`, which is whole and not negative; zero beyond the table's end.
     fn gather(table: &[Self::K], index: Self) -> Self;
-    /// A function of three numbers that is taken at many places: a recording has its operations once. `key` stands for the
-    /// function and all that it knows besides its arguments.
+    /// A function of three numbers that is called at many places: a recording holds its operations once. `key`
+    /// identifies the function and all values that it uses besides its arguments.
     #[inline(always)]
     fn call(_key: usize, inputs: [Self; 3], function: impl FnOnce([Self; 3]) -> [Self; 4]) -> [Self; 4] {
         function(inputs)

@@ -52,8 +52,8 @@ def fleet(
         address, num_cpus, num_gpus, retries: As for :func:`gaitfit.ray.fit`, for each robot.
         every: Time between checkpoints that a worker sends, s.
 
-    Every fit has the bits that :func:`gaitfit.fit` gives on one machine. A worker fetches the files of its robot alone. Another node
-    continues a lost worker's fit, and ``resume=True`` continues after this process was killed.
+    Every fit has the same bits as :func:`gaitfit.fit` on one machine. A worker fetches only the files of its robot.
+    Another node continues a lost worker's fit, and ``resume=True`` continues after this process was killed.
 
     Raises as :func:`gaitfit.fit` and :func:`gaitfit.fleet`. Logs that cannot be used are an error before the first fit.
     """

@@ -109,8 +109,8 @@ class Fleet(Result):
         is combined with it after the fit: the product of two normal densities, for each number by itself. Numbers that the
         fleet does not have are left out.
 
-        A fleet whose intervals are calibrated (:attr:`FleetNumber.calibration`) needs fits like its own: to as many logs each.
-        A robot with more logs has more fits then, not longer ones.
+        If the fleet's intervals are calibrated (:attr:`FleetNumber.calibration`), each fit must use as many logs as the
+        fleet's fits do. Then give a robot with more logs more fits, not fits with more logs.
 
         Raises ``ValueError`` if they have no number in common, for numbers without an interval or at a bound of 0, and for a fit whose
         settings had :attr:`prior` already: it would count twice.
@@ -195,7 +195,8 @@ def fleet_result(document: Mapping[str, Any]) -> Fleet:
 
 
 def standard_error(one: FittedParameter, whose: str) -> float:
-    """Standard error of an estimate, in its unit. A side of the interval that the search's bound cuts does not count."""
+    """Standard error of an estimate, in its unit. If a bound of the search cuts one side of the interval, only the
+    other side is used."""
     if one.interval is None:
         raise ValueError(
             f"{one.name} of {whose} has no interval, so its weight is unknown: fit at most 50 numbers, without "

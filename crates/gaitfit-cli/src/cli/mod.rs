@@ -169,7 +169,7 @@ pub struct Init {
     /// Write no page of the stance
     #[arg(long, hide = true)]
     pub no_picture: bool,
-    /// Train what is written; if it does not come to walk, train with the next guess of the gains
+    /// Train a policy for the task; if it does not learn to walk, train again with the next guess of the gains
     #[arg(long)]
     pub train: bool,
     /// With --train, change one setting of the trainings, for example --set train.iterations=200 (repeatable)

@@ -1,4 +1,4 @@
-//! Functions of a program that are taken at many places, as text.
+//! Functions that a program calls at many places, as text.
 
 use std::fmt::Write as _;
 

@@ -7,7 +7,7 @@ typedef float R;
 #define ABS(a) fabsf(a)
 #define SELECT(a, b, x, y) ((a) < (b) ? (x) : (y))
 #define ROUND(a) rintf(a)
-// A function that is taken at many places.
+// The outputs of a function that is called at many places.
 struct Four {
   R n0, n1, n2, n3;
 };

@@ -58,7 +58,7 @@ impl Packed {
         let rows = |width: usize, of: &dyn Fn(&Snapshot, usize) -> f32| -> Vec<f32> {
             (0..width).flat_map(|k| snapshots.iter().map(move |one| of(one, k))).collect()
         };
-        // Who has no row yet does not look at it.
+        // An environment without a row does not read it.
         let past = |who: usize, layout: &Layout| -> Vec<f32> {
             let row = |one: &Snapshot| match one.past[who].len() {
                 0 => vec![0.0; kept(layout)],

@@ -67,7 +67,7 @@ pub enum CudaError {
         kernel: String,
     },
     /// A program without this array, or with one of another length.
-    #[error("the program `{program}` has no array `{table}` of the length of its numbers")]
+    #[error("the program `{program}` has no array `{table}` with as many entries as there are numbers")]
     NoTable {
         /// Name of the program.
         program: String,

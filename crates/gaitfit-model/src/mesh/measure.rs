@@ -4,7 +4,7 @@ use super::Mesh;
 use crate::inertia::{Tensor, principal};
 use crate::rotation::{Quat, Vec3, cross, dot};
 
-/// Below this share of its bounding box a volume is that of a surface which is not closed.
+/// A volume below this share of the bounding box means that the surface is not closed.
 const THIN: f64 = 1e-4;
 
 /// A solid of density 1 in the mesh's frame and unit.

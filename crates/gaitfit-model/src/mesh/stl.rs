@@ -12,7 +12,7 @@ const FACET: usize = 50;
 pub(super) fn read(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, String> {
     let mut bytes = bytes.to_vec();
     if bytes.starts_with(b"solid") && is_binary(&bytes) {
-        // The reader takes what begins like a text for one.
+        // The reader would take a file that begins with "solid" for a text.
         bytes[0] = b' ';
     }
     let mut cursor = Cursor::new(bytes);

@@ -50,7 +50,7 @@ pub enum Node {
     Round(Id),
     /// The entry with the number a, whole and not negative, of a table (its place in [`Graph::tables`]); 0 beyond its end.
     Gather(u32, Id),
-    /// Of a function (its place in [`Graph::functions`]) the output with this number, for these arguments.
+    /// The output with this number of a function (by its place in [`Graph::functions`]), for these arguments.
     Call(u32, u32, Id, Id, Id),
     /// A guard: 0 if every lane certainly satisfies a ≥ b, else 1.
     Unless(Id, Id),
@@ -163,7 +163,7 @@ pub enum TraceError {
     SelfContact,
     /// A function with regions.
     #[error(
-        "a function that is taken at many places has guarded regions or loops; use `Real::select_lt` in it"
+        "a function that is called at many places has guarded regions or loops; use `Real::select_lt` in it"
     )]
     Function,
     /// Regions are not properly nested.

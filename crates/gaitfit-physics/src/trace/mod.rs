@@ -7,8 +7,8 @@
 //! - guarded regions: nodes that need not be computed where no lane needs them (see [`Real`](crate::Real));
 //! - loops: nodes that are computed several times, with variables that one turn hands to the next.
 //!
-//! Heights of a field are a table of the graph, which nodes read by number. What is the same function at many places, a
-//! field's nearest point, is a graph of its own that nodes call.
+//! Heights of a field are a table of the graph; nodes read its entries by number. A function that is needed at many
+//! places, such as a field's nearest point, is a graph of its own that nodes call.
 //!
 //! [`record_period`] records a control period and names its inputs: state, parameters, targets, memory, and the weights
 //! of networks. [`record`] records anything else. [`Graph::evaluate`] computes a graph in `f64`, to test it.

@@ -36,8 +36,9 @@ struct Limb {
     path: Vec<usize>,
 }
 
-/// Last links near the ground get a shape that touches it, where they have none, or all of them where `anew` asks for it; the
-/// base gets a box where nothing of it collides. Feet are fitted as the file draws the robot, where soles lie flat, unless its
+/// Gives last links near the ground a shape that touches it: those without one, or all of them if `anew` is set. The
+/// base gets a box if none of its shapes collides.
+/// Feet are fitted as the file draws the robot, where soles lie flat, unless its
 /// stance has more legs on the ground.
 pub fn fit_feet(model: &mut Model, anew: bool) -> Vec<Added> {
     let mut poses = vec![pose::drawn(model), pose::start(model).angles];

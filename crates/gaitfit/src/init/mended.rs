@@ -108,7 +108,7 @@ fn mend(path: &Path, lenient: bool, anew: bool) -> Result<Prepared, Error> {
     Ok(Prepared { model, look, file: Some(text), mended })
 }
 
-/// Gives geoms whose names were made up those of their links: a reader of the new file is to find them.
+/// Renames geoms whose names were made up after their links, so that a reader of the new file finds them.
 fn name_geoms(model: &mut Model) {
     for geom in 0..model.geoms.len() {
         if !made_up(&model.geoms[geom].name) {

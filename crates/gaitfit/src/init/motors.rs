@@ -14,7 +14,7 @@ const MAX_RANGE: f64 = 2.0 * std::f64::consts::TAU;
 /// Max number of joints that a message names.
 const NAMED: usize = 3;
 
-/// Sentences about limits of the legs' joints that look like placeholders, each with a guess and where to write it.
+/// Sentences about limits of the legs' joints that look like placeholders. Torque limits also get a guess.
 pub fn placeholders(model: &Model, anatomy: &Anatomy, sizes: &Sizes) -> Vec<String> {
     let unit = sizes.mass * sizes.gravity * sizes.leg;
     let moved = || anatomy.moved.iter().copied();

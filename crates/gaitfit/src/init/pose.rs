@@ -88,7 +88,7 @@ pub fn standing(model: &Model, start: Pose, anatomy: &Anatomy) -> Pose {
     Pose { angles, keyframe: None }
 }
 
-/// Share of the distance of hip and foot by which a lifted foot is nearer.
+/// Distance from hip to a lifted foot, as a share of the distance in the stance.
 const LIFTED: f64 = 0.88;
 
 /// A stance with some legs lifted: their feet are nearer to their hips, as far as the legs bend. `angles`: rad, model order.

@@ -11,7 +11,7 @@ const MAX_BYTES: u64 = 4 << 20;
 /// Share of a file's joints whose names the robot must have.
 const SAME: f64 = 0.5;
 
-/// A sentence that names a file beside `path` that a task can be written for and that has the joints of the same robot;
+/// A sentence that names another file near `path`: one with the same robot's joints, for which a task can be written;
 /// `None` without one.
 pub(super) fn advice(path: &Path) -> Option<String> {
     let text = files::read_text(path, MAX_BYTES).ok()?;

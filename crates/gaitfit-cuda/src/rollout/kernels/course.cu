@@ -1,4 +1,4 @@
-// Generated ground: the cell on which an episode of a robot goes on, as `gaitfit_learn::task::Course` has it.
+// Generated ground: the cell in which an episode of a robot takes place, as in `gaitfit_learn::task::Course`.
 
 // Numbers of a way: the level of its cell, distance walked along the commands and distance commanded, m.
 enum { WAY_LEVEL, WAY_WALKED, WAY_COMMANDED };

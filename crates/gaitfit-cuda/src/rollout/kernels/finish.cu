@@ -123,7 +123,7 @@ DEVICE bool finish_step(
 #else
     u32 slot = step / EPISODE_STEPS_MAX;
 #if COURSE
-    // Who leaves the ground is cut off too: the first free place.
+    // Episodes that leave the ground are cut off too: take the first free place.
     for (slot = 0; slot + 1 < CUTS && cut[slot * ENVIRONMENTS + e] > 0;) slot++;
 #endif
     if (ended == TIME_OUT) {
