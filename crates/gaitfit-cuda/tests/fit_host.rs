@@ -379,7 +379,7 @@ fn cxx_walks_with_networks_are_the_cpus() {
 #[test]
 #[ignore = "needs g++"]
 fn cxx_walks_with_past_frames_are_the_cpus() {
-    for order in [FrameOrder::Terms, FrameOrder::NewestFirst] {
+    for order in [FrameOrder::NewestFirst, FrameOrder::Frames] {
         let mut policy = gaitfit_policy::read(asset("go2-walk.safetensors").as_ref()).unwrap();
         let plain = Layout::new(&policy.interface, &policy.interface.observation);
         policy.interface.history.order = order;
