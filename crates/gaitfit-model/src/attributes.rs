@@ -82,9 +82,10 @@ impl Context<'_> {
         remedy: &str,
     ) -> Result<(), ModelError> {
         let (what, why) = (what.into(), why.into());
-        match self.lenient {
-            true => self.refuse(at, what, why, remedy),
-            false => Err(self.unsupported(at, &what, &why, remedy)),
+        if self.lenient {
+            self.refuse(at, what, why, remedy)
+        } else {
+            Err(self.unsupported(at, &what, &why, remedy))
         }
     }
 

@@ -11,7 +11,7 @@ const UPRIGHT: f64 = 1e-9;
 /// The highest ground above each point of the horizontal plane: of planes, boxes and height fields.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    /// Of each plane its height at the origin (m) and its slopes along x and y.
+    /// Height at the origin (m) and slopes along x and y of each plane.
     pub planes: Vec<[f64; 3]>,
     /// Boxes.
     pub blocks: Vec<SurfaceBlock>,

@@ -55,7 +55,8 @@ def fit(
     Raises as :func:`gaitfit.fit`, and :class:`GaitfitError` for a worker that computes other bits.
 
     The candidates of all costs and seeds are shared, also those of one cost and one seed; so are the moves of values for
-    intervals, derivatives, and sets of simulated logs. :attr:`FitResult.sharing`, which is also printed, states what was shared and
+    intervals and sets of simulated logs. This process computes derivatives of logs of clamped legs, and the simulated robots that
+    correct ``wass``. :attr:`FitResult.sharing`, which is also printed, states what was shared and
     what this process computed alone. Robot, policy and logs are sent once to each node. This process keeps the run folder: if it
     is killed, ``resume=True`` continues from its checkpoint.
 

@@ -59,8 +59,9 @@ impl Files {
         // The robot's own file stays as it is.
         let plain = configuration.with_extension("xml");
         let whole = |path: &Path| std::fs::canonicalize(path).ok();
-        let own = whole(&plain).is_some_and(|path| whole(&args.robot) == Some(path));
-        let beside = if own { configuration.with_file_name(format!("{stem}-mended.xml")) } else { plain };
+        let is_given_file = whole(&plain).is_some_and(|path| whole(&args.robot) == Some(path));
+        let beside =
+            if is_given_file { configuration.with_file_name(format!("{stem}-mended.xml")) } else { plain };
         let mended = prepared.file.as_ref().map(|_| beside);
         let page = (!args.no_picture).then(|| configuration.with_file_name(format!("{stem}-stance.html")));
         let mut outputs = vec![Output { path: &configuration, option: "--out", ending: Some("toml") }];

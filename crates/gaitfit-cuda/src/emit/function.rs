@@ -20,12 +20,12 @@ fn function_table_name(function: usize, table: usize) -> String {
 
 /// The tables of a recording and of its functions, by the names of their arrays in the text.
 pub fn tables(graph: &Graph) -> Vec<(String, &[f64])> {
-    let own = graph.tables.iter().enumerate().map(|(number, table)| (table_name(number), &table[..]));
+    let of_program = graph.tables.iter().enumerate().map(|(number, table)| (table_name(number), &table[..]));
     let of_functions = graph.functions.iter().enumerate().flat_map(|(function, graph)| {
         let named = move |number| function_table_name(function, number);
         graph.tables.iter().enumerate().map(move |(number, table)| (named(number), &table[..]))
     });
-    own.chain(of_functions).collect()
+    of_program.chain(of_functions).collect()
 }
 
 /// The text of function number `number`; its recording has three inputs, four outputs and no regions.

@@ -53,7 +53,8 @@ pub enum Op {
     Round,
     /// The entry with the number a of a table (its place in [`Program::tables`](super::Program::tables)); 0 beyond its end.
     Gather(u32),
-    /// Of a function (its place in [`Program::functions`](super::Program::functions)) the output with this number.
+    /// An output of a function: the function's place in [`Program::functions`](super::Program::functions), then the output's
+    /// number.
     Call(u32, u32),
     /// A guard: whether some lane does not satisfy a ≥ b.
     Unless,

@@ -21,7 +21,7 @@ pub struct Program {
 }
 
 impl Program {
-    /// Of this name and text, with neither options nor tables.
+    /// A program of this name and text, without options and tables.
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
         Self { name: name.into(), text: text.into(), options: Vec::new(), tables: Vec::new() }
     }

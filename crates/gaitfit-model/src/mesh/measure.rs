@@ -21,7 +21,7 @@ pub struct Measure {
 }
 
 impl Measure {
-    /// Of a mesh: sums over the tetrahedra from the origin to its triangles (Mirtich 1996, "Fast and accurate computation of
+    /// Measures a mesh by sums over the tetrahedra from the origin to its triangles (Mirtich 1996, "Fast and accurate computation of
     /// polyhedral mass properties"). A mesh that encloses next to nothing, as an open one may, counts as its bounding box.
     /// `None` of a flat one.
     pub fn new(mesh: &Mesh) -> Option<Self> {

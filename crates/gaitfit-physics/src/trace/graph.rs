@@ -161,9 +161,9 @@ pub enum TraceError {
         "contact between the robot's own parts cannot be recorded, so no GPU simulates it; use the processor (--device cpu), or leave `self_contact` out"
     )]
     SelfContact,
-    /// A function with regions.
+    /// A function with regions, or one that calls another.
     #[error(
-        "a function that is called at many places has guarded regions or loops; use `Real::select_lt` in it"
+        "a function that is called at many places has guarded regions or loops, or calls another; use `Real::select_lt` in it"
     )]
     Function,
     /// Regions are not properly nested.

@@ -108,9 +108,9 @@ pub(super) fn call(
     function: impl FnOnce([Traced; 3]) -> [Traced; 4],
 ) -> [Traced; 4] {
     let known = RECORDING.with_borrow(|recording| recording.functions.get(&key).copied());
-    let own = known.is_none().then(|| record(|| function(std::array::from_fn(|_| input())).to_vec()));
+    let recorded = known.is_none().then(|| record(|| function(std::array::from_fn(|_| input())).to_vec()));
     RECORDING.with_borrow_mut(|recording| {
-        let place = known.unwrap_or_else(|| recording.function(key, own));
+        let place = known.unwrap_or_else(|| recording.function(key, recorded));
         let [a, b, c] = inputs.map(|number| number.0);
         std::array::from_fn(|output| Traced(recording.node(Node::Call(place, output as u32, a, b, c))))
     })
@@ -158,9 +158,9 @@ impl Recording {
     }
 
     /// Takes up a function's recording.
-    fn function(&mut self, key: usize, own: Option<Result<Graph, TraceError>>) -> u32 {
-        let graph = match own {
-            Some(Ok(graph)) if graph.regions.is_empty() => graph,
+    fn function(&mut self, key: usize, recorded: Option<Result<Graph, TraceError>>) -> u32 {
+        let graph = match recorded {
+            Some(Ok(graph)) if graph.regions.is_empty() && graph.functions.is_empty() => graph,
             Some(Err(error)) => {
                 self.fail(error);
                 Graph::default()

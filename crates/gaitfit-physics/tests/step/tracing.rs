@@ -193,6 +193,34 @@ fn equal_operations_are_one_node() {
 }
 
 /// A step that reads a number of a region elsewhere would work on the processor and fail where the region is skipped.
+/// (a + b, a b, b − a, c) of three numbers.
+fn four([a, b, c]: [Traced; 3]) -> [Traced; 4] {
+    [a + b, a * b, b - a, c]
+}
+
+#[test]
+fn a_function_is_recorded_once() {
+    let graph = record(|| {
+        let [a, b, c] = [Traced::input(), Traced::input(), Traced::input()];
+        let first = Traced::call(1, [a, b, c], four);
+        Traced::call(1, first[1..].try_into().unwrap(), four).to_vec()
+    })
+    .unwrap();
+    assert_eq!(graph.functions.len(), 1);
+    assert_eq!(graph.evaluate(&[2.0, 3.0, 7.0]), [7.0, 6.0, -5.0, 7.0]);
+    let nested = |numbers: [Traced; 3]| Traced::call(2, numbers, four);
+    let guarded = |[a, b, c]: [Traced; 3]| {
+        let guard = a.unless_ge(b);
+        assert!(Traced::enter(guard));
+        let inside = a * c;
+        Traced::leave(guard);
+        [inside.merge(guard, a), a, b, c]
+    };
+    let inputs = || [Traced::input(), Traced::input(), Traced::input()];
+    assert_eq!(record(|| Traced::call(1, inputs(), nested).to_vec()), Err(TraceError::Function));
+    assert_eq!(record(|| Traced::call(1, inputs(), guarded).to_vec()), Err(TraceError::Function));
+}
+
 #[test]
 fn numbers_do_not_leave_their_region() {
     let with = |merged: bool| {

@@ -202,9 +202,9 @@ impl Sight {
             }
         }
         // The foot's own mesh, without the shank that it is fixed to.
-        let own: Vec<Vec3> =
+        let of_body: Vec<Vec3> =
             self.points.iter().filter(|(other, _)| *other == body).map(|(_, point)| *point).collect();
-        foot(&own, leg, soles).or_else(|| foot(&all, leg, soles)).map(|found| (found, body))
+        foot(&of_body, leg, soles).or_else(|| foot(&all, leg, soles)).map(|found| (found, body))
     }
 }
 

@@ -163,9 +163,8 @@ pub fn look(model: &Model) -> Result<Look, InitError> {
     look_with(model, Source::Likely)
 }
 
-/// Other guesses at the gains of a robot whose policy did not learn to walk:
-/// those of the file's position actuators, and
-/// those by size, softer and stiffer. The first guess, and what cannot be simulated, are left out.
+/// Other guesses at the gains of a robot whose policy did not learn to walk: the gains of the file's position actuators, then
+/// softer and stiffer gains by size. The result has neither the first guess nor guesses that cannot be simulated.
 pub fn other_guesses(model: &Model, first: &Look) -> Vec<Look> {
     let sources = [Source::Servos, Source::Size(1.0), Source::Size(0.6), Source::Size(1.6)];
     let mut found: Vec<Look> = Vec::new();
