@@ -52,6 +52,10 @@ fn scripts(task: &Task, policy: &Policy, lengths: &[usize]) -> Vec<Script> {
                 .map(|row| [0.5 - 0.3 * number as f32, 0.1 * (row / 9) as f32, 0.2 * number as f32])
                 .collect(),
             start: walker.start_from_joints(&angles, &vec![0.1 * number as f64; joints]),
+            // The middle recording has one start.
+            others: (0..if number == 1 { 0 } else { 2 })
+                .map(|other| walker.start_from_joints(&angles, &vec![0.5 - f64::from(other); joints]))
+                .collect(),
             states: Vec::new(),
             actions: Vec::new(),
         })
@@ -102,7 +106,7 @@ fn robots(task: &Task, scripts: &[Script], job: &Job, tracks: &[Track]) -> Vec<V
     let params = walker.robot(&job.candidate).params(walker.model()).unwrap();
     let mut tile = walker.engine.tile(&walker.batch, &vec![params; count], &job.candidate.networks).unwrap();
     for (index, script) in scripts.iter().enumerate() {
-        let start = if job.reset_every.is_some() { &script.states[0] } else { &script.start };
+        let start = if job.reset_every.is_some() { &script.states[0] } else { script.begins(job.seed) };
         tile.place(index, &placed(job, start));
     }
     let mut motion = walker.batch.motion(count);
@@ -154,7 +158,7 @@ fn compare(
         group,
     };
     let plan = Plan::new(&scene, &tables, sizes);
-    let numbers = Numbers::new(subject, jobs, jobs.len(), 1).unwrap();
+    let numbers = Numbers::new(subject, jobs, jobs.len(), tables.starts, 1).unwrap();
     let wanted = tracks(task, policy, &scripts, jobs);
     let own = |job: usize| &wanted[job * scripts.len()..(job + 1) * scripts.len()];
     let motion: Vec<_> = (0..jobs.len()).map(|job| robots(task, &scripts, &jobs[job], own(job))).collect();
@@ -227,7 +231,7 @@ fn compare(
             let reset = job.reset_every.is_some_and(|every| sample % every == 0);
             let kept = |name: &str| floats(&read(&format!("{name}.at{sample}")));
             if reset || sample == 0 {
-                let start = placed(job, if reset { &script.states[sample] } else { &script.start });
+                let start = placed(job, if reset { &script.states[sample] } else { script.begins(job.seed) });
                 let parts: [&[f32]; 6] = [
                     &start.base_position,
                     &start.base_quaternion,

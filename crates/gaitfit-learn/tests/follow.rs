@@ -61,6 +61,7 @@ fn script(scene: &Task, log: &Trajectory) -> Script {
     Script {
         commands: (0..log.len()).map(|sample| row(&log.command, sample)).collect(),
         start: scene.walker.start_from_joints(&log.position[..joints], &log.velocity[..joints]),
+        others: Vec::new(),
         states: states.collect(),
         actions: single(log.action.as_ref().unwrap()),
     }

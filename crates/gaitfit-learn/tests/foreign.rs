@@ -94,6 +94,7 @@ fn a_recurrent_policy_walks_is_followed_and_is_not_trained() {
                         .map(|sample| std::array::from_fn(|k| command[3 * sample + k] as f32))
                         .collect(),
                     start,
+                    others: Vec::new(),
                     states,
                     actions: single(log.action.as_ref().unwrap()),
                 }

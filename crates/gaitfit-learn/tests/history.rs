@@ -146,6 +146,7 @@ fn followed_it_repeats_its_log_and_after_a_reset_it_remembers_the_log() {
         let script = Script {
             commands: (0..log.len()).map(|sample| row(&log.command, sample)).collect(),
             start: scene.walker.start_from_joints(&log.position[..12], &log.velocity[..12]),
+            others: Vec::new(),
             states: states.collect(),
             actions: single(log.action.as_ref().unwrap()),
         };

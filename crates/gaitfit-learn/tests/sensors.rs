@@ -137,6 +137,7 @@ fn script(log: &Trajectory) -> Script {
     Script {
         commands: (0..log.len()).map(|sample| row(&log.command, sample)).collect(),
         start: states[0].clone(),
+        others: Vec::new(),
         states,
         actions: single(log.action.as_ref().unwrap()),
     }

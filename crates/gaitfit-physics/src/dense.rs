@@ -3,6 +3,7 @@
 //! Velocities are MuJoCo's: for a floating base linear velocity in world axes, angular velocity in body axes,
 //! then one a joint.
 
+use crate::self_contact::SelfContactPairWork;
 use crate::smooth::{hinge, inertial, joint_motion, root_motion, smooth};
 use crate::spatial::{Rigid, V6, add6, dot6, zero6};
 use crate::state::{Motion, State, Work};
@@ -224,7 +225,7 @@ pub fn constraint_rows(
         }
     }
     for (index, pair) in tree.self_contact.pairs.iter().enumerate() {
-        let (active, mu) = &work.self_contact.pairs[index];
+        let SelfContactPairWork { active, friction: mu } = &work.self_contact.pairs[index];
         for number in (0..pair.points.len()).filter(|_| *active) {
             let point = &work.self_contact.points[pair.points.start + number];
             if point.d > 0.0 {

@@ -90,7 +90,7 @@ separate! {
             step = root.inertia.solve_neg(root.residual);
             slope = slope + dot6(root.residual, step);
         }
-        let corrected = hessian && !tree.self_contact.is_empty() && T::enter(work.self_contact.touching);
+        let corrected = hessian && !tree.self_contact.is_empty();
         if corrected {
             work.nodes[0].step = step;
             for index in 0..tree.segments.len() {
@@ -100,9 +100,8 @@ separate! {
                     _ => back_substitute::<T, 3>(tree, index, Wanted::Step, false, work),
                 };
             }
-            slope = slope + self_contact::correct(tree, state, work);
+            slope = self_contact::correct(tree, slope, state, work);
             step = work.nodes[0].step;
-            T::leave(work.self_contact.touching);
         }
         if tree.floating && wanted == Wanted::Everything {
             slope = slope - point_steps(tree, tree.links[0].pairs.clone(), step, work);

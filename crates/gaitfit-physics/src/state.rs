@@ -318,6 +318,14 @@ macro_rules! work_numbers {
                 }
             }
         }
+        // Pairs of self-contact come after those with the ground.
+        let ground = $tree.pairs.len();
+        let owners = $tree.self_contact.pairs.iter().enumerate();
+        let owners = owners.flat_map(|(p, pair)| (0..pair.points.len()).map(move |k| (ground + p, k, pair.dims)));
+        for (each, (p, k, dims)) in ($($reference)+ $work.self_contact.points).into_iter().zip(owners) {
+            let slot = Slot { index: k * 6, ..Slot::new(Owner::Pair(p), "residual") };
+            all(&mut $visit, slot, ($($reference)+ each.residual).into_iter().take(dims));
+        }
         for (each, &(link, _)) in ($($reference)+ $work.touching).into_iter().zip(&$tree.touching) {
             all(&mut $visit, node(link, "pose_rotation"), ($($reference)+ each.rotation).into_iter().flatten());
             all(&mut $visit, node(link, "pose_position"), $($reference)+ each.position);

@@ -233,9 +233,9 @@ impl<K> Tree<K> {
         self.pairs.iter().map(|pair| pair.model_pair).collect()
     }
 
-    /// Whether the robot's own parts may touch each other.
-    pub fn has_self_contact(&self) -> bool {
-        !self.self_contact.is_empty()
+    /// Number of contact pairs: those with the ground, then those of self-contact.
+    pub(crate) fn all_pairs(&self) -> usize {
+        self.pairs.len() + self.self_contact.pairs.len()
     }
 
     /// Settings it was compiled with.

@@ -20,6 +20,9 @@ pub struct Script {
     /// Where it begins. Its orientation and rates are readings of an inertial unit: errors of the candidate's unit
     /// ([`gaitfit_sim::Sensors`]) are removed from them. The height stays.
     pub start: Start,
+    /// Further starts, read likewise. The seed of a job chooses one of them or `start`; without any, all jobs begin at
+    /// `start`.
+    pub others: Vec<Start>,
     /// The logged state at each sample, for resets, as the start's; empty where the log lacks it.
     pub states: Vec<Start>,
     /// The logged actions, policy order, `samples × joints`: after a reset the policy's last action is the log's, and so
@@ -56,8 +59,13 @@ pub struct Job {
     /// Samples between resets to the logged state, from sample 0 on; `None` begins at the script's start and
     /// never resets. At a reset the row holds what the simulation reached before it.
     pub reset_every: Option<usize>,
-    /// Seed of the torque noise.
+    /// Seed of the torque noise, and of the choice among a script's starts.
     pub seed: u64,
+}
+
+/// Number of the start that jobs with this seed begin at, of `count` starts. Seed 0 begins at the first.
+pub fn chosen(seed: u64, count: usize) -> usize {
+    usize::try_from(seed % count.max(1) as u64).unwrap_or(0)
 }
 
 /// Samples between questions whether to give up.
@@ -172,7 +180,7 @@ impl Worker {
         for (index, (script, track)) in scripts.iter().zip(&mut self.tracks).enumerate() {
             track.begin();
             let logged = job.reset_every.and_then(|_| script.states.first());
-            place(&mut tile, index, logged.unwrap_or(&script.start));
+            place(&mut tile, index, logged.unwrap_or_else(|| script.begins(job.seed)));
         }
         tile.observe(&mut self.motion);
         let longest = scripts.iter().map(|script| script.commands.len()).max().unwrap_or(0);
@@ -230,6 +238,11 @@ impl Worker {
 }
 
 impl Script {
+    /// The start of jobs with this seed.
+    pub fn begins(&self, seed: u64) -> &Start {
+        chosen(seed, 1 + self.others.len()).checked_sub(1).map_or(&self.start, |other| &self.others[other])
+    }
+
     /// Sets in `past` what the policy observed of this run before `sample`, had the robot been in the logged states.
     fn recall(&self, walker: &Walker, sample: usize, index: usize, sensed: &mut Sensed, past: &mut Past) {
         if !past.is_kept() {

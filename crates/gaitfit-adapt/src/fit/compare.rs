@@ -157,6 +157,7 @@ mod tests {
             uncertainty: None,
             correction: None,
             regression: None,
+            redrawn: None,
         }
     }
 

@@ -158,6 +158,7 @@ mod tests {
             uncertainty: None,
             correction: None,
             regression: None,
+            redrawn: None,
         }
     }
 

@@ -5,6 +5,7 @@
 //! best candidates and the means of the searches' distributions are compared again. All of them get the same fresh draws.
 
 use super::driver::RandomNumbers;
+use super::outcome::Redrawn;
 use super::{CostOutcome, FallPenalty, FitError, Job, evaluate};
 use crate::cost::Cost;
 use crate::{Cancel, Simulator, Theta};
@@ -31,8 +32,9 @@ pub struct FinalComparison<'a> {
 }
 
 impl CostOutcome {
-    /// Takes the finalist with the smallest mean cost over fresh draws. If all finalists diverge, nothing changes; if some
-    /// do, they are left out. Finalists are the means of the runs' distributions and the last of `best`. `best`: the best
+    /// Takes the finalist with the smallest mean cost over fresh draws, falls charged. Its cost is this mean without the
+    /// charge, because the robot before the fit is not charged either. If all finalists diverge, nothing changes; if some do,
+    /// they are left out. Finalists are the means of the runs' distributions and the last of `best`. `best`: the best
     /// values so far, after each generation of the search, in the order of θ.
     ///
     /// # Errors
@@ -67,14 +69,21 @@ impl CostOutcome {
             finalists.iter().flat_map(|values| draws.iter().map(move |draw| job(values, draw))).collect();
         let FinalComparison { simulator, theta, costs, falls, cancel, .. } = *comparison;
         let evaluations = evaluate(simulator, theta, costs, falls, &jobs, cancel)?;
-        let mean = |of_finalist: &[super::Evaluation]| -> Option<f64> {
+        let (charged, recordings) = (costs[comparison.cost].as_ref(), simulator.recordings());
+        // Mean cost with and without the charge for falls, and falls.
+        let mean = |of_finalist: &[super::Evaluation]| -> Option<(f64, f64, usize)> {
+            let count = of_finalist.len() as f64;
             let costs: Option<Vec<f64>> = of_finalist.iter().map(|evaluation| evaluation.cost).collect();
-            costs.map(|costs| costs.iter().sum::<f64>() / costs.len() as f64)
+            let cost = costs?.iter().sum::<f64>() / count;
+            let charges = of_finalist.iter().map(|one| falls.charge(charged, one.falls, recordings));
+            let charge = charges.sum::<f64>() / count;
+            Some((cost, cost - charge, of_finalist.iter().map(|one| one.falls).sum()))
         };
         let means = evaluations.chunks(draws.len()).map(mean);
         let chosen = finalists.iter().zip(means).filter_map(|(values, mean)| Some((values, mean?)));
-        if let Some((values, cost)) = chosen.min_by(|a, b| a.1.total_cmp(&b.1)) {
+        if let Some((values, (_, cost, fell))) = chosen.min_by(|a, b| a.1.0.total_cmp(&b.1.0)) {
             self.best_cost = cost;
+            self.redrawn = Some(Redrawn { simulations: draws.len() * recordings, falls: fell });
             for (parameter, (entry, &value)) in self.parameters.iter_mut().zip(entries.iter().zip(values)) {
                 parameter.value = value;
                 parameter.at_bound = entry.at_bound(value);

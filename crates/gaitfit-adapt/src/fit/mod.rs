@@ -39,7 +39,7 @@ pub use least_squares::{
     sensitivity, sets, uncertainty, unexplained,
 };
 pub use origin::{Against, Origin, Searched};
-pub use outcome::{CostOutcome, ParameterOutcome, RunOutcome};
+pub use outcome::{CostOutcome, ParameterOutcome, Redrawn, RunOutcome};
 pub use predicted::Predicted;
 pub use regression::{Distributions, Drawn, Logs, MAX_REGRESSED, Regression, Walks, regress};
 pub use run::{Checkpoint, SavedRun, SavedSearch, Stop};

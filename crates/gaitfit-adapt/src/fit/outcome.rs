@@ -30,6 +30,18 @@ pub struct CostOutcome {
     /// How simulated robots moved the values, where they did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub regression: Option<Regression>,
+    /// The walks in which the chosen values were compared again, where simulations have random draws.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub redrawn: Option<Redrawn>,
+}
+
+/// Simulations of the chosen values under draws that the search did not use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Redrawn {
+    /// Simulated recordings, of all draws.
+    pub simulations: usize,
+    /// Those in which the simulated robot falls.
+    pub falls: usize,
 }
 
 /// One entry of θ as found.
@@ -129,6 +141,7 @@ impl CostOutcome {
             uncertainty: None,
             correction: None,
             regression: None,
+            redrawn: None,
         })
     }
 

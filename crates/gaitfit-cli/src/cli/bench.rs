@@ -21,7 +21,7 @@ pub struct BenchPhysics {
     /// Which geoms may touch the ground
     #[arg(long, value_enum, default_value_t = Geoms::Feet)]
     pub geoms: Geoms,
-    /// Self-contact; on the CPU only
+    /// Self-contact
     #[arg(long, value_enum, default_value_t = OwnParts::Off)]
     pub self_contact: OwnParts,
     /// Threads

@@ -246,7 +246,7 @@ impl Candidates {
     ) -> Result<(), FitError> {
         let chosen: Vec<Job> = now.iter().map(|&job| jobs[job].clone()).collect();
         let session = &mut self.sessions[session];
-        let numbers = Numbers::new(subject, &chosen, session.capacity(), self.threads)?;
+        let numbers = Numbers::new(subject, &chosen, session.capacity(), self.tables.starts, self.threads)?;
         session.run(&self.stream, &numbers)
     }
 

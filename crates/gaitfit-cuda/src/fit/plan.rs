@@ -54,6 +54,8 @@ pub struct Plan {
     places: usize,
     joints: usize,
     params: usize,
+    /// Starts of a recording.
+    starts: usize,
     /// Physics steps of a control period, if torques disturb it.
     disturbed: Option<usize>,
     /// Threads and bytes of shared memory of a block of the policy's kernel; none of a replay.
@@ -89,6 +91,7 @@ impl Plan {
             ("factors", Kind::F64, sizes.candidates * 3 * joints),
             ("every", Kind::U32, sizes.candidates),
             ("seeds", Kind::U32, 2 * sizes.candidates),
+            ("begins", Kind::U32, sizes.candidates),
             ("deviation", Kind::F64, sizes.candidates),
             ("imus", Kind::F32, IMU_NUMBERS * sizes.candidates),
             ("lengths", Kind::U32, sizes.recordings),
@@ -121,6 +124,7 @@ impl Plan {
             places,
             joints,
             params: scene.params.len(),
+            starts: tables.starts,
             disturbed: (!scene.spots.disturbance.is_empty()).then(|| scene.period.substeps()),
             block,
         }
@@ -177,6 +181,7 @@ impl Plan {
                     "lengths",
                     "commands",
                     "starts",
+                    "begins",
                     "states",
                     "actions",
                     "every",
@@ -192,6 +197,7 @@ impl Plan {
                     "signals",
                     "ends",
                 ];
+                let numbers = [&numbers[..], &[self.starts]].concat();
                 self.launch("walk", shape, &numbers, &arrays)
             }
             None => {

@@ -95,14 +95,6 @@ impl Subject<'_> {
             Self::Replay(replay) => (replay.settings(), replay.options().substeps, replay.taps()),
         };
         let model = self.model();
-        if !model.self_pairs.is_empty() {
-            let what = "contact between the robot's own parts (self_contact)";
-            return Err(FitError::Unsupported(what.to_owned()));
-        }
-        if model.free_joint.is_some() {
-            let what = "armature, damping or friction loss of the free joint";
-            return Err(FitError::Unsupported(what.to_owned()));
-        }
         let options = PeriodOptions { substeps, taps, lanes: LANES, emit: EmitOptions::default() };
         let networks = modifications::<Traced>(model, &candidate.networks, Extras::beyond(structure.kept))?;
         let forces = matches!(self, Self::Walk(..));

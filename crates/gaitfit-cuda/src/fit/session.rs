@@ -188,6 +188,7 @@ impl Session {
         self.write(stream, "factors", &numbers.factors)?;
         self.write(stream, "every", &numbers.every)?;
         self.write(stream, "seeds", &numbers.seeds)?;
+        self.write(stream, "begins", &numbers.begins)?;
         self.write(stream, "deviation", &numbers.deviation)?;
         self.write(stream, "imus", &numbers.imus)?;
         if numbers.weights.iter().any(|weights| !weights.is_empty()) {

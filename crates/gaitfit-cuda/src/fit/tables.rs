@@ -19,6 +19,8 @@ pub struct Tables {
     pub samples: usize,
     /// Whether every sample of every recording has a whole state and actions, for resets.
     pub has_states: bool,
+    /// Starts of each recording; 1 of a replay.
+    pub starts: usize,
     /// Arrays in single precision, by name.
     pub singles: Vec<(&'static str, Vec<f32>)>,
     /// Arrays in double precision, by name.
@@ -33,10 +35,6 @@ impl Tables {
     pub fn walk(walker: &Walker, policy: &Policy, scripts: &[Script]) -> Result<Self, FitError> {
         if policy.front.is_some() {
             return Err(FitError::Unsupported("a recurrent or two-part policy".to_owned()));
-        }
-        if walker.touches_itself() {
-            let what = "contact between the robot's own parts (self_contact)";
-            return Err(FitError::Unsupported(what.to_owned()));
         }
         let actor = &policy.actor;
         if let Some(what) = actor.untrainable().or_else(|| unknown(actor.shape.activation)) {
@@ -54,13 +52,15 @@ impl Tables {
         let mut commands = vec![0.0; 3 * rows];
         let mut states = vec![0.0; if has_states { width * rows } else { 0 }];
         let mut logged = vec![0.0; if has_states { actions * rows } else { 0 }];
-        let mut starts = Vec::with_capacity(width * scripts.len());
+        let each = scripts.iter().map(|script| 1 + script.others.len()).max().unwrap_or(1);
+        let mut starts = Vec::with_capacity(width * each * scripts.len());
         for (number, script) in scripts.iter().enumerate() {
             let first = number * samples;
             for (sample, command) in script.commands.iter().enumerate() {
                 commands[3 * (first + sample)..][..3].copy_from_slice(command);
             }
-            starts.extend(numbers(&script.start));
+            // As many of each recording; one with fewer has them again.
+            starts.extend((0..each).flat_map(|number| numbers(script.begins(number as u64))));
             if has_states {
                 let length = script.commands.len();
                 logged[actions * first..][..actions * length]
@@ -74,6 +74,7 @@ impl Tables {
             lengths: lengths.iter().map(|&length| length as u32).collect(),
             samples,
             has_states,
+            starts: each,
             singles: vec![
                 ("commands", commands),
                 ("starts", starts),
@@ -90,10 +91,6 @@ impl Tables {
     /// # Errors
     /// A robot that cannot be stepped.
     pub fn replay(replay: &Replay) -> Result<Self, FitError> {
-        if !replay.model().self_pairs.is_empty() {
-            let what = "contact between the robot's own parts (self_contact)";
-            return Err(FitError::Unsupported(what.to_owned()));
-        }
         let joints = replay.model().joints.len();
         let recordings = replay.recordings();
         let lengths: Vec<usize> = recordings.iter().map(|one| one.target.len() / joints.max(1)).collect();
@@ -115,6 +112,7 @@ impl Tables {
             lengths: lengths.iter().map(|&length| length as u32).collect(),
             samples,
             has_states: false,
+            starts: 1,
             singles: vec![("logged", logged), ("velocities", velocities), ("rest", rest)],
             doubles: vec![("gains", gains)],
         })

@@ -63,22 +63,16 @@ pub struct Scene<'a> {
 /// # Errors
 /// [`RolloutError::Unsupported`], or `PpoError::Unsupported` of the learner's networks.
 pub fn check(task: &Task, candidates: &[Candidate], learner: &Learner) -> Result<(), RolloutError> {
-    check_robots(task, candidates)?;
+    check_robots(candidates)?;
     check_rewards(task)?;
     Ok(check_networks(learner)?)
 }
 
-fn check_robots(task: &Task, candidates: &[Candidate]) -> Result<(), RolloutError> {
+fn check_robots(candidates: &[Candidate]) -> Result<(), RolloutError> {
     let unsupported = |what: &str| Err(RolloutError::Unsupported(what.to_owned()));
     let networks = candidates.first().map_or(&[][..], |candidate| &candidate.networks);
     if candidates.iter().any(|candidate| candidate.networks != networks) {
         return unsupported("robots whose networks differ");
-    }
-    if task.walker.touches_itself() {
-        return unsupported("contact between the robot's own parts (self_contact)");
-    }
-    if task.walker.model().free_joint.is_some() {
-        return unsupported("armature, damping or friction loss of the free joint");
     }
     Ok(())
 }
@@ -101,7 +95,7 @@ impl<'a> Scene<'a> {
         environments: usize,
         processors: usize,
     ) -> Result<Period, RolloutError> {
-        check_robots(task, candidates)?;
+        check_robots(candidates)?;
         let networks = candidates.first().map_or(&[][..], |candidate| &candidate.networks);
         let batch = &task.walker.batch;
         let options = PeriodOptions {
@@ -133,7 +127,7 @@ impl<'a> Scene<'a> {
     /// # Errors
     /// [`RolloutError::Unsupported`] for reward terms that are functions of a library's user.
     pub fn new(task: &'a Task, period: &'a Period, sizes: Sizes) -> Result<Self, RolloutError> {
-        check_robots(task, &[])?;
+        check_robots(&[])?;
         check_rewards(task)?;
         let spots = Spots::new(period);
         let asked_slots = spots.memory.iter().zip(&period.memory).filter(|(_, asked)| **asked);

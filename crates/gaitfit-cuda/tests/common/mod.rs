@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 use gaitfit_cuda::emit::{EmitOptions, PeriodProgram, Seating};
-use gaitfit_model::{HeightField, Model, ObstacleShape, ReadOptions, Shape, read};
+use gaitfit_model::{HeightField, Model, ObstacleShape, ReadOptions, SelfContact, Shape, read};
 use gaitfit_physics::in_f64::control_period;
 use gaitfit_physics::trace::{PeriodGraph, Report, Traced, record_period_with};
 use gaitfit_physics::{
@@ -47,6 +47,11 @@ pub fn on_box(model: Model) -> Model {
     model.obstacles[0].pos[2] = -0.5;
     model.obstacles[0].shape = ObstacleShape::Box { half_size: [0.6, 0.7, 0.5] };
     model
+}
+
+/// Its own parts touch as `chosen` says.
+pub fn touching(model: &Model, chosen: &SelfContact) -> Model {
+    model.touching_itself(chosen).unwrap().0
 }
 
 /// `extras`: networks that act on the joints, disturbing torques, and a report of everything.

@@ -51,6 +51,7 @@ fn scripts(task: &Task, policy: &Policy, count: usize, samples: usize) -> Vec<Sc
             Script {
                 commands: vec![[1.2 * x - 0.4, 0.3 - 0.5 * x, 0.6 * (7.0 * x).sin()]; samples - number % 3],
                 start: walker.start_from_joints(&angles, &vec![0.0; angles.len()]),
+                others: Vec::new(),
                 states: Vec::new(),
                 actions: Vec::new(),
             }

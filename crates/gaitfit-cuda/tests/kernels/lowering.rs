@@ -1,11 +1,11 @@
 //! A program shared among threads, computed in `f64`, equals the step.
 
 use crate::common::{
-    difference, feet, networks, on_box, on_field, recorded, robot, samples, samples_with, shared,
+    difference, feet, networks, on_box, on_field, recorded, robot, samples, samples_with, shared, touching,
 };
 use gaitfit_cuda::emit::{EmitOptions, Node, Op, PeriodProgram, Seating};
 use gaitfit_cuda::physics::{Period, PeriodOptions, Shared};
-use gaitfit_model::{Cone, Model};
+use gaitfit_model::{Cone, Model, SelfContact};
 use gaitfit_physics::trace::{Input, Report, Traced, record_period_with};
 use gaitfit_physics::{Kept, Preset, Robot, Settings, compile};
 
@@ -53,6 +53,19 @@ fn a_quadruped_on_uneven_ground_is_shared() {
         for lanes in [2, 4] {
             compare(label, &model, Preset::Fast, lanes, 600, 1e-9);
         }
+    }
+}
+
+/// Self-contact couples limbs, so one thread computes all of them.
+#[test]
+fn self_contact_takes_one_thread() {
+    let crab = touching(&robot("crab"), &SelfContact::File);
+    let go2 = touching(&feet(robot("go2")), &SelfContact::Limbs);
+    for (label, model) in [("crab", &crab), ("go2", &go2)] {
+        compare(label, model, Preset::Fast, 1, 0, 0.0);
+        let settings = Settings::new(&model.options, Preset::Fast);
+        let options = PeriodOptions { substeps: 2, taps: 1, lanes: 4, emit: EmitOptions::default() };
+        assert_eq!(Period::new(model, &settings, options, &[]).unwrap().lanes(), 1);
     }
 }
 

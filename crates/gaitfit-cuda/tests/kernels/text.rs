@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::process::Command;
 
-use crate::common::{Sample, feet, on_box, on_field, recorded, robot, samples, shared};
+use crate::common::{Sample, feet, on_box, on_field, recorded, robot, samples, shared, touching};
 use gaitfit_cuda::emit::{Class, Layout, PeriodProgram, body, cuda, head, tables};
 use gaitfit_cuda::runtime::{Nvrtc, Program, compile};
-use gaitfit_model::{Cone, Model, ObstacleShape};
+use gaitfit_model::{Cone, Model, ObstacleShape, SelfContact};
 use gaitfit_physics::trace::{Input, Output, PeriodGraph};
 use gaitfit_physics::{Preset, Settings};
 use sha2::{Digest, Sha256};
@@ -221,6 +221,9 @@ fn cxx_text_computes_the_step() {
     check_cxx("humanoid", &robot("humanoid"), Preset::Fast, 2, 100, false);
     check_cxx("go2 feet on a field", &on_field(feet(go2.clone())), Preset::Fast, 4, 600, false);
     check_cxx("go2 feet on a box", &on_box(feet(go2.clone())), Preset::Fast, 2, 0, true);
+    let crab = touching(&robot("crab"), &SelfContact::File);
+    check_cxx("crab that touches itself", &crab, Preset::Fast, 1, 600, false);
+    check_cxx("dragged tripod", &robot("drag"), Preset::Fast, 1, 600, false);
     let mut elliptic = feet(go2);
     elliptic.options.cone = Cone::Elliptic;
     check_cxx("elliptic go2 feet", &elliptic, Preset::Fast, 4, 600, false);

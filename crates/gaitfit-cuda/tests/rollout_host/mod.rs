@@ -13,7 +13,9 @@ use gaitfit_cuda::ppo::Id;
 use gaitfit_cuda::rollout::{Mode, Plan, RolloutError, Scene, Sizes};
 use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::task::{CurriculumSettings, JointNumber, Task, TaskSettings, TerrainSettings};
-use gaitfit_model::{ContactPair, Ground, HeightField, Obstacle, ObstacleShape, Shape};
+use gaitfit_model::{
+    ContactPair, FreeJoint, Ground, HeightField, Obstacle, ObstacleShape, SelfContact, Shape,
+};
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
 use gaitfit_policy::{FrameOrder, History, HistoryStart, Quantity, Term};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Sensors};
@@ -258,6 +260,33 @@ fn cxx_steps_on_the_files_ground_are_the_cpus() {
     settings.fall.tilt = 12.0;
     let task = Task::new(&model, &settings, Preset::Fast).unwrap();
     compare("the file's ground", &task, &Candidate::nominal(&model));
+}
+
+/// Legs that swing wildly hit each other and the trunk.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_of_a_robot_that_touches_itself_are_the_cpus() {
+    let mut settings = lively("velocity");
+    settings.fall.tilt = 12.0;
+    settings.start.linear_velocity = 6.0;
+    settings.self_contact = SelfContact::File;
+    let task = Task::new(&go2(), &settings, Preset::Fast).unwrap();
+    assert!(task.walker.touches_itself());
+    compare("self-contact", &task, &Candidate::nominal(&go2()));
+}
+
+/// A base that is dragged: armature, damping and friction loss of its free joint.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_of_a_dragged_base_are_the_cpus() {
+    let mut model = go2();
+    let (solref_friction, solimp_friction) = ([0.02, 1.0], [0.9, 0.95, 0.001, 0.5, 2.0]);
+    let free = FreeJoint { armature: 0.2, damping: 3.0, frictionloss: 4.0, solref_friction, solimp_friction };
+    model.free_joint = Some(free);
+    let mut settings = lively("velocity");
+    settings.fall.tilt = 12.0;
+    let task = Task::new(&model, &settings, Preset::Fast).unwrap();
+    compare("dragged", &task, &Candidate::nominal(&model));
 }
 
 #[test]

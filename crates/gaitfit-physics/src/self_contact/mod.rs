@@ -111,11 +111,19 @@ pub(crate) struct SelfContactPoint<T> {
     pub force: [T; 6],
 }
 
+/// A pair in the current step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SelfContactPairWork<T: Real> {
+    /// Guards the numbers of the pair: needed unless its two shapes are apart.
+    pub active: T::Guard,
+    pub friction: [T; 5],
+}
+
 /// Scratch of the self-contacts; empty for robots without.
 #[derive(Clone, Debug)]
 pub(crate) struct SelfContactWork<T: Real> {
-    /// Guards and friction of the pairs.
-    pub pairs: Vec<(T::Guard, [T; 5])>,
+    pub pairs: Vec<SelfContactPairWork<T>>,
+    /// They have a value only where the guard of their pair is active.
     pub points: Vec<SelfContactPoint<T>>,
     /// Rows of the Jacobian over the pair's joints, and the Hessians of the cones.
     pub rows: Vec<T>,
@@ -129,6 +137,8 @@ pub(crate) struct SelfContactWork<T: Real> {
     /// One row of it, and a right side.
     pub row: Vec<T>,
     pub change: Vec<T>,
+    /// Sums that a pair's region changed, until they are merged.
+    pub sums: Vec<T>,
     /// Inertia that each link carries beyond its own segment, contacts with the ground included.
     pub carried: Vec<Articulated<T>>,
 }
@@ -142,7 +152,7 @@ impl<T: Real> SelfContactWork<T> {
         let n = some(joints + if floating { 6 } else { 0 });
         let point = SelfContactPoint { d: z, residual: [z; 6], step: [z; 6], force: [z; 6] };
         Self {
-            pairs: vec![(T::never(), [z; 5]); contacts.pairs.len()],
+            pairs: vec![SelfContactPairWork { active: T::never(), friction: [z; 5] }; contacts.pairs.len()],
             points: vec![point; contacts.points],
             rows: vec![z; contacts.rows],
             weights: vec![z; contacts.weights],
@@ -151,6 +161,7 @@ impl<T: Real> SelfContactWork<T> {
             matrix: vec![z; n * (n + 1) / 2],
             row: vec![z; n],
             change: vec![z; n],
+            sums: vec![z; n * (n + 1) / 2],
             carried: vec![Articulated::zero(); some(links)],
         }
     }

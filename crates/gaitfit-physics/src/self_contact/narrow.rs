@@ -18,7 +18,26 @@ pub(crate) struct Spot<T> {
     pub normal: V3<T>,
 }
 
+/// Distance of what does not touch, m.
+const FAR: f64 = 1e3;
+
 impl<T: Real> Spot<T> {
+    /// A place where nothing touches.
+    #[inline(always)]
+    pub fn far() -> Self {
+        let (zero, one) = (T::zero(), T::lit(1.0));
+        Self { distance: T::lit(FAR), x: zero3(), normal: [one, zero, zero] }
+    }
+
+    /// After a region that found it: see [`Real::merge`].
+    #[inline(always)]
+    pub fn merge(mut self, guard: T::Guard, before: &Self) -> Self {
+        self.distance = self.distance.merge(guard, before.distance);
+        merge_all(&mut self.x, guard, &before.x);
+        merge_all(&mut self.normal, guard, &before.normal);
+        self
+    }
+
     /// Contact frame: normal and tangents.
     #[inline(always)]
     pub fn frame(&self) -> M3<T> {
@@ -126,7 +145,7 @@ fn rods<T: Real>(
     let skew = balls(axpy(x1, axes[0], centers[0]), axpy(x2, axes[1], centers[1]), radii);
     // Parallel: opposite the ends, the first two that touch.
     let places = [(one, r.second(one)), (-one, r.second(-one)), (r.first(one), one), (r.first(-one), -one)];
-    let far = T::lit(1e3);
+    let far = T::lit(FAR);
     let mut found = [Spot { distance: far, ..skew }; MAX_POINTS];
     let margin = T::k(pair.margin);
     for (x1, x2) in places {

@@ -3,7 +3,7 @@
 use crate::Real;
 use crate::contact::{MIN_FRICTION, impedance, row_scale};
 use crate::self_contact::narrow::{Spot, center, spots};
-use crate::self_contact::{SelfContactPair, SelfContactPoint};
+use crate::self_contact::{MAX_POINTS, SelfContactPair, SelfContactPoint};
 use crate::separate::separate;
 use crate::smooth::Pass;
 use crate::state::Work;
@@ -22,26 +22,37 @@ separate! {
             let poses = [&work.touching[first.pose], &work.touching[second.pose]];
             let centers = [center(first, poses[0]), center(second, poses[1])];
             let between = sub(centers[1], centers[0]);
-            let active = (dot(between, between) - T::k(pair.reach2)).unless_ge(T::zero());
-            work.self_contact.pairs[index].0 = active;
+            let near = (dot(between, between) - T::k(pair.reach2)).unless_ge(T::zero());
+            let mut found = [Spot::far(); MAX_POINTS];
+            if T::enter(near) {
+                let new = spots(pair, poses, centers);
+                T::leave(near);
+                for k in 0..pair.points.len() {
+                    found[k] = new[k].merge(near, &found[k]);
+                }
+            }
+            let mut closest = found[0].distance;
+            for spot in &found[1..pair.points.len()] {
+                closest = closest.min(spot.distance);
+            }
+            closest = closest - T::k(pair.margin);
+            gap = gap.min(closest);
+            let active = closest.unless_ge(T::zero());
+            work.self_contact.pairs[index].active = active;
             if !T::enter(active) {
                 continue;
             }
-            let found = spots(pair, poses, centers);
             for k in 0..5 {
                 let mu = params.friction_scale * T::k(pair.friction[k]);
-                work.self_contact.pairs[index].1[k] = mu.max(T::lit(MIN_FRICTION));
+                work.self_contact.pairs[index].friction[k] = mu.max(T::lit(MIN_FRICTION));
             }
-            let friction = work.self_contact.pairs[index].1[0];
+            let friction = work.self_contact.pairs[index].friction[0];
             let weight = params.pairs[tree.pairs.len() + index].translation;
             let inverse_scale = row_scale(tree, pair.condim, friction, weight) * T::k(pair.reference.gain);
-            let before = gap;
             for number in 0..pair.points.len() {
                 point(pass, pair, number, &found[number], inverse_scale, work);
-                gap = gap.min(found[number].distance - T::k(pair.margin));
             }
             T::leave(active);
-            gap = gap.merge(active, before);
         }
         work.self_contact.touching = gap.unless_ge(T::zero());
     }

@@ -7,9 +7,9 @@
 use crate::Real;
 use crate::cone::{Kinks, ellipse, ellipse_line, pyramid, pyramid_line};
 use crate::segment::joint_terms;
-use crate::self_contact::SelfContactPair;
+use crate::self_contact::{SelfContactPair, SelfContactPairWork};
 use crate::separate::separate;
-use crate::spatial::{Articulated, V6, add6, dot6, dot6_add, zero6};
+use crate::spatial::{Articulated, V6, add6, dot6, dot6_add, merge6, zero6};
 use crate::state::{State, Work};
 use crate::tree::Tree;
 
@@ -20,19 +20,19 @@ separate! {
         for torque in &mut contacts.torque {
             *torque = T::zero();
         }
-        if !T::enter(contacts.touching) {
-            return;
-        }
         for index in 0..tree.self_contact.pairs.len() {
             let pair = &tree.self_contact.pairs[index];
-            let (active, mu) = contacts.pairs[index];
+            let SelfContactPairWork { active, friction } = contacts.pairs[index];
             if !T::enter(active) {
                 continue;
             }
             let joints = &tree.self_contact.joints[pair.joints.clone()];
+            for (sum, joint) in contacts.sums.iter_mut().zip(joints) {
+                *sum = contacts.torque[joint.joint];
+            }
             for number in 0..pair.points.len() {
                 let point = &mut contacts.points[pair.points.start + number];
-                let (force, weight) = cone(tree, pair, &mu, point.d, &point.residual);
+                let (force, weight) = cone(tree, pair, &friction, point.d, &point.residual);
                 point.force = force;
                 let start = pair.weights + number * pair.dims * pair.dims;
                 for k in 0..pair.dims {
@@ -42,15 +42,17 @@ separate! {
                 }
                 let rows = pair.rows + number * pair.dims * joints.len();
                 for k in 0..pair.dims {
-                    for (place, joint) in joints.iter().enumerate() {
+                    for place in 0..joints.len() {
                         let row = contacts.rows[rows + k * joints.len() + place];
-                        contacts.torque[joint.joint] = row.fma(force[k], contacts.torque[joint.joint]);
+                        contacts.sums[place] = row.fma(force[k], contacts.sums[place]);
                     }
                 }
             }
             T::leave(active);
+            for (sum, joint) in contacts.sums.iter().zip(joints) {
+                contacts.torque[joint.joint] = sum.merge(active, contacts.torque[joint.joint]);
+            }
         }
-        T::leave(contacts.touching);
     }
 }
 
@@ -84,14 +86,20 @@ fn at(i: usize, j: usize) -> usize {
 }
 
 separate! {
-    /// Corrects the step in `work` for the contacts' Hessian; returns what the slope along it changes by. Called where
-    /// something touches.
-    pub(crate) fn correct<T>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) -> T {
+    /// Corrects the step in `work` for the contacts' Hessian where something touches; returns the slope along it, which
+    /// was `slope`.
+    pub(crate) fn correct<T>(tree: &Tree<T::K>, slope: T, state: &State<T>, work: &mut Work<T>) -> T {
+        let touching = work.self_contact.touching;
+        if !T::enter(touching) {
+            return slope;
+        }
         hessian(tree, state, work);
         couple(tree, work);
         solve(work);
         let joints = tree.joints();
+        let root = work.nodes[0].step;
         for j in 0..joints {
+            work.self_contact.row[j] = work.joints[j].step;
             work.joints[j].step = work.joints[j].step + work.self_contact.change[j];
         }
         if tree.floating {
@@ -101,29 +109,42 @@ separate! {
                 step[1][k] = step[1][k] + work.self_contact.change[joints + 3 + k];
             }
         }
-        // gᵀ(s − s₀) = s₀ᵀ C s; the points' steps are still those of s₀.
-        let mut slope = T::zero();
-        for index in 0..tree.self_contact.pairs.len() {
-            let pair = &tree.self_contact.pairs[index];
-            let active = work.self_contact.pairs[index].0;
-            if !T::enter(active) {
-                continue;
-            }
-            for number in 0..pair.points.len() {
-                let before = work.self_contact.points[pair.points.start + number].step;
-                let after = point_step(tree, pair, number, work);
-                let start = pair.weights + number * pair.dims * pair.dims;
-                for k in 0..pair.dims {
-                    for l in 0..pair.dims {
-                        let weight = work.self_contact.weights[start + k * pair.dims + l];
-                        slope = (weight * before[k]).fma(after[l], slope);
-                    }
+        let corrected = slope + change_of_slope(tree, work);
+        T::leave(touching);
+        for j in 0..joints {
+            work.joints[j].step = work.joints[j].step.merge(touching, work.self_contact.row[j]);
+        }
+        merge6(&mut work.nodes[0].step, touching, &root);
+        corrected.merge(touching, slope)
+    }
+}
+
+/// What the correction of the step changes the slope by: gᵀ(s − s₀) = s₀ᵀ C s. The points' steps are still those of s₀.
+#[inline(always)]
+fn change_of_slope<T: Real>(tree: &Tree<T::K>, work: &Work<T>) -> T {
+    let mut slope = T::zero();
+    for index in 0..tree.self_contact.pairs.len() {
+        let pair = &tree.self_contact.pairs[index];
+        let active = work.self_contact.pairs[index].active;
+        if !T::enter(active) {
+            continue;
+        }
+        let sum = slope;
+        for number in 0..pair.points.len() {
+            let before = work.self_contact.points[pair.points.start + number].step;
+            let after = point_step(tree, pair, number, work);
+            let start = pair.weights + number * pair.dims * pair.dims;
+            for k in 0..pair.dims {
+                for l in 0..pair.dims {
+                    let weight = work.self_contact.weights[start + k * pair.dims + l];
+                    slope = (weight * before[k]).fma(after[l], slope);
                 }
             }
-            T::leave(active);
         }
-        slope
+        T::leave(active);
+        slope = slope.merge(active, sum);
     }
+    slope
 }
 
 /// `J` of the joints' steps at one point.
@@ -166,6 +187,7 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
             continue;
         }
         let link = tree.self_contact.ground_links[index];
+        let before = work.self_contact.carried[link];
         for (number, point) in work.points[pair.points.clone()].iter().enumerate() {
             if pair.condim > 3 {
                 work.self_contact.carried[link].add(&work.spins[pair.spin + number].1);
@@ -174,6 +196,7 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
             }
         }
         T::leave(active);
+        work.self_contact.carried[link].merge(active, &before);
     }
     for link in (1..=joints).rev() {
         let j = link - 1;
@@ -225,19 +248,30 @@ fn couple<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
     }
     for index in 0..tree.self_contact.pairs.len() {
         let pair = &tree.self_contact.pairs[index];
-        let active = work.self_contact.pairs[index].0;
+        let active = work.self_contact.pairs[index].active;
         if !T::enter(active) {
             continue;
         }
         let joints = &tree.self_contact.joints[pair.joints.clone()];
         let count = joints.len();
+        // The sums of the region: right sides, then elements.
+        let elements = || (0..count).flat_map(|place| (place..count).map(move |other| (place, other)));
+        let element = |(place, other): (usize, usize)| at(joints[other].joint, joints[place].joint);
+        let contacts = &mut work.self_contact;
+        for (place, joint) in joints.iter().enumerate() {
+            contacts.row[place] = contacts.change[joint.joint];
+        }
+        for (sum, places) in contacts.sums.iter_mut().zip(elements()) {
+            *sum = contacts.matrix[element(places)];
+        }
         for number in 0..pair.points.len() {
             let step = point_step(tree, pair, number, work);
             let contacts = &mut work.self_contact;
             contacts.points[pair.points.start + number].step = step;
             let rows = pair.rows + number * pair.dims * count;
             let weights = pair.weights + number * pair.dims * pair.dims;
-            for (place, joint) in joints.iter().enumerate() {
+            let mut sum = 0;
+            for place in 0..count {
                 // The column W J of this joint.
                 let mut column = [T::zero(); 6];
                 for k in 0..pair.dims {
@@ -246,22 +280,27 @@ fn couple<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
                         column[k] = weight.fma(contacts.rows[rows + l * count + place], column[k]);
                     }
                 }
-                let mut right = contacts.change[joint.joint];
                 for k in 0..pair.dims {
-                    right = column[k].fnma(step[k], right);
+                    contacts.row[place] = column[k].fnma(step[k], contacts.row[place]);
                 }
-                contacts.change[joint.joint] = right;
                 for other in place..count {
-                    let element = at(joints[other].joint, joint.joint);
-                    let mut sum = contacts.matrix[element];
                     for k in 0..pair.dims {
-                        sum = contacts.rows[rows + k * count + other].fma(column[k], sum);
+                        let row = contacts.rows[rows + k * count + other];
+                        contacts.sums[sum] = row.fma(column[k], contacts.sums[sum]);
                     }
-                    contacts.matrix[element] = sum;
+                    sum += 1;
                 }
             }
         }
         T::leave(active);
+        let contacts = &mut work.self_contact;
+        for (place, joint) in joints.iter().enumerate() {
+            contacts.change[joint.joint] = contacts.row[place].merge(active, contacts.change[joint.joint]);
+        }
+        for (sum, places) in contacts.sums.iter().zip(elements()) {
+            let place = element(places);
+            contacts.matrix[place] = sum.merge(active, contacts.matrix[place]);
+        }
     }
 }
 
@@ -301,15 +340,13 @@ separate! {
     /// Keeps the points' steps; returns the slope of their cost.
     pub(crate) fn steps<T>(tree: &Tree<T::K>, work: &mut Work<T>) -> T {
         let mut slope = T::zero();
-        if !T::enter(work.self_contact.touching) {
-            return slope;
-        }
         for index in 0..tree.self_contact.pairs.len() {
             let pair = &tree.self_contact.pairs[index];
-            let active = work.self_contact.pairs[index].0;
+            let active = work.self_contact.pairs[index].active;
             if !T::enter(active) {
                 continue;
             }
+            let before = slope;
             for number in 0..pair.points.len() {
                 let step = point_step(tree, pair, number, work);
                 let point = &mut work.self_contact.points[pair.points.start + number];
@@ -319,8 +356,8 @@ separate! {
                 }
             }
             T::leave(active);
+            slope = slope.merge(active, before);
         }
-        T::leave(work.self_contact.touching);
         slope
     }
 }
@@ -335,15 +372,13 @@ separate! {
         kinks: &mut Kinks<T>,
     ) -> (T, T) {
         let mut g = before;
-        if !T::enter(work.self_contact.touching) {
-            return g;
-        }
         for index in 0..tree.self_contact.pairs.len() {
             let pair = &tree.self_contact.pairs[index];
-            let (active, mu) = work.self_contact.pairs[index];
+            let SelfContactPairWork { active, friction: mu } = work.self_contact.pairs[index];
             if !T::enter(active) {
                 continue;
             }
+            let before = (g, *kinks);
             for point in &work.self_contact.points[pair.points.clone()] {
                 if pair.condim == 1 {
                     let j = alpha.fma(point.step[0], point.residual[0]);
@@ -357,8 +392,9 @@ separate! {
                 }
             }
             T::leave(active);
+            g = (g.0.merge(active, before.0.0), g.1.merge(active, before.0.1));
+            kinks.merge(active, &before.1);
         }
-        T::leave(work.self_contact.touching);
         g
     }
 }
@@ -366,12 +402,9 @@ separate! {
 separate! {
     /// Moves the residuals by `alpha` of the step.
     pub(crate) fn advance<T>(tree: &Tree<T::K>, alpha: T, work: &mut Work<T>) {
-        if !T::enter(work.self_contact.touching) {
-            return;
-        }
         for index in 0..tree.self_contact.pairs.len() {
             let pair = &tree.self_contact.pairs[index];
-            let active = work.self_contact.pairs[index].0;
+            let active = work.self_contact.pairs[index].active;
             if !T::enter(active) {
                 continue;
             }
@@ -382,6 +415,5 @@ separate! {
             }
             T::leave(active);
         }
-        T::leave(work.self_contact.touching);
     }
 }

@@ -156,11 +156,6 @@ pub enum TraceError {
     /// A table that is not of constants.
     #[error("a table whose entries are no constants cannot be recorded")]
     Table,
-    /// Own parts of a robot that touch each other.
-    #[error(
-        "contact between the robot's own parts cannot be recorded, so no GPU simulates it; use the processor (--device cpu), or leave `self_contact` out"
-    )]
-    SelfContact,
     /// A function with regions, or one that calls another.
     #[error(
         "a function that is called at many places has guarded regions or loops, or calls another; use `Real::select_lt` in it"

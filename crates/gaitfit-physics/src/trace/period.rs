@@ -123,9 +123,6 @@ pub fn record_period_with(
     modifications: &[JointModification<Known>],
     report: &Report,
 ) -> Result<PeriodGraph, TraceError> {
-    if tree.has_self_contact() {
-        return Err(TraceError::SelfContact);
-    }
     let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
     let mut modifications = modifications.to_vec();
     let graph = record(|| {
@@ -136,7 +133,7 @@ pub fn record_period_with(
         let joints = tree.joints();
         let mut state = State::<Traced>::new(tree);
         state.visit_mut(|slot, number| *number = input(Input::State(slot)));
-        let mut params = Params::<Traced>::zeros(tree.links.len(), joints, tree.pairs.len());
+        let mut params = Params::<Traced>::zeros(tree.links.len(), joints, tree.all_pairs());
         params.free = vec![Traced::zero(); tree.free_weights()];
         let fixed: HashMap<Slot, f64> = report.fixed.iter().copied().collect();
         params.visit_mut(|slot, number| {

@@ -1,10 +1,7 @@
 //! Boxes and height fields as ground: where they are planes, they are a plane's ground; what is not computed is refused.
 
 use gaitfit_model::{Model, ObstacleShape, ReadOptions, SelfContact, Shape, read_mjcf_str};
-use gaitfit_physics::trace::{TraceError, Traced, record_period};
-use gaitfit_physics::{
-    Forward, PhysicsError, Preset, RowKind, Settings, Work, compile, constraint_rows, state_from,
-};
+use gaitfit_physics::{Forward, PhysicsError, Preset, RowKind, Settings, Work, constraint_rows, state_from};
 
 /// A robot of two balls, one on a leg, over a ground.
 fn hopper(ground: &str) -> Model {
@@ -21,12 +18,6 @@ fn hopper(ground: &str) -> Model {
     );
     read_mjcf_str(&text, &ReadOptions::default()).unwrap()
 }
-
-/// Two arms on a wall, each with a ball.
-const TWO_ARMS: &str = r#"<mujoco><worldbody><body>
-    <body pos="0 0.1 0"><joint axis="1 0 0"/><geom size="0.05" pos="0 0 -0.3"/></body>
-    <body pos="0 -0.1 0"><joint axis="1 0 0"/><geom size="0.05" pos="0 0 -0.3"/></body>
-    </body></worldbody></mujoco>"#;
 
 fn settings(model: &Model) -> Settings {
     Settings::new(&model.options, Preset::Converged)
@@ -109,13 +100,6 @@ fn parallel_rods_touch_twice() {
 #[test]
 fn what_is_not_computed_is_refused() {
     let mut model = hopper(r#"<geom name="step" type="box" size="5 5 1" pos="0 0 -1"/>"#);
-    let touching = read_mjcf_str(TWO_ARMS, &ReadOptions::default()).unwrap();
-    let (touching, _) = touching.touching_itself(&SelfContact::File).unwrap();
-    let tree = compile::<Traced>(&touching, &settings(&touching)).unwrap();
-    let refused = record_period(&tree, 3, 2, &[]).unwrap_err();
-    assert_eq!(refused, TraceError::SelfContact);
-    assert!(refused.to_string().contains("--device cpu"));
-
     model.geoms[0].shape = Shape::Box { half_size: [0.1; 3] };
     let refused = Forward::new(&model, &settings(&model)).err().unwrap();
     assert!(matches!(&refused, PhysicsError::ObstacleShape { geom, .. } if geom == "trunk"), "{refused}");

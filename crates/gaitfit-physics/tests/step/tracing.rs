@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use crate::common::batch::{networks, param_values, values};
 use crate::common::random::Random;
-use crate::common::{Arrays, here, robot};
+use crate::common::{Arrays, here, robot, touching};
 use gaitfit_model::{Cone, Model};
 use gaitfit_physics::in_f64::control_period;
 use gaitfit_physics::trace::{
@@ -36,7 +36,7 @@ fn compare(model: &Model, preset: Preset, file: &str) -> BTreeSet<usize> {
     let data = Arrays::open(&here(&format!("tests/fixtures/{file}.npz")));
     let mut random = Random(11);
     let mut patterns = BTreeSet::new();
-    let (mut limited, mut worst) = (0, 0.0f64);
+    let (mut limited, mut touching, mut worst) = (0, 0, 0.0f64);
     for index in 0..data.len("qpos") {
         let mut state = state_from(&tree, data.row("qpos", index), data.row("qvel", index)).unwrap();
         let mut robot = Robot::nominal(model);
@@ -57,6 +57,7 @@ fn compare(model: &Model, preset: Preset, file: &str) -> BTreeSet<usize> {
 
         let rows = constraint_rows(&tree, &params, &state, &mut Work::new(&tree));
         limited += rows.iter().filter(|row| matches!(row.kind, RowKind::Limit(_))).count();
+        touching += usize::from(rows.iter().any(|row| matches!(row.kind, RowKind::SelfContact(..))));
         let points = rows.iter().filter_map(|row| match row.kind {
             RowKind::Contact(pair, point) => Some((pair, point)),
             _ => None,
@@ -94,6 +95,7 @@ fn compare(model: &Model, preset: Preset, file: &str) -> BTreeSet<usize> {
         }
     }
     assert!(limited > 0, "no state at a limit");
+    assert_eq!(touching > 0, !model.self_pairs.is_empty(), "states with self-contact: {touching}");
     println!(
         "{file}, {preset:?}: {} operations, off by {worst:.1e}, contact points {patterns:?}",
         program.graph.nodes.len()
@@ -123,6 +125,16 @@ fn recorded_elliptic_step_equals_f64() {
 #[test]
 fn recorded_step_of_a_dragged_base_equals_f64() {
     compare(&robot("drag"), Preset::Accurate, "states_drag_pyr_imp1_fl");
+}
+
+#[test]
+fn recorded_self_contact_equals_f64() {
+    compare(&touching("crab"), Preset::Fast, "states_crab_pyr_imp1_fl");
+    for (name, file) in [("crab", "states_crab_ell_imp10_nofl"), ("twins", "states_twins_ell_imp1_fl")] {
+        let mut model = touching(name);
+        model.options.cone = Cone::Elliptic;
+        compare(&model, Preset::Accurate, file);
+    }
 }
 
 /// Nodes and regions of a program.

@@ -28,7 +28,13 @@ fn a_pilot_that_senses_what_a_simulated_robot_does_acts_as_it_does_bit_for_bit()
     let pose = policy.interface.model_pose(&model).unwrap();
     let commands: Vec<[f32; 3]> = (0..100).map(|k| [0.5, 0.1, if k < 50 { 0.0 } else { -0.6 }]).collect();
     let start = walker.start_from_joints(&pose, &vec![0.0; pose.len()]);
-    let script = Script { commands: commands.clone(), start, states: Vec::new(), actions: Vec::new() };
+    let script = Script {
+        commands: commands.clone(),
+        start,
+        others: Vec::new(),
+        states: Vec::new(),
+        actions: Vec::new(),
+    };
     let job = Job { candidate: Candidate::nominal(&model), reset_every: None, seed: 0 };
     let found = Mutex::new(Track::default());
     let keep = |_: usize, _: usize, track: &Track| *found.lock().unwrap() = track.clone();

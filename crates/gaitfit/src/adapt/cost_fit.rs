@@ -113,6 +113,7 @@ pub(super) fn fit(
         uncertainty: outcome.uncertainty.clone(),
         correction: outcome.correction.clone(),
         regression: outcome.regression.clone(),
+        redrawn: outcome.redrawn,
         audit,
         leftover: left,
         comparison: Vec::new(),

@@ -52,6 +52,13 @@ pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
             fit.falls
         ));
     }
+    if let Some(redrawn) = fit.redrawn.filter(|redrawn| redrawn.falls > 0) {
+        warnings.push(format!(
+            "{prefix}under other torque noise, and from starts near those of the logs, the fitted robot falls in {} of {} \
+             simulated walks",
+            redrawn.falls, redrawn.simulations
+        ));
+    }
     for parameter in fit.parameters.iter().filter(|one| stopped_by_bound(one)) {
         let name = &parameter.found.name;
         warnings.push(format!("{prefix}{name} rests on a bound of its search: widen it, or distrust it"));

@@ -22,7 +22,7 @@ use crate::walk::swing::{Beside, SwingFindings, doubt};
 use crate::watch::Watch;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
-    Agreement, Correction, CostOutcome, FitError, Regression, RunGeneration, RunOutcome, Uncertainty,
+    Agreement, Correction, CostOutcome, FitError, Redrawn, Regression, RunGeneration, RunOutcome, Uncertainty,
 };
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
@@ -149,6 +149,9 @@ pub struct CostFit {
     /// How simulated robots moved the values, where they did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub regression: Option<Regression>,
+    /// Walks of the fitted robot under draws and starts that the search did not use, where it was simulated so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub redrawn: Option<Redrawn>,
     /// What its errors go with, where it predicts single samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub audit: Option<Audit>,

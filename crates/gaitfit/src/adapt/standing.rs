@@ -315,6 +315,7 @@ mod tests {
             uncertainty: None,
             correction: None,
             regression: None,
+            redrawn: None,
             audit: None,
             leftover: None,
             comparison: Vec::new(),

@@ -203,21 +203,19 @@ mod tests {
     }
 
     #[test]
-    fn a_gpu_that_was_found_leaves_self_contact_to_the_cpu() {
+    fn a_gpu_that_was_found_leaves_the_rest_to_the_cpu() {
         let model = crate::robot::go2().unwrap();
-        let open = |self_contact| {
-            let settings = TaskSettings { self_contact, ..TaskSettings::default() };
-            Task::new(&model, &settings, gaitfit_physics::Preset::Fast).unwrap()
-        };
-        let touching = open(gaitfit_model::SelfContact::File);
-        let learner = gaitfit_learn::Training::fresh_learner(&touching, &Default::default(), 1).unwrap();
-        let (device, note) = Device::Found(0).for_training(&touching, &[], &learner).unwrap();
+        let settings =
+            TaskSettings { self_contact: gaitfit_model::SelfContact::File, ..TaskSettings::default() };
+        let task = Task::new(&model, &settings, gaitfit_physics::Preset::Fast).unwrap();
+        let learner = gaitfit_learn::Training::fresh_learner(&task, &Default::default(), 1).unwrap();
+        assert_eq!(Device::Found(0).for_training(&task, &[], &learner).unwrap(), (Device::Found(0), None));
+        let own = task.with_term("own", 1.0, |_| 0.0).unwrap();
+        let (device, note) = Device::Found(0).for_training(&own, &[], &learner).unwrap();
         assert_eq!(device, Device::Cpu);
-        assert!(note.unwrap().contains("self_contact"));
-        let error = Device::Cuda(0).for_training(&touching, &[], &learner).unwrap_err();
-        assert!(error.refusal().unwrap().contains("self_contact"), "{error}");
-        let plain = open(TaskSettings::default().self_contact);
-        assert_eq!(Device::Found(0).for_training(&plain, &[], &learner).unwrap(), (Device::Found(0), None));
+        assert!(note.unwrap().contains("`own`"));
+        let error = Device::Cuda(0).for_training(&own, &[], &learner).unwrap_err();
+        assert!(error.refusal().unwrap().contains("`own`"), "{error}");
     }
 
     #[test]

@@ -67,32 +67,19 @@ impl WalkSimulator {
         Self { filled: logs.iter().map(Filled::new).collect(), ..self }
     }
 
-    /// The simulator with logs after the first `once` started near where their joint sensors say: with other angles,
-    /// velocities and speeds of the base, the same in every simulation. How a robot walks after a second hardly depends on
-    /// them, and whether it falls does where it is about to.
+    /// The simulator with logs after the first `once` started near where their sensors say: with other joint angles and
+    /// velocities, tilts, rates and speeds of the base. Each has [`STARTS_NEAR`] such starts, of which a simulation's draw
+    /// chooses one. How a robot walks after a second hardly depends on them, and whether it falls does where it is about to.
     pub fn with_starts_near(mut self, once: usize) -> Self {
         self.logs = once;
         let walker = &self.walking.task.walker;
         for (number, script) in self.scripts.iter_mut().enumerate().skip(once) {
             let stream =
                 Stream::new(0, Purpose::START).environment(u32::try_from(number).unwrap_or(u32::MAX));
-            let joints = script.start.joint_position.len();
-            let near = |values: &[f32], spread: f64, first: usize| -> Vec<f64> {
-                let drawn = |(k, &value): (usize, &f32)| {
-                    f64::from(value) + spread * stream.normal((first + k) as u32)
-                };
-                values.iter().enumerate().map(drawn).collect()
-            };
-            let angles = near(&script.start.joint_position, START_ANGLE, 0);
-            let velocities = near(&script.start.joint_velocity, START_VELOCITY, joints);
-            script.start = Start {
-                base_angular: script.start.base_angular,
-                joint_velocity: velocities.iter().map(|&x| x as f32).collect(),
-                ..walker.standing([0.0; 2], script.start.base_quaternion.map(f64::from), &angles)
-            };
-            for (axis, speed) in script.start.base_linear.iter_mut().take(2).enumerate() {
-                *speed = (START_SPEED * stream.normal((2 * joints + axis) as u32)) as f32;
-            }
+            let mut starts = (0..STARTS_NEAR).map(|start| near(walker, &script.start, stream.step(start)));
+            let others = starts.by_ref().take(STARTS_NEAR as usize - 1).collect();
+            script.start = starts.next().unwrap_or_else(|| script.start.clone());
+            script.others = others;
         }
         self
     }
@@ -227,12 +214,41 @@ impl Filled {
 
 /// Least cosine of the angle from upright at which a log's orientation is where its simulation starts.
 const START_UPRIGHT: f64 = 0.87;
+/// Starts near a log's, of which a simulation takes one.
+const STARTS_NEAR: u32 = 16;
 /// Deviation of a joint's angle at a start near the log's, rad.
-const START_ANGLE: f64 = 0.02;
+const START_ANGLE: f64 = 0.05;
 /// Deviation of a joint's velocity there, rad/s.
-const START_VELOCITY: f64 = 0.3;
+const START_VELOCITY: f64 = 1.0;
+/// Deviation of the base's roll and pitch there, rad.
+const START_TILT: f64 = 0.04;
+/// Deviation of the base's rates there, rad/s.
+const START_RATE: f64 = 0.3;
 /// Deviation of the base's velocity there along each horizontal axis, m/s.
 const START_SPEED: f64 = 0.1;
+
+/// A start near `start`.
+fn near(walker: &Walker, start: &Start, stream: Stream) -> Start {
+    let joints = start.joint_position.len();
+    let drawn = |values: &[f32], spread: f64, first: usize| -> Vec<f64> {
+        let drawn =
+            |(k, &value): (usize, &f32)| f64::from(value) + spread * stream.normal((first + k) as u32);
+        values.iter().enumerate().map(drawn).collect()
+    };
+    let angles = drawn(&start.joint_position, START_ANGLE, 0);
+    let velocities = drawn(&start.joint_velocity, START_VELOCITY, joints);
+    let speeds = drawn(&[0.0; 2], START_SPEED, 2 * joints);
+    let tilt = drawn(&[0.0; 2], START_TILT, 2 * joints + 2);
+    let rates = drawn(&start.base_angular, START_RATE, 2 * joints + 4);
+    let turned = rotation::product(rotation::turn(1, tilt[1]), rotation::turn(0, tilt[0]));
+    let attitude = rotation::product(start.base_quaternion.map(f64::from), turned);
+    Start {
+        base_linear: [speeds[0] as f32, speeds[1] as f32, 0.0],
+        base_angular: std::array::from_fn(|k| rates[k] as f32),
+        joint_velocity: velocities.iter().map(|&x| x as f32).collect(),
+        ..walker.standing([0.0; 2], attitude, &angles)
+    }
+}
 
 /// What logs call the measurements of an IMU.
 pub const IMU_COLUMNS: &str =
@@ -311,7 +327,7 @@ pub(crate) fn script(walker: &Walker, log: &Trajectory) -> Script {
         },
         None => walker.start_from_joints(&angles, &velocities),
     };
-    Script { commands, start, states: states(log, posture), actions: actions(log) }
+    Script { commands, start, others: Vec::new(), states: states(log, posture), actions: actions(log) }
 }
 
 /// Orientation (heading 0) and body rates (rad/s) at the log's first sample, where it has them and the base is not far from

@@ -38,15 +38,10 @@ pub fn run(args: &cli::BenchPhysics) -> Result<(), Failure> {
         cli::OwnParts::File => SelfContact::File,
         cli::OwnParts::Limbs => SelfContact::Limbs,
     };
-    match (args.device.gpu(), args.device) {
-        (Some(ordinal), _) if pairs.is_off() => return super::physics_cuda::run(args, geoms, ordinal),
-        (_, cli::Device::Cuda(_)) => {
-            let why = "--self-contact is simulated on the processor only; leave --device out";
-            return Err(Failure::usage(why));
-        }
-        _ => {}
-    }
     let (model, _) = gaitfit::robot::go2()?.touching_itself(&pairs).map_err(Failure::failed)?;
+    if let Some(ordinal) = args.device.gpu() {
+        return super::physics_cuda::run(args, &model, geoms, ordinal);
+    }
     let preset: gaitfit_physics::Preset = args.preset.into();
     let threads = args.threads.get();
     let what = PhysicsBench {

@@ -7,6 +7,7 @@ use gaitfit_cuda::emit::EmitOptions;
 use gaitfit_cuda::physics::DeviceError;
 use gaitfit_cuda::physics::bench::{self, BenchError, PhysicsBench};
 use gaitfit_cuda::runtime::{CudaError, Device, bytes};
+use gaitfit_model::Model;
 use gaitfit_sim::bench::Geoms;
 use serde::Serialize;
 
@@ -23,6 +24,7 @@ struct Document {
     lanes: usize,
     preset: &'static str,
     geoms: &'static str,
+    own_pairs: usize,
     environments: usize,
     substeps: usize,
     registers: i32,
@@ -39,8 +41,7 @@ struct Document {
 }
 
 /// Measures and prints.
-pub fn run(args: &cli::BenchPhysics, geoms: Geoms, ordinal: usize) -> Result<(), Failure> {
-    let model = gaitfit::robot::go2()?;
+pub fn run(args: &cli::BenchPhysics, model: &Model, geoms: Geoms, ordinal: usize) -> Result<(), Failure> {
     let preset: gaitfit_physics::Preset = args.preset.into();
     let device = Device::open(ordinal).map_err(cuda)?;
     let mut emit = EmitOptions::default();
@@ -56,7 +57,7 @@ pub fn run(args: &cli::BenchPhysics, geoms: Geoms, ordinal: usize) -> Result<(),
         emit,
         repetitions: REPETITIONS,
     };
-    let speed = bench::physics(&device, &model, &what).map_err(|error| match error {
+    let speed = bench::physics(&device, model, &what).map_err(|error| match error {
         BenchError::Device(DeviceError::Cuda(error)) => cuda(error),
         error => Failure::failed(error),
     })?;
@@ -67,6 +68,7 @@ pub fn run(args: &cli::BenchPhysics, geoms: Geoms, ordinal: usize) -> Result<(),
         lanes: speed.lanes,
         preset: preset.name(),
         geoms: geoms.name(),
+        own_pairs: model.self_pairs.len(),
         environments: what.environments,
         substeps: what.substeps,
         registers: speed.registers,

@@ -26,11 +26,12 @@ DEVICE bool ends_here(const float* state, const float* report, u32 e) {
 }
 
 // Step `sample` of ROWS environments a block. `lengths`: samples of each recording, `samples` at most. `commands`, `states`,
-// `actions`: the log's, recordings x samples x their width; `starts`: a state a recording. `every`: of each candidate, the
-// samples between resets, or 0. `imus`: of each candidate, errors of its inertial unit. `ends`: of each environment, the sample of its fall or the end.
+// `actions`: the log's, recordings x samples x their width; `starts`: `each` states a recording; `begins`: of each candidate,
+// which of them. `every`: of each candidate, the samples between resets, or 0. `imus`: of each candidate, errors of its inertial unit. `ends`: of each environment, the sample of its fall or the end.
 KERNEL walk(
-    u32 sample, u32 count, u32 places, u32 recordings, u32 samples, const u32* lengths, const float* commands,
-    const float* starts, const float* states, const float* actions, const u32* every, const float* imus, const float* network,
+    u32 sample, u32 count, u32 places, u32 recordings, u32 samples, u32 each, const u32* lengths, const float* commands,
+    const float* starts, const u32* begins, const float* states, const float* actions, const u32* every, const float* imus,
+    const float* network,
     const float* params, const float* report, float* state, float* targets, float* memory, float* last_action, float* past,
     float* signals, u32* ends
 ) {
@@ -49,7 +50,8 @@ KERNEL walk(
         length[thread] = lengths[of];
         bool reset = period > 0 && sample > 0 && sample % period == 0 && sample < lengths[of];
         placed[thread] = sample == 0 || reset;
-        logged[thread] = period > 0 ? states + ((u64)of * samples + sample) * LOGGED : starts + (u64)of * LOGGED;
+        logged[thread] = period > 0 ? states + ((u64)of * samples + sample) * LOGGED
+                                    : starts + ((u64)of * each + begins[own / recordings]) * LOGGED;
     }
     __syncthreads();
     if (sample == 0) {
