@@ -11,7 +11,7 @@ fn walks(folder: &Path, springs: &[&str], cost: &str) -> String {
     let out = folder.join("logs");
     let mut args =
         vec!["collect", "assets/go2-robust.safetensors", "--theta", "examples/go2-ground/truth.toml"];
-    args.extend(["--out", out.to_str().unwrap(), "--trajectories", "8", "--seconds", "2"]);
+    args.extend(["--out", out.to_str().unwrap(), "--trajectories", "7", "--seconds", "2"]);
     args.extend(springs.iter().flat_map(|spring| ["--spring", spring]));
     let collected = run(&args);
     assert_eq!(collected.status.code(), Some(0), "{}", errors(&collected));
@@ -19,8 +19,8 @@ fn walks(folder: &Path, springs: &[&str], cost: &str) -> String {
     let text = format!(
         "name = \"odd\"\nbase = \"free\"\npolicy = \"assets/go2-robust.safetensors\"\nlogs = [{:?}]\ncosts = [\"{cost}\"]\n\
          odd_joints = true\nruns = {:?}\n[[parameter]]\nkind = \"frictionloss\"\n[[parameter]]\nkind = \"armature\"\n\
-         [[parameter]]\nkind = \"delay\"\nper = \"all\"\nupper = 0.02\n[optimizer]\nseeds = 1\n[simulation]\n\
-         preset = \"fast\"\n",
+         [[parameter]]\nkind = \"delay\"\nper = \"all\"\nupper = 0.02\n[optimizer]\nseeds = 1\n\
+         replicates = 1\n[simulation]\npreset = \"fast\"\n",
         out.display(),
         folder.display()
     );
