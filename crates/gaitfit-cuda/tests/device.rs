@@ -65,7 +65,29 @@ fn gpu_runs_kernels_graphs_and_says_what_failed() {
     let error = Buffer::<f32>::new(&device, "too much", 1 << 42).map(|_| ()).unwrap_err();
     assert!(error.to_string().starts_with("`too much` needs 16.0 TiB of GPU 0's memory"), "{error}");
     assert!(matches!(Device::open(99).map(|_| ()), Err(CudaError::Ordinal { ordinal: 99, .. })));
-    // Last: after it the context is lost.
+}
+
+/// Names the process that loses its context.
+const WILD: &str = "GAITFIT_TEST_LOSES_ITS_CONTEXT";
+
+/// A kernel that writes where nothing is. After it the process has lost its context, and all later tests would fail, so
+/// another process runs it.
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_names_the_kernel_that_lost_the_context() {
+    if std::env::var_os(WILD).is_none() {
+        let test = "device::gpu_names_the_kernel_that_lost_the_context";
+        let mut other = std::process::Command::new(std::env::current_exe().unwrap());
+        other.args(["--exact", test, "--include-ignored"]).env(WILD, "1");
+        let output = other.output().unwrap();
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success() && text.contains("1 passed"), "{text}");
+        return;
+    }
+    let device = Device::open(0).unwrap();
+    let module = device.load(&Program::new("test", TEXT)).unwrap();
+    let stream = Stream::new(&device).unwrap();
+    let mut x = Buffer::from_slice(&device, "x", &[0.0f32; 8]).unwrap();
     module.kernel("wild").unwrap().launch(&stream, Shape::new(1, 1), &[(&mut x).into()]).unwrap();
     let error = stream.wait().unwrap_err();
     assert!(error.to_string().contains("while running `wild`"), "{error}");
