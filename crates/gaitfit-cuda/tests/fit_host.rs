@@ -52,7 +52,7 @@ fn scripts(task: &Task, policy: &Policy, lengths: &[usize]) -> Vec<Script> {
                 .map(|row| [0.5 - 0.3 * number as f32, 0.1 * (row / 9) as f32, 0.2 * number as f32])
                 .collect(),
             start: walker.start_from_joints(&angles, &vec![0.1 * number as f64; joints]),
-            // The middle recording has one start.
+            // The middle recording has one start, the others three: both occur in one simulation.
             others: (0..if number == 1 { 0 } else { 2 })
                 .map(|other| walker.start_from_joints(&angles, &vec![0.5 - f64::from(other); joints]))
                 .collect(),

@@ -53,6 +53,7 @@ mod ops;
 mod read;
 mod regular;
 pub mod regular_file;
+mod resample;
 mod scale;
 mod sensors;
 mod spacing;

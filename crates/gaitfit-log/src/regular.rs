@@ -1,6 +1,6 @@
 //! A log on an even grid: true times of samples are used, lost rows are filled, and what a controller set stays in its row.
 
-use crate::ops::{Places, RESAMPLE_LIMIT};
+use crate::resample::{Places, RESAMPLE_LIMIT};
 use crate::spacing::{line, spacing};
 use crate::{LogError, Trajectory};
 use gaitfit_model::shown_number;

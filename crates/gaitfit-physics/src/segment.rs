@@ -72,7 +72,23 @@ impl<T: Real> Block<T> {
 
 /// Eliminates segment `index` onto its node; returns rᵀH⁻¹r, its part of the squared Newton decrement.
 #[inline(always)]
-pub(crate) fn eliminate<T: Real, const N: usize>(
+pub(crate) fn eliminate<T: Real>(
+    tree: &Tree<T::K>,
+    index: usize,
+    hessian: bool,
+    state: &State<T>,
+    work: &mut Work<T>,
+) -> T {
+    match tree.segments[index].len {
+        1 => eliminate_joints::<T, 1>(tree, index, hessian, state, work),
+        2 => eliminate_joints::<T, 2>(tree, index, hessian, state, work),
+        _ => eliminate_joints::<T, 3>(tree, index, hessian, state, work),
+    }
+}
+
+/// As [`eliminate`], of a segment of `N` joints.
+#[inline(always)]
+fn eliminate_joints<T: Real, const N: usize>(
     tree: &Tree<T::K>,
     index: usize,
     hessian: bool,
@@ -219,7 +235,23 @@ fn segment_contacts<T: Real, const N: usize>(
 /// contacts and the change of its residuals. Returns the slope of its rows' cost along the step and the curvature
 /// pᵀMp of its part of the smooth cost. Where the joint steps are `corrected` they are as they stand in `work`.
 #[inline(always)]
-pub(crate) fn back_substitute<T: Real, const N: usize>(
+pub(crate) fn back_substitute<T: Real>(
+    tree: &Tree<T::K>,
+    index: usize,
+    wanted: Wanted,
+    corrected: bool,
+    work: &mut Work<T>,
+) -> (T, T) {
+    match tree.segments[index].len {
+        1 => substitute_joints::<T, 1>(tree, index, wanted, corrected, work),
+        2 => substitute_joints::<T, 2>(tree, index, wanted, corrected, work),
+        _ => substitute_joints::<T, 3>(tree, index, wanted, corrected, work),
+    }
+}
+
+/// As [`back_substitute`], of a segment of `N` joints.
+#[inline(always)]
+fn substitute_joints<T: Real, const N: usize>(
     tree: &Tree<T::K>,
     index: usize,
     wanted: Wanted,

@@ -72,12 +72,7 @@ separate! {
         }
         let mut slope = T::zero();
         for index in (0..tree.segments.len()).rev() {
-            let part = match tree.segments[index].len {
-                1 => eliminate::<T, 1>(tree, index, hessian, state, work),
-                2 => eliminate::<T, 2>(tree, index, hessian, state, work),
-                _ => eliminate::<T, 3>(tree, index, hessian, state, work),
-            };
-            slope = slope - part;
+            slope = slope - eliminate(tree, index, hessian, state, work);
         }
         let mut step = zero6();
         // A fixed root gathers what its segments push on it: start afresh, or one diverged environment would leave its
@@ -94,11 +89,7 @@ separate! {
         if corrected {
             work.nodes[0].step = step;
             for index in 0..tree.segments.len() {
-                match tree.segments[index].len {
-                    1 => back_substitute::<T, 1>(tree, index, Wanted::Step, false, work),
-                    2 => back_substitute::<T, 2>(tree, index, Wanted::Step, false, work),
-                    _ => back_substitute::<T, 3>(tree, index, Wanted::Step, false, work),
-                };
+                back_substitute(tree, index, Wanted::Step, false, work);
             }
             slope = self_contact::correct(tree, slope, state, work);
             step = work.nodes[0].step;
@@ -113,11 +104,7 @@ separate! {
         work.nodes[0].step = step;
         let mut curvature = T::zero();
         for index in 0..tree.segments.len() {
-            let (rows, smooth) = match tree.segments[index].len {
-                1 => back_substitute::<T, 1>(tree, index, wanted, corrected, work),
-                2 => back_substitute::<T, 2>(tree, index, wanted, corrected, work),
-                _ => back_substitute::<T, 3>(tree, index, wanted, corrected, work),
-            };
+            let (rows, smooth) = back_substitute(tree, index, wanted, corrected, work);
             slope = slope - rows;
             curvature = curvature + smooth;
         }
@@ -241,8 +228,8 @@ fn to_world<T: Real>(pair: &Pair<T::K>, frame: &M3<T>, f: V3<T>, w: Sym3<T>) -> 
 }
 
 #[inline(always)]
-fn flat<T: Real>(v: &[V3<T>; 2]) -> [T; 6] {
-    [v[0][0], v[0][1], v[0][2], v[1][0], v[1][1], v[1][2]]
+fn flat<T: Real>([a, b]: &[V3<T>; 2]) -> [T; 6] {
+    [a[0], a[1], a[2], b[0], b[1], b[2]]
 }
 
 #[inline(always)]

@@ -20,8 +20,8 @@ pub struct Script {
     /// Where it begins. Its orientation and rates are readings of an inertial unit: errors of the candidate's unit
     /// ([`gaitfit_sim::Sensors`]) are removed from them. The height stays.
     pub start: Start,
-    /// Further starts, read likewise. The seed of a job chooses one of them or `start`; without any, all jobs begin at
-    /// `start`.
+    /// Further starts, with readings as in `start`. The seed of a job chooses `start` or one of these; if this is empty,
+    /// all jobs begin at `start`. The scripts of one simulation have the same number of further starts, or none.
     pub others: Vec<Start>,
     /// The logged state at each sample, for resets, as the start's; empty where the log lacks it.
     pub states: Vec<Start>,
@@ -63,8 +63,8 @@ pub struct Job {
     pub seed: u64,
 }
 
-/// Number of the start that jobs with this seed begin at, of `count` starts. Seed 0 begins at the first.
-pub fn chosen(seed: u64, count: usize) -> usize {
+/// Which of `count` starts a job with this seed begins at, counted from 0. Seed 0 begins at the first.
+pub fn start_number(seed: u64, count: usize) -> usize {
     usize::try_from(seed % count.max(1) as u64).unwrap_or(0)
 }
 
@@ -240,7 +240,9 @@ impl Worker {
 impl Script {
     /// The start of jobs with this seed.
     pub fn begins(&self, seed: u64) -> &Start {
-        chosen(seed, 1 + self.others.len()).checked_sub(1).map_or(&self.start, |other| &self.others[other])
+        start_number(seed, 1 + self.others.len())
+            .checked_sub(1)
+            .map_or(&self.start, |other| &self.others[other])
     }
 
     /// Sets in `past` what the policy observed of this run before `sample`, had the robot been in the logged states.

@@ -221,7 +221,7 @@ class Simulation(Settings):
         preset: Solver effort. Default: 'accurate', of walks 'fast'.
         skip_seconds: Seconds at the start of each log that do not count in costs and errors.
         starts: Walking logs compared by distributions (``wass``) alone: how often a candidate walks each log, from the
-            start that the joints show and from starts near it. Default: 1, of walks 4.
+            start that the sensors show and from starts near it. Default: 1, of walks 4.
         horizon_seconds: Seconds of each walking log, after the skipped ones, that count; 0 counts all of it. Default:
             0.0.
         threads: Threads; 0 takes one for each core. Default: 0.

@@ -1,6 +1,6 @@
 //! Chooses among the last candidates of a search whose simulations have random draws.
 //!
-//! A search keeps the candidate with the smallest cost so far. The draws (torque noise) change with each generation, so this
+//! A search keeps the candidate with the smallest cost so far. The draws (torque noise, starts near those of the logs) change with each generation, so this
 //! candidate may only have been lucky: under other draws its cost may be larger, and its robot may fall. Therefore the last
 //! best candidates and the means of the searches' distributions are compared again. All of them get the same fresh draws.
 
@@ -32,9 +32,9 @@ pub struct FinalComparison<'a> {
 }
 
 impl CostOutcome {
-    /// Takes the finalist with the smallest mean cost over fresh draws, falls charged. Its cost is this mean without the
-    /// charge, because the robot before the fit is not charged either. If all finalists diverge, nothing changes; if some do,
-    /// they are left out. Finalists are the means of the runs' distributions and the last of `best`. `best`: the best
+    /// Takes the finalist with the smallest mean cost over fresh draws, the charge for falls included. `best_cost` becomes
+    /// this mean without the charge, because the robot before the fit is not charged either. Finalists that diverge are
+    /// left out; if all diverge, nothing changes. Finalists are the means of the runs' distributions and the last of `best`. `best`: the best
     /// values so far, after each generation of the search, in the order of θ.
     ///
     /// # Errors
@@ -70,7 +70,7 @@ impl CostOutcome {
         let FinalComparison { simulator, theta, costs, falls, cancel, .. } = *comparison;
         let evaluations = evaluate(simulator, theta, costs, falls, &jobs, cancel)?;
         let (charged, recordings) = (costs[comparison.cost].as_ref(), simulator.recordings());
-        // Mean cost with and without the charge for falls, and falls.
+        // Mean cost with the charge for falls, mean cost without it, and number of falls.
         let mean = |of_finalist: &[super::Evaluation]| -> Option<(f64, f64, usize)> {
             let count = of_finalist.len() as f64;
             let costs: Option<Vec<f64>> = of_finalist.iter().map(|evaluation| evaluation.cost).collect();

@@ -30,7 +30,7 @@ pub struct CostOutcome {
     /// How simulated robots moved the values, where they did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub regression: Option<Regression>,
-    /// The walks in which the chosen values were compared again, where simulations have random draws.
+    /// Simulations of the chosen values in the final comparison; `None` if there was none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub redrawn: Option<Redrawn>,
 }
@@ -38,9 +38,9 @@ pub struct CostOutcome {
 /// Simulations of the chosen values under draws that the search did not use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Redrawn {
-    /// Simulated recordings, of all draws.
+    /// Number of simulations: draws × recordings.
     pub simulations: usize,
-    /// Those in which the simulated robot falls.
+    /// Number of simulations in which the robot falls.
     pub falls: usize,
 }
 

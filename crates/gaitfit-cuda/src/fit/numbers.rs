@@ -1,6 +1,6 @@
 //! What of candidates goes to the GPU.
 
-use gaitfit_policy::follow::{Job, chosen};
+use gaitfit_policy::follow::{Job, start_number};
 use gaitfit_sim::{Imu, SimError, pool};
 
 use super::FitError;
@@ -18,7 +18,7 @@ pub struct Numbers {
     pub every: Vec<u32>,
     /// Seeds of torque noise, low word first.
     pub seeds: Vec<u32>,
-    /// Which of the starts of each recording they begin at.
+    /// Number of the start that each candidate begins at, among the starts of a recording.
     pub begins: Vec<u32>,
     /// Standard deviations of torque noise, N·m.
     pub deviation: Vec<f64>,
@@ -29,7 +29,7 @@ pub struct Numbers {
 }
 
 impl Numbers {
-    /// Of `jobs`, and copies of them up to `count`. `starts`: how many each recording has.
+    /// Numbers of `jobs`, repeated until there are `count`. `starts`: number of starts of each recording.
     ///
     /// # Errors
     /// A candidate that is no robot, or whose delay is longer than the simulator's.
@@ -51,7 +51,7 @@ impl Numbers {
             let every = job.reset_every.map(|every| every.max(1));
             all.every.push(every.map_or(0, |every| u32::try_from(every).unwrap_or(u32::MAX)));
             all.seeds.extend([job.seed as u32, (job.seed >> 32) as u32]);
-            all.begins.push(chosen(job.seed, starts) as u32);
+            all.begins.push(start_number(job.seed, starts) as u32);
             all.deviation.push(job.candidate.torque_noise);
             all.imus.extend(Imu::numbers(job.candidate.sensors.imu().as_ref()));
             all.weights.push(weights.clone());

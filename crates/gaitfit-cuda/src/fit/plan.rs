@@ -54,7 +54,7 @@ pub struct Plan {
     places: usize,
     joints: usize,
     params: usize,
-    /// Starts of a recording.
+    /// Number of starts of each recording.
     starts: usize,
     /// Physics steps of a control period, if torques disturb it.
     disturbed: Option<usize>,

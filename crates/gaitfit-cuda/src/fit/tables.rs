@@ -19,7 +19,7 @@ pub struct Tables {
     pub samples: usize,
     /// Whether every sample of every recording has a whole state and actions, for resets.
     pub has_states: bool,
-    /// Starts of each recording; 1 of a replay.
+    /// Number of starts of each recording; 1 for a replay.
     pub starts: usize,
     /// Arrays in single precision, by name.
     pub singles: Vec<(&'static str, Vec<f32>)>,
@@ -59,7 +59,7 @@ impl Tables {
             for (sample, command) in script.commands.iter().enumerate() {
                 commands[3 * (first + sample)..][..3].copy_from_slice(command);
             }
-            // As many of each recording; one with fewer has them again.
+            // All recordings get `each` starts; a recording with fewer repeats its own.
             starts.extend((0..each).flat_map(|number| numbers(script.begins(number as u64))));
             if has_states {
                 let length = script.commands.len();

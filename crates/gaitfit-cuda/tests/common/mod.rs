@@ -49,7 +49,7 @@ pub fn on_box(model: Model) -> Model {
     model
 }
 
-/// Its own parts touch as `chosen` says.
+/// The model with self-contact of the pairs that `chosen` selects.
 pub fn touching(model: &Model, chosen: &SelfContact) -> Model {
     model.touching_itself(chosen).unwrap().0
 }

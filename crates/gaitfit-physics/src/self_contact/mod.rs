@@ -114,7 +114,7 @@ pub(crate) struct SelfContactPoint<T> {
 /// A pair in the current step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SelfContactPairWork<T: Real> {
-    /// Guards the numbers of the pair: needed unless its two shapes are apart.
+    /// Guards the numbers of the pair: active unless its two shapes are at least the margin apart.
     pub active: T::Guard,
     pub friction: [T; 5],
 }
@@ -123,7 +123,7 @@ pub(crate) struct SelfContactPairWork<T: Real> {
 #[derive(Clone, Debug)]
 pub(crate) struct SelfContactWork<T: Real> {
     pub pairs: Vec<SelfContactPairWork<T>>,
-    /// They have a value only where the guard of their pair is active.
+    /// Valid only where the guard of their pair is active.
     pub points: Vec<SelfContactPoint<T>>,
     /// Rows of the Jacobian over the pair's joints, and the Hessians of the cones.
     pub rows: Vec<T>,
@@ -134,10 +134,10 @@ pub(crate) struct SelfContactWork<T: Real> {
     pub torque: Vec<T>,
     /// Lower triangle of the Hessian by rows: joints, then the base (angular, linear).
     pub matrix: Vec<T>,
-    /// One row of it, and a right side.
+    /// One row of it, which also keeps values of a region until they are merged; and a right side.
     pub row: Vec<T>,
     pub change: Vec<T>,
-    /// Sums that a pair's region changed, until they are merged.
+    /// Sums that the guarded region of a pair computes, until they are merged.
     pub sums: Vec<T>,
     /// Inertia that each link carries beyond its own segment, contacts with the ground included.
     pub carried: Vec<Articulated<T>>,

@@ -18,18 +18,18 @@ pub(crate) struct Spot<T> {
     pub normal: V3<T>,
 }
 
-/// Distance of what does not touch, m.
+/// Distance that stands for "no contact", m.
 const FAR: f64 = 1e3;
 
 impl<T: Real> Spot<T> {
-    /// A place where nothing touches.
+    /// A spot without contact.
     #[inline(always)]
     pub fn far() -> Self {
         let (zero, one) = (T::zero(), T::lit(1.0));
         Self { distance: T::lit(FAR), x: zero3(), normal: [one, zero, zero] }
     }
 
-    /// After a region that found it: see [`Real::merge`].
+    /// After the region that computed it: this spot where `guard` is active, else `before`; see [`Real::merge`].
     #[inline(always)]
     pub fn merge(mut self, guard: T::Guard, before: &Self) -> Self {
         self.distance = self.distance.merge(guard, before.distance);

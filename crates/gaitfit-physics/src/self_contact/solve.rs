@@ -86,8 +86,8 @@ fn at(i: usize, j: usize) -> usize {
 }
 
 separate! {
-    /// Corrects the step in `work` for the contacts' Hessian where something touches; returns the slope along it, which
-    /// was `slope`.
+    /// Corrects the step in `work` for the contacts' Hessian where something touches. `slope`: the slope along the step
+    /// before the correction; returns the slope along the corrected step.
     pub(crate) fn correct<T>(tree: &Tree<T::K>, slope: T, state: &State<T>, work: &mut Work<T>) -> T {
         let touching = work.self_contact.touching;
         if !T::enter(touching) {
@@ -119,7 +119,7 @@ separate! {
     }
 }
 
-/// What the correction of the step changes the slope by: gᵀ(s − s₀) = s₀ᵀ C s. The points' steps are still those of s₀.
+/// Change of the slope by the correction of the step: gᵀ(s − s₀) = s₀ᵀ C s. The points' steps are still those of s₀.
 #[inline(always)]
 fn change_of_slope<T: Real>(tree: &Tree<T::K>, work: &Work<T>) -> T {
     let mut slope = T::zero();
@@ -254,7 +254,7 @@ fn couple<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
         }
         let joints = &tree.self_contact.joints[pair.joints.clone()];
         let count = joints.len();
-        // The sums of the region: right sides, then elements.
+        // The region's sums begin with the values so far: right sides in `row`, elements of the matrix in `sums`.
         let elements = || (0..count).flat_map(|place| (place..count).map(move |other| (place, other)));
         let element = |(place, other): (usize, usize)| at(joints[other].joint, joints[place].joint);
         let contacts = &mut work.self_contact;

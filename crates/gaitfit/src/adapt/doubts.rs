@@ -54,8 +54,7 @@ pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
     }
     if let Some(redrawn) = fit.redrawn.filter(|redrawn| redrawn.falls > 0) {
         warnings.push(format!(
-            "{prefix}under other torque noise, and from starts near those of the logs, the fitted robot falls in {} of {} \
-             simulated walks",
+            "{prefix}the fitted robot falls in {} of {} walks that were simulated again with other draws",
             redrawn.falls, redrawn.simulations
         ));
     }

@@ -149,7 +149,7 @@ pub struct CostFit {
     /// How simulated robots moved the values, where they did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub regression: Option<Regression>,
-    /// Walks of the fitted robot under draws and starts that the search did not use, where it was simulated so.
+    /// Simulated walks of the fitted robot with random draws that the search did not use; `None` without this comparison.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub redrawn: Option<Redrawn>,
     /// What its errors go with, where it predicts single samples.

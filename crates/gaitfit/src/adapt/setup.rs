@@ -2,31 +2,30 @@
 
 use super::alternatives::{Alternatives, alternatives};
 use super::ignored::ignored;
+use super::inputs::{self, Logs, Robot};
 use super::log_set::LogSet;
 use super::method::Method;
 use super::replicas::Replicas;
 use super::robots;
 use super::share::Shares;
 use super::{known, swing};
-use crate::air::{Clamped, logs as air_logs};
+use crate::air::logs as air_logs;
 use crate::device::{Device, Devices};
-use crate::log::{self, Log};
-use crate::robot::Hold;
+use crate::log::Log;
 use crate::settings::{AdaptConfig, Base, check};
-use crate::walk::logs::{self as walk_logs, LogNotes, Purpose};
+use crate::walk::logs::LogNotes;
 use crate::walk::remedy::Remedies;
 use crate::walk::sized;
 use crate::walk::swing::SwingFindings;
-use crate::walk::walking::{self, Walking, rest_angles};
-use crate::{Error, machine, paths, policy_file, robot, theta};
+use crate::walk::walking::{self, rest_angles};
+use crate::{Error, theta};
 use gaitfit_adapt::cost::Cost;
 use gaitfit_adapt::fit::{FitOptions, Method as Search};
-use gaitfit_adapt::{JointParameter, ParameterRule, RobotRule, Sharing, Theta, ThetaError, ThetaFile};
+use gaitfit_adapt::{JointParameter, ParameterRule, RobotRule, Sharing, Theta, ThetaError};
 use gaitfit_model::{Model, shown};
-use gaitfit_policy::{self as policy, Policy};
+use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Everything a fit needs.
 pub struct Setup {
@@ -106,17 +105,17 @@ impl Setup {
         devices: &Devices,
         policy: Option<&Policy>,
     ) -> Result<Self, Error> {
-        let error = match Self::just_on(config, config_path, threads, devices, policy) {
+        let error = match Self::read_all(config, config_path, threads, devices, policy) {
             Err(error) => error,
             opened => return opened,
         };
         let Some(note) = devices.instead(&error) else { return Err(error) };
-        let mut setup = Self::just_on(config, config_path, threads, &Device::Cpu.into(), policy)?;
+        let mut setup = Self::read_all(config, config_path, threads, &Device::Cpu.into(), policy)?;
         setup.warnings.insert(0, note);
         Ok(setup)
     }
 
-    fn just_on(
+    fn read_all(
         config: &AdaptConfig,
         config_path: &Path,
         threads: Option<usize>,
@@ -152,7 +151,7 @@ impl Setup {
         let mut theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
         let (walker, robot) = (policy.clone(), model.clone());
         let gpus = devices.open()?;
-        let method = self::method(&config, policy, model, &theta, &base, threads).map_err(in_robot)?;
+        let method = inputs::method(&config, policy, model, &theta, &base, threads).map_err(in_robot)?;
         let method = method.on(gpus.clone());
         let mut warnings = crate::robot::remarks(method.model());
         if let Some(policy) = &walker {
@@ -182,12 +181,12 @@ impl Setup {
         config.prior = known::priors(&theta, &numbers, &config.prior);
         let theta = theta.with_priors(&config.prior, config.optimizer.prior_weight).map_err(in_file)?;
         let named =
-            if config.odd_joints { sprung(&config, &method, &method.joints())? } else { theta.clone() };
+            if config.odd_joints { with_springs(&config, &method, &method.joints())? } else { theta.clone() };
         warnings.extend(unused(&config, &named, &logs.validate)?);
         let several = LogSet::from_several_starts(&config, &method, &base, &logs.fit)?;
         let fit = LogSet::new(&config, &method, &base, logs.fit)?;
         let other = |config: &AdaptConfig| {
-            self::method(config, walker.clone(), robot.clone(), &theta, &base, threads)
+            inputs::method(config, walker.clone(), robot.clone(), &theta, &base, threads)
                 .map(|method| method.on(gpus.clone()))
         };
         let alternatives = alternatives(&config, &method, &other, &base, &fit.logs)?;
@@ -248,8 +247,8 @@ impl Setup {
     }
 
     /// What is fitted, with a spring on each of `joints` besides.
-    pub(super) fn sprung(&self, joints: &[String]) -> Result<Theta, Error> {
-        sprung(&self.config, &self.method, joints)
+    pub(super) fn with_springs(&self, joints: &[String]) -> Result<Theta, Error> {
+        with_springs(&self.config, &self.method, joints)
     }
 
     /// Whether simulated samples can be compared with the log's one by one: those of a replay always, those of a walk
@@ -259,8 +258,8 @@ impl Setup {
     }
 }
 
-/// See [`Setup::sprung`].
-fn sprung(config: &AdaptConfig, method: &Method, joints: &[String]) -> Result<Theta, Error> {
+/// See [`Setup::with_springs`].
+fn with_springs(config: &AdaptConfig, method: &Method, joints: &[String]) -> Result<Theta, Error> {
     let model = method.model();
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
     let rest = match method.walking() {
@@ -315,180 +314,6 @@ fn corrected(config: &AdaptConfig) -> bool {
 pub(super) fn aligned(config: &AdaptConfig) -> bool {
     let runs_freely = config.costs.first().is_some_and(|cost| !cost.needs_imu());
     config.base == Base::Fixed || runs_freely && config.costs.iter().any(|cost| cost.is_aligned())
-}
-
-/// The robot of a configuration.
-pub(crate) struct Robot {
-    /// Its model.
-    pub model: Model,
-    /// The policy that walked.
-    pub policy: Option<Policy>,
-    /// The robot that θ changes: the model, with what is known already.
-    pub base: Candidate,
-    /// Where that is from.
-    pub known: Option<(PathBuf, ThetaFile)>,
-    /// Every file that was read.
-    pub files: Vec<PathBuf>,
-}
-
-impl Robot {
-    /// Reads robot, policy (unless it is `given`) and what is known.
-    pub fn read(config: &AdaptConfig, config_path: &Path, given: Option<&Policy>) -> Result<Self, Error> {
-        let mut files = Vec::new();
-        let hold = match config.base {
-            Base::Fixed => Hold::Clamped,
-            Base::Free => Hold::File,
-        };
-        let model = match config.robot.as_str() {
-            "" => robot::go2()?,
-            named => {
-                let path = paths::find(named, "robot", config_path)?;
-                let model = robot::read(&path, config.lenient, hold)?;
-                files.push(path);
-                model
-            }
-        };
-        // Of a walking robot the task says it too; here it is said of a clamped one.
-        let model = match &config.simulation.self_contact {
-            Some(chosen) => model.touching_itself(chosen).map_err(Error::settings)?.0,
-            None => model,
-        };
-        let mut read = |named: &String, what: &str| -> Result<PathBuf, Error> {
-            let mut path = paths::find(named, what, config_path)?;
-            if what == "policy" {
-                path = policy_file::find(&path)?.path;
-            }
-            files.push(path.clone());
-            Ok(path)
-        };
-        let policy = match &config.policy {
-            Some(_) if given.is_some() => given.cloned(),
-            Some(named) => Some(policy::read(&read(named, "policy")?).map_err(Error::failed)?),
-            None => None,
-        };
-        let mut base = Candidate::nominal(&model);
-        let mut known = None;
-        if let Some(named) = &config.known {
-            let path = read(named, "known")?;
-            let file = theta::read(&path)?;
-            base = theta::candidate(&file, &path, &model)?;
-            known = Some((path, file));
-        }
-        Ok(Self { model, policy, base, known, files })
-    }
-}
-
-/// How the configuration's logs are simulated.
-pub(crate) fn method(
-    config: &AdaptConfig,
-    policy: Option<Policy>,
-    model: Model,
-    theta: &Theta,
-    base: &Candidate,
-    threads: Option<usize>,
-) -> Result<Method, Error> {
-    let threads = threads.or(Some(config.simulation.threads).filter(|&threads| threads > 0));
-    let threads = threads.unwrap_or_else(machine::threads);
-    Ok(match policy {
-        Some(policy) => Method::Walk(Arc::new(Walking::new(config, policy, &model, theta, base, threads)?)),
-        None => Method::Replay(Box::new(Clamped::new(config, model, theta, base, threads))),
-    })
-}
-
-/// The logs of a configuration.
-pub(super) struct Logs {
-    /// Those that are fitted.
-    pub fit: Vec<Log>,
-    /// Those that are not, in sets that are compared together.
-    pub validate: Vec<Vec<Log>>,
-    /// What was found in walking logs that are fitted.
-    pub notes: Option<LogNotes>,
-    /// Doubts, each one sentence.
-    pub warnings: Vec<String>,
-}
-
-impl Logs {
-    fn read(config: &AdaptConfig, config_path: &Path, method: &Method) -> Result<Self, Error> {
-        let (fit, notes, mut warnings) = match method {
-            Method::Replay(clamped) => {
-                let (logs, doubts) = clamped_logs(&config.logs, false, config, config_path, clamped)?;
-                (logs, None, doubts)
-            }
-            Method::Walk(walking) => {
-                let notes = walk_logs::read(
-                    &config.logs,
-                    Purpose::Fit,
-                    config,
-                    config_path,
-                    &walking.policy,
-                    &walking.task,
-                )?;
-                (notes.logs.clone(), Some(notes.clone()), notes.warnings)
-            }
-        };
-        let (validate, doubts) = if config.validate.is_empty() {
-            Default::default()
-        } else {
-            validation(&config.validate, config, config_path, method)?
-        };
-        for log in validate.iter().flatten() {
-            if fit.iter().any(|fitted| fitted.path == log.path) {
-                warnings
-                    .push(format!("{} is fitted and validated on: its error there proves nothing", log.name));
-            }
-        }
-        warnings.extend(doubts);
-        let walks = method.walking().is_some();
-        warnings.extend(log::lead_note(&fit, walks)?);
-        for logs in &validate {
-            log::lead_note(logs, walks)?;
-        }
-        Ok(Self { fit, validate, notes, warnings })
-    }
-
-    /// Every file that was read.
-    fn files(&self) -> Vec<PathBuf> {
-        let logs = self.fit.iter().chain(self.validate.iter().flatten());
-        logs.flat_map(|log| std::iter::once(&log.path).chain(&log.sidecars)).cloned().collect()
-    }
-}
-
-/// The logs `named` for validation, in sets that are compared together, and doubts about them.
-pub(crate) fn validation(
-    named: &[String],
-    config: &AdaptConfig,
-    config_path: &Path,
-    method: &Method,
-) -> Result<(Vec<Vec<Log>>, Vec<String>), Error> {
-    match method {
-        Method::Replay(clamped) => {
-            let (logs, doubts) = clamped_logs(named, true, config, config_path, clamped)?;
-            Ok((logs.into_iter().map(|log| vec![log]).collect(), doubts))
-        }
-        Method::Walk(walking) => {
-            let (policy, task) = (&walking.policy, &walking.task);
-            let notes = walk_logs::read(named, Purpose::Validation, config, config_path, policy, task)?;
-            let doubts = notes.warnings.into_iter().map(|doubt| format!("validation: {doubt}")).collect();
-            Ok((vec![notes.logs], doubts))
-        }
-    }
-}
-
-fn clamped_logs(
-    named: &[String],
-    validation: bool,
-    config: &AdaptConfig,
-    config_path: &Path,
-    clamped: &Clamped,
-) -> Result<(Vec<Log>, Vec<String>), Error> {
-    let gains = if validation { config.validate_gains.as_slice() } else { &[] };
-    let (mut logs, mut doubts) = (Vec::with_capacity(named.len()), Vec::new());
-    for named in named {
-        let (log, found) = air_logs::read(named, config_path, config, &clamped.model, gains)?;
-        logs.push(log);
-        doubts.extend(found);
-    }
-    Ok((logs, doubts))
 }
 
 /// Settings that name something this run does not have: harmless, or a slip of the pen.

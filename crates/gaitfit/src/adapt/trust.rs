@@ -39,7 +39,8 @@ pub(super) fn identified(
     }
 }
 
-/// Takes the best of the last candidates over fresh draws. Without torque noise there are no draws, and nothing changes.
+/// Takes the best of the last candidates over fresh draws of the torque noise and of the starts. Where a simulation has neither,
+/// nothing changes.
 fn choose_among_last(
     setup: &Setup,
     cost: usize,
@@ -49,7 +50,7 @@ fn choose_among_last(
 ) -> Result<(), FitError> {
     let noise = RobotNumber::TorqueNoise.name();
     let fitted = setup.theta.entries().iter().any(|entry| entry.kind == noise);
-    if !fitted && setup.base.torque_noise == 0.0 {
+    if !fitted && setup.base.torque_noise == 0.0 && setup.several.is_none() {
         return Ok(());
     }
     let comparison = FinalComparison {

@@ -3,9 +3,10 @@
 use super::check::{Check, validation_checks};
 use super::files::CONFIG;
 use super::held_out::{HeldOut, Verdict, held_out};
+use super::inputs::{Robot, method, validation as read_logs};
 use super::log_set::LogSet;
 use super::score::{Robot as Predictor, Validation, cost_of_sets, mean, validation};
-use super::setup::{Robot, aligned, method, validation as read_logs};
+use super::setup::aligned;
 use crate::settings::{self, AdaptConfig, check};
 use crate::{Error, log, theta};
 use gaitfit_adapt::Theta;

@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gpu_that_was_found_leaves_the_rest_to_the_cpu() {
+    fn a_gpu_by_default_leaves_unsupported_tasks_to_the_cpu() {
         let model = crate::robot::go2().unwrap();
         let settings =
             TaskSettings { self_contact: gaitfit_model::SelfContact::File, ..TaskSettings::default() };

@@ -177,7 +177,7 @@ pub struct SimulationConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub skip_seconds: Option<f64>,
     /// Walking logs compared by distributions (`wass`) alone: how often a candidate walks each log, from the start that the
-    /// joints show and from starts near it.
+    /// sensors show and from starts near it.
     pub starts: usize,
     /// Seconds of each walking log, after the skipped ones, that count; 0 counts all of it.
     pub horizon_seconds: f64,

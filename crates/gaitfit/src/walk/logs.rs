@@ -1,6 +1,7 @@
 //! From log files to what a fit of walking logs compares: named joints, the policy's rate, falls cut out, and doubts
 //! about the data.
 
+use super::counted::{count, enough, filled, long_enough, shorten};
 use super::coverage::Coverage;
 use super::cuts::{self, Cut};
 use super::log_files::{self, LogFile};
@@ -16,18 +17,14 @@ use crate::log_joints;
 use crate::settings::AdaptConfig;
 use gaitfit_learn::task::Task;
 use gaitfit_log::{
-    BaseState, CheckSpec, Fall, FallSign, Finding, FindingKind, ReadOptions, Regular, Signal, Trajectory,
-    check, falls, read_csv_report,
+    BaseState, CheckSpec, Fall, FallSign, Finding, FindingKind, ReadOptions, Signal, Trajectory, check,
+    falls, read_csv_report,
 };
 use gaitfit_policy::Interface;
 use gaitfit_policy::Policy;
 use gaitfit_policy::walker::WalkerError;
 use std::collections::BTreeSet;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
-
-/// Counted data that a fit needs, s.
-const MIN_S: f64 = 10.0;
 
 /// Most numbers of all logs of a fit together: a fit takes about ten times their memory, 0.8 GB.
 const MAX_VALUES: usize = 10_000_000;
@@ -78,9 +75,10 @@ impl LogNotes {
 pub struct Read {
     /// Where from.
     pub file: LogFile,
-    sidecars: Vec<PathBuf>,
+    /// Files beside it that were read.
+    pub sidecars: Vec<PathBuf>,
     /// The log's own names of the joints.
-    joints: Vec<String>,
+    pub joints: Vec<String>,
     /// What reading the log changed.
     pub noticed: Vec<Finding>,
     /// Findings that the log itself allows.
@@ -359,125 +357,6 @@ fn numbers(log: &Trajectory) -> usize {
 
 fn same_data(a: &Trajectory, b: &Trajectory) -> bool {
     a.position == b.position && a.velocity == b.velocity && a.action == b.action
-}
-
-/// The logs that are long enough to count, and warnings about the others.
-fn long_enough(logs: Vec<Log>, config: &AdaptConfig, warnings: &mut Vec<String>) -> Vec<Log> {
-    let min = config.min_stretch() + config.skip_seconds();
-    let (long, short): (Vec<_>, Vec<_>) = logs.into_iter().partition(|log| log.trajectory.duration() >= min);
-    for log in short {
-        let seconds = log.trajectory.duration();
-        warnings.push(format!(
-            "{}: {seconds:.2} s of data are too short to count; the minimum is {min} s",
-            log.name
-        ));
-    }
-    long
-}
-
-/// What was done about rows that were lost within the logs, if some were.
-fn filled(logs: &[Log]) -> Option<String> {
-    let rows: usize = logs.iter().map(|log| log.filled.len()).sum();
-    let with: Vec<&Log> = logs.iter().filter(|log| !log.filled.is_empty()).collect();
-    let first = with.first()?;
-    Some(format!(
-        "{rows} lost rows within {} of {} logs (the first: {}); they are filled by interpolation, and short predictions of \
-         them and from them do not count",
-        with.len(),
-        logs.len(),
-        first.name
-    ))
-}
-
-/// A stretch at the policy's rate.
-fn count(read: &Read, stretch: Range<usize>, scene: &Task) -> Result<Log, Error> {
-    let whole = stretch.len() == read.trajectory.len();
-    let failed =
-        |error: gaitfit_log::LogError| Error::failed(format!("{}: {error}", read.file.path.display()));
-    let trajectory = read.trajectory.slice(stretch).map_err(failed)?;
-    let Regular { trajectory, filled, .. } =
-        rate::to_control(&trajectory, scene.walker.interface.control_dt).map_err(failed)?;
-    let name = if whole {
-        read.file.name.clone()
-    } else {
-        format!("{} from {:.2} s", read.file.name, trajectory.time.first().copied().unwrap_or_default())
-    };
-    Ok(Log {
-        name,
-        path: read.file.path.clone(),
-        sidecars: read.sidecars.clone(),
-        joints: read.joints.clone(),
-        trajectory,
-        filled,
-    })
-}
-
-/// Keeps the first `seconds` of a log.
-fn shorten(log: &mut Log, seconds: f64) -> Result<(), Error> {
-    let samples = (seconds * log.trajectory.rate_hz).round() as usize;
-    if samples < log.trajectory.len() {
-        let failed = |error: gaitfit_log::LogError| Error::failed(format!("{}: {error}", log.path.display()));
-        log.trajectory = log.trajectory.slice(0..samples + 1).map_err(failed)?;
-    }
-    Ok(())
-}
-
-/// Refuses too little data.
-fn enough(
-    purpose: Purpose,
-    config: &AdaptConfig,
-    config_path: &Path,
-    read: usize,
-    logs: &[Log],
-    cuts: &[Cut],
-) -> Result<(), Error> {
-    let skipped = config.skip_seconds();
-    let seconds: f64 = logs.iter().map(|log| log.trajectory.duration() - skipped).sum();
-    let needed = match purpose {
-        Purpose::Fit => MIN_S,
-        Purpose::Validation => config.min_stretch(),
-    };
-    if seconds >= needed {
-        return Ok(());
-    }
-    let shown = config_path.display();
-    let falls = cuts.iter().filter(|cut| cut.fall);
-    let fell: f64 = falls.clone().map(|cut| cut.to_s - cut.from_s).sum();
-    let min = config.min_stretch() + skipped;
-    Err(Error::failed(if logs.is_empty() && falls.count() >= read {
-        format!(
-            "{shown}: in all logs the robot falls or does not walk before {min} s have passed ({}). A fit \
-             needs walking: record next time with slower commands, on better ground, or with a policy that stands; \
-             `gaitfit inspect` shows a log.",
-            cuts.first().map_or("", |cut| &cut.reason)
-        )
-    } else {
-        let mut because = if fell > 0.0 {
-            format!(" ({fell:.1} s of falls or of a robot that hangs are cut)")
-        } else {
-            String::new()
-        };
-        if skipped > 0.0 {
-            because += &format!(
-                " after the first {skipped} s of each (`simulation.skip_seconds`), in pieces of {} s or more",
-                config.min_stretch()
-            );
-        }
-        let horizon = config.simulation.horizon_seconds;
-        if horizon > 0.0 {
-            because += &format!(", at most {horizon} s of each (`simulation.horizon_seconds`)");
-        }
-        let seconds = seconds.max(0.0);
-        match purpose {
-            Purpose::Fit => format!(
-                "{shown}: the logs hold {seconds:.1} s of walking that count{because}; a fit needs at least {MIN_S} s, \
-                 and does well with some minutes: record more and longer, with varied commands."
-            ),
-            Purpose::Validation => format!(
-                "{shown}: the validation logs hold {seconds:.1} s of walking that count{because}; record longer ones."
-            ),
-        }
-    }))
 }
 
 /// A base state with holes is none.

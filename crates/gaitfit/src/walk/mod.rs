@@ -1,5 +1,6 @@
 //! Walking logs: reading them, and running the policy in the simulator under their commands.
 
+mod counted;
 pub mod coverage;
 pub mod cuts;
 pub mod doubts;

@@ -67,9 +67,10 @@ impl WalkSimulator {
         Self { filled: logs.iter().map(Filled::new).collect(), ..self }
     }
 
-    /// The simulator with logs after the first `once` started near where their sensors say: with other joint angles and
-    /// velocities, tilts, rates and speeds of the base. Each has [`STARTS_NEAR`] such starts, of which a simulation's draw
-    /// chooses one. How a robot walks after a second hardly depends on them, and whether it falls does where it is about to.
+    /// Lets logs after the first `once` start near the start that their sensors show: with other joint angles and
+    /// velocities, tilts, rates and speeds of the base. Each has `STARTS_NEAR` such starts; the draw of a simulation
+    /// chooses one. The start hardly changes how a robot walks after a second. If the robot is close to a fall, the start
+    /// decides whether it falls.
     pub fn with_starts_near(mut self, once: usize) -> Self {
         self.logs = once;
         let walker = &self.walking.task.walker;
@@ -214,20 +215,20 @@ impl Filled {
 
 /// Least cosine of the angle from upright at which a log's orientation is where its simulation starts.
 const START_UPRIGHT: f64 = 0.87;
-/// Starts near a log's, of which a simulation takes one.
+/// Number of starts near a log's start; a simulation takes one of them.
 const STARTS_NEAR: u32 = 16;
-/// Deviation of a joint's angle at a start near the log's, rad.
+/// Standard deviation of a joint's angle at a start near the log's, rad.
 const START_ANGLE: f64 = 0.05;
-/// Deviation of a joint's velocity there, rad/s.
+/// Standard deviation of a joint's velocity there, rad/s.
 const START_VELOCITY: f64 = 1.0;
-/// Deviation of the base's roll and pitch there, rad.
+/// Standard deviation of the base's roll and pitch there, rad.
 const START_TILT: f64 = 0.04;
-/// Deviation of the base's rates there, rad/s.
+/// Standard deviation of the base's rates there, rad/s.
 const START_RATE: f64 = 0.3;
-/// Deviation of the base's velocity there along each horizontal axis, m/s.
+/// Standard deviation of the base's velocity there along each horizontal axis, m/s.
 const START_SPEED: f64 = 0.1;
 
-/// A start near `start`.
+/// A random start near `start`, drawn from `stream`.
 fn near(walker: &Walker, start: &Start, stream: Stream) -> Start {
     let joints = start.joint_position.len();
     let drawn = |values: &[f32], spread: f64, first: usize| -> Vec<f64> {

@@ -26,8 +26,9 @@ DEVICE bool ends_here(const float* state, const float* report, u32 e) {
 }
 
 // Step `sample` of ROWS environments a block. `lengths`: samples of each recording, `samples` at most. `commands`, `states`,
-// `actions`: the log's, recordings x samples x their width; `starts`: `each` states a recording; `begins`: of each candidate,
-// which of them. `every`: of each candidate, the samples between resets, or 0. `imus`: of each candidate, errors of its inertial unit. `ends`: of each environment, the sample of its fall or the end.
+// `actions`: the log's, recordings x samples x their width. `starts`: `each` states for every recording. `begins`: for each
+// candidate, the number of its start among those `each`. `every`: for each candidate, the samples between resets, or 0.
+// `imus`: for each candidate, errors of its inertial unit. `ends`: for each environment, the sample of its fall or the end.
 KERNEL walk(
     u32 sample, u32 count, u32 places, u32 recordings, u32 samples, u32 each, const u32* lengths, const float* commands,
     const float* starts, const u32* begins, const float* states, const float* actions, const u32* every, const float* imus,

@@ -78,7 +78,7 @@ pub(super) fn find(
         return Ok(saved.found);
     }
     let begun = Instant::now();
-    let theta = setup.sprung(&setup.method.joints())?;
+    let theta = setup.with_springs(&setup.method.joints())?;
     let outcome = fit(setup, &theta, watch).map_err(|error| match error {
         FitError::Cancelled => {
             let message =
@@ -203,7 +203,7 @@ impl Setup {
     /// Gives the fit proper springs on the joints that are odd.
     pub(super) fn take(&mut self, odd: &OddJoints) -> Result<(), Error> {
         if !odd.odd.is_empty() {
-            self.theta = self.sprung(&odd.odd)?;
+            self.theta = self.with_springs(&odd.odd)?;
         }
         Ok(())
     }

@@ -73,7 +73,7 @@ impl Helper {
             Values::Fitted { springs } => match &mut *sprung {
                 Some((known, theta)) if *known == springs => theta,
                 other => {
-                    let theta = self.setup.sprung(&springs).map_err(SimulatorError::failed)?;
+                    let theta = self.setup.with_springs(&springs).map_err(SimulatorError::failed)?;
                     &other.insert((springs, theta)).1
                 }
             },

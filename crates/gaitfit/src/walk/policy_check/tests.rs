@@ -1,0 +1,130 @@
+//! Tests of policies and logs that do not belong together.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use super::*;
+use crate::walk::fixtures::{logs, policy, scene};
+use gaitfit_learn::task::{Task, TaskSettings};
+use gaitfit_physics::Preset;
+
+fn judged(policy: &Policy, logs: &[Trajectory]) -> (PolicyMatch, Result<Vec<String>, Error>) {
+    let found = check(policy, &logs.iter().collect::<Vec<_>>());
+    let names: Vec<String> = (0..logs.len()).map(|k| format!("log-{k}.csv")).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let verdict = found.judge("walk.safetensors", &names);
+    (found, verdict)
+}
+
+/// Logs whose actions are changed row by row: `change(row, actions of the log)`.
+fn changed(logs: &[Trajectory], change: impl Fn(usize, &[f64]) -> Vec<f64>) -> Vec<Trajectory> {
+    let mut logs = logs.to_vec();
+    for log in &mut logs {
+        let action = log.action.clone().unwrap();
+        log.action = Some((0..log.len()).flat_map(|row| change(row, &action)).collect());
+    }
+    logs
+}
+
+#[test]
+fn the_policy_that_walked_is_known() {
+    let scene = scene();
+    let policy = policy(&scene, 3);
+    let (found, verdict) = judged(&policy, &logs(&scene, &policy, true));
+    assert!(found.exact && found.mismatch < 1e-4, "{found:?}");
+    assert!(verdict.unwrap().is_empty());
+    let (found, verdict) = judged(&policy, &logs(&scene, &policy, false));
+    assert!(!found.exact && found.mismatch < 0.5 * DOUBTFUL, "{found:?}");
+    assert!(verdict.unwrap().is_empty());
+}
+
+#[test]
+fn another_policy_is_refused_by_name() {
+    let scene = scene();
+    let (walked, other) = (policy(&scene, 3), policy(&scene, 4));
+    for privileged in [true, false] {
+        let (found, verdict) = judged(&other, &logs(&scene, &walked, privileged));
+        let text = verdict.unwrap_err().to_string();
+        assert!(text.contains("walk.safetensors") && text.contains("log-"), "{text} {found:?}");
+    }
+}
+
+#[test]
+fn joints_in_another_order_are_refused() {
+    let scene = scene();
+    let policy = policy(&scene, 3);
+    let swapped = changed(&logs(&scene, &policy, false), |row, action| {
+        let mut row = action[12 * row..12 * row + 12].to_vec();
+        row.rotate_left(3);
+        row
+    });
+    let (found, verdict) = judged(&policy, &swapped);
+    assert!(verdict.is_err(), "{found:?}");
+}
+
+#[test]
+fn actions_in_another_unit_are_told() {
+    let scene = scene();
+    let policy = policy(&scene, 3);
+    let scaled = changed(&logs(&scene, &policy, false), |row, action| {
+        action[12 * row..12 * row + 12].iter().map(|x| 0.25 * x).collect()
+    });
+    let (found, verdict) = judged(&policy, &scaled);
+    assert!(verdict.is_err(), "{found:?}");
+}
+
+#[test]
+fn actions_a_sample_late_are_told() {
+    let scene = scene();
+    let policy = policy(&scene, 3);
+    for (privileged, offset, word) in [(true, -1, "later"), (false, -1, "later"), (false, 1, "earlier")] {
+        let moved = changed(&logs(&scene, &policy, privileged), |row, action| {
+            let last = action.len() / 12 - 1;
+            let row = row.saturating_add_signed(offset).min(last);
+            action[12 * row..12 * row + 12].to_vec()
+        });
+        let (found, verdict) = judged(&policy, &moved);
+        let warnings = verdict.unwrap();
+        let expected = format!("one sample {word} than");
+        assert!(warnings[0].contains(&expected), "{warnings:?} {found:?}");
+    }
+}
+
+#[test]
+fn a_policy_that_sees_the_past_is_known_by_whole_logs_alone() {
+    let mut settings = TaskSettings::default().calm();
+    settings.policy.observation.iter_mut().for_each(|term| term.history = 4);
+    let scene = Task::new(&crate::robot::go2().unwrap(), &settings, Preset::Fast).unwrap();
+    let (walked, other) = (policy(&scene, 3), policy(&scene, 4));
+    let whole = logs(&scene, &walked, true);
+    let (found, verdict) = judged(&walked, &whole);
+    assert!(found.exact && found.mismatch < 1e-4 && found.samples > 100, "{found:?}");
+    assert!(verdict.unwrap().is_empty());
+    assert!(judged(&other, &whole).1.is_err());
+    let (_, verdict) = judged(&walked, &logs(&scene, &walked, false));
+    assert!(verdict.unwrap()[0].contains("do not show whether"));
+}
+
+#[test]
+fn a_recurrent_policy_is_known_along_whole_logs() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../gaitfit-policy/tests/fixtures/policies/");
+    let read = |name: &str| gaitfit_policy::read((folder.to_owned() + name).as_ref()).unwrap();
+    let (walked, other) = (read("lstm.toml"), read("gru.toml"));
+    let settings = TaskSettings::default().calm();
+    let model = crate::robot::go2().unwrap();
+    let scene = Task::with_interface(&model, &settings, walked.interface.clone(), Preset::Fast, 0.0).unwrap();
+    let whole = logs(&scene, &walked, true);
+    let (found, verdict) = judged(&walked, &whole);
+    assert!(found.mismatch < 1e-3 && found.samples > 40, "{found:?}");
+    assert!(verdict.unwrap().is_empty());
+    assert!(judged(&other, &whole).1.is_err());
+    let (_, verdict) = judged(&walked, &logs(&scene, &walked, false));
+    assert!(verdict.unwrap()[0].contains("do not show whether"));
+}
+
+#[test]
+fn too_few_samples_say_nothing() {
+    let scene = scene();
+    let policy = policy(&scene, 3);
+    let short = logs(&scene, &policy, true)[0].slice(0..10).unwrap();
+    let (_, verdict) = judged(&policy, &[short]);
+    assert!(verdict.unwrap()[0].contains("do not show whether"));
+}
