@@ -7,6 +7,9 @@ mod dds;
 #[cfg(all(feature = "dds", target_os = "linux"))]
 #[path = "robot/dds_faults.rs"]
 mod dds_faults;
+#[cfg(all(feature = "dds", target_os = "linux"))]
+#[path = "robot/each_robot.rs"]
+mod each_robot;
 #[path = "robot/faults.rs"]
 mod faults;
 #[path = "robot/limits.rs"]
