@@ -30,6 +30,9 @@ pub enum RobotError {
         /// A joint that is missing.
         joint: String,
     },
+    /// Topics that cannot be listened to.
+    #[error("topics: {0}")]
+    Topics(String),
     /// A robot's file that cannot be used.
     #[error("{file}{}{problem}", if problem.starts_with(':') { "" } else { " " })]
     File {

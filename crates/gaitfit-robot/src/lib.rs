@@ -5,6 +5,7 @@
 //! - [`guard`]: what may be sent to the motors, and the reasons for sending damping instead.
 //! - [`Supervisor`]: the states from idle over standing up and walking to lying down, with the guard before every command.
 //! - [`link`]: a robot over DDS (with the feature `dds`), and one in the project's own engine.
+//! - [`listen`]: messages of ROS 2 topics as they come.
 //! - [`run`]: the loops that send commands and run the policy, who commands, the logs, what was measured.
 //! - [`drift`]: the form of drift trials, and what it says once it is filled in.
 //!
@@ -15,6 +16,7 @@ pub mod drift;
 mod error;
 pub mod guard;
 pub mod link;
+pub mod listen;
 mod per_motor;
 pub mod robot;
 pub mod run;

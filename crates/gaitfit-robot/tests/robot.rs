@@ -14,6 +14,9 @@ mod each_robot;
 mod faults;
 #[path = "robot/limits.rs"]
 mod limits;
+#[cfg(all(feature = "dds", target_os = "linux"))]
+#[path = "robot/listen.rs"]
+mod listen;
 #[path = "robot/messages.rs"]
 mod messages;
 #[cfg(all(feature = "dds", target_os = "linux"))]

@@ -141,6 +141,32 @@ pub struct Run {
     pub link: LinkArgs,
 }
 
+/// Arguments of `record`.
+#[derive(Debug, Args)]
+pub struct Record {
+    /// Topics to listen to, with their types, in a table [topics]; other keys are those of `gaitfit import --mapping`
+    #[arg(value_name = "TOPICS.toml")]
+    pub topics: PathBuf,
+    /// Network interface to the robot, for example eth0; lo for a program on this machine
+    #[arg(long, value_name = "NAME")]
+    pub interface: String,
+    /// DDS domain (ROS_DOMAIN_ID)
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232))]
+    pub domain: u16,
+    /// Length of the recording from the first message on, s [default: until Ctrl-C]
+    #[arg(long, value_name = "S")]
+    pub seconds: Option<f64>,
+    /// Robot that gives the order of numbered joints; `unitree-go2` is the built-in Go2
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// Log to write; the messages as they came go beside it, into a file .mcap
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: PathBuf,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// Arguments of `drift`.
 #[derive(Debug, Args)]
 pub struct Drift {

@@ -175,7 +175,7 @@ pub(super) fn qos(reliability: Reliability) -> QosPolicies {
     QosPolicyBuilder::new().reliability(reliability).history(History::KeepLast { depth: DEPTH }).build()
 }
 
-pub(super) fn failed<E: std::fmt::Display>(what: &'static str) -> impl FnOnce(E) -> RobotError {
+pub(crate) fn failed<E: std::fmt::Display>(what: &'static str) -> impl FnOnce(E) -> RobotError {
     move |error| RobotError::Dds { what, problem: error.to_string() }
 }
 
