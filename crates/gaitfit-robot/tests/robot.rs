@@ -12,6 +12,9 @@ mod dds_faults;
 mod each_robot;
 #[path = "robot/faults.rs"]
 mod faults;
+#[cfg(all(feature = "dds", target_os = "linux"))]
+#[path = "robot/humanoid_faults.rs"]
+mod humanoid_faults;
 #[path = "robot/limits.rs"]
 mod limits;
 #[cfg(all(feature = "dds", target_os = "linux"))]

@@ -38,7 +38,13 @@ pub fn run(args: &Record) -> Result<(), Failure> {
 #[cfg(not(feature = "dds"))]
 pub fn run(args: &Record) -> Result<(), Failure> {
     wanted(args)?;
-    super::run::check_link(&args.interface, args.domain)
+    Err(Failure {
+        exit: crate::exit::Exit::Missing,
+        message: format!(
+            "--interface {}: this program was built without DDS; build it with `cargo build --release --features dds`",
+            args.interface
+        ),
+    })
 }
 
 #[cfg(feature = "dds")]

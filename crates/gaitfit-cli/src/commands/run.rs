@@ -138,7 +138,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
 fn over_dds(args: &Run, robot: &Robot, interface: &str) -> Result<Box<dyn Link + Send>, Failure> {
     note(&format!("listening to a {} on {interface}, domain {}", robot.title, args.link.domain));
     if !args.link.dry_run {
-        super::motion::released(interface, &args.link)?;
+        super::motion::released(interface, &args.link, robot.hangs)?;
     }
     let link = gaitfit_robot::link::Dds::open(robot, interface, args.link.domain, args.link.dry_run)
         .map_err(usage)?;
@@ -216,6 +216,12 @@ fn confirm(args: &Run, robot: &Robot, who: &Who, state: &RobotState) -> bool {
     }
     if args.link.yes {
         return true;
+    }
+    if robot.hangs {
+        note(&format!(
+            "A {} must hang: the program cannot lay it down, and nothing else holds it before and after the walk.",
+            robot.title
+        ));
     }
     note(&format!(
         "It will stand up, {}; then stop and lie down. Clear the ground, hold the robot's own switch ready. Ctrl-C stops it, \

@@ -28,6 +28,9 @@ pub struct Robot {
     pub policies: Vec<String>,
     /// What it speaks.
     pub messages: Messages,
+    /// Whether it must hang before and after the walk: nothing else holds a humanoid then.
+    #[serde(default)]
+    pub hangs: bool,
     /// Topic of its states.
     #[serde(default = "state_topic")]
     pub state_topic: String,

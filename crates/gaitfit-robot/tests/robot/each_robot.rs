@@ -15,7 +15,7 @@ use gaitfit_robot::run::{Controller, Live, Recorder, Script, Sender, Summary, WA
 use gaitfit_robot::{Phase, Robot, Supervisor, Times};
 
 use crate::server::Server;
-use crate::toy::standing;
+use crate::toy::{CONTROL, standing};
 
 /// First of the domains that these tests use.
 const DOMAIN: u16 = 51;
@@ -53,22 +53,35 @@ fn swing(robot: &Robot) -> Policy {
 }
 
 fn run_on(robot: &Robot, domain: u16, folder: &Path, seconds: f64, told: &mut dyn FnMut(Phase)) -> Summary {
+    // The machine of a test is busy, and a simulator in Python is slow.
+    let patience = Duration::from_millis(400);
+    let guard = GuardSettings { stale: patience, late: patience, simulator: true, ..robot.guard(CONTROL) };
+    let guard = GuardSettings { late_policy: patience, ..guard };
+    run_guarded(robot, domain, folder, seconds, guard, Times::default(), told)
+}
+
+/// The policy that swings on a robot in this domain, under these rules.
+pub fn run_guarded(
+    robot: &Robot,
+    domain: u16,
+    folder: &Path,
+    seconds: f64,
+    guard: GuardSettings,
+    times: Times,
+    told: &mut dyn FnMut(Phase),
+) -> Summary {
     let policy = swing(robot);
     suits(&policy, robot).unwrap();
     let script = Script::new(vec![(0.0, [0.0; 3]), (seconds, [0.0; 3])]).unwrap();
-    let control = Duration::from_millis(20);
-    // The machine of a test is busy, and a simulator in Python is slow.
-    let patience = Duration::from_millis(400);
-    let guard = GuardSettings { stale: patience, late: patience, simulator: true, ..robot.guard(control) };
-    let guard = GuardSettings { late_policy: patience, ..guard };
     let limits = guard.limits;
     let recorder = Recorder::new(folder, &policy.interface, robot).unwrap();
     let controller = Controller::new(robot, &policy, &script, recorder).unwrap();
     let real_time = real_time();
     let link = Box::new(Dds::open(robot, "lo", domain, false).unwrap());
     let postures = robot.postures(&policy.interface).unwrap();
-    let sender = Sender::new(link, Supervisor::new(guard, postures, Times::default()), false);
-    let ask = Live { confirm: &mut |_| true, phase: told, stop: &|| None, control, real_time, limits };
+    let sender = Sender::new(link, Supervisor::new(guard, postures, times), false);
+    let ask =
+        Live { confirm: &mut |_| true, phase: told, stop: &|| None, control: CONTROL, real_time, limits };
     live(sender, controller, ask).unwrap()
 }
 

@@ -141,8 +141,9 @@ fn shared_the_vendors_server_is_walked() {
 #[ignore = "needs ../shared with the vendor's simulator, and cyclonedds and mujoco in .venv"]
 fn shared_a_server_that_is_killed_or_held_up_and_a_second_controller_are_noticed() {
     let rows = || vec![(0.0, [0.3, 0.0, 0.0]), (20.0, [0.0; 3])];
-    let folder = tempfile::tempdir().unwrap();
     for (domain, signal) in [(42, "-KILL"), (43, "-STOP")] {
+        // A folder that holds a walk is refused.
+        let folder = tempfile::tempdir().unwrap();
         let Some(server) = Server::start(domain, 60.0) else { return };
         let mut told = |phase| {
             if phase == Phase::Walk {
@@ -156,6 +157,7 @@ fn shared_a_server_that_is_killed_or_held_up_and_a_second_controller_are_noticed
         }
         server.end();
     }
+    let folder = tempfile::tempdir().unwrap();
     let Some(server) = Server::start(44, 60.0) else { return };
     let other = Mutex::new(Dds::open(&go2(), "lo", 44, false).unwrap());
     let begin = Instant::now();
