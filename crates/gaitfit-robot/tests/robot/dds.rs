@@ -1,7 +1,7 @@
 //! The link over DDS on the loopback interface: a robot's side in the same process.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use gaitfit_robot::link::{Dds, Link};
@@ -12,6 +12,12 @@ use rustdds::policy::{History, Reliability};
 use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicyBuilder, ReadCondition, TopicKind};
 
 use crate::toy::go2;
+
+/// Runs on the real clock have little time to answer: one at a time.
+pub fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// A domain that no robot or simulator uses.
 const DOMAIN: u16 = 77;

@@ -15,7 +15,7 @@ use gaitfit_robot::{
 };
 use rustdds::ReadCondition;
 
-use crate::dds::robot_side;
+use crate::dds::{alone, robot_side};
 use crate::limits::violation;
 use crate::session::walk;
 use crate::toy::go2;
@@ -185,6 +185,7 @@ fn run(domain: u16, patience: Duration, real_time: bool) -> Result<Summary, Robo
 
 #[test]
 fn a_robot_over_dds_whose_messages_fail_is_damped_inside_its_limits() {
+    let _alone = alone();
     // `GAITFIT_DDS_FAULTS` says how many; a machine that gives no real-time priority gets more time.
     let count: usize = std::env::var("GAITFIT_DDS_FAULTS").ok().and_then(|n| n.parse().ok()).unwrap_or(7);
     let real_time = real_time();

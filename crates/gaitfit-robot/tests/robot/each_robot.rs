@@ -14,6 +14,7 @@ use gaitfit_robot::robot::BUILT_IN;
 use gaitfit_robot::run::{Controller, Live, Recorder, Script, Sender, Summary, WALK, live, real_time, suits};
 use gaitfit_robot::{Phase, Robot, Supervisor, Times};
 
+use crate::dds::alone;
 use crate::server::Server;
 use crate::toy::{CONTROL, standing};
 
@@ -99,6 +100,7 @@ fn server(name: &str, domain: u16) -> Option<Server> {
 #[test]
 #[ignore = "needs ../shared with the vendor's simulator, and cyclonedds and mujoco in .venv"]
 fn shared_each_robot_swings_its_joints_on_the_vendors_server() {
+    let _alone = alone();
     for (number, (name, _)) in BUILT_IN.iter().enumerate() {
         let domain = DOMAIN + number as u16;
         let robot = Robot::built_in(name).unwrap();
@@ -143,6 +145,7 @@ fn shared_each_robot_swings_its_joints_on_the_vendors_server() {
 #[test]
 #[ignore = "needs ../shared with the vendor's simulator, and cyclonedds and mujoco in .venv"]
 fn shared_a_humanoids_server_that_is_killed_is_noticed() {
+    let _alone = alone();
     let robot = Robot::built_in("unitree-g1").unwrap();
     let Some(server) = server("unitree-g1", DOMAIN + 10) else { return };
     let folder = tempfile::tempdir().unwrap();

@@ -14,6 +14,7 @@ use gaitfit_robot::{Command, MotorCommand, PerMotor, Robot, RobotState, Times, d
 use rustdds::policy::{History, Reliability};
 use rustdds::{DomainParticipantBuilder, QosPolicyBuilder, ReadCondition, TopicKind};
 
+use crate::dds::alone;
 use crate::each_robot::run_guarded;
 use crate::limits::violation_of;
 use crate::toy::{CONTROL, TICK, Toy};
@@ -148,6 +149,7 @@ fn side(robot: &Robot, domain: u16, fault: Fault, after: Duration, done: &Atomic
 
 #[test]
 fn a_humanoid_over_dds_whose_messages_fail_is_damped_inside_its_limits() {
+    let _alone = alone();
     // `GAITFIT_DDS_FAULTS` says how many; a machine that gives no real-time priority gets more time.
     let count: usize = std::env::var("GAITFIT_DDS_FAULTS").ok().and_then(|n| n.parse().ok()).unwrap_or(5);
     let patience = Duration::from_millis(if real_time() { 60 } else { 300 });
