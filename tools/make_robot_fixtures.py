@@ -1,6 +1,6 @@
 """Makes messages of Unitree's Python SDK for the tests of gaitfit-robot, in crates/gaitfit-robot/tests/fixtures.
 
-For a command and a state, every field filled with its own number: the bytes on the wire without the four of the CDR header
+For a command and a state of each family of messages (unitree_go, and unitree_hg as hg_*), every field filled with its own number: the bytes on the wire without the four of the CDR header
 (.cdr), and the C struct that the SDK's checksum is over, with the checksum in its last word (.c). The same SDK gives the
 same bytes; --check compares instead of writing.
 
@@ -66,6 +66,8 @@ def main():
     for name, message, pack in (
         ("lowcmd", default.unitree_go_msg_dds__LowCmd_(), crc._CRC__PackLowCmd),
         ("lowstate", default.unitree_go_msg_dds__LowState_(), crc._CRC__PackLowState),
+        ("hg_lowcmd", default.unitree_hg_msg_dds__LowCmd_(), crc._CRC__PackHGLowCmd),
+        ("hg_lowstate", default.unitree_hg_msg_dds__LowState_(), crc._CRC__PackHGLowState),
     ):
         fill(message, 0)
         message.crc = crc.Crc(message)

@@ -15,6 +15,7 @@ mod finetune;
 mod forward;
 mod init;
 mod inspect;
+mod link;
 mod loop_robot;
 mod odd_joints;
 mod pages;

@@ -32,6 +32,7 @@ mod arrays;
 #[cfg(feature = "all-formats")]
 mod arrow;
 mod assemble;
+mod bag;
 mod budget;
 mod clock;
 #[cfg(feature = "all-formats")]
@@ -67,6 +68,7 @@ mod walk_these_ways;
 mod zeros;
 
 pub use archive_error::{ArchiveError, ArrayProblem};
+pub use bag::Bag;
 pub use budget::{BudgetError, UnpackError};
 pub use clock::{ClockFinding, StreamReport};
 pub use columnar_error::ColumnarError;
@@ -79,7 +81,7 @@ pub use mcap::McapError;
 pub use mcap_write::{LiveMcap, McapHead, McapLog, McapRow, McapState, mcap_bytes};
 pub use pickle::PickleError;
 pub use problem::Problem;
-pub use ros::MessageError;
+pub use ros::{MessageError, is_known, known_types};
 pub use sqlite::SqliteError;
 pub use table_error::TableError;
 

@@ -78,6 +78,8 @@ pub struct Mapping {
     pub columns: ColumnNames,
     /// Which streams are what.
     pub streams: StreamNames,
+    /// Topics that `gaitfit record` listens to, with their types; an import does not look at them.
+    pub topics: BTreeMap<String, String>,
 }
 
 /// What a number of an observation is: number / scale + offset is the log's.

@@ -1,6 +1,6 @@
 //! What a robot's motors are told.
 
-use crate::unitree::{HEAD, LOW_LEVEL, LowCmd, MOTORS, MotorCmd, SERVO};
+use crate::per_motor::PerMotor;
 
 /// What one motor is told: torque = kp (q − angle) + kd (dq − velocity) + tau.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -30,24 +30,10 @@ impl MotorCommand {
 }
 
 /// What all motors are told, motor order.
-pub type Command = [MotorCommand; MOTORS];
+pub type Command = PerMotor<MotorCommand>;
 
-/// Velocity gain of damping, N·m·s/rad: the robot sinks to the ground in about a second.
-pub const DAMPING_KD: f32 = 2.0;
-
-/// Damping: the motors resist motion and hold nothing.
-pub fn damping() -> Command {
-    [MotorCommand { kd: DAMPING_KD, ..MotorCommand::default() }; MOTORS]
-}
-
-impl From<&Command> for LowCmd {
-    /// The message for a Go2, with its checksum; the slots without a motor stay as they are.
-    fn from(command: &Command) -> Self {
-        let mut message = Self { head: HEAD, level_flag: LOW_LEVEL, ..Self::default() };
-        for (slot, motor) in message.motor_cmd.iter_mut().zip(command) {
-            let MotorCommand { q, dq, tau, kp, kd } = *motor;
-            *slot = MotorCmd { mode: SERVO, q, dq, tau, kp, kd, ..MotorCmd::default() };
-        }
-        message.sealed()
-    }
+/// Damping with these velocity gains, N·m·s/rad: the motors resist motion and hold nothing. A Go2 sinks to the ground in about
+/// a second.
+pub fn damping(kd: &PerMotor<f32>) -> Command {
+    kd.map(|kd| MotorCommand { kd, ..MotorCommand::default() })
 }

@@ -1,24 +1,45 @@
 //! What keeps a robot from being run.
 
 use crate::guard::Reason;
-use crate::unitree::MOTORS;
 
 /// Why a robot is not run.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RobotError {
     /// A joint of the policy that the robot lacks, or one named twice.
-    #[error(
-        "joint `{joint}` is no joint of a Go2, or is named twice; they are FL, FR, RL, RR × hip, thigh, calf"
-    )]
+    #[error("joint `{joint}` is no joint of a {robot}, or is named twice; they are {joints}")]
     Joint {
         /// Its name.
         joint: String,
+        /// The robot.
+        robot: String,
+        /// The robot's joints.
+        joints: String,
     },
-    /// Some motors have no joint.
-    #[error("the policy moves {count} joints, the Go2 has {MOTORS}; a policy for it must move them all")]
+    /// A motor that the policy must move has no joint.
+    #[error(
+        "the policy moves {count} joints, without `{joint}`; the {robot} has {motors} motors, and a policy for it must move \
+         all that its file does not hold"
+    )]
     Joints {
         /// Joints of the policy.
         count: usize,
+        /// The robot.
+        robot: String,
+        /// Its motors.
+        motors: usize,
+        /// A joint that is missing.
+        joint: String,
+    },
+    /// Topics that cannot be listened to.
+    #[error("topics: {0}")]
+    Topics(String),
+    /// A robot's file that cannot be used.
+    #[error("{file}{}{problem}", if problem.starts_with(':') { "" } else { " " })]
+    File {
+        /// The file, or a built-in robot's name.
+        file: String,
+        /// What is wrong with it.
+        problem: String,
     },
     /// It may not be armed as it is.
     #[error("not armed: {0}")]
@@ -57,13 +78,13 @@ pub enum RobotError {
     /// A policy that cannot run on a robot.
     #[error("{0}")]
     Policy(#[from] gaitfit_policy::InterfaceError),
-    /// A policy that a Go2 may not be given.
+    /// A policy that the robot may not be given.
     #[error("the policy {problem}; {remedy}")]
     Unfit {
         /// What is the matter with it.
         problem: String,
         /// What to do.
-        remedy: &'static str,
+        remedy: String,
     },
     /// Commands over time that are none.
     #[error("commands: {0}")]

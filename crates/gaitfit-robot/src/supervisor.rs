@@ -5,8 +5,8 @@ use std::time::Duration;
 use crate::RobotError;
 use crate::command::{Command, MotorCommand, damping};
 use crate::guard::{GuardSettings, Limits, Reason, Watch};
+use crate::per_motor::PerMotor;
 use crate::state::{Reading, RobotState};
-use crate::unitree::MOTORS;
 
 /// What a robot is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,26 +46,19 @@ impl Phase {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Postures {
     /// Lying, legs folded, rad.
-    pub lying: [f32; MOTORS],
+    pub lying: PerMotor<f32>,
     /// Standing: the policy's pose at action zero, rad.
-    pub standing: [f32; MOTORS],
-    /// Position and velocity gain of standing up and lying down, N·m/rad and N·m·s/rad.
-    pub gains: [f32; 2],
+    pub standing: PerMotor<f32>,
+    /// Position gains of standing up and lying down, N·m/rad.
+    pub stand_kp: PerMotor<f32>,
+    /// Velocity gains of standing up and lying down, N·m·s/rad.
+    pub stand_kd: PerMotor<f32>,
     /// The policy's position gains, N·m/rad.
-    pub kp: [f32; MOTORS],
+    pub kp: PerMotor<f32>,
     /// The policy's velocity gains, N·m·s/rad.
-    pub kd: [f32; MOTORS],
-}
-
-impl Postures {
-    /// A Go2 on its belly with folded legs (as the vendor's example of standing has it), rad.
-    pub const GO2_LYING: [f32; MOTORS] =
-        [0.0, 1.36, -2.65, 0.0, 1.36, -2.65, -0.2, 1.36, -2.65, 0.2, 1.36, -2.65];
-
-    /// Of a Go2 under a policy with this pose and these gains, motor order.
-    pub fn go2(standing: [f32; MOTORS], kp: [f32; MOTORS], kd: [f32; MOTORS]) -> Self {
-        Self { lying: Self::GO2_LYING, standing, gains: [50.0, 2.0], kp, kd }
-    }
+    pub kd: PerMotor<f32>,
+    /// Velocity gains of damping, N·m·s/rad.
+    pub damping: PerMotor<f32>,
 }
 
 /// How long each state lasts.
@@ -112,13 +105,13 @@ pub struct Supervisor {
     /// When the phase began.
     since: Duration,
     /// Joint angles from which the phase's motion begins, rad.
-    from: [f32; MOTORS],
+    from: PerMotor<f32>,
     /// How long the legs take to standing before they fold.
     gather: Duration,
     /// When the last command was asked for.
     ticked: Option<Duration>,
     /// The policy's last targets, rad, and when they came.
-    targets: Option<(Duration, [f32; MOTORS])>,
+    targets: Option<(Duration, PerMotor<f32>)>,
     /// The last command.
     sent: Command,
     /// Whether the guard changed what was wanted.
@@ -137,11 +130,11 @@ impl Supervisor {
             times,
             phase: Phase::Idle,
             since: Duration::ZERO,
-            from: [0.0; MOTORS],
+            from: postures.lying,
             gather: Duration::ZERO,
             ticked: None,
             targets: None,
-            sent: damping(),
+            sent: damping(&postures.damping),
             changed: false,
             reason: None,
             refused: None,
@@ -230,7 +223,7 @@ impl Supervisor {
     }
 
     /// The policy's targets, rad, motor order, of time `now`. What is not finite is a reason for damping.
-    pub fn aim(&mut self, now: Duration, targets: [f32; MOTORS]) {
+    pub fn aim(&mut self, now: Duration, targets: PerMotor<f32>) {
         if targets.iter().all(|angle| angle.is_finite()) {
             self.targets = Some((now, targets));
         } else {
@@ -252,10 +245,11 @@ impl Supervisor {
         }
         if let Some(state) = self.watch.state() {
             // Where the gains change, the torque stays: kp₁ (q₁ − q) = kp₀ (q₀ − q).
-            let [kp, _] = self.postures.gains;
-            self.from = std::array::from_fn(|motor| {
+            let kp = &self.postures.stand_kp;
+            self.from = PerMotor::from_fn(kp.len(), |motor| {
                 let (sent, q) = (&self.sent[motor], state.q[motor]);
-                q + sent.kp * (sent.q - q) / kp
+                // A wheel has no position gain.
+                if kp[motor] > 0.0 { q + sent.kp * (sent.q - q) / kp[motor] } else { q }
             });
             // Legs that are not up yet fold at once.
             self.gather = if self.phase == Phase::StandUp { Duration::ZERO } else { self.times.gather };
@@ -287,10 +281,10 @@ impl Supervisor {
                 Some(command) => command,
                 None => {
                     self.stop(now, Reason::PolicyNotFinite);
-                    damping()
+                    damping(&self.postures.damping)
                 }
             },
-            (None, _) => damping(),
+            (None, _) => damping(&self.postures.damping),
         };
         self.changed = self.sent != wanted;
         Some(self.sent)
@@ -298,9 +292,10 @@ impl Supervisor {
 
     /// Damping of a robot that was last known to be in `state`. The state may be old, so the torque has room.
     fn damped(&self, state: &RobotState) -> Command {
-        let limits = self.watch.settings().limits;
-        let limits = Limits { torque: limits.torque.map(|torque| DAMPING_ROOM * torque), ..limits };
-        limits.admit(&damping(), state).unwrap_or_else(damping)
+        let limits = &self.watch.settings().limits;
+        let limits = Limits { torque: limits.torque.map(|torque| DAMPING_ROOM * torque), ..*limits };
+        let wanted = damping(&self.postures.damping);
+        limits.admit(&wanted, state).unwrap_or(wanted)
     }
 
     /// To the next phase, where this one is over.
@@ -331,14 +326,14 @@ impl Supervisor {
 
     /// The command of the phase, before the guard.
     fn wanted(&self, now: Duration) -> Command {
-        let Postures { lying, standing, gains: [kp, kd], .. } = &self.postures;
+        let Postures { lying, standing, stand_kp, stand_kd, .. } = &self.postures;
         let elapsed = now.saturating_sub(self.since);
         let part = |of: Duration| (elapsed.as_secs_f32() / of.as_secs_f32().max(1e-6)).clamp(0.0, 1.0);
-        let between = |from: &[f32; MOTORS], to: &[f32; MOTORS], part: f32| {
-            std::array::from_fn(|motor| MotorCommand {
+        let between = |from: &PerMotor<f32>, to: &PerMotor<f32>, part: f32| {
+            PerMotor::from_fn(from.len(), |motor| MotorCommand {
                 q: from[motor] + part * (to[motor] - from[motor]),
-                kp: *kp,
-                kd: *kd,
+                kp: stand_kp[motor],
+                kd: stand_kd[motor],
                 ..MotorCommand::default()
             })
         };
@@ -360,17 +355,17 @@ impl Supervisor {
                     (elapsed - self.gather).as_secs_f32() / self.times.lie_down.as_secs_f32().max(1e-6);
                 between(from, lying, folded.clamp(0.0, 1.0))
             }
-            Phase::Idle | Phase::Damping => damping(),
+            Phase::Idle | Phase::Damping => damping(&self.postures.damping),
         }
     }
 
     /// Targets with gains that are, by `part`, the policy's.
-    fn policy(&self, targets: &[f32; MOTORS], part: f32) -> Command {
-        let Postures { gains: [kp, kd], kp: own_kp, kd: own_kd, .. } = &self.postures;
-        std::array::from_fn(|motor| MotorCommand {
+    fn policy(&self, targets: &PerMotor<f32>, part: f32) -> Command {
+        let Postures { stand_kp, stand_kd, kp, kd, .. } = &self.postures;
+        PerMotor::from_fn(targets.len(), |motor| MotorCommand {
             q: targets[motor],
-            kp: kp + part * (own_kp[motor] - kp),
-            kd: kd + part * (own_kd[motor] - kd),
+            kp: stand_kp[motor] + part * (kp[motor] - stand_kp[motor]),
+            kd: stand_kd[motor] + part * (kd[motor] - stand_kd[motor]),
             ..MotorCommand::default()
         })
     }

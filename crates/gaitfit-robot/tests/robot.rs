@@ -7,10 +7,19 @@ mod dds;
 #[cfg(all(feature = "dds", target_os = "linux"))]
 #[path = "robot/dds_faults.rs"]
 mod dds_faults;
+#[cfg(all(feature = "dds", target_os = "linux"))]
+#[path = "robot/each_robot.rs"]
+mod each_robot;
 #[path = "robot/faults.rs"]
 mod faults;
+#[cfg(all(feature = "dds", target_os = "linux"))]
+#[path = "robot/humanoid_faults.rs"]
+mod humanoid_faults;
 #[path = "robot/limits.rs"]
 mod limits;
+#[cfg(all(feature = "dds", target_os = "linux"))]
+#[path = "robot/listen.rs"]
+mod listen;
 #[path = "robot/messages.rs"]
 mod messages;
 #[cfg(all(feature = "dds", target_os = "linux"))]

@@ -11,7 +11,7 @@ pub(super) const ALL: &str = "--help-all";
 
 /// Commands in the order of work.
 const GROUPS: [(&str, &[&str]); 5] = [
-    ("Look", &["inspect", "explain", "import", "view", "runs", "doctor"]),
+    ("Look", &["inspect", "explain", "record", "import", "view", "runs", "doctor"]),
     ("Fit", &["new", "fit", "sensitivity", "excite", "validate"]),
     ("Train", &["init", "train", "finetune", "loop"]),
     ("Measure", &["evaluate", "drift"]),

@@ -21,7 +21,7 @@ pub use export::Export;
 pub use gaitfit::device::{Device, Devices};
 pub use groups::{command, meant};
 pub use logs::{Import, New, Runs};
-pub use robot::{Drift, LinkArgs, PATIENCE, RobotKind, Run};
+pub use robot::{Drift, LinkArgs, PATIENCE, Record, RobotKind, Run};
 pub use run::{Finetune, Fit, Loop, Reproduce, RunArgs, Sensitivity, Train, Validate};
 pub use view::View;
 pub use world::{Collect, Evaluate};
@@ -49,6 +49,8 @@ pub struct Cli {
 pub enum Command {
     /// Show a robot, log, folder or policy, with its faults
     Inspect(Inspect),
+    /// Record a robot's ROS 2 topics as a log, without ROS
+    Record(Record),
     /// Convert a recording (MCAP, ROS bag, npz, CSV) to a log
     Import(Import),
     /// Rank what a robot has that its model lacks, by its walks

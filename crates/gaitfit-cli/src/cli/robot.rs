@@ -1,19 +1,55 @@
 //! Arguments of the command that runs a policy on a robot.
 
-use clap::{Args, ValueEnum};
+use clap::Args;
+use gaitfit_robot::robot::BUILT_IN;
+use gaitfit_robot::{Robot, RobotError};
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 /// How old a state and how late a loop may be on a robot, ms.
 pub const PATIENCE: u16 = 20;
 
 /// A robot that a policy may run on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RobotKind {
-    /// A Unitree Go2, or a simulator with its messages, over DDS
-    UnitreeGo2,
-    /// A Go2 in gaitfit's own engine, in real time
+    /// A robot, or a simulator with its messages, over DDS: a built-in robot's name, or a robot's file.
+    Linked(String),
+    /// A Go2 in gaitfit's own engine, in real time.
     Simulated,
+}
+
+impl FromStr for RobotKind {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let known = BUILT_IN.iter().any(|(name, _)| *name == text);
+        match text {
+            "simulated" => Ok(Self::Simulated),
+            _ if known || text.ends_with(".toml") => Ok(Self::Linked(text.to_owned())),
+            _ => {
+                let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
+                Err(format!(
+                    "no such robot; it is simulated, {}, or a robot's file (.toml)",
+                    names.join(", ")
+                ))
+            }
+        }
+    }
+}
+
+impl RobotKind {
+    /// The robot: a simulated one is a Go2.
+    ///
+    /// # Errors
+    /// A robot's file that cannot be used.
+    pub fn robot(&self) -> Result<Robot, RobotError> {
+        match self {
+            Self::Simulated => Robot::built_in("unitree-go2"),
+            Self::Linked(name) if name.ends_with(".toml") => Robot::read(Path::new(name)),
+            Self::Linked(name) => Robot::built_in(name),
+        }
+    }
 }
 
 /// How a robot is reached and armed: of `run`, and of `collect` on a robot.
@@ -21,7 +57,7 @@ pub enum RobotKind {
 #[command(next_help_heading = "On a robot")]
 pub struct LinkArgs {
     /// Network interface to the robot, for example eth0; lo for a simulator on this machine
-    #[arg(long, value_name = "NAME", required_if_eq("robot", "unitree-go2"))]
+    #[arg(long, value_name = "NAME")]
     pub interface: Option<String>,
     /// DDS domain: robots are in 0, simulators in 1
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232), hide = true)]
@@ -53,8 +89,9 @@ impl LinkArgs {
 pub struct Run {
     /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere
     pub policy: PathBuf,
-    /// The robot
-    #[arg(long, value_enum)]
+    /// The robot: unitree-go2, unitree-go2w, unitree-b2, unitree-g1 or unitree-h1-2 over DDS, or a simulator with its messages;
+    /// a robot's file (.toml); simulated: a Go2 in gaitfit's own engine, in real time
+    #[arg(long, value_name = "ROBOT")]
     pub robot: RobotKind,
     /// Commands from a file with the columns t,vx,vy,wz (s, m/s, m/s, rad/s); its last row ends the walk. Or a file of
     /// `excite --policy` with several trajectories, each a walk of --seconds with its own log
@@ -102,6 +139,32 @@ pub struct Run {
     /// The link.
     #[command(flatten)]
     pub link: LinkArgs,
+}
+
+/// Arguments of `record`.
+#[derive(Debug, Args)]
+pub struct Record {
+    /// Topics to listen to, with their types, in a table [topics]; other keys are those of `gaitfit import --mapping`
+    #[arg(value_name = "TOPICS.toml")]
+    pub topics: PathBuf,
+    /// Network interface to the robot, for example eth0; lo for a program on this machine
+    #[arg(long, value_name = "NAME")]
+    pub interface: String,
+    /// DDS domain (ROS_DOMAIN_ID)
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232))]
+    pub domain: u16,
+    /// Length of the recording from the first message on, s [default: until Ctrl-C]
+    #[arg(long, value_name = "S")]
+    pub seconds: Option<f64>,
+    /// Robot that gives the order of numbered joints; `unitree-go2` is the built-in Go2
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// Log to write; the messages as they came go beside it, into a file .mcap
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: PathBuf,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Arguments of `drift`.

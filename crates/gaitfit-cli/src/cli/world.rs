@@ -1,7 +1,7 @@
 //! Arguments of the commands that run a policy in a simulator.
 
 use super::{LinkArgs, Preset, RobotKind};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use gaitfit::world::WorldSettings;
 use std::path::{Path, PathBuf};
 
@@ -162,6 +162,6 @@ impl Collect {
     /// The robot that is asked for in the place of a robot file.
     pub fn on_robot(&self) -> Option<RobotKind> {
         let robot = self.world.robot.as_deref().filter(|path| !path.exists())?;
-        RobotKind::from_str(robot.to_str()?, false).ok()
+        robot.to_str()?.parse().ok()
     }
 }

@@ -20,6 +20,7 @@ pub mod loop_;
 mod motion;
 pub mod new;
 mod policy;
+pub mod record;
 pub mod reproduce;
 pub mod run;
 pub mod runs;

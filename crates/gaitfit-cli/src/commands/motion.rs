@@ -16,8 +16,8 @@ const WORD: &str = "release";
 const BY_HAND: &str = "switch it off in the vendor's app, or with its SDK (MotionSwitcherClient.ReleaseMode), and run again; \
                        nothing was sent to the motors";
 
-/// Has the motion service of the robot on `interface` released, or finds that it is.
-pub fn released(interface: &str, link: &LinkArgs) -> Result<(), Failure> {
+/// Has the motion service of the robot on `interface` released, or finds that it is. `hangs`: it must hang meanwhile.
+pub fn released(interface: &str, link: &LinkArgs, hangs: bool) -> Result<(), Failure> {
     let mut switcher = MotionSwitcher::open(interface, link.domain).map_err(super::run::usage)?;
     let name = match switcher.check(ANSWER).map_err(Failure::failed)? {
         MotionMode::Released => {
@@ -40,10 +40,16 @@ pub fn released(interface: &str, link: &LinkArgs) -> Result<(), Failure> {
     };
     note(&format!(
         "The robot's motion service is active (mode `{name}`). It must be released before a policy may walk the robot, and \
-         then nothing holds the robot up: it must lie on its belly, or hang. Lay it down with its remote or the app first."
+         then nothing holds the robot up: {}",
+        if hangs {
+            "it must hang."
+        } else {
+            "it must lie on its belly, or hang. Lay it down with its remote or the app first."
+        }
     ));
+    let when = if hangs { "when it hangs" } else { "when it lies on the ground" };
     if !link.yes {
-        note(&format!("Type `{WORD}` and Enter when it lies on the ground; anything else ends."));
+        note(&format!("Type `{WORD}` and Enter {when}; anything else ends."));
         let mut line = String::new();
         if std::io::stdin().lock().read_line(&mut line).is_err() || line.trim() != WORD {
             return Err(Failure {

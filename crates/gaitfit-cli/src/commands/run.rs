@@ -14,8 +14,7 @@ use gaitfit_robot::link::{Link, Simulated, simulation};
 use gaitfit_robot::run::{
     ByRemote, Controller, Live, RUN, Recorder, Sender, Summary, Trials, WHOLE, live, real_time, suits,
 };
-use gaitfit_robot::unitree::{MOTOR_NAMES, motors_of};
-use gaitfit_robot::{Phase, RobotError, RobotState, Supervisor, Times};
+use gaitfit_robot::{Phase, Robot, RobotError, RobotState, Supervisor, Times};
 use std::io::{BufRead, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -30,8 +29,11 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let simulator = args.robot == RobotKind::Simulated || args.link.domain != 0;
     if args.robot == RobotKind::Simulated && (args.link.interface.is_some() || args.link.domain != 0) {
         return Err(Failure::usage(
-            "--interface, --domain: for --robot unitree-go2; the simulated robot is in this program",
+            "--interface, --domain: for a robot such as --robot unitree-go2; the simulated robot is in this program",
         ));
+    }
+    if matches!(args.robot, RobotKind::Linked(_)) && args.link.interface.is_none() {
+        return Err(Failure::usage("--interface: name the network interface to the robot, for example eth0"));
     }
     if args.link.yes && !simulator {
         return Err(Failure::usage(
@@ -54,47 +56,49 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let PolicyFile { path, note: chosen } = policy_file::find(&args.policy)?;
     chosen.iter().for_each(|chosen| note(chosen));
     let policy = gaitfit_policy::read(&path).map_err(Failure::failed)?;
-    suits(&policy, &GuardSettings::go2(Duration::ZERO).limits)
-        .map_err(|error| Failure::usage(format!("{}: {error}", args.policy.display())))?;
+    let robot = args.robot.robot().map_err(usage)?;
+    suits(&policy, &robot).map_err(|error| Failure::usage(format!("{}: {error}", args.policy.display())))?;
     let who = walks::who(args, &policy)?;
     if args.link.pause.is_some() && who.logs().is_none() {
         return Err(Failure::usage("--pause: there is only one walk; leave --pause out"));
     }
     let control = Duration::from_secs_f64(policy.interface.control_dt);
-    let postures = Controller::postures(&policy).map_err(usage)?;
+    let postures = robot.postures(&policy.interface).map_err(usage)?;
     let patience = Duration::from_millis(args.link.patience.into());
-    let guard = GuardSettings { stale: patience, late: patience, simulator, ..GuardSettings::go2(control) };
-    let guard = GuardSettings { late_policy: guard.late_policy.max(2 * control + patience), ..guard };
+    let guard = GuardSettings { stale: patience, late: patience, simulator, ..robot.guard(control) };
+    let late_policy = guard.late_policy.max(2 * control + patience);
+    let guard = GuardSettings { late_policy, ..guard };
+    let limits = guard.limits;
     let out = logs_of(args);
     // Until the summary is written: two walks into one folder would destroy each other's logs.
     let _owned = new_folder(&out)?;
-    let motors = motors_of(&policy.interface.joints).map_err(usage)?;
     let recorder = match who.logs() {
-        Some(count) => Recorder::of_walks(&out, count, &policy.interface, motors),
-        None => Recorder::new(&out, &policy.interface, motors),
+        Some(count) => Recorder::of_walks(&out, count, &policy.interface, &robot),
+        None => Recorder::new(&out, &policy.interface, &robot),
     };
+    let recorder = recorder.map_err(usage)?;
     let recorder = if args.link.dry_run { recorder.dry() } else { recorder };
     let controller = match &who {
-        Who::Script(script) => Controller::new(&policy, script, recorder),
-        Who::Remote(ranges) => Controller::new(&policy, ByRemote(*ranges), recorder),
-        Who::Keys(steering) => Controller::new(&policy, steering.clone(), recorder),
+        Who::Script(script) => Controller::new(&robot, &policy, script, recorder),
+        Who::Remote(ranges) => Controller::new(&robot, &policy, ByRemote(*ranges), recorder),
+        Who::Keys(steering) => Controller::new(&robot, &policy, steering.clone(), recorder),
         Who::Trials(trials) => {
-            Controller::new(&policy, Trials::new(trials, trial::next(args, trials)), recorder)
+            Controller::new(&robot, &policy, Trials::new(trials, trial::next(args, trials)), recorder)
         }
     };
     let controller = controller.map_err(usage)?;
     // The link's threads inherit it.
     let real_time = real_time();
     let batch;
-    let link: Box<dyn Link + Send + '_> = match (args.robot, &args.link.interface) {
-        (RobotKind::UnitreeGo2, Some(interface)) => over_dds(args, interface)?,
-        (RobotKind::UnitreeGo2, None) => {
+    let link: Box<dyn Link + Send + '_> = match (&args.robot, &args.link.interface) {
+        (RobotKind::Linked(_), Some(interface)) => over_dds(args, &robot, interface)?,
+        (RobotKind::Linked(_), None) => {
             return Err(Failure::usage("--interface: name the network interface"));
         }
         (RobotKind::Simulated, _) => {
             let model = gaitfit_model::builtin::go2().map_err(Failure::failed)?;
             batch = simulation(&model).map_err(Failure::failed)?;
-            Box::new(Simulated::new(&batch).map_err(Failure::failed)?)
+            Box::new(Simulated::new(&batch, &robot).map_err(Failure::failed)?)
         }
     };
     let sender = Sender::new(link, Supervisor::new(guard, postures, Times::default()), args.link.dry_run);
@@ -105,7 +109,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         controller,
         Live {
             confirm: &mut |state| {
-                let armed = signals::confirm(confirm(args, &who, state));
+                let armed = signals::confirm(confirm(args, &robot, &who, state));
                 match &who {
                     Who::Trials(trials) if armed && !args.link.dry_run => {
                         trial::write_form(args, trials).map_err(|failure| note(&failure.message)).is_ok()
@@ -122,22 +126,22 @@ pub fn run(args: &Run) -> Result<(), Failure> {
             stop: &|| signals::asked().or_else(keyboard::stopped),
             control,
             real_time,
-            limits: guard.limits,
+            limits,
         },
     );
     drop(keys);
     finish(args, &who, summary)
 }
 
-/// The link to a Go2.
+/// The link to a robot.
 #[cfg(feature = "dds")]
-fn over_dds(args: &Run, interface: &str) -> Result<Box<dyn Link + Send>, Failure> {
-    note(&format!("listening to a Go2 on {interface}, domain {}", args.link.domain));
+fn over_dds(args: &Run, robot: &Robot, interface: &str) -> Result<Box<dyn Link + Send>, Failure> {
+    note(&format!("listening to a {} on {interface}, domain {}", robot.title, args.link.domain));
     if !args.link.dry_run {
-        super::motion::released(interface, &args.link)?;
+        super::motion::released(interface, &args.link, robot.hangs)?;
     }
-    let link =
-        gaitfit_robot::link::Dds::open(interface, args.link.domain, args.link.dry_run).map_err(usage)?;
+    let link = gaitfit_robot::link::Dds::open(robot, interface, args.link.domain, args.link.dry_run)
+        .map_err(usage)?;
     Ok(Box::new(link))
 }
 
@@ -148,7 +152,7 @@ pub fn check_link(interface: &str, domain: u16) -> Result<(), Failure> {
 }
 
 #[cfg(not(feature = "dds"))]
-fn over_dds(_: &Run, interface: &str) -> Result<Box<dyn Link + Send>, Failure> {
+fn over_dds(_: &Run, _: &Robot, interface: &str) -> Result<Box<dyn Link + Send>, Failure> {
     Err(without_dds(interface))
 }
 
@@ -198,13 +202,13 @@ fn new_folder(path: &Path) -> Result<Owned, Failure> {
 }
 
 /// Shows the robot's state and asks for the word.
-fn confirm(args: &Run, who: &Who, state: &RobotState) -> bool {
+fn confirm(args: &Run, robot: &Robot, who: &Who, state: &RobotState) -> bool {
     let hottest = state.temperature.iter().enumerate().max_by_key(|(_, degrees)| **degrees);
     let (motor, degrees) = hottest.map_or((0, 0), |(motor, degrees)| (motor, *degrees));
     let battery = state.battery.map_or("not reported".to_owned(), |battery| format!("{} %", battery.charge));
     note(&format!(
         "connected to the robot: battery {battery}, hottest motor {} at {degrees} °C",
-        MOTOR_NAMES[motor]
+        robot.motors.get(motor).map_or("none", |motor| &motor.joint)
     ));
     if args.link.dry_run {
         note("a dry run: nothing is sent");
@@ -212,6 +216,12 @@ fn confirm(args: &Run, who: &Who, state: &RobotState) -> bool {
     }
     if args.link.yes {
         return true;
+    }
+    if robot.hangs {
+        note(&format!(
+            "A {} must hang: the program cannot lay it down, and nothing else holds it before and after the walk.",
+            robot.title
+        ));
     }
     note(&format!(
         "It will stand up, {}; then stop and lie down. Clear the ground, hold the robot's own switch ready. Ctrl-C stops it, \

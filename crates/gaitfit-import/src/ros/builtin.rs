@@ -1,6 +1,55 @@
 //! Fields of the messages that bags without definitions hold. The order of fields is the wire's: it is what the packages
 //! `common_interfaces`, `control_msgs`, `unitree_go` and `unitree_hg` define.
 
+use super::schema::short_name;
+use std::fmt::Write;
+
+/// Types whose messages a log can be made of.
+const MESSAGES: [&str; 11] = [
+    "sensor_msgs/JointState",
+    "sensor_msgs/Imu",
+    "geometry_msgs/Twist",
+    "geometry_msgs/TwistStamped",
+    "trajectory_msgs/JointTrajectory",
+    "control_msgs/DynamicJointState",
+    "std_msgs/Float64MultiArray",
+    "unitree_go/LowState",
+    "unitree_go/LowCmd",
+    "unitree_hg/LowState",
+    "unitree_hg/LowCmd",
+];
+
+/// Whether messages of this type, such as `sensor_msgs/msg/JointState`, are read without a definition.
+pub fn is_known(kind: &str) -> bool {
+    MESSAGES.contains(&short_name(kind).as_str())
+}
+
+/// The types that are read without a definition.
+pub fn known_types() -> Vec<String> {
+    MESSAGES.iter().map(|name| name.replacen('/', "/msg/", 1)).collect()
+}
+
+/// The definition of a type with those of all types in it, as a bag has it.
+pub(crate) fn whole_definition(kind: &str) -> Option<String> {
+    let root = short_name(kind);
+    let mut text = definition(&root)?.to_owned() + "\n";
+    let mut names = vec![root];
+    let mut next = 0;
+    while next < names.len() {
+        let package = names[next].split('/').next().unwrap_or_default().to_owned();
+        for line in definition(&names[next])?.lines() {
+            let field = line.split([' ', '[']).next().unwrap_or_default();
+            let name = if field.contains('/') { field.to_owned() } else { format!("{package}/{field}") };
+            if let Some(part) = definition(&name).filter(|_| !names.contains(&name)) {
+                let _ = write!(text, "{}\nMSG: {name}\n{part}\n", "=".repeat(80));
+                names.push(name);
+            }
+        }
+        next += 1;
+    }
+    Some(text)
+}
+
 /// The definition of a type called `pkg/Name`.
 pub(crate) fn definition(name: &str) -> Option<&'static str> {
     Some(match name {
@@ -79,4 +128,26 @@ pub(crate) fn definition(name: &str) -> Option<&'static str> {
         }
         _ => return None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ros::schema;
+
+    #[test]
+    fn a_whole_definition_holds_all_types_in_it_and_is_read_as_the_built_in_one() {
+        for kind in known_types() {
+            let text = whole_definition(&kind).unwrap_or_default();
+            let [whole, built_in] =
+                [&*text, ""].map(|text| schema::parse(&kind, text).map(|found| found.types.len()));
+            assert!(whole.is_ok() && whole.as_ref().ok() == built_in.as_ref().ok(), "{kind}: {text}");
+            assert!(is_known(&kind));
+        }
+        let imu = whole_definition("sensor_msgs::msg::dds_::Imu_").unwrap_or_default();
+        for part in ["MSG: std_msgs/Header", "MSG: geometry_msgs/Vector3", "MSG: builtin_interfaces/Time"] {
+            assert_eq!(imu.matches(part).count(), 1, "{part}");
+        }
+        assert!(!is_known("sensor_msgs/msg/PointCloud2") && !is_known("std_msgs/msg/Header"));
+    }
 }

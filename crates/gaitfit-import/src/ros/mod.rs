@@ -8,5 +8,7 @@ mod message;
 mod schema;
 mod value;
 
+pub(crate) use builtin::whole_definition;
+pub use builtin::{is_known, known_types};
 pub(crate) use channel::{Channel, Messages};
 pub use error::MessageError;

@@ -1,20 +1,20 @@
 //! Limits of a robot's motors, and the command nearest to the wanted one that keeps them.
 
 use crate::command::{Command, MotorCommand};
+use crate::per_motor::PerMotor;
 use crate::state::RobotState;
-use crate::unitree::MOTORS;
 
 /// What a robot's motors and joints bear, motor order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Least angle, rad.
-    pub lower: [f32; MOTORS],
-    /// Largest angle, rad.
-    pub upper: [f32; MOTORS],
+    /// Least angle, rad; of a wheel −∞.
+    pub lower: PerMotor<f32>,
+    /// Largest angle, rad; of a wheel ∞.
+    pub upper: PerMotor<f32>,
     /// Largest speed, rad/s.
-    pub speed: [f32; MOTORS],
+    pub speed: PerMotor<f32>,
     /// Largest torque, N·m.
-    pub torque: [f32; MOTORS],
+    pub torque: PerMotor<f32>,
     /// Largest position gain, N·m/rad.
     pub kp: f32,
     /// Largest velocity gain, N·m·s/rad.
@@ -22,33 +22,6 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Those of a Unitree Go2: ranges, efforts and speeds of the vendor's description (unitree_ros, `go2_description`;
-    /// the calf behind its knee gear of 1.917).
-    #[allow(clippy::approx_constant, reason = "the numbers of the vendor's file")]
-    pub fn go2() -> Self {
-        const HIP: [f32; 2] = [-1.0472, 1.0472];
-        const FRONT: [f32; 2] = [-1.5708, 3.4907];
-        const REAR: [f32; 2] = [-0.5236, 4.5379];
-        const CALF: [f32; 2] = [-2.7227, -0.83776];
-        let range = |motor: usize| match (motor % 3, motor / 3) {
-            (0, _) => HIP,
-            (1, 0 | 1) => FRONT,
-            (1, _) => REAR,
-            _ => CALF,
-        };
-        let kind = |hip_and_thigh: f32, calf: f32| {
-            std::array::from_fn(|motor| if motor % 3 == 2 { calf } else { hip_and_thigh })
-        };
-        Self {
-            lower: std::array::from_fn(|motor| range(motor)[0]),
-            upper: std::array::from_fn(|motor| range(motor)[1]),
-            speed: kind(30.1, 15.7),
-            torque: kind(23.7, 45.43),
-            kp: 100.0,
-            kd: 5.0,
-        }
-    }
-
     /// The command nearest to `wanted` that is inside the limits for a robot in `state`: angles within the joints' range,
     /// gains within theirs, and the torque that the motor board will make of it within the motor's. A joint that turns at
     /// its largest speed is not driven further.
@@ -109,14 +82,19 @@ impl Limits {
 #[allow(clippy::unwrap_used, clippy::approx_constant, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
+    use crate::Robot;
     use crate::state::tests::standing;
+
+    fn go2() -> Limits {
+        Robot::built_in("unitree-go2").unwrap().limits()
+    }
 
     fn admitted(motor: usize, wanted: MotorCommand, q: f32, dq: f32) -> MotorCommand {
         let mut state = standing();
         (state.q[motor], state.dq[motor]) = (q, dq);
-        let mut command = Command::default();
+        let mut command = Command::new(12, MotorCommand::default());
         command[motor] = wanted;
-        Limits::go2().admit(&command, &state).unwrap()[motor]
+        go2().admit(&command, &state).unwrap()[motor]
     }
 
     #[test]
@@ -169,17 +147,17 @@ mod tests {
                 let mut numbers = [0.5; 5];
                 numbers[field] = bad;
                 let [q, dq, tau, kp, kd] = numbers;
-                let mut command = Command::default();
+                let mut command = Command::new(12, MotorCommand::default());
                 command[7] = MotorCommand { q, dq, tau, kp, kd };
-                assert_eq!(Limits::go2().admit(&command, &standing()), None);
+                assert_eq!(go2().admit(&command, &standing()), None);
             }
         }
     }
 
     #[test]
     fn ranges_are_those_of_the_built_in_robot() {
-        let (model, limits) = (gaitfit_model::builtin::go2().unwrap(), Limits::go2());
-        for (motor, name) in crate::unitree::MOTOR_NAMES.iter().enumerate() {
+        let (model, limits) = (gaitfit_model::builtin::go2().unwrap(), go2());
+        for (motor, name) in Robot::built_in("unitree-go2").unwrap().joints().iter().enumerate() {
             let joint = &model.joints[model.find_joint(name).unwrap()];
             let [low, high] = joint.range.unwrap();
             assert!((f64::from(limits.lower[motor]) - low).abs() < 1e-4, "{name}");

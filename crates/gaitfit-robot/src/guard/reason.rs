@@ -1,7 +1,5 @@
 //! Why a robot goes to damping, in words for the person beside it.
 
-use crate::unitree::MOTOR_NAMES;
-
 /// Why a robot goes to damping, or may not be armed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Reason {
@@ -19,32 +17,39 @@ pub enum Reason {
     /// A number of the state is not finite.
     #[error("the robot's state has a number that is not finite ({0}); switch the robot off and on")]
     StateNotFinite(&'static str),
+    /// A state has another number of joints.
+    #[error("a state has {0} joints, another number than the robot: it is of another robot")]
+    OtherRobot(usize),
     /// The inertial unit's orientation is none.
     #[error(
         "the orientation of the robot's inertial unit is no unit quaternion; switch the robot off and on"
     )]
     NoOrientation,
     /// A joint is where the robot's joints cannot be.
-    #[error("joint {} is at {angle:.2} rad, outside its range; look at the leg, or the joints are in another order", MOTOR_NAMES[*motor])]
+    #[error(
+        "joint {joint} is at {angle:.2} rad, outside its range; look at the leg, or the joints are in another order"
+    )]
     OutOfRange {
-        /// The motor.
-        motor: usize,
+        /// The joint.
+        joint: String,
         /// Its angle, rad.
         angle: f32,
     },
     /// A joint moved further than it can.
-    #[error("joint {} jumped by {angle:.2} rad from one state to the next: an encoder fails, or the joints changed order", MOTOR_NAMES[*motor])]
+    #[error(
+        "joint {joint} jumped by {angle:.2} rad from one state to the next: an encoder fails, or the joints changed order"
+    )]
     Jump {
-        /// The motor.
-        motor: usize,
+        /// The joint.
+        joint: String,
         /// By how much, rad.
         angle: f32,
     },
     /// A joint is too fast.
-    #[error("joint {} turns at {speed:.1} rad/s, faster than its motor can", MOTOR_NAMES[*motor])]
+    #[error("joint {joint} turns at {speed:.1} rad/s, faster than its motor can")]
     TooFast {
-        /// The motor.
-        motor: usize,
+        /// The joint.
+        joint: String,
         /// Its velocity, rad/s.
         speed: f32,
     },
@@ -52,12 +57,12 @@ pub enum Reason {
     #[error("the robot leans by {0:.0} degrees; it is falling, or was lifted")]
     Tilt(f32),
     /// A motor is hot.
-    #[error("motor {} is at {degrees} °C; let it cool", MOTOR_NAMES[*motor])]
+    #[error("motor {joint} is at {degrees} °C; let it cool")]
     Hot {
-        /// The motor.
-        motor: usize,
+        /// The joint.
+        joint: String,
         /// Its temperature, °C.
-        degrees: u8,
+        degrees: i16,
     },
     /// The battery is nearly empty.
     #[error("the battery is at {0} %; charge it")]

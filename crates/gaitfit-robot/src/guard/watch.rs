@@ -1,16 +1,19 @@
 //! Whether a robot's states are such that it may be driven.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use gaitfit_model::rotation::up;
 
 use super::{Limits, Reason};
+use crate::robot::Robot;
 use crate::state::{Reading, RobotState, Seal};
-use crate::unitree::MOTORS;
 
 /// When a robot goes to damping.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct GuardSettings {
+    /// Names of the joints, motor order, for reasons.
+    pub joints: Arc<[String]>,
     /// What its motors bear.
     pub limits: Limits,
     /// Oldest state to act on.
@@ -22,9 +25,9 @@ pub struct GuardSettings {
     /// Largest angle between the base's z axis and the world's, degrees.
     pub tilt: f32,
     /// Hottest motor, °C.
-    pub temperature: u8,
-    /// Least charge of the battery, %.
-    pub charge: u8,
+    pub temperature: i16,
+    /// Least charge of the battery, %; `None` where the robot's state has no battery.
+    pub charge: Option<u8>,
     /// How far a joint may be outside of its range, rad: encoders are off, and stops give way.
     pub range_margin: f32,
     /// Whether the sender is a simulator: it may leave checksum, counter and battery out.
@@ -32,16 +35,17 @@ pub struct GuardSettings {
 }
 
 impl GuardSettings {
-    /// For a Go2 whose policy acts every `control_dt`: states of 20 ms, 60 degrees, 80 °C, 15 %.
-    pub fn go2(control_dt: Duration) -> Self {
+    /// For a robot whose policy acts every `control_dt`: states of 20 ms, and what its file says.
+    pub fn new(robot: &Robot, control_dt: Duration) -> Self {
         Self {
-            limits: Limits::go2(),
+            joints: robot.joints(),
+            limits: robot.limits(),
             stale: Duration::from_millis(20),
             late: Duration::from_millis(20),
             late_policy: 2 * control_dt + Duration::from_millis(10),
-            tilt: 60.0,
-            temperature: 80,
-            charge: 15,
+            tilt: robot.guard.tilt,
+            temperature: robot.guard.temperature,
+            charge: robot.guard.charge,
             range_margin: 0.15,
             simulator: false,
         }
@@ -146,18 +150,22 @@ impl Watch {
 
     fn check_joints(&self, now: Duration, state: &RobotState) -> Result<(), Reason> {
         let GuardSettings { limits, range_margin, temperature, .. } = &self.settings;
+        // A link gives as many joints as its robot has; another number is another robot.
+        if state.q.len() != limits.torque.len() {
+            return Err(Reason::OtherRobot(state.q.len()));
+        }
         // Ranges of all first: joints in another order jump too.
         for (motor, &angle) in state.q.iter().enumerate() {
             if angle < limits.lower[motor] - range_margin || angle > limits.upper[motor] + range_margin {
-                return Err(Reason::OutOfRange { motor, angle });
+                return Err(Reason::OutOfRange { joint: self.joint(motor), angle });
             }
         }
         let factor = if self.settings.simulator { SIMULATED_SPEED_FACTOR } else { SPEED_FACTOR };
-        for motor in 0..MOTORS {
+        for motor in 0..state.q.len() {
             let (angle, speed) = (state.q[motor], state.dq[motor]);
             let fastest = factor * limits.speed[motor];
             if speed.abs() > fastest {
-                return Err(Reason::TooFast { motor, speed });
+                return Err(Reason::TooFast { joint: self.joint(motor), speed });
             }
             if let Some((came, before)) = &self.last {
                 let jump = angle - before.q[motor];
@@ -169,14 +177,18 @@ impl Watch {
                 };
                 let apart = now.saturating_sub(*came).max(Duration::from_millis(counted.into()));
                 if jump.abs() > JUMP + fastest * apart.as_secs_f32() {
-                    return Err(Reason::Jump { motor, angle: jump });
+                    return Err(Reason::Jump { joint: self.joint(motor), angle: jump });
                 }
             }
             if state.temperature[motor] > *temperature {
-                return Err(Reason::Hot { motor, degrees: state.temperature[motor] });
+                return Err(Reason::Hot { joint: self.joint(motor), degrees: state.temperature[motor] });
             }
         }
         Ok(())
+    }
+
+    fn joint(&self, motor: usize) -> String {
+        self.settings.joints.get(motor).cloned().unwrap_or_default()
     }
 
     fn check_body(&self, state: &RobotState) -> Result<(), Reason> {
@@ -189,8 +201,9 @@ impl Watch {
         if tilt > self.settings.tilt {
             return Err(Reason::Tilt(tilt));
         }
+        let Some(charge) = self.settings.charge else { return Ok(()) };
         match state.battery {
-            Some(battery) if battery.charge < self.settings.charge => Err(Reason::Battery(battery.charge)),
+            Some(battery) if battery.charge < charge => Err(Reason::Battery(battery.charge)),
             None if !self.settings.simulator => Err(Reason::NoBattery),
             _ => Ok(()),
         }

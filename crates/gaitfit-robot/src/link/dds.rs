@@ -1,7 +1,8 @@
-//! A Go2 over DDS: `rt/lowstate` in, `rt/lowcmd` out.
+//! A robot over DDS: its states in, commands to it out.
 
 use std::collections::VecDeque;
 use std::net::{IpAddr, Ipv4Addr};
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -17,11 +18,9 @@ use rustdds::{
 use super::Link;
 use crate::RobotError;
 use crate::command::Command;
-use crate::state::Reading;
-use crate::unitree::{LowCmd, LowState};
-
-const STATE: (&str, &str) = ("rt/lowstate", "unitree_go::msg::dds_::LowState_");
-const COMMAND: (&str, &str) = ("rt/lowcmd", "unitree_go::msg::dds_::LowCmd_");
+use crate::robot::{Messages, Robot};
+use crate::state::{Reading, Seal};
+use crate::unitree::{CommandMessage, LowCmd, LowState, StateMessage, hg};
 
 /// Messages that each end keeps; with fewer a writer loses some in its own queue.
 const DEPTH: i32 = 16;
@@ -38,10 +37,15 @@ struct Inbox {
     broken: Option<String>,
 }
 
-/// The link to a Go2, or to a simulator that speaks as one.
+/// Sends a command to the motors of a machine of this kind.
+type Sending = Box<dyn Fn(&Command, u8) -> Result<(), String> + Send>;
+
+/// The link to a robot, or to a simulator that speaks as one.
 pub struct Dds {
     inbox: Arc<Mutex<Inbox>>,
-    writer: Option<DataWriter<LowCmd, CDRSerializerAdapter<LowCmd>>>,
+    writer: Option<Sending>,
+    /// What the last state says of the machine; commands repeat it.
+    machine: Arc<AtomicU8>,
     listeners: Vec<AbortHandle>,
     // Ends the protocol when it is dropped: last.
     _participant: DomainParticipant,
@@ -59,11 +63,24 @@ impl Dds {
         address_of(interface)
     }
 
-    /// Joins `domain` on a network interface, for example `eth0`; robots are in domain 0. `silent`: it listens only.
+    /// Joins `domain` on a network interface, for example `eth0`, as the link to `robot`; robots are in domain 0. `silent`: it
+    /// listens only.
     ///
     /// # Errors
     /// An interface that is not there or has no IPv4 address; a domain beyond 232; DDS that cannot begin.
-    pub fn open(interface: &str, domain: u16, silent: bool) -> Result<Self, RobotError> {
+    pub fn open(robot: &Robot, interface: &str, domain: u16, silent: bool) -> Result<Self, RobotError> {
+        match robot.messages {
+            Messages::UnitreeGo => Self::join::<LowState, LowCmd>(robot, interface, domain, silent),
+            Messages::UnitreeHg => Self::join::<hg::LowState, hg::LowCmd>(robot, interface, domain, silent),
+        }
+    }
+
+    fn join<S: StateMessage, C: CommandMessage>(
+        robot: &Robot,
+        interface: &str,
+        domain: u16,
+        silent: bool,
+    ) -> Result<Self, RobotError> {
         let address = Self::check(interface, domain)?;
         let participant = DomainParticipantBuilder::new(domain)
             .with_only_networks([IpAddr::V4(address)])
@@ -79,26 +96,38 @@ impl Dds {
         };
         let subscriber = participant.create_subscriber(&listening).map_err(failed("listen"))?;
         let states = subscriber
-            .create_datareader_no_key_cdr::<LowState>(&topic(STATE, &listening)?, Some(listening.clone()))
+            .create_datareader_no_key_cdr::<S>(
+                &topic((&robot.state_topic, S::TYPE), &listening)?,
+                Some(listening.clone()),
+            )
             .map_err(failed("listen to the robot's state"))?;
-        let commands = topic(COMMAND, &sending)?;
+        let commands = topic((&robot.command_topic, C::TYPE), &sending)?;
         let others = subscriber
-            .create_datareader_no_key_cdr::<LowCmd>(&commands, Some(listening))
+            .create_datareader_no_key_cdr::<C>(&commands, Some(listening))
             .map_err(failed("listen for other controllers"))?;
-        let writer = if silent {
+        let slots = robot.slots();
+        let writer: Option<Sending> = if silent {
             None
         } else {
             let publisher = participant.create_publisher(&sending).map_err(failed("send"))?;
-            let writer = publisher
-                .create_datawriter_no_key_cdr::<LowCmd>(&commands, Some(sending))
+            let writer: DataWriter<C, CDRSerializerAdapter<C>> = publisher
+                .create_datawriter_no_key_cdr::<C>(&commands, Some(sending))
                 .map_err(failed("send commands"))?;
-            Some(writer)
+            Some(Box::new(move |command: &Command, machine: u8| {
+                writer
+                    .write(C::for_motors(command, &slots, machine), None)
+                    .map_err(|error| format!("a command was not sent: {error}"))
+            }))
         };
         let inbox = Arc::new(Mutex::new(Inbox::default()));
         let prefix = participant.guid().prefix;
-        let into = Arc::clone(&inbox);
-        let heard = listen(states, "states", Arc::clone(&inbox), move |state: LowState, _| {
-            let reading = Reading::from(&state);
+        let machine = Arc::new(AtomicU8::new(0));
+        let (into, kind) = (Arc::clone(&inbox), Arc::clone(&machine));
+        let heard = listen(states, "states", Arc::clone(&inbox), move |state: S, _| {
+            let reading = state.reading(&slots);
+            if reading.seal != Seal::Wrong {
+                kind.store(state.machine(), Ordering::Relaxed);
+            }
             let mut inbox = into.lock().unwrap_or_else(PoisonError::into_inner);
             if inbox.states.len() == WAITING {
                 inbox.states.pop_front();
@@ -106,12 +135,12 @@ impl Dds {
             inbox.states.push_back((Instant::now(), reading));
         })?;
         let into = Arc::clone(&inbox);
-        let overheard = listen(others, "others", Arc::clone(&inbox), move |_: LowCmd, writer| {
+        let overheard = listen(others, "others", Arc::clone(&inbox), move |_: C, writer| {
             if writer.prefix != prefix {
                 into.lock().unwrap_or_else(PoisonError::into_inner).others += 1;
             }
         })?;
-        Ok(Self { inbox, writer, listeners: vec![heard, overheard], _participant: participant })
+        Ok(Self { inbox, writer, machine, listeners: vec![heard, overheard], _participant: participant })
     }
 }
 
@@ -132,7 +161,7 @@ impl Link for Dds {
 
     fn send(&mut self, command: &Command) -> Result<(), String> {
         let Some(writer) = &self.writer else { return Ok(()) };
-        writer.write(LowCmd::from(command), None).map_err(|error| format!("a command was not sent: {error}"))
+        writer(command, self.machine.load(Ordering::Relaxed))
     }
 }
 
@@ -146,7 +175,7 @@ pub(super) fn qos(reliability: Reliability) -> QosPolicies {
     QosPolicyBuilder::new().reliability(reliability).history(History::KeepLast { depth: DEPTH }).build()
 }
 
-pub(super) fn failed<E: std::fmt::Display>(what: &'static str) -> impl FnOnce(E) -> RobotError {
+pub(crate) fn failed<E: std::fmt::Display>(what: &'static str) -> impl FnOnce(E) -> RobotError {
     move |error| RobotError::Dds { what, problem: error.to_string() }
 }
 
@@ -196,13 +225,15 @@ fn address_of(interface: &str) -> Result<Ipv4Addr, RobotError> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
 
     #[test]
     fn an_interface_that_is_not_there_is_refused_with_those_that_are() {
-        let error = Dds::open("no-such-interface", 1, true).err().map(|error| error.to_string());
+        let robot = Robot::built_in("unitree-go2").unwrap();
+        let error = Dds::open(&robot, "no-such-interface", 1, true).err().map(|error| error.to_string());
         assert!(error.is_some_and(|error| error.contains("no-such-interface")));
-        assert!(matches!(Dds::open("lo", 233, true).err(), Some(RobotError::Domain { domain: 233 })));
+        assert!(matches!(Dds::open(&robot, "lo", 233, true).err(), Some(RobotError::Domain { domain: 233 })));
     }
 }

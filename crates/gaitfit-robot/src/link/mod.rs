@@ -14,6 +14,8 @@ use crate::state::Reading;
 #[cfg(feature = "dds")]
 pub use dds::Dds;
 #[cfg(feature = "dds")]
+pub(crate) use dds::failed;
+#[cfg(feature = "dds")]
 pub use motion::{MotionMode, MotionSwitcher};
 pub use simulated::{Simulated, simulation};
 

@@ -1,4 +1,4 @@
-//! A Go2 in the project's own engine, at 1 kHz, with the PD controller of the motor boards.
+//! A robot in the project's own engine, at 1 kHz, with the PD controller of the motor boards.
 
 use std::time::Duration;
 
@@ -12,9 +12,10 @@ use super::Link;
 use crate::RobotError;
 use crate::command::Command;
 use crate::guard::Limits;
+use crate::per_motor::PerMotor;
+use crate::robot::Robot;
 use crate::state::{Battery, Reading, RobotState, Seal};
-use crate::supervisor::Postures;
-use crate::unitree::{MOTOR_NAMES, MOTORS, Remote};
+use crate::unitree::Remote;
 
 /// Physics step and time between two looks of the motors' controllers, s.
 const STEP: f64 = 0.001;
@@ -23,7 +24,7 @@ const MAX_STEPS: u64 = 200;
 /// Gravity, m/s².
 const GRAVITY: f32 = 9.81;
 
-/// The engine for a [`Simulated`] Go2.
+/// The engine for a [`Simulated`] robot.
 ///
 /// # Errors
 /// A model that the engine cannot step.
@@ -40,43 +41,44 @@ pub fn simulation(model: &Model) -> Result<Batch, RobotError> {
     Batch::new(model, options).map_err(|error| RobotError::Simulation(error.to_string()))
 }
 
-/// A simulated Go2, lying on the ground at first. It moves when it is asked for its state, up to the time of the question.
+/// A simulated robot, lying on the ground at first. It moves when it is asked for its state, up to the time of the question.
 pub struct Simulated<'a> {
     tile: Tile<'a>,
     motion: Motion,
     /// For each motor, its joint in the model.
-    joints: [usize; MOTORS],
+    joints: PerMotor<usize>,
     limits: Limits,
     command: Option<Command>,
     /// Milliseconds simulated.
     ms: u64,
-    torque: [f32; MOTORS],
+    torque: PerMotor<f32>,
     /// By joint: nothing, and the motors' torques.
     nothing: Vec<f32>,
     torques: Vec<f32>,
 }
 
 impl<'a> Simulated<'a> {
-    /// On its belly.
+    /// `robot` as it lies; `batch` has its model.
     ///
     /// # Errors
-    /// A robot without a Go2's joints.
-    pub fn new(batch: &'a Batch) -> Result<Self, RobotError> {
+    /// A model without the robot's joints.
+    pub fn new(batch: &'a Batch, robot: &Robot) -> Result<Self, RobotError> {
         let model = batch.model();
-        let mut joints = [0; MOTORS];
+        let mut joints = robot.each(|_| 0usize);
         let mut angles = vec![0.0; model.joints.len()];
-        for (motor, name) in MOTOR_NAMES.iter().enumerate() {
-            let joint =
-                model.find_joint(name).ok_or_else(|| RobotError::Joint { joint: (*name).to_owned() })?;
-            joints[motor] = joint;
-            angles[joint] = f64::from(Postures::GO2_LYING[motor]);
+        for (index, motor) in robot.motors.iter().enumerate() {
+            let joint = model.find_joint(&motor.joint).ok_or_else(|| {
+                RobotError::Simulation(format!("its model has no joint `{}`", motor.joint.escape_debug()))
+            })?;
+            joints[index] = joint;
+            angles[joint] = f64::from(motor.lying);
         }
         let limp = vec![0.0; model.joints.len()];
         let failed = |error: String| RobotError::Simulation(error);
-        let robot = Candidate::nominal(model).robot(&limp, &limp);
-        let robot = robot.params(model).map_err(|error| failed(error.to_string()))?;
+        let body = Candidate::nominal(model).robot(&limp, &limp);
+        let body = body.params(model).map_err(|error| failed(error.to_string()))?;
         let engine = Cpu { threads: 1 };
-        let mut tile = engine.tile(batch, &[robot], &[]).map_err(|error| failed(error.to_string()))?;
+        let mut tile = engine.tile(batch, &[body], &[]).map_err(|error| failed(error.to_string()))?;
         tile.place(0, &standing(model, IDENTITY, &angles));
         let mut motion = batch.motion(1);
         tile.observe(&mut motion);
@@ -84,10 +86,10 @@ impl<'a> Simulated<'a> {
             tile,
             motion,
             joints,
-            limits: Limits::go2(),
+            limits: robot.limits(),
             command: None,
             ms: 0,
-            torque: [0.0; MOTORS],
+            torque: robot.each(|_| 0.0),
             nothing: vec![0.0; model.joints.len()],
             torques: vec![0.0; model.joints.len()],
         })
@@ -118,7 +120,7 @@ impl<'a> Simulated<'a> {
                 q: self.joints.map(|joint| self.motion.joint_position[joint]),
                 dq: self.joints.map(|joint| self.motion.joint_velocity[joint]),
                 torque: self.torque,
-                temperature: [30; MOTORS],
+                temperature: self.joints.map(|_| 30),
                 quaternion,
                 gyroscope: std::array::from_fn(|k| self.motion.base_angular[k]),
                 accelerometer: rotate_back(quaternion, [0.0, 0.0, GRAVITY]),

@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use crate::command::Command;
 use crate::guard::Reason;
+use crate::per_motor::PerMotor;
 use crate::state::RobotState;
 use crate::supervisor::Phase;
-use crate::unitree::MOTORS;
 
 /// What the two loops of a run tell each other: the one that sends at a high rate, and the policy's.
 #[derive(Clone, Debug)]
@@ -36,7 +36,7 @@ pub struct Board {
     /// To the sender: damping.
     pub stop: Option<Reason>,
     /// To the sender: the policy's targets, rad, motor order, and their time.
-    pub targets: Option<(Duration, [f32; MOTORS])>,
+    pub targets: Option<(Duration, PerMotor<f32>)>,
 }
 
 impl Default for Board {

@@ -9,9 +9,10 @@ use super::board::Board;
 use super::commands::{Commands, Order};
 use super::record::{Acted, Recorder};
 use crate::RobotError;
+use crate::per_motor::PerMotor;
+use crate::robot::Robot;
 use crate::state::RobotState;
-use crate::supervisor::{Phase, Postures};
-use crate::unitree::{MOTORS, motors_of};
+use crate::supervisor::Phase;
 
 /// How long the robot walks under the command 0 before it lies down, s.
 const STOP: f64 = 1.0;
@@ -22,7 +23,9 @@ pub struct Controller<'a> {
     commands: Box<dyn Commands + 'a>,
     recorder: Recorder,
     /// For each of the policy's joints, its motor.
-    motors: [usize; MOTORS],
+    motors: Vec<usize>,
+    /// Where motors stay that the policy does not move, rad, motor order.
+    standing: PerMotor<f32>,
     sensed: Sensed,
     begun: Option<Duration>,
     /// When the commands were over, s after it began.
@@ -36,44 +39,29 @@ pub struct Controller<'a> {
 }
 
 impl<'a> Controller<'a> {
-    /// `policy` under `commands`; `recorder` keeps its logs.
+    /// `policy` on `robot` under `commands`; `recorder` keeps its logs.
     ///
     /// # Errors
     /// A policy for other joints, or one that observes what a robot does not measure.
     pub fn new(
+        robot: &Robot,
         policy: &'a Policy,
         commands: impl Commands + 'a,
         recorder: Recorder,
     ) -> Result<Self, RobotError> {
         Ok(Self {
-            motors: motors_of(&policy.interface.joints)?,
+            motors: robot.motors_of(&policy.interface.joints)?,
+            standing: robot.postures(&policy.interface)?.standing,
             pilot: Pilot::new(policy)?,
             commands: Box::new(commands),
             recorder,
-            sensed: Sensed::new(MOTORS),
+            sensed: Sensed::new(policy.interface.joints.len()),
             begun: None,
             ended: None,
             walk: None,
             ages: (0.0, 0.0),
             outputs: 0,
         })
-    }
-
-    /// A Go2's postures under this policy.
-    ///
-    /// # Errors
-    /// A policy for other joints.
-    pub fn postures(policy: &Policy) -> Result<Postures, RobotError> {
-        let interface = &policy.interface;
-        let motors = motors_of(&interface.joints)?;
-        let mut rows = [[0.0; MOTORS]; 3];
-        for (row, values) in rows.iter_mut().zip([&interface.default_pose, &interface.kp, &interface.kd]) {
-            for (&motor, &value) in motors.iter().zip(values) {
-                row[motor] = value as f32;
-            }
-        }
-        let [pose, kp, kd] = rows;
-        Ok(Postures::go2(pose, kp, kd))
     }
 
     /// Makes the files of the logs; without it they are made at their first rows.
@@ -128,7 +116,7 @@ impl<'a> Controller<'a> {
         }
         self.sense(&state, command);
         let (action, targets) = self.pilot.step(&mut self.sensed);
-        let mut of_motors = [0.0; MOTORS];
+        let mut of_motors = self.standing;
         for (&motor, &target) in self.motors.iter().zip(targets) {
             of_motors[motor] = target;
         }

@@ -8,7 +8,6 @@ use serde::Serialize;
 use crate::command::Command;
 use crate::guard::Limits;
 use crate::state::RobotState;
-use crate::unitree::MOTORS;
 
 /// Most moments that are kept: half a minute at 500 Hz.
 const MAX_SAMPLES: usize = 15_000;
@@ -55,7 +54,7 @@ impl Trace {
         let first = self.commands.front()?.0 + Duration::from_millis(DELAYS);
         let states: Vec<&(Duration, RobotState)> =
             self.states.iter().filter(|(came, _)| *came >= first).collect();
-        let power: f64 = states.iter().flat_map(|(_, state)| state.torque).map(|x| f64::from(x * x)).sum();
+        let power: f64 = states.iter().flat_map(|(_, state)| &state.torque).map(|x| f64::from(x * x)).sum();
         if states.len() < FEWEST || power == 0.0 {
             return None;
         }
@@ -68,7 +67,7 @@ impl Trace {
                     next += 1;
                 }
                 let (_, command) = &self.commands[next];
-                for motor in 0..MOTORS {
+                for motor in 0..state.q.len() {
                     let max = limits.torque[motor];
                     let made = command[motor].torque(state.q[motor], state.dq[motor]).clamp(-max, max);
                     sum += f64::from(made - state.torque[motor]).powi(2);
@@ -82,17 +81,23 @@ impl Trace {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
     use crate::command::MotorCommand;
+    use crate::per_motor::PerMotor;
     use crate::state::tests::standing;
+
+    fn go2() -> Limits {
+        crate::Robot::built_in("unitree-go2").unwrap().limits()
+    }
 
     #[test]
     fn the_delay_of_made_up_torques_is_found() {
         for late in [0u64, 7, 23] {
             let mut trace = Trace::default();
             let wanted = |ms: u64| -> Command {
-                std::array::from_fn(|motor| MotorCommand {
+                PerMotor::from_fn(12, |motor| MotorCommand {
                     q: (0.013 * ms as f32 + motor as f32).sin(),
                     kp: 25.0,
                     kd: 0.5,
@@ -106,13 +111,17 @@ mod tests {
                 let sent = ms.saturating_sub(late) / 2 * 2;
                 let command = wanted(sent);
                 state.torque =
-                    std::array::from_fn(|motor| command[motor].torque(state.q[motor], state.dq[motor]));
-                let max = Limits::go2().torque;
-                state.torque.iter_mut().zip(max).for_each(|(torque, max)| *torque = torque.clamp(-max, max));
+                    PerMotor::from_fn(12, |motor| command[motor].torque(state.q[motor], state.dq[motor]));
+                let max = go2().torque;
+                state
+                    .torque
+                    .iter_mut()
+                    .zip(&max)
+                    .for_each(|(torque, max)| *torque = torque.clamp(-max, *max));
                 let now = Duration::from_millis(ms);
                 trace.take(now, Some((now, state)), &wanted(ms));
             }
-            let delay = trace.delay(&Limits::go2());
+            let delay = trace.delay(&go2());
             assert!(
                 delay.is_some_and(
                     |delay| (late.saturating_sub(1)..=late).contains(&delay.ms) && delay.residual < 1e-3
@@ -127,9 +136,9 @@ mod tests {
         let mut trace = Trace::default();
         for tick in 0..1000u64 {
             let now = Duration::from_millis(2 * tick);
-            trace.take(now, Some((now, standing())), &crate::command::damping());
+            trace.take(now, Some((now, standing())), &crate::command::damping(&PerMotor::new(12, 2.0)));
         }
-        assert_eq!(trace.delay(&Limits::go2()), None);
-        assert_eq!(Trace::default().delay(&Limits::go2()), None);
+        assert_eq!(trace.delay(&go2()), None);
+        assert_eq!(Trace::default().delay(&go2()), None);
     }
 }

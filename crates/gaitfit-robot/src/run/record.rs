@@ -10,9 +10,9 @@ use gaitfit_policy::Interface;
 use super::view::View;
 use crate::RobotError;
 use crate::command::Command;
+use crate::robot::Robot;
 use crate::state::RobotState;
 use crate::supervisor::Phase;
-use crate::unitree::MOTORS;
 
 /// The name of the log of the walk, which fits read, and of that of everything.
 pub const WALK: &str = "walk.csv";
@@ -46,6 +46,8 @@ pub(super) struct Log {
 /// Logs of a run: each walk as `gaitfit collect` writes it, and every control period of every phase with what was sent.
 pub struct Recorder {
     folder: PathBuf,
+    /// The robot's name.
+    robot: String,
     /// Comments and header of a walk's log.
     head: String,
     /// Digits of the walks' numbers in their files' names; `None`: one walk.
@@ -58,25 +60,40 @@ pub struct Recorder {
     whole_path: PathBuf,
     whole_head: String,
     /// For each of the policy's joints, its motor.
-    motors: [usize; MOTORS],
+    motors: Vec<usize>,
     line: String,
 }
 
 impl Recorder {
-    /// For one walk: [`WALK`] and [`WHOLE`] in `folder`; `motors` has a motor for each of the policy's joints. No file is
-    /// made before [`Recorder::open`] or the first row.
-    pub fn new(folder: &Path, interface: &Interface, motors: [usize; MOTORS]) -> Self {
-        Self::within(folder, None, interface, motors)
+    /// For one walk of `robot`: [`WALK`] and [`WHOLE`] in `folder`. No file is made before [`Recorder::open`] or the first row.
+    ///
+    /// # Errors
+    /// A policy for other joints.
+    pub fn new(folder: &Path, interface: &Interface, robot: &Robot) -> Result<Self, RobotError> {
+        Self::within(folder, None, interface, robot)
     }
 
     /// For `count` walks: `trajectory_00.csv`, … in `folder`, as `gaitfit collect` names them, and [`WHOLE`] in [`RUN`].
     /// No file is made before [`Recorder::open`] or the first row.
-    pub fn of_walks(folder: &Path, count: usize, interface: &Interface, motors: [usize; MOTORS]) -> Self {
+    ///
+    /// # Errors
+    /// A policy for other joints.
+    pub fn of_walks(
+        folder: &Path,
+        count: usize,
+        interface: &Interface,
+        robot: &Robot,
+    ) -> Result<Self, RobotError> {
         let digits = count.saturating_sub(1).to_string().len().max(2);
-        Self::within(folder, Some(digits), interface, motors)
+        Self::within(folder, Some(digits), interface, robot)
     }
 
-    fn within(folder: &Path, digits: Option<usize>, interface: &Interface, motors: [usize; MOTORS]) -> Self {
+    fn within(
+        folder: &Path,
+        digits: Option<usize>,
+        interface: &Interface,
+        robot: &Robot,
+    ) -> Result<Self, RobotError> {
         let per_joint = |prefix: &str| -> String {
             interface.joints.iter().fold(String::new(), |mut text, joint| {
                 let _ = write!(text, ",{prefix}{joint}");
@@ -84,7 +101,7 @@ impl Recorder {
             })
         };
         let named = |prefixes: &[&str]| prefixes.iter().map(|prefix| per_joint(prefix)).collect::<String>();
-        let mut head = format!("# robot = \"go2\"\n# rate_hz = {:?}\n", 1.0 / interface.control_dt);
+        let mut head = format!("# robot = {:?}\n# rate_hz = {:?}\n", robot.name, 1.0 / interface.control_dt);
         let body = "base_quat_w,base_quat_x,base_quat_y,base_quat_z,wx,wy,wz";
         let more = format!("acc_x,acc_y,acc_z{},charge,volts,age_ms", named(&["tau_", "temp_"]));
         let whole = format!(
@@ -98,8 +115,9 @@ impl Recorder {
             named(&["q_", "dq_", "qdes_", "act_"])
         );
         let whole_path = if digits.is_some() { folder.join(RUN).join(WHOLE) } else { folder.join(WHOLE) };
-        Self {
+        Ok(Self {
             folder: folder.to_owned(),
+            robot: robot.name.clone(),
             head,
             digits,
             walk: None,
@@ -108,9 +126,9 @@ impl Recorder {
             whole: None,
             whole_path,
             whole_head: whole,
-            motors,
+            motors: robot.motors_of(&interface.joints)?,
             line: String::new(),
-        }
+        })
     }
 
     /// Says in the logs' first line that they are of a dry run, in which nothing was sent.
@@ -154,7 +172,7 @@ impl Recorder {
         let path = self.folder.join(name);
         // The end of the walk before.
         self.view = None;
-        self.view = Some(View::new(path.with_extension("mcap"), &self.interface)?);
+        self.view = Some(View::new(path.with_extension("mcap"), &self.interface, &self.robot)?);
         self.walk = Some(Log::new(path, self.head.as_bytes())?);
         Ok(())
     }
@@ -207,7 +225,7 @@ impl Recorder {
         self.rest(state, age);
         let _ = write!(self.line, ",{}", phase.name());
         for part in 0..3 {
-            for motor in self.motors {
+            for &motor in &self.motors {
                 // Nothing was sent: an empty cell.
                 let _ = match sent.map(|command| &command[motor]) {
                     Some(one) => write!(self.line, ",{:?}", [one.q, one.kp, one.kd][part]),
@@ -224,18 +242,20 @@ impl Recorder {
     fn row(&mut self, time: f64, state: &RobotState) {
         self.line.clear();
         let _ = write!(self.line, "{time:?}");
-        let motors = self.motors;
+        let motors = std::mem::take(&mut self.motors);
         self.numbers(motors.iter().map(|&motor| &state.q[motor]));
         self.numbers(motors.iter().map(|&motor| &state.dq[motor]));
+        self.motors = motors;
     }
 
     fn rest(&mut self, state: &RobotState, age: f64) {
-        let motors = self.motors;
+        let motors = std::mem::take(&mut self.motors);
         self.numbers(state.quaternion.iter().chain(&state.gyroscope).chain(&state.accelerometer));
         self.numbers(motors.iter().map(|&motor| &state.torque[motor]));
-        for motor in motors {
+        for &motor in &motors {
             let _ = write!(self.line, ",{}", state.temperature[motor]);
         }
+        self.motors = motors;
         let _ = match state.battery {
             Some(battery) => write!(self.line, ",{},{:?}", battery.charge, battery.volts),
             None => write!(self.line, ",,"),

@@ -9,7 +9,6 @@ use gaitfit_policy::Interface;
 use super::record::{Acted, Log};
 use crate::RobotError;
 use crate::state::RobotState;
-use crate::unitree::MOTORS;
 
 /// An MCAP log that is open.
 pub(super) struct View {
@@ -45,12 +44,12 @@ impl Drop for Rows {
 
 impl View {
     /// A new file.
-    pub(super) fn new(path: PathBuf, interface: &Interface) -> Result<Self, RobotError> {
+    pub(super) fn new(path: PathBuf, interface: &Interface, robot: &str) -> Result<Self, RobotError> {
         let rows = Rows { file: Log::new(path.clone(), &[])?, row: Vec::new() };
         let head = McapHead {
             joints: &interface.joints,
             rate_hz: 1.0 / interface.control_dt,
-            robot: Some("go2"),
+            robot: Some(robot),
             gains: Some((&interface.kp, &interface.kd)),
             fell: false,
         };
@@ -67,17 +66,18 @@ impl View {
     /// A row; `motors`: for each of the policy's joints, its motor.
     pub(super) fn row(
         &mut self,
-        motors: &[usize; MOTORS],
+        motors: &[usize],
         state: &RobotState,
         age: f64,
         acted: &Acted<'_>,
     ) -> Result<(), RobotError> {
-        let of_motors = |values: &[f32; MOTORS]| motors.map(|motor| f64::from(values[motor]));
+        let of_motors =
+            |values: &[f32]| motors.iter().map(|&motor| f64::from(values[motor])).collect::<Vec<_>>();
         let wide = |values: &[f32]| values.iter().copied().map(f64::from).collect::<Vec<_>>();
         let battery = state
             .battery
             .map_or([f64::NAN; 2], |battery| [f64::from(battery.charge), f64::from(battery.volts)]);
-        let temperature = motors.map(|motor| f64::from(state.temperature[motor]));
+        let temperature: Vec<f64> = motors.iter().map(|&motor| f64::from(state.temperature[motor])).collect();
         let row = McapRow {
             time: acted.time,
             lead: 0.0,

@@ -32,7 +32,7 @@ const fn table() -> [u32; 256] {
 }
 
 /// CRC-32 over little-endian words: polynomial 0x04C11DB7, initial value of ones, nothing reflected, no final xor.
-fn crc(words: &[u8]) -> u32 {
+pub(super) fn crc(words: &[u8]) -> u32 {
     let (words, _) = words.as_chunks::<4>();
     words.iter().fold(u32::MAX, |crc, word| {
         // The most significant byte of a word goes first: the last in memory.
@@ -41,42 +41,47 @@ fn crc(words: &[u8]) -> u32 {
 }
 
 /// A struct's memory, filled from its beginning.
-struct Memory<const N: usize> {
+pub(super) struct Memory<const N: usize> {
     bytes: [u8; N],
     used: usize,
 }
 
 impl<const N: usize> Memory<N> {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self { bytes: [0; N], used: 0 }
     }
 
-    fn bytes(&mut self, bytes: &[u8]) -> &mut Self {
+    pub(super) fn bytes(&mut self, bytes: &[u8]) -> &mut Self {
         self.bytes[self.used..self.used + bytes.len()].copy_from_slice(bytes);
         self.used += bytes.len();
         self
     }
 
-    fn words<const K: usize>(&mut self, words: [u32; K]) -> &mut Self {
+    pub(super) fn words<const K: usize>(&mut self, words: [u32; K]) -> &mut Self {
         words.into_iter().for_each(|word| {
             self.bytes(&word.to_le_bytes());
         });
         self
     }
 
-    fn floats<const K: usize>(&mut self, floats: [f32; K]) -> &mut Self {
+    pub(super) fn floats<const K: usize>(&mut self, floats: [f32; K]) -> &mut Self {
         self.words(floats.map(f32::to_bits))
     }
 
-    fn shorts<const K: usize>(&mut self, shorts: [u16; K]) -> &mut Self {
+    pub(super) fn shorts<const K: usize>(&mut self, shorts: [u16; K]) -> &mut Self {
         shorts.into_iter().for_each(|short| {
             self.bytes(&short.to_le_bytes());
         });
         self
     }
 
+    /// The bytes.
+    pub(super) fn into_bytes(self) -> [u8; N] {
+        self.bytes
+    }
+
     /// Zeros up to a multiple of four bytes.
-    fn align(&mut self) -> &mut Self {
+    pub(super) fn align(&mut self) -> &mut Self {
         self.used = self.used.next_multiple_of(4);
         self
     }

@@ -1,15 +1,23 @@
 //! The link over DDS on the loopback interface: a robot's side in the same process.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use gaitfit_robot::link::{Dds, Link};
 use gaitfit_robot::unitree::{LowCmd, LowState};
-use gaitfit_robot::{Seal, damping};
+use gaitfit_robot::{PerMotor, Seal, damping};
 use rustdds::no_key::{DataReaderCdr, DataWriterCdr};
 use rustdds::policy::{History, Reliability};
 use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicyBuilder, ReadCondition, TopicKind};
+
+use crate::toy::go2;
+
+/// Runs on the real clock have little time to answer: one at a time.
+pub fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// A domain that no robot or simulator uses.
 const DOMAIN: u16 = 77;
@@ -51,7 +59,7 @@ fn states_and_commands_cross_the_loopback_interface_and_another_controller_is_se
         }
         (right, wrong)
     });
-    let mut link = Dds::open("lo", DOMAIN, false).unwrap();
+    let mut link = Dds::open(&go2(), "lo", DOMAIN, false).unwrap();
     let begin = Instant::now();
     let mut ticks = Vec::new();
     let mut receive = |link: &mut Dds| {
@@ -63,14 +71,14 @@ fn states_and_commands_cross_the_loopback_interface_and_another_controller_is_se
         (others.unwrap(), ticks.len())
     };
     while receive(&mut link).1 < 500 {
-        link.send(&damping()).unwrap();
+        link.send(&damping(&PerMotor::new(12, 2.0))).unwrap();
         assert!(begin.elapsed() < Duration::from_secs(60), "no states over the loopback interface");
     }
     assert_eq!(receive(&mut link).0, 0, "its own commands are not another controller's");
-    let mut other = Dds::open("lo", DOMAIN, false).unwrap();
+    let mut other = Dds::open(&go2(), "lo", DOMAIN, false).unwrap();
     let mut seen = 0;
     while seen == 0 {
-        other.send(&damping()).unwrap();
+        other.send(&damping(&PerMotor::new(12, 2.0))).unwrap();
         seen += receive(&mut link).0;
         assert!(begin.elapsed() < Duration::from_secs(90), "the other controller is not seen");
     }

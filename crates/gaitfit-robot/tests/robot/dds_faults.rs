@@ -9,15 +9,16 @@ use gaitfit_random::{Purpose, Stream};
 use gaitfit_robot::guard::GuardSettings;
 use gaitfit_robot::link::{Dds, Link, Simulated, simulation};
 use gaitfit_robot::run::{Controller, Live, Recorder, Script, Sender, Summary, live, real_time};
-use gaitfit_robot::unitree::{LowCmd, LowState, MOTORS, motors_of};
+use gaitfit_robot::unitree::{LowCmd, LowState};
 use gaitfit_robot::{
-    Command, MotorCommand, Phase, Reading, RobotError, RobotState, Supervisor, Times, damping,
+    Command, MotorCommand, PerMotor, Phase, Reading, RobotError, RobotState, Supervisor, Times, damping,
 };
 use rustdds::ReadCondition;
 
-use crate::dds::robot_side;
+use crate::dds::{alone, robot_side};
 use crate::limits::violation;
 use crate::session::walk;
+use crate::toy::go2;
 
 /// First of the domains that these tests use.
 const DOMAIN: u16 = 100;
@@ -60,9 +61,9 @@ struct Felt {
 
 fn message(state: &RobotState) -> LowState {
     let mut message = LowState { tick: state.tick, ..LowState::default() };
-    for (motor, slot) in message.motor_state.iter_mut().take(MOTORS).enumerate() {
+    for (motor, slot) in message.motor_state.iter_mut().take(12).enumerate() {
         (slot.q, slot.dq, slot.tau_est) = (state.q[motor], state.dq[motor], state.torque[motor]);
-        slot.temperature = state.temperature[motor];
+        slot.temperature = state.temperature[motor] as u8;
     }
     let imu = &mut message.imu_state;
     (imu.quaternion, imu.gyroscope, imu.accelerometer) =
@@ -72,7 +73,7 @@ fn message(state: &RobotState) -> LowState {
 }
 
 fn felt(message: &LowCmd) -> Command {
-    std::array::from_fn(|motor| {
+    PerMotor::from_fn(12, |motor| {
         let one = &message.motor_cmd[motor];
         MotorCommand { q: one.q, dq: one.dq, tau: one.tau, kp: one.kp, kd: one.kd }
     })
@@ -82,7 +83,7 @@ fn felt(message: &LowCmd) -> Command {
 fn robot(domain: u16, fault: Fault, after: Duration, pause: Duration, done: &AtomicBool) -> Felt {
     let (_participant, states, mut commands) = robot_side(domain);
     let batch = simulation(&gaitfit_model::builtin::go2().unwrap()).unwrap();
-    let mut body = Simulated::new(&batch).unwrap();
+    let mut body = Simulated::new(&batch, &go2()).unwrap();
     let begin = Instant::now();
     let (mut found, mut first, mut other) = (Felt::default(), None, None);
     let mut recent: VecDeque<(Duration, RobotState)> = VecDeque::new();
@@ -102,11 +103,11 @@ fn robot(domain: u16, fault: Fault, after: Duration, pause: Duration, done: &Ato
                 continue;
             }
             if fault == Fault::SecondController && other.is_none() {
-                other = Some(Dds::open("lo", domain, false).unwrap());
+                other = Some(Dds::open(&go2(), "lo", domain, false).unwrap());
             }
             // Discovery takes a moment, and a moment more on a busy machine.
             if let Some(other) = other.as_mut().filter(|_| found.answered.is_none()) {
-                other.send(&damping()).unwrap();
+                other.send(&damping(&PerMotor::new(12, 2.0))).unwrap();
             }
         }
         for sample in commands.take(100, ReadCondition::any()).unwrap() {
@@ -143,7 +144,7 @@ fn robot(domain: u16, fault: Fault, after: Duration, pause: Duration, done: &Ato
                 }
                 Fault::WrongChecksum => said.crc ^= 1,
                 Fault::OtherOrder => {
-                    said.motor_state[..MOTORS].rotate_left(1);
+                    said.motor_state[..12].rotate_left(1);
                     said = said.sealed();
                 }
                 _ => {}
@@ -160,29 +161,31 @@ fn run(domain: u16, patience: Duration, real_time: bool) -> Result<Summary, Robo
     let policy = walk();
     let script = Script::new(vec![(0.0, [0.4, 0.0, 0.2]), (30.0, [0.0; 3])]).unwrap();
     let control = Duration::from_secs_f64(policy.interface.control_dt);
-    let guard = GuardSettings { stale: patience, late: patience, ..GuardSettings::go2(control) };
-    let guard = GuardSettings { late_policy: guard.late_policy.max(2 * control + patience), ..guard };
-    let motors = motors_of(&policy.interface.joints).unwrap();
-    let recorder = Recorder::new(folder.path(), &policy.interface, motors);
-    let controller = Controller::new(&policy, &script, recorder).unwrap();
-    let link = Box::new(Dds::open("lo", domain, false).unwrap());
+    let guard = GuardSettings { stale: patience, late: patience, ..GuardSettings::new(&go2(), control) };
+    let late_policy = guard.late_policy.max(2 * control + patience);
+    let guard = GuardSettings { late_policy, ..guard };
+    let limits = guard.limits;
+    let recorder = Recorder::new(folder.path(), &policy.interface, &go2()).unwrap();
+    let controller = Controller::new(&go2(), &policy, &script, recorder).unwrap();
+    let link = Box::new(Dds::open(&go2(), "lo", domain, false).unwrap());
     let short = Duration::from_millis(700);
     let times = Times { fold: short, rise: short, settle: short / 4, damping: short, ..Times::default() };
     let sender =
-        Sender::new(link, Supervisor::new(guard, Controller::postures(&policy).unwrap(), times), false);
+        Sender::new(link, Supervisor::new(guard, go2().postures(&policy.interface).unwrap(), times), false);
     let ask = Live {
         confirm: &mut |_| true,
         phase: &mut |_: Phase| (),
         stop: &|| None,
         control,
         real_time,
-        limits: guard.limits,
+        limits,
     };
     live(sender, controller, ask)
 }
 
 #[test]
 fn a_robot_over_dds_whose_messages_fail_is_damped_inside_its_limits() {
+    let _alone = alone();
     // `GAITFIT_DDS_FAULTS` says how many; a machine that gives no real-time priority gets more time.
     let count: usize = std::env::var("GAITFIT_DDS_FAULTS").ok().and_then(|n| n.parse().ok()).unwrap_or(7);
     let real_time = real_time();

@@ -4,12 +4,17 @@ use std::path::Path;
 use std::process::Command;
 
 use cdr_encoding::{from_bytes, to_vec};
-use gaitfit_robot::unitree::{CMD_BYTES, LowCmd, LowState, STATE_BYTES};
+use gaitfit_robot::unitree::{CMD_BYTES, LowCmd, LowState, STATE_BYTES, hg};
 
 const CMD_WIRE: &[u8] = include_bytes!("../fixtures/lowcmd.cdr");
 const CMD_STRUCT: &[u8] = include_bytes!("../fixtures/lowcmd.c");
 const STATE_WIRE: &[u8] = include_bytes!("../fixtures/lowstate.cdr");
 const STATE_STRUCT: &[u8] = include_bytes!("../fixtures/lowstate.c");
+
+const HG_CMD_WIRE: &[u8] = include_bytes!("../fixtures/hg_lowcmd.cdr");
+const HG_CMD_STRUCT: &[u8] = include_bytes!("../fixtures/hg_lowcmd.c");
+const HG_STATE_WIRE: &[u8] = include_bytes!("../fixtures/hg_lowstate.cdr");
+const HG_STATE_STRUCT: &[u8] = include_bytes!("../fixtures/hg_lowstate.c");
 
 type Little = byteorder::LittleEndian;
 
@@ -40,6 +45,39 @@ fn a_state_is_the_sdks_bit_for_bit() {
     assert_eq!(state.imu_state.gyroscope, [14, 15, 16].map(value));
     let first = state.motor_state[0];
     assert_eq!([first.q, first.dq, first.ddq, first.tau_est], [25, 26, 27, 28].map(value));
+}
+
+#[test]
+fn a_humanoids_command_is_the_sdks_bit_for_bit() {
+    let (command, used) = from_bytes::<hg::LowCmd, Little>(HG_CMD_WIRE).unwrap();
+    assert_eq!(used, HG_CMD_WIRE.len());
+    assert_eq!(to_vec::<_, Little>(&command).unwrap(), HG_CMD_WIRE);
+    assert_eq!((command.layout().as_slice(), HG_CMD_STRUCT.len()), (HG_CMD_STRUCT, hg::CMD_BYTES));
+    assert_eq!(command.checksum(), command.crc);
+    assert_eq!((command.mode_pr, command.mode_machine), (1, 2));
+    let value = |count: i32| (-1.7 + 0.123 * f64::from(count)) as f32;
+    let motors = command.motor_cmd.as_flattened();
+    let [first, last] = [motors[0], motors[34]];
+    assert_eq!([first.q, first.dq, first.tau, first.kp, first.kd], [4, 5, 6, 7, 8].map(value));
+    assert_eq!(last.q, value(4 + 34 * 7));
+}
+
+#[test]
+fn a_humanoids_state_is_the_sdks_bit_for_bit() {
+    let (state, used) = from_bytes::<hg::LowState, Little>(HG_STATE_WIRE).unwrap();
+    assert_eq!(used, HG_STATE_WIRE.len());
+    assert_eq!(to_vec::<_, Little>(&state).unwrap(), HG_STATE_WIRE);
+    assert_eq!((state.layout().as_slice(), HG_STATE_STRUCT.len()), (HG_STATE_STRUCT, hg::STATE_BYTES));
+    assert_eq!(state.checksum(), state.crc);
+    assert_eq!((state.mode_pr, state.mode_machine), (3, 4));
+    let value = |count: i32| (-1.7 + 0.123 * f64::from(count)) as f32;
+    assert_eq!(state.imu_state.quaternion, [6, 7, 8, 9].map(value));
+    assert_eq!(state.imu_state.gyroscope, [10, 11, 12].map(value));
+    let first = state.motor_state[0][0];
+    assert_eq!([first.q, first.dq, first.ddq, first.tau_est], [21, 22, 23, 24].map(value));
+    for length in 0..HG_STATE_WIRE.len() {
+        assert!(from_bytes::<hg::LowState, Little>(&HG_STATE_WIRE[..length]).is_err(), "{length}");
+    }
 }
 
 #[test]

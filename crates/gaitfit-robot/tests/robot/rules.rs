@@ -3,11 +3,17 @@
 use std::time::Duration;
 
 use gaitfit_robot::guard::Reason;
-use gaitfit_robot::unitree::{LowCmd, MOTORS};
-use gaitfit_robot::{Battery, DAMPING_KD, Phase, Reading, RobotError, Seal, damping};
+use gaitfit_robot::unitree::{CommandMessage, LowCmd};
+use gaitfit_robot::{Battery, PerMotor, Phase, Reading, RobotError, Seal, damping};
 
 use crate::limits::violation;
-use crate::toy::{Run, STANDING, Toy, march};
+use crate::toy::{Run, STANDING, go2, postures};
+
+const DAMPING_KD: f32 = 2.0;
+
+fn march(now: Duration) -> Option<PerMotor<f32>> {
+    crate::toy::march(&go2(), now)
+}
 
 /// A walking run that hears one changed message; the reason it gives.
 fn after(change: impl Fn(&mut Reading)) -> Reason {
@@ -28,7 +34,7 @@ fn after(change: impl Fn(&mut Reading)) -> Reason {
 /// The run is in damping and its command holds nothing.
 fn is_damped(run: &Run) {
     assert_eq!(run.supervisor.phase(), Phase::Damping);
-    for motor in run.command.unwrap() {
+    for motor in &run.command.unwrap() {
         assert!(motor.kp == 0.0 && motor.tau == 0.0 && motor.kd > 0.0 && motor.kd <= DAMPING_KD, "{motor:?}");
     }
 }
@@ -67,10 +73,10 @@ fn an_undisturbed_run_stands_up_walks_lies_down_and_ends() {
 fn a_command_goes_out_with_head_mode_and_checksum() {
     let mut run = Run::armed();
     run.until(Phase::Walk);
-    let message = LowCmd::from(&run.command.unwrap());
+    let message = LowCmd::for_motors(&run.command.unwrap(), &go2().slots(), 0);
     assert_eq!((message.head, message.level_flag, message.crc), ([0xFE, 0xEF], 0xFF, message.checksum()));
-    assert!(message.motor_cmd[..MOTORS].iter().all(|motor| motor.mode == 1 && motor.kp > 0.0));
-    assert!(message.motor_cmd[MOTORS..].iter().all(|motor| motor.mode == 0 && motor.kp == 0.0));
+    assert!(message.motor_cmd[..12].iter().all(|motor| motor.mode == 1 && motor.kp > 0.0));
+    assert!(message.motor_cmd[12..].iter().all(|motor| motor.mode == 0 && motor.kp == 0.0));
 }
 
 #[test]
@@ -100,7 +106,10 @@ fn what_is_mended_while_idle_does_not_keep_it_from_being_armed() {
     let mut run = Run::new();
     run.toy.state.temperature[4] = 95;
     run.tick();
-    assert_eq!(run.supervisor.arm(run.now), Err(RobotError::NotArmed(Reason::Hot { motor: 4, degrees: 95 })));
+    assert_eq!(
+        run.supervisor.arm(run.now),
+        Err(RobotError::NotArmed(Reason::Hot { joint: "FL_thigh".to_owned(), degrees: 95 }))
+    );
     run.toy.state.temperature[4] = 40;
     run.tick();
     run.supervisor.arm(run.now).unwrap();
@@ -153,11 +162,11 @@ fn numbers_that_are_not_finite_stop() {
 #[test]
 fn joints_out_of_range_too_fast_or_jumping_stop() {
     let found = after(|reading| reading.state.q[2] = -0.6);
-    assert_eq!(found, Reason::OutOfRange { motor: 2, angle: -0.6 });
+    assert_eq!(found, Reason::OutOfRange { joint: "FR_calf".to_owned(), angle: -0.6 });
     let found = after(|reading| reading.state.dq[7] = 50.0);
-    assert_eq!(found, Reason::TooFast { motor: 7, speed: 50.0 });
+    assert_eq!(found, Reason::TooFast { joint: "RR_thigh".to_owned(), speed: 50.0 });
     let found = after(|reading| reading.state.q[1] += 0.5);
-    assert!(matches!(found, Reason::Jump { motor: 1, .. }), "{found:?}");
+    assert!(matches!(&found, Reason::Jump { joint, .. } if joint == "FR_thigh"), "{found:?}");
 
     // Messages that were held up come in a heap: by the robot's counter they are further apart.
     let mut run = Run::armed();
@@ -174,7 +183,7 @@ fn joints_out_of_range_too_fast_or_jumping_stop() {
     let mut run = Run::armed();
     run.until(Phase::Walk);
     run.tick_with(far(0), march);
-    assert!(matches!(run.supervisor.reason(), Some(Reason::Jump { motor: 1, .. })));
+    assert!(matches!(run.supervisor.reason(), Some(Reason::Jump { joint, .. }) if joint == "FR_thigh"));
 }
 
 #[test]
@@ -182,7 +191,7 @@ fn joints_in_another_order_stop() {
     // All hips, then thighs, then calves: a common order.
     let found = after(|reading| {
         let q = reading.state.q;
-        reading.state.q = std::array::from_fn(|k| q[3 * (k % 4) + k / 4]);
+        reading.state.q = PerMotor::from_fn(12, |k| q[3 * (k % 4) + k / 4]);
     });
     assert!(matches!(found, Reason::OutOfRange { .. }), "{found:?}");
     assert!(found.to_string().contains("another order"));
@@ -197,7 +206,7 @@ fn tilt_heat_and_an_empty_battery_stop() {
     assert!(matches!(after(tilted(61.0)), Reason::Tilt(degrees) if (degrees - 61.0).abs() < 0.1));
     assert_eq!(after(|reading| reading.state.quaternion = [0.0; 4]), Reason::NoOrientation);
     let found = after(|reading| reading.state.temperature[8] = 81);
-    assert_eq!(found, Reason::Hot { motor: 8, degrees: 81 });
+    assert_eq!(found, Reason::Hot { joint: "RR_calf".to_owned(), degrees: 81 });
     let battery = |charge| {
         move |reading: &mut Reading| {
             reading.state.battery = Some(Battery { charge, volts: 25.0, amps: 3.0 });
@@ -231,7 +240,7 @@ fn tilt_heat_and_an_empty_battery_stop() {
 fn a_policy_that_is_not_finite_or_late_stops() {
     let mut run = Run::armed();
     run.until(Phase::Walk);
-    let mut bad = STANDING;
+    let mut bad = PerMotor::from(STANDING);
     bad[6] = f32::NAN;
     (0..10).for_each(|_| run.tick_with(Some, |_| Some(bad)));
     assert_eq!(run.supervisor.reason(), Some(&Reason::PolicyNotFinite));
@@ -249,7 +258,7 @@ fn a_policys_wild_output_stays_inside_the_limits() {
     run.until(Phase::Walk);
     for step in 0..250 {
         let sign = if step % 20 < 10 { 1.0 } else { -1.0 };
-        run.tick_with(Some, |_| Some([sign * 1e20; MOTORS]));
+        run.tick_with(Some, |_| Some(PerMotor::new(12, sign * 1e20)));
         assert_eq!(violation(&run.command.unwrap(), &run.toy.state), None);
     }
 }
@@ -294,7 +303,7 @@ fn damping_is_never_left() {
     }
     assert!(run.supervisor.is_over(run.now));
     let slow = run.toy.state.dq.iter().all(|dq| dq.abs() < 1e-3);
-    assert!(slow, "{:?} {:?}", run.toy.state.dq, damping()[0]);
+    assert!(slow, "{:?} {:?}", run.toy.state.dq, damping(&PerMotor::new(12, 2.0))[0]);
 }
 
 #[test]
@@ -302,9 +311,8 @@ fn a_simulators_message_without_checksum_counter_and_battery_is_taken_from_simul
     use gaitfit_robot::Supervisor;
     use gaitfit_robot::guard::GuardSettings;
     let mut run = Run::new();
-    let postures = gaitfit_robot::Postures::go2(STANDING, [25.0; MOTORS], [0.5; MOTORS]);
-    let settings = GuardSettings { simulator: true, ..GuardSettings::go2(crate::toy::CONTROL) };
-    let mut simulated = Supervisor::new(settings, postures, gaitfit_robot::Times::default());
+    let settings = GuardSettings { simulator: true, ..GuardSettings::new(&go2(), crate::toy::CONTROL) };
+    let mut simulated = Supervisor::new(settings, postures(&go2()), gaitfit_robot::Times::default());
     let mut bare = run.toy.reading();
     (bare.seal, bare.state.tick, bare.state.battery) = (Seal::Absent, 0, None);
     simulated.read(Duration::ZERO, &bare);
@@ -330,7 +338,7 @@ fn a_robot_that_comes_to_rest_is_guarded_as_one_that_walks_and_lies_down_from_th
     run.supervisor.slow_down(run.now);
     run.for_ms(400);
     assert_eq!((run.supervisor.phase(), run.supervisor.reason()), (Phase::Stop, None));
-    let mut late = Run { supervisor: run.supervisor.clone(), toy: Toy { state: run.toy.state }, ..run };
+    let mut late = Run { supervisor: run.supervisor.clone(), toy: run.toy.clone(), robot: go2(), ..run };
     for _ in 0..100 {
         late.tick_with(Some, |_| None);
     }

@@ -10,14 +10,14 @@ use gaitfit_log::{ReadOptions, read_csv};
 use gaitfit_robot::guard::{GuardSettings, Reason};
 use gaitfit_robot::link::{Dds, Link};
 use gaitfit_robot::run::{Controller, Live, Recorder, Script, Sender, Summary, WALK, live, real_time};
-use gaitfit_robot::unitree::motors_of;
-use gaitfit_robot::{Phase, RobotError, Supervisor, Times, damping};
+use gaitfit_robot::{PerMotor, Phase, RobotError, Supervisor, Times, damping};
 
 use crate::messages::sdk_python;
 use crate::session::walk;
+use crate::toy::go2;
 
 /// The server; it ends when its standard input is closed.
-struct Server {
+pub struct Server {
     child: Child,
     lines: BufReader<ChildStdout>,
 }
@@ -25,11 +25,17 @@ struct Server {
 impl Server {
     /// In a domain of its own; `None` where the vendor's software or its needs are missing.
     fn start(domain: u16, seconds: f64) -> Option<Self> {
+        Self::start_tool("go2_server.py", &[], domain, seconds)
+    }
+
+    /// A server of `tools/`.
+    pub fn start_tool(tool: &str, arguments: &[String], domain: u16, seconds: f64) -> Option<Self> {
         // A robot's own computer has nothing else to do: where the system allows it the server goes first, as the run does.
         real_time();
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let mut child = Command::new(sdk_python(&root)?)
-            .arg(root.join("tools/go2_server.py"))
+            .arg(root.join("tools").join(tool))
+            .args(arguments)
             .args(["--domain", &domain.to_string(), "--seconds", &(seconds + 60.0).to_string()])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -42,14 +48,14 @@ impl Server {
         Some(Self { child, lines })
     }
 
-    fn signal(&self, signal: &str) {
+    pub fn signal(&self, signal: &str) {
         assert!(
             Command::new("kill").args([signal, &self.child.id().to_string()]).status().unwrap().success()
         );
     }
 
     /// What the robot felt.
-    fn end(mut self) -> serde_json::Value {
+    pub fn end(mut self) -> serde_json::Value {
         drop(self.child.stdin.take());
         let mut last = String::new();
         self.lines.read_to_string(&mut last).unwrap();
@@ -70,17 +76,20 @@ fn run_on(
     let control = Duration::from_secs_f64(policy.interface.control_dt);
     // The machine of a test is busy, and a simulator in Python is slow.
     let patience = Duration::from_millis(300);
-    let guard =
-        GuardSettings { stale: patience, late: patience, simulator: true, ..GuardSettings::go2(control) };
+    let guard = GuardSettings {
+        stale: patience,
+        late: patience,
+        simulator: true,
+        ..GuardSettings::new(&go2(), control)
+    };
     let guard = GuardSettings { late_policy: patience, ..guard };
-    let motors = motors_of(&policy.interface.joints).unwrap();
-    let recorder = Recorder::new(folder, &policy.interface, motors);
-    let controller = Controller::new(&policy, &script, recorder).unwrap();
-    let real_time = real_time();
-    let link = Box::new(Dds::open("lo", domain, false).unwrap());
-    let postures = Controller::postures(&policy).unwrap();
-    let sender = Sender::new(link, Supervisor::new(guard, postures, Times::default()), false);
     let limits = guard.limits;
+    let recorder = Recorder::new(folder, &policy.interface, &go2()).unwrap();
+    let controller = Controller::new(&go2(), &policy, &script, recorder).unwrap();
+    let real_time = real_time();
+    let link = Box::new(Dds::open(&go2(), "lo", domain, false).unwrap());
+    let postures = go2().postures(&policy.interface).unwrap();
+    let sender = Sender::new(link, Supervisor::new(guard, postures, Times::default()), false);
     let ask = Live { confirm: &mut |_| true, phase: told, stop: &|| None, control, real_time, limits };
     live(sender, controller, ask)
 }
@@ -132,8 +141,9 @@ fn shared_the_vendors_server_is_walked() {
 #[ignore = "needs ../shared with the vendor's simulator, and cyclonedds and mujoco in .venv"]
 fn shared_a_server_that_is_killed_or_held_up_and_a_second_controller_are_noticed() {
     let rows = || vec![(0.0, [0.3, 0.0, 0.0]), (20.0, [0.0; 3])];
-    let folder = tempfile::tempdir().unwrap();
     for (domain, signal) in [(42, "-KILL"), (43, "-STOP")] {
+        // A folder that holds a walk is refused.
+        let folder = tempfile::tempdir().unwrap();
         let Some(server) = Server::start(domain, 60.0) else { return };
         let mut told = |phase| {
             if phase == Phase::Walk {
@@ -147,14 +157,15 @@ fn shared_a_server_that_is_killed_or_held_up_and_a_second_controller_are_noticed
         }
         server.end();
     }
+    let folder = tempfile::tempdir().unwrap();
     let Some(server) = Server::start(44, 60.0) else { return };
-    let other = Mutex::new(Dds::open("lo", 44, false).unwrap());
+    let other = Mutex::new(Dds::open(&go2(), "lo", 44, false).unwrap());
     let begin = Instant::now();
     // Heard before it is armed.
     std::thread::scope(|scope| {
         let sending = scope.spawn(|| {
             while begin.elapsed() < Duration::from_secs(20) {
-                other.lock().unwrap().send(&damping()).unwrap();
+                other.lock().unwrap().send(&damping(&PerMotor::new(12, 2.0))).unwrap();
                 std::thread::sleep(Duration::from_millis(20));
             }
         });

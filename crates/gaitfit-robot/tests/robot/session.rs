@@ -7,15 +7,16 @@ use std::time::Duration;
 use gaitfit_log::{ReadOptions, read_csv};
 use gaitfit_policy::Policy;
 use gaitfit_random::{Purpose, Stream};
-use gaitfit_robot::guard::{GuardSettings, Limits, Reason};
+use gaitfit_robot::guard::{GuardSettings, Reason};
 use gaitfit_robot::link::{Link, Simulated, simulation};
 use gaitfit_robot::run::{
     Board, ByRemote, Commands, Controller, Recorder, Script, Sender, WALK, WHOLE, suits,
 };
-use gaitfit_robot::unitree::{Remote, motors_of};
+use gaitfit_robot::unitree::Remote;
 use gaitfit_robot::{Command, Phase, Reading, RobotState, Seal, Supervisor, Times};
 
 use crate::limits::violation;
+use crate::toy::go2;
 
 const TICK: Duration = Duration::from_millis(2);
 
@@ -97,14 +98,13 @@ fn session_under(
 ) -> Session {
     let batch = simulation(&gaitfit_model::builtin::go2().unwrap()).unwrap();
     let seen = Seen::default();
-    let link = Watched { robot: Simulated::new(&batch).unwrap(), seen: seen.clone(), fault };
+    let link = Watched { robot: Simulated::new(&batch, &go2()).unwrap(), seen: seen.clone(), fault };
     let control = Duration::from_secs_f64(policy.interface.control_dt);
-    let postures = Controller::postures(policy).unwrap();
-    let supervisor = Supervisor::new(GuardSettings::go2(control), postures, Times::default());
+    let postures = go2().postures(&policy.interface).unwrap();
+    let supervisor = Supervisor::new(GuardSettings::new(&go2(), control), postures, Times::default());
     let mut sender = Sender::new(Box::new(link), supervisor, dry);
-    let motors = motors_of(&policy.interface.joints).unwrap();
-    let recorder = Recorder::new(folder, &policy.interface, motors);
-    let mut controller = Controller::new(policy, commands, recorder).unwrap();
+    let recorder = Recorder::new(folder, &policy.interface, &go2()).unwrap();
+    let mut controller = Controller::new(&go2(), policy, commands, recorder).unwrap();
     let mut board = Board::default();
     let (mut now, mut phases, mut places) = (Duration::ZERO, Vec::new(), Vec::new());
     while !board.over && now < until {
@@ -119,7 +119,7 @@ fn session_under(
             places.push(*seen.place.lock().unwrap());
         }
     }
-    let delay = sender.trace.delay(&Limits::go2()).map(|delay| delay.ms);
+    let delay = sender.trace.delay(&go2().limits()).map(|delay| delay.ms);
     Session { board, phases, seen, commands: sender.commands, clamped: sender.clamped, delay, places }
 }
 
@@ -217,9 +217,8 @@ fn a_robot_at_full_speed_comes_to_rest_and_lies_down() {
 fn logs_are_made_when_the_robot_is_armed_and_go_when_it_is_not() {
     let folder = tempfile::tempdir().unwrap();
     let interface = walk().interface;
-    let motors = motors_of(&interface.joints).unwrap();
     let files = || std::fs::read_dir(folder.path()).unwrap().count();
-    let mut recorder = Recorder::new(folder.path(), &interface, motors).dry();
+    let mut recorder = Recorder::new(folder.path(), &interface, &go2()).unwrap().dry();
     assert_eq!(files(), 0, "before it is armed");
     recorder.open().unwrap();
     assert_eq!(files(), 3, "CSV and MCAP of the walk, and everything");
@@ -233,21 +232,19 @@ fn logs_are_made_when_the_robot_is_armed_and_go_when_it_is_not() {
 fn a_file_that_is_there_already_is_named_before_the_robot_moves() {
     let folder = tempfile::tempdir().unwrap();
     let interface = walk().interface;
-    let motors = motors_of(&interface.joints).unwrap();
     std::fs::write(folder.path().join(WHOLE), "an earlier walk").unwrap();
-    let error = Recorder::new(folder.path(), &interface, motors).open().unwrap_err().to_string();
+    let error = Recorder::new(folder.path(), &interface, &go2()).unwrap().open().unwrap_err().to_string();
     assert!(error.contains("whole.csv") && error.contains("exists"), "{error}");
     assert_eq!(std::fs::read_to_string(folder.path().join(WHOLE)).unwrap(), "an earlier walk");
 }
 
 #[test]
 fn a_policy_that_a_go2_may_not_be_given_is_refused_with_what_is_the_matter() {
-    let limits = Limits::go2();
-    assert_eq!(suits(&walk(), &limits), Ok(()));
+    assert_eq!(suits(&walk(), &go2()), Ok(()));
     let refused = |change: &dyn Fn(&mut gaitfit_policy::Interface)| {
         let mut policy = walk();
         change(&mut policy.interface);
-        suits(&policy, &limits).unwrap_err().to_string()
+        suits(&policy, &go2()).unwrap_err().to_string()
     };
     for (error, words) in [
         (refused(&|it| it.kp[3] = 120.0), ["kp = 120", "0 to 100"]),
@@ -262,9 +259,9 @@ fn a_policy_that_a_go2_may_not_be_given_is_refused_with_what_is_the_matter() {
     }
     let mut policy = walk();
     policy.interface.robot = "Unitree_Go2".to_owned();
-    assert_eq!(suits(&policy, &limits), Ok(()));
+    assert_eq!(suits(&policy, &go2()), Ok(()));
     policy.interface.robot.clear();
-    assert_eq!(suits(&policy, &limits), Ok(()));
+    assert_eq!(suits(&policy, &go2()), Ok(()));
 }
 
 #[test]
@@ -312,7 +309,7 @@ fn a_walking_robot_whose_messages_fail_is_damped_and_its_log_ends_with_the_last_
             2 => reason == Some(&Reason::WrongChecksum),
             3 => matches!(reason, Some(Reason::OutOfRange { .. })),
             4 => matches!(reason, Some(Reason::Tilt(_))),
-            _ => matches!(reason, Some(Reason::Hot { motor: 5, degrees: 120 })),
+            _ => matches!(reason, Some(Reason::Hot { joint, degrees: 120 }) if joint == "FL_calf"),
         };
         assert!(expected, "{number}: {reason:?} at {at:?} {:?}", run.phases);
         assert_eq!(*run.seen.wrong.lock().unwrap(), None, "{number}");

@@ -1,10 +1,12 @@
-//! Twelve pendulum-less joints with a motor each, under a supervisor: enough to see what a robot would feel.
+//! Pendulum-less joints with a motor each, under a supervisor: enough to see what a robot would feel.
 
 use std::time::Duration;
 
 use gaitfit_robot::guard::GuardSettings;
-use gaitfit_robot::unitree::{MOTORS, Remote};
-use gaitfit_robot::{Battery, Command, Phase, Postures, Reading, RobotState, Seal, Supervisor, Times};
+use gaitfit_robot::unitree::Remote;
+use gaitfit_robot::{
+    Battery, Command, PerMotor, Phase, Postures, Reading, Robot, RobotState, Seal, Supervisor, Times,
+};
 
 /// Time between commands.
 pub const TICK: Duration = Duration::from_millis(2);
@@ -16,25 +18,49 @@ const FRICTION: f32 = 0.3;
 /// Steps of the joints between commands.
 const SUBSTEPS: usize = 4;
 
-pub const STANDING: [f32; MOTORS] = [-0.1, 0.8, -1.5, 0.1, 0.8, -1.5, -0.1, 1.0, -1.5, 0.1, 1.0, -1.5];
+pub const STANDING: [f32; 12] = [-0.1, 0.8, -1.5, 0.1, 0.8, -1.5, -0.1, 1.0, -1.5, 0.1, 1.0, -1.5];
+
+/// The built-in Go2.
+pub fn go2() -> Robot {
+    Robot::built_in("unitree-go2").unwrap()
+}
+
+/// Where a robot stands: a Go2 as policies have it, another part of the way from its rest to the middle of its ranges.
+pub fn standing(robot: &Robot) -> PerMotor<f32> {
+    if robot.name == "go2" {
+        return STANDING.into();
+    }
+    robot.each(|motor| {
+        let [low, high] = motor.range.unwrap_or([motor.lying; 2]);
+        motor.lying + 0.3 * (0.5 * (low + high) - motor.lying)
+    })
+}
 
 /// A robot on the ground: joints that follow their motors, a level base.
+#[derive(Clone)]
 pub struct Toy {
     pub state: RobotState,
+    /// Where joints stop, rad: a little outside of their ranges.
+    stops: PerMotor<[f32; 2]>,
 }
 
 impl Toy {
-    pub fn lying() -> Self {
+    pub fn lying(robot: &Robot) -> Self {
+        let battery = robot.guard.charge.map(|_| Battery { charge: 90, volts: 29.5, amps: 1.0 });
         Self {
+            stops: robot.each(|motor| {
+                let [low, high] = motor.range.unwrap_or([f32::NEG_INFINITY, f32::INFINITY]);
+                [low - 0.08, high + 0.08]
+            }),
             state: RobotState {
-                q: Postures::GO2_LYING,
-                dq: [0.0; MOTORS],
-                torque: [0.0; MOTORS],
-                temperature: [30; MOTORS],
+                q: robot.each(|motor| motor.lying),
+                dq: robot.each(|_| 0.0),
+                torque: robot.each(|_| 0.0),
+                temperature: robot.each(|_| 30),
                 quaternion: [1.0, 0.0, 0.0, 0.0],
                 gyroscope: [0.0; 3],
                 accelerometer: [0.0, 0.0, 9.81],
-                battery: Some(Battery { charge: 90, volts: 29.5, amps: 1.0 }),
+                battery,
                 tick: 1,
                 remote: Remote::default(),
             },
@@ -45,13 +71,13 @@ impl Toy {
     pub fn step(&mut self, command: Option<&Command>) {
         let dt = TICK.as_secs_f32() / SUBSTEPS as f32;
         for _ in 0..SUBSTEPS {
-            for motor in 0..MOTORS {
+            for motor in 0..self.stops.len() {
                 let (q, dq) = (self.state.q[motor], self.state.dq[motor]);
                 let torque = command.map_or(0.0, |command| command[motor].torque(q, dq));
                 self.state.torque[motor] = torque;
                 let dq = dq + dt * (torque - FRICTION * dq) / INERTIA;
                 self.state.dq[motor] = dq;
-                self.state.q[motor] = (q + dt * dq).clamp(-2.8, 4.6);
+                self.state.q[motor] = (q + dt * dq).clamp(self.stops[motor][0], self.stops[motor][1]);
             }
         }
         self.state.tick += 2;
@@ -62,8 +88,22 @@ impl Toy {
     }
 }
 
+/// Those of a robot under a policy with soft gains.
+pub fn postures(robot: &Robot) -> Postures {
+    Postures {
+        lying: robot.each(|motor| motor.lying),
+        standing: standing(robot),
+        stand_kp: robot.each(|motor| motor.kp),
+        stand_kd: robot.each(|motor| motor.kd),
+        kp: robot.each(|motor| 0.5 * motor.kp),
+        kd: robot.each(|motor| motor.kd.min(if robot.name == "go2" { 0.5 } else { f32::INFINITY })),
+        damping: robot.each(|motor| motor.damping),
+    }
+}
+
 /// A toy robot under a supervisor and a policy that marches on the spot.
 pub struct Run {
+    pub robot: Robot,
     pub toy: Toy,
     pub supervisor: Supervisor,
     pub now: Duration,
@@ -71,15 +111,24 @@ pub struct Run {
 }
 
 impl Run {
+    /// A Go2.
     pub fn new() -> Self {
-        let postures = Postures::go2(STANDING, [25.0; MOTORS], [0.5; MOTORS]);
-        let supervisor = Supervisor::new(GuardSettings::go2(CONTROL), postures, Times::default());
-        Self { toy: Toy::lying(), supervisor, now: Duration::ZERO, command: None }
+        Self::with(go2())
     }
 
-    /// Armed.
+    pub fn with(robot: Robot) -> Self {
+        let guard = GuardSettings::new(&robot, CONTROL);
+        let supervisor = Supervisor::new(guard, postures(&robot), Times::default());
+        Self { toy: Toy::lying(&robot), robot, supervisor, now: Duration::ZERO, command: None }
+    }
+
+    /// A Go2, armed.
     pub fn armed() -> Self {
-        let mut run = Self::new();
+        Self::armed_with(go2())
+    }
+
+    pub fn armed_with(robot: Robot) -> Self {
+        let mut run = Self::with(robot);
         run.supervisor.read(run.now, &run.toy.reading());
         run.supervisor.arm(run.now).unwrap();
         run
@@ -87,14 +136,15 @@ impl Run {
 
     /// Two milliseconds in which nothing is wrong.
     pub fn tick(&mut self) {
-        self.tick_with(Some, march);
+        let robot = self.robot.clone();
+        self.tick_with(Some, |now| march(&robot, now));
     }
 
     /// Two milliseconds; `heard` is what the supervisor hears of the robot's message, `policy` what the policy says.
     pub fn tick_with(
         &mut self,
         heard: impl FnOnce(Reading) -> Option<Reading>,
-        policy: impl FnOnce(Duration) -> Option<[f32; MOTORS]>,
+        policy: impl FnOnce(Duration) -> Option<PerMotor<f32>>,
     ) {
         self.now += TICK;
         self.toy.step(self.command.as_ref());
@@ -130,10 +180,11 @@ impl Run {
 }
 
 /// A policy that marches on the spot at 2 Hz.
-pub fn march(now: Duration) -> Option<[f32; MOTORS]> {
+pub fn march(robot: &Robot, now: Duration) -> Option<PerMotor<f32>> {
     let wave = (std::f32::consts::TAU * 2.0 * now.as_secs_f32()).sin();
-    Some(std::array::from_fn(|motor| {
+    let standing = standing(robot);
+    Some(PerMotor::from_fn(standing.len(), |motor| {
         let side = if matches!(motor / 3, 0 | 3) { 1.0 } else { -1.0 };
-        STANDING[motor] + [0.0, 0.2, -0.3][motor % 3] * (side * wave).max(0.0)
+        standing[motor] + [0.0, 0.2, -0.3][motor % 3] * (side * wave).max(0.0)
     }))
 }

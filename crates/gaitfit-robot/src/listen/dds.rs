@@ -1,0 +1,174 @@
+//! Listening over DDS: bytes as they come, in a queue that is bounded.
+
+use std::net::IpAddr;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+use futures::StreamExt;
+use futures::future::{AbortHandle, Abortable};
+use rustdds::no_key::{DataReader, Decode, DefaultDecoder, DeserializerAdapter};
+use rustdds::policy::{History, Reliability};
+use rustdds::{
+    DomainParticipant, DomainParticipantBuilder, QosPolicyBuilder, RepresentationIdentifier, TopicKind,
+};
+
+use super::{Heard, MAX_MESSAGE, Topic};
+use crate::RobotError;
+use crate::link::{Dds, failed};
+
+/// Messages of a topic that DDS keeps for us.
+const DEPTH: i32 = 256;
+/// Messages and bytes that wait at most; later ones are lost and counted.
+const MAX_WAITING: usize = 20_000;
+const MAX_BYTES: usize = 64 << 20;
+
+/// A message whose encoding or length is refused.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("a message is longer than {MAX_MESSAGE} bytes")]
+struct TooLong;
+
+/// Leaves a message as it came.
+struct AsItCame;
+
+impl DeserializerAdapter<Vec<u8>> for AsItCame {
+    type Error = TooLong;
+    type Decoded = Vec<u8>;
+
+    fn supported_encodings() -> &'static [RepresentationIdentifier] {
+        &[
+            RepresentationIdentifier::CDR_LE,
+            RepresentationIdentifier::CDR_BE,
+            RepresentationIdentifier::XCDR2_LE,
+            RepresentationIdentifier::XCDR2_BE,
+        ]
+    }
+
+    fn transform_decoded(decoded: Vec<u8>) -> Vec<u8> {
+        decoded
+    }
+}
+
+impl DefaultDecoder<Vec<u8>> for AsItCame {
+    type Decoder = Head;
+    const DECODER: Head = Head;
+}
+
+/// Puts the head before a message's bytes again.
+#[derive(Clone)]
+struct Head;
+
+impl Decode<'_, Vec<u8>> for Head {
+    type Error = TooLong;
+
+    fn decode_bytes(self, bytes: &[u8], encoding: RepresentationIdentifier) -> Result<Vec<u8>, TooLong> {
+        if bytes.len() > MAX_MESSAGE {
+            return Err(TooLong);
+        }
+        let head = match encoding {
+            RepresentationIdentifier::CDR_BE => 0,
+            RepresentationIdentifier::XCDR2_BE => 6,
+            RepresentationIdentifier::XCDR2_LE => 7,
+            _ => 1,
+        };
+        Ok([&[0, head, 0, 0], bytes].concat())
+    }
+}
+
+/// What has come and waits.
+#[derive(Default)]
+struct Inbox {
+    heard: Vec<Heard>,
+    bytes: usize,
+    lost: u64,
+}
+
+/// Listens to topics.
+pub struct Listener {
+    inbox: Arc<Mutex<Inbox>>,
+    threads: Vec<AbortHandle>,
+    // Ends the protocol when it is dropped: last.
+    participant: DomainParticipant,
+}
+
+impl Listener {
+    /// Joins `domain` on a network interface and listens. Nothing is ever sent on a topic.
+    ///
+    /// # Errors
+    /// An interface that is not there or has no IPv4 address; a domain beyond 232; DDS that cannot begin.
+    pub fn open(interface: &str, domain: u16, topics: &[Topic]) -> Result<Self, RobotError> {
+        let address = Dds::check(interface, domain)?;
+        let participant = DomainParticipantBuilder::new(domain)
+            .with_only_networks([IpAddr::V4(address)])
+            .same_host_loopback(address.is_loopback())
+            .build()
+            .map_err(failed("join the domain"))?;
+        // Publishers that are reliable serve readers that are not, too.
+        let qos = QosPolicyBuilder::new()
+            .reliability(Reliability::BestEffort)
+            .history(History::KeepLast { depth: DEPTH })
+            .build();
+        let subscriber = participant.create_subscriber(&qos).map_err(failed("listen"))?;
+        let (inbox, begin) = (Arc::<Mutex<Inbox>>::default(), Instant::now());
+        let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let mut threads = Vec::with_capacity(topics.len());
+        for (number, topic) in topics.iter().enumerate() {
+            let made = participant
+                .create_topic(topic.dds_name(), topic.dds_type(), &qos, TopicKind::NoKey)
+                .map_err(failed("make a topic"))?;
+            let reader: DataReader<Vec<u8>, AsItCame> = subscriber
+                .create_datareader_no_key::<Vec<u8>, AsItCame>(&made, Some(qos.clone()))
+                .map_err(failed("listen to a topic"))?;
+            let (handle, registration) = AbortHandle::new_pair();
+            let into = Arc::clone(&inbox);
+            let work = async move {
+                let mut stream = reader.async_sample_stream();
+                while let Some(message) = stream.next().await {
+                    let ns = (since_1970 + begin.elapsed()).as_nanos() as u64;
+                    let mut inbox = into.lock().unwrap_or_else(PoisonError::into_inner);
+                    match message {
+                        Ok(sample) if inbox.heard.len() < MAX_WAITING && inbox.bytes < MAX_BYTES => {
+                            let bytes = sample.into_value();
+                            inbox.bytes += bytes.len();
+                            inbox.heard.push(Heard { topic: number, ns, bytes });
+                        }
+                        _ => inbox.lost += 1,
+                    }
+                }
+            };
+            std::thread::Builder::new()
+                .name("dds topic".to_owned())
+                .spawn(move || {
+                    let _ = futures::executor::block_on(Abortable::new(work, registration));
+                })
+                .map_err(failed("start a thread"))?;
+            threads.push(handle);
+        }
+        Ok(Self { inbox, threads, participant })
+    }
+
+    /// What has come since the last call, and how many messages were lost since then: too long, unreadable, or too many.
+    pub fn take(&mut self) -> (Vec<Heard>, u64) {
+        let mut inbox = self.inbox.lock().unwrap_or_else(PoisonError::into_inner);
+        inbox.bytes = 0;
+        (std::mem::take(&mut inbox.heard), std::mem::take(&mut inbox.lost))
+    }
+
+    /// Topics that others in the domain publish, by name.
+    pub fn published(&self) -> Vec<Topic> {
+        let writers = self.participant.discovered_writers();
+        let mut found: Vec<Topic> = writers
+            .iter()
+            .map(|writer| &writer.publication_topic_data)
+            .filter_map(|data| Topic::from_dds(&data.topic_name, &data.type_name))
+            .collect();
+        found.sort_by(|a, b| a.name.cmp(&b.name));
+        found.dedup();
+        found
+    }
+}
+
+impl Drop for Listener {
+    fn drop(&mut self) {
+        self.threads.iter().for_each(AbortHandle::abort);
+    }
+}

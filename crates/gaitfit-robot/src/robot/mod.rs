@@ -1,0 +1,215 @@
+//! Robots of the link, one file each: joints and their motors, limits, gains, poses, messages and topics.
+
+mod built_in;
+mod file;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use gaitfit_policy::Interface;
+use serde::Deserialize;
+
+use crate::guard::{GuardSettings, Limits};
+use crate::per_motor::PerMotor;
+use crate::supervisor::Postures;
+use crate::{RobotError, unitree};
+
+pub use built_in::BUILT_IN;
+
+/// A robot that can be walked over a link. `robots/*.toml` in this crate are the built-in ones, and examples for others.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Robot {
+    /// Its name in logs, for example `go2`.
+    pub name: String,
+    /// Its name in messages, for example `Unitree Go2`.
+    pub title: String,
+    /// A policy's robot is this one if its name contains one of these, in small letters.
+    pub policies: Vec<String>,
+    /// What it speaks.
+    pub messages: Messages,
+    /// Whether it must hang before and after the walk: nothing else holds a humanoid then.
+    #[serde(default)]
+    pub hangs: bool,
+    /// Topic of its states.
+    #[serde(default = "state_topic")]
+    pub state_topic: String,
+    /// Topic of the commands to it.
+    #[serde(default = "command_topic")]
+    pub command_topic: String,
+    /// When it goes to damping.
+    pub guard: Rules,
+    /// Its motors, motor order.
+    pub motors: Vec<Motor>,
+}
+
+/// A family of messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Messages {
+    /// `unitree_go` `LowState_` and `LowCmd_`: 20 slots, battery in the state.
+    UnitreeGo,
+    /// `unitree_hg` `LowState_` and `LowCmd_`: 35 slots, no battery in the state.
+    UnitreeHg,
+}
+
+impl Messages {
+    /// Slots for motors.
+    pub fn slots(self) -> usize {
+        match self {
+            Self::UnitreeGo => unitree::SLOTS,
+            Self::UnitreeHg => unitree::hg::SLOTS,
+        }
+    }
+}
+
+/// When a robot goes to damping, and what no command may exceed.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rules {
+    /// Largest angle between the base's z axis and the world's, degrees.
+    pub tilt: f32,
+    /// Hottest motor, °C.
+    pub temperature: i16,
+    /// Least charge of the battery, %; absent where the state has no battery.
+    pub charge: Option<u8>,
+    /// Largest position gain, N·m/rad.
+    pub kp: f32,
+    /// Largest velocity gain, N·m·s/rad.
+    pub kd: f32,
+}
+
+/// A motor and its joint.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Motor {
+    /// The joint's name, without `_joint`.
+    pub joint: String,
+    /// Its slot in the messages; absent: its place in the list.
+    pub slot: Option<usize>,
+    /// Least and largest angle, rad; absent for wheels.
+    pub range: Option<[f32; 2]>,
+    /// Largest speed, rad/s.
+    pub speed: f32,
+    /// Largest torque, N·m.
+    pub torque: f32,
+    /// Position gain of standing up and lying down, N·m/rad.
+    pub kp: f32,
+    /// Velocity gain of standing up and lying down, N·m·s/rad.
+    pub kd: f32,
+    /// Velocity gain of damping, N·m·s/rad.
+    pub damping: f32,
+    /// Angle at rest, before and after the walk, rad.
+    pub lying: f32,
+    /// Angle at which it is kept with `kp` and `kd` if the policy does not move it, rad; absent: a policy must move it.
+    pub held: Option<f32>,
+}
+
+fn state_topic() -> String {
+    "rt/lowstate".to_owned()
+}
+
+fn command_topic() -> String {
+    "rt/lowcmd".to_owned()
+}
+
+impl Robot {
+    /// Joints, motor order.
+    pub fn joints(&self) -> Arc<[String]> {
+        self.motors.iter().map(|motor| motor.joint.clone()).collect()
+    }
+
+    /// A value of each motor.
+    pub fn each<T: Copy + Default>(&self, value: impl Fn(&Motor) -> T) -> PerMotor<T> {
+        PerMotor::from_fn(self.motors.len(), |motor| value(&self.motors[motor]))
+    }
+
+    /// For each motor, its slot in the messages.
+    pub fn slots(&self) -> PerMotor<usize> {
+        PerMotor::from_fn(self.motors.len(), |motor| self.motors[motor].slot.unwrap_or(motor))
+    }
+
+    /// What its motors and joints bear.
+    pub fn limits(&self) -> Limits {
+        let Rules { kp, kd, .. } = self.guard;
+        Limits {
+            lower: self.each(|motor| motor.range.map_or(f32::NEG_INFINITY, |[low, _]| low)),
+            upper: self.each(|motor| motor.range.map_or(f32::INFINITY, |[_, high]| high)),
+            speed: self.each(|motor| motor.speed),
+            torque: self.each(|motor| motor.torque),
+            kp,
+            kd,
+        }
+    }
+
+    /// When it goes to damping, under a policy that acts every `control_dt`.
+    pub fn guard(&self, control_dt: Duration) -> GuardSettings {
+        GuardSettings::new(self, control_dt)
+    }
+
+    /// For each of `joints`, its motor. A `_joint` suffix does not matter.
+    ///
+    /// # Errors
+    /// A joint that the robot lacks, one that is named twice, or a motor that must be moved and is not.
+    pub fn motors_of(&self, joints: &[String]) -> Result<Vec<usize>, RobotError> {
+        let mut found: Vec<usize> = Vec::with_capacity(self.motors.len());
+        for joint in joints {
+            let name = joint.strip_suffix("_joint").unwrap_or(joint);
+            let motor = self.motors.iter().position(|motor| motor.joint == name);
+            match motor.filter(|motor| !found.contains(motor)) {
+                Some(motor) => found.push(motor),
+                None => {
+                    return Err(RobotError::Joint {
+                        joint: joint.clone(),
+                        robot: self.title.clone(),
+                        joints: self.joints().join(", "),
+                    });
+                }
+            }
+        }
+        let mut motors = self.motors.iter().enumerate();
+        match motors.find(|(motor, it)| it.held.is_none() && !found.contains(motor)) {
+            Some((_, motor)) => Err(RobotError::Joints {
+                count: joints.len(),
+                robot: self.title.clone(),
+                motors: self.motors.len(),
+                joint: motor.joint.clone(),
+            }),
+            None => Ok(found),
+        }
+    }
+
+    /// Its postures and gains under a policy. Motors that the policy does not move are kept where the policy's file, or else
+    /// the robot's, says.
+    ///
+    /// # Errors
+    /// A policy for other joints.
+    pub fn postures(&self, interface: &Interface) -> Result<Postures, RobotError> {
+        let motors = self.motors_of(&interface.joints)?;
+        let mut postures = Postures {
+            lying: self.each(|motor| motor.lying),
+            standing: self.each(|motor| motor.held.unwrap_or(motor.lying)),
+            stand_kp: self.each(|motor| motor.kp),
+            stand_kd: self.each(|motor| motor.kd),
+            kp: self.each(|motor| motor.kp),
+            kd: self.each(|motor| motor.kd),
+            damping: self.each(|motor| motor.damping),
+        };
+        let rows = [&interface.default_pose, &interface.kp, &interface.kd];
+        let slots = [&mut postures.standing, &mut postures.kp, &mut postures.kd];
+        for (slot, row) in slots.into_iter().zip(rows) {
+            for (&motor, &value) in motors.iter().zip(row) {
+                slot[motor] = value as f32;
+            }
+        }
+        for held in &interface.held {
+            let name = held.joint.strip_suffix("_joint").unwrap_or(&held.joint);
+            let motor = self.motors.iter().position(|motor| motor.joint == name);
+            if let Some(motor) = motor.filter(|motor| !motors.contains(motor)) {
+                postures.standing[motor] = held.position as f32;
+                (postures.kp[motor], postures.kd[motor]) = (held.kp as f32, held.kd as f32);
+            }
+        }
+        Ok(postures)
+    }
+}
