@@ -57,7 +57,7 @@ fn gpu_steps_under_given_actions_are_the_cpus() {
         let start = differences(&read(&gpu, Shown::Observation), &want, width, &kept);
         assert!(start[ENVIRONMENTS - 1] < 1e-5, "{name}: starts differ by {}", start[ENVIRONMENTS - 1]);
         let noise = Stream::new(5, Purpose::BOOTSTRAP);
-        let mut buffer = Buffer::<f32>::new(&device, "actions", ENVIRONMENTS * actions).unwrap();
+        let buffer = Buffer::<f32>::new(&device, "actions", ENVIRONMENTS * actions).unwrap();
         let (mut ends, mut reward) = (0, vec![0.0; ENVIRONMENTS]);
         for step in 0..STEPS {
             let draw =
