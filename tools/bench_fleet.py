@@ -77,7 +77,8 @@ class World:
                 Parameter("delay", per="all", upper=0.03),
             ],
             simulation=Simulation(timestep=0.00125),
-            optimizer=Optimizer(method="least-squares", seeds=1),
+            # One start may end in a local minimum.
+            optimizer=Optimizer(method="least-squares", seeds=self.options.seeds),
         )
         return gaitfit.fit(config, logs=logs, runs=self.folder, name=name, progress=False)
 
@@ -90,6 +91,7 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=0.01, help="of positions, rad; of velocities 30/s times as much")
     parser.add_argument("--scatter", type=float, default=0.2)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seeds", type=int, default=3, help="starts of each fit")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
@@ -116,12 +118,15 @@ def measured(world: World) -> dict[str, object]:
         truth = world.robot()
         logs = [world.log(truth) for _ in range(max(COUNTS))]
         single = [world.fit([log], f"new-{at}-{number}") for number, log in enumerate(logs)]
-        # An estimate at the bound 0 has no logarithm.
-        usable = [one for one in single if all(parameter.value > 0 for parameter in one.parameters.values())]
+        # An estimate at the bound 0 has no logarithm. Its log is left out of all columns.
+        usable = [
+            (log, one) for log, one in zip(logs, single) if all(parameter.value > 0 for parameter in one.parameters.values())
+        ]
         left_out += len(single) - len(usable)
         for count in COUNTS:
-            joint = single[0] if count == 1 else world.fit(logs[:count], f"new-{at}-all-{count}")
-            rows[count].append(cells(joint, fleet.estimate(usable[:count]), truth))
+            chosen, alone = zip(*usable[:count])
+            joint = alone[0] if count == 1 else world.fit(list(chosen), f"new-{at}-all-{count}")
+            rows[count].append(cells(joint, fleet.estimate(list(alone)), truth))
     scatter = {}
     for name, one in fleet.numbers.items():
         logs_of_truth = np.log([truth[name] for truth in truths])

@@ -122,6 +122,9 @@ class Log:
                 checked[name] = np.full(joints, checked[name])
             if checked[name] is not None and checked[name].shape != (count,):
                 raise ValueError(f"{name} has the shape {checked[name].shape}; needed: {(count,)}")
+        if (self.kp is None) != (self.kd is None):
+            given, absent = ("kp", "kd") if self.kd is None else ("kd", "kp")
+            raise ValueError(f"{given} is given without {absent}: give both gains of the PD controllers, or none")
         if self.joints is not None:
             names = [text("a name in joints", one) for one in items("joints", self.joints, "joints' names")]
             if len(names) != joints:
@@ -185,9 +188,20 @@ class Log:
         kd: ArrayLike | None = None,
         robot: str | None = None,
     ) -> Log:
-        """A log of a table of pandas or polars, or a dict of columns, named as in a CSV log: ``time`` (s), ``q_J`` and ``dq_J``
-        for each joint J, and where there are any ``qdes_J``, ``act_J``, ``vx_cmd``, ``vy_cmd``, ``wz_cmd``, ``base_quat_w``, …
-        and ``wx``, ``wy``, ``wz``. Other columns are left out. Without ``time`` it needs ``dt``, s.
+        """A log of a table with the columns of a CSV log. Other columns are left out.
+
+        Each joint J, named as in the robot's file, has ``q_J``, its position, rad, and ``dq_J``, its velocity, rad/s. A fit
+        needs ``qdes_J`` too, the target that it was sent, rad; walks may have ``act_J``, the policy's action, instead. ``time``
+        is in s. Of the base there may be ``base_quat_w`` to ``base_quat_z`` (orientation), ``wx``, ``wy``, ``wz`` (gyroscope,
+        rad/s), ``base_pos_x`` … (m) and ``base_vel_x`` … (m/s), world frame; of commands ``vx_cmd``, ``vy_cmd`` (m/s)
+        and ``wz_cmd`` (rad/s).
+
+        Arguments:
+            table: A table of pandas or polars, or a dict of columns.
+            dt: Time between samples, s; needed without ``time``.
+            kp: Position gains of the PD controllers, N·m/rad: one for all joints, or one for each in the columns' order.
+            kd: Velocity gains, N·m·s/rad, likewise.
+            robot: Name of the robot.
 
         Raises ``ValueError`` where a column is missing.
 

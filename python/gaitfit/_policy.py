@@ -31,10 +31,11 @@ class Term:
         scale: Factor on it: one number, or one for each of its elements; ``None``: 1.
         history: Frames: the present one and those before it; 1: the present alone.
 
-    Quantities, with their numbers: ``base_angular_velocity`` (3, rad/s, body frame), ``projected_gravity`` (3, body
-    frame), ``command`` (3: m/s, m/s, rad/s), ``joint_position`` (joints, rad, minus the default pose),
+    Quantities, with their numbers: ``base_angular_velocity`` (3, rad/s, body frame), ``projected_gravity`` (3, unit
+    vector down, body frame), ``command`` (3: m/s, m/s, rad/s), ``joint_position`` (joints, rad, minus the default pose),
     ``joint_velocity`` (joints, rad/s), ``last_action`` (joints), ``base_linear_velocity`` (3, m/s, body frame),
-    ``base_height`` (1, m above the ground, of simulators alone) and ``gait_phase`` (2).
+    ``base_height`` (1, m above the ground, of simulators alone) and ``gait_phase`` (2: sine and cosine of
+    the gait clock).
 
     >>> Term("base_angular_velocity", 0.25).history
     1

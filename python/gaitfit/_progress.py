@@ -24,8 +24,12 @@ class Event:
         what: What is counted, for example ``"generation"`` or ``"seed 1, iteration"``.
         done: How many are done.
         total: How many there are.
-        metrics: Numbers of a step by name: of a fit for each cost and seed, such as ``"wass/seed-1/best_so_far"``; of a
-            training such as ``"train/reward"``, ``"reward/…"``, ``"ppo/…"`` and ``"speed/samples_per_second"``.
+        metrics: Numbers of a step by name. Of a fit, for each cost and seed: ``"wass/seed-1/best_so_far"``, ``best``, ``mean``,
+            ``sigma``, ``diverged`` and ``fallen``. Of a training: ``"train/reward"``, ``train/episode_return``,
+            ``train/episode_seconds``, ``train/fall_rate``, ``train/linear_velocity_error`` and
+            ``train/angular_velocity_error``; each reward term, such as ``"reward/torque"``; of the learner ``"ppo/kl"``,
+            ``ppo/policy_loss``, ``ppo/value_loss``, ``ppo/mean_std``, ``ppo/learning_rate`` and more; and
+            ``"speed/samples_per_second"``.
 
     >>> Event("step", what="generation", done=3, total=200, metrics={"wass/seed-1/best_so_far": 0.2}).done
     3

@@ -7,6 +7,7 @@ import os
 import threading
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -101,7 +102,9 @@ class Robots:
         if on_gpu and not autoreset:
             raise ValueError("autoreset is False; robots on a GPU begin their next episode within the step: give True")
         self._gpu = _gaitfit.CudaRobots(task, num_envs, seed, stagger, device) if on_gpu else None
-        self._robots: Any = self._gpu or _gaitfit.Robots(task, num_envs, seed, threads, stagger, autoreset)
+        #: The robots on the processor; with a GPU copies of its robots, made when they are first needed.
+        self._copies: Any = None if on_gpu else _gaitfit.Robots(task, num_envs, seed, threads, stagger, autoreset)
+        self._make_copies = partial(_gaitfit.Robots, task, num_envs, seed, threads, False, True)
         self._lock, self._seed, self._shape = threading.Lock(), seed, json.loads(task.shape)
         self.num_envs: int = num_envs
         self.num_actions: int = task.action_width
@@ -129,7 +132,14 @@ class Robots:
         self._observe()
 
     def _observe(self) -> None:
-        self._robots.observe(self.observation, self.critic_observation)
+        self._copies.observe(self.observation, self.critic_observation)
+
+    def _shown(self) -> Any:
+        """The robots on the processor: those of a GPU are copied there."""
+        if self._gpu is not None:
+            self._copies = self._copies or self._make_copies()
+            self._gpu.show(self._copies)
+        return self._copies
 
     @contextmanager
     def _alone(self) -> Generator[None, None, None]:
@@ -160,7 +170,7 @@ class Robots:
                     raise ValueError("mask is given; robots on a GPU all begin anew together: leave it out")
                 self._gpu.restart()
                 return self.observation
-            self._robots.restart(None if mask is None else self._mask(mask))
+            self._copies.restart(None if mask is None else self._mask(mask))
             self._observe()
             return self.observation
 
@@ -199,7 +209,7 @@ class Robots:
             actions = numbers("actions", actions, np.float32)
             if actions.ndim != 2:
                 raise ValueError(f"actions have the shape {actions.shape}; needed: {(self.num_envs, self.num_actions)}")
-            ended: int = self._robots.step(
+            ended: int = self._copies.step(
                 actions,
                 self.observation,
                 self.critic_observation,
@@ -213,36 +223,31 @@ class Robots:
     def reward_terms(self) -> dict[str, float]:
         """The weighted reward terms by name: the pay of a control step, mean over all robots and the steps since the last call.
         Their sum is the mean of :attr:`reward`, but for robots that diverged.
-
-        Raises ``ValueError`` for robots on a GPU.
         """
-        if self._gpu is not None:
-            raise ValueError("robots on a GPU do not keep their reward terms: take device='cpu'")
         with self._alone():
-            return dict(zip(self.reward_names, self._robots.take_terms()))
+            terms = self._copies.take_terms() if self._gpu is None else self._gpu.take_terms()
+            return dict(zip(self.reward_names, terms))
 
     def state(self) -> RobotsState:
         """Everything that changes from step to step. Robots made with the same arguments that take it with :meth:`set_state`
-        go the same way from there, bit for bit.
-
-        Raises ``ValueError`` for robots on a GPU.
+        go the same way from there, bit for bit. A state crosses devices, too: robots on the processor take up that of robots on a
+        GPU, and the other way round; motions then differ by rounding.
 
         >>> robots = gaitfit.Robots(num_envs=2)
         >>> kept = robots.state()
         >>> _ = robots.step(np.ones((2, 12)))
         >>> robots.set_state(kept)
         """
-        self._on_processor("state")
         with self._alone():
-            values, steps, step = self._robots.state()
+            values, steps, step = self._shown().state()
             return RobotsState(self.task, self._seed, values, steps, step)
 
     def set_state(self, state: RobotsState) -> None:
-        """Takes up the state of robots that were made with the same arguments; :attr:`observation` is what they observed.
+        """Takes up the state of robots that were made with the same arguments, whatever their device; :attr:`observation` is what
+        they observed. On a GPU it waits first for all that this process does there.
 
         Raises ``ValueError`` for a state of other robots, which names what differs.
         """
-        self._on_processor("set_state")
         if not isinstance(state, RobotsState):
             raise TypeError(f"state is {state!r}; give what state() returned")
         for what, mine, theirs in (
@@ -254,20 +259,22 @@ class Robots:
                 values = "" if what == "task" else f": {theirs}, and here it is {mine}"
                 raise ValueError(f"the state is of robots with another {what}{values}")
         with self._alone():
-            self._robots.set_state(state.numbers, state.steps, state.step)
-            self._observe()
+            if self._gpu is None:
+                self._copies.set_state(state.numbers, state.steps, state.step)
+                self._observe()
+                return
+            copies = self._copies = self._copies or self._make_copies()
+            copies.set_state(state.numbers, state.steps, state.step)
+            self._gpu.follow(copies)
 
     def motion(self) -> Motion:
-        """How all robots move, as copies.
-
-        Raises ``ValueError`` for robots on a GPU.
+        """How all robots move, as copies on the processor. From a GPU all robots are copied, which takes longer than a step.
 
         >>> gaitfit.Robots(num_envs=3).motion().base_position.shape
         (3, 3)
         """
-        self._on_processor("motion")
         with self._alone():
-            return Motion(*self._robots.motion())
+            return Motion(*self._shown().motion())
 
     def picture(self, robot: int = 0, width: int = 480, height: int = 360) -> NDArray[np.uint8]:
         """A picture of a robot, seen from the side, ahead and above. The ground is drawn level at height 0.
@@ -278,7 +285,7 @@ class Robots:
 
         Returns red, green and blue, shape ``(height, width, 3)``.
 
-        Raises ``ValueError`` for a robot that there is not, and for robots on a GPU.
+        Raises ``ValueError`` for a robot that there is not.
 
         >>> robots = gaitfit.Robots(num_envs=2)
         >>> robots.picture(1, width=64, height=48).shape
@@ -286,23 +293,15 @@ class Robots:
         """
         from ._picture import picture
 
-        self._on_processor("picture")
         number, size = whole("robot", robot, 0), [whole("width", width, 8, 8192), whole("height", height, 8, 8192)]
         with self._alone():
-            pose = self._robots.pose(number)
+            pose = self._shown().pose(number)
         return picture(self._shape, pose, *size)
-
-    def _on_processor(self, what: str) -> None:
-        if self._gpu is not None:
-            raise ValueError(
-                f"{what}() is of robots on the processor; on {self.device} only what they observe can be read. Make them with "
-                "device='cpu', where the same seed gives the same robots"
-            )
 
     @property
     def diverged(self) -> int:
         """How many episodes ended because the simulation diverged."""
-        diverged: int = self._robots.diverged
+        diverged: int = (self._gpu or self._copies).diverged
         return diverged
 
     @property
@@ -318,4 +317,4 @@ class Robots:
         measures how well a policy follows commands."""
         if self._gpu is not None:
             return self._gpu.array("commands")
-        return np.asarray(self._robots.commands(), np.float32)
+        return np.asarray(self._copies.commands(), np.float32)

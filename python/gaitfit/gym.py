@@ -109,9 +109,8 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         self._make = make
         self._copy = device == "cpu" if copy is None else flag("copy", copy)
         self._log = flag("log_rewards", log_rewards)
-        if device != "cpu" and (self._copy or self._log):
-            what, give = ("copy", "copy") if self._copy else ("log_rewards", "log_rewards")
-            raise ValueError(f"{what} is True; robots on a GPU hand out their own arrays: give {give}=False")
+        if device != "cpu" and self._copy:
+            raise ValueError("copy is True; robots on a GPU hand out their own arrays: give copy=False")
         self._begin(seed)
         self.num_envs = num_envs
         observed, self.single_action_space = _spaces(self._robots)
@@ -170,10 +169,10 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         self._fresh = False
         robots, terms = self._robots, self._terms
         ends = robots.step(actions)
-        if robots.device != "cpu":
-            infos = {"final_obs": robots.last_observation, "_final_obs": robots.ended} if ends else {}
-            return robots.observation, robots.reward, robots.terminated, robots.truncated, infos
         infos = {"log": robots.reward_terms()} if self._log else {}
+        if robots.device != "cpu":
+            infos |= {"final_obs": robots.last_observation, "_final_obs": robots.ended} if ends else {}
+            return robots.observation, robots.reward, robots.terminated, robots.truncated, infos
         observation, reward, terminated, truncated = robots.observation, robots.reward, robots.terminated, robots.truncated
         if terms is not None:
             motion = robots.motion()

@@ -24,7 +24,7 @@ class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         device: PyTorch's device, where the tensors are; the robots are stepped there, too.
         robots_device: Where the robots are stepped instead.
 
-    ``extras["log"]`` has the reward terms of each step, ``"/reward/NAME"``, means over the robots; those on a GPU have none.
+    ``extras["log"]`` has the reward terms of each step, ``"/reward/NAME"``, means over the robots.
     Observation groups are ``policy`` and, where the task has one, ``critic``. Tensors are copies on ``device``, since rsl_rl
     keeps them until its update. Robots are stepped on ``device`` too; with ``robots_device="cpu"`` they are stepped on the
     processor, and observations and actions cross the bus. That is for tasks that a GPU does not step, such as self-contact.
@@ -90,8 +90,7 @@ class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         self.episode_length_buf[ended] = 0
         found = self.get_observations()
         extras: dict[str, Any] = {"time_outs": self._on(self._late)}
-        if robots.device == "cpu":
-            extras["log"] = {f"/reward/{name}": value for name, value in robots.reward_terms().items()}
+        extras["log"] = {f"/reward/{name}": value for name, value in robots.reward_terms().items()}
         return found, self._on(self._reward), ended.to(torch.long), extras
 
     def _on(self, tensor: torch.Tensor) -> torch.Tensor:

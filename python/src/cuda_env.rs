@@ -3,6 +3,7 @@
 use crate::dlpack::{DeviceArray, DeviceInput};
 use crate::errors::{failed, to_py_err, value};
 use crate::task::{Task, bearable, checked};
+use crate::vec_env::Robots;
 use gaitfit::device::{Device, rollout_error};
 use gaitfit_cuda::rollout::{RolloutError, Shown, Stepper};
 use gaitfit_cuda::runtime;
@@ -35,6 +36,8 @@ pub struct CudaRobots {
     /// Handle of the stream that steps run on.
     #[pyo3(get)]
     stream: u64,
+    /// Steps since the reward terms were read.
+    summed: usize,
     /// Episodes that ended because the simulation diverged.
     #[pyo3(get)]
     diverged: usize,
@@ -100,7 +103,16 @@ impl CudaRobots {
         let scene = made.map_err(wrong)?;
         let stream = scene.with_dependent(|_, stepper| stepper.stream().address());
         let device = gpu.info().ordinal;
-        Ok(Self { scene: Some(scene), gpu, count, width: task.action_width, device, stream, diverged: 0 })
+        Ok(Self {
+            scene: Some(scene),
+            gpu,
+            count,
+            width: task.action_width,
+            device,
+            stream,
+            summed: 0,
+            diverged: 0,
+        })
     }
 
     /// An array that steps write, by its name.
@@ -128,6 +140,7 @@ impl CudaRobots {
         }
         let address = actions.address;
         let stepped = self.with(py, |stepper| stepper.step(address.into()))?;
+        self.summed += 1;
         self.diverged += stepped.diverged;
         let count = self.count;
         bearable(stepped.diverged, count, || self.with(py, |stepper| Ok(stepper.first_diverged()?)))?;
@@ -137,5 +150,24 @@ impl CudaRobots {
     /// New episodes for all robots.
     fn restart(&mut self, py: Python<'_>) -> PyResult<()> {
         self.with(py, |stepper| Ok(stepper.restart()?))
+    }
+
+    /// As that of `Robots`.
+    fn take_terms(&mut self, py: Python<'_>) -> PyResult<Vec<f64>> {
+        let steps = std::mem::take(&mut self.summed).max(1);
+        let sums = self.with(py, |stepper| Ok(stepper.take_terms()))?;
+        Ok(sums.into_iter().map(|sum| sum / (steps * self.count) as f64).collect())
+    }
+
+    /// Makes robots of the same task and number on the processor what these are now.
+    fn show(&mut self, py: Python<'_>, robots: &mut Robots) -> PyResult<()> {
+        let (all, step) = self.with(py, |stepper| stepper.state())?;
+        robots.take_up(&all, step)
+    }
+
+    /// Makes these robots what those of the same task and number on the processor are.
+    fn follow(&mut self, py: Python<'_>, robots: &Robots) -> PyResult<()> {
+        let (all, step) = robots.snapshots();
+        self.with(py, |stepper| stepper.set_state(&all, step))
     }
 }

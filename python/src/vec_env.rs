@@ -3,7 +3,7 @@
 use crate::errors::value;
 use crate::task::{Task, bearable, checked};
 use crate::vec_rows::{Rows, advance, chunks, row, rows};
-use gaitfit_learn::task::{self, Ended, Environment, Saved, TaskError};
+use gaitfit_learn::task::{self, Ended, Environment, Saved, Snapshot, TaskError};
 use gaitfit_sim::pool;
 use numpy::{
     PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1,
@@ -45,6 +45,37 @@ pub struct Robots {
     /// Episodes that ended because the simulation diverged.
     #[pyo3(get)]
     diverged: usize,
+}
+
+/// One by one, as a GPU takes and gives them.
+impl Robots {
+    /// All robots as they are before the next step, and its number.
+    pub fn snapshots(&self) -> (Vec<Snapshot>, u32) {
+        let mut all = Vec::with_capacity(self.count);
+        self.scene.with_dependent(|_, tiles| {
+            for tile in tiles {
+                let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
+                all.extend((0..tile.count()).map(|index| tile.snapshot(index)));
+            }
+        });
+        (all, self.step)
+    }
+
+    /// Makes all robots what they were before step `step`.
+    pub fn take_up(&mut self, snapshots: &[Snapshot], step: u32) -> PyResult<()> {
+        self.scene.with_dependent(|_, tiles| {
+            for (tile, snapshots) in tiles.iter().zip(snapshots.chunks(TILE)) {
+                let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
+                for (index, one) in snapshots.iter().enumerate() {
+                    tile.set_snapshot(index, one).map_err(value)?;
+                }
+                tile.refresh();
+            }
+            Ok::<_, PyErr>(())
+        })?;
+        self.step = step;
+        Ok(())
+    }
 }
 
 #[pymethods]

@@ -309,6 +309,71 @@ class OnGpu(Case):
         with self.assertRaisesRegex(gaitfit.GaitfitError, "4 of 300 environments diverged, the first of them environment 1"):
             robots.step(actions)
 
+    def test_a_state_is_taken_up_again_to_the_same_bits(self) -> None:
+        torch, count = self.torch, 300
+        terms: list[dict[str, Any]] = [{"quantity": name} for name in ("projected_gravity", "command", "last_action")]
+        frames = {"task.policy.observation": [{"quantity": "joint_position", "history": 3}, *terms]}
+        for settings in ({}, {"task.terrain.levels": 4, "task.terrain.columns": 2}, frames):
+            with self.subTest(settings=settings):
+                common: dict[str, Any] = {"num_envs": count, "seed": 4, "settings": {"task.episode_seconds": 0.6, **settings}}
+                robots = gaitfit.Robots(**common, device="cuda")
+                # A view of the commands is written from the processor, too.
+                commands = torch.from_dlpack(robots.commands)
+                actions = [torch.from_numpy(action).cuda() for action in self.actions(count, 50)]
+                for action in actions[:20]:
+                    robots.step(action)
+                state, names = robots.state(), ("observation", "critic_observation", "reward", "terminated", "truncated")
+                seen, asked = robots.observation.numpy(), commands.cpu().numpy()
+
+                def walk() -> list[Any]:
+                    found = []
+                    for action in actions[20:]:
+                        robots.step(action)
+                        found.append([getattr(robots, name).numpy() for name in names] + [commands.cpu().numpy()])
+                    return found
+
+                first = walk()
+                robots.set_state(state)
+                np.testing.assert_array_equal(robots.observation.numpy(), seen)
+                np.testing.assert_array_equal(commands.cpu().numpy(), asked)
+                for step, (one, other) in enumerate(zip(first, walk())):
+                    for name, *pair in zip([*names, "commands"], one, other):
+                        np.testing.assert_array_equal(*pair, err_msg=f"{name}, step {step}")
+                # The processor's robots take it up, and go the same way up to rounding.
+                cpu = gaitfit.Robots(**common)
+                cpu.set_state(state)
+                self.assertLess(np.abs(cpu.observation - seen).max(), 1e-5)
+                np.testing.assert_array_equal(cpu.commands, asked)
+                cpu.step(actions[20].cpu().numpy())
+                self.assertLess(np.median(np.abs(cpu.observation - first[0][0]).max(1)), 5e-3)
+                other = cpu.state()
+                robots.set_state(other)
+                self.assertLess(np.abs(robots.observation.numpy() - cpu.observation).max(), 1e-5)
+                if settings is not frames:  # The oldest frame is gone on a GPU; nothing reads it.
+                    np.testing.assert_array_equal(robots.state().numbers, other.numbers)
+
+    def test_reward_terms_motion_and_pictures(self) -> None:
+        torch, count = self.torch, 300
+        cpu, gpu = (gaitfit.Robots(num_envs=count, seed=4, device=device) for device in ("cpu", "cuda"))
+        rewards = []
+        for action in self.actions(count, 3):
+            cpu.step(action)
+            gpu.step(torch.from_numpy(action).cuda())
+            rewards.append(gpu.reward.numpy().mean())
+        terms, others = gpu.reward_terms(), cpu.reward_terms()
+        self.assertEqual(list(terms), gpu.reward_names)
+        self.assertAlmostEqual(sum(terms.values()), float(np.mean(rewards)), places=5)
+        for name, value in terms.items():
+            self.assertAlmostEqual(value, others[name], delta=1e-3 + 0.02 * abs(others[name]), msg=name)
+        self.assertEqual(set(gpu.reward_terms().values()), {0.0}, "nothing was stepped since")
+        for name in ("base_position", "base_quaternion", "joint_position"):
+            apart = np.abs(getattr(gpu.motion(), name) - getattr(cpu.motion(), name)).max(1)
+            self.assertLess(np.median(apart), 1e-3, name)
+        self.assertLess(np.median(np.abs(gpu.motion().torque - cpu.motion().torque).max(1)), 0.5)
+        self.assertEqual(gpu.picture(7).shape, (360, 480, 3))
+        different = (gpu.picture(7) != cpu.picture(7)).mean()
+        self.assertLess(different, 0.02)
+
     def test_gymnasium(self) -> None:
         torch = self.torch
         try:
@@ -340,6 +405,7 @@ class OnGpu(Case):
         found, reward, dones, extras = env.step(torch.zeros(32, env.num_actions, device="cuda"))
         self.assertEqual((found["policy"].shape, reward.shape, dones.dtype), (kept.shape, (32,), torch.long))
         self.assertTrue(found["policy"].is_cuda and extras["time_outs"].is_cuda)
+        self.assertEqual(set(extras["log"]), {f"/reward/{name}" for name in env.robots.reward_names})
         self.assertTrue(torch.equal(observations["policy"], kept), "what was handed out is not written over")
 
 

@@ -1,5 +1,6 @@
 """Ctrl-C, threads, fork, pickles, and the time of the import."""
 
+import math
 import multiprocessing
 import os
 import pickle
@@ -9,6 +10,8 @@ import sys
 import threading
 import time
 import unittest
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -19,17 +22,20 @@ from .common import DEMO, PACKAGE, ROOT, Case
 LONG = {"optimizer.generations": 100_000, "optimizer.tolerance": 1e-300, "optimizer.seeds": 1}
 
 
-def interrupt_after(seconds: float) -> list[float]:
-    """Presses Ctrl-C on this process; the list has when."""
-    pressed: list[float] = []
+class Press:
+    """Presses Ctrl-C on this process, once, as soon as a file of a run has a line: a fixed time may be too early or too late on
+    a busy machine. A thread watches, so that the stage itself calls no Python."""
 
-    def press() -> None:
-        time.sleep(seconds)
-        pressed.append(time.monotonic())
+    def __init__(self, folder: Path, pattern: str) -> None:
+        #: When it was pressed: by the clock, and by this process's processor time, s.
+        self.clock, self.work = math.nan, math.nan
+        threading.Thread(target=self._watch, args=(folder, pattern), daemon=True).start()
+
+    def _watch(self, folder: Path, pattern: str) -> None:
+        while not any(file.stat().st_size for file in folder.glob(pattern)):
+            time.sleep(0.01)
+        self.clock, self.work = time.monotonic(), time.process_time()
         os.kill(os.getpid(), signal.SIGINT)
-
-    threading.Thread(target=press, daemon=True).start()
-    return pressed
 
 
 def work() -> float:
@@ -42,33 +48,46 @@ def work() -> float:
 
 
 class Interrupts(Case):
-    def stopped(self, stage, seconds: float = 2.0) -> None:
-        pressed = interrupt_after(seconds)
+    def stopped(self, press: Press, stage: Callable[[], object]) -> None:
+        """The stage ends with ``KeyboardInterrupt`` before it has computed for another second on every core. On a busy machine
+        that second lasts long, so the clock's bound is wide."""
         with self.assertRaises(KeyboardInterrupt):
             stage()
-        took = time.monotonic() - pressed[0]
-        print(f"Ctrl-C took {took:.2f} s")
-        self.assertLess(took, 1.0)
+        clock, work = time.monotonic() - press.clock, time.process_time() - press.work
+        print(f"Ctrl-C took {clock:.2f} s, {work:.2f} s of processor time")
+        self.assertLess(work, float(os.cpu_count() or 1))
+        self.assertLess(clock, 30.0)
 
     def test_a_fit_stops_within_a_second_and_goes_on(self) -> None:
-        def fit(generations: int, **more: object) -> gaitfit.FitResult:
-            settings = {**LONG, "optimizer.generations": generations}
-            return gaitfit.fit(DEMO / "adapt.toml", runs=self.folder, settings=settings, progress=False, **more)
+        def fit(name: str, **more: object) -> gaitfit.FitResult:
+            settings = {**LONG, "optimizer.generations": 40}
+            return gaitfit.fit(DEMO / "adapt.toml", runs=self.folder, name=name, settings=settings, progress=False, **more)
 
-        self.stopped(lambda: fit(40, name="a"), 1.0)
-        self.assertTrue(list(self.folder.glob("a*/")), "the run folder is kept")
-        resumed, whole = fit(40, name="a", resume=True), fit(40, name="b")
+        def generations() -> int:
+            (file,) = self.folder.glob("a*/metrics.jsonl")
+            return len(file.read_text().splitlines())
+
+        self.stopped(Press(self.folder, "a*/metrics.jsonl"), lambda: fit("a"))
+        done = generations()
+        resumed, whole = fit("a", resume=True), fit("b")
+        self.assertLess(done, generations() / 2, "the fit went on after Ctrl-C")
         self.assertEqual(resumed.to_dict()["parameters"], whole.to_dict()["parameters"])
 
     def test_a_training_stops_within_a_second(self) -> None:
-        settings = {"train.environments": 64}
-        self.stopped(lambda: gaitfit.train(runs=self.folder, name="t", settings=settings, progress=False))
+        settings = {"train.environments": 64, "train.iterations": 1000}
+        press = Press(self.folder, "t*/seed-*/metrics.jsonl")
+        self.stopped(press, lambda: gaitfit.train(runs=self.folder, name="t", settings=settings, progress=False))
 
     def test_a_simulator_of_ones_own_is_interrupted_itself(self) -> None:
         log = gaitfit.Log(np.eye(10)[:, :1], np.eye(10)[:, :1], joints=["a"])
-        self.stopped(
-            lambda: gaitfit.fit_simulator(lambda _: time.sleep(60), log, [gaitfit.Parameter("p", 0.0, 1.0)], progress=False)
-        )
+
+        def simulate(_: object) -> None:
+            (self.folder / "called").write_text("now")
+            time.sleep(60)
+
+        parameters = [gaitfit.Parameter("p", 0.0, 1.0)]
+        press = Press(self.folder, "called")
+        self.stopped(press, lambda: gaitfit.fit_simulator(simulate, log, parameters, progress=False))
 
 
 class Processes(Case):

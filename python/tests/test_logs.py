@@ -88,6 +88,8 @@ class Logs(Case):
             (lambda: Log(q, q, command=q), ValueError, r"command has the shape \(4, 2\); needed: samples × 3 = \(4, 3\)"),
             (lambda: Log(q, q, time=[0.0]), ValueError, r"time has the shape \(1,\); needed: \(4,\)"),
             (lambda: Log(q, q, kp=[1.0, 2.0, 3.0]), ValueError, r"kp has the shape"),
+            (lambda: Log(q, q, kp=20.0), ValueError, "kp is given without kd: give both gains"),
+            (lambda: Log(q, q, kd=[1.0, 2.0]), ValueError, "kd is given without kp"),
             (lambda: Log(q, q, joints=["a"]), ValueError, "joints has 1 names, and position has 2 columns"),
             (lambda: Log(q, q, joints="ab"), TypeError, "joints is 'ab'"),
             (lambda: Log(q, q, dt=0.0), ValueError, "dt is 0.0; it must be above 0"),

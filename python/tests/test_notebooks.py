@@ -52,7 +52,8 @@ class Files(Case):
 
 
 class Notebooks(Case):
-    def run_notebook(self, name: str) -> dict:
+    def run_notebook(self, name: str, *changes: tuple[str, str]) -> dict:
+        """The names after its last cell. ``changes``: texts of cells and what stands in their place."""
         try:
             import matplotlib
 
@@ -62,17 +63,19 @@ class Notebooks(Case):
             self.skipTest(str(missing))
         self.addCleanup(plt.close, "all")
         cells = json.loads((NOTEBOOKS / name).read_text(encoding="utf-8"))["cells"]
+        sources = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+        for old, new in changes:
+            self.assertEqual(sum(source.count(old) for source in sources), 1, old)
+            sources = [source.replace(old, new) for source in sources]
         names: dict = {}
         # Runs belong in the test's folder.
         for item in ("assets", "examples"):
             os.symlink(ROOT / item, self.folder / item)
         os.chdir(self.folder)
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            for number, cell in enumerate(cells):
-                if cell["cell_type"] != "code":
-                    continue
-                with self.subTest(f"{name}, cell {number}"):
-                    names["last"] = execute("".join(cell["source"]), names)
+            for number, source in enumerate(sources):
+                with self.subTest(f"{name}, code {number}"):
+                    names["last"] = execute(source, names)
         return names
 
     def test_clamped_leg(self) -> None:
@@ -95,6 +98,24 @@ class Notebooks(Case):
             self.skipTest(str(missing))
         names = self.run_notebook("own_simulator.ipynb")
         self.assertLess(abs(names["found"].values["delay"] - 0.007), 0.001)
+
+
+    def test_rsl_rl(self) -> None:
+        """A few iterations instead of two minutes."""
+        try:
+            import rsl_rl  # noqa: F401
+            import torch
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        self.addCleanup(torch.set_num_threads, torch.get_num_threads())
+        names = self.run_notebook("rsl_rl.ipynb", ("ROBOTS, STEPS, ITERATIONS = 512, 24, 160", "ROBOTS, STEPS, ITERATIONS = 64, 24, 8"))
+        history = names["env"].history
+        self.assertEqual(len(history), 8 * 24)
+        for step in history[-3:]:
+            terms = sum(value for name, value in step.items() if name.startswith("/reward/"))
+            self.assertAlmostEqual(terms, step["reward"], places=5)
+        pair = [[p.detach().numpy() for p in names[name].parameters()] for name in ("before", "actor")]
+        self.assertFalse(any((one == other).all() for one, other in zip(*pair)), "the network has not been trained")
 
 
 class Charts(Case):

@@ -12,6 +12,7 @@ import threading
 import time
 import unittest
 from pathlib import Path
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -99,6 +100,28 @@ class Shared(Case):
                 kept = [one.to_dict() for one in both]
                 self.assertEqual(kept[1]["fits"], kept[0]["fits"])
                 self.assertGreaterEqual(crew.done, tasks)
+
+    def test_what_the_driver_computes_alone_is_listed(self) -> None:
+        from gaitfit.ray._fit import Crew
+
+        crew = Crew(SimpleNamespace(place=SimpleNamespace(num_gpus=0)))
+        derivatives, robots = "derivatives of logs of clamped legs", "simulated robots that correct wass"
+        for base, method, preset, cost, listed in (
+            ("fixed", "least-squares", "accurate", "matcho", {derivatives}),
+            ("fixed", "least-squares", "converged", "matcho", set()),
+            ("fixed", "least-squares", "accurate", "matchr1", set()),
+            ("fixed", "cma-es", "accurate", "matcho", set()),
+            ("free", "least-squares", "accurate", "matcho", set()),
+            ("free", "auto", "accurate", "wass", {robots}),
+            ("fixed", "auto", "accurate", "wass", set()),
+        ):
+            with self.subTest(base=base, method=method, preset=preset, cost=cost):
+                (self.folder / "config.toml").write_text(
+                    f'base = "{base}"\n[optimizer]\nmethod = "{method}"\n[simulation]\npreset = "{preset}"\n', encoding="utf-8"
+                )
+                fits = [SimpleNamespace(cost_name=cost)]
+                sharing = crew.sharing(1.0, SimpleNamespace(run_folder=self.folder, validation=(), held_out=None, fits=fits))
+                self.assertEqual(set(sharing.alone), {"the search's own arithmetic", "the report"} | listed)
 
     def test_a_policy_that_is_a_function_acts_at_both_ends(self) -> None:
         logs = self.folder / "logs"
@@ -464,7 +487,10 @@ class Fits(Ray):
         long = {**SETTINGS, "optimizer.generations": 100_000, "optimizer.tolerance": 1e-300, "optimizer.max_seconds": 120.0}
         with self.assertRaises(KeyboardInterrupt):
             gaitfit.ray.fit(DEMO / "adapt.toml", runs=self.folder, name="stopped", settings=long, progress=progress)
-        self.assertLess(time.monotonic() - pressed[0], 1.0)
+        # Within a second on a quiet machine. By itself it ends after two minutes, and without the exception.
+        took = time.monotonic() - pressed[0]
+        print(f"Ctrl-C took {took:.2f} s")
+        self.assertLess(took, 20.0)
 
 
 class Fleets(Ray):

@@ -109,6 +109,7 @@ class Others(Case):
         self.assertEqual((trained.seeds[0].iterations, trained.policy.is_file()), (2, True))
         self.assertEqual(gaitfit.load(trained.run_folder), trained)
         self.assertEqual([row["seed"] for row in trained.rows()], [1])
+        self.assertRegex(repr(trained), r"^Training\(t: 2 iterations, velocity error \d\.\d\d m/s")
 
     def test_a_loop_and_a_table_of_plain_data(self) -> None:
         """Documents as the program writes them, with the parts of real ones."""

@@ -57,7 +57,7 @@ fn gpu_steps_under_given_actions_are_the_cpus() {
         let start = differences(&read(&gpu, Shown::Observation), &want, width, &kept);
         assert!(start[ENVIRONMENTS - 1] < 1e-5, "{name}: starts differ by {}", start[ENVIRONMENTS - 1]);
         let noise = Stream::new(5, Purpose::BOOTSTRAP);
-        let mut buffer = Buffer::<f32>::new(&device, "actions", ENVIRONMENTS * actions).unwrap();
+        let buffer = Buffer::<f32>::new(&device, "actions", ENVIRONMENTS * actions).unwrap();
         let (mut ends, mut reward) = (0, vec![0.0; ENVIRONMENTS]);
         for step in 0..STEPS {
             let draw =
@@ -125,14 +125,14 @@ fn gpu_actions_are_checked_and_arrays_outlive_the_stepper() {
     let task = Task::new(&go2(), &settings("velocity"), Preset::Fast).unwrap();
     let nominal = [Candidate::nominal(&go2())];
     let mut stepper = Stepper::new(&device, &task, &nominal, 5, SEED, false).unwrap();
-    let before = stepper.snapshots().unwrap();
+    let before = stepper.state().unwrap();
     let mut numbers = vec![0.0f32; 5 * 12];
     numbers[2 * 12 + 3] = f32::NAN;
     let wrong = Buffer::from_slice(&device, "actions", &numbers).unwrap();
     let error = stepper.step((&wrong).into()).unwrap_err();
     let said = matches!(&error, RolloutError::Action { environment: 2, joint } if joint == "FR_hip_joint");
     assert!(said, "{error}");
-    assert!(stepper.snapshots().unwrap() == before, "a step that was refused has moved robots");
+    assert!(stepper.state().unwrap() == before, "a step that was refused has moved robots");
     numbers[2 * 12 + 3] = 1e30;
     let large = Buffer::from_slice(&device, "actions", &numbers).unwrap();
     // The reward for smooth actions overflows.
@@ -142,7 +142,7 @@ fn gpu_actions_are_checked_and_arrays_outlive_the_stepper() {
     let width = last.shape()[1];
     assert!(last.read().unwrap()[2 * width..3 * width].iter().all(|&number| number == 0.0));
     stepper.restart().unwrap();
-    assert!(stepper.snapshots().unwrap().iter().all(|one| one.steps == 0 && one.robot.fresh));
+    assert!(stepper.state().unwrap().0.iter().all(|one| one.steps == 0 && one.robot.fresh));
     let observation = stepper.array(Shown::Observation).unwrap();
     let numbers = observation.read().unwrap();
     drop(stepper);

@@ -133,7 +133,14 @@ class Crew:
         alone = ["the search's own arithmetic"]
         if result.validation or result.held_out is not None:
             alone.append("validation logs")
-        if result.document.get("base") == "free" and "wass" in {fit.cost_name for fit in result.fits}:
+        settings = json.loads(_gaitfit.read_toml((result.run_folder / "config.toml").read_text(encoding="utf-8")))
+        free, costs = settings["base"] == "free", {fit.cost_name for fit in result.fits}
+        # Least squares of free simulations, whose derivatives the engine has; other costs begin at what sensors read, and their
+        # derivatives are differences of simulations, which workers do.
+        if settings["optimizer"]["method"] == "least-squares" and not free and "matcho" in costs:
+            if settings["simulation"]["preset"] != "converged":
+                alone.append("derivatives of logs of clamped legs")
+        if free and "wass" in costs:
             alone.append("simulated robots that correct wass")
         return Sharing(Named(self._tasks), Named(self._seconds), driver_seconds, (*alone, "the report"))
 

@@ -67,7 +67,7 @@ class SeedResult:
         reward: Mean reward of a control step.
         episode_return: Mean summed reward of an episode; ``None`` where none ended.
         episode_seconds: Mean length of an episode, s.
-        fall_rate: Share of episodes that ended in a fall.
+        fall_rate: Share of episodes that ended in a fall; ``None`` where none ended.
         linear_velocity_error: Mean error of horizontal velocity, m/s.
         angular_velocity_error: Mean error of yaw rate, rad/s.
         gait: The policy's gait.
@@ -133,6 +133,11 @@ class Training(Result):
     def rows(self) -> list[dict[str, Any]]:
         """One row a seed."""
         return [flat(row) for row in self.document["seeds"]]
+
+    def _headline(self) -> str:
+        first = self.seeds[0]
+        falls = "" if first.fall_rate is None else f", {first.fall_rate:.1%} of the episodes end in a fall"
+        return f"{self.name}: {first.iterations} iterations, velocity error {first.linear_velocity_error:.2f} m/s{falls}"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

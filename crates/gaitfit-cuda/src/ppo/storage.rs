@@ -56,8 +56,8 @@ impl Storage {
     ///
     /// # Errors
     /// A failure of the GPU; another length.
-    pub(crate) fn write<T: Stored>(&mut self, stream: &Stream, numbers: &[T]) -> Result<(), CudaError> {
-        T::held_mut(self).map_or(Ok(()), |buffer| buffer.write(stream, numbers))
+    pub(crate) fn write<T: Stored>(&self, stream: &Stream, numbers: &[T]) -> Result<(), CudaError> {
+        T::held(self).map_or(Ok(()), |buffer| buffer.write(stream, numbers))
     }
 
     /// Its numbers; none of other ones.
@@ -73,18 +73,12 @@ impl Storage {
 pub(crate) trait Stored: Number {
     /// The array, if it has such numbers.
     fn held(storage: &Storage) -> Option<&Buffer<Self>>;
-    /// The same, to be changed.
-    fn held_mut(storage: &mut Storage) -> Option<&mut Buffer<Self>>;
 }
 
 macro_rules! stored {
     ($($number:ty, $variant:ident;)*) => {$(
         impl Stored for $number {
             fn held(storage: &Storage) -> Option<&Buffer<Self>> {
-                if let Storage::$variant(buffer) = storage { Some(buffer) } else { None }
-            }
-
-            fn held_mut(storage: &mut Storage) -> Option<&mut Buffer<Self>> {
                 if let Storage::$variant(buffer) = storage { Some(buffer) } else { None }
             }
         }

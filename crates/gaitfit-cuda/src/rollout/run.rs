@@ -133,17 +133,14 @@ impl<'a> Rollout<'a> {
         self.own.get(number)?.as_ref()
     }
 
-    /// Writes an own array; what is shared is not written from the host.
+    /// Writes an own array. Others may read it ([`super::Shared`]): the caller has waited for all work on the GPU.
     pub(super) fn write<T: Stored>(
         &mut self,
         stream: &Stream,
         name: &str,
         numbers: &[T],
     ) -> Result<(), CudaError> {
-        let Some(Id(number)) = self.plan.array(name) else { return Ok(()) };
-        let Some(storage) = self.own.get_mut(number).and_then(Option::as_mut) else { return Ok(()) };
-        let reason = || CudaError::Call { doing: format!("writing `{name}`"), reason: "it is shared".into() };
-        Arc::get_mut(storage).ok_or_else(reason)?.write(stream, numbers)
+        self.storage(name).map_or(Ok(()), |storage| storage.write(stream, numbers))
     }
 
     pub(super) fn read<T: Stored>(&self, stream: &Stream, name: &str) -> Result<Vec<T>, CudaError> {

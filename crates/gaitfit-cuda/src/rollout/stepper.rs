@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use gaitfit_learn::task::{Environment, Snapshot, Task};
+use gaitfit_learn::task::{Environment, Snapshot, Task, TaskError};
 use gaitfit_sim::Candidate;
 
 use super::RolloutError;
@@ -48,6 +48,15 @@ pub struct Stepped {
     pub diverged: usize,
 }
 
+/// Gives an environment the rows of the control period before, whose frames move up at the next observation. The kernels
+/// have the present rows already, in which they moved.
+pub fn before_rows(task: &Task, one: &mut Snapshot) {
+    let layouts = [&task.walker.observation, &task.walker.critic_observation];
+    for (row, layout) in one.past.iter_mut().zip(layouts).filter(|(row, _)| !row.is_empty()) {
+        *row = layout.before(row);
+    }
+}
+
 /// Environments of a task on a GPU that are stepped under actions from outside. Robots, commands, starts, noise and pushes
 /// are those of the CPU's [`Environment`] of the same seed, with the same numbers of steps: the first step is number 0.
 pub struct Stepper<'a> {
@@ -55,6 +64,8 @@ pub struct Stepper<'a> {
     rollout: Rollout<'a>,
     environments: usize,
     terms: usize,
+    /// Sum of each reward term over all environments since [`Stepper::take_terms`].
+    summed: Vec<f64>,
     stream: Stream,
     graph: Option<Graph>,
     ready: Arc<Event>,
@@ -86,7 +97,8 @@ impl<'a> Stepper<'a> {
         rollout.write(&stream, "refused", &[NONE])?;
         let ready = Arc::new(Event::new(device)?);
         let (device, terms) = (device.clone(), task.reward_names().len());
-        let mut stepper = Self { device, rollout, environments, terms, stream, graph: None, ready };
+        let summed = vec![0.0; terms];
+        let mut stepper = Self { device, rollout, environments, terms, summed, stream, graph: None, ready };
         // Before step 0, so that the first episodes begin at it.
         stepper.rollout.number(&stepper.stream, u32::MAX, seed, task.settings.command.ranges(1.0), 0)?;
         stepper.restart()?;
@@ -154,6 +166,9 @@ impl<'a> Stepper<'a> {
         }
         self.ready.record(&self.stream)?;
         let totals = self.rollout.read_f64(&self.stream, "totals")?;
+        for (sum, total) in self.summed.iter_mut().zip(totals.iter().skip(1)) {
+            *sum += total;
+        }
         let count = |sum: Sum| totals.get(sum.place(self.terms)).map_or(0, |&count| count as usize);
         Ok(Stepped { ended: count(Sum::Episodes), diverged: count(Sum::Diverged) })
     }
@@ -186,12 +201,43 @@ impl<'a> Stepper<'a> {
         self.finish()
     }
 
-    /// The environments as they are.
+    /// Sums of the weighted reward terms over all environments since the last call, in the order of
+    /// [`Task::reward_names`]. A step in which an environment's simulation diverged has none of it.
+    pub fn take_terms(&mut self) -> Vec<f64> {
+        let none = vec![0.0; self.terms];
+        std::mem::replace(&mut self.summed, none)
+    }
+
+    /// The environments as they are before the next step, and its number: as [`Environment::snapshot`] has them.
     ///
     /// # Errors
     /// A failure of the GPU.
-    pub fn snapshots(&self) -> Result<Vec<Snapshot>, RolloutError> {
-        self.rollout.snapshots(&self.stream)
+    pub fn state(&self) -> Result<(Vec<Snapshot>, u32), RolloutError> {
+        let mut all = self.rollout.snapshots(&self.stream)?;
+        all.iter_mut().for_each(|one| before_rows(self.rollout.task(), one));
+        let control = self.rollout.read::<u32>(&self.stream, "control")?;
+        Ok((all, control.first().copied().unwrap_or_default()))
+    }
+
+    /// Makes the environments what they were before step `step`, here or on the CPU, and writes what they observe. Waits for all
+    /// work on the GPU first, that of others who read the arrays too.
+    ///
+    /// # Errors
+    /// Another number of environments; a failure of the GPU.
+    pub fn set_state(&mut self, snapshots: &[Snapshot], step: u32) -> Result<(), RolloutError> {
+        if snapshots.len() != self.environments {
+            let what = format!("is of {} robots; here are {}", snapshots.len(), self.environments);
+            return Err(TaskError::Setting { setting: "the robots' state".to_owned(), what }.into());
+        }
+        self.device.wait()?;
+        self.rollout.load(&self.stream, snapshots)?;
+        let mut control = self.rollout.read::<u32>(&self.stream, "control")?;
+        if let Some(first) = control.first_mut() {
+            *first = step;
+        }
+        self.rollout.write(&self.stream, "control", &control)?;
+        self.launch(&self.rollout.plan().0.observe(0))?;
+        Ok(self.finish()?)
     }
 
     /// An array that steps write.

@@ -76,7 +76,7 @@ impl<T: Number> Buffer<T> {
     /// # Errors
     /// As [`Buffer::new`].
     pub fn from_slice(device: &Device, name: &str, numbers: &[T]) -> Result<Self, CudaError> {
-        let mut buffer = Self::new(device, name, numbers.len())?;
+        let buffer = Self::new(device, name, numbers.len())?;
         let stream = Stream::new(device)?;
         buffer.write(&stream, numbers)?;
         Ok(buffer)
@@ -129,11 +129,12 @@ impl<T: Number> Buffer<T> {
         self.context.driver.check(code, || format!("clearing `{}`", self.name))
     }
 
-    /// Copies `numbers` in, after what the stream has to do; returns when they are there.
+    /// Copies `numbers` in, after what the stream has to do; returns when they are there. Whoever reads the array on another
+    /// stream waits for that by its own means.
     ///
     /// # Errors
     /// [`CudaError::Length`], or a failure of the GPU.
-    pub fn write(&mut self, stream: &Stream, numbers: &[T]) -> Result<(), CudaError> {
+    pub fn write(&self, stream: &Stream, numbers: &[T]) -> Result<(), CudaError> {
         self.expect(numbers.len())?;
         if self.length == 0 {
             return Ok(());

@@ -1,8 +1,10 @@
 //! Steps one by one under actions from outside by the kernels, as C++, and by the CPU's environments.
 
+use std::collections::HashMap;
+
 use super::along::{ENVIRONMENTS, PROCESSORS, SEED, apart, go2, inputs, lively, params, snapshots};
 use crate::host::{bytes, call, doubles, execute, fill, floats, keep, take};
-use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, control};
+use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, before_rows, control};
 use gaitfit_learn::task::{Ended, Environment, Snapshot, Task};
 use gaitfit_physics::Preset;
 use gaitfit_random::{Purpose, Stream};
@@ -15,6 +17,10 @@ const RESTART: usize = 27;
 const BROKEN: (usize, usize) = (2, 3);
 /// The step before which an action is refused, and its place.
 const REFUSED: (usize, usize) = (5, 4 * 12 + 7);
+/// After this step the state is read.
+const READ: usize = 11;
+/// So many steps follow it where the state is taken up again.
+const AGAIN: usize = 6;
 
 /// What robots show after a step, or before the first.
 struct Shown {
@@ -30,6 +36,8 @@ struct Step {
     moved: Vec<Snapshot>,
     reward: Vec<f32>,
     ended: Vec<Ended>,
+    /// Sums of the reward terms over all robots.
+    terms: Vec<f64>,
     /// What robots observed before new episodes.
     last: Vec<f32>,
     after: Shown,
@@ -58,10 +66,51 @@ fn advance(environment: &mut Environment<'_>, task: &Task, number: u32, action: 
     }
     environment.begin_episodes(number, &ended);
     let after = shown(environment, task, number + 1);
-    Step { action, moved, reward, ended, last, after }
+    Step { action, moved, reward, ended, terms: environment.take_terms(), last, after }
 }
 
-fn compare(label: &str, task: &Task, candidate: &Candidate) {
+/// The arrays that hold a state.
+const STATE: [&str; 13] = [
+    "robot_state",
+    "robot_targets",
+    "robot_memory",
+    "robot_report",
+    "steps",
+    "fresh",
+    "command",
+    "last_action",
+    "feet",
+    "returns",
+    "past",
+    "critic_past",
+    "ways",
+];
+
+/// The state in the files of a run, by their reader.
+fn state(read: &dyn Fn(&str) -> Vec<u8>) -> Packed {
+    let f = |name: &str| floats(&read(name));
+    let w = |name: &str| -> Vec<u32> {
+        read(name).chunks_exact(4).map(|b| u32::from_ne_bytes(b.try_into().unwrap())).collect()
+    };
+    Packed {
+        state: f("robot_state"),
+        targets: f("robot_targets"),
+        memory: f("robot_memory"),
+        report: f("robot_report"),
+        steps: w("steps"),
+        fresh: w("fresh"),
+        command: f("command"),
+        last_action: f("last_action"),
+        feet: f("feet"),
+        returns: f("returns"),
+        past: f("past"),
+        critic_past: f("critic_past"),
+        ways: f("ways"),
+    }
+}
+
+/// With `again` the state is also taken to the CPU amid the steps, and back to the kernels, which go on from there.
+fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
     let candidates = std::slice::from_ref(candidate);
     let period = Scene::period(task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();
     let sizes = Sizes { steps: 1, environments: ENVIRONMENTS, networks: 0, gamma: 1.0, mode: Mode::Steps };
@@ -116,6 +165,29 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
     let keep_all = |statements: &mut String, names: &[&str], suffix: &str| {
         names.iter().for_each(|name| statements.push_str(&keep(arrays, name, suffix)));
     };
+    // The physics of a step is the CPU's.
+    let after = ["reward", "ends", "last_observation", "totals", "refused", "action"];
+    let step_once = |statements: &mut String, files: &mut HashMap<String, Vec<u8>>, t: usize, step: &Step| {
+        let packed = Packed::new(&scene, &step.moved, tiles);
+        files.insert(format!("mean.given{t}"), f(&step.action));
+        for (name, numbers) in [
+            ("robot_state", &packed.state),
+            ("robot_report", &packed.report),
+            ("robot_memory", &packed.memory),
+            ("robot_targets", &packed.targets),
+        ] {
+            files.insert(format!("{name}.moved{t}"), f(numbers));
+        }
+        statements.push_str(&take(arrays, "mean", &format!("given{t}")));
+        statements.push_str(&call(&plan.take()));
+        statements.extend(plan.before(tiles).iter().map(call));
+        keep_all(statements, &["robot_targets"], &format!("sent{t}"));
+        for name in ["robot_state", "robot_report", "robot_memory", "robot_targets"] {
+            statements.push_str(&take(arrays, name, &format!("moved{t}")));
+        }
+        statements.extend(plan.after().iter().map(call));
+        keep_all(statements, &[&rows[..], &after].concat(), &format!("after{t}"));
+    };
     let mut statements = fill(&plan.program, &mut files);
     statements.extend(plan.restart().iter().map(call));
     statements.push_str(&take(arrays, "steps", "ages"));
@@ -135,26 +207,10 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
             statements.push_str(&keep(arrays, "refused", "wrong"));
             statements.push_str(&take(arrays, "refused", "none"));
         }
-        let packed = Packed::new(&scene, &step.moved, tiles);
-        files.insert(format!("mean.given{t}"), f(&step.action));
-        for (name, numbers) in [
-            ("robot_state", &packed.state),
-            ("robot_report", &packed.report),
-            ("robot_memory", &packed.memory),
-            ("robot_targets", &packed.targets),
-        ] {
-            files.insert(format!("{name}.moved{t}"), f(numbers));
+        step_once(&mut statements, &mut files, t, step);
+        if t == READ {
+            keep_all(&mut statements, &STATE, "read");
         }
-        statements.push_str(&take(arrays, "mean", &format!("given{t}")));
-        statements.push_str(&call(&plan.take()));
-        statements.extend(plan.before(tiles).iter().map(call));
-        keep_all(&mut statements, &["robot_targets"], &format!("sent{t}"));
-        for name in ["robot_state", "robot_report", "robot_memory", "robot_targets"] {
-            statements.push_str(&take(arrays, name, &format!("moved{t}")));
-        }
-        statements.extend(plan.after().iter().map(call));
-        let after = ["reward", "ends", "last_observation", "totals", "refused", "action"];
-        keep_all(&mut statements, &[&rows[..], &after].concat(), &format!("after{t}"));
     }
     let folder = execute(&plan.program.text, arrays, &files, &[], &statements);
     let read =
@@ -203,6 +259,13 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
         let diverged = step.ended.iter().filter(|ended| **ended == Ended::Diverged).count();
         let ends = any.iter().map(|&one| f64::from(one)).sum::<f64>();
         assert_eq!((totals[terms + 3], totals[terms + 7]), (ends, diverged as f64), "{label}, step {t}");
+        for (k, (got, want)) in totals[1..=terms].iter().zip(&step.terms).enumerate() {
+            let error = (got - want).abs();
+            assert!(
+                error <= 2e-5 * want.abs().max(1.0),
+                "{label}, step {t}: reward term {k} is {got}, not {want}"
+            );
+        }
         // The newest targets are those of the actions.
         if candidate.networks.is_empty() {
             let mut wanted = vec![0.0; ENVIRONMENTS * task.walker.default_pose.len()];
@@ -221,13 +284,56 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
     }
     println!("{label}: {counts:?} episodes ended by time, by divergence, by falls");
     assert!(counts[0] > 10 && counts[1] == 1 && counts[2] > 0, "{label}: {counts:?}");
+    if !again {
+        return;
+    }
+
+    // The CPU's environments take up the state, as `Stepper::state` gives it, and observe what the kernels did.
+    let mut read_state = state(&|name| read(name, "read")).snapshots(&scene);
+    read_state.iter_mut().for_each(|one| before_rows(task, one));
+    let mut mirror = Environment::new(task, Some(candidate), SEED, 0, ENVIRONMENTS).unwrap();
+    for (index, one) in read_state.iter().enumerate() {
+        mirror.set_snapshot(index, one).unwrap();
+    }
+    mirror.refresh();
+    let number = READ as u32 + 1;
+    let of_mirror = shown(&mut mirror, task, number);
+    check(&of_mirror, &format!("after{READ}"));
+    // Back on the kernels, all bits are those of the undisturbed steps.
+    let returned = snapshots(&mut mirror, &[[0.0; 2]; ENVIRONMENTS]);
+    let packed = Packed::new(&scene, &returned, tiles);
+    let mut files = inputs(&packed, &params(&period, &robots), candidate);
+    for (name, bytes) in [
+        ("parameters", f(&vec![-1e4; width])),
+        ("control", w(&control(number, SEED, ranges, 0))),
+        ("refused", w(&[u32::MAX])),
+    ] {
+        files.insert(name.to_owned(), bytes);
+    }
+    let mut statements = fill(&plan.program, &mut files);
+    statements.push_str(&call(&plan.observe(0)));
+    keep_all(&mut statements, &rows, "again");
+    for (t, step) in steps.iter().enumerate().skip(READ + 1).take(AGAIN) {
+        step_once(&mut statements, &mut files, t, step);
+    }
+    let second = execute(&plan.program.text, arrays, &files, &[], &statements);
+    let reread =
+        |name: &str, suffix: &str| std::fs::read(second.path().join(format!("{name}.{suffix}"))).unwrap();
+    for name in rows {
+        assert!(reread(name, "again") == read(name, &format!("after{READ}")), "{label}: {name}");
+        for t in READ + 1..=READ + AGAIN {
+            let suffix = &format!("after{t}");
+            assert!(reread(name, suffix) == read(name, suffix), "{label}, step {t}: {name}");
+            assert!(reread("reward", suffix) == read("reward", suffix), "{label}, step {t}: rewards");
+        }
+    }
 }
 
 #[test]
 #[ignore = "needs g++"]
 fn cxx_steps_under_given_actions_are_the_cpus() {
     let task = Task::new(&go2(), &lively("velocity"), Preset::Fast).unwrap();
-    compare("trot", &task, &Candidate::nominal(&go2()));
+    compare("trot", &task, &Candidate::nominal(&go2()), true);
 }
 
 #[test]
@@ -236,7 +342,7 @@ fn cxx_steps_under_given_actions_on_hind_legs_are_the_cpus() {
     let mut settings = lively("biped");
     settings.fall.tilt = 12.0;
     let task = Task::new(&go2(), &settings, Preset::Fast).unwrap();
-    compare("biped", &task, &Candidate::nominal(&go2()));
+    compare("biped", &task, &Candidate::nominal(&go2()), false);
 }
 
 /// On levels of small cells, with past frames.
@@ -247,12 +353,12 @@ fn cxx_steps_under_given_actions_on_uneven_ground_are_the_cpus() {
     settings.policy.observation.iter_mut().for_each(|term| term.history = 3);
     settings.policy.critic_observation[1].history = 2;
     let task = Task::new(&go2(), &settings, Preset::Fast).unwrap();
-    compare("levels", &task, &Candidate::nominal(&go2()));
+    compare("levels", &task, &Candidate::nominal(&go2()), true);
 }
 
 #[test]
 #[ignore = "needs g++"]
 fn cxx_steps_under_given_actions_of_a_fitted_robot_are_the_cpus() {
     let (task, candidate) = super::fitted();
-    compare("fitted", &task, &candidate);
+    compare("fitted", &task, &candidate, true);
 }

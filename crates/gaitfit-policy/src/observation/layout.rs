@@ -92,6 +92,22 @@ impl Layout {
         scales
     }
 
+    /// What [`Layout::write`] took for `past` where `row` came of it: frames moved back by one. The oldest frames of `past` are
+    /// not in `row`, and no row is written from them; the next ones stand there.
+    ///
+    /// # Panics
+    /// If `row` is shorter than [`Layout::width`]: an error of the caller.
+    #[must_use]
+    pub fn before(&self, row: &[f32]) -> Vec<f32> {
+        let mut past = row.to_vec();
+        for slot in &self.slots {
+            for pair in slot.frames.windows(2) {
+                past[pair[1]..pair[1] + slot.width()].copy_from_slice(&row[pair[0]..pair[0] + slot.width()]);
+            }
+        }
+        past
+    }
+
     /// Writes the row of a robot.
     ///
     /// `past`: the row of the control period before, whose frames move up by one; `None` at an episode's start, where
