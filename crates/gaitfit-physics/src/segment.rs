@@ -233,13 +233,14 @@ fn segment_contacts<T: Real, const N: usize>(
 
 /// Joint steps of segment `index` from its node's step; unless this is all that is `wanted`, also those of its
 /// contacts and the change of its residuals. Returns the slope of its rows' cost along the step and the curvature
-/// pᵀMp of its part of the smooth cost. Where the joint steps are `corrected` they are as they stand in `work`.
+/// pᵀMp of its part of the smooth cost. `corrected`: a guard; in its region the joint steps that stand in `work` were
+/// corrected, and are kept where it is active.
 #[inline(always)]
 pub(crate) fn back_substitute<T: Real>(
     tree: &Tree<T::K>,
     index: usize,
     wanted: Wanted,
-    corrected: bool,
+    corrected: Option<T::Guard>,
     work: &mut Work<T>,
 ) -> (T, T) {
     match tree.segments[index].len {
@@ -255,28 +256,30 @@ fn substitute_joints<T: Real, const N: usize>(
     tree: &Tree<T::K>,
     index: usize,
     wanted: Wanted,
-    corrected: bool,
+    corrected: Option<T::Guard>,
     work: &mut Work<T>,
 ) -> (T, T) {
     let segment = &tree.segments[index];
     let scratch = &mut work.segments[index];
     let above = work.nodes[segment.parent].step;
     let mut step = [T::zero(); SEGMENT];
-    if corrected {
+    for k in (0..N).rev() {
+        let mut s = scratch.inverse[k].fnma(dot6(scratch.coupling[k], above), -scratch.solved[k]);
+        for i in k + 1..N {
+            s = scratch.lower[i + k - 1].fnma(step[i], s);
+        }
+        step[k] = s;
+    }
+    if let Some(touching) = corrected
+        && T::enter(touching)
+    {
+        T::leave(touching);
         for k in 0..N {
-            step[k] = work.joints[segment.first + k - 1].step;
+            step[k] = work.joints[segment.first + k - 1].step.merge(touching, step[k]);
         }
-    } else {
-        for k in (0..N).rev() {
-            let mut s = scratch.inverse[k].fnma(dot6(scratch.coupling[k], above), -scratch.solved[k]);
-            for i in k + 1..N {
-                s = scratch.lower[i + k - 1].fnma(step[i], s);
-            }
-            step[k] = s;
-        }
-        for k in 0..N {
-            work.joints[segment.first + k - 1].step = step[k];
-        }
+    }
+    for k in 0..N {
+        work.joints[segment.first + k - 1].step = step[k];
     }
     if let Some(node) = segment.node {
         let mut a = above;

@@ -85,14 +85,20 @@ separate! {
             step = root.inertia.solve_neg(root.residual);
             slope = slope + dot6(root.residual, step);
         }
-        let corrected = hessian && !tree.self_contact.is_empty();
-        if corrected {
+        let touching = work.self_contact.touching;
+        let mut corrected = None;
+        if hessian && !tree.self_contact.is_empty() && T::enter(touching) {
             work.nodes[0].step = step;
             for index in 0..tree.segments.len() {
-                back_substitute(tree, index, Wanted::Step, false, work);
+                back_substitute(tree, index, Wanted::Step, None, work);
             }
-            slope = self_contact::correct(tree, slope, state, work);
-            step = work.nodes[0].step;
+            let changed = slope + self_contact::correct(tree, state, work);
+            let root = work.nodes[0].step;
+            T::leave(touching);
+            slope = changed.merge(touching, slope);
+            let before = std::mem::replace(&mut step, root);
+            merge6(&mut step, touching, &before);
+            corrected = Some(touching);
         }
         if tree.floating && wanted == Wanted::Everything {
             slope = slope - point_steps(tree, tree.links[0].pairs.clone(), step, work);

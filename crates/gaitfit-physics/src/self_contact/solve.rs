@@ -9,7 +9,7 @@ use crate::cone::{Kinks, ellipse, ellipse_line, pyramid, pyramid_line};
 use crate::segment::joint_terms;
 use crate::self_contact::{SelfContactPair, SelfContactPairWork};
 use crate::separate::separate;
-use crate::spatial::{Articulated, V6, add6, dot6, dot6_add, merge6, zero6};
+use crate::spatial::{Articulated, V6, add6, dot6, dot6_add, zero6};
 use crate::state::{State, Work};
 use crate::tree::Tree;
 
@@ -86,20 +86,14 @@ fn at(i: usize, j: usize) -> usize {
 }
 
 separate! {
-    /// Corrects the step in `work` for the contacts' Hessian where something touches. `slope`: the slope along the step
-    /// before the correction; returns the slope along the corrected step.
-    pub(crate) fn correct<T>(tree: &Tree<T::K>, slope: T, state: &State<T>, work: &mut Work<T>) -> T {
-        let touching = work.self_contact.touching;
-        if !T::enter(touching) {
-            return slope;
-        }
+    /// Corrects the step in `work` for the contacts' Hessian; returns what the slope along it changes by. Called in the region
+    /// in which the steps of all joints and of the root were made.
+    pub(crate) fn correct<T>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) -> T {
         hessian(tree, state, work);
         couple(tree, work);
         solve(work);
         let joints = tree.joints();
-        let root = work.nodes[0].step;
         for j in 0..joints {
-            work.self_contact.row[j] = work.joints[j].step;
             work.joints[j].step = work.joints[j].step + work.self_contact.change[j];
         }
         if tree.floating {
@@ -109,13 +103,7 @@ separate! {
                 step[1][k] = step[1][k] + work.self_contact.change[joints + 3 + k];
             }
         }
-        let corrected = slope + change_of_slope(tree, work);
-        T::leave(touching);
-        for j in 0..joints {
-            work.joints[j].step = work.joints[j].step.merge(touching, work.self_contact.row[j]);
-        }
-        merge6(&mut work.nodes[0].step, touching, &root);
-        corrected.merge(touching, slope)
+        change_of_slope(tree, work)
     }
 }
 
