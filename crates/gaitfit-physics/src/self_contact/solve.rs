@@ -20,6 +20,9 @@ separate! {
         for torque in &mut contacts.torque {
             *torque = T::zero();
         }
+        if apart::<T>(contacts.touching) {
+            return;
+        }
         for index in 0..tree.self_contact.pairs.len() {
             let pair = &tree.self_contact.pairs[index];
             let SelfContactPairWork { active, friction } = contacts.pairs[index];
@@ -54,6 +57,16 @@ separate! {
             }
         }
     }
+}
+
+/// Whether nothing touches in any lane, so that no pair needs a look. A recording looks at all pairs.
+#[inline(always)]
+fn apart<T: Real>(touching: T::Guard) -> bool {
+    let entered = T::enter(touching);
+    if entered {
+        T::leave(touching);
+    }
+    !entered
 }
 
 /// Negative force and Hessian of one point.
@@ -328,6 +341,9 @@ separate! {
     /// Keeps the points' steps; returns the slope of their cost.
     pub(crate) fn steps<T>(tree: &Tree<T::K>, work: &mut Work<T>) -> T {
         let mut slope = T::zero();
+        if apart::<T>(work.self_contact.touching) {
+            return slope;
+        }
         for index in 0..tree.self_contact.pairs.len() {
             let pair = &tree.self_contact.pairs[index];
             let active = work.self_contact.pairs[index].active;
@@ -360,6 +376,9 @@ separate! {
         kinks: &mut Kinks<T>,
     ) -> (T, T) {
         let mut g = before;
+        if apart::<T>(work.self_contact.touching) {
+            return g;
+        }
         for index in 0..tree.self_contact.pairs.len() {
             let pair = &tree.self_contact.pairs[index];
             let SelfContactPairWork { active, friction: mu } = work.self_contact.pairs[index];
@@ -390,6 +409,9 @@ separate! {
 separate! {
     /// Moves the residuals by `alpha` of the step.
     pub(crate) fn advance<T>(tree: &Tree<T::K>, alpha: T, work: &mut Work<T>) {
+        if apart::<T>(work.self_contact.touching) {
+            return;
+        }
         for index in 0..tree.self_contact.pairs.len() {
             let pair = &tree.self_contact.pairs[index];
             let active = work.self_contact.pairs[index].active;
