@@ -63,7 +63,7 @@ pub struct Job {
     pub seed: u64,
 }
 
-/// Which of `count` starts a job with this seed begins at, counted from 0. Seed 0 begins at the first.
+/// The number of the start, from 0 to `count` − 1, that a job with this seed uses. Seed 0 uses start 0.
 pub fn start_number(seed: u64, count: usize) -> usize {
     usize::try_from(seed % count.max(1) as u64).unwrap_or(0)
 }

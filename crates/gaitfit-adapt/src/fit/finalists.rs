@@ -1,8 +1,8 @@
 //! Chooses among the last candidates of a search whose simulations have random draws.
 //!
-//! A search keeps the candidate with the smallest cost so far. The draws (torque noise, starts near those of the logs) change with each generation, so this
-//! candidate may only have been lucky: under other draws its cost may be larger, and its robot may fall. Therefore the last
-//! best candidates and the means of the searches' distributions are compared again. All of them get the same fresh draws.
+//! A search keeps the candidate with the smallest cost so far. Torque noise and starts are drawn anew in each generation.
+//! So this candidate may only have been lucky: with other draws its cost may be larger, and its robot may fall. Therefore
+//! the last best candidates and the means of the searches' distributions are compared again, all with the same fresh draws.
 
 use super::driver::RandomNumbers;
 use super::outcome::Redrawn;
@@ -34,8 +34,8 @@ pub struct FinalComparison<'a> {
 impl CostOutcome {
     /// Takes the finalist with the smallest mean cost over fresh draws, the charge for falls included. `best_cost` becomes
     /// this mean without the charge, because the robot before the fit is not charged either. Finalists that diverge are
-    /// left out; if all diverge, nothing changes. Finalists are the means of the runs' distributions and the last of `best`. `best`: the best
-    /// values so far, after each generation of the search, in the order of θ.
+    /// left out; if all diverge, nothing changes. Finalists are the means of the runs' distributions and the last of `best`.
+    /// `best`: the best values so far, after each generation of the search, in the order of θ.
     ///
     /// # Errors
     /// As [`evaluate`].

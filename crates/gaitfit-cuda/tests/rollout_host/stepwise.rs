@@ -299,7 +299,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
     let number = READ as u32 + 1;
     let of_mirror = shown(&mut mirror, task, number);
     check(&of_mirror, &format!("after{READ}"));
-    // Back on the kernels, all bits are those of the undisturbed steps.
+    // The kernels go on from the CPU's state. Their steps have the bits of the undisturbed ones.
     let returned = snapshots(&mut mirror, &[[0.0; 2]; ENVIRONMENTS]);
     let packed = Packed::new(&scene, &returned, tiles);
     let mut files = inputs(&packed, &params(&period, &robots), candidate);

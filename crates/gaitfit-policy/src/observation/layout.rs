@@ -92,8 +92,8 @@ impl Layout {
         scales
     }
 
-    /// What [`Layout::write`] took for `past` where `row` came of it: frames moved back by one. The oldest frames of `past` are
-    /// not in `row`, and no row is written from them; the next ones stand there.
+    /// The `past` from which [`Layout::write`] wrote `row`: its frames moved back by one. Of the oldest frames, which `row` no
+    /// longer holds and no later row needs, it has copies of the next ones.
     ///
     /// # Panics
     /// If `row` is shorter than [`Layout::width`]: an error of the caller.

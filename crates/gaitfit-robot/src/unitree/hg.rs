@@ -6,6 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::ImuState;
 use super::layout::{Memory, crc};
 
 /// Motor slots of a message.
@@ -18,21 +19,6 @@ pub const STATE_BYTES: usize = 2092;
 pub const PITCH_ROLL: u8 = 0;
 /// Mode of a motor that follows its command.
 pub const ENABLED: u8 = 1;
-
-/// What the inertial unit reads.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ImuState {
-    /// Orientation of the base in the world, wxyz, unit.
-    pub quaternion: [f32; 4],
-    /// Angular velocity, rad/s, body frame.
-    pub gyroscope: [f32; 3],
-    /// Proper acceleration, m/s², body frame.
-    pub accelerometer: [f32; 3],
-    /// Roll, pitch, yaw, rad.
-    pub rpy: [f32; 3],
-    /// °C.
-    pub temperature: i16,
-}
 
 /// What one motor reports.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -47,7 +33,7 @@ pub struct MotorState {
     pub ddq: f32,
     /// Torque on the joint as the motor estimates it, N·m.
     pub tau_est: f32,
-    /// Of shell and winding, °C.
+    /// Temperatures of shell and winding, °C.
     pub temperature: [i16; 2],
     /// Voltage, V.
     pub vol: f32,
@@ -55,7 +41,7 @@ pub struct MotorState {
     pub sensor: [u32; 2],
     /// State.
     pub motorstate: u32,
-    /// Of no use here.
+    /// Unused here.
     pub reserve: [u32; 4],
 }
 
@@ -71,12 +57,12 @@ pub struct LowState {
     /// Counter of the main board, ms.
     pub tick: u32,
     /// The inertial unit.
-    pub imu_state: ImuState,
+    pub imu_state: ImuState<i16>,
     /// The motors.
     pub motor_state: [[MotorState; 7]; 5],
     /// The remote control's 40 bytes.
     pub wireless_remote: [[u8; 8]; 5],
-    /// Of no use here.
+    /// Unused here.
     pub reserve: [u32; 4],
     /// [`LowState::checksum`] as the sender found it.
     pub crc: u32,
@@ -97,7 +83,7 @@ pub struct MotorCmd {
     pub kp: f32,
     /// Velocity gain, N·m·s/rad.
     pub kd: f32,
-    /// Of no use here.
+    /// Unused here.
     pub reserve: u32,
 }
 
@@ -110,7 +96,7 @@ pub struct LowCmd {
     pub mode_machine: u8,
     /// The motors.
     pub motor_cmd: [[MotorCmd; 7]; 5],
-    /// Of no use here.
+    /// Unused here.
     pub reserve: [u32; 4],
     /// [`LowCmd::checksum`]; a robot drops commands whose checksum is another.
     pub crc: u32,

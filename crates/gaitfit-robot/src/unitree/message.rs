@@ -16,9 +16,9 @@ pub const LOW_LEVEL: u8 = 0xFF;
 /// Mode of a motor that follows its command.
 pub const SERVO: u8 = 1;
 
-/// What the inertial unit reads.
+/// What the inertial unit reads. `C`: the number that a family of messages has for temperatures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ImuState {
+pub struct ImuState<C> {
     /// Orientation of the base in the world, wxyz, unit.
     pub quaternion: [f32; 4],
     /// Angular velocity, rad/s, body frame.
@@ -28,7 +28,7 @@ pub struct ImuState {
     /// Roll, pitch, yaw, rad.
     pub rpy: [f32; 3],
     /// °C.
-    pub temperature: u8,
+    pub temperature: C,
 }
 
 /// What one motor reports.
@@ -54,7 +54,7 @@ pub struct MotorState {
     pub temperature: u8,
     /// Packets lost between main board and motor.
     pub lost: u32,
-    /// Of no use here.
+    /// Unused here.
     pub reserve: [u32; 2],
 }
 
@@ -88,16 +88,16 @@ pub struct LowState {
     pub head: [u8; 2],
     /// Level of control in force.
     pub level_flag: u8,
-    /// Of no use here.
+    /// Unused here.
     pub frame_reserve: u8,
     /// Serial number.
     pub sn: [u32; 2],
     /// Version.
     pub version: [u32; 2],
-    /// Of no use here.
+    /// Unused here.
     pub bandwidth: u16,
     /// The inertial unit.
-    pub imu_state: ImuState,
+    pub imu_state: ImuState<u8>,
     /// The motors.
     pub motor_state: [MotorState; SLOTS],
     /// The battery.
@@ -124,7 +124,7 @@ pub struct LowState {
     pub power_a: f32,
     /// Fan speeds.
     pub fan_frequency: [u16; 4],
-    /// Of no use here.
+    /// Unused here.
     pub reserve: u32,
     /// [`LowState::checksum`] as the sender found it.
     pub crc: u32,
@@ -145,7 +145,7 @@ pub struct MotorCmd {
     pub kp: f32,
     /// Velocity gain, N·m·s/rad.
     pub kd: f32,
-    /// Of no use here.
+    /// Unused here.
     pub reserve: [u32; 3],
 }
 
@@ -154,7 +154,7 @@ pub struct MotorCmd {
 pub struct BmsCmd {
     /// Switches off.
     pub off: u8,
-    /// Of no use here.
+    /// Unused here.
     pub reserve: [u8; 3],
 }
 
@@ -165,27 +165,27 @@ pub struct LowCmd {
     pub head: [u8; 2],
     /// [`LOW_LEVEL`].
     pub level_flag: u8,
-    /// Of no use here.
+    /// Unused here.
     pub frame_reserve: u8,
     /// Serial number.
     pub sn: [u32; 2],
     /// Version.
     pub version: [u32; 2],
-    /// Of no use here.
+    /// Unused here.
     pub bandwidth: u16,
     /// The motors.
     pub motor_cmd: [MotorCmd; SLOTS],
     /// The battery.
     pub bms_cmd: BmsCmd,
-    /// Of no use here.
+    /// Unused here.
     pub wireless_remote: [[u8; 8]; 5],
     /// Lights.
     pub led: [u8; 12],
     /// Fans.
     pub fan: [u8; 2],
-    /// Of no use here.
+    /// Unused here.
     pub gpio: u8,
-    /// Of no use here.
+    /// Unused here.
     pub reserve: u32,
     /// [`LowCmd::checksum`]; a robot drops commands whose checksum is another.
     pub crc: u32,

@@ -58,14 +58,7 @@ fn publisher(
     more: &[&str],
 ) -> Option<(std::process::Child, BufReader<std::process::ChildStdout>)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let own = root.join(".venv/bin/python");
-    let python = std::env::var_os("GAITFIT_DDS_PYTHON").map_or(own, Into::into);
-    let able = Command::new(&python).args(["-c", "import cyclonedds"]).output();
-    if !able.is_ok_and(|run| run.status.success()) {
-        eprintln!("left out: no cyclonedds in {} (tools/setup_venv.sh --dds)", python.display());
-        return None;
-    }
-    let mut child = Command::new(python)
+    let mut child = Command::new(crate::messages::python_with(&root, "cyclonedds")?)
         .arg(root.join("tools/ros2_robot.py"))
         .args(["--domain", &domain.to_string()])
         .args(more)

@@ -105,16 +105,24 @@ fn shared_the_fixtures_are_what_the_sdk_writes() {
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
 }
 
-/// A Python with the vendor's SDK's needs: `GAITFIT_DDS_PYTHON`, or that of `.venv`; `None`, with a line that says so,
-/// where it lacks them.
+/// A Python with the packages that the vendor's SDK needs, where the SDK is there too; see [`python_with`].
 pub fn sdk_python(root: &Path) -> Option<std::path::PathBuf> {
-    let own = root.join(".venv/bin/python");
-    let python = std::env::var_os("GAITFIT_DDS_PYTHON").map_or(own, Into::into);
     let sdk = root.join("../shared/third_party/unitree_sdk2_python");
-    let able = Command::new(&python).args(["-c", "import cyclonedds, numpy, mujoco"]).output();
-    if sdk.is_dir() && able.is_ok_and(|run| run.status.success()) {
+    if !sdk.is_dir() {
+        eprintln!("left out: {} is not there", sdk.display());
+        return None;
+    }
+    python_with(root, "cyclonedds, numpy, mujoco")
+}
+
+/// A Python that has these modules: `GAITFIT_DDS_PYTHON`, or that of `.venv`. Without them `None`, and a line says so.
+pub fn python_with(root: &Path, modules: &str) -> Option<std::path::PathBuf> {
+    let given = std::env::var_os("GAITFIT_DDS_PYTHON");
+    let python = given.map_or_else(|| root.join(".venv/bin/python"), Into::into);
+    let able = Command::new(&python).args(["-c", &format!("import {modules}")]).output();
+    if able.is_ok_and(|run| run.status.success()) {
         return Some(python);
     }
-    eprintln!("left out: no {} or no cyclonedds in {}", sdk.display(), python.display());
+    eprintln!("left out: {} lacks {modules} (tools/setup_venv.sh --dds)", python.display());
     None
 }

@@ -46,7 +46,7 @@ impl Robot {
                 model
             }
         };
-        // Of a walking robot the task says it too; here it is said of a clamped one.
+        // A clamped robot has only this setting; a walking robot may have it from its task too.
         let model = match &config.simulation.self_contact {
             Some(chosen) => model.touching_itself(chosen).map_err(Error::settings)?.0,
             None => model,

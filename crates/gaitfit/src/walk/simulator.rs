@@ -77,10 +77,11 @@ impl WalkSimulator {
         for (number, script) in self.scripts.iter_mut().enumerate().skip(once) {
             let stream =
                 Stream::new(0, Purpose::START).environment(u32::try_from(number).unwrap_or(u32::MAX));
-            let mut starts = (0..STARTS_NEAR).map(|start| near(walker, &script.start, stream.step(start)));
-            let others = starts.by_ref().take(STARTS_NEAR as usize - 1).collect();
-            script.start = starts.next().unwrap_or_else(|| script.start.clone());
-            script.others = others;
+            script.others =
+                (0..STARTS_NEAR).map(|start| near(walker, &script.start, stream.step(start))).collect();
+            if let Some(start) = script.others.pop() {
+                script.start = start;
+            }
         }
         self
     }

@@ -32,9 +32,8 @@ DEVICE bool ends_here(const float* state, const float* report, u32 e) {
 KERNEL walk(
     u32 sample, u32 count, u32 places, u32 recordings, u32 samples, u32 each, const u32* lengths, const float* commands,
     const float* starts, const u32* begins, const float* states, const float* actions, const u32* every, const float* imus,
-    const float* network,
-    const float* params, const float* report, float* state, float* targets, float* memory, float* last_action, float* past,
-    float* signals, u32* ends
+    const float* network, const float* params, const float* report, float* state, float* targets, float* memory,
+    float* last_action, float* past, float* signals, u32* ends
 ) {
     POOL(pool);
     float *first = pool, *second = pool + WIDEST * ROWS;

@@ -2,7 +2,7 @@
 //!
 //! Trees are walked once, when a task is made. A step takes whole rows, and each number of a row is [`LANES`] robots side
 //! by side, so that the time goes into vector instructions and not into finding out what to do. Expressions
-//! share equal steps. Operations and their order are those of the trees, so the values have the same bits as
+//! share equal steps. The program computes in the order of the trees, so the values have the same bits as
 //! an evaluation robot by robot.
 
 use std::collections::HashMap;
