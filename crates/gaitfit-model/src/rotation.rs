@@ -59,21 +59,25 @@ impl Scalar for f64 {
 }
 
 /// Scalar product.
+#[inline]
 pub fn dot<T: Scalar>(a: Vec3<T>, b: Vec3<T>) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Vector product.
+#[inline]
 pub fn cross<T: Scalar>(a: Vec3<T>, b: Vec3<T>) -> Vec3<T> {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Sum.
+#[inline]
 pub fn add<T: Scalar>(a: Vec3<T>, b: Vec3<T>) -> Vec3<T> {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 /// Difference.
+#[inline]
 pub fn sub<T: Scalar>(a: Vec3<T>, b: Vec3<T>) -> Vec3<T> {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
@@ -101,6 +105,7 @@ pub fn vec_of<T: Copy>(row: &[T]) -> Vec3<T> {
 }
 
 /// Hamilton product `a b`: the turn `b`, then `a`.
+#[inline]
 pub fn product<T: Scalar>(a: Quat<T>, b: Quat<T>) -> Quat<T> {
     [
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
@@ -111,6 +116,7 @@ pub fn product<T: Scalar>(a: Quat<T>, b: Quat<T>) -> Quat<T> {
 }
 
 /// The opposite turn of a unit quaternion.
+#[inline]
 pub fn inverse<T: Scalar>(q: Quat<T>) -> Quat<T> {
     [q[0], -q[1], -q[2], -q[3]]
 }
@@ -125,6 +131,7 @@ pub fn normalize(q: Quat) -> Quat {
 }
 
 /// `v` turned by the unit quaternion `q`: of a body's orientation, a body vector in the world.
+#[inline]
 pub fn rotate<T: Scalar>(q: Quat<T>, v: Vec3<T>) -> Vec3<T> {
     let two = T::from(2.0);
     let u = [q[1], q[2], q[3]];
@@ -134,6 +141,7 @@ pub fn rotate<T: Scalar>(q: Quat<T>, v: Vec3<T>) -> Vec3<T> {
 }
 
 /// `v` turned back by the unit quaternion `q`: of a body's orientation, a world vector in the body frame.
+#[inline]
 pub fn rotate_back<T: Scalar>(q: Quat<T>, v: Vec3<T>) -> Vec3<T> {
     axes(q).map(|axis| dot(axis, v))
 }

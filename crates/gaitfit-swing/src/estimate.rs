@@ -71,7 +71,8 @@ pub fn estimate(
         let around = (pass > 0).then_some(delay);
         let best = Choice::best(model, &seen, settings, around, last).ok_or_else(none)?;
         if last {
-            let other = LENGTHS.map(|factor| all(factor * settings.window_s));
+            let lengths: &[f64] = if settings.others { &LENGTHS } else { &[] };
+            let other: Vec<_> = lengths.iter().map(|factor| all(factor * settings.window_s)).collect();
             return Ok(best.report(model, &seen, &other, settings));
         }
         delay = best.fit.delay(settings);
@@ -295,7 +296,7 @@ impl Fit {
         let negative: Vec<usize> = first[..groups.len()]
             .iter()
             .flat_map(|first| *first..first + SHARED)
-            .filter(|&place| free.values[place] < 0.0)
+            .filter(|&place| settings.bounded && free.values[place] < 0.0)
             .collect();
         let held =
             if negative.is_empty() { None } else { together(&groups, &solutions, delay, kinds, &negative) };

@@ -30,6 +30,10 @@ pub struct SwingSettings {
     pub delay_step_s: f64,
     /// Friction law; absent: the one that explains the logs better.
     pub law: Option<FrictionLaw>,
+    /// Whether friction, damping and armature are at least 0.
+    pub bounded: bool,
+    /// Whether other choices of swings are tried, by which errors become larger.
+    pub others: bool,
 }
 
 impl Default for SwingSettings {
@@ -45,6 +49,8 @@ impl Default for SwingSettings {
             delay_range_s: [-0.012, 0.04],
             delay_step_s: 0.002,
             law: None,
+            bounded: true,
+            others: true,
         }
     }
 }

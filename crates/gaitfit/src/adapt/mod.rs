@@ -33,6 +33,7 @@ mod signals;
 mod springs;
 mod standing;
 mod swing;
+mod swing_correction;
 mod trust;
 mod validate;
 

@@ -19,7 +19,7 @@ pub fn findings(method: &Method, logs: &[Log]) -> Option<SwingFindings> {
 
 /// The estimates from legs in the air, if there are any, and those of sensors, converted to the fit's simulation.
 pub fn numbers_of(method: &Method, findings: &SwingFindings) -> Vec<SwingNumber> {
-    let found = findings.swings.as_ref().zip(targets_step(method));
+    let found = findings.best().zip(targets_step(method));
     let joints = found.map_or_else(Vec::new, |(report, step)| numbers(report, step));
     joints.into_iter().chain(sensor_numbers(findings, targets_step(method))).collect()
 }
@@ -37,7 +37,7 @@ pub fn compared(
     theta: &Theta,
     parameters: &[Parameter],
 ) -> Vec<Beside> {
-    let found = findings.swings.as_ref().zip(targets_step(&setup.method));
+    let found = findings.best().zip(targets_step(&setup.method));
     let Some((report, step)) = found else { return Vec::new() };
     let fitted = |parameter: &Parameter| {
         let entry = theta.entries().iter().find(|entry| entry.name == parameter.found.name)?;

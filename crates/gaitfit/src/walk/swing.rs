@@ -29,12 +29,32 @@ pub struct SwingFindings {
     pub swings: Option<SwingReport>,
     /// Why they say nothing.
     pub why_not: Option<String>,
+    /// What legs in the air say, corrected by simulated walks; absent where it is not corrected.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub corrected: Option<SwingReport>,
+    /// Why it is not corrected, where that was tried; the end of a sentence.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub not_corrected: Option<String>,
 }
 
 impl SwingFindings {
     /// Of logs as they were recorded. Faults of sensors are taken out first. The delay counts from rows, as that of a walk's
     /// fit does, also where the log has the targets' stamps.
     pub fn new(model: &Model, logs: &[&Trajectory], settings: &SwingSettings) -> Self {
+        let (mut found, level) = Self::without_effects(model, logs, settings);
+        if let Some(report) = &found.swings {
+            let level: Vec<&Trajectory> = level.iter().collect();
+            found.effects = effects(model, &level, report, settings).unwrap_or_default();
+        }
+        found
+    }
+
+    /// As [`Self::new`] without effects beyond the model; and the logs from which faults of sensors are taken out.
+    pub fn without_effects(
+        model: &Model,
+        logs: &[&Trajectory],
+        settings: &SwingSettings,
+    ) -> (Self, Vec<Trajectory>) {
         let rows: Vec<Trajectory> =
             logs.iter().map(|&log| Trajectory { lead: None, ..log.clone() }).collect();
         let logs: Vec<&Trajectory> = rows.iter().collect();
@@ -55,19 +75,19 @@ impl SwingFindings {
         let steady: Vec<&Trajectory> = steady.iter().collect();
         let standing = Standing::new(model, &steady).unwrap_or_default();
         let level = better(&|log| standing.corrected(log), &steady);
-        let level: Vec<&Trajectory> = level.iter().collect();
-        let swings = estimate(model, &level, settings);
-        let effects = match &swings {
-            Ok(report) => effects(model, &level, report, settings).unwrap_or_default(),
-            Err(_) => Vec::new(),
-        };
+        let swings = estimate(model, &level.iter().collect::<Vec<_>>(), settings);
         taken_out.sort();
         taken_out.dedup();
         let (swings, why_not) = match swings {
             Ok(report) => (Some(report), None),
             Err(error) => (None, Some(error.to_string())),
         };
-        Self { sensors, standing, taken_out, effects, swings, why_not }
+        (Self { sensors, standing, taken_out, swings, why_not, ..Self::default() }, level)
+    }
+
+    /// What legs in the air say, corrected if it was.
+    pub fn best(&self) -> Option<&SwingReport> {
+        self.corrected.as_ref().or(self.swings.as_ref())
     }
 
     /// Of the logs of a fit of a robot that walked: as they were recorded, where the whole log counts. `gains` of logs that
