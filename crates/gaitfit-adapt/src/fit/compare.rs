@@ -158,6 +158,7 @@ mod tests {
             correction: None,
             regression: None,
             redrawn: None,
+            unlike: None,
         }
     }
 

@@ -159,6 +159,7 @@ mod tests {
             correction: None,
             regression: None,
             redrawn: None,
+            unlike: None,
         }
     }
 

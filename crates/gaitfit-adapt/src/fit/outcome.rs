@@ -33,6 +33,10 @@ pub struct CostOutcome {
     /// Simulations of the chosen values in the final comparison; `None` if there was none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub redrawn: Option<Redrawn>,
+    /// The cost of the values that simulated robots give ([`super::regress`]), if it is clearly larger than that of the search,
+    /// whose values are then kept: no simulated robot is like the real one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unlike: Option<f64>,
 }
 
 /// Simulations of the chosen values under draws that the search did not use.
@@ -108,6 +112,11 @@ pub struct RunOutcome {
     pub mean: Vec<f64>,
 }
 
+/// Values by simulated robots fit as well as those of a search if their cost is at most this many times as large, and this
+/// more. A search goes to where its draws are small by chance, which no robot's values are.
+const AS_WELL: f64 = 1.5;
+const AS_WELL_BY: f64 = 0.003;
+
 impl CostOutcome {
     /// Puts the runs of one cost together; `None` without a run that has a finite cost.
     pub fn new(cost: String, theta: &Theta, runs: Vec<RunOutcome>) -> Option<Self> {
@@ -142,6 +151,7 @@ impl CostOutcome {
             correction: None,
             regression: None,
             redrawn: None,
+            unlike: None,
         })
     }
 
@@ -187,6 +197,18 @@ impl CostOutcome {
         }
     }
 
+    /// Widens the intervals to two standard deviations of `regression` on both sides of the values: what logs like these show
+    /// if all parameters are fitted together. A scan of one parameter at a time shows less.
+    pub fn widen_by(&mut self, theta: &Theta, regression: &Regression) {
+        let deviations = theta.entries().iter().zip(&regression.deviation);
+        for (parameter, (entry, deviation)) in self.parameters.iter_mut().zip(deviations) {
+            let value = parameter.value;
+            if let Some(found) = &mut parameter.identification {
+                found.widen(entry, value, 2.0 * deviation);
+            }
+        }
+    }
+
     /// Extends every interval to `values`, one an entry.
     fn reach(&mut self, theta: &Theta, values: &[f64]) {
         let entries = theta.entries().iter().zip(values);
@@ -228,14 +250,14 @@ impl CostOutcome {
     }
 
     /// Takes the values and intervals that simulated robots give ([`super::regress`]), instead of those of the search of
-    /// `problem`. Returns why it does not, if it does not.
+    /// `problem`, if they fit about as well. Returns why it does not, if it does not.
     ///
     /// # Errors
     /// As [`Simulator::views`].
     pub fn adopt(
         &mut self,
         problem: Problem<'_>,
-        regression: Regression,
+        regression: &Regression,
     ) -> Result<Option<String>, FitError> {
         let views = Views::whole(problem.cost, problem.simulator.recordings());
         let values = regression.corrected.clone();
@@ -245,6 +267,11 @@ impl CostOutcome {
         let Some(&cost) = costs.first().and_then(Option::as_ref).and_then(|costs| costs.first()) else {
             return Ok(Some("The simulation of the corrected values diverges.".to_owned()));
         };
+        let most = AS_WELL * self.best_cost + AS_WELL_BY;
+        if cost > most {
+            self.unlike = Some(cost);
+            return Ok(Some("No simulated robot is like the real one.".to_owned()));
+        }
         self.best_cost = cost;
         self.take(problem.theta, &regression.corrected);
         let entries = problem.theta.entries().iter().zip(&regression.interval);
@@ -252,7 +279,7 @@ impl CostOutcome {
             let found = Identification::of_interval(entry, *interval, NoiseSource::Robots);
             parameter.identification = Some(found);
         }
-        self.regression = Some(regression);
+        self.regression = Some(regression.clone());
         Ok(None)
     }
 

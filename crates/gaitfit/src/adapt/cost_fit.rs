@@ -65,7 +65,10 @@ pub(super) fn fit(
         if let Some(left) = &left {
             left.widen(at, &mut parameter);
         }
-        parameter.combine();
+        // The intervals of simulated robots have the priors in them.
+        if outcome.regression.is_none() {
+            parameter.combine();
+        }
         parameter
     };
     let prior = |at: usize| {

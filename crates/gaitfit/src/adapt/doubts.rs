@@ -39,6 +39,15 @@ pub fn doubts(
         let text = format!("{}{more}", reasons.join(" "));
         doubts.push(Doubt::new(DoubtKind::NotConverged, text));
     }
+    if let Some(cost) = outcome.unlike {
+        let text = format!(
+            "No simulated robot has logs like these. The values which the distributions of joints, velocities and actions show \
+             if each is asked alone have a {} of {cost:.3}, those of the search {:.3}. So the model lacks something, and the \
+             values of the search make up for it.",
+            outcome.cost, outcome.best_cost
+        );
+        doubts.push(Doubt::new(DoubtKind::Unexplained, text));
+    }
     doubts
 }
 

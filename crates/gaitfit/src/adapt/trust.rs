@@ -1,7 +1,7 @@
 //! How far the values of a fit can be trusted: their correction and their intervals.
 
 use super::alternatives::Other;
-use super::robots;
+use super::robots::{self, Refused};
 use super::scan::Scan;
 use super::setup::Setup;
 use crate::Error;
@@ -96,7 +96,7 @@ fn measured(
     let (cost, theta, stop) = (setup.costs[number].as_ref(), &setup.theta, || watch.stop());
     let replicas =
         setup.replicas.as_ref().filter(|_| robots::applies(&setup.config, setup.config.costs[number]));
-    let mut refused = replicas.and_then(|_| cut_short(outcome));
+    let mut refused = replicas.and_then(|_| cut_short(outcome)).map(|why| Refused { why, regression: None });
     if let Some(replicas) = replicas.filter(|_| refused.is_none()) {
         let problem =
             Problem { simulator: setup.searched().simulator.as_ref(), theta, cost, draw: 0, cancel: &stop };
@@ -115,7 +115,10 @@ fn measured(
     if let Some(error) = cost_error(simulator, theta, cost, &outcome.values(), 0, &stop)? {
         outcome.widen(theta, others, error);
     }
-    Ok(refused)
+    if let Some(regression) = refused.as_ref().and_then(|refused| refused.regression.as_ref()) {
+        outcome.widen_by(theta, regression);
+    }
+    Ok(refused.map(|refused| refused.why))
 }
 
 /// Corrects what least squares found, where that can be, and measures its uncertainty. Returns why it does not correct, if

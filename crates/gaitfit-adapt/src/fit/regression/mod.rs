@@ -11,9 +11,11 @@
 //! something, and their scatter is in the intervals.
 
 mod distributions;
+mod posterior;
 mod ridge;
 
 pub use distributions::Distributions;
+use posterior::with_priors;
 use ridge::{Estimate, Robots};
 
 use super::FitError;
@@ -23,8 +25,11 @@ use gaitfit_sim::stats;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Rounds; each draws robots around the last one's values.
-const ROUNDS: usize = 3;
+/// Most rounds; each draws robots around the last one's values.
+const ROUNDS: usize = 6;
+/// Fewest rounds. Later ones are the last if errors are still above this part of those of the round before, on the mean.
+const FEWEST: usize = 3;
+const SETTLED: f64 = 0.95;
 /// Half the width of the first round, in an entry's deviations.
 const FIRST: f64 = 1.5;
 /// Half the width of later ones, in errors of the round before.
@@ -37,10 +42,15 @@ const WALKING: f64 = 0.5;
 /// the same for many of them. 2 makes three independent ones of twelve. Chosen with the fits of the first seed of `wass-5ms`
 /// in docs/results.
 const SHARED: f64 = 2.0;
+/// An interval whose end is less than so many deviations from a bound reaches the bound: robots are drawn on one side of it,
+/// so values at the bound are said to be within.
+const NEAR: f64 = 0.5;
 /// Deviations of so many errors of robots that were left out are the simulator's.
 const UNLIKE: f64 = 3.0;
 /// Most entries of a θ that is regressed on.
-pub const MAX_REGRESSED: usize = 12;
+pub const MAX_REGRESSED: usize = 64;
+/// Least robots of a round for each entry, and each of the settings' sets of logs.
+const PER_ENTRY: f64 = 2.5;
 
 /// The robot, simulated as it makes logs.
 pub trait Walks {
@@ -76,8 +86,11 @@ pub struct Drawn {
     pub upper: Vec<f64>,
     /// Robots between them that walked, those of rounds before included.
     pub walked: usize,
-    /// The values of the robot that made the real logs.
+    /// The values of the robot that made the real logs, with what was known of them before.
     pub values: Vec<f64>,
+    /// Standard deviation of their errors.
+    #[serde(default)]
+    pub deviation: Vec<f64>,
     /// Standard deviation of the errors of robots that were left out.
     pub errors: Vec<f64>,
     /// Standard error of the values by what signals and legs say alone.
@@ -86,9 +99,9 @@ pub struct Drawn {
     pub disagreement: Vec<f64>,
 }
 
-impl Drawn {
-    /// Standard deviation of the errors of the values.
-    fn deviation(&self) -> Vec<f64> {
+impl Estimate {
+    /// Standard deviations of the errors of the values.
+    fn deviations(&self) -> Vec<f64> {
         let both = self.errors.iter().zip(&self.scatter);
         both.map(|(error, scatter)| error.hypot(SHARED * scatter)).collect()
     }
@@ -104,9 +117,14 @@ impl Regression {
         whole && disagreement.is_some_and(|apart| apart > 0.0)
     }
 
-    /// Robots that are simulated with `each` a round.
+    /// Most robots that are simulated with `each` a round.
     pub fn robots(each: usize) -> usize {
         ROUNDS * each
+    }
+
+    /// Robots of a round for `entries` entries, if there are `each` for one, and `sets` sets of logs are asked for.
+    pub fn each(entries: usize, each: usize, sets: usize) -> usize {
+        sets * each.max((PER_ENTRY * entries as f64).ceil() as usize)
     }
 }
 
@@ -165,13 +183,17 @@ pub fn regress(
             all.logs.push(logs);
         }
         let near = all.between(&lower, &upper);
-        let Some(Estimate { values, errors, scatter, disagreement }) =
-            near.estimate(&logs.numbers, &logs.groups)
-        else {
+        let Some(found) = near.estimate(&logs.numbers, &logs.groups) else {
             return Ok(Err("The logs of simulated robots are all alike, or too few.".to_owned()));
         };
-        let drawn = Drawn { lower, upper, walked: near.len(), values, errors, scatter, disagreement };
-        let deviation = drawn.deviation();
+        let own = found.deviations();
+        let Some((values, deviation)) = with_priors(theta, &found.values, &own, &found.left) else {
+            return Ok(Err("The values of simulated robots cannot be told apart.".to_owned()));
+        };
+        let Estimate { errors, scatter, disagreement, .. } = found;
+        let drawn =
+            Drawn { lower, upper, walked: near.len(), values, errors, scatter, disagreement, deviation };
+        let deviation = &drawn.deviation;
         for (at, entry) in entries.iter().enumerate() {
             // Beyond what was drawn the regression is a guess: the next round looks there.
             let beyond = 0.5 * (drawn.upper[at] - drawn.lower[at]);
@@ -179,17 +201,38 @@ pub fn regress(
             centre[at] = value.clamp(entry.lower, entry.upper);
             half[at] = (WIDTH * deviation[at]).max(MIN_WIDTH * (entry.upper - entry.lower));
         }
+        let shrunk = |before: &Drawn| {
+            let parts = drawn.deviation.iter().zip(&before.deviation).map(|(now, before)| now / before);
+            stats::mean(&parts.collect::<Vec<_>>()).unwrap_or(1.0)
+        };
+        let settled = round + 1 >= FEWEST && rounds.last().is_some_and(|before| shrunk(before) > SETTLED);
         rounds.push(drawn);
+        if settled {
+            break;
+        }
     }
     let Some(last) = rounds.last() else { return Ok(Err("No robot was simulated.".to_owned())) };
-    let deviation = last.deviation();
+    let deviation = last.deviation.clone();
     let quantile = stats::student_t_95(last.walked.saturating_sub(1));
     let both = last.values.iter().zip(&deviation);
-    let interval = both.map(|(value, one)| [value - quantile * one, value + quantile * one]).collect();
+    let ends = both.map(|(value, one)| [value - quantile * one, value + quantile * one]);
+    let interval = ends
+        .zip(entries)
+        .zip(&deviation)
+        .map(|((ends, entry), one)| to_bounds(ends, entry, NEAR * one))
+        .collect();
     let within = entries.iter().zip(&last.values);
     let corrected = within.map(|(entry, value)| value.clamp(entry.lower, entry.upper)).collect();
-    let robots = Regression::robots(each);
+    let robots = each * rounds.len();
     Ok(Ok(Regression { uncorrected: found.to_vec(), corrected, deviation, interval, robots, rounds }))
+}
+
+/// `ends`, as far as the bounds of `entry` that are less than `near` beyond.
+fn to_bounds([lower, upper]: [f64; 2], entry: &Entry, near: f64) -> [f64; 2] {
+    [
+        if lower - entry.lower < near { lower.min(entry.lower) } else { lower },
+        if entry.upper - upper < near { upper.max(entry.upper) } else { upper },
+    ]
 }
 
 /// The values within `half` of `centre` and within the bounds.

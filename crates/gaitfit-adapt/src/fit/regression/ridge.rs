@@ -8,6 +8,8 @@ use std::ops::Range;
 const PENALTIES: std::ops::RangeInclusive<i32> = -16..=2;
 /// Numbers of a log that vary less, where the robot's range is 2, are rounding.
 const STEADY: f64 = 1e-7;
+/// Least part of the differences between robots that is left, for it to be undone.
+const UNDONE: f64 = 0.3;
 /// Fewest robots.
 const FEWEST: usize = 8;
 
@@ -31,6 +33,8 @@ pub struct Estimate {
     pub scatter: Vec<f64>,
     /// Standard deviation by which they disagree besides their own errors; 0 if these explain it.
     pub disagreement: Vec<f64>,
+    /// The errors of each value for robots that were left out, by all numbers together; `entries × robots`.
+    pub left: Vec<Vec<f64>>,
 }
 
 impl Robots {
@@ -69,9 +73,10 @@ impl Robots {
             errors: Vec::new(),
             scatter: Vec::new(),
             disagreement: Vec::new(),
+            left: whole.iter().map(|one| one.left.clone()).collect(),
         };
         for entry in 0..entries {
-            let said: Vec<Said> = parts.iter().map(|part| part[entry]).collect();
+            let said: Vec<&Said> = parts.iter().map(|part| &part[entry]).collect();
             let (value, scatter, disagreement) =
                 if said.len() < 2 { (whole[entry].value, 0.0, 0.0) } else { together(&said) };
             found.disagreement.push(disagreement);
@@ -91,7 +96,9 @@ impl Robots {
         (0..entries).map(|entry| self.said(entry, &parts, &row)).collect()
     }
 
-    /// What it says of one value, with the penalty for which robots left out one by one are told best.
+    /// What it says of one value, with the penalty for which robots left out one by one are told best. A ridge regression
+    /// says values that are nearer to the mean than the true ones. Robots that were left out show by how much, and this is
+    /// undone where at least [`UNDONE`] of the differences are left.
     fn said(
         &self,
         entry: usize,
@@ -105,37 +112,51 @@ impl Robots {
         let mean = self.values.iter().map(|one| one[entry]).sum::<f64>() / count as f64;
         let wanted = DVector::from_iterator(count, self.values.iter().map(|one| one[entry] - mean));
         let turned = parts.eigenvectors.transpose() * &wanted;
-        let penalised = |power: i32| {
-            let penalty = largest * 10f64.powf(0.5 * f64::from(power));
+        let left_out = |penalty: f64| {
             let shrunk = parts.eigenvalues.map(|value| value / (value + penalty));
             let fitted = &parts.eigenvectors * turned.component_mul(&shrunk);
-            let left = (0..count).map(|robot| {
+            let error = |robot: usize| {
                 let row = parts.eigenvectors.row(robot);
                 let lever: f64 = row.iter().zip(shrunk.iter()).map(|(one, by)| one * one * by).sum();
-                (wanted[robot] - fitted[robot]) / (1.0 - lever - 1.0 / count as f64).max(1e-9)
-            });
-            (left.map(|one| one * one).sum::<f64>() / count as f64, penalty)
+                (fitted[robot] - wanted[robot]) / (1.0 - lever - 1.0 / count as f64).max(1e-9)
+            };
+            DVector::from_iterator(count, (0..count).map(error))
         };
-        let (error, penalty) = PENALTIES.map(penalised).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let penalised = |power: i32| {
+            let penalty = largest * 10f64.powf(0.5 * f64::from(power));
+            (left_out(penalty).norm_squared(), penalty)
+        };
+        let (_, penalty) = PENALTIES.map(penalised).min_by(|a, b| a.0.total_cmp(&b.0))?;
         let weights =
             &parts.eigenvectors * turned.zip_map(&parts.eigenvalues, |one, value| one / (value + penalty));
-        Some(Said { value: mean + row.dot(&weights), error: error.sqrt() })
+        let errors = left_out(penalty);
+        let kept = 1.0 + errors.dot(&wanted) / wanted.norm_squared().max(f64::MIN_POSITIVE);
+        let kept = if kept.is_finite() && kept > UNDONE { kept.min(1.0) } else { 1.0 };
+        let left: Vec<f64> = errors
+            .iter()
+            .zip(wanted.iter())
+            .map(|(error, wanted)| (error + wanted) / kept - wanted)
+            .collect();
+        let error = (left.iter().map(|one| one * one).sum::<f64>() / count as f64).sqrt();
+        Some(Said { value: mean + row.dot(&weights) / kept, error, left })
     }
 }
 
 /// What numbers say of a value.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Said {
     value: f64,
-    /// Standard deviation.
+    /// Standard deviation of its errors.
     error: f64,
+    /// The errors of robots that were left out.
+    left: Vec<f64>,
 }
 
 /// Mean of what groups say, its standard error, and the standard deviation by which they disagree besides their own errors
 /// (DerSimonian and Laird 1986).
-fn together(said: &[Said]) -> (f64, f64, f64) {
+fn together(said: &[&Said]) -> (f64, f64, f64) {
     let min = 1e-9 * said.iter().map(|one| one.error).fold(f64::MIN_POSITIVE, f64::max);
-    let variance = |one: &Said| one.error.max(min).powi(2);
+    let variance = |one: &&Said| one.error.max(min).powi(2);
     let mean = |besides: f64| {
         let weights = || said.iter().map(|one| 1.0 / (variance(one) + besides));
         let sum: f64 = weights().sum();
@@ -194,7 +215,10 @@ mod tests {
     /// √(4.5 / 2).
     #[test]
     fn groups_that_disagree_have_a_larger_error_by_hand() {
-        let combined = |values: [f64; 2]| together(&values.map(|value| Said { value, error: 1.0 }));
+        let combined = |values: [f64; 2]| {
+            let said = values.map(|value| Said { value, error: 1.0, left: Vec::new() });
+            together(&said.iter().collect::<Vec<_>>())
+        };
         let (value, error, besides) = combined([1.0, 4.0]);
         assert!((value - 2.5).abs() < 1e-12 && (error - 2.25f64.sqrt()).abs() < 1e-12, "{value} {error}");
         assert!((besides - 3.5f64.sqrt()).abs() < 1e-12, "{besides}");

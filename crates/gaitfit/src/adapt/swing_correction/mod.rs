@@ -44,8 +44,7 @@ const MAX_NOISE: f64 = 0.06;
 const UNSURE: f64 = 1.0;
 const ALIKE: &str = "estimates of simulated robots hardly depend on their values";
 /// Effects that simulated joints lack. What they leave unexplained looks like torque noise.
-const LACKING: [CauseKind; 4] =
-    [CauseKind::LoadFriction, CauseKind::Elasticity, CauseKind::Backlash, CauseKind::OddFriction];
+const LACKING: [CauseKind; 2] = [CauseKind::Elasticity, CauseKind::Backlash];
 /// Least share of the logs that a simulated robot must walk without a fall.
 const WALKED: f64 = 0.5;
 /// Part of a log before a fall that does not count, s.

@@ -4,6 +4,8 @@ use nalgebra::{DMatrix, DVector};
 
 /// Standard deviation by which an answer's slopes differ from one to one, before any robot was simulated.
 const SLOPE: f64 = 0.3;
+/// Passes, each with the scatter of the one before.
+const PASSES: usize = 4;
 /// Fewest robots more than values.
 const SPARE: usize = 2;
 
@@ -46,15 +48,22 @@ impl Response {
         let mut left = DMatrix::<f64>::zeros(count, width);
         for at in 0..width {
             let wanted: DVector<f64> = apart.column(at).into_owned();
-            let penalty = (wanted.norm_squared() / count as f64 / (SLOPE * SLOPE)).max(1e-12);
-            let shrunk = parts.eigenvalues.map(|value| 1.0 / (value.max(0.0) + penalty));
-            let weights = (&turned * &wanted).component_mul(&shrunk);
-            let slope = &parts.eigenvectors * &weights;
-            let fitted = &values * &slope;
-            for row in 0..count {
-                let column = turned.column(row);
-                let lever: f64 = column.iter().zip(shrunk.iter()).map(|(one, by)| one * one * by).sum();
-                left[(row, at)] = (wanted[row] - fitted[row]) / (1.0 - lever - 1.0 / count as f64).max(0.1);
+            // The penalty is that of a normal prior on the slopes, for the scatter that the regression itself leaves.
+            let mut scatter = wanted.norm_squared() / count as f64;
+            let mut slope = DVector::zeros(width);
+            for _ in 0..PASSES {
+                let penalty = (scatter / (SLOPE * SLOPE)).max(1e-12);
+                let shrunk = parts.eigenvalues.map(|value| 1.0 / (value.max(0.0) + penalty));
+                let weights = (&turned * &wanted).component_mul(&shrunk);
+                slope = &parts.eigenvectors * &weights;
+                let fitted = &values * &slope;
+                for row in 0..count {
+                    let column = turned.column(row);
+                    let lever: f64 = column.iter().zip(shrunk.iter()).map(|(one, by)| one * one * by).sum();
+                    left[(row, at)] =
+                        (wanted[row] - fitted[row]) / (1.0 - lever - 1.0 / count as f64).max(0.1);
+                }
+                scatter = left.column(at).norm_squared() / count as f64;
             }
             slopes.set_row(at, &(slopes.row(at) + slope.transpose()));
         }

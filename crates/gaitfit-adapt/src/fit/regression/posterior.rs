@@ -1,0 +1,91 @@
+//! What a regression says, with what was known before.
+
+use crate::Theta;
+use gaitfit_sim::stats;
+use nalgebra::{DMatrix, DVector};
+
+/// Least share of a variance that belongs to one value alone, so that correlations of few robots are no certainty.
+const OWN: f64 = 1e-3;
+
+/// `values` with the standard deviations `deviations` of their errors, which go together as `left` does (the errors of robots
+/// that were left out, `entries × robots`), and the priors of `theta`: mean and standard deviations of the product of normal
+/// densities. `None` of errors without size.
+pub fn with_priors(
+    theta: &Theta,
+    values: &[f64],
+    deviations: &[f64],
+    left: &[Vec<f64>],
+) -> Option<(Vec<f64>, Vec<f64>)> {
+    if theta.priors().all(|prior| prior.is_none()) {
+        return Some((values.to_vec(), deviations.to_vec()));
+    }
+    let count = values.len();
+    let size =
+        |at: usize| stats::mean(&left[at].iter().map(|one| one * one).collect::<Vec<_>>()).map(f64::sqrt);
+    let sizes: Vec<f64> = (0..count).map(size).collect::<Option<_>>()?;
+    // In units of the deviations.
+    let together = DMatrix::from_fn(count, count, |a, b| {
+        if a == b {
+            return 1.0 + OWN;
+        }
+        let product = left[a].iter().zip(&left[b]).map(|(a, b)| a * b).sum::<f64>() / left[a].len() as f64;
+        let correlation = product / (sizes[a] * sizes[b]);
+        if correlation.is_finite() { correlation.clamp(-1.0, 1.0) } else { 0.0 }
+    });
+    let mut precision = together.cholesky()?.inverse();
+    let mut pull = DVector::<f64>::zeros(count);
+    for (at, prior) in theta.priors().enumerate() {
+        let Some(prior) = prior else { continue };
+        let mut row = DVector::<f64>::zeros(count);
+        row[at] = deviations[at] / prior.deviation;
+        let mut known = prior.value;
+        if let Some(strength) = theta.strength(at) {
+            row[strength] -= prior.by_strength * deviations[strength] / prior.deviation;
+            known += prior.by_strength * (values[strength] - 1.0);
+        }
+        let apart = (known - values[at]) / prior.deviation;
+        precision += &row * row.transpose();
+        pull += apart * row;
+    }
+    let covariance = precision.cholesky()?.inverse();
+    let moved = &covariance * pull;
+    let value = |at: usize| values[at] + deviations[at] * moved[at];
+    let deviation = |at: usize| deviations[at] * covariance[(at, at)].max(0.0).sqrt();
+    Some(((0..count).map(value).collect(), (0..count).map(deviation).collect()))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::{JointParameter, ParameterRule, Prior, Sharing};
+
+    fn theta(known: &[(&str, Prior)]) -> Theta {
+        let rule = |kind| ParameterRule { per: Sharing::All, ..ParameterRule::new(kind) };
+        let rules = [JointParameter::FrictionLoss, JointParameter::TorqueScale].map(rule);
+        let theta = Theta::from_rules(&rules, &[], &["calf".to_owned()]).unwrap();
+        let known = known.iter().map(|(name, prior)| ((*name).to_owned(), *prior)).collect();
+        theta.with_priors(&known, 0.01).unwrap()
+    }
+
+    #[test]
+    fn two_equally_sure_estimates_meet_in_the_middle_and_pull_what_goes_with_them() {
+        // Errors of friction and strength are the same, in their own units.
+        let left = [vec![0.1, -0.1, 0.1, -0.1], vec![0.01, -0.01, 0.01, -0.01]];
+        let theta = theta(&[("frictionloss", Prior::new(0.5, 0.1))]);
+        let (values, errors) = with_priors(&theta, &[0.3, 1.0], &[0.1, 0.01], &left).unwrap();
+        assert!((values[0] - 0.4).abs() < 1e-3 && (values[1] - 1.01).abs() < 1e-4, "{values:?}");
+        assert!((errors[0] - 0.1 / 2f64.sqrt()).abs() < 1e-3, "{errors:?}");
+    }
+
+    #[test]
+    fn a_prior_that_depends_on_the_strength_moves_with_it() {
+        // Independent errors. The prior is of a robot with full strength; this one has 0.9.
+        let left = [vec![0.1, -0.1, 0.1, -0.1], vec![0.01, 0.01, -0.01, -0.01]];
+        let prior = Prior { by_strength: 2.0, ..Prior::new(0.5, 0.001) };
+        let theta = theta(&[("frictionloss", prior)]);
+        let (values, _) = with_priors(&theta, &[0.3, 0.9], &[0.1, 1e-6], &left).unwrap();
+        assert!((values[0] - 0.3).abs() < 1e-3, "{values:?}");
+        assert!(with_priors(&self::theta(&[]), &[0.3, 0.9], &[0.1, 1e-6], &left).unwrap().0 == [0.3, 0.9]);
+    }
+}
