@@ -8,13 +8,9 @@ use gaitfit_adapt::cost::CostKind;
 use gaitfit_adapt::fit::{
     CostOutcome, Distributions, FitError, Logs, Method, Predicted, Problem, Regression, Walks, regress,
 };
-use gaitfit_adapt::{Resets, Rollout, Signals, Simulator};
-use gaitfit_random::{Purpose, derive_seed};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// Robots that a GPU simulates at once.
-const AT_ONCE: usize = 128;
 /// Robots of a round for each of `optimizer.replicates`.
 const EACH: usize = 20;
 
@@ -75,53 +71,6 @@ struct World<'a> {
     done: AtomicUsize,
 }
 
-impl World<'_> {
-    /// The GPU's simulator of the fitted logs, if the robot's physics steps are those of the fit.
-    fn on_gpu(&self) -> Option<&dyn Simulator> {
-        let (own, robot) = (self.setup.method.physics_step()?, self.replicas.recorder().physics_step());
-        let same = (own / robot - 1.0).abs() < 1e-6;
-        (same && self.setup.devices.are_gpus()).then_some(self.setup.fit.simulator.as_ref())
-    }
-
-    /// As [`Walks::walk`], on a GPU: from where the logs begin.
-    fn walk_on(
-        &self,
-        simulator: &dyn Simulator,
-        robots: &[Vec<f64>],
-        first: u32,
-        keep: &dyn Fn(usize, Vec<Predicted>),
-    ) -> Result<(), String> {
-        let logs = simulator.recordings();
-        let numbered: Vec<(usize, &Vec<f64>)> = robots.iter().enumerate().collect();
-        for chunk in numbered.chunks(AT_ONCE) {
-            let rollout = |&(number, values): &(usize, &Vec<f64>)| Rollout {
-                values: values.clone(),
-                resets: Resets::Never,
-                draw: derive_seed(self.seed, Purpose::TORQUE_NOISE, first.wrapping_add(number as u32)),
-            };
-            let rollouts: Vec<Rollout> = chunk.iter().map(rollout).collect();
-            let walked = Mutex::new(vec![vec![Predicted::default(); logs]; chunk.len()]);
-            let take = |robot: usize, log: usize, signals: Signals<'_>| {
-                let mut walked = walked.lock().unwrap_or_else(PoisonError::into_inner);
-                if let Some(slot) = walked.get_mut(robot).and_then(|logs| logs.get_mut(log)) {
-                    *slot = Predicted::from_signals(&signals);
-                }
-            };
-            simulator
-                .simulate(&self.setup.theta, &rollouts, &take, &|| self.watch.stop())
-                .map_err(|error| format!("A robot with drawn values cannot be simulated: {error}."))?;
-            if self.watch.stop() {
-                return Ok(());
-            }
-            let walked = walked.into_inner().unwrap_or_else(PoisonError::into_inner);
-            for ((number, _), logs) in chunk.iter().zip(walked) {
-                keep(*number, logs);
-            }
-        }
-        Ok(())
-    }
-}
-
 impl Walks for World<'_> {
     fn walk(&self, robots: &[Vec<f64>], first: u32) -> Result<Vec<Option<Vec<f64>>>, String> {
         let Self { distributions, watch, counting, done, .. } = self;
@@ -133,14 +82,10 @@ impl Walks for World<'_> {
             }
             counting.step(done.fetch_add(1, Ordering::Relaxed) + 1, 1, "");
         };
-        if let Some(simulator) = self.on_gpu() {
-            self.walk_on(simulator, robots, first, &keep)?;
-        } else {
-            let (recorder, theta) = (self.replicas.recorder(), &self.setup.theta);
-            recorder
-                .walk(theta, robots, [self.seed, u64::from(first)], &keep, &|| watch.stop())
-                .map_err(|error| format!("A robot with drawn values cannot be simulated: {error}."))?;
-        }
+        let (recorder, theta) = (self.replicas.recorder(), &self.setup.theta);
+        recorder
+            .walk(theta, robots, [self.seed, u64::from(first)], &keep, &|| watch.stop())
+            .map_err(|error| format!("A robot with drawn values cannot be simulated: {error}."))?;
         Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 }

@@ -50,7 +50,7 @@ const UNLIKE: f64 = 3.0;
 /// Most entries of a θ that is regressed on.
 pub const MAX_REGRESSED: usize = 64;
 /// Least robots of a round for each entry, and each of the settings' sets of logs.
-const PER_ENTRY: f64 = 2.5;
+const PER_ENTRY: f64 = 1.75;
 
 /// The robot, simulated as it makes logs.
 pub trait Walks {

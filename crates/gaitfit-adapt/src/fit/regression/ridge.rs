@@ -87,58 +87,57 @@ impl Robots {
         Some(found)
     }
 
-    /// What the numbers in `range` say of each value. `None` if they are alike for all robots.
+    /// What the numbers in `range` say of each value, with the penalty for which robots left out one by one are told best.
+    /// `None` if they are alike for all robots.
+    ///
+    /// A ridge regression says values that are nearer to the mean than the true ones. Robots that were left out show by how
+    /// much, and this is undone where at least [`UNDONE`] of the differences are left.
     fn learn(&self, logs: &[f64], range: Range<usize>) -> Option<Vec<Said>> {
         let (kernel, row) = Scaled::new(&self.logs, logs, range)?.kernel();
-        let mut parts = kernel.symmetric_eigen();
-        parts.eigenvalues.apply(|value| *value = value.max(0.0));
-        let entries = self.values.first()?.len();
-        (0..entries).map(|entry| self.said(entry, &parts, &row)).collect()
-    }
-
-    /// What it says of one value, with the penalty for which robots left out one by one are told best. A ridge regression
-    /// says values that are nearer to the mean than the true ones. Robots that were left out show by how much, and this is
-    /// undone where at least [`UNDONE`] of the differences are left.
-    fn said(
-        &self,
-        entry: usize,
-        parts: &SymmetricEigen<f64, nalgebra::Dyn>,
-        row: &DVector<f64>,
-    ) -> Option<Said> {
-        let (count, largest) = (self.len(), parts.eigenvalues.max());
+        let SymmetricEigen { eigenvectors: vectors, mut eigenvalues } = kernel.symmetric_eigen();
+        eigenvalues.apply(|value| *value = value.max(0.0));
+        let largest = eigenvalues.max();
         if !(largest.is_finite() && largest > 0.0) {
             return None;
         }
-        let mean = self.values.iter().map(|one| one[entry]).sum::<f64>() / count as f64;
-        let wanted = DVector::from_iterator(count, self.values.iter().map(|one| one[entry] - mean));
-        let turned = parts.eigenvectors.transpose() * &wanted;
+        let (count, entries) = (self.len(), self.values.first()?.len());
+        let values = DMatrix::from_fn(count, entries, |robot, entry| self.values[robot][entry]);
+        let means = values.row_mean();
+        let wanted = DMatrix::from_fn(count, entries, |robot, entry| values[(robot, entry)] - means[entry]);
+        let turned = vectors.transpose() * &wanted;
+        let squared = vectors.map(|one| one * one);
+        let scaled =
+            |by: &DVector<f64>| DMatrix::from_fn(count, entries, |k, entry| by[k] * turned[(k, entry)]);
         let left_out = |penalty: f64| {
-            let shrunk = parts.eigenvalues.map(|value| value / (value + penalty));
-            let fitted = &parts.eigenvectors * turned.component_mul(&shrunk);
-            let error = |robot: usize| {
-                let row = parts.eigenvectors.row(robot);
-                let lever: f64 = row.iter().zip(shrunk.iter()).map(|(one, by)| one * one * by).sum();
-                (fitted[robot] - wanted[robot]) / (1.0 - lever - 1.0 / count as f64).max(1e-9)
-            };
-            DVector::from_iterator(count, (0..count).map(error))
+            let shrunk = eigenvalues.map(|value| value / (value + penalty));
+            let levers = &squared * &shrunk;
+            let mut errors = &vectors * scaled(&shrunk) - &wanted;
+            for (mut row, lever) in errors.row_iter_mut().zip(levers.iter()) {
+                row /= (1.0 - lever - 1.0 / count as f64).max(1e-9);
+            }
+            errors
         };
-        let penalised = |power: i32| {
-            let penalty = largest * 10f64.powf(0.5 * f64::from(power));
-            (left_out(penalty).norm_squared(), penalty)
+        let penalties: Vec<f64> =
+            PENALTIES.map(|power| largest * 10f64.powf(0.5 * f64::from(power))).collect();
+        let tried: Vec<DMatrix<f64>> = penalties.iter().map(|&penalty| left_out(penalty)).collect();
+        let of_entry = |entry: usize| {
+            let size = |at: &usize| tried[*at].column(entry).norm_squared();
+            let best = (0..tried.len()).min_by(|a, b| size(a).total_cmp(&size(b)))?;
+            let weights =
+                DVector::from_fn(count, |k, _| turned[(k, entry)] / (eigenvalues[k] + penalties[best]));
+            let (errors, wanted) = (tried[best].column(entry), wanted.column(entry));
+            let kept = 1.0 + errors.dot(&wanted) / wanted.norm_squared().max(f64::MIN_POSITIVE);
+            let kept = if kept.is_finite() && kept > UNDONE { kept.min(1.0) } else { 1.0 };
+            let left: Vec<f64> = errors
+                .iter()
+                .zip(wanted.iter())
+                .map(|(error, wanted)| (error + wanted) / kept - wanted)
+                .collect();
+            let error = (left.iter().map(|one| one * one).sum::<f64>() / count as f64).sqrt();
+            let value = means[entry] + row.dot(&(&vectors * weights)) / kept;
+            Some(Said { value, error, left })
         };
-        let (_, penalty) = PENALTIES.map(penalised).min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let weights =
-            &parts.eigenvectors * turned.zip_map(&parts.eigenvalues, |one, value| one / (value + penalty));
-        let errors = left_out(penalty);
-        let kept = 1.0 + errors.dot(&wanted) / wanted.norm_squared().max(f64::MIN_POSITIVE);
-        let kept = if kept.is_finite() && kept > UNDONE { kept.min(1.0) } else { 1.0 };
-        let left: Vec<f64> = errors
-            .iter()
-            .zip(wanted.iter())
-            .map(|(error, wanted)| (error + wanted) / kept - wanted)
-            .collect();
-        let error = (left.iter().map(|one| one * one).sum::<f64>() / count as f64).sqrt();
-        Some(Said { value: mean + row.dot(&weights) / kept, error, left })
+        (0..entries).map(of_entry).collect()
     }
 }
 
