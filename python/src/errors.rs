@@ -43,8 +43,15 @@ pub fn failed(message: impl ToString) -> PyErr {
     if missing { PyFileNotFoundError::new_err(text) } else { GaitfitError::new_err(text) }
 }
 
+/// What a message about a log says if the log has no gains, as a table has none.
+const NO_GAINS: &str = "the log does not state its PD gains";
+
 fn text(message: impl ToString) -> String {
-    in_python(&brief(&message.to_string()))
+    let mut text = in_python(&brief(&message.to_string()));
+    if text.contains(NO_GAINS) {
+        text.push_str(" A table gets them by `Log.from_dataframe(table, kp=25.0, kd=0.5)`.");
+    }
+    text
 }
 
 /// A message with arguments and settings as Python has them: `resume=True` for `--resume`, `settings["a.b"]=1` for

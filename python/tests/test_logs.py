@@ -121,6 +121,14 @@ class Logs(Case):
         self.assertEqual((again.parameters, again.run_folder), (from_log.parameters, from_log.run_folder))
         self.assertEqual(len(list((self.folder / "python-logs").iterdir())), 1)
 
+    def test_a_table_without_gains_is_told_how_it_gets_them(self) -> None:
+        try:
+            table = self.log.to_dataframe()
+        except ImportError:
+            self.skipTest("pandas is not installed")
+        with self.assertRaisesRegex(gaitfit.GaitfitError, r"`Log\.from_dataframe\(table, kp="):
+            gaitfit.fit(DEMO / "adapt.toml", logs=[table], runs=self.folder, progress=False)
+
 
 if __name__ == "__main__":
     unittest.main()

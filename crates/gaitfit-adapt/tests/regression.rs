@@ -81,7 +81,11 @@ fn values_far_off_are_corrected_and_their_intervals_cover() {
             assert!(off < 0.4 * (FOUND[at] - truth).abs(), "{regression:?}");
             assert!(high - low < (FOUND[at] - truth).abs(), "{regression:?}");
         }
-        assert_eq!((regression.robots, regression.uncorrected.as_slice()), (3 * EACH, FOUND.as_slice()));
+        assert_eq!(regression.uncorrected, FOUND);
+        assert!(
+            (3..=6).contains(&(regression.robots / EACH))
+                && regression.robots == regression.rounds.len() * EACH
+        );
     }
     // 76 of 80 are due.
     assert!(inside >= 70, "{inside} of {all}");

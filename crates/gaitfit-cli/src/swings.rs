@@ -14,12 +14,15 @@ pub fn text(found: &SwingFindings, causes: &[Cause], beside: &[Beside]) -> Strin
     for sentence in &found.taken_out {
         let _ = writeln!(text, "corrected before the legs were examined: {sentence}");
     }
-    match (&found.swings, &found.why_not) {
+    match (found.best(), &found.why_not) {
         (Some(report), _) => joints(&mut text, found, report, beside),
         (None, Some(why)) => {
             let _ = writeln!(text, "\nlegs in the air: {why}");
         }
         (None, None) => {}
+    }
+    if let Some(why) = &found.not_corrected {
+        let _ = writeln!(text, "legs in the air are not corrected by simulated walks: {why}");
     }
     if !causes.is_empty() {
         let _ = write!(text, "\n{}", self::causes(causes));
@@ -74,8 +77,13 @@ fn sensors(found: &SwingFindings) -> String {
 }
 
 fn joints(text: &mut String, found: &SwingFindings, report: &SwingReport, beside: &[Beside]) {
+    let legs = if found.corrected.is_some() {
+        "legs in the air, corrected by simulated walks"
+    } else {
+        "legs in the air"
+    };
     let mut rows = table(
-        &["legs in the air", "friction N·m", "damping N·m·s/rad", "armature kg·m²", "left N·m", "swings"],
+        &[legs, "friction N·m", "damping N·m·s/rad", "armature kg·m²", "left N·m", "swings"],
         &[1, 2, 3, 4, 5],
     );
     for group in &report.groups {

@@ -2,8 +2,8 @@
 
 use super::run::Stop;
 use super::{
-    Alternative, Correction, FitError, Identification, MAX_SCANNED, NoiseSource, Problem, RandomNumbers,
-    Regression, Uncertainty, Views, World, correct, identify, uncertainty,
+    Alternative, Correction, FitError, Identification, MAX_SCANNED, MAX_TAKEN, NoiseSource, Problem,
+    RandomNumbers, Regression, Uncertainty, Views, World, correct, identify, uncertainty,
 };
 use crate::cost::Cost;
 use crate::{Cancel, Rollout, Simulator, Theta};
@@ -249,8 +249,8 @@ impl CostOutcome {
         Ok(None)
     }
 
-    /// Takes the values and intervals that simulated robots give ([`super::regress`]), instead of those of the search of
-    /// `problem`, if they fit about as well. Returns why it does not, if it does not.
+    /// Takes the intervals that simulated robots give ([`super::regress`]) for the search of `problem`, if their values fit
+    /// about as well; and the values, if they cost less or there are few ([`MAX_TAKEN`]). Returns why it takes nothing, if so.
     ///
     /// # Errors
     /// As [`Simulator::views`].
@@ -267,19 +267,25 @@ impl CostOutcome {
         let Some(&cost) = costs.first().and_then(Option::as_ref).and_then(|costs| costs.first()) else {
             return Ok(Some("The simulation of the corrected values diverges.".to_owned()));
         };
+        // What a search pays for going away from what was known is in its cost.
+        let charged = cost + problem.theta.prior_cost(&regression.corrected);
         let most = AS_WELL * self.best_cost + AS_WELL_BY;
-        if cost > most {
+        if charged > most && problem.theta.len() > MAX_TAKEN {
             self.unlike = Some(cost);
             return Ok(Some("No simulated robot is like the real one.".to_owned()));
         }
-        self.best_cost = cost;
-        self.take(problem.theta, &regression.corrected);
+        let taken = charged <= self.best_cost || problem.theta.len() <= MAX_TAKEN;
+        if taken {
+            self.best_cost = cost;
+            self.take(problem.theta, &regression.corrected);
+        }
         let entries = problem.theta.entries().iter().zip(&regression.interval);
         for (parameter, (entry, interval)) in self.parameters.iter_mut().zip(entries) {
-            let found = Identification::of_interval(entry, *interval, NoiseSource::Robots);
+            let mut found = Identification::of_interval(entry, *interval, NoiseSource::Robots);
+            found.reach(entry, parameter.value);
             parameter.identification = Some(found);
         }
-        self.regression = Some(regression.clone());
+        self.regression = Some(Regression { taken, ..regression.clone() });
         Ok(None)
     }
 

@@ -130,12 +130,17 @@ fn moves(fit: &CostFit) -> String {
 fn regressed(fit: &CostFit) -> Option<String> {
     let regression = fit.regression.as_ref()?;
     let best = fit.runs.iter().map(|run| run.best_cost).fold(f64::INFINITY, f64::min);
-    let mut text = format!(
-        "the values are corrected by the logs of {} simulated robots whose values are known: {}. Before, {} was {best:.5}",
-        regression.robots,
-        moves(fit),
-        fit.cost_name
-    );
+    let robots = regression.robots;
+    let mut text = if regression.taken {
+        format!(
+            "the values are corrected by the logs of {robots} simulated robots whose values are known: {}. Before, {} was \
+             {best:.5}",
+            moves(fit),
+            fit.cost_name
+        )
+    } else {
+        format!("the intervals are those of values that the logs of {robots} simulated robots show")
+    };
     let unlike = fit.parameters.iter().enumerate().filter(|(at, _)| regression.unlike(*at));
     let unlike: Vec<&str> = unlike.map(|(_, one)| one.found.name.as_str()).collect();
     if !unlike.is_empty() {

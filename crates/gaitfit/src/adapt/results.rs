@@ -242,7 +242,7 @@ pub(super) fn results(
     for outcome in outcomes {
         let Some(cost) = setup.costs.iter().position(|cost| cost.name() == outcome.cost) else { continue };
         let (mut outcome, refused) = identified(setup, cost, outcome.clone(), course, folder, watch)?;
-        if outcome.correction.is_none() && outcome.regression.is_none() {
+        if outcome.correction.is_none() && !outcome.regression.as_ref().is_some_and(|one| one.taken) {
             // What the search paid for going away from what was known is no distance from the logs.
             outcome.best_cost -= setup.theta.prior_cost(&outcome.values());
         }

@@ -99,7 +99,7 @@ fn half(half: Option<f64>) -> String {
 fn parameters(fit: &CostFit) -> Table {
     let known = fit.parameters.iter().any(|parameter| parameter.truth.is_some());
     let published = fit.parameters.iter().any(|parameter| parameter.published.is_some());
-    let corrected = fit.correction.is_some() || fit.regression.is_some();
+    let corrected = fit.correction.is_some() || fit.regression.as_ref().is_some_and(|one| one.taken);
     let value = if corrected { "corrected" } else { "value" };
     let mut header = vec!["parameter", value, "±", "interval", "unit", "bounds"];
     if known {
