@@ -5,6 +5,7 @@ mod deploy;
 mod exported;
 mod files;
 mod foreign;
+mod graphs;
 mod hostile;
 mod import;
 mod interface;

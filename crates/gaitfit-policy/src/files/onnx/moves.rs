@@ -14,7 +14,15 @@ pub(super) fn moved(operator: &str, inputs: &[&Constant], attributes: &Attribute
         return None;
     }
     match operator {
-        "Slice" => slice(first, inputs),
+        "Slice" => slice(first, inputs, attributes),
+        "Expand" => expand(first, &inputs.get(1)?.values),
+        "Flatten" => {
+            let many = first.dims.len() as i64;
+            let place = attributes.integer("axis", 1);
+            let place = if place < 0 { place.checked_add(many)? } else { place };
+            let (ahead, behind) = first.dims.split_at_checked(usize::try_from(place).ok()?)?;
+            shaped(first, vec![ahead.iter().product(), behind.iter().product()])
+        }
         "Concat" => concat(inputs, axis(attributes.integer("axis", 0), first.dims.len())?),
         "Gather" => gather(first, inputs.get(1)?, axis(attributes.integer("axis", 0), first.dims.len())?),
         "Unsqueeze" => {
@@ -119,26 +127,65 @@ fn taken(constant: &Constant, axis: usize, places: &[usize]) -> Option<Constant>
     Some(Constant { dims, values })
 }
 
-/// `Slice` with its limits as inputs, in steps of one.
-fn slice(constant: &Constant, inputs: &[&Constant]) -> Option<Constant> {
-    let (starts, ends) = (inputs.get(1)?, inputs.get(2)?);
+/// `Slice` with its limits as inputs, or as attributes as before operator set 10; in steps of one or backwards.
+fn slice(constant: &Constant, inputs: &[&Constant], attributes: &Attributes) -> Option<Constant> {
+    let given = |number: usize, key: &str| -> Option<Vec<f64>> {
+        let listed = attributes.list(key).map(|list| list.iter().map(|&one| one as f64).collect());
+        inputs.get(number).map(|input| input.values.clone()).or(listed)
+    };
+    let (starts, ends) = (given(1, "starts")?, given(2, "ends")?);
+    let (axes, steps) = (given(3, "axes"), given(4, "steps"));
     let many = constant.dims.len();
-    let cut = starts.values.len();
-    if cut != ends.values.len() || cut > MAX_AXES {
-        return None;
-    }
-    if inputs.get(4).is_some_and(|steps| steps.values.iter().any(|&step| step != 1.0)) {
+    let cut = starts.len();
+    if cut != ends.len() || cut > MAX_AXES {
         return None;
     }
     let mut found = constant.clone();
     for number in 0..cut {
-        let named = match inputs.get(3) {
-            Some(axes) => *axes.values.get(number)? as i64,
+        let named = match &axes {
+            Some(axes) => *axes.get(number)? as i64,
             None => number as i64,
         };
         let axis = axis(named, many)?;
-        let places = range(starts.values[number], ends.values[number], found.dims[axis]);
-        found = taken(&found, axis, &places.collect::<Vec<usize>>())?;
+        let step = steps.as_ref().map_or(Some(1.0), |steps| steps.get(number).copied())?;
+        let long = found.dims[axis];
+        let places: Vec<usize> = match step {
+            1.0 => range(starts[number], ends[number], long).collect(),
+            step if step > 1.0 => range(starts[number], ends[number], long).step_by(step as usize).collect(),
+            // The whole axis backwards, as a flip is exported.
+            -1.0 if (starts[number] == -1.0 || starts[number] >= long as f64 - 1.0)
+                && ends[number] < -(long as f64) =>
+            {
+                (0..long).rev().collect()
+            }
+            _ => return None,
+        };
+        found = taken(&found, axis, &places)?;
+    }
+    Some(found)
+}
+
+/// `Expand`: axes of length one are repeated, and new ones stand before the others.
+fn expand(constant: &Constant, asked: &[f64]) -> Option<Constant> {
+    if asked.len() > MAX_AXES {
+        return None;
+    }
+    let asked: Vec<usize> = asked.iter().map(|&length| length as usize).collect();
+    let many = asked.len().max(constant.dims.len());
+    let mut found = constant.clone();
+    while found.dims.len() < many {
+        found.dims.insert(0, 1);
+    }
+    for (axis, &length) in (many - asked.len()..).zip(&asked) {
+        match (found.dims[axis], length) {
+            (_, 1) => {}
+            (own, length) if own == length => {}
+            (1, length) if length <= MAX_NUMBERS => {
+                found.values.len().checked_mul(length).filter(|&count| count <= MAX_NUMBERS)?;
+                found = taken(&found, axis, &vec![0; length])?;
+            }
+            _ => return None,
+        }
     }
     Some(found)
 }
