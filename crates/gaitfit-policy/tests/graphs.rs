@@ -3,7 +3,7 @@
 
 use crate::common;
 
-use common::{fixture, largest_difference, rows};
+use common::{along, fixture, largest_difference, rows};
 use gaitfit_policy::network::Scratch;
 use gaitfit_policy::{Front, Policy, deploy, files_of, onnx, read, weights};
 
@@ -24,18 +24,6 @@ const GRAPHS: [(&str, &str); 11] = [
 
 fn graph(name: &str) -> Policy {
     read(&fixture(&format!("graphs/{name}.toml"))).unwrap()
-}
-
-/// Actions of `robots` robots along the rows of a sequence, robot after robot within a step. All see the same.
-fn along(policy: &Policy, observation: &[f32], robots: usize) -> Vec<Vec<f32>> {
-    let (mut memory, mut scratch) = (policy.memory(robots), Scratch::default());
-    let mut actions = Vec::new();
-    for row in observation.chunks_exact(policy.interface.observation_width()) {
-        let mut action = vec![f32::NAN; robots * policy.interface.joints.len()];
-        policy.act_with(robots, &row.repeat(robots), &mut memory, &mut action, &mut scratch);
-        actions.push(action);
-    }
-    actions
 }
 
 #[test]

@@ -12,3 +12,4 @@ mod interface;
 mod network;
 mod observation;
 mod recurrent;
+mod trainers;

@@ -296,9 +296,14 @@ impl Description {
             }
             None => None,
         };
+        // A normaliser's standard deviation may have the name that trainers give the actions'.
+        let of_normaliser = |name: &str| {
+            let both = [&self.normaliser, &self.critic_normaliser];
+            both.iter().any(|one| one.as_ref().is_some_and(|one| one.std == name || one.mean == name))
+        };
         let log_std = if tensors.has("log_std") {
             Some(tensors.vector("log_std")?)
-        } else if tensors.has("std") {
+        } else if tensors.has("std") && !of_normaliser("std") {
             Some(tensors.vector("std")?.into_iter().map(f64::ln).collect())
         } else {
             None

@@ -39,8 +39,12 @@ fn inputs(model: &Decoded) -> impl Iterator<Item = &ValueInfo> {
     model.inputs.iter().filter(|input| !model.constants.contains_key(&input.name))
 }
 
-/// The output that is the action.
-pub(super) fn action(model: &Decoded, named: Option<&str>) -> Result<String, PolicyError> {
+/// The output that is the action of so many joints: the one that is named so, or the only one of that width.
+pub(super) fn action(
+    model: &Decoded,
+    named: Option<&str>,
+    joints: Option<usize>,
+) -> Result<String, PolicyError> {
     if model.outputs.len() > MAX_ENDS || model.inputs.len() > 1024 {
         return Err(invalid(format!("its graph has more than {MAX_ENDS} outputs, or more than 1024 inputs")));
     }
@@ -57,7 +61,15 @@ pub(super) fn action(model: &Decoded, named: Option<&str>) -> Result<String, Pol
         return Ok(one.name.clone());
     }
     let known = ACTIONS.iter().find(|name| has(name)).map(|name| (*name).to_owned());
-    known.ok_or_else(|| {
+    let mut fitting = Vec::new();
+    for output in &model.outputs {
+        let width = dimensions(output)?.last().copied().flatten();
+        if width.is_some() && width == joints {
+            fitting.push(output.name.clone());
+        }
+    }
+    let only = fitting.pop().filter(|_| fitting.is_empty());
+    known.or(only).ok_or_else(|| {
         invalid(format!(
             "its graph has {} outputs; name the one that is the action in a TOML file, output = \"…\": {}",
             model.outputs.len(),

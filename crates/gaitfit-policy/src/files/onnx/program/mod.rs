@@ -65,7 +65,7 @@ pub fn compile(
     source: Vec<u8>,
 ) -> Result<(Graph, Vec<String>), PolicyError> {
     let joints = interface.joints.len();
-    let action = ends::action(model, output)?;
+    let action = ends::action(model, output, Some(joints))?;
     let needed = needed(model, &action);
     let mut program = Program {
         plan: Plan { observed: interface.observation_width(), outputs: joints, ..Plan::default() },
@@ -111,7 +111,7 @@ pub fn compile(
 
 /// Numbers of the observation and of the action, as far as the ends of a graph state them.
 pub fn stated(model: &Decoded) -> Result<Option<[usize; 2]>, PolicyError> {
-    let Ok(action) = ends::action(model, None) else { return Ok(None) };
+    let Ok(action) = ends::action(model, None, None) else { return Ok(None) };
     let input = model.inputs.iter().find(|input| !model.constants.contains_key(&input.name));
     let output = model.outputs.iter().find(|output| output.name == action);
     let (Some(input), Some(output)) = (input, output) else { return Ok(None) };
