@@ -69,7 +69,7 @@ impl Limbs {
             let longest = self.limbs.iter().map(Vec::len).max().unwrap_or(0);
             let breadth =
                 (0..longest).flat_map(|joint| self.limbs.iter().filter_map(move |limb| limb.get(joint)));
-            orders.push(("breadth first".to_owned(), breadth.copied().collect()));
+            orders.push(("breadth first (Isaac Lab's)".to_owned(), breadth.copied().collect()));
         }
         let same: Vec<usize> = (0..self.names.len()).collect();
         let mut seen = vec![same];

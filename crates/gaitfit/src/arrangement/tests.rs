@@ -121,6 +121,33 @@ fn scales_and_signs_are_named() {
 }
 
 #[test]
+fn terms_in_another_order_and_gravity_that_points_up_are_named() {
+    let scene = scene();
+    let right = policy(&scene, 3);
+    let recorded = logs(&scene, &right, true);
+    let place = |quantity: Quantity| {
+        right.interface.observation.iter().position(|term| term.quantity == quantity).unwrap()
+    };
+    let (gravity, command) = (place(Quantity::ProjectedGravity), place(Quantity::Command));
+    let mut swapped = right.clone();
+    swapped.interface.observation.swap(gravity, command);
+    let found = diagnosed(&swapped, &recorded).unwrap();
+    let names: Vec<&str> = right.interface.observation.iter().map(|term| term.quantity.name()).collect();
+    assert_eq!(found.settings, [format!("`observation` in the order {}", names.join(", "))], "{found:?}");
+    assert!(found.measure[0] > 0.2 && found.measure[1] < 0.01, "{found:?}");
+    let mut upwards = right.clone();
+    upwards.interface.observation[gravity].scale = vec![-1.0];
+    let found = diagnosed(&upwards, &recorded).unwrap();
+    assert_eq!(found.settings, ["`scale = [1]` of projected_gravity in `observation`"], "{found:?}");
+    // The network saw its last action as the change of the target.
+    let mut scaled = right.clone();
+    let last = place(Quantity::LastAction);
+    scaled.interface.observation[last].scale = vec![right.interface.action_scale[0] as f32];
+    let found = diagnosed(&scaled, &recorded).unwrap();
+    assert_eq!(found.settings, ["`scale = [1]` of last_action in `observation`"], "{found:?}");
+}
+
+#[test]
 fn a_policy_that_falls_for_its_joint_order_is_put_right() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut policy = gaitfit_policy::read(&folder.join("assets/go2-walk.safetensors")).unwrap();
