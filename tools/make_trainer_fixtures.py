@@ -6,7 +6,7 @@ rsl_rl.onnx, rsl_rl_two.onnx (a standard deviation that depends on the state), r
 RSL-RL's runner does; mjlab.onnx is such a file with the metadata that mjlab 1.6 attaches: scales, histories and clips of the terms.
 sb3_ppo.onnx and sb3_sac.onnx follow Stable-Baselines3's documentation. skrl.onnx is a skrl model behind its preprocessor, which
 clips the observation. brax.onnx is the graph that MuJoCo Playground's notebook makes with TensorFlow and tf2onnx, written here
-operator by operator; brax.safetensors comes from the same parameters with the lines of docs/policies-foreign.md. Small layers,
+operator by operator; brax.safetensors comes from the same parameters with the lines of docs/policies-convert.md. Small layers,
 random weights, seeded.
 
 Usage: .venv/bin/python tools/make_trainer_fixtures.py [--out FOLDER]

@@ -5,7 +5,8 @@ use crate::common;
 
 use common::{along, fixture, largest_difference, rows};
 use gaitfit_policy::network::Scratch;
-use gaitfit_policy::{Front, Policy, deploy, files_of, onnx, read, weights};
+use gaitfit_policy::observation::{Layout, Sensed};
+use gaitfit_policy::{Description, Front, Policy, deploy, files_of, onnx, read, weights};
 
 /// All that there are, with words of what [`gaitfit_policy::Graph::describe`] says of them.
 const GRAPHS: [(&str, &str); 11] = [
@@ -177,4 +178,31 @@ fn another_interface_of_a_written_graph_gives_its_inputs_their_numbers() {
     std::fs::write(&path, straight).unwrap();
     assert!(largest_difference(&along(&read(&path).unwrap(), &observation, 1).concat(), &wanted) < 2e-6);
     assert_eq!(files_of(&path).unwrap().len(), 2);
+}
+
+#[test]
+fn the_observation_of_walk_these_ways_is_described() {
+    let page = std::fs::read_to_string(common::root().join("docs/policies-convert.md")).unwrap();
+    let block = page.split("```toml").nth(1).unwrap().split("```").next().unwrap();
+    let joints = r#"joints = ["a", "b", "c", "d", "e", "f", "g", "h", "i", "j", "k", "l"]"#;
+    let rest = "file = \"policy.onnx\"\ndefault_pose = 0.0\naction_scale = 0.25\nkp = 20.0\nkd = 0.5\ncontrol_dt = 0.02\n";
+    let parsed = |text: &str| Description::parse(&format!("{rest}{joints}\n{text}")).unwrap();
+    let interface = parsed(block).interface().unwrap();
+    assert_eq!(interface.observation_width(), 30 * 70);
+    let layout = Layout::new(&interface, &interface.observation);
+    let mut row = vec![f32::NAN; layout.width()];
+    layout.write(&Sensed { clock: 0.25, ..Sensed::new(12) }, None, |_, _| (), &mut row);
+    let frame = &row[29 * 70..];
+    assert_eq!(frame[6..12], [0.0, 3.0, 0.5, 0.0, 0.0, 0.5]);
+    assert_eq!(frame[66..], [-1.0, 1.0, 1.0, -1.0]);
+    assert!(row[..29 * 70].iter().all(|&number| number == 0.0), "frames before the first are zeros");
+    // Term after term, constants are the same in all frames, and sines are refused.
+    let constants = "history = { order = \"terms\" }\nobservation = [{ quantity = \"constant\", scale = [1.0, 2.0], history = 3 }]";
+    let interface = parsed(constants).interface().unwrap();
+    assert_eq!(interface.scales(&interface.observation), [1.0, 2.0, 1.0, 2.0, 1.0, 2.0]);
+    let error = parsed(&block.replace("order = \"frames\"", "order = \"terms\""))
+        .interface()
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("set history.order to"), "{error}");
 }

@@ -1,7 +1,7 @@
 //! Parts of a description: terms, numbers over joints, and where safetensors hold what stands before the actor.
 
-use crate::Quantity;
 use crate::network::Cell;
+use crate::{Quantity, Term};
 use serde::Deserialize;
 
 /// One number for all joints, or one a joint.
@@ -35,6 +35,33 @@ pub struct DescribedTerm {
     #[serde(default = "one")]
     pub history: usize,
 }
+
+impl DescribedTerm {
+    /// The terms that it stands for: one for each number of a list of constants or of sines. `by_term`: whether rows hold term
+    /// after term.
+    pub(super) fn terms(&self, by_term: bool) -> Vec<Term> {
+        let scale = match &self.scale {
+            None => Vec::new(),
+            Some(PerJoint::All(value)) => vec![*value as f32],
+            Some(PerJoint::Each(values)) => values.iter().map(|&value| value as f32).collect(),
+        };
+        let Self { quantity, history, .. } = *self;
+        let listed = matches!(quantity, Quantity::Constant | Quantity::GaitSine) && scale.len() > 1;
+        if !listed {
+            return vec![Term { quantity, scale, history }];
+        }
+        let each =
+            |history: usize| scale.iter().map(move |&one| Term { quantity, scale: vec![one], history });
+        // Frame after frame they are the same numbers.
+        match quantity {
+            Quantity::Constant if by_term => (0..history.min(MAX_REPEATED)).flat_map(|_| each(1)).collect(),
+            _ => each(history).collect(),
+        }
+    }
+}
+
+/// Max number of frames of constants that are written out.
+const MAX_REPEATED: usize = 1 << 10;
 
 /// Where safetensors hold recurrent layers, as PyTorch's `nn.LSTM` and `nn.GRU` name their tensors.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::error::invalid;
 use crate::network::{Activation, LayerNorm, Network};
-use crate::{ActionClip, Front, Held, History, Interface, InterfaceError, Quantity, Term};
+use crate::{ActionClip, FrameOrder, Front, Held, History, Interface, InterfaceError, Quantity};
 use crate::{Policy, PolicyError, Provenance};
 use serde::Deserialize;
 use std::path::Path;
@@ -124,17 +124,19 @@ impl Description {
     /// As [`Interface::check`].
     pub fn interface(&self) -> Result<Interface, InterfaceError> {
         let joints = self.joints.len();
-        let terms = |terms: &[DescribedTerm]| {
-            let term = |term: &DescribedTerm| {
-                let scale = match &term.scale {
-                    None => Vec::new(),
-                    Some(PerJoint::All(value)) => vec![*value as f32],
-                    Some(PerJoint::Each(values)) => values.iter().map(|&value| value as f32).collect(),
-                };
-                Term { quantity: term.quantity, scale, history: term.history }
-            };
-            terms.iter().map(term).collect()
+        let by_term = self.history.order == FrameOrder::Terms;
+        let terms = |terms: &[DescribedTerm]| terms.iter().flat_map(|term| term.terms(by_term)).collect();
+        let sines = |term: &DescribedTerm| {
+            term.quantity == Quantity::GaitSine
+                && term.history > 1
+                && matches!(&term.scale, Some(PerJoint::Each(scale)) if scale.len() > 1)
         };
+        if by_term && self.observation.iter().chain(&self.critic_observation).any(sines) {
+            return Err(InterfaceError(
+                "gait_sine with several factors has a history: set history.order to \"frames\" or \"newest_first\""
+                    .to_owned(),
+            ));
+        }
         let interface = Interface {
             robot: self.robot.clone(),
             joints: self.joints.clone(),

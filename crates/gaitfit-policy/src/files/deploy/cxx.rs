@@ -4,7 +4,7 @@ use super::layers::{Perceptron, Remembering, array, literal, perceptron, remembe
 use super::{number, render};
 use crate::error::invalid;
 use crate::observation::{Layout, Slot};
-use crate::{Front, HistoryStart, Latent, Policy, PolicyError, Quantity, Source, Width};
+use crate::{Front, HistoryStart, Latent, Policy, PolicyError, Quantity, Source, Term, Width};
 use serde::Serialize;
 
 /// Most numbers of all networks: compilers take minutes and gigabytes for more.
@@ -85,6 +85,10 @@ pub(super) fn header(policy: &Policy, efforts: Option<&[f64]>) -> Result<String,
         return Err(invalid(
             "it is a graph of operators, which is not written as C++: run its own ONNX file on the robot",
         ));
+    }
+    let earlier = |term: &Term| term.quantity == Quantity::EarlierAction;
+    if policy.interface.observation.iter().any(earlier) {
+        return Err(invalid("it observes earlier_action, which the header does not hold; use the ONNX file"));
     }
     let count = numbers_of(policy);
     if count > MAX_NUMBERS {

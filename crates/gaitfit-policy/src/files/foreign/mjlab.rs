@@ -77,7 +77,7 @@ pub(in crate::files) fn read(
             (lengths.iter().map(length).collect(), false)
         }
         None => {
-            let length = if per_frame > 0 { inputs / per_frame } else { 0 };
+            let length = inputs.checked_div(per_frame).unwrap_or(0);
             (vec![length; quantities.len()], length > 1)
         }
     };
