@@ -7,7 +7,8 @@ him.onnx (HIMLoco: an estimator of velocity and normalised latent on a history, 
 context encoder with means and variances, of which the means are used; two inputs), wtw.onnx (walk-these-ways: adaptation module
 and body in one file), rma.onnx (RMA: convolutions along the history), moe.onnx (experts weighted by a softmax), estimator.onnx (a
 GRU that estimates the velocity beside the actor, with its state as input and output), bounds.onnx (a clipped observation, and actions
-clipped unevenly). operators.onnx has the operators that these lack, each in a branch of its own. Names that end in _old are written by PyTorch's exporter before version 2.9.
+clipped unevenly). operators.onnx has the operators that these lack, each in a branch of its own. Names that end in _old are
+written by PyTorch's exporter before version 2.9.
 
 Usage: .venv/bin/python tools/make_graph_fixtures.py [--out FOLDER]
 Needs PyTorch: tools/setup_venv.sh --torch

@@ -34,7 +34,9 @@ impl Tables {
     /// [`FitError::Unsupported`] for policies that the kernels do not know.
     pub fn walk(walker: &Walker, policy: &Policy, scripts: &[Script]) -> Result<Self, FitError> {
         if policy.front.is_some() {
-            return Err(FitError::Unsupported("a recurrent or two-part policy".to_owned()));
+            return Err(FitError::Unsupported(
+                "a recurrent or two-part policy or a graph of operators".to_owned(),
+            ));
         }
         if let Some(what) = unobserved(&walker.observation) {
             return Err(FitError::Unsupported(what));

@@ -162,7 +162,9 @@ int main() {
     }
     // Clocks of the feet and a constant.
     let mut interface = rich(FrameOrder::Frames, HistoryStart::Zeros).interface;
-    for (quantity, scale) in [(Quantity::GaitSine, -1.0), (Quantity::Constant, 0.3), (Quantity::GaitSine, 1.0)] {
+    for (quantity, scale) in
+        [(Quantity::GaitSine, -1.0), (Quantity::Constant, 0.3), (Quantity::GaitSine, 1.0)]
+    {
         interface.observation.push(Term::new(quantity).scaled(&[scale]).with_history(3));
     }
     policies.push(seeing(interface.clone(), &[20, 12]));

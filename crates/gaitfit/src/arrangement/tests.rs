@@ -60,6 +60,44 @@ fn orders_of_four_legs_are_named() {
 }
 
 #[test]
+fn a_humanoids_joints_are_listed_level_by_level_whatever_they_hang_on() {
+    let text = r#"<mujoco model="upper"><worldbody><body name="base" pos="0 0 1"><freejoint/>
+        <geom type="sphere" size="0.1"/>
+        <body><joint name="left_hip"/><geom type="sphere" size="0.1"/>
+            <body><joint name="left_knee"/><geom type="sphere" size="0.1"/></body></body>
+        <body><joint name="right_hip"/><geom type="sphere" size="0.1"/>
+            <body><joint name="right_knee"/><geom type="sphere" size="0.1"/></body></body>
+        <body><joint name="waist"/><geom type="sphere" size="0.1"/>
+            <body><joint name="left_shoulder"/><geom type="sphere" size="0.1"/>
+                <body><joint name="left_elbow"/><geom type="sphere" size="0.1"/></body></body>
+            <body><joint name="right_shoulder"/><geom type="sphere" size="0.1"/>
+                <body><joint name="right_elbow"/><geom type="sphere" size="0.1"/></body></body></body>
+        </body></worldbody></mujoco>"#;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("upper.xml");
+    std::fs::write(&path, text).unwrap();
+    let model = gaitfit_model::read(&path, &Default::default()).unwrap();
+    let joints: Vec<usize> = (0..model.joints.len()).collect();
+    let orders = Limbs::new(&model, &joints).orders();
+    let (_, order) = orders.iter().find(|(name, _)| name == "breadth first (Isaac Lab's)").unwrap();
+    let names: Vec<&str> = order.iter().map(|&joint| model.joints[joint].name.as_str()).collect();
+    assert_eq!(
+        names,
+        [
+            "left_hip",
+            "right_hip",
+            "waist",
+            "left_knee",
+            "right_knee",
+            "left_shoulder",
+            "right_shoulder",
+            "left_elbow",
+            "right_elbow"
+        ]
+    );
+}
+
+#[test]
 fn a_permuted_policy_is_put_right_by_its_logs() {
     let scene = scene();
     let right = policy(&scene, 3);

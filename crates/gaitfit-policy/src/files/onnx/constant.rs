@@ -140,6 +140,6 @@ pub(super) fn folded(operator: &str, inputs: &[&Constant], attributes: &Attribut
             let values: Vec<f64> = values.map(|number| start + number as f64 * step).collect();
             Some(Constant { dims: vec![values.len()], values })
         }
-        _ => Constant::fold(operator, inputs).or_else(|| moved(operator, inputs, attributes)),
+        _ => Constant::fold(operator, inputs).or_else(|| moved(operator, inputs, attributes, MAX_NUMBERS)),
     }
 }

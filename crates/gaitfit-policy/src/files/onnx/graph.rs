@@ -2,7 +2,7 @@
 
 use super::attributes::Attributes;
 use super::chain::Chain;
-use super::constant::Constant;
+use super::constant::{Constant, MAX_NUMBERS as MAX_MOVED};
 use super::external::{self, Beside};
 use super::fuse::fuse;
 use super::linear::{gemm, keeps_rows, linear};
@@ -261,7 +261,7 @@ impl Walk {
             let constants: Vec<&Constant> =
                 inputs.iter().filter_map(|&name| self.constants.get(name)).collect();
             let folded = Constant::fold(&node.op_type, &constants)
-                .or_else(|| moved(&node.op_type, &constants, &attributes))
+                .or_else(|| moved(&node.op_type, &constants, &attributes, MAX_MOVED))
                 .ok_or_else(|| format!("it computes a constant; only {UNDERSTOOD} is read"))?;
             return self.keep(output, folded);
         }

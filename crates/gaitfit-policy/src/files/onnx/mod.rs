@@ -12,6 +12,7 @@ mod fuse;
 mod graph;
 mod linear;
 mod metadata;
+mod missing;
 mod moves;
 mod parts;
 mod program;
@@ -24,13 +25,12 @@ mod write;
 
 pub(super) use chain::{Chain, Read};
 pub(super) use graph::others;
+pub(super) use missing::without_metadata;
 pub use write::{write, write_network, write_single};
 
 use super::Inputs;
 use super::foreign::{self, Known};
-use crate::error::invalid;
 use crate::{Graph, Interface, Policy, PolicyError};
-use gaitfit_model::shown;
 use std::path::Path;
 
 /// Reads a policy that [`write()`] wrote: the graph's network and the metadata's interface. The critic is not part
@@ -88,34 +88,6 @@ fn widths(model: &graph::Decoded) -> Result<Option<[usize; 2]>, PolicyError> {
         Ok(chain) => Ok(chain.inputs().zip(chain.width()).map(|(inputs, outputs)| [inputs, outputs])),
         Err(error) => program::stated(model)?.map(Some).ok_or(error),
     }
-}
-
-/// What is missing in a file that says nothing of joints, gains and observation, with the description to write.
-pub(super) fn without_metadata(name: &str, bytes: &[u8], folder: Option<&Path>) -> PolicyError {
-    let sizes = graph::decode(bytes, folder).and_then(|model| widths(&model));
-    let [inputs, outputs] = match sizes {
-        Ok(sizes) => sizes.unwrap_or_default(),
-        Err(error) => return error,
-    };
-    let name = shown(name);
-    invalid(format!(
-        "it has no metadata of gaitfit, mjlab or unitree_rl_lab, so joints, pose, gains, control period and observation \
-         are unknown. Write them into a TOML file beside it and give that (docs/policies.md), for example:\n\n\
-         file = \"{name}\"            # takes {inputs} numbers, gives {outputs} actions\n\
-         joints = [\"…\"]              # {outputs} names, in the order of the actions\n\
-         default_pose = [0.0]         # {outputs} angles, rad\n\
-         action_scale = 0.25\n\
-         kp = 25.0\n\
-         kd = 0.5\n\
-         control_dt = 0.02            # s\n\
-         observation = [              # {inputs} numbers, in the network's order\n    \
-         {{ quantity = \"base_angular_velocity\", scale = 0.25 }},\n    \
-         {{ quantity = \"projected_gravity\" }},\n    \
-         {{ quantity = \"command\" }},\n    \
-         {{ quantity = \"joint_position\" }},\n    \
-         {{ quantity = \"joint_velocity\", scale = 0.05 }},\n    \
-         {{ quantity = \"last_action\" }},\n]"
-    ))
 }
 
 /// What a graph of another program is.

@@ -23,7 +23,7 @@ const ACTIONS: [&str; 8] = [
     "output_0",
 ];
 /// Max number of inputs and outputs.
-const MAX_ENDS: usize = 64;
+pub(super) const MAX_ENDS: usize = 64;
 
 /// An input that is remembered, and the output that it becomes.
 pub(super) type State = (String, Value, String);

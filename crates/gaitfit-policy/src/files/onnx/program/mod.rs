@@ -109,22 +109,40 @@ pub fn compile(
     Ok((Graph { plan: Arc::new(plan) }, notes))
 }
 
+/// An input or output, and how many numbers of a robot it has, where the file says it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct End {
+    pub name: String,
+    pub width: Option<usize>,
+}
+
+/// Inputs that take the observation, and outputs, the action first where it is known.
+pub fn open_ends(model: &Decoded) -> Result<[Vec<End>; 2], PolicyError> {
+    let states = ends::pairs(model);
+    let end = |value: &super::proto::ValueInfo| -> Result<End, PolicyError> {
+        let dims = super::graph::dimensions(value)?;
+        let known: Option<Vec<usize>> = dims.into_iter().skip(1).collect();
+        let width = known.filter(|dims| !dims.is_empty()).and_then(|dims| shapes::count(&dims));
+        Ok(End { name: value.name.clone(), width })
+    };
+    let taking = model.inputs.iter().filter(|input| !model.constants.contains_key(&input.name));
+    let taking = taking.filter(|input| !states.iter().any(|(name, _)| *name == input.name));
+    let inputs = taking.take(ends::MAX_ENDS).map(end).collect::<Result<Vec<_>, _>>()?;
+    let giving = model.outputs.iter().filter(|output| !states.iter().any(|(_, name)| *name == output.name));
+    let mut outputs = giving.take(ends::MAX_ENDS).map(end).collect::<Result<Vec<_>, _>>()?;
+    if let Ok(action) = ends::action(model, None, None)
+        && let Some(place) = outputs.iter().position(|output| output.name == action)
+    {
+        outputs.swap(0, place);
+    }
+    Ok([inputs, outputs])
+}
+
 /// Numbers of the observation and of the action, as far as the ends of a graph state them.
 pub fn stated(model: &Decoded) -> Result<Option<[usize; 2]>, PolicyError> {
-    let Ok(action) = ends::action(model, None, None) else { return Ok(None) };
-    let input = model.inputs.iter().find(|input| !model.constants.contains_key(&input.name));
-    let output = model.outputs.iter().find(|output| output.name == action);
-    let (Some(input), Some(output)) = (input, output) else { return Ok(None) };
-    let mut widths = Vec::new();
-    for end in [input, output] {
-        let dims = super::graph::dimensions(end)?;
-        let known: Option<Vec<usize>> = dims.into_iter().skip(1).collect();
-        let Some(width) = known.filter(|dims| !dims.is_empty()).and_then(|dims| shapes::count(&dims)) else {
-            return Ok(None);
-        };
-        widths.push(width);
-    }
-    Ok(<[usize; 2]>::try_from(widths).ok())
+    let [inputs, outputs] = open_ends(model)?;
+    let width = |ends: &[End]| ends.first().and_then(|end| end.width);
+    Ok(width(&inputs).zip(width(&outputs)).map(|(inputs, outputs)| [inputs, outputs]))
 }
 
 /// The names that the action depends on: of values, and of inputs whose next value is an output.

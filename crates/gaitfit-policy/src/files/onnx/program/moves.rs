@@ -5,7 +5,7 @@
 
 use super::nodes::MAX_PARTS;
 use super::shapes::{axis, count};
-use super::{Program, Value};
+use super::{MAX_NUMBERS, Program, Value};
 use crate::files::onnx::attributes::Attributes;
 use crate::files::onnx::constant::Constant;
 use crate::files::onnx::moves::moved;
@@ -27,8 +27,10 @@ impl Program {
         }
         let places = numbered(&input.dims, 0).ok_or("its input has too many numbers")?;
         let inputs: Vec<&Constant> = std::iter::once(&places).chain(&others).collect();
-        let moved = moved(&node.op_type, &inputs, attributes)
-            .ok_or_else(|| format!("it does not fit its input of shape {:?}", input.dims))?;
+        let moved = moved(&node.op_type, &inputs, attributes, MAX_NUMBERS).ok_or_else(|| {
+            let dims = &input.dims;
+            format!("it does not fit its input of shape {dims:?}, or gives more than {MAX_NUMBERS} numbers")
+        })?;
         self.taken(&[input], moved)
     }
 
@@ -67,10 +69,11 @@ impl Program {
             start += input.dims.iter().product::<usize>();
             count(&[start]).ok_or("its inputs have too many numbers")?;
         }
-        let joined = moved("Concat", &places.iter().collect::<Vec<_>>(), attributes).ok_or_else(|| {
-            let shapes: Vec<&[usize]> = inputs.iter().map(|input| &input.dims[..]).collect();
-            format!("its inputs have the shapes {shapes:?}, which cannot be joined")
-        })?;
+        let joined = moved("Concat", &places.iter().collect::<Vec<_>>(), attributes, MAX_NUMBERS)
+            .ok_or_else(|| {
+                let shapes: Vec<&[usize]> = inputs.iter().map(|input| &input.dims[..]).collect();
+                format!("its inputs have the shapes {shapes:?}, which cannot be joined")
+            })?;
         let value = self.taken(&inputs, joined)?;
         self.give(node, 0, value)
     }
@@ -103,7 +106,7 @@ impl Program {
             if size == 0 {
                 continue;
             }
-            let part = moved("Slice", &[&places, &cut[0], &cut[1], &cut[2]], attributes);
+            let part = moved("Slice", &[&places, &cut[0], &cut[1], &cut[2]], attributes, MAX_NUMBERS);
             let value = self.taken(std::slice::from_ref(&input), part.ok_or("its parts do not fit")?)?;
             self.give(node, number, value)?;
         }
