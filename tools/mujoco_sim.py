@@ -317,6 +317,7 @@ class Group:
         self.noise = [stream(world.seed, TORQUE_NOISE, number) for number in numbers]
         self.fallen, self.diverged = np.zeros(len(numbers), bool), np.zeros(len(numbers), bool)
         self.actions = np.zeros((len(numbers), len(self.policy.joints)))
+        self.earlier = self.actions
         # Targets of this and earlier periods, newest first; before the first, the default pose.
         periods = 1 + math.ceil(self.robot.delay / self.robot.substeps)
         self.sent = [np.tile(self.policy.pose, (len(numbers), 1)) for _ in range(periods)]
@@ -336,7 +337,7 @@ class Group:
 
     def _frame(self, commands):
         """The present frame: rows of the interface's terms, scaled, term by term."""
-        rows = [self._observe(*each) for each in zip(self.data, commands, self.actions, self.feelings)]
+        rows = [self._observe(*each) for each in zip(self.data, commands, self.actions, self.earlier, self.feelings)]
         return [np.stack(column).astype(np.float32) for column in zip(*rows)]
 
     def _with_past(self, frame):
@@ -352,7 +353,7 @@ class Group:
             parts = [part for each in (ordered if history["order"] == "frames" else ordered[::-1]) for part in each]
         return np.concatenate(parts, axis=1)
 
-    def _observe(self, data, command, action, feelings):
+    def _observe(self, data, command, action, earlier, feelings):
         interface = self.policy.interface
         imu, rotation = feelings.imu(data), np.zeros(9)
         mujoco.mju_quat2Mat(rotation, imu[:4])
@@ -368,6 +369,9 @@ class Group:
             "base_linear_velocity": lambda: rotation.T @ data.qvel[:3],
             "base_height": lambda: data.qpos[2:3],
             "gait_phase": lambda: (math.sin(phase), math.cos(phase)),
+            "gait_sine": lambda: (math.sin(phase),),
+            "constant": lambda: (1.0,),
+            "earlier_action": lambda: earlier,
         }
         terms = [(quantities[term["quantity"]](), term.get("scale") or [1.0]) for term in interface["observation"]]
         return [np.asarray(value) * np.array(scale) for value, scale in terms]
@@ -375,7 +379,7 @@ class Group:
     def step(self, commands):
         """One control period. Returns the indices of the robots that took part."""
         frame = self._frame(commands)
-        self.actions = self.policy.act(self._with_past(frame))
+        self.earlier, self.actions = self.actions, self.policy.act(self._with_past(frame))
         most = max(term.get("history", 1) for term in self.policy.interface["observation"])
         self.past = [*self.past, frame][max(0, len(self.past) + 2 - most):] if most > 1 else []
         self.sent = [self.policy.targets(self.actions), *self.sent[:-1]]

@@ -1,7 +1,8 @@
 #!/bin/sh
 # Makes .venv at the repository root with the pinned packages of tools/requirements.txt.
 # Usage: tools/setup_venv.sh [--torch] [--dds] [--ray] [PYTHON]      (PYTHON: an interpreter ≥ 3.11, default python3)
-# --torch adds PyTorch (large), which tools/bench_ppo_torch.py and tools/export_lstm_torch.py alone need.
+# --torch adds PyTorch (large), which tools/bench_ppo_torch.py, tools/export_lstm_torch.py, tools/make_export_fixtures.py and
+# tools/make_graph_fixtures.py need; tools/make_trainer_fixtures.py needs more, which it names.
 # --dds adds CycloneDDS, with which tools/make_robot_fixtures.py and the tests of gaitfit-robot use Unitree's SDK and ROS 2's messages.
 # --ray adds Ray, which the tests of gaitfit.ray and tools/bench_ray.py need.
 # Then:  .venv/bin/python tools/<script>.py --help

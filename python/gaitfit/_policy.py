@@ -34,8 +34,9 @@ class Term:
     Quantities, with their numbers: ``base_angular_velocity`` (3, rad/s, body frame), ``projected_gravity`` (3, unit
     vector down, body frame), ``command`` (3: m/s, m/s, rad/s), ``joint_position`` (joints, rad, minus the default pose),
     ``joint_velocity`` (joints, rad/s), ``last_action`` (joints), ``base_linear_velocity`` (3, m/s, body frame),
-    ``base_height`` (1, m above the ground, of simulators alone) and ``gait_phase`` (2: sine and cosine of
-    the gait clock).
+    ``base_height`` (1, m above the ground, of simulators alone), ``gait_phase`` (2: sine and cosine of
+    the gait clock), ``gait_sine`` (1), ``constant`` (1: the number 1, before its scale) and ``earlier_action``
+    (joints: the action before the last, beside ``last_action``).
 
     >>> Term("base_angular_velocity", 0.25).history
     1

@@ -93,6 +93,9 @@ impl PolicyFile {
             Some(Front::Recurrent(memory)) => {
                 return Err(value(format!("the policy has a memory ({})", memory.cell.name())));
             }
+            Some(Front::Graph(graph)) => {
+                return Err(value(format!("the policy is {}", graph.describe())));
+            }
             Some(_) => return Err(value("the policy has two networks")),
         }
         let fields = network(py, &self.policy.actor)?;

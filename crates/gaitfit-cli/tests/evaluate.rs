@@ -100,6 +100,26 @@ fn robots_that_diverge_are_said_first_and_end_with_3() {
 }
 
 #[test]
+fn a_policy_that_stands_on_joints_in_a_wrong_order_is_put_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut policy = gaitfit_policy::read(&common::root().join("assets/go2-walk.safetensors")).unwrap();
+    // As a policy that was trained elsewhere, its joints named breadth first. Its robots hardly fall and go nowhere.
+    policy.provenance = Default::default();
+    let own = policy.interface.joints.clone();
+    let breadth = [0, 3, 6, 9, 1, 4, 7, 10, 2, 5, 8, 11];
+    policy.interface.joints = breadth.map(|joint| own[joint].clone()).to_vec();
+    let path = folder.path().join("walk.safetensors");
+    std::fs::write(&path, weights::write(&policy).unwrap()).unwrap();
+    let output =
+        run(&["evaluate", path.to_str().unwrap(), "--trajectories", "16", "--seconds", "3", "--json"]);
+    let found = json(&output);
+    assert!(found["fall_rate"]["mean"].as_f64().unwrap() < 0.5, "{found}");
+    let setting = found["diagnosis"]["settings"][0].as_str().unwrap();
+    let listed: Vec<String> = own.iter().map(|name| format!("{name:?}")).collect();
+    assert!(setting.starts_with(&format!("`joints = [{}]`", listed.join(", "))), "{setting}");
+}
+
+#[test]
 fn what_cannot_be_evaluated_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, text: &str| {

@@ -2,7 +2,9 @@
 
 use std::fmt::Write;
 
+use gaitfit_policy::Quantity;
 use gaitfit_policy::network::Activation;
+use gaitfit_policy::observation::Layout;
 
 use crate::spots::Spot;
 
@@ -46,6 +48,12 @@ impl Words {
 pub(crate) fn unknown(activation: Activation) -> Option<String> {
     let known = matches!(activation, Activation::Elu | Activation::Relu | Activation::Tanh);
     (!known).then(|| format!("the activation {activation}"))
+}
+
+/// What to say of an observation that the kernels do not write.
+pub(crate) fn unobserved(layout: &Layout) -> Option<String> {
+    let unknown = layout.slots().iter().any(|slot| slot.quantity == Quantity::EarlierAction);
+    unknown.then(|| format!("a policy that observes {}", Quantity::EarlierAction.name()))
 }
 
 pub(crate) fn single(value: f32) -> String {

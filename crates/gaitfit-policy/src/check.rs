@@ -112,7 +112,7 @@ fn check_front(front: &Front, actor: &Network) -> Result<(), PolicyError> {
                 return Err(invalid(format!("the actor sees number {place} of an observation of {width}")));
             }
         }
-        Front::Function(_) => {}
+        Front::Function(_) | Front::Graph(_) => {}
     }
     let (given, taken) = (front.outputs(), actor.shape.inputs);
     if given != taken {

@@ -1,7 +1,7 @@
-//! What stands between a policy's observation and its actor: a memory, an encoder, or a function of the caller's.
+//! What stands between a policy's observation and its actor: a memory, an encoder, a graph, or a function of the caller's.
 
-use crate::Function;
 use crate::network::{Memory, Network, Recurrent, Scratch};
+use crate::{Function, Graph};
 use serde::{Deserialize, Serialize};
 
 /// What stands between the (normalised) observation and the actor. For inference: trainings refuse it.
@@ -14,6 +14,8 @@ pub enum Front {
     Encoder(Encoder),
     /// A function of the caller's acts; the actor passes its actions on.
     Function(Function),
+    /// A graph of operators acts; the actor passes its actions on.
+    Graph(Graph),
 }
 
 /// The encoder of a two-part policy.
@@ -45,6 +47,7 @@ impl Front {
             Self::Recurrent(_) => "memory",
             Self::Encoder(_) => "encoder",
             Self::Function(_) => "function",
+            Self::Graph(_) => "graph",
         }
     }
 
@@ -54,6 +57,7 @@ impl Front {
             Self::Recurrent(recurrent) => recurrent.inputs(),
             Self::Encoder(encoder) => encoder.network.shape.inputs,
             Self::Function(function) => function.inputs(),
+            Self::Graph(graph) => graph.inputs(),
         }
     }
 
@@ -63,6 +67,7 @@ impl Front {
             Self::Recurrent(recurrent) => recurrent.outputs(),
             Self::Encoder(encoder) => encoder.passed.len() + encoder.network.shape.outputs,
             Self::Function(function) => function.outputs(),
+            Self::Graph(graph) => graph.outputs(),
         }
     }
 
@@ -70,6 +75,7 @@ impl Front {
     pub fn memory(&self, environments: usize) -> Memory {
         match self {
             Self::Recurrent(recurrent) => recurrent.memory(environments),
+            Self::Graph(graph) => graph.memory(environments),
             Self::Encoder(_) | Self::Function(_) => Memory::default(),
         }
     }
@@ -86,6 +92,7 @@ impl Front {
         match self {
             Self::Recurrent(recurrent) => recurrent.step(rows, observation, memory, seen),
             Self::Function(function) => function.act(rows, observation, seen),
+            Self::Graph(graph) => graph.act(rows, observation, memory, seen, scratch),
             Self::Encoder(Encoder { network, passed, latent }) => {
                 let (inputs, outputs) = (network.shape.inputs, network.shape.outputs);
                 let mut code = vec![0.0; rows * outputs];

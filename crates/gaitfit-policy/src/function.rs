@@ -1,7 +1,7 @@
 //! A policy that is a function of the caller: a network of another library, or anything else that acts.
 
 use crate::error::invalid;
-use crate::network::{Activation, Network, Shape};
+use crate::network::Network;
 use crate::{Front, Interface, Policy, PolicyError, Provenance};
 use std::fmt;
 use std::sync::Arc;
@@ -74,17 +74,10 @@ impl Policy {
     pub fn of_function(interface: Interface, call: Arc<Act>) -> Result<Self, PolicyError> {
         interface.check()?;
         let (inputs, joints) = (interface.observation_width(), interface.joints.len());
-        // The actor passes the function's actions on.
-        let shape =
-            Shape { inputs: joints, hidden: Vec::new(), outputs: joints, activation: Activation::Elu };
-        let mut parameters = vec![0.0; shape.parameters()];
-        for joint in 0..joints {
-            parameters[joint * (joints + 1)] = 1.0;
-        }
         let function = Function { call, failed: Arc::default(), inputs, outputs: joints };
         let policy = Self {
             front: Some(Front::Function(function)),
-            actor: Network::new(shape, &parameters)?,
+            actor: Network::identity(joints)?,
             log_std: vec![0.0; joints],
             critic: None,
             normaliser: None,

@@ -77,7 +77,7 @@ pub struct Interface {
     pub held: Vec<Held>,
     /// Time between actions, s.
     pub control_dt: f64,
-    /// Frequency of the gait clock, Hz; needed where [`Quantity::GaitPhase`] is observed.
+    /// Frequency of the gait clock, Hz; needed where [`Quantity::GaitPhase`] or [`Quantity::GaitSine`] is observed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gait_frequency: Option<f64>,
     /// How past frames lie in a row, where terms have a [`Term::history`].
@@ -272,9 +272,18 @@ impl Interface {
                     "scale of {quantity} in {name} is {bad}; give finite numbers"
                 )));
             }
-            if term.quantity == Quantity::GaitPhase && self.gait_frequency.is_none() {
+            if term.quantity.is_of_clock() && self.gait_frequency.is_none() {
                 return Err(InterfaceError(format!(
                     "{name} holds {quantity}, but gait_frequency is missing; give the gait clock's Hz"
+                )));
+            }
+            // It is found in the row before, as that row's last action.
+            let is_last = |term: &Term| term.quantity == Quantity::LastAction;
+            let mut last = terms.iter().filter(|term| is_last(term));
+            let found = last.next().is_some_and(|last| !last.scale.contains(&0.0));
+            if term.quantity == Quantity::EarlierAction && !(found && last.next().is_none()) {
+                return Err(InterfaceError(format!(
+                    "{name} holds {quantity}, which needs last_action there too, once and with factors other than 0"
                 )));
             }
         }

@@ -10,6 +10,7 @@ pub mod follow;
 pub mod frames;
 mod front;
 mod function;
+mod graph;
 mod held;
 mod history;
 mod interface;
@@ -23,11 +24,12 @@ pub mod walker;
 
 pub use error::PolicyError;
 pub use files::{
-    DescribedTerm, Description, EncoderTensors, MemoryTensors, NormaliserTensors, Passes, PerJoint, checksum,
-    deploy, files_of, interface_of, onnx, read, unsealed, weights,
+    DescribedTerm, Description, EncoderTensors, Frames, Inputs, MemoryTensors, NormaliserTensors, Passes,
+    PerJoint, Taken, checksum, deploy, files_of, interface_of, onnx, read, unsealed, weights,
 };
 pub use front::{Encoder, Front, Latent};
 pub use function::{Act, Function};
+pub use graph::Graph;
 pub use held::{ActionClip, Held};
 pub use history::{FrameOrder, History, HistoryStart};
 pub use interface::{Interface, InterfaceError, Term};

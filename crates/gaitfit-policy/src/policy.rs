@@ -117,12 +117,17 @@ impl Policy {
             Some(Front::Recurrent(memory)) => Some(format!("a memory ({})", memory.cell.name())),
             Some(Front::Encoder(_)) => Some("an encoder before its actor".to_owned()),
             Some(Front::Function(_)) => Some("a function instead of a network".to_owned()),
+            Some(Front::Graph(_)) => Some("a graph of operators instead of a plain network".to_owned()),
             None => self.actor.untrainable().or_else(|| self.critic.as_ref()?.untrainable()),
         }
     }
 
     /// Whether it remembers what it observed.
     pub fn is_recurrent(&self) -> bool {
-        matches!(self.front, Some(Front::Recurrent(_)))
+        match &self.front {
+            Some(Front::Recurrent(_)) => true,
+            Some(Front::Graph(graph)) => graph.is_recurrent(),
+            _ => false,
+        }
     }
 }

@@ -257,6 +257,37 @@ quantities! {
         cxx: "i == 0 ? std::sin(clock) : std::cos(clock)",
         base: None,
     }
+    /// Sine of the gait clock; 1. Scales of 1 and −1 make the clocks of the feet of a trot, a pace or a bound.
+    GaitSine "gait_sine" {
+        width: Width::Numbers(1),
+        source: Policy,
+        write: |sensed, _, out| out.fill((std::f32::consts::TAU * sensed.clock).sin()),
+        isaac: ["clock_inputs"],
+        columns: Columns::Absent,
+        cxx: "std::sin(clock)",
+        base: None,
+    }
+    /// The number 1, which the scale makes any other; 1. A setting that a policy observes and nobody changes.
+    Constant "constant" {
+        width: Width::Numbers(1),
+        source: Policy,
+        write: |_, _, out| out.fill(1.0),
+        isaac: ["constant"],
+        columns: Columns::Absent,
+        cxx: "1.0f",
+        base: None,
+    }
+    /// The policy's output before the last, before scaling; one a joint. Observed beside the last one.
+    EarlierAction "earlier_action" {
+        width: Width::Joints,
+        source: Policy,
+        // The layout takes it from the row before.
+        write: |_, _, out| out.fill(0.0),
+        isaac: ["last_last_action"],
+        columns: Columns::Absent,
+        cxx: "0.0f",
+        base: None,
+    }
 }
 
 impl Quantity {
@@ -270,9 +301,15 @@ impl Quantity {
 
     /// The quantity of a term as Isaac Lab, mjlab and unitree_rl_lab name it in their velocity tasks.
     pub fn from_foreign(name: &str) -> Option<Self> {
-        // Their gait clocks differ in period and start.
-        let known = Self::ALL.iter().filter(|quantity| **quantity != Self::GaitPhase);
+        // Their gait clocks differ in period and start, and constants have no value here.
+        let others = [Self::GaitPhase, Self::GaitSine, Self::Constant, Self::EarlierAction];
+        let known = Self::ALL.iter().filter(|quantity| !others.contains(quantity));
         known.copied().find(|quantity| quantity.foreign().contains(&name))
+    }
+
+    /// Whether it is read from the gait clock.
+    pub fn is_of_clock(self) -> bool {
+        matches!(self, Self::GaitPhase | Self::GaitSine)
     }
 
     /// The columns of a log that hold its numbers, for a policy of these joints; `None` if logs have it otherwise or not

@@ -131,6 +131,25 @@ fn a_description_changes_single_entries_of_what_a_file_says() {
 
 #[test]
 fn a_bare_onnx_file_says_what_is_missing_and_shows_the_description_to_write() {
+    // Of graphs: their ends, and a history where whole frames of the usual terms are seen.
+    let cases: [(&str, &[&str]); 4] = [
+        (
+            "graphs/him.onnx",
+            &["takes 270 numbers, gives 12 actions", "scale = 0.25, history = 6 }", "order = "],
+        ),
+        ("graphs/dreamwaq.onnx", &["takes obs (45), obs_history (225) numbers", "\"command\", history = 5"]),
+        ("graphs/estimator.onnx", &["takes 45 numbers, gives actions (12), velocity (3) actions"]),
+        (
+            "trainers/sb3_ppo.onnx",
+            &["takes 45 numbers, gives 53 (12), 24 (1), 51 (any) actions", "# 12 names"],
+        ),
+    ];
+    for (name, parts) in cases {
+        let error = read(&fixture(name)).unwrap_err().to_string();
+        for part in parts {
+            assert!(error.contains(part), "`{part}` is not in `{error}`");
+        }
+    }
     let error = read(&fixture("foreign.onnx")).unwrap_err().to_string();
     for part in
         ["no metadata of gaitfit, mjlab", "file = \"foreign.onnx\"", "takes 45 numbers, gives 12", "joints ="]

@@ -26,6 +26,13 @@ const GRAPHS: &[&str] = &[
     "functions/norm",
     "functions/gelu_tanh",
     "mjlab",
+    "graphs/him_old",
+    "graphs/dreamwaq",
+    "graphs/rma",
+    "graphs/moe",
+    "graphs/estimator",
+    "graphs/bounds",
+    "graphs/operators",
 ];
 
 /// Graphs of other programs, which carry no checksum, with their descriptions beside them.

@@ -128,6 +128,41 @@ fn whole_frames_are_stacked_in_either_order() {
 }
 
 #[test]
+fn the_action_before_the_last_is_the_last_of_the_row_before() {
+    let term = |quantity, scale: &[f32], history| Term::new(quantity).scaled(scale).with_history(history);
+    for (order, history) in [(FrameOrder::Terms, 1), (FrameOrder::Frames, 3), (FrameOrder::NewestFirst, 2)] {
+        let observation = vec![
+            term(Quantity::EarlierAction, &[10.0], history),
+            term(Quantity::Constant, &[7.0], history),
+            term(Quantity::LastAction, &[2.0, 4.0], history),
+        ];
+        let interface =
+            Interface { observation, ..with_frames([1; 3], History { order, start: HistoryStart::Zeros }) };
+        interface.check().unwrap();
+        let layout = Layout::new(&interface, &interface.observation);
+        assert_eq!(layout.frames(), history + 1);
+        let earlier = layout.slots()[0].present.clone();
+        let rows = three_rows(&interface);
+        let found: Vec<&[f32]> = rows.iter().map(|row| &row[earlier.clone()]).collect();
+        assert_eq!(found, [[0.0, 0.0], [-10.0, 10.0], [-20.0, 20.0]], "{order:?}");
+        assert!(rows.iter().all(|row| row[layout.slots()[1].present.start] == 7.0));
+        assert_eq!(rows[2][layout.slots()[2].present.clone()], [-6.0, 12.0]);
+        // Rows are kept for it even without a history.
+        assert!(Past::new(&layout, 1).is_kept());
+    }
+    let wrong = |observation: Vec<Term>| {
+        let interface = Interface { observation, ..with_frames([1; 3], History::default()) };
+        interface.check().unwrap_err().to_string()
+    };
+    let alone = wrong(vec![Term::new(Quantity::EarlierAction)]);
+    assert!(alone.contains("needs last_action there too"), "{alone}");
+    let zero = wrong(vec![Term::new(Quantity::EarlierAction), term(Quantity::LastAction, &[0.0], 1)]);
+    assert!(zero.contains("factors other than 0"), "{zero}");
+    let sine = wrong(vec![Term::new(Quantity::GaitSine)]);
+    assert!(sine.contains("gait_frequency is missing"), "{sine}");
+}
+
+#[test]
 fn past_rows_begin_anew_and_come_back() {
     let interface = with_frames([2; 3], History::default());
     let layout = Layout::new(&interface, &interface.observation);

@@ -17,7 +17,7 @@ FrameOrder = Literal["terms", "frames", "newest_first"]
 HistoryStart = Literal["first", "zeros"]
 Quantity = Literal[
     "base_angular_velocity", "projected_gravity", "command", "joint_position", "joint_velocity", "last_action",
-    "base_linear_velocity", "base_height", "gait_phase",
+    "base_linear_velocity", "base_height", "gait_phase", "gait_sine", "constant", "earlier_action",
 ]
 
 

@@ -125,6 +125,7 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
                 format!("encoder {shape} {}, {passed} numbers of the observation beside it", shape.activation)
             }
             Front::Function(_) => "a function".to_owned(),
+            Front::Graph(graph) => graph.describe(),
         }),
         actor: network(&policy.actor),
         critic: policy.critic.as_ref().map(network),

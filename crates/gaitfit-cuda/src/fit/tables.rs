@@ -8,7 +8,7 @@ use gaitfit_sim::{Replay, Start};
 
 use super::FitError;
 use super::text::copied;
-use crate::words::unknown;
+use crate::words::{unknown, unobserved};
 
 /// What recordings give to the simulated robots. Recordings shorter than the longest are filled up.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -34,7 +34,12 @@ impl Tables {
     /// [`FitError::Unsupported`] for policies that the kernels do not know.
     pub fn walk(walker: &Walker, policy: &Policy, scripts: &[Script]) -> Result<Self, FitError> {
         if policy.front.is_some() {
-            return Err(FitError::Unsupported("a recurrent or two-part policy".to_owned()));
+            return Err(FitError::Unsupported(
+                "a recurrent or two-part policy or a graph of operators".to_owned(),
+            ));
+        }
+        if let Some(what) = unobserved(&walker.observation) {
+            return Err(FitError::Unsupported(what));
         }
         let actor = &policy.actor;
         if let Some(what) = actor.untrainable().or_else(|| unknown(actor.shape.activation)) {

@@ -13,6 +13,7 @@ use crate::emit::{Class, EmitOptions};
 use crate::physics::{Period, PeriodOptions};
 use crate::ppo::check_networks;
 use crate::spots::{Spot, Spots};
+use crate::words::unobserved;
 
 /// What rollouts are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,6 +66,10 @@ pub struct Scene<'a> {
 pub fn check(task: &Task, candidates: &[Candidate], learner: &Learner) -> Result<(), RolloutError> {
     check_robots(candidates)?;
     check_rewards(task)?;
+    let layouts = [&task.walker.observation, &task.walker.critic_observation];
+    if let Some(what) = layouts.into_iter().find_map(unobserved) {
+        return Err(RolloutError::Unsupported(what));
+    }
     Ok(check_networks(learner)?)
 }
 

@@ -38,13 +38,17 @@ fn cxx_steps_on_hind_legs_are_the_cpus() {
 }
 
 /// A robot that was fitted: delays, biased encoders, a tilted unit whose gyro is biased, slow sensors of velocity,
-/// another physics step, joints in another order, clipped actions.
+/// another physics step, joints in another order, clipped actions. Its policy observes a clock and a constant.
 fn fitted() -> (Task, Candidate) {
     let model = go2();
     let mut settings = lively("velocity");
     settings.robot_timestep = Some(0.001);
     settings.policy.observation.push(Term::new(Quantity::BaseHeight).scaled(&[3.0]));
     settings.noise.set(Quantity::BaseHeight, 0.02);
+    settings.policy.gait_frequency = Some(2.3);
+    for (quantity, scale) in [(Quantity::GaitSine, -2.0), (Quantity::Constant, 0.7)] {
+        settings.policy.observation.push(Term::new(quantity).scaled(&[scale]));
+    }
     let mut interface = Task::new(&model, &settings, Preset::Fast).unwrap().walker.interface;
     interface.joints.reverse();
     interface.default_pose.reverse();

@@ -1,7 +1,7 @@
 //! Which settings of a task are refused.
 
 use gaitfit_model::{Model, shown, shown_number};
-use gaitfit_policy::{Interface, Quantity, Source};
+use gaitfit_policy::{Interface, Source};
 
 use super::error::refuse;
 use super::{CommandSettings, JointNumber, TaskError, TaskSettings};
@@ -21,10 +21,10 @@ pub(super) fn check_terms(interface: &Interface) -> Result<(), TaskError> {
             );
             return refuse("policy.observation", what);
         }
-        if term.quantity == Quantity::GaitPhase && interface.gait_frequency.is_none() {
+        if term.quantity.is_of_clock() && interface.gait_frequency.is_none() {
             return refuse(
                 "policy.gait_frequency",
-                "is missing, and the policy observes gait_phase".to_owned(),
+                format!("is missing, and the policy observes {}", term.quantity.name()),
             );
         }
     }

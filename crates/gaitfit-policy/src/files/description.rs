@@ -3,10 +3,12 @@
 use super::layers::{assemble, take_apart};
 use super::read::{bytes, ending};
 use super::tensors::Tensors;
-use super::{EncoderTensors, onnx, torch, weights};
+use super::{
+    DescribedTerm, EncoderTensors, Inputs, MemoryTensors, NormaliserTensors, PerJoint, onnx, torch, weights,
+};
 use crate::error::invalid;
-use crate::network::{Activation, Cell, LayerNorm, Network};
-use crate::{ActionClip, Front, Held, History, Interface, InterfaceError, Quantity, Term};
+use crate::network::{Activation, LayerNorm, Network};
+use crate::{ActionClip, FrameOrder, Front, Held, History, Interface, InterfaceError, Quantity};
 use crate::{Policy, PolicyError, Provenance};
 use serde::Deserialize;
 use std::path::Path;
@@ -62,6 +64,11 @@ pub struct Description {
     pub control_dt: f64,
     /// Frequency of the gait clock, Hz; where `gait_phase` is observed.
     pub gait_frequency: Option<f64>,
+    /// What each input of an ONNX graph takes of the observation, where their widths do not say it.
+    #[serde(default)]
+    pub inputs: Inputs,
+    /// The output of an ONNX graph that is the action, where it has several.
+    pub output: Option<String>,
     /// How past frames lie in a row, where terms have a history.
     #[serde(default)]
     pub history: History,
@@ -72,75 +79,12 @@ pub struct Description {
     pub critic_observation: Vec<DescribedTerm>,
 }
 
-/// One number for all joints, or one a joint.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(untagged, expecting = "give one number for all joints, or a list of one number a joint")]
-pub enum PerJoint {
-    /// The same for every joint.
-    All(f64),
-    /// One a joint.
-    Each(Vec<f64>),
-}
-
-impl PerJoint {
-    fn spread(&self, joints: usize) -> Vec<f64> {
-        match self {
-            Self::All(value) => vec![*value; joints],
-            Self::Each(values) => values.clone(),
-        }
-    }
-}
-
-/// One part of a described observation.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DescribedTerm {
-    /// What is observed.
-    pub quantity: Quantity,
-    /// Factor on it; none is 1.
-    pub scale: Option<PerJoint>,
-    /// Frames: the present one and those before it.
-    #[serde(default = "one")]
-    pub history: usize,
-}
-
-/// Where safetensors hold recurrent layers, as PyTorch's `nn.LSTM` and `nn.GRU` name their tensors.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MemoryTensors {
-    /// Kind of the layers.
-    pub cell: Cell,
-    /// Prefix of the tensors: `memory_a.rnn` finds `memory_a.rnn.weight_ih_l0`.
-    pub tensors: String,
-}
-
-/// Where safetensors hold a normaliser (x − mean) / (std + epsilon).
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct NormaliserTensors {
-    /// Name of the means' tensor.
-    pub mean: String,
-    /// Name of the standard deviations' tensor.
-    pub std: String,
-    /// Added to the standard deviation.
-    #[serde(default = "hundredth")]
-    pub epsilon: f64,
-}
-
-fn one() -> usize {
-    1
-}
-
 fn actor() -> String {
     "actor".to_owned()
 }
 
 fn half() -> f64 {
     0.5
-}
-
-fn hundredth() -> f64 {
-    0.01
 }
 
 impl Description {
@@ -180,17 +124,19 @@ impl Description {
     /// As [`Interface::check`].
     pub fn interface(&self) -> Result<Interface, InterfaceError> {
         let joints = self.joints.len();
-        let terms = |terms: &[DescribedTerm]| {
-            let term = |term: &DescribedTerm| {
-                let scale = match &term.scale {
-                    None => Vec::new(),
-                    Some(PerJoint::All(value)) => vec![*value as f32],
-                    Some(PerJoint::Each(values)) => values.iter().map(|&value| value as f32).collect(),
-                };
-                Term { quantity: term.quantity, scale, history: term.history }
-            };
-            terms.iter().map(term).collect()
+        let by_term = self.history.order == FrameOrder::Terms;
+        let terms = |terms: &[DescribedTerm]| terms.iter().flat_map(|term| term.terms(by_term)).collect();
+        let sines = |term: &DescribedTerm| {
+            term.quantity == Quantity::GaitSine
+                && term.history > 1
+                && matches!(&term.scale, Some(PerJoint::Each(scale)) if scale.len() > 1)
         };
+        if by_term && self.observation.iter().chain(&self.critic_observation).any(sines) {
+            return Err(InterfaceError(
+                "gait_sine with several factors has a history: set history.order to \"frames\" or \"newest_first\""
+                    .to_owned(),
+            ));
+        }
         let interface = Interface {
             robot: self.robot.clone(),
             joints: self.joints.clone(),
@@ -229,14 +175,15 @@ impl Description {
                 return self.other_interface(interface, weights::read(&bytes).map_err(inside)?);
             }
         }
-        let Loaded { front, actor, critic, log_std, clip } = match ending.as_deref() {
+        let Loaded { front, actor, critic, log_std, clip, notes } = match ending.as_deref() {
             Some("onnx") => {
                 let home = path.parent().unwrap_or(folder);
-                let mut loaded = self.onnx(&bytes(&path)?, home).map_err(inside)?;
+                let mut loaded = self.onnx(&bytes(&path)?, home, &interface).map_err(inside)?;
                 if let Some(encoder) = &self.encoder {
                     if loaded.front.is_some() {
                         return Err(inside(invalid(
-                            "it has recurrent layers, and `encoder` is given: a policy has one of them",
+                            "it has recurrent layers or is a graph of its own, and `encoder` is given: a policy has one of \
+                             them",
                         )));
                     }
                     loaded.front = Some(encoder.beside(folder, &interface)?);
@@ -253,7 +200,8 @@ impl Description {
             }
             _ => return Err(inside(invalid("`file` must name an .onnx or .safetensors file"))),
         };
-        let notes = clip.map(|clip| clipped(&mut interface, clip)).into_iter().collect();
+        let clip = clip.map(|clip| clipped(&mut interface, clip));
+        let notes = notes.into_iter().chain(clip).collect();
         let policy = Policy {
             log_std: log_std.unwrap_or_else(|| vec![self.std.ln() as f32; interface.joints.len()]),
             interface,
@@ -285,7 +233,12 @@ impl Description {
             )));
         }
         let sees = !interface.critic_observation.is_empty();
+        let front = match policy.front {
+            Some(Front::Graph(graph)) => Some(Front::Graph(graph.behind(&interface)?)),
+            front => front,
+        };
         let policy = Policy {
+            front,
             interface,
             critic: policy.critic.filter(|_| sees),
             critic_normaliser: policy.critic_normaliser.filter(|_| sees),
@@ -295,7 +248,7 @@ impl Description {
         Ok(policy)
     }
 
-    fn onnx(&self, bytes: &[u8], folder: &Path) -> Result<Loaded, PolicyError> {
+    fn onnx(&self, bytes: &[u8], folder: &Path, interface: &Interface) -> Result<Loaded, PolicyError> {
         let other = [
             ("activation", self.activation.is_some()),
             ("output_activation", self.output_activation.is_some()),
@@ -310,12 +263,22 @@ impl Description {
                 "`{key}` is for safetensors; the ONNX graph itself says it: leave it out"
             )));
         }
-        let onnx::Read { memory, network, clip } = onnx::read_chain(bytes, folder)?.read(None)?;
-        let front = memory.map(Front::Recurrent);
-        Ok(Loaded { front, actor: network, critic: None, log_std: None, clip })
+        match onnx::read_graph(bytes, folder, interface, &self.inputs, self.output.as_deref())? {
+            onnx::Found::Layers(onnx::Read { memory, network, clip }) => {
+                let front = memory.map(Front::Recurrent);
+                Ok(Loaded { front, clip, ..Loaded::new(network) })
+            }
+            onnx::Found::Graph(graph, notes) => {
+                let actor = Network::identity(interface.joints.len())?;
+                Ok(Loaded { front: Some(Front::Graph(graph)), notes, ..Loaded::new(actor) })
+            }
+        }
     }
 
     fn safetensors(&self, interface: &Interface, bytes: &[u8]) -> Result<Loaded, PolicyError> {
+        if !self.inputs.is_empty() || self.output.is_some() {
+            return Err(invalid("`inputs` and `output` are for ONNX graphs; leave them out"));
+        }
         let activation = self.activation.ok_or_else(|| {
             invalid(
                 "safetensors do not say the activation; add activation = \"elu\" (or relu, tanh, silu, …)",
@@ -335,15 +298,20 @@ impl Description {
             }
             None => None,
         };
+        // A normaliser's standard deviation may have the name that trainers give the actions'.
+        let of_normaliser = |name: &str| {
+            let both = [&self.normaliser, &self.critic_normaliser];
+            both.iter().any(|one| one.as_ref().is_some_and(|one| one.std == name || one.mean == name))
+        };
         let log_std = if tensors.has("log_std") {
             Some(tensors.vector("log_std")?)
-        } else if tensors.has("std") {
+        } else if tensors.has("std") && !of_normaliser("std") {
             Some(tensors.vector("std")?.into_iter().map(f64::ln).collect())
         } else {
             None
         };
         let log_std = log_std.map(|values| values.into_iter().map(|value| value as f32).collect());
-        Ok(Loaded { front, actor, critic, log_std, clip: None })
+        Ok(Loaded { front, critic, log_std, ..Loaded::new(actor) })
     }
 
     /// What stands before the actor.
@@ -377,6 +345,14 @@ struct Loaded {
     log_std: Option<Vec<f32>>,
     /// Largest magnitude of each output, where the graph clips them.
     clip: Option<Vec<f64>>,
+    notes: Vec<String>,
+}
+
+impl Loaded {
+    /// An actor alone.
+    fn new(actor: Network) -> Self {
+        Self { front: None, actor, critic: None, log_std: None, clip: None, notes: Vec::new() }
+    }
 }
 
 /// Gives the interface the clip of a graph's outputs, as well as its own. What to know of it, in words.

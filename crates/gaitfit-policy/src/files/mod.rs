@@ -5,9 +5,11 @@
 
 pub mod checksum;
 pub mod deploy;
+mod described;
 mod description;
 mod encoder;
 mod foreign;
+mod inputs;
 mod layers;
 pub mod onnx;
 mod read;
@@ -15,6 +17,8 @@ mod tensors;
 mod torch;
 pub mod weights;
 
-pub use description::{DescribedTerm, Description, MemoryTensors, NormaliserTensors, PerJoint};
+pub use described::{DescribedTerm, MemoryTensors, NormaliserTensors, PerJoint};
+pub use description::Description;
 pub use encoder::{EncoderTensors, Passes};
+pub use inputs::{Frames, Inputs, Taken};
 pub use read::{files_of, interface_of, read, unsealed};

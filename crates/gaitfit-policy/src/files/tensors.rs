@@ -66,6 +66,15 @@ impl<'a> Tensors<'a> {
         Ok((view.shape().to_vec(), values))
     }
 
+    /// The bytes of a tensor of bytes.
+    pub fn bytes(&mut self, name: &str) -> Result<&'a [u8], PolicyError> {
+        let view = self.view(name)?;
+        if view.dtype() != Dtype::U8 {
+            return Err(invalid(format!("tensor {} is {:?}; it holds bytes", shown(name), view.dtype())));
+        }
+        Ok(view.data())
+    }
+
     /// A vector of any length; axes of length 1 are ignored.
     pub fn vector(&mut self, name: &str) -> Result<Vec<f64>, PolicyError> {
         let (shape, values) = self.numbers(name)?;

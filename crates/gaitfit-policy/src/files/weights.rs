@@ -6,16 +6,18 @@
 //! | `actor.0.bias`, … | F32 `outputs` |
 //! | `critic.0.weight`, … | the same, where there is a critic |
 //! | `log_std` | F32 `joints` |
+//! | `graph` | U8: an ONNX model, where the policy is a graph of operators; `actor` then passes its actions on |
 //! | `normaliser.mean`, `.variance`, `.count` | F64 `width`, `width`, 1; `critic_normaliser.…` likewise |
 //!
 //! The metadata has one entry, `gaitfit`: a JSON object with the file's checksum, format version, interface, activation,
 //! provenance. Files of earlier versions have no checksum, and are read.
 
-use super::checksum;
 use super::layers::{take_apart, transpose};
 use super::tensors::Tensors;
+use super::{Inputs, checksum, onnx};
 use crate::Interface;
 use crate::error::invalid;
+use crate::graph::Plan;
 use crate::network::{Activation, Cell, LayerNorm, Network, Normaliser};
 use crate::{Encoder, Front, Latent, Policy, PolicyError, Provenance};
 use safetensors::tensor::{Dtype, TensorView, serialize};
@@ -26,6 +28,8 @@ use std::collections::HashMap;
 const FORMAT: u32 = 1;
 /// Where the metadata keeps the header.
 const KEY: &str = "gaitfit";
+/// The tensor with the model of a policy that is a graph.
+const GRAPH: &str = "graph";
 /// What stands before the digits of the checksum: the metadata's key and the beginning of its JSON, as JSON text.
 const BEFORE: &[u8] = br#""gaitfit":"{\"sha256\":\""#;
 
@@ -57,6 +61,11 @@ struct Header {
 #[serde(rename_all = "snake_case")]
 enum FrontHeader {
     Memory(Cell),
+    /// The model's file is the tensor `graph`.
+    Graph {
+        inputs: Inputs,
+        output: String,
+    },
     Encoder {
         activation: Activation,
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -122,6 +131,7 @@ fn written(policy: &Policy, sha256: Option<String>) -> Result<Vec<u8>, PolicyErr
     if let Some(critic) = &policy.critic {
         network("critic", critic);
     }
+    let mut graph_file = None;
     let front = match &policy.front {
         Some(Front::Recurrent(recurrent)) => Some(FrontHeader::Memory(recurrent.cell)),
         Some(Front::Encoder(Encoder { network: encoder, passed, latent })) => {
@@ -133,8 +143,16 @@ fn written(policy: &Policy, sha256: Option<String>) -> Result<Vec<u8>, PolicyErr
                 latent: *latent,
             })
         }
+        Some(Front::Graph(graph)) => {
+            let Plan { source, inputs, output, .. } = &*graph.plan;
+            graph_file = Some(source);
+            Some(FrontHeader::Graph { inputs: inputs.clone(), output: output.clone() })
+        }
         Some(Front::Function(_)) | None => None,
     };
+    if let Some(source) = graph_file {
+        tensors.push((GRAPH.to_owned(), vec![source.len()], Dtype::U8, source.clone()));
+    }
     if let Some(Front::Recurrent(recurrent)) = &policy.front {
         for (number, layer) in recurrent.layers.iter().enumerate() {
             let wide = layer.bias_ih.len();
@@ -217,6 +235,11 @@ pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
             let mut network = tensors.network("encoder", activation, epsilon)?;
             network.output = output_activation;
             Some(Front::Encoder(Encoder { network, passed, latent }))
+        }
+        Some(FrontHeader::Graph { inputs, output }) => {
+            header.interface.check()?;
+            let graph = onnx::graph_again(tensors.bytes(GRAPH)?, &header.interface, &inputs, &output)?;
+            Some(Front::Graph(graph))
         }
     };
     let critic = header

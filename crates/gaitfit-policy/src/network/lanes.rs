@@ -67,6 +67,17 @@ fn gelu<T: Scalar, const FUSED: bool>(x: T) -> T {
     if x > T::ZERO { x - half } else { half }
 }
 
+/// f of every number.
+pub(crate) fn activate_all(numbers: &mut [f32], activation: Activation) {
+    let zeros = [0.0; COLUMNS];
+    let whole = numbers.len() / COLUMNS * COLUMNS;
+    let (whole, rest) = numbers.split_at_mut(whole);
+    add_bias_and_activate(whole, &zeros, activation);
+    if !rest.is_empty() {
+        add_bias_and_activate(rest, &zeros[..rest.len()], activation);
+    }
+}
+
 /// Greatest width of a layer's output that leaves the vectors of matrix kernels half empty; [`multiply_narrow`] takes
 /// these.
 pub(crate) const NARROW: usize = 16;

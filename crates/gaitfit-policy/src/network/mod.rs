@@ -16,8 +16,10 @@ mod weights;
 
 pub use activation::Activation;
 pub(crate) use activation::SELU;
+pub(crate) use lanes::activate_all;
 pub use lanes::{add as add_slices, descend};
 pub use layer_norm::LayerNorm;
+pub(crate) use matmul::{Matrix, multiply};
 pub use network::{Network, Scratch};
 pub use normaliser::{Normaliser, normalise_row};
 pub use recurrent::{Cell, Memory, Recurrent, RecurrentLayer};

@@ -29,11 +29,13 @@ pub struct Scratch {
     buffers: [AVec<f32>; 2],
     /// The input of the first layer, where there is a normaliser.
     normalised: Vec<f32>,
+    /// What the operators of a graph give.
+    values: Vec<Vec<f32>>,
 }
 
 impl Default for Scratch {
     fn default() -> Self {
-        Self { buffers: [AVec::new(0), AVec::new(0)], normalised: Vec::new() }
+        Self { buffers: [AVec::new(0), AVec::new(0)], normalised: Vec::new(), values: Vec::new() }
     }
 }
 
@@ -41,6 +43,11 @@ impl Scratch {
     /// Empty; it grows at the first use.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// What the operators of a graph give, a list each.
+    pub(crate) fn values(&mut self) -> &mut Vec<Vec<f32>> {
+        &mut self.values
     }
 }
 
@@ -54,6 +61,14 @@ impl Network {
         let network = Self { shape, parameters, norms: Vec::new(), output: None };
         network.check()?;
         Ok(network)
+    }
+
+    /// A network that passes `width` numbers on.
+    pub(crate) fn identity(width: usize) -> Result<Self, ShapeError> {
+        let shape = Shape { inputs: width, hidden: Vec::new(), outputs: width, activation: Activation::Elu };
+        let mut parameters = vec![0.0; shape.parameters()];
+        (0..width).for_each(|number| parameters[number * (width + 1)] = 1.0);
+        Self::new(shape, &parameters)
     }
 
     /// Why it cannot be trained, in words; `None` for a network that can.

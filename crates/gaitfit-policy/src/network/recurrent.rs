@@ -76,6 +76,17 @@ struct State {
 }
 
 impl Memory {
+    /// Zeros for `environments` robots: so many numbers of each kind.
+    pub(crate) fn zeros(kinds: impl Iterator<Item = usize>, environments: usize) -> Self {
+        let state = |hidden| State { hidden, output: vec![0.0; environments * hidden], cell: Vec::new() };
+        Self { layers: kinds.map(state).collect() }
+    }
+
+    /// The numbers of one kind, `environments × numbers`.
+    pub(crate) fn numbers(&mut self, kind: usize) -> &mut [f32] {
+        &mut self.layers[kind].output
+    }
+
     /// The episode of environment `index` begins: it remembers nothing.
     ///
     /// # Panics
@@ -166,6 +177,38 @@ fn tanh(x: f32) -> f32 {
 }
 
 impl RecurrentLayer {
+    /// `times` steps of `rows` robots. `x` gives a robot's input, `times × inputs`; `before` its output before the first step,
+    /// and of an LSTM its cell. A row of `out` is all outputs, then the last output and, of an LSTM, the last cell.
+    pub(crate) fn along<'a>(
+        &self,
+        cell: Cell,
+        (rows, times): (usize, usize),
+        x: impl Fn(usize) -> &'a [f32],
+        before: &[Vec<f32>],
+        out: &mut [f32],
+    ) {
+        let (inputs, hidden) = (self.inputs, self.hidden);
+        let mut before = before.iter().cloned();
+        let zeros = vec![0.0; rows * hidden];
+        let output = before.next().unwrap_or_else(|| zeros.clone());
+        let mut state = State { hidden, output, cell: before.next().unwrap_or(zeros) };
+        let wide = out.len() / rows;
+        for time in 0..times {
+            let x: Vec<f32> =
+                (0..rows).flat_map(|row| &x(row)[time * inputs..(time + 1) * inputs]).copied().collect();
+            self.step(cell, rows, &x, &mut state);
+            for (row, out) in out.chunks_exact_mut(wide).enumerate() {
+                let new = &state.output[row * hidden..(row + 1) * hidden];
+                out[time * hidden..(time + 1) * hidden].copy_from_slice(new);
+            }
+        }
+        for (row, out) in out.chunks_exact_mut(wide).enumerate() {
+            let ends = [&state.output, &state.cell].map(|one| &one[row * hidden..(row + 1) * hidden]);
+            let ends = ends[0].iter().chain(ends[1].iter().filter(|_| cell == Cell::Lstm));
+            out[times * hidden..].iter_mut().zip(ends).for_each(|(out, &end)| *out = end);
+        }
+    }
+
     fn step(&self, cell: Cell, rows: usize, x: &[f32], state: &mut State) {
         let (hidden, wide) = (self.hidden, self.bias_ih.len());
         let product = |values: &[f32], width: usize, weight: &[f32]| {

@@ -31,6 +31,8 @@ pub struct Layout {
     slots: Vec<Slot>,
     width: usize,
     start: HistoryStart,
+    /// Where the present last action lies, and its factors, where the action before it is observed.
+    last_action: Option<(usize, Vec<f32>)>,
     /// Pose at action zero, rad, policy order.
     default_pose: Vec<f32>,
 }
@@ -57,7 +59,15 @@ impl Layout {
         }
         let default_pose = interface.default_pose.iter().map(|&angle| angle as f32).collect();
         let width = interface.width(terms);
-        Self { slots, width, start: interface.history.start, default_pose }
+        let find = |quantity: Quantity| slots.iter().find(|slot: &&Slot| slot.quantity == quantity);
+        let last_action = find(Quantity::EarlierAction).and(find(Quantity::LastAction)).map(|slot| {
+            let factor = |joint: usize| match slot.scale[..] {
+                [one] => one,
+                _ => slot.scale.get(joint).copied().unwrap_or(1.0),
+            };
+            (slot.present.start, (0..joints).map(factor).collect())
+        });
+        Self { width, start: interface.history.start, last_action, default_pose, slots }
     }
 
     /// Numbers in a row.
@@ -70,9 +80,11 @@ impl Layout {
         &self.slots
     }
 
-    /// Most frames of a term: a row says what was up to so many control periods less one ago.
+    /// Most frames of a term, one more where the action before the last is observed: a row says what was up to so many control
+    /// periods less one ago.
     pub fn frames(&self) -> usize {
-        self.slots.iter().map(|slot| slot.frames.len()).max().unwrap_or(1)
+        let frames = self.slots.iter().map(|slot| slot.frames.len()).max().unwrap_or(1);
+        frames + usize::from(self.last_action.is_some())
     }
 
     /// The factor of each number of a row. Factors of neither one number nor the term's width, which
@@ -128,6 +140,13 @@ impl Layout {
         for slot in &self.slots {
             let out = &mut row[slot.present.clone()];
             slot.quantity.write(sensed, &self.default_pose, out);
+            // What the row before has as its last action.
+            if let (Quantity::EarlierAction, Some((place, factors)), Some(past)) =
+                (slot.quantity, &self.last_action, past)
+            {
+                let before = past[*place..].iter().zip(factors);
+                out.iter_mut().zip(before).for_each(|(out, (value, factor))| *out = value / factor);
+            }
             corrupt(slot.quantity, out);
             match slot.scale.as_slice() {
                 [] => {}

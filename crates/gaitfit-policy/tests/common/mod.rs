@@ -144,3 +144,15 @@ pub fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
         }
     })
 }
+
+/// Actions of `robots` robots along the rows of a sequence, robot after robot within a step. All see the same.
+pub fn along(policy: &Policy, observation: &[f32], robots: usize) -> Vec<Vec<f32>> {
+    let (mut memory, mut scratch) = (policy.memory(robots), Scratch::default());
+    let mut actions = Vec::new();
+    for row in observation.chunks_exact(policy.interface.observation_width()) {
+        let mut action = vec![f32::NAN; robots * policy.interface.joints.len()];
+        policy.act_with(robots, &row.repeat(robots), &mut memory, &mut action, &mut scratch);
+        actions.push(action);
+    }
+    actions
+}

@@ -5,7 +5,7 @@ use crate::common::{self, ACTIVATIONS, fixture, interface, numbers, policy, root
 use gaitfit_policy::network::{Activation, Network, Shape};
 use gaitfit_policy::observation::Sensed;
 use gaitfit_policy::{
-    ActionClip, Encoder, FrameOrder, Front, HistoryStart, Latent, Pilot, Policy, deploy, read,
+    ActionClip, Encoder, FrameOrder, Front, HistoryStart, Latent, Pilot, Policy, Quantity, Term, deploy, read,
 };
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -160,6 +160,17 @@ int main() {
     for order in [FrameOrder::Terms, FrameOrder::Frames, FrameOrder::NewestFirst] {
         policies.extend([HistoryStart::First, HistoryStart::Zeros].map(|start| rich(order, start)));
     }
+    // Clocks of the feet and a constant.
+    let mut interface = rich(FrameOrder::Frames, HistoryStart::Zeros).interface;
+    for (quantity, scale) in
+        [(Quantity::GaitSine, -1.0), (Quantity::Constant, 0.3), (Quantity::GaitSine, 1.0)]
+    {
+        interface.observation.push(Term::new(quantity).scaled(&[scale]).with_history(3));
+    }
+    policies.push(seeing(interface.clone(), &[20, 12]));
+    interface.observation.push(Term::new(Quantity::EarlierAction).with_history(3));
+    let refused = deploy::cxx(&seeing(interface, &[20, 12]), None).err().unwrap().to_string();
+    assert!(refused.contains("earlier_action"), "{refused}");
     // Names that end no literal and no line.
     policies[2].interface.robot = "\"; #error ??/ \\ é".to_owned();
     policies[2].interface.joints[0] = "a\\".to_owned();

@@ -67,6 +67,8 @@ enum Change {
     ActionScale(f64),
     /// Another factor on a term of the observation.
     Scale(Quantity, Vec<f32>),
+    /// Two terms of the observation in each other's place.
+    Terms([usize; 2]),
 }
 
 /// What is in another order.
@@ -103,6 +105,7 @@ impl Arrangement {
                 new.flip(name, flipped, *actions_alone, derived)
             }
             Change::ActionScale(factor) => new.scale_actions(*factor, derived),
+            Change::Terms([first, second]) => new.swap_terms(*first, *second),
             Change::Scale(quantity, scale) => {
                 for term in new.interface.observation.iter_mut().filter(|term| term.quantity == *quantity) {
                     term.scale.clone_from(scale);
@@ -185,6 +188,15 @@ impl Arrangement {
         ));
     }
 
+    fn swap_terms(&mut self, first: usize, second: usize) {
+        let terms = &mut self.interface.observation;
+        let [a, b] = [first, second].map(|place| terms[place].quantity.name());
+        terms.swap(first, second);
+        let names: Vec<&str> = terms.iter().map(|term| term.quantity.name()).collect();
+        self.changes.push(format!("{a} and {b} in each other's place in the observation"));
+        self.settings.push(format!("`observation` in the order {}", names.join(", ")));
+    }
+
     fn scale_actions(&mut self, factor: f64, derived: bool) {
         if derived {
             self.interface.action_scale.iter_mut().for_each(|scale| *scale *= factor);
@@ -222,8 +234,12 @@ fn changes(interface: &Interface, limbs: &Limbs, with_logs: bool) -> Vec<Change>
         }
     }
     changes.extend([0.25, 0.5, 2.0, 4.0].map(Change::ActionScale));
-    // The factors of legged_gym, walk-these-ways and Isaac Lab's usual tasks.
-    let usual: [(Quantity, &[&[f32]]); 3] = [
+    // The factors of legged_gym, walk-these-ways and Isaac Lab's usual tasks; gravity that points up; an action that is observed
+    // as the change of the target.
+    let scaled = [interface.action_scale.first().copied().unwrap_or(1.0) as f32];
+    let usual: [(Quantity, &[&[f32]]); 5] = [
+        (Quantity::ProjectedGravity, &[&[1.0], &[-1.0]]),
+        (Quantity::LastAction, &[&[1.0], &scaled]),
         (Quantity::BaseAngularVelocity, &[&[1.0], &[0.25], &[0.2]]),
         (Quantity::JointVelocity, &[&[1.0], &[0.05], &[0.1]]),
         (Quantity::Command, &[&[1.0], &[2.0, 2.0, 0.25]]),
@@ -235,6 +251,10 @@ fn changes(interface: &Interface, limbs: &Limbs, with_logs: bool) -> Vec<Change>
         let others = scales.iter().filter(|scale| !same(scale));
         changes.extend(others.map(|scale| Change::Scale(quantity, scale.to_vec())));
     }
+    let terms = interface.observation.len();
+    changes.extend(
+        (0..terms).flat_map(|first| (first + 1..terms).map(move |second| Change::Terms([first, second]))),
+    );
     changes
 }
 

@@ -15,6 +15,8 @@ pub(super) struct Limbs {
     limbs: Vec<Vec<usize>>,
     /// Places in the policy's order, in the order of the robot's file.
     file: Vec<usize>,
+    /// The same level by level from the base, each level in the order of the file, as Isaac Lab lists joints.
+    breadth_first: Vec<usize>,
 }
 
 impl Limbs {
@@ -34,7 +36,9 @@ impl Limbs {
         let depth = |place: usize| path(model, model.joints[joints[place]].body).len();
         let mut limbs: Vec<Vec<usize>> = limbs.into_iter().map(|(_, limb)| limb).collect();
         limbs.iter_mut().for_each(|limb| limb.sort_by_key(|&place| depth(place)));
-        Self { names, limbs, file }
+        let mut breadth_first = file.clone();
+        breadth_first.sort_by_key(|&place| depth(place));
+        Self { names, limbs, file, breadth_first }
     }
 
     /// Whether limbs are as long as one another.
@@ -66,10 +70,7 @@ impl Limbs {
                 orders.push((format!("{legs}, type by type{}", known(true)), by_type));
             }
         } else {
-            let longest = self.limbs.iter().map(Vec::len).max().unwrap_or(0);
-            let breadth =
-                (0..longest).flat_map(|joint| self.limbs.iter().filter_map(move |limb| limb.get(joint)));
-            orders.push(("breadth first".to_owned(), breadth.copied().collect()));
+            orders.push(("breadth first (Isaac Lab's)".to_owned(), self.breadth_first.clone()));
         }
         let same: Vec<usize> = (0..self.names.len()).collect();
         let mut seen = vec![same];

@@ -60,6 +60,44 @@ fn orders_of_four_legs_are_named() {
 }
 
 #[test]
+fn a_humanoids_joints_are_listed_level_by_level_whatever_they_hang_on() {
+    let text = r#"<mujoco model="upper"><worldbody><body name="base" pos="0 0 1"><freejoint/>
+        <geom type="sphere" size="0.1"/>
+        <body><joint name="left_hip"/><geom type="sphere" size="0.1"/>
+            <body><joint name="left_knee"/><geom type="sphere" size="0.1"/></body></body>
+        <body><joint name="right_hip"/><geom type="sphere" size="0.1"/>
+            <body><joint name="right_knee"/><geom type="sphere" size="0.1"/></body></body>
+        <body><joint name="waist"/><geom type="sphere" size="0.1"/>
+            <body><joint name="left_shoulder"/><geom type="sphere" size="0.1"/>
+                <body><joint name="left_elbow"/><geom type="sphere" size="0.1"/></body></body>
+            <body><joint name="right_shoulder"/><geom type="sphere" size="0.1"/>
+                <body><joint name="right_elbow"/><geom type="sphere" size="0.1"/></body></body></body>
+        </body></worldbody></mujoco>"#;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("upper.xml");
+    std::fs::write(&path, text).unwrap();
+    let model = gaitfit_model::read(&path, &Default::default()).unwrap();
+    let joints: Vec<usize> = (0..model.joints.len()).collect();
+    let orders = Limbs::new(&model, &joints).orders();
+    let (_, order) = orders.iter().find(|(name, _)| name == "breadth first (Isaac Lab's)").unwrap();
+    let names: Vec<&str> = order.iter().map(|&joint| model.joints[joint].name.as_str()).collect();
+    assert_eq!(
+        names,
+        [
+            "left_hip",
+            "right_hip",
+            "waist",
+            "left_knee",
+            "right_knee",
+            "left_shoulder",
+            "right_shoulder",
+            "left_elbow",
+            "right_elbow"
+        ]
+    );
+}
+
+#[test]
 fn a_permuted_policy_is_put_right_by_its_logs() {
     let scene = scene();
     let right = policy(&scene, 3);
@@ -118,6 +156,33 @@ fn scales_and_signs_are_named() {
     assert!(found.settings[0].contains("divided by 0.25"), "{found:?}");
     // Another policy is not explained by any arrangement.
     assert_eq!(diagnosed(&policy(&scene, 4), &recorded), None);
+}
+
+#[test]
+fn terms_in_another_order_and_gravity_that_points_up_are_named() {
+    let scene = scene();
+    let right = policy(&scene, 3);
+    let recorded = logs(&scene, &right, true);
+    let place = |quantity: Quantity| {
+        right.interface.observation.iter().position(|term| term.quantity == quantity).unwrap()
+    };
+    let (gravity, command) = (place(Quantity::ProjectedGravity), place(Quantity::Command));
+    let mut swapped = right.clone();
+    swapped.interface.observation.swap(gravity, command);
+    let found = diagnosed(&swapped, &recorded).unwrap();
+    let names: Vec<&str> = right.interface.observation.iter().map(|term| term.quantity.name()).collect();
+    assert_eq!(found.settings, [format!("`observation` in the order {}", names.join(", "))], "{found:?}");
+    assert!(found.measure[0] > 0.2 && found.measure[1] < 0.01, "{found:?}");
+    let mut upwards = right.clone();
+    upwards.interface.observation[gravity].scale = vec![-1.0];
+    let found = diagnosed(&upwards, &recorded).unwrap();
+    assert_eq!(found.settings, ["`scale = [1]` of projected_gravity in `observation`"], "{found:?}");
+    // The network saw its last action as the change of the target.
+    let mut scaled = right.clone();
+    let last = place(Quantity::LastAction);
+    scaled.interface.observation[last].scale = vec![right.interface.action_scale[0] as f32];
+    let found = diagnosed(&scaled, &recorded).unwrap();
+    assert_eq!(found.settings, ["`scale = [1]` of last_action in `observation`"], "{found:?}");
 }
 
 #[test]

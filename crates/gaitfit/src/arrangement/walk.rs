@@ -15,6 +15,8 @@ const SECONDS: f64 = 3.0;
 /// Largest measure of an arrangement that walks: the share of falls, and the velocity error relative to that of a robot that
 /// stands still.
 const WALKS: f64 = 0.5;
+/// A right arrangement has at most this share of the measure of a wrong one.
+const CLEARLY: f64 = 0.5;
 /// Measure that needs no further change.
 const ENOUGH: f64 = 0.35;
 
@@ -30,7 +32,8 @@ pub fn of_walk(world: &World, seed: u64, threads: usize) -> Option<Diagnosis> {
     let measure = |arrangement: &Arrangement| trial(world, arrangement, seed).unwrap_or(f64::INFINITY);
     let none = |_: &Arrangement| Vec::new();
     let (best, measure) = search(&policy.interface, &limbs, [false, true], ENOUGH, threads, &measure, &none);
-    (!best.changes.is_empty() && measure[1] < WALKS).then_some(Diagnosis {
+    let is_right = measure[1] < WALKS && measure[1] < CLEARLY * measure[0];
+    (!best.changes.is_empty() && is_right).then_some(Diagnosis {
         changes: best.changes,
         settings: best.settings,
         measure,

@@ -111,7 +111,9 @@ pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>)
         measured.evaluation.ground.clone_from(&ground.results);
     }
     let verdict = verdict(&measured.evaluation, &world.scene.settings.command);
-    let diagnosis = match measured.evaluation.fall_rate.mean > MANY_FALLS {
+    // Robots that stand on legs in a wrong order need not fall.
+    let fails = verdict.as_ref().is_some_and(|one| !one.walks);
+    let diagnosis = match fails || measured.evaluation.fall_rate.mean > MANY_FALLS {
         true => arrangement::of_walk(&world, plan.seed, plan.threads),
         false => None,
     };

@@ -95,7 +95,8 @@ impl Setup {
         if let Some(why) = policy.untrainable() {
             // Said now, not after the fit.
             return Err(Error::failed(format!(
-                "{}: the policy has {why}, which is not trained here, so a loop cannot train it further",
+                "{}: the policy has {why}, which is not trained here, so a loop cannot train it further; `gaitfit fit` with the same \
+                 configuration fits its logs alone",
                 policy_path.display()
             )));
         }

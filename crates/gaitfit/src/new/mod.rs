@@ -234,8 +234,13 @@ fn gains(settings: &NewSettings, model: &Model, logs: &Logs) -> Result<Option<Ga
 impl Found<'_> {
     /// The command's name, and its whole line.
     fn next(&self) -> String {
-        let command = if self.policy.is_some() { "loop" } else { "fit" };
+        let command = if self.trains() { "loop" } else { "fit" };
         format!("gaitfit {command} {}", self.out.display())
+    }
+
+    /// Whether there is a policy that can be trained further.
+    fn trains(&self) -> bool {
+        self.policy.as_ref().is_some_and(|policy| policy.untrainable().is_none())
     }
 
     /// Opens the configuration as its command would, and reports.

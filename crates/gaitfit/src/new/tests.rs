@@ -116,6 +116,21 @@ fn a_policy_gives_a_loop_and_is_checked_against_the_logs() {
 }
 
 #[test]
+fn a_policy_that_is_not_trained_here_gives_a_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut policy = gaitfit_policy::read(&root("assets/go2-walk.safetensors")).unwrap();
+    policy.actor.output = Some(gaitfit_policy::network::Activation::Tanh);
+    let path = folder.path().join("policy.safetensors");
+    std::fs::write(&path, gaitfit_policy::weights::write(&policy).unwrap()).unwrap();
+    let out = Some(folder.path().join("new.toml"));
+    let settings = NewSettings { policy: Some(path), logs: walks(), out, ..NewSettings::default() };
+    let written = write(&settings).unwrap();
+    assert!(written.next.starts_with("gaitfit fit "), "{}", written.next);
+    let text = std::fs::read_to_string(settings.out.unwrap()).unwrap();
+    assert!(text.contains("under a policy that is not trained here") && !text.contains("finetune"), "{text}");
+}
+
+#[test]
 fn the_robot_of_the_policys_training_is_taken() {
     let folder = tempfile::tempdir().unwrap();
     let mut policy = gaitfit_policy::read(&root("assets/go2-walk.safetensors")).unwrap();

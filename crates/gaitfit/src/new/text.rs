@@ -18,10 +18,11 @@ impl Found<'_> {
     /// The whole file.
     pub(super) fn text(&self) -> String {
         let walks = self.policy.is_some();
-        let (what, command) = if walks {
-            ("the loop of a robot that walked", "loop")
-        } else {
-            ("a fit of legs in the air", "fit")
+        let (what, command) = match (walks, self.trains()) {
+            (true, true) => ("the loop of a robot that walked", "loop"),
+            // `gaitfit fit` reads the same file.
+            (true, false) => ("a fit of walks under a policy that is not trained here", "loop"),
+            (false, _) => ("a fit of legs in the air", "fit"),
         };
         let mut text = format!(
             "# Written by `gaitfit new`: {what}.\n# Run it with `{}`. `gaitfit config {command}` prints all other settings.\n\n",
@@ -55,7 +56,9 @@ impl Found<'_> {
             &format!("{BOARD_SECONDS:?}"),
             "s, assumed period of the robot's motor boards",
         );
-        text.push_str("\n[finetune.train]\n# iterations = 160               # of the training in the fitted simulator\n");
+        if self.trains() {
+            text.push_str("\n[finetune.train]\n# iterations = 160               # of the training in the fitted simulator\n");
+        }
     }
 
     fn air(&self, text: &mut String) {

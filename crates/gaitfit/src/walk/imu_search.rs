@@ -4,7 +4,7 @@ use super::observation::{self, Given};
 use gaitfit_log::Trajectory;
 use gaitfit_policy::network::Scratch;
 use gaitfit_policy::observation::Layout;
-use gaitfit_policy::{Interface, Policy, Quantity};
+use gaitfit_policy::{Interface, Policy};
 use nalgebra::{DMatrix, DVector};
 
 /// Most steps of the search for what the log lacks.
@@ -150,8 +150,7 @@ impl<'a> Search<'a> {
 
     /// Phase of the gait clock at the log's first sample; 0 for policies without one.
     pub fn clock(&mut self, log: &Trajectory, chosen: &[(usize, Vec<f64>, Vec<f64>)]) -> f64 {
-        let clocked =
-            self.policy.interface.observation.iter().any(|term| term.quantity == Quantity::GaitPhase);
+        let clocked = self.policy.interface.observation.iter().any(|term| term.quantity.is_of_clock());
         if !clocked {
             return 0.0;
         }

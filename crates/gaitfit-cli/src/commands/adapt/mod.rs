@@ -59,10 +59,19 @@ fn next(results: &AdaptResults, args: &cli::Fit, config: &AdaptConfig) -> Vec<St
     }
     let training = config.policy.as_ref().map(|policy| {
         let robot = robot_option(Path::new(policy), &config.robot);
-        format!("gaitfit finetune {policy} --theta {theta}{robot}")
+        // Policies that cannot be trained are measured in the fitted simulator.
+        let command = if is_trainable(Path::new(policy)) { "finetune" } else { "evaluate" };
+        format!("gaitfit {command} {policy} --theta {theta}{robot}")
     });
     let validation = format!("gaitfit validate {theta} OTHER_LOG.csv");
     [validation].into_iter().chain(training).chain([format!("gaitfit export {theta} --out FOLDER")]).collect()
+}
+
+/// Whether a policy can be trained further, as far as its file can be read.
+fn is_trainable(policy: &Path) -> bool {
+    let path = gaitfit::policy_file::find(policy).map(|found| found.path).ok();
+    let policy = path.and_then(|path| gaitfit_policy::read(&path).ok());
+    policy.is_none_or(|policy| policy.untrainable().is_none())
 }
 
 /// The option that names `robot`, if a configuration does, for a command on a policy that does not remember its robot file.

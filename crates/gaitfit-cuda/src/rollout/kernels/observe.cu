@@ -41,6 +41,8 @@ DEVICE void write_term(
             vector[0] = sinf(angle), vector[1] = cosf(angle);
             break;
         }
+        case GAIT_SINE: vector[0] = sinf(6.2831855f * clock_of(steps)); break;
+        case CONSTANT: vector[0] = 1.0f; break;
         default: break;
     }
     until = until < term.width ? until : term.width;

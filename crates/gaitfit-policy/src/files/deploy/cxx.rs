@@ -4,7 +4,7 @@ use super::layers::{Perceptron, Remembering, array, literal, perceptron, remembe
 use super::{number, render};
 use crate::error::invalid;
 use crate::observation::{Layout, Slot};
-use crate::{Front, HistoryStart, Latent, Policy, PolicyError, Quantity, Source, Width};
+use crate::{Front, HistoryStart, Latent, Policy, PolicyError, Quantity, Source, Term, Width};
 use serde::Serialize;
 
 /// Most numbers of all networks: compilers take minutes and gigabytes for more.
@@ -81,6 +81,15 @@ struct TwoPart {
 /// `efforts`: the effort limit of each joint that it moves, N·m.
 pub(super) fn header(policy: &Policy, efforts: Option<&[f64]>) -> Result<String, PolicyError> {
     policy.refuse_function("a header")?;
+    if matches!(policy.front, Some(Front::Graph(_))) {
+        return Err(invalid(
+            "it is a graph of operators, which is not written as C++: run its own ONNX file on the robot",
+        ));
+    }
+    let earlier = |term: &Term| term.quantity == Quantity::EarlierAction;
+    if policy.interface.observation.iter().any(earlier) {
+        return Err(invalid("it observes earlier_action, which the header does not hold; use the ONNX file"));
+    }
     let count = numbers_of(policy);
     if count > MAX_NUMBERS {
         return Err(invalid(format!(
@@ -140,7 +149,7 @@ pub(super) fn header(policy: &Policy, efforts: Option<&[f64]>) -> Result<String,
 /// Numbers of all networks that act.
 fn numbers_of(policy: &Policy) -> usize {
     let front = match &policy.front {
-        None | Some(Front::Function(_)) => 0,
+        None | Some(Front::Function(_) | Front::Graph(_)) => 0,
         Some(Front::Recurrent(recurrent)) => recurrent.parameters().map(<[f32]>::len).sum(),
         Some(Front::Encoder(encoder)) => encoder.network.parameters.len() + encoder.passed.len(),
     };

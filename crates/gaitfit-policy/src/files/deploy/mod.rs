@@ -7,7 +7,7 @@ mod layers;
 mod unitree;
 
 use crate::error::invalid;
-use crate::{Policy, PolicyError, onnx};
+use crate::{Front, Policy, PolicyError, onnx};
 use gaitfit_model::Model;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::value::Serde;
@@ -36,6 +36,7 @@ pub struct Deployment {
 /// that lacks a joint of the policy.
 pub fn bundle(policy: &Policy, model: Option<&Model>) -> Result<Deployment, PolicyError> {
     let network = onnx::write_single(policy).map_err(|error| match policy.front {
+        Some(Front::Graph(_)) => error,
         Some(_) => invalid(
             "recurrent and two-part policies are not written as ONNX, so there is no bundle of them; `--cpp` writes them as \
              C++",

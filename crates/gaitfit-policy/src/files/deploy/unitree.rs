@@ -39,6 +39,10 @@ pub(super) fn obstacle(interface: &Interface) -> Option<String> {
         return Some(why);
     }
     let terms = &interface.observation;
+    let others = [Quantity::GaitSine, Quantity::Constant, Quantity::EarlierAction];
+    if let Some(term) = terms.iter().find(|term| others.contains(&term.quantity)) {
+        return Some(format!("unitree_rl_lab has no term for {}", term.quantity.name()));
+    }
     let many = terms.iter().any(|term| term.history > 1);
     if many && interface.history.order == FrameOrder::NewestFirst {
         return Some("unitree_rl_lab has no history whose newest frame comes first".to_owned());

@@ -1,7 +1,9 @@
 //! The metadata that mjlab's exporter writes into an ONNX file: comma-separated lists, numbers with three decimals.
 //!
 //! `joint_names`, `joint_stiffness`, `joint_damping`, `default_joint_pos`, `action_scale` (one number or a list),
-//! `observation_names`, `command_names`, `run_path`. Control period, scales and histories are not in it.
+//! `observation_names`, `command_names`, `run_path`. Since mjlab 1.6 also one entry a term, parts of which stand between
+//! semicolons: `observation_terms_scale`, `observation_terms_history_length` (0 without one),
+//! `observation_terms_flatten_history_dim`, `observation_terms_clip`. The control period is not in it.
 
 use super::{Known, names, numbers, terms};
 use crate::error::invalid;
@@ -10,6 +12,8 @@ use gaitfit_model::shown;
 
 /// Control period of mjlab's tasks: four physics steps of 5 ms.
 const CONTROL_DT: f64 = 0.02;
+/// Bounds beyond which a clipped term counts as not clipped.
+const FAR: f64 = 50.0;
 /// Most entries of a list.
 const MAX_ENTRIES: usize = 1024;
 
@@ -45,25 +49,79 @@ pub(in crate::files) fn read(
             ))),
         }
     };
-    let mut width = 0;
     let mut quantities = Vec::new();
     for name in list(observed, "observation_names")? {
-        let quantity = Quantity::from_foreign(&name).ok_or_else(|| invalid(terms::unknown(&name)))?;
-        width += quantity.width(outputs);
-        quantities.push(quantity);
+        quantities.push(Quantity::from_foreign(&name).ok_or_else(|| invalid(terms::unknown(&name)))?);
     }
-    if width == 0 || !inputs.is_multiple_of(width) {
+    let of_terms = |key: &str| -> Result<Option<Vec<Vec<f64>>>, PolicyError> {
+        let Some(text) = entry(key) else { return Ok(None) };
+        let words = list(text, key)?;
+        if words.len() != quantities.len() {
+            let (found, terms) = (words.len(), quantities.len());
+            return Err(invalid(format!("`{key}` of its metadata has {found} entries for {terms} terms")));
+        }
+        let numbers = |word: &String| {
+            word.split(';')
+                .take(MAX_ENTRIES)
+                .map(|part| number(part.trim(), key))
+                .collect::<Result<Vec<_>, _>>()
+        };
+        words.iter().map(numbers).collect::<Result<_, _>>().map(Some)
+    };
+    let stated = of_terms("observation_terms_history_length")?;
+    let per_frame: usize = quantities.iter().map(|quantity| quantity.width(outputs)).sum();
+    let (histories, is_guessed) = match &stated {
+        Some(lengths) => {
+            let length =
+                |numbers: &Vec<f64>| numbers.first().map_or(1, |&one| (one as usize).clamp(1, 1 << 20));
+            (lengths.iter().map(length).collect(), false)
+        }
+        None => {
+            let length = inputs.checked_div(per_frame).unwrap_or(0);
+            (vec![length; quantities.len()], length > 1)
+        }
+    };
+    let width = quantities.iter().zip(&histories).try_fold(0_usize, |sum, (quantity, &length)| {
+        sum.checked_add(quantity.width(outputs).checked_mul(length)?)
+    });
+    if width != Some(inputs) || inputs == 0 {
         return Err(invalid(format!(
-            "the terms of its metadata have {width} numbers, its network takes {inputs}: terms of other widths are not \
-             known here. Describe it in a TOML file (docs/policies.md)"
+            "the terms of its metadata have {} numbers, its network takes {inputs}: terms of other widths are not known \
+             here. Describe it in a TOML file (docs/policies.md)",
+            width.unwrap_or(usize::MAX)
         )));
     }
-    let history = inputs / width;
-    let term = |quantity: crate::Quantity| {
+    let flat = of_terms("observation_terms_flatten_history_dim")?.unwrap_or_default();
+    if flat.iter().zip(&histories).any(|(flat, &length)| length > 1 && flat.first() == Some(&0.0)) {
+        return Err(invalid(
+            "its metadata has a history that is not flat; describe it in a TOML file (docs/policies.md)",
+        ));
+    }
+    let clips = of_terms("observation_terms_clip")?.unwrap_or_default();
+    if let Some((quantity, clip)) =
+        quantities.iter().zip(&clips).find(|(_, clip)| clip.iter().any(|limit| limit.abs() < FAR))
+    {
+        let name = quantity.name();
+        return Err(invalid(format!(
+            "its metadata clips {name} to {clip:?}, which is not known here: describe it in a TOML file without the clip, if \
+             the robot stays within it (docs/policies.md)"
+        )));
+    }
+    let scales = of_terms("observation_terms_scale")?;
+    let term = |(place, quantity): (usize, &Quantity)| {
         let mut term = toml::Table::new();
         term.insert("quantity".into(), quantity.name().into());
-        if history > 1 {
-            term.insert("history".into(), (history as i64).into());
+        if histories[place] > 1 {
+            term.insert("history".into(), (histories[place] as i64).into());
+        }
+        match scales.as_ref().map(|scales| &scales[place][..]) {
+            None | Some([1.0]) => {}
+            Some([one]) => {
+                term.insert("scale".into(), (*one).into());
+            }
+            Some(many) => {
+                term.insert("scale".into(), numbers(many));
+            }
         }
         toml::Value::Table(term)
     };
@@ -78,12 +136,15 @@ pub(in crate::files) fn read(
         table.insert(to.into(), numbers(&per_joint(from)?));
     }
     table.insert("control_dt".into(), CONTROL_DT.into());
-    table.insert("observation".into(), toml::Value::Array(quantities.into_iter().map(term).collect()));
+    table.insert("observation".into(), toml::Value::Array(quantities.iter().enumerate().map(term).collect()));
+    let lacks = if scales.is_some() { "" } else { " and no scales" };
+    let taken = if scales.is_some() { "" } else { " and 1" };
     let mut notes = vec![format!(
-        "read with mjlab's metadata, which has no control period and no scales: taken as {CONTROL_DT} s and 1. A TOML \
-         file with `file` and what is otherwise changes it"
+        "read with mjlab's metadata, which has no control period{lacks}: taken as {CONTROL_DT} s{taken}. A TOML file with \
+         `file` and what is otherwise changes it"
     )];
-    if history > 1 {
+    if is_guessed {
+        let history = histories.first().copied().unwrap_or(1);
         notes.push(format!(
             "its network takes {history} times the numbers of its terms: taken as a history of {history} frames, term \
              after term"

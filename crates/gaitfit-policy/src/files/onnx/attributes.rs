@@ -49,6 +49,11 @@ impl Attributes {
         self.find(name).map_or(default, |attribute| attribute.f)
     }
 
+    /// A tensor of numbers; `None` where there is none, or none that is read.
+    pub(super) fn tensor(&self, name: &str) -> Option<Constant> {
+        Constant::read(self.find(name)?.t.clone()?).ok()
+    }
+
     /// The value of a `Constant` node.
     pub(super) fn constant(&self) -> Result<Constant, String> {
         let attribute = self.0.first().filter(|_| self.0.len() == 1).ok_or("it has no single value")?;

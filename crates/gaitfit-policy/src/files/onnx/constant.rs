@@ -1,12 +1,17 @@
 //! Constants of a graph, and the arithmetic between them that exporters leave in it.
 
-use super::proto::{DOUBLE, FLOAT, INT64, Tensor};
+use super::attributes::Attributes;
+use super::moves::moved;
+use super::proto::{BOOL, DOUBLE, FLOAT, INT32, INT64, Tensor};
 use crate::PolicyError;
 use crate::error::invalid;
 use gaitfit_model::shown;
 
 /// Max number of numbers of one constant.
 pub(super) const MAX_NUMBERS: usize = 16 << 20;
+
+/// Max number of numbers of a constant that is filled with one number, or counts.
+const MAX_FILLED: usize = 1 << 16;
 
 /// A constant: its shape, and its numbers row-major, whatever their type in the file.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +26,7 @@ impl Constant {
         Self { dims: Vec::new(), values: vec![value] }
     }
 
-    /// From the file's form: F32, F64 (later rounded to F32) or I64, in any of its containers but another file.
+    /// From the file's form: F32, F64 (later rounded to F32), I64, I32 or truth values, in any of its containers but another file.
     pub fn read(tensor: Tensor) -> Result<Self, PolicyError> {
         let name = shown(&tensor.name);
         let length = |&length: &i64| usize::try_from(length).ok();
@@ -50,10 +55,16 @@ impl Constant {
                 let (numbers, rest) = raw.as_chunks();
                 (numbers.iter().map(|&bytes| i64::from_le_bytes(bytes) as f64).collect(), rest.len())
             }
+            BOOL if !raw.is_empty() => (raw.iter().map(|&byte| f64::from(byte)).collect(), 0),
+            INT32 if !raw.is_empty() => {
+                let (numbers, rest) = raw.as_chunks();
+                (numbers.iter().map(|&bytes| f64::from(i32::from_le_bytes(bytes))).collect(), rest.len())
+            }
+            BOOL | INT32 => (tensor.int32_data.iter().map(|&x| f64::from(x)).collect(), 0),
             other => {
                 return Err(invalid(format!(
-                    "tensor {name} has ONNX data type {other}; only FLOAT (1), DOUBLE (11, rounded to FLOAT) and \
-                     INT64 (7) are read. Export the model in single precision"
+                    "tensor {name} has ONNX data type {other}; only FLOAT (1), DOUBLE (11, rounded to FLOAT), \
+                     INT64 (7), INT32 (6) and BOOL (9) are read. Export the model in single precision"
                 )));
             }
         };
@@ -110,5 +121,25 @@ impl Constant {
         }
         let values = self.values.iter().zip(&other.values).map(|(&a, &b)| function(a, b)).collect();
         (self.dims == other.dims).then(|| Constant { dims: self.dims.clone(), values })
+    }
+}
+
+/// The result of an operator on constants, arithmetic or moves; `None` for others.
+pub(super) fn folded(operator: &str, inputs: &[&Constant], attributes: &Attributes) -> Option<Constant> {
+    match (operator, inputs) {
+        ("ConstantOfShape", [shape]) => {
+            let dims: Vec<usize> = shape.values.iter().map(|&length| length as usize).collect();
+            let count = dims.iter().try_fold(1_usize, |count, &length| count.checked_mul(length))?;
+            let value = attributes.tensor("value").and_then(|value| value.as_scalar()).unwrap_or(0.0);
+            (count <= MAX_FILLED).then(|| Constant { dims, values: vec![value; count] })
+        }
+        ("Range", [start, end, step]) => {
+            let (start, end, step) = (start.as_scalar()?, end.as_scalar()?, step.as_scalar()?);
+            let count = ((end - start) / step).ceil();
+            let values = (0.0..=MAX_FILLED as f64).contains(&count).then_some(0..count as usize)?;
+            let values: Vec<f64> = values.map(|number| start + number as f64 * step).collect();
+            Some(Constant { dims: vec![values.len()], values })
+        }
+        _ => Constant::fold(operator, inputs).or_else(|| moved(operator, inputs, attributes, MAX_NUMBERS)),
     }
 }

@@ -2,14 +2,14 @@
 
 use super::attributes::Attributes;
 use super::chain::Chain;
-use super::constant::Constant;
+use super::constant::{Constant, MAX_NUMBERS as MAX_MOVED};
 use super::external::{self, Beside};
 use super::fuse::fuse;
 use super::linear::{gemm, keeps_rows, linear};
 use super::metadata;
 use super::moves::moved;
 use super::parts::Parts;
-use super::proto::{Dimension, FLOAT, Graph, Model, Node, Tensor, ValueInfo};
+use super::proto::{Dimension, FLOAT, Graph, Model, Node, OperatorSet, Tensor, ValueInfo};
 use super::recurrent::{Remembered, is_recurrent};
 use crate::PolicyError;
 use crate::error::invalid;
@@ -24,15 +24,23 @@ const MAX_PARTS: usize = 1024;
 /// Most numbers of all constants together, those computed from others included.
 const MAX_NUMBERS: usize = 32 << 20;
 
+/// Most axes of an input; more are refused later.
+const MAX_AXES: usize = 8;
+
+/// Operators of files that name no version.
+const LATEST: i64 = 17;
+
 /// What the file's operators are called in the advice of errors.
 const UNDERSTOOD: &str = "a multilayer perceptron of Gemm or MatMul, with Elu, Relu, Tanh, LeakyRelu, Selu, SiLU or GELU between the layers";
 
 /// A model's parts.
 pub struct Decoded {
-    nodes: Vec<Node>,
-    constants: HashMap<String, Constant>,
-    inputs: Vec<ValueInfo>,
-    outputs: Vec<ValueInfo>,
+    pub(super) nodes: Vec<Node>,
+    pub(super) constants: HashMap<String, Constant>,
+    pub(super) inputs: Vec<ValueInfo>,
+    pub(super) outputs: Vec<ValueInfo>,
+    /// Version of ONNX's own operators.
+    pub(super) opset: i64,
     /// Encoded entries.
     pub metadata: Vec<Vec<u8>>,
 }
@@ -66,8 +74,27 @@ pub fn decode(bytes: &[u8], folder: Option<&Path>) -> Result<Decoded, PolicyErro
         constants,
         inputs: decode_all(&graph.0.input, "input")?,
         outputs: decode_all(&graph.0.output, "output")?,
+        opset: graph.2,
         metadata: graph.1,
     })
+}
+
+/// The same model as one file: without metadata, and with the numbers of tensors that lie in other files.
+pub fn inlined(bytes: &[u8], folder: Option<&Path>) -> Result<Vec<u8>, PolicyError> {
+    let model: Model = decode_message(bytes, "model")?;
+    let (mut graph, _, _) = graph_of(bytes)?;
+    let mut beside = Beside::new(folder);
+    for encoded in &mut graph.initializer {
+        let mut tensor: Tensor = decode_message(encoded, "initializer")?;
+        if tensor.data_location != 0 {
+            beside.fill(&mut tensor)?;
+            (tensor.data_location, tensor.external_data) = (0, Vec::new());
+            *encoded = tensor.encode_to_vec();
+        }
+    }
+    let graph = Some(graph.encode_to_vec());
+    let model = Model { graph, metadata_props: Vec::new(), producer_name: String::new(), ..model };
+    Ok(model.encode_to_vec())
 }
 
 /// The files beside a graph's own that hold its tensors' numbers, in the order of the tensors.
@@ -83,8 +110,8 @@ pub fn others(bytes: &[u8]) -> Result<Vec<PathBuf>, PolicyError> {
     Ok(files)
 }
 
-/// The graph of a file, and its encoded metadata.
-fn graph_of(bytes: &[u8]) -> Result<(Graph, Vec<Vec<u8>>), PolicyError> {
+/// The graph of a file, its encoded metadata, and the version of ONNX's own operators.
+fn graph_of(bytes: &[u8]) -> Result<(Graph, Vec<Vec<u8>>, i64), PolicyError> {
     let model: Model = decode_message(bytes, "model")?;
     if model.metadata_props.len() > MAX_PARTS {
         return Err(invalid(format!("it has more than {MAX_PARTS} entries of metadata")));
@@ -92,7 +119,10 @@ fn graph_of(bytes: &[u8]) -> Result<(Graph, Vec<Vec<u8>>), PolicyError> {
     metadata::check(bytes, &model)?;
     let graph =
         model.graph.ok_or_else(|| invalid("it holds no graph, so it is no ONNX model or it is cut short"))?;
-    Ok((decode_message(&graph, "graph")?, model.metadata_props))
+    let sets = decode_all::<OperatorSet>(&model.opset_import, "operator set")?;
+    let own = sets.iter().find(|set| matches!(set.domain.as_str(), "" | "ai.onnx"));
+    let version = own.map_or(LATEST, |set| set.version);
+    Ok((decode_message(&graph, "graph")?, model.metadata_props, version))
 }
 
 /// The layers between the graph's one input and its one output.
@@ -154,6 +184,18 @@ fn last_dimension(value: &ValueInfo) -> Result<Option<usize>, PolicyError> {
     let Some(last) = shape.and_then(|shape| shape.dim.last()) else { return Ok(None) };
     let last: Dimension = decode_message(last, "input")?;
     Ok(last.dim_value.and_then(|width| usize::try_from(width).ok()).filter(|&width| width > 0))
+}
+
+/// Lengths of an input's or output's axes; `None` for one that the file leaves open.
+pub(super) fn dimensions(value: &ValueInfo) -> Result<Vec<Option<usize>>, PolicyError> {
+    let shape = value.kind.as_ref().and_then(|kind| kind.tensor.as_ref()?.shape.as_ref());
+    let Some(shape) = shape else { return Ok(Vec::new()) };
+    let length = |dimension: &Vec<u8>| {
+        let dimension: Dimension = decode_message(dimension, "input")?;
+        let length = dimension.dim_value.and_then(|length| usize::try_from(length).ok());
+        Ok(length.filter(|&length| length > 0))
+    };
+    shape.dim.iter().take(MAX_AXES + 1).map(length).collect()
 }
 
 pub(super) struct Walk {
@@ -219,7 +261,7 @@ impl Walk {
             let constants: Vec<&Constant> =
                 inputs.iter().filter_map(|&name| self.constants.get(name)).collect();
             let folded = Constant::fold(&node.op_type, &constants)
-                .or_else(|| moved(&node.op_type, &constants, &attributes))
+                .or_else(|| moved(&node.op_type, &constants, &attributes, MAX_MOVED))
                 .ok_or_else(|| format!("it computes a constant; only {UNDERSTOOD} is read"))?;
             return self.keep(output, folded);
         }

@@ -1,6 +1,7 @@
 //! Policies as ONNX graphs, out and in.
 //!
-//! Only multilayer perceptrons are read; everything else is refused by node and operator.
+//! Multilayer perceptrons are read as such; other graphs become steps that run node by node ([`crate::Graph`]). Whatever is
+//! neither is refused by node and operator.
 
 mod attributes;
 mod bounds;
@@ -11,8 +12,10 @@ mod fuse;
 mod graph;
 mod linear;
 mod metadata;
+mod missing;
 mod moves;
 mod parts;
+mod program;
 mod proto;
 mod recurrent;
 #[cfg(test)]
@@ -22,12 +25,12 @@ mod write;
 
 pub(super) use chain::{Chain, Read};
 pub(super) use graph::others;
+pub(super) use missing::without_metadata;
 pub use write::{write, write_network, write_single};
 
+use super::Inputs;
 use super::foreign::{self, Known};
-use crate::error::invalid;
-use crate::{Interface, Policy, PolicyError};
-use gaitfit_model::shown;
+use crate::{Graph, Interface, Policy, PolicyError};
 use std::path::Path;
 
 /// Reads a policy that [`write()`] wrote: the graph's network and the metadata's interface. The critic is not part
@@ -72,39 +75,61 @@ pub(super) fn interface(bytes: &[u8]) -> Option<Interface> {
 /// What another program's metadata says; `None` where it is not known.
 pub(super) fn foreign(bytes: &[u8], folder: Option<&Path>) -> Result<Option<Known>, PolicyError> {
     let model = graph::decode(bytes, folder)?;
-    let chain = graph::walk(&model)?;
-    match (chain.inputs(), chain.width()) {
-        (Some(inputs), Some(outputs)) => foreign::mjlab(&metadata::all(&model)?, inputs, outputs),
-        _ => Ok(None),
+    match widths(&model) {
+        Ok(Some([inputs, outputs])) => foreign::mjlab(&metadata::all(&model)?, inputs, outputs),
+        Ok(None) => Ok(None),
+        Err(error) => Err(error),
     }
 }
 
-/// What is missing in a file that says nothing of joints, gains and observation, with the description to write.
-pub(super) fn without_metadata(name: &str, bytes: &[u8], folder: Option<&Path>) -> PolicyError {
-    let sizes = graph::decode(bytes, folder).and_then(|model| graph::walk(&model));
-    let (inputs, outputs) = match &sizes {
-        Ok(chain) => (chain.inputs().unwrap_or(0), chain.width().unwrap_or(0)),
-        Err(error) => return invalid(error.to_string()),
-    };
-    let name = shown(name);
-    invalid(format!(
-        "it has no metadata of gaitfit, mjlab or unitree_rl_lab, so joints, pose, gains, control period and observation \
-         are unknown. Write them into a TOML file beside it and give that (docs/policies.md), for example:\n\n\
-         file = \"{name}\"            # takes {inputs} numbers, gives {outputs} actions\n\
-         joints = [\"…\"]              # {outputs} names, in the order of the actions\n\
-         default_pose = [0.0]         # {outputs} angles, rad\n\
-         action_scale = 0.25\n\
-         kp = 25.0\n\
-         kd = 0.5\n\
-         control_dt = 0.02            # s\n\
-         observation = [              # {inputs} numbers, in the network's order\n    \
-         {{ quantity = \"base_angular_velocity\", scale = 0.25 }},\n    \
-         {{ quantity = \"projected_gravity\" }},\n    \
-         {{ quantity = \"command\" }},\n    \
-         {{ quantity = \"joint_position\" }},\n    \
-         {{ quantity = \"joint_velocity\", scale = 0.05 }},\n    \
-         {{ quantity = \"last_action\" }},\n]"
-    ))
+/// Numbers of the observation and of the action: of the layers, or as a graph of other operators states them.
+fn widths(model: &graph::Decoded) -> Result<Option<[usize; 2]>, PolicyError> {
+    match graph::walk(model) {
+        Ok(chain) => Ok(chain.inputs().zip(chain.width()).map(|(inputs, outputs)| [inputs, outputs])),
+        Err(error) => program::stated(model)?.map(Some).ok_or(error),
+    }
+}
+
+/// What a graph of another program is.
+pub(super) enum Found {
+    /// A plain perceptron, maybe behind recurrent layers.
+    Layers(Read),
+    /// Anything else, with notes on what was assumed.
+    Graph(Graph, Vec<String>),
+}
+
+/// Reads the graph of another program behind `interface`. `inputs`, `output`: what a description says of them.
+pub(super) fn read_graph(
+    bytes: &[u8],
+    folder: &Path,
+    interface: &Interface,
+    inputs: &Inputs,
+    output: Option<&str>,
+) -> Result<Found, PolicyError> {
+    let model = graph::decode(bytes, Some(folder))?;
+    if inputs.is_empty() && output.is_none() {
+        match graph::walk(&model).and_then(|chain| chain.read(None)) {
+            Ok(read) => return Ok(Found::Layers(read)),
+            // No layers at all: the walk's own words are the clearer ones.
+            Err(error) if model.nodes.is_empty() => return Err(error),
+            Err(_) => {}
+        }
+    }
+    let source = graph::inlined(bytes, Some(folder))?;
+    let (graph, mut notes) = program::compile(&model, interface, inputs, output, source)?;
+    notes.insert(0, format!("its graph is run node by node: {}", graph.describe()));
+    Ok(Found::Graph(graph, notes))
+}
+
+/// The graph of one that was read before, from its own model, behind another interface too.
+pub(crate) fn graph_again(
+    source: &[u8],
+    interface: &Interface,
+    inputs: &Inputs,
+    output: &str,
+) -> Result<Graph, PolicyError> {
+    let model = graph::decode(source, None)?;
+    Ok(program::compile(&model, interface, inputs, Some(output), source.to_vec())?.0)
 }
 
 /// The layers of any ONNX multilayer perceptron. `folder`: where the file lies.

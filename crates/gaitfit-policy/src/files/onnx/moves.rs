@@ -1,22 +1,38 @@
 //! Operators on constants that only move numbers: exporters cut and join weights in the graph.
 
 use super::attributes::Attributes;
-use super::constant::{Constant, MAX_NUMBERS};
+use super::constant::Constant;
 
 /// Max number of axes of a constant whose numbers are moved.
 const MAX_AXES: usize = 8;
 
-/// The result of `operator` on constants; `None` where it is not one of these, or does not fit its inputs.
-pub(super) fn moved(operator: &str, inputs: &[&Constant], attributes: &Attributes) -> Option<Constant> {
+/// The result of `operator` on constants, of at most `max` numbers; `None` where it is not one of these, or does not fit its
+/// inputs.
+pub(super) fn moved(
+    operator: &str,
+    inputs: &[&Constant],
+    attributes: &Attributes,
+    max: usize,
+) -> Option<Constant> {
     let first = *inputs.first()?;
     // Without numbers an axis may be as long as a file likes to say.
     if first.dims.len() > MAX_AXES || first.values.is_empty() {
         return None;
     }
     match operator {
-        "Slice" => slice(first, inputs),
-        "Concat" => concat(inputs, axis(attributes.integer("axis", 0), first.dims.len())?),
-        "Gather" => gather(first, inputs.get(1)?, axis(attributes.integer("axis", 0), first.dims.len())?),
+        "Slice" => slice(first, inputs, attributes, max),
+        "Expand" => expand(first, &inputs.get(1)?.values, max),
+        "Flatten" => {
+            let many = first.dims.len() as i64;
+            let place = attributes.integer("axis", 1);
+            let place = if place < 0 { place.checked_add(many)? } else { place };
+            let (ahead, behind) = first.dims.split_at_checked(usize::try_from(place).ok()?)?;
+            shaped(first, vec![ahead.iter().product(), behind.iter().product()])
+        }
+        "Concat" => concat(inputs, axis(attributes.integer("axis", 0), first.dims.len())?, max),
+        "Gather" => {
+            gather(first, inputs.get(1)?, axis(attributes.integer("axis", 0), first.dims.len())?, max)
+        }
         "Unsqueeze" => {
             let axes = axes(inputs, attributes)?;
             let many = first.dims.len() + axes.len();
@@ -100,11 +116,11 @@ fn blocks(dims: &[usize], axis: usize) -> (usize, usize) {
 }
 
 /// The steps `places` of an axis, one after the other.
-fn taken(constant: &Constant, axis: usize, places: &[usize]) -> Option<Constant> {
+fn taken(constant: &Constant, axis: usize, places: &[usize], max: usize) -> Option<Constant> {
     let (runs, wide) = blocks(&constant.dims, axis);
     let long = constant.dims[axis];
     let count = runs.checked_mul(wide)?.checked_mul(places.len())?;
-    if count > MAX_NUMBERS || places.iter().any(|&place| place >= long) {
+    if count > max || places.iter().any(|&place| place >= long) {
         return None;
     }
     let mut values = Vec::with_capacity(count);
@@ -119,26 +135,65 @@ fn taken(constant: &Constant, axis: usize, places: &[usize]) -> Option<Constant>
     Some(Constant { dims, values })
 }
 
-/// `Slice` with its limits as inputs, in steps of one.
-fn slice(constant: &Constant, inputs: &[&Constant]) -> Option<Constant> {
-    let (starts, ends) = (inputs.get(1)?, inputs.get(2)?);
+/// `Slice` with its limits as inputs, or as attributes as before operator set 10; in steps of one or backwards.
+fn slice(constant: &Constant, inputs: &[&Constant], attributes: &Attributes, max: usize) -> Option<Constant> {
+    let given = |number: usize, key: &str| -> Option<Vec<f64>> {
+        let listed = attributes.list(key).map(|list| list.iter().map(|&one| one as f64).collect());
+        inputs.get(number).map(|input| input.values.clone()).or(listed)
+    };
+    let (starts, ends) = (given(1, "starts")?, given(2, "ends")?);
+    let (axes, steps) = (given(3, "axes"), given(4, "steps"));
     let many = constant.dims.len();
-    let cut = starts.values.len();
-    if cut != ends.values.len() || cut > MAX_AXES {
-        return None;
-    }
-    if inputs.get(4).is_some_and(|steps| steps.values.iter().any(|&step| step != 1.0)) {
+    let cut = starts.len();
+    if cut != ends.len() || cut > MAX_AXES {
         return None;
     }
     let mut found = constant.clone();
     for number in 0..cut {
-        let named = match inputs.get(3) {
-            Some(axes) => *axes.values.get(number)? as i64,
+        let named = match &axes {
+            Some(axes) => *axes.get(number)? as i64,
             None => number as i64,
         };
         let axis = axis(named, many)?;
-        let places = range(starts.values[number], ends.values[number], found.dims[axis]);
-        found = taken(&found, axis, &places.collect::<Vec<usize>>())?;
+        let step = steps.as_ref().map_or(Some(1.0), |steps| steps.get(number).copied())?;
+        let long = found.dims[axis];
+        let places: Vec<usize> = match step {
+            1.0 => range(starts[number], ends[number], long).collect(),
+            step if step > 1.0 => range(starts[number], ends[number], long).step_by(step as usize).collect(),
+            // The whole axis backwards, as a flip is exported.
+            -1.0 if (starts[number] == -1.0 || starts[number] >= long as f64 - 1.0)
+                && ends[number] < -(long as f64) =>
+            {
+                (0..long).rev().collect()
+            }
+            _ => return None,
+        };
+        found = taken(&found, axis, &places, max)?;
+    }
+    Some(found)
+}
+
+/// `Expand`: axes of length one are repeated, and new ones stand before the others.
+fn expand(constant: &Constant, asked: &[f64], max: usize) -> Option<Constant> {
+    if asked.len() > MAX_AXES {
+        return None;
+    }
+    let asked: Vec<usize> = asked.iter().map(|&length| length as usize).collect();
+    let many = asked.len().max(constant.dims.len());
+    let mut found = constant.clone();
+    while found.dims.len() < many {
+        found.dims.insert(0, 1);
+    }
+    for (axis, &length) in (many - asked.len()..).zip(&asked) {
+        match (found.dims[axis], length) {
+            (_, 1) => {}
+            (own, length) if own == length => {}
+            (1, length) => {
+                found.values.len().checked_mul(length).filter(|&count| count <= max)?;
+                found = taken(&found, axis, &vec![0; length], max)?;
+            }
+            _ => return None,
+        }
     }
     Some(found)
 }
@@ -153,14 +208,14 @@ pub(super) fn range(start: f64, end: f64, long: usize) -> std::ops::Range<usize>
 }
 
 /// `Gather` of a list of places, or of one, which takes the axis away.
-fn gather(constant: &Constant, places: &Constant, axis: usize) -> Option<Constant> {
+fn gather(constant: &Constant, places: &Constant, axis: usize, max: usize) -> Option<Constant> {
     let long = constant.dims[axis] as f64;
     let place = |&place: &f64| {
         let place = if place < 0.0 { place + long } else { place };
         (0.0..long).contains(&place).then_some(place as usize)
     };
     let listed: Vec<usize> = places.values.iter().map(place).collect::<Option<_>>()?;
-    let mut found = taken(constant, axis, &listed)?;
+    let mut found = taken(constant, axis, &listed, max)?;
     match places.dims.len() {
         0 => {
             found.dims.remove(axis);
@@ -171,7 +226,7 @@ fn gather(constant: &Constant, places: &Constant, axis: usize) -> Option<Constan
     }
 }
 
-fn concat(inputs: &[&Constant], axis: usize) -> Option<Constant> {
+fn concat(inputs: &[&Constant], axis: usize, max: usize) -> Option<Constant> {
     let first = inputs.first()?;
     let alike = |one: &&Constant| {
         let mut dims = one.dims.clone();
@@ -182,7 +237,7 @@ fn concat(inputs: &[&Constant], axis: usize) -> Option<Constant> {
         dims == first.dims
     };
     let total = inputs.iter().try_fold(0_usize, |sum, one| sum.checked_add(one.values.len()))?;
-    if total > MAX_NUMBERS || !inputs.iter().all(alike) {
+    if total > max || !inputs.iter().all(alike) {
         return None;
     }
     let (runs, wide) = blocks(&first.dims, axis);

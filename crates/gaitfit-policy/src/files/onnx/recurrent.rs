@@ -6,6 +6,7 @@ use super::graph::Walk;
 use super::proto::Node;
 use crate::files::layers::transpose;
 use crate::network::{Cell, RecurrentLayer};
+use std::collections::HashMap;
 
 /// A state that goes into a graph or comes out of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,22 +84,7 @@ impl Walk {
         if input(0) != Some(&self.head) || !self.steps {
             return Err("its input is not the observation as one time step".to_owned());
         }
-        for name in ["activations", "clip", "activation_alpha", "activation_beta"] {
-            if attributes.has(name) {
-                return Err(format!("its attribute {name} is not read"));
-            }
-        }
-        let direction = attributes.text("direction");
-        if !(direction.is_empty() || direction == b"forward")
-            || attributes.integer("layout", 0) != 0
-            || attributes.integer("input_forget", 0) != 0
-            || cell == Cell::Gru && attributes.integer("linear_before_reset", 0) != 1
-        {
-            return Err("only forward layers as PyTorch exports them are read".to_owned());
-        }
-        if input(4).is_some() || input(7).is_some() {
-            return Err("sequence lengths and peepholes are not read".to_owned());
-        }
+        plain(node, attributes)?;
         let number = self.chain.remembering();
         let mut origins = Vec::new();
         for place in [5, 6] {
@@ -116,7 +102,7 @@ impl Walk {
                 "its states are not the graph's inputs in their order (h_in, and c_in of an LSTM)".to_owned()
             );
         }
-        let layer = self.layer_of(cell, input(1), input(2), input(3))?;
+        let layer = layer_of(&self.constants, cell, [input(1), input(2), input(3)])?;
         self.chain.recurrent(cell, layer)?;
         for (origin, output) in node.output.iter().skip(1).enumerate() {
             self.states.insert(output.clone(), Remembered { origin, layer: Some(number) });
@@ -124,54 +110,71 @@ impl Walk {
         self.head = node.output.first().cloned().unwrap_or_default();
         Ok(())
     }
+}
 
-    /// Weights in PyTorch's order of gates.
-    fn layer_of(
-        &self,
-        cell: Cell,
-        w: Option<&str>,
-        r: Option<&str>,
-        b: Option<&str>,
-    ) -> Result<RecurrentLayer, String> {
-        let constant = |name: Option<&str>| name.and_then(|name| self.constants.get(name));
-        // ONNX has i, o, f, c and z, r, h.
-        let order: &[usize] = if cell == Cell::Lstm { &[0, 2, 3, 1] } else { &[1, 0, 2] };
-        let gates = cell.gates();
-        let matrix = |name: Option<&str>| -> Result<(usize, usize, Vec<f32>), String> {
-            let constant = constant(name).ok_or("its weight is not a constant")?;
-            let [1, wide, inputs] = constant.dims[..] else {
-                return Err(format!("its weight has shape {:?}; [1, gates, inputs] is read", constant.dims));
-            };
-            if wide == 0 || inputs == 0 || wide % gates != 0 {
-                return Err(format!(
-                    "its weight has shape {:?}, no multiple of {gates} gates",
-                    constant.dims
-                ));
-            }
-            let block = wide / gates * inputs;
-            let ordered: Vec<f32> = order
-                .iter()
-                .flat_map(|&gate| &constant.values[gate * block..(gate + 1) * block])
-                .map(|&x| x as f32)
-                .collect();
-            Ok((wide, inputs, transpose(&ordered, wide, inputs)))
-        };
-        let (wide, inputs, weight_ih) = matrix(w)?;
-        let (_, hidden, weight_hh) = matrix(r)?;
-        let biases = match (b, constant(b)) {
-            (None, _) => vec![0.0; 2 * wide],
-            (_, Some(constant)) if constant.values.len() == 2 * wide => constant.values.clone(),
-            _ => return Err("its bias is not a constant of both gates' biases".to_owned()),
-        };
-        let bias = |half: usize| -> Vec<f32> {
-            let units = wide / gates;
-            let from = |gate: usize| half * wide + gate * units;
-            order
-                .iter()
-                .flat_map(|&gate| &biases[from(gate)..from(gate) + units])
-                .map(|&x| x as f32)
-                .collect()
-        };
-        Ok(RecurrentLayer { inputs, hidden, weight_ih, weight_hh, bias_ih: bias(0), bias_hh: bias(1) })
+/// Which cell a node is.
+///
+/// # Errors
+/// What PyTorch does not export.
+pub(super) fn plain(node: &Node, attributes: &Attributes) -> Result<Cell, String> {
+    let input = |number: usize| node.input.get(number).filter(|name| !name.is_empty());
+    let cell = if node.op_type == "LSTM" { Cell::Lstm } else { Cell::Gru };
+    for name in ["activations", "clip", "activation_alpha", "activation_beta"] {
+        if attributes.has(name) {
+            return Err(format!("its attribute {name} is not read"));
+        }
     }
+    let direction = attributes.text("direction");
+    if !(direction.is_empty() || direction == b"forward")
+        || attributes.integer("layout", 0) != 0
+        || attributes.integer("input_forget", 0) != 0
+        || cell == Cell::Gru && attributes.integer("linear_before_reset", 0) != 1
+    {
+        return Err("only forward layers as PyTorch exports them are read".to_owned());
+    }
+    if input(4).is_some() || input(7).is_some() {
+        return Err("sequence lengths and peepholes are not read".to_owned());
+    }
+    Ok(cell)
+}
+
+/// Weights in PyTorch's order of gates.
+pub(super) fn layer_of(
+    constants: &HashMap<String, Constant>,
+    cell: Cell,
+    [w, r, b]: [Option<&str>; 3],
+) -> Result<RecurrentLayer, String> {
+    let constant = |name: Option<&str>| name.and_then(|name| constants.get(name));
+    // ONNX has i, o, f, c and z, r, h.
+    let order: &[usize] = if cell == Cell::Lstm { &[0, 2, 3, 1] } else { &[1, 0, 2] };
+    let gates = cell.gates();
+    let matrix = |name: Option<&str>| -> Result<(usize, usize, Vec<f32>), String> {
+        let constant = constant(name).ok_or("its weight is not a constant")?;
+        let [1, wide, inputs] = constant.dims[..] else {
+            return Err(format!("its weight has shape {:?}; [1, gates, inputs] is read", constant.dims));
+        };
+        if wide == 0 || inputs == 0 || wide % gates != 0 {
+            return Err(format!("its weight has shape {:?}, no multiple of {gates} gates", constant.dims));
+        }
+        let block = wide / gates * inputs;
+        let ordered: Vec<f32> = order
+            .iter()
+            .flat_map(|&gate| &constant.values[gate * block..(gate + 1) * block])
+            .map(|&x| x as f32)
+            .collect();
+        Ok((wide, inputs, transpose(&ordered, wide, inputs)))
+    };
+    let (wide, inputs, weight_ih) = matrix(w)?;
+    let (_, hidden, weight_hh) = matrix(r)?;
+    let biases = match (b, constant(b)) {
+        (None, _) => vec![0.0; 2 * wide],
+        (_, Some(constant)) if constant.values.len() == 2 * wide => constant.values.clone(),
+        _ => return Err("its bias is not a constant of both gates' biases".to_owned()),
+    };
+    let bias = |half: usize| -> Vec<f32> {
+        let units = wide / gates;
+        let from = |gate: usize| half * wide + gate * units;
+        order.iter().flat_map(|&gate| &biases[from(gate)..from(gate) + units]).map(|&x| x as f32).collect()
+    };
+    Ok(RecurrentLayer { inputs, hidden, weight_ih, weight_hh, bias_ih: bias(0), bias_hh: bias(1) })
 }

@@ -9,7 +9,7 @@ use super::write_network;
 use crate::network::{Activation, Network, Scratch, Shape};
 use prost::Message;
 
-fn node(operator: &str, inputs: &[&str], output: &str) -> Node {
+pub(super) fn node(operator: &str, inputs: &[&str], output: &str) -> Node {
     Node {
         input: inputs.iter().map(|&name| name.to_owned()).collect(),
         output: vec![output.to_owned()],
@@ -19,22 +19,22 @@ fn node(operator: &str, inputs: &[&str], output: &str) -> Node {
     }
 }
 
-fn with(mut node: Node, attribute: Attribute) -> Node {
+pub(super) fn with(mut node: Node, attribute: Attribute) -> Node {
     node.attribute.push(attribute.encode_to_vec());
     node
 }
 
-fn integer(name: &str, i: i64) -> Attribute {
+pub(super) fn integer(name: &str, i: i64) -> Attribute {
     Attribute { name: name.into(), i, ..Attribute::default() }
 }
 
-fn tensor(name: &str, dims: &[i64], values: &[f32]) -> Tensor {
+pub(super) fn tensor(name: &str, dims: &[i64], values: &[f32]) -> Tensor {
     let (name, dims) = (name.to_owned(), dims.to_vec());
     Tensor { name, dims, data_type: FLOAT, float_data: values.to_vec(), ..Tensor::default() }
 }
 
 /// A 2 × 3 and a 3 × 1 matrix, and vectors.
-fn constants() -> Vec<Tensor> {
+pub(super) fn constants() -> Vec<Tensor> {
     vec![
         tensor("w", &[2, 3], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
         tensor("b", &[3], &[0.5, 0.0, -0.5]),
@@ -53,7 +53,7 @@ fn value(name: &str) -> Vec<u8> {
     ValueInfo { name: name.into(), kind }.encode_to_vec()
 }
 
-fn model(nodes: &[Node], constants: &[Tensor]) -> Vec<u8> {
+pub(super) fn model(nodes: &[Node], constants: &[Tensor]) -> Vec<u8> {
     let graph = Graph {
         node: nodes.iter().map(Message::encode_to_vec).collect(),
         name: "test".into(),

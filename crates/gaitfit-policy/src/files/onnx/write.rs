@@ -41,6 +41,12 @@ pub fn write_single(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
 fn whole(policy: &Policy, rows: Option<i64>) -> Result<Vec<u8>, PolicyError> {
     policy.check()?;
     policy.refuse_function("an ONNX file")?;
+    if matches!(policy.front, Some(crate::Front::Graph(_))) {
+        return Err(invalid(
+            "the policy is a graph of operators that gaitfit did not make: its own ONNX file is it already. For graph and \
+             interface in one file use safetensors (gaitfit export --safetensors)",
+        ));
+    }
     if policy.front.is_some() {
         return Err(invalid(
             "recurrent and two-part policies are not written as ONNX; use safetensors (gaitfit export --safetensors)",

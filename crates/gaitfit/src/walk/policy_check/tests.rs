@@ -5,6 +5,7 @@ use super::*;
 use crate::walk::fixtures::{logs, policy, scene};
 use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_physics::Preset;
+use gaitfit_policy::{Quantity, Term};
 
 fn judged(policy: &Policy, logs: &[Trajectory]) -> (PolicyMatch, Result<Vec<String>, Error>) {
     let found = check(policy, &logs.iter().collect::<Vec<_>>());
@@ -104,20 +105,45 @@ fn a_policy_that_sees_the_past_is_known_by_whole_logs_alone() {
 }
 
 #[test]
-fn a_recurrent_policy_is_known_along_whole_logs() {
+fn a_policy_that_sees_the_action_before_the_last_is_known_by_whole_logs() {
+    for history in [1, 3] {
+        let mut settings = TaskSettings::default().calm();
+        settings.policy.observation.push(Term::new(Quantity::EarlierAction).scaled(&[0.5]));
+        settings.policy.observation.iter_mut().for_each(|term| term.history = history);
+        let scene = Task::new(&crate::robot::go2().unwrap(), &settings, Preset::Fast).unwrap();
+        let walked = policy(&scene, 3);
+        let (found, verdict) = judged(&walked, &logs(&scene, &walked, true));
+        assert!(found.exact && found.mismatch < 1e-4 && found.samples > 100, "{found:?}");
+        assert!(verdict.unwrap().is_empty());
+    }
+}
+
+/// A policy of another program, and the Go2 under it.
+fn foreign(name: &str) -> (Policy, Task) {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../gaitfit-policy/tests/fixtures/policies/");
-    let read = |name: &str| gaitfit_policy::read((folder.to_owned() + name).as_ref()).unwrap();
-    let (walked, other) = (read("lstm.toml"), read("gru.toml"));
+    let policy = gaitfit_policy::read((folder.to_owned() + name).as_ref()).unwrap();
     let settings = TaskSettings::default().calm();
     let model = crate::robot::go2().unwrap();
-    let scene = Task::with_interface(&model, &settings, walked.interface.clone(), Preset::Fast, 0.0).unwrap();
-    let whole = logs(&scene, &walked, true);
-    let (found, verdict) = judged(&walked, &whole);
-    assert!(found.mismatch < 1e-3 && found.samples > 40, "{found:?}");
-    assert!(verdict.unwrap().is_empty());
-    assert!(judged(&other, &whole).1.is_err());
-    let (_, verdict) = judged(&walked, &logs(&scene, &walked, false));
-    assert!(verdict.unwrap()[0].contains("do not show whether"));
+    let scene = Task::with_interface(&model, &settings, policy.interface.clone(), Preset::Fast, 0.0).unwrap();
+    (policy, scene)
+}
+
+#[test]
+fn policies_with_a_memory_or_a_graph_are_known_along_whole_logs() {
+    let others = ["lstm.toml", "graphs/estimator.toml", "graphs/dreamwaq.toml", "graphs/him.toml"];
+    for name in others {
+        let (walked, scene) = foreign(name);
+        let whole = logs(&scene, &walked, true);
+        let (found, verdict) = judged(&walked, &whole);
+        assert!(found.mismatch < 1e-3 && found.samples > 40, "{name}: {found:?}");
+        assert!(verdict.unwrap().is_empty());
+        let (other, _) = foreign("gru.toml");
+        assert!(judged(&other, &whole).1.is_err());
+        if walked.is_recurrent() {
+            let (_, verdict) = judged(&walked, &logs(&scene, &walked, false));
+            assert!(verdict.unwrap()[0].contains("do not show whether"));
+        }
+    }
 }
 
 #[test]

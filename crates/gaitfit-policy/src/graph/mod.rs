@@ -1,0 +1,331 @@
+//! A policy as a graph of operators that runs node by node, for inference: whatever is no plain perceptron.
+//!
+//! A graph is written for one robot. Every value has a fixed shape, the one that it has for one robot, axes of length one
+//! for rows and time steps included. So shapes are checked when the file is read, and the same steps run for any number of
+//! robots: a value is `rows × count` numbers, and an operator never looks beyond a row.
+
+mod along;
+mod elementwise;
+mod product;
+
+pub(crate) use along::{Along, Reduction};
+pub(crate) use elementwise::{Binary, Function, Reach};
+
+use crate::network::{Cell, Memory, RecurrentLayer, Scratch};
+use std::sync::Arc;
+
+/// Robots that pass through all steps together, so that values stay small.
+const TILE: usize = 64;
+
+/// A graph at work. It is read from an ONNX file, and refused by trainings and GPUs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Graph {
+    pub(crate) plan: Arc<Plan>,
+}
+
+/// What a graph does.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Plan {
+    /// Width of the observation.
+    pub observed: usize,
+    /// Inputs that take numbers of the observation.
+    pub feeds: Vec<Feed>,
+    /// Inputs that take an output of the step before; zeros at an episode's start.
+    pub carried: Vec<Carried>,
+    pub steps: Vec<Step>,
+    pub constants: Vec<Vec<f32>>,
+    /// Numbers of each value, a robot.
+    pub counts: Vec<usize>,
+    /// Where the actions are.
+    pub actions: Operand,
+    /// How many they are.
+    pub outputs: usize,
+    /// The file: an ONNX model that holds all its numbers.
+    pub source: Vec<u8>,
+    /// What each input takes, as descriptions write it.
+    pub inputs: crate::files::Inputs,
+    /// The output that is the action.
+    pub output: String,
+}
+
+/// An input of the graph that takes numbers of the observation.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Feed {
+    pub name: String,
+    pub value: usize,
+    /// Places in the observation.
+    pub places: Vec<usize>,
+}
+
+/// An output that becomes an input one control step later.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Carried {
+    pub name: String,
+    pub value: usize,
+    pub from: Operand,
+    pub count: usize,
+}
+
+/// What an operator works on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Operand {
+    Value(usize),
+    Constant(usize),
+}
+
+impl Default for Operand {
+    fn default() -> Self {
+        Self::Value(0)
+    }
+}
+
+/// One operator.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Step {
+    pub operator: Operator,
+    pub inputs: Vec<Operand>,
+    /// The value that it gives.
+    pub output: usize,
+}
+
+/// What a step does.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Operator {
+    /// Number by number: the input and the place that it is taken from. Cuts, joins, turns and repeats are all this.
+    Take(Vec<[u32; 2]>),
+    Function(Function),
+    Binary(Binary, [Reach; 2]),
+    /// The second where the first is not zero, else the third.
+    Choose([Reach; 3]),
+    /// The last axis, of `inner` numbers, times a constant matrix `inner × outer`.
+    Product {
+        inner: usize,
+        outer: usize,
+    },
+    /// `many` products of matrices, `rows × inner` and `inner × outer`; a factor that is not repeated is there once.
+    Products {
+        many: usize,
+        rows: usize,
+        inner: usize,
+        outer: usize,
+        repeated: [bool; 2],
+    },
+    /// Sums and the like: where each number of the input goes, and how many go to each number of the output.
+    Reduce {
+        what: Reduction,
+        to: Vec<u32>,
+        each: usize,
+    },
+    /// A function of the numbers along an axis of `length`, `stride` apart.
+    Along {
+        what: Along,
+        length: usize,
+        stride: usize,
+    },
+    /// A recurrent layer along `times` time steps: inputs, output before and, of an LSTM, its cell before. It gives all
+    /// outputs, then the last output and cell.
+    Recurrent {
+        cell: Cell,
+        layer: Box<RecurrentLayer>,
+        times: usize,
+    },
+}
+
+impl Graph {
+    /// Width of the observation that it takes.
+    pub fn inputs(&self) -> usize {
+        self.plan.observed
+    }
+
+    /// Actions that it gives.
+    pub fn outputs(&self) -> usize {
+        self.plan.outputs
+    }
+
+    /// Whether it takes outputs of the step before.
+    pub fn is_recurrent(&self) -> bool {
+        !self.plan.carried.is_empty()
+    }
+
+    /// The same behind another interface.
+    ///
+    /// # Errors
+    /// One that does not give its inputs what they take.
+    pub(crate) fn behind(&self, interface: &crate::Interface) -> Result<Self, crate::PolicyError> {
+        let Plan { source, inputs, output, .. } = &*self.plan;
+        crate::files::onnx::graph_again(source, interface, inputs, output)
+    }
+
+    /// In words: operators, inputs, and what is carried from one step to the next.
+    pub fn describe(&self) -> String {
+        let plan = &self.plan;
+        let feeds = plan.feeds.iter().map(|feed| format!("{} ({} numbers)", feed.name, feed.places.len()));
+        let carried = plan.carried.iter().map(|one| format!("{} ({} remembered)", one.name, one.count));
+        let inputs: Vec<String> = feeds.chain(carried).collect();
+        format!("a graph of {} operators, inputs {}", plan.steps.len(), inputs.join(", "))
+    }
+
+    /// Nothing remembered, for `environments` robots.
+    pub(crate) fn memory(&self, environments: usize) -> Memory {
+        Memory::zeros(self.plan.carried.iter().map(|one| one.count), environments)
+    }
+
+    /// Actions, `rows × outputs`, of `rows` robots.
+    pub(crate) fn act(
+        &self,
+        rows: usize,
+        observation: &[f32],
+        memory: &mut Memory,
+        actions: &mut Vec<f32>,
+        scratch: &mut Scratch,
+    ) {
+        let plan = &*self.plan;
+        actions.clear();
+        let mut values = std::mem::take(scratch.values());
+        values.resize_with(plan.counts.len().max(values.len()), Vec::new);
+        for first in (0..rows).step_by(TILE) {
+            let rows = TILE.min(rows - first);
+            for feed in &plan.feeds {
+                let value = &mut values[feed.value];
+                value.clear();
+                let robots = observation[first * plan.observed..].chunks_exact(plan.observed).take(rows);
+                robots.for_each(|robot| value.extend(feed.places.iter().map(|&place| robot[place])));
+            }
+            for (number, one) in plan.carried.iter().enumerate() {
+                let kept = &memory.numbers(number)[first * one.count..(first + rows) * one.count];
+                values[one.value].clear();
+                values[one.value].extend_from_slice(kept);
+            }
+            for step in &plan.steps {
+                plan.step(step, rows, &mut values);
+            }
+            plan.copy(plan.actions, rows, &values, actions);
+            for (number, one) in plan.carried.iter().enumerate() {
+                let mut new = Vec::with_capacity(rows * one.count);
+                plan.copy(one.from, rows, &values, &mut new);
+                memory.numbers(number)[first * one.count..(first + rows) * one.count].copy_from_slice(&new);
+            }
+        }
+        *scratch.values() = values;
+    }
+}
+
+/// An operand's numbers: `count` a robot, the same for all robots where it is a constant.
+#[derive(Clone, Copy)]
+struct Numbers<'a> {
+    all: &'a [f32],
+    count: usize,
+    constant: bool,
+}
+
+impl<'a> Numbers<'a> {
+    fn row(&self, row: usize) -> &'a [f32] {
+        let row = if self.constant { 0 } else { row };
+        &self.all[row * self.count..(row + 1) * self.count]
+    }
+}
+
+impl Plan {
+    fn numbers<'a>(&'a self, operand: Operand, values: &'a [Vec<f32>]) -> Numbers<'a> {
+        match operand {
+            Operand::Value(value) => {
+                Numbers { all: &values[value], count: self.counts[value], constant: false }
+            }
+            Operand::Constant(constant) => {
+                let all = &self.constants[constant];
+                Numbers { all, count: all.len(), constant: true }
+            }
+        }
+    }
+
+    fn copy(&self, operand: Operand, rows: usize, values: &[Vec<f32>], to: &mut Vec<f32>) {
+        let numbers = self.numbers(operand, values);
+        (0..rows).for_each(|row| to.extend_from_slice(numbers.row(row)));
+    }
+
+    /// Runs one step for `rows` robots.
+    fn step(&self, step: &Step, rows: usize, values: &mut [Vec<f32>]) {
+        let mut out = std::mem::take(&mut values[step.output]);
+        let count = self.counts[step.output];
+        out.clear();
+        out.resize(rows * count, 0.0);
+        {
+            let values = &*values;
+            let input = |number: usize| self.numbers(step.inputs[number], values);
+            match &step.operator {
+                Operator::Take(places) => {
+                    let inputs: Vec<Numbers<'_>> = (0..step.inputs.len()).map(input).collect();
+                    for (row, out) in out.chunks_exact_mut(count).enumerate() {
+                        let inputs: Vec<&[f32]> = inputs.iter().map(|input| input.row(row)).collect();
+                        for (out, &[from, place]) in out.iter_mut().zip(places) {
+                            *out = inputs[from as usize][place as usize];
+                        }
+                    }
+                }
+                Operator::Function(function) => {
+                    let input = input(0);
+                    out.chunks_exact_mut(count)
+                        .enumerate()
+                        .for_each(|(row, out)| out.copy_from_slice(input.row(row)));
+                    function.apply(&mut out);
+                }
+                Operator::Binary(binary, reach) => {
+                    let (a, b) = (input(0), input(1));
+                    for (row, out) in out.chunks_exact_mut(count).enumerate() {
+                        binary.apply(out, (a.row(row), &reach[0]), (b.row(row), &reach[1]));
+                    }
+                }
+                Operator::Choose(reach) => {
+                    let (when, a, b) = (input(0), input(1), input(2));
+                    for (row, out) in out.chunks_exact_mut(count).enumerate() {
+                        let (when, a, b) = (when.row(row), a.row(row), b.row(row));
+                        for (place, out) in out.iter_mut().enumerate() {
+                            let chosen = when[reach[0].at(place)] != 0.0;
+                            *out = if chosen { a[reach[1].at(place)] } else { b[reach[2].at(place)] };
+                        }
+                    }
+                }
+                Operator::Product { inner, outer } => {
+                    product::by_constant(&mut out, rows, input(0), input(1), [*inner, *outer]);
+                }
+                Operator::Products { many, rows: height, inner, outer, repeated } => {
+                    let (a, b) = (input(0), input(1));
+                    for (row, out) in out.chunks_exact_mut(count).enumerate() {
+                        let sizes = [*many, *height, *inner, *outer];
+                        product::of_both(out, a.row(row), b.row(row), sizes, *repeated);
+                    }
+                }
+                Operator::Reduce { what, to, each } => {
+                    let input = input(0);
+                    for (row, out) in out.chunks_exact_mut(count).enumerate() {
+                        what.apply(out, input.row(row), to, *each);
+                    }
+                }
+                Operator::Along { what, length, stride } => {
+                    let input = input(0);
+                    for (row, out) in out.chunks_exact_mut(count).enumerate() {
+                        what.apply(out, input.row(row), *length, *stride);
+                    }
+                }
+                Operator::Recurrent { cell, layer, times } => {
+                    let before = |number: usize| {
+                        let mut all = Vec::with_capacity(rows * layer.hidden);
+                        self.copy(step.inputs[number], rows, values, &mut all);
+                        all
+                    };
+                    let before: Vec<Vec<f32>> = (1..step.inputs.len()).map(before).collect();
+                    let x = input(0);
+                    layer.along(*cell, (rows, *times), |row| x.row(row), &before, &mut out);
+                }
+            }
+        }
+        values[step.output] = out;
+    }
+
+    /// The numbers of a step whose inputs are all constants.
+    pub fn constant_of(&self, step: &Step) -> Vec<f32> {
+        let mut values = vec![Vec::new(); self.counts.len()];
+        self.step(step, 1, &mut values);
+        std::mem::take(&mut values[step.output])
+    }
+}
