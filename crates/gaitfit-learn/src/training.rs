@@ -14,8 +14,8 @@ use crate::ppo::{
 };
 use crate::rollout::{Divergence, Runner, Tally};
 use crate::task::{Environment, Task, TaskError};
-use gaitfit_policy::network::Network;
-use gaitfit_policy::{Policy, Provenance};
+use gaitfit_policy::network::{Network, Recurrent, RecurrentShape};
+use gaitfit_policy::{Front, Policy, Provenance};
 
 /// How much is trained.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -234,7 +234,7 @@ impl<'a> Training<'a> {
 
     /// A learner that goes on from `policy`: its networks, whose shapes count and not those of the settings, and its
     /// normalisers, which go on learning if the settings ask for it. A policy without a critic gets a new one, drawn
-    /// from `seed`, for the task's critic observation.
+    /// from `seed`, for the task's critic observation, behind a memory like the actor's if there is one.
     ///
     /// # Errors
     /// PPO settings out of range, normalised observations where the policy takes them as they are, or a policy that
@@ -256,15 +256,23 @@ impl<'a> Training<'a> {
             return Err(TrainingError::Learner(LearnerError::Untrainable { what: "policy", why }));
         }
         let widths = widths(task);
-        let critic = match &policy.critic {
-            Some(critic) => critic.clone(),
+        let actor_memory = policy.actor_memory().cloned();
+        let (critic, critic_memory) = match &policy.critic {
+            Some(critic) => (critic.clone(), policy.critic_memory.clone()),
             None => {
-                let (_, shape) = ppo.shapes(widths).map_err(LearnerError::from)?;
-                Network::random(shape, seed, 1, 1.0).map_err(LearnerError::from)?
+                let like = |actor: &Recurrent| {
+                    let shape = RecurrentShape { inputs: widths.critic_observation, ..actor.shape() };
+                    Recurrent::random(&shape, seed, 3)
+                };
+                let memory = actor_memory.as_ref().map(like);
+                let (_, mut shape) = ppo.shapes(widths).map_err(LearnerError::from)?;
+                shape.inputs = memory.as_ref().map_or(widths.critic_observation, Recurrent::outputs);
+                (Network::random(shape, seed, 1, 1.0).map_err(LearnerError::from)?, memory)
             }
         };
-        let (actor, log_std) = (policy.actor.clone(), policy.log_std.clone());
-        let mut learner = Learner::with_networks(ppo.clone(), widths, seed, actor, critic, log_std)?;
+        let (networks, memories) = ([policy.actor.clone(), critic], [actor_memory, critic_memory]);
+        let log_std = policy.log_std.clone();
+        let mut learner = Learner::with_memories(ppo.clone(), widths, seed, networks, memories, log_std)?;
         let critic_normaliser = match &policy.critic {
             Some(_) => policy.critic_normaliser.clone(),
             None => learner.critic_normaliser().cloned(),
@@ -295,10 +303,11 @@ impl<'a> Training<'a> {
         let learner = &self.learner;
         Policy {
             interface: self.task.walker.interface.clone(),
-            front: None,
+            front: learner.actor_memory().cloned().map(Front::Recurrent),
             actor: learner.actor().clone(),
             log_std: learner.log_std().to_vec(),
             critic: Some(learner.critic().clone()),
+            critic_memory: learner.critic_memory().cloned(),
             normaliser: learner.normaliser().cloned(),
             critic_normaliser: learner.critic_normaliser().cloned(),
             provenance: Provenance {

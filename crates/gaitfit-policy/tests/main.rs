@@ -11,3 +11,4 @@ mod interface;
 mod network;
 mod observation;
 mod recurrent;
+mod sequences;

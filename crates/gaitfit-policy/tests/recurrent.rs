@@ -215,6 +215,7 @@ fn onnx_of(network: &Network) -> Vec<u8> {
         actor,
         critic: None,
         normaliser: None,
+        critic_memory: None,
         critic_normaliser: None,
         log_std: vec![0.0; joints],
         ..plain

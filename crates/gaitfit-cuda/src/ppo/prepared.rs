@@ -88,6 +88,10 @@ fn check_sizes(settings: &ppo::Settings, widths: ppo::Widths, batch: Batch) -> R
 /// # Errors
 /// [`PpoError::Unsupported`].
 pub(crate) fn check_networks(learner: &ppo::Learner) -> Result<(), PpoError> {
+    let mut memories = [learner.actor_memory(), learner.critic_memory()].into_iter().flatten();
+    if let Some(memory) = memories.next() {
+        return Err(PpoError::Unsupported(format!("a memory ({})", memory.cell.name())));
+    }
     let mut networks = [learner.actor(), learner.critic()].into_iter();
     let unknown = networks.find_map(|network| unknown(network.shape.activation));
     unknown.map_or(Ok(()), |what| Err(PpoError::Unsupported(what)))

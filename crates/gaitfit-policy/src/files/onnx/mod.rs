@@ -51,6 +51,7 @@ pub(super) fn read_own(bytes: &[u8], folder: Option<&Path>) -> Result<Option<Pol
         log_std: header.log_std,
         critic: None,
         normaliser: header.normaliser,
+        critic_memory: None,
         critic_normaliser: None,
         provenance: header.provenance,
         notes: Vec::new(),
