@@ -1,6 +1,6 @@
 //! Policies as ONNX graphs, out and in.
 //!
-//! Only multilayer perceptrons are read; everything else is refused by node and operator.
+//! Multilayer perceptrons are read, alone or behind recurrent layers; everything else is refused by node and operator.
 
 mod attributes;
 mod bounds;
@@ -19,6 +19,7 @@ mod recurrent;
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests;
 mod write;
+mod write_memory;
 
 pub(super) use chain::{Chain, Read};
 pub(super) use graph::others;
@@ -26,7 +27,7 @@ pub use write::{write, write_network, write_single};
 
 use super::foreign::{self, Known};
 use crate::error::invalid;
-use crate::{Interface, Policy, PolicyError};
+use crate::{Front, Interface, Policy, PolicyError};
 use gaitfit_model::shown;
 use std::path::Path;
 
@@ -44,10 +45,14 @@ pub(super) fn read_own(bytes: &[u8], folder: Option<&Path>) -> Result<Option<Pol
     let model = graph::decode(bytes, folder)?;
     let Some(header) = metadata::read(&model)? else { return Ok(None) };
     let chain = graph::walk(&model)?;
+    let Read { memory, network, clip } = chain.read(header.normaliser.as_ref())?;
+    if clip.is_some() {
+        return Err(invalid("its graph clips its outputs; describe it in a TOML file (docs/policies.md)"));
+    }
     let policy = Policy {
         interface: header.interface,
-        front: None,
-        actor: chain.network(header.normaliser.as_ref())?,
+        front: memory.map(Front::Recurrent),
+        actor: network,
         log_std: header.log_std,
         critic: None,
         normaliser: header.normaliser,
