@@ -56,12 +56,37 @@ impl TrainingSettings {
     }
 }
 
+impl TrainingSettings {
+    /// Refuses what a policy with a memory cannot learn from: its minibatches take whole robots, over all steps.
+    ///
+    /// # Errors
+    /// [`TrainingError::Setting`] naming the first.
+    pub fn check_sequences(&self, minibatches: usize) -> Result<(), TrainingError> {
+        let refuse = |setting, value: usize, must: String| {
+            Err(TrainingError::Setting { setting, value: value.to_string(), must })
+        };
+        if self.environments < minibatches {
+            let must = format!(
+                "at least ppo.minibatches, {minibatches}, where a policy has a memory: a minibatch takes whole robots"
+            );
+            return refuse("environments", self.environments, must);
+        }
+        if self.steps > MAX_SEQUENCE {
+            let must = format!("at most {MAX_SEQUENCE} where a policy has a memory");
+            return refuse("steps", self.steps, must);
+        }
+        Ok(())
+    }
+}
+
 impl Default for TrainingSettings {
     fn default() -> Self {
         Self { environments: 4096, steps: 24, iterations: 400 }
     }
 }
 
+/// Most steps that are propagated back through at once: they are kept for each robot.
+const MAX_SEQUENCE: usize = 4096;
 /// Environments that one thread advances together.
 pub(crate) const TILE: usize = 256;
 /// Most environments, and most samples in a rollout (a sample takes about half a kilobyte).
@@ -206,6 +231,9 @@ impl<'a> Training<'a> {
         seed: u64,
     ) -> Result<Self, TrainingError> {
         settings.check()?;
+        if learner.actor_memory().is_some() || learner.critic_memory().is_some() {
+            settings.check_sequences(learner.settings().minibatches)?;
+        }
         curriculum::check(task)?;
         let growth = Growth::default();
         let TrainingSettings { environments, steps, .. } = *settings;

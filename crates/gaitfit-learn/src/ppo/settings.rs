@@ -20,11 +20,11 @@ pub enum Schedule {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MemorySettings {
-    /// Kind of the layers, `gru` or `lstm`.
+    /// Kind of the layers, `gru` or `lstm`; a GRU if absent.
     pub cell: Cell,
-    /// Units of every layer.
+    /// Units of every layer; 64 if absent.
     pub width: usize,
-    /// Layers, one behind the other.
+    /// Layers, one behind the other; one if absent.
     pub layers: usize,
 }
 
@@ -90,7 +90,7 @@ pub struct Settings {
     pub critic_warmup: Option<u32>,
     /// Passes over the samples in an update.
     pub epochs: usize,
-    /// Gradient steps in a pass. With `memory` a minibatch takes whole robots, else single samples.
+    /// Gradient steps in a pass; with a memory each is over whole robots.
     pub minibatches: usize,
     /// Recurrent layers before both networks, which see what these make of their observations; without it each network
     /// sees its observation alone.
