@@ -65,11 +65,15 @@ fn a_policy_with_a_memory_goes_through_all_commands() {
         assert_ne!(after.front, gaitfit_policy::read(Path::new(&path)).unwrap().front);
     }
     let refused = |sets: &[&str], word: &str| {
-        let output = run(&args(&["finetune", &path, "--name", "r"], whole, &[&iterations[..], sets].concat()));
+        let output =
+            run(&args(&["finetune", &path, "--name", "r"], whole, &[&iterations[..], sets].concat()));
         assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
         assert!(errors(&output).contains(word), "{word}: {}", errors(&output));
     };
-    refused(&["ppo.memory={ width = 9 }"], "`ppo.memory` is 1 × gru of 9 units, and the policy has 2 × lstm of 8 units");
+    refused(
+        &["ppo.memory={ width = 9 }"],
+        "`ppo.memory` is 1 × gru of 9 units, and the policy has 2 × lstm of 8 units",
+    );
     refused(&["ppo.memory={ wide = 9 }"], "wide");
     refused(&["ppo.minibatches=50"], "train.environments is 40; it must be at least ppo.minibatches, 50");
     refused(&["train.steps=5000"], "train.steps is 5000; it must be at most 4096");

@@ -40,7 +40,7 @@ pub fn bundle(policy: &Policy, model: Option<&Model>) -> Result<Deployment, Poli
         Some(Front::Recurrent(_)) => {
             return Err(invalid(
                 "programs that take a bundle keep no memory between steps, so there is none of recurrent policies; `--onnx` \
-                 writes them with h_in and h_out, `--cpp` as C++",
+                 writes them with h_in and h_out, and `--cpp` writes them as C++",
             ));
         }
         Some(Front::Encoder(_)) => {
