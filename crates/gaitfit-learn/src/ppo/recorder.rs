@@ -157,6 +157,39 @@ impl Recorder {
         self.memories.iter_mut().zip(numbers).all(|(memory, numbers)| memory.set_numbers(numbers))
     }
 
+    /// Appends what is remembered of each of the `environments`, a row an environment, to the actor's and the critic's.
+    pub(crate) fn append_memories(
+        &mut self,
+        learner: &Learner,
+        environments: usize,
+        all: &mut [Vec<f32>; 2],
+    ) {
+        self.remember(learner, environments);
+        for (memory, all) in self.memories.iter().zip(all) {
+            (0..environments).for_each(|index| memory.append_row(index, all));
+        }
+    }
+
+    /// Takes up such rows from the beginning of `rest`, which loses them; `false` for too few.
+    pub(crate) fn take_memories(
+        &mut self,
+        learner: &Learner,
+        environments: usize,
+        rest: &mut [&[f32]; 2],
+    ) -> bool {
+        self.memories = learner.blank_memories(environments);
+        let mut fits = true;
+        for (memory, rest) in self.memories.iter_mut().zip(rest) {
+            let width = memory.width();
+            for index in 0..environments {
+                let (row, others) = rest.split_at(width.min(rest.len()));
+                fits &= memory.set_row(index, row);
+                *rest = others;
+            }
+        }
+        fits
+    }
+
     /// Before the first step all episodes begin.
     fn remember(&mut self, learner: &Learner, environments: usize) {
         if self.memories.iter().all(Memory::is_empty) {

@@ -81,6 +81,21 @@ impl Memory {
         }
     }
 
+    /// Takes up what [`Memory::append_row`] gave of an environment of a memory of the same layers; `false` for a row of
+    /// another width or an environment that is not there.
+    pub fn set_row(&mut self, index: usize, row: &[f32]) -> bool {
+        if row.len() != self.width() || self.environments().is_some_and(|count| index >= count) {
+            return false;
+        }
+        let mut rest = row;
+        for (values, width) in self.arrays_mut() {
+            let (mine, others) = rest.split_at(width);
+            values[index * width..(index + 1) * width].copy_from_slice(mine);
+            rest = others;
+        }
+        true
+    }
+
     /// All that is remembered, for a file.
     pub fn numbers(&self) -> Vec<f32> {
         self.arrays().flat_map(|(values, _)| values).copied().collect()
