@@ -147,8 +147,6 @@ pub fn compare(settings: Settings, iteration: u32, flags: [u32; 2], precision: P
         let before = floats(&arrays[parameters]);
         let learned = |after: &[f32]| -> Vec<f32> { after.iter().zip(&before).map(|(a, b)| a - b).collect() };
         let far = distance(&learned(&floats(&out[parameters])), &learned(wanted));
-        // Adam's first step has about the gradient's sign: where that is almost 0, rounding decides.
-        let limit = if remembers && flags[1] == 1 { 3e-2 } else { limit };
         assert!(far < limit, "what was learned of the {parameters} differs by {far}");
         let found = floats(&out[moments]);
         let half = found.len() / 2;

@@ -282,6 +282,12 @@ KERNEL memory_places(u32 steps, u32 environments, u32 minibatches, const u32* ro
     places[(u64)blockIdx.y * steps * environments + i] = step * environments + robots[blockIdx.y * environments + begin + r];
 }
 
+// Before an update: moments begin at 0 again if the host says so.
+KERNEL memory_begin(u32 size, const u32* control, float* moments) {
+    u32 i = blockIdx.x * blockDim.x + threadIdx.x;
+    if (i < 2 * size && control[RESET_MOMENTS]) moments[i] = 0.0f;
+}
+
 // Before a rollout: what is remembered then.
 KERNEL memory_copy(u32 count, const float* from, float* to) {
     for (u32 i = blockIdx.x * blockDim.x + threadIdx.x; i < count; i += gridDim.x * blockDim.x) to[i] = from[i];

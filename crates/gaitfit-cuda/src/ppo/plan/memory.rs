@@ -208,6 +208,12 @@ impl Memory {
         (self.squares, self.sizes[1].div_ceil(THREADS as usize))
     }
 
+    /// Before an update.
+    pub(super) fn begin(&self, control: Value) -> Launch {
+        let arguments = [word(self.sizes[1]), control, self.moments];
+        launch("memory_begin", Shape::cover(2 * self.sizes[1], THREADS), &arguments)
+    }
+
     /// Rows of the samples in the order of the minibatches.
     pub(super) fn places(&self, epochs: usize, places: Value) -> Launch {
         let shape = Shape::cover(self.steps * self.environments, THREADS);

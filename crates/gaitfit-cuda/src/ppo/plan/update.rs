@@ -66,6 +66,7 @@ impl Update<'_> {
             a.state,
         ];
         m.launch("begin_update", Shape::new(1, 256), &arguments);
+        m.launches.extend(self.memory.as_ref().map(|memory| memory.begin(a.control)));
     }
 
     /// Advantages and returns.
