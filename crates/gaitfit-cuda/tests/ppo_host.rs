@@ -281,7 +281,7 @@ fn nvrtc_compiles_the_update_without_spills() {
     for (memory, precision) in
         [(false, Precision::Tf32), (false, Precision::F32), (true, Precision::Tf32), (true, Precision::F32)]
     {
-        let memory = memory.then(|| MemorySettings { cell: Cell::Lstm, width: 128, layers: 2 });
+        let memory = memory.then_some(MemorySettings { cell: Cell::Lstm, width: 128, layers: 2 });
         let learner = Learner::new(Settings { memory, ..Settings::default() }, widths, 1).unwrap();
         let limits = Limits { processors: 132, shared_memory: 232_448 };
         let prepared = Prepared::new(&learner, batch, precision, limits).unwrap();
