@@ -247,6 +247,25 @@ fn a_training_with_a_memory_resumes_to_the_same_bits() {
             }
             assert!(bytes(&resumed) == bytes(&whole), "{cell:?}, resumed after {done}");
         }
+        // As a GPU hands it over: robots, what they remember, and the learner, without a file.
+        let (mut from, mut to) = (training(&scene, cell, None), training(&scene, cell, None));
+        from.iterate(2).unwrap();
+        let tensors: Vec<(String, Vec<f32>)> = from
+            .learner()
+            .tensors()
+            .into_iter()
+            .map(|(name, values)| (name.to_owned(), values.to_vec()))
+            .chain(from.learner().memory_tensors().into_iter().map(|(name, values)| (name, values.to_vec())))
+            .collect();
+        let find = |name: &str| tensors.iter().find(|(own, _)| own == name).map(|(_, numbers)| &numbers[..]);
+        to.learner_mut().restore(find, &from.learner().scalars()).unwrap();
+        to.set_snapshots(1, from.growth(), &from.snapshots()).unwrap();
+        let [actor, critic] = from.memories();
+        assert!(to.set_memories(&[actor[1..].to_vec(), critic.clone()]).is_err());
+        to.set_memories(&[actor.clone(), critic]).unwrap();
+        assert!(actor.len() == to.memories()[0].len() && actor.iter().any(|x| *x != 0.0));
+        assert_eq!(to.iterate(1).unwrap().tally, from.iterate(2).unwrap().tally);
+        assert!(bytes(&to) == bytes(&from), "{cell:?}: handed over, it ends elsewhere");
         // Other recurrent layers do not take it up.
         let other = if cell == Cell::Gru { Cell::Lstm } else { Cell::Gru };
         let error = training(&scene, other, None).restore(&saved[2], &origin()).unwrap_err().to_string();

@@ -86,3 +86,41 @@ impl Flat {
         parts
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use gaitfit_learn::ppo::{MemorySettings, Settings, Widths, bench::synthetic};
+
+    #[test]
+    fn a_learner_comes_back_as_it_went() {
+        let widths = Widths { observation: 7, critic_observation: 9, action: 3 };
+        for memory in [None, Some(MemorySettings { width: 6, layers: 2, ..MemorySettings::default() })] {
+            let hidden = vec![8];
+            let settings = Settings {
+                actor_hidden: hidden.clone(),
+                critic_hidden: hidden,
+                memory,
+                ..Settings::default()
+            };
+            let mut learner = ppo::Learner::new(settings.clone(), widths, 5).unwrap();
+            learner.update(&mut synthetic(&learner, 1, 16, 8, 1), 0, 1).unwrap();
+            let flat = Flat::new(&learner);
+            assert_eq!(flat.moments.len(), 2 * flat.parameters.len());
+            assert_eq!(
+                (flat.memory_moments.len(), flat.memories.is_empty()),
+                (2 * flat.memories.len(), memory.is_none())
+            );
+            let sizes = [learner.actor().parameters.len(), learner.critic().parameters.len()];
+            let parts = flat.parts(sizes, &learner);
+            let mut other = ppo::Learner::new(settings, widths, 6).unwrap();
+            let find =
+                |name: &str| parts.iter().find(|(known, _)| known == name).map(|(_, numbers)| &numbers[..]);
+            other.restore(find, &learner.scalars()).unwrap();
+            assert!(
+                other.tensors() == learner.tensors() && other.memory_tensors() == learner.memory_tensors()
+            );
+        }
+    }
+}
