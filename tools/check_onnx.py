@@ -2,7 +2,8 @@
 
 The other reading is the policy's safetensors file, evaluated here in double precision from its tensors (--weights), or
 given rows of observations and actions (--rows, JSON with `observation` and `actions`). Also checks that a batch gives
-what its rows give one by one. Prints the largest difference; exit code 3 if it is above --tolerance.
+what its rows give one by one. Rows of a recurrent policy are steps of one robot; what it remembers goes from the outputs
+h_out and c_out to the inputs h_in and c_in. Prints the largest difference; exit code 3 if it is above --tolerance.
 
 Usage: .venv/bin/python tools/check_onnx.py policy.onnx [--weights policy.safetensors] [--rows rows.json]
        (gaitfit export POLICY --onnx policy.onnx --safetensors policy.safetensors writes both)
@@ -56,11 +57,36 @@ def function(written):
     return lambda x: ACTIVATIONS[name](x, parameter)
 
 
+def remember(tensors, cell, x):
+    """Outputs of the recurrent layers along the rows x, in PyTorch's order of gates."""
+    sigmoid = lambda x: 1 / (1 + np.exp(-x))
+    for number in range(sum(name.startswith("memory.weight_ih_l") for name in tensors)):
+        names = ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
+        w, u, b, c = (tensors[f"memory.{name}_l{number}"] for name in names)
+        h = kept = np.zeros(u.shape[1])
+        outputs = []
+        for row in x:
+            given, own = w @ row + b, u @ h + c
+            if cell == "lstm":
+                i, f, g, o = np.split(given + own, 4)
+                kept = sigmoid(f) * kept + sigmoid(i) * np.tanh(g)
+                h = sigmoid(o) * np.tanh(kept)
+            else:
+                (rx, zx, nx), (rh, zh, nh) = np.split(given, 3), np.split(own, 3)
+                z = sigmoid(zx + zh)
+                h = (1 - z) * np.tanh(nx + sigmoid(rx + rh) * nh) + z * h
+            outputs.append(h)
+        x = np.array(outputs)
+    return x
+
+
 def evaluate(tensors, about, x):
     """Mean actions for rows of observations."""
     x = x.astype(float)
     if "normaliser.mean" in tensors:
         x = (x - tensors["normaliser.mean"]) / np.sqrt(tensors["normaliser.variance"] + 0.01)
+    if "front" in about:
+        x = remember(tensors, about["front"]["memory"], x)
     numbers = sorted(int(name.split(".")[1]) for name in tensors if name.startswith("actor.") and name.endswith("weight"))
     for number in numbers:
         weight, bias = tensors[f"actor.{number}.weight"], tensors[f"actor.{number}.bias"]
@@ -84,18 +110,42 @@ def main():
 
     onnx.checker.check_model(str(args.onnx), full_check=True)
     session = onnxruntime.InferenceSession(str(args.onnx), providers=["CPUExecutionProvider"])
-    (given,), (gives,) = session.get_inputs(), session.get_outputs()
+    (given, *states), (gives, *_) = session.get_inputs(), session.get_outputs()
     metadata = session.get_modelmeta().custom_metadata_map
     interface = json.loads(metadata["gaitfit"])["interface"]
-    run = lambda rows: session.run([gives.name], {given.name: rows})[0]
+
+    def along(rows):
+        """Actions of one robot along its steps."""
+        kept = {state.name: np.zeros((state.shape[0], 1, state.shape[2]), np.float32) for state in states}
+        actions = []
+        for row in rows:
+            action, *after = session.run(None, {given.name: row[None], **kept})
+            actions.append(action)
+            kept = dict(zip(kept, after, strict=True))
+        return np.concatenate(actions)
+
+    def side_by_side(rows):
+        """The same of two robots at once, of which the second is asked for."""
+        kept = {state.name: np.zeros((state.shape[0], 2, state.shape[2]), np.float32) for state in states}
+        actions = []
+        for row in rows:
+            action, *after = session.run(None, {given.name: np.stack([-row, row]), **kept})
+            actions.append(action[1:])
+            kept = dict(zip(kept, after, strict=True))
+        return np.concatenate(actions)
+
+    run = along if states else lambda rows: session.run([gives.name], {given.name: rows})[0]
     worst = {}
     if args.weights:
         tensors, about = read_safetensors(args.weights)
-        rows = np.random.default_rng(0).normal(0, 2, (1000, given.shape[1])).astype(np.float32)
+        rows = np.random.default_rng(0).normal(0, 2, (200 if states else 1000, given.shape[1])).astype(np.float32)
         worst["weights"] = np.abs(run(rows) - evaluate(tensors, about, rows)).max()
         assert about["interface"] == interface, "the files disagree about the interface"
-        single = np.concatenate([run(row[None]) for row in rows[:50]])
-        worst["rows one by one"] = np.abs(run(rows[:50]) - single).max()
+        if states:
+            worst["two robots side by side"] = np.abs(run(rows[:50]) - side_by_side(rows[:50])).max()
+        else:
+            single = np.concatenate([run(row[None]) for row in rows[:50]])
+            worst["rows one by one"] = np.abs(run(rows[:50]) - single).max()
     if args.rows:
         table = json.loads(args.rows.read_text())
         worst["given rows"] = np.abs(run(np.array(table["observation"], np.float32)) - np.array(table["actions"])).max()

@@ -62,6 +62,7 @@ TRAIN = [
     Class("Terrain", "TerrainSettings", TASK / "terrain" / "settings.rs"),
     Class("Task", "TaskSettings", TASK / "settings.rs", "task"),
     Class("Size", "TrainingSettings", CRATES / "gaitfit-learn" / "src" / "training.rs", "train.train"),
+    Class("Memory", "MemorySettings", CRATES / "gaitfit-learn" / "src" / "ppo" / "settings.rs"),
     Class("Ppo", "Settings", CRATES / "gaitfit-learn" / "src" / "ppo" / "settings.rs", "train.ppo"),
     Class("Train", "TrainConfig", SETTINGS / "train.rs", "train"),
     Class("Finetune", "FinetuneConfig", SETTINGS / "finetune.rs", "finetune"),
@@ -91,6 +92,7 @@ ENUMS = {
     "FindingKind": CRATES / "gaitfit-log" / "src" / "check.rs",
     "Preset": CRATES / "gaitfit-physics" / "src" / "settings.rs",
     "Cone": CRATES / "gaitfit-model" / "src" / "model.rs",
+    "Cell": CRATES / "gaitfit-policy" / "src" / "network" / "cell.rs",
     "Schedule": CRATES / "gaitfit-learn" / "src" / "ppo" / "settings.rs",
     "FrameOrder": CRATES / "gaitfit-policy" / "src" / "history.rs",
     "HistoryStart": CRATES / "gaitfit-policy" / "src" / "history.rs",
@@ -331,7 +333,7 @@ def files() -> dict[str, str]:
 
     fit_enums = ["Base", "Method", "RandomNumbers", "CovarianceKind", "BoundHandling", "Sharing", "NetworkName"]
     fit_enums += ["NetworkStart", "RobotNumber", "FindingKind", "Preset"]
-    train_enums = ["TaskName", "Cone", "Schedule", "FrameOrder", "HistoryStart", "Quantity"]
+    train_enums = ["TaskName", "Cone", "Cell", "Schedule", "FrameOrder", "HistoryStart", "Quantity"]
     imports = "from __future__ import annotations\n\nimport os\nfrom collections.abc import Mapping, Sequence\n"
     imports += "from dataclasses import dataclass, field\nfrom typing import Literal\n\n"
     return {

@@ -17,6 +17,7 @@ mod init;
 mod inspect;
 mod link;
 mod loop_robot;
+mod memory;
 mod odd_joints;
 mod pages;
 mod program;

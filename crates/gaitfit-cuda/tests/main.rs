@@ -12,6 +12,7 @@ mod host;
 mod kernels;
 mod ppo_device;
 mod ppo_host;
+mod ppo_memory;
 mod reference;
 mod rollout_device;
 mod rollout_host;

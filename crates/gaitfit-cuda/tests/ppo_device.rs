@@ -5,7 +5,8 @@ use crate::reference;
 
 use gaitfit_cuda::ppo::{Batch, Learner, PpoError, Precision};
 use gaitfit_cuda::runtime::Device;
-use gaitfit_learn::ppo::{self, Samples, Settings, UpdateError, Widths, bench::synthetic};
+use gaitfit_learn::ppo::{self, MemorySettings, Samples, Settings, UpdateError, Widths, bench::synthetic};
+use gaitfit_policy::network::Cell;
 
 const WIDTHS: Widths = Widths { observation: 45, critic_observation: 48, action: 12 };
 
@@ -23,7 +24,9 @@ fn batch(tiles: usize) -> Batch {
 
 fn flat(learner: &ppo::Learner) -> Vec<f64> {
     let [actor, critic, log_std, ..] = learner.tensors().map(|(_, numbers)| numbers);
-    [actor, critic, log_std].concat().into_iter().map(f64::from).collect()
+    let memories = learner.memory_tensors();
+    let memories = memories.iter().flat_map(|(_, numbers)| numbers.iter().copied());
+    [actor, critic, log_std].concat().into_iter().chain(memories).map(f64::from).collect()
 }
 
 /// ‖a − b‖ / ‖b‖.
@@ -56,7 +59,19 @@ fn gpu_gradient_is_that_of_f64() {
 #[test]
 #[ignore = "needs an NVIDIA GPU"]
 fn gpu_update_is_the_cpus_and_its_own_bits_again() {
-    let settings = Settings { epochs: 2, normalise_observations: true, ..Settings::default() };
+    let memory = |cell: Cell, layers: usize| Some(MemorySettings { cell, width: 64, layers });
+    for memory in [None, memory(Cell::Gru, 1), memory(Cell::Lstm, 2)] {
+        println!("{memory:?}");
+        update_is_the_cpus(Settings {
+            epochs: 2,
+            normalise_observations: true,
+            memory,
+            ..Settings::default()
+        });
+    }
+}
+
+fn update_is_the_cpus(settings: Settings) {
     let (mut cpu, mut tiles) = problem(settings, 4);
     let device = Device::open(0).unwrap();
     let before = flat(&cpu);

@@ -3,17 +3,17 @@
 
 use crate::host;
 
-use gaitfit_cuda::ppo::{Batch, Limits, Precision, Prepared};
+use gaitfit_cuda::ppo::{Batch, Flat, Limits, Precision, Prepared};
 use gaitfit_cuda::runtime::{Nvrtc, compile};
-use gaitfit_learn::ppo::{Learner, Samples, Settings, Widths, bench::synthetic};
-use gaitfit_policy::network::Activation;
+use gaitfit_learn::ppo::{Learner, MemorySettings, Samples, Settings, Widths, bench::synthetic};
+use gaitfit_policy::network::{Activation, Cell, Memory};
 use host::{Arrays, bytes, doubles, floats};
 
-const WIDTHS: Widths = Widths { observation: 7, critic_observation: 35, action: 3 };
-const BATCH: Batch = Batch { steps: 20, environments: 13, tile: 8 };
-const LIMITS: Limits = Limits { processors: 3, shared_memory: 232_448 };
+pub const WIDTHS: Widths = Widths { observation: 7, critic_observation: 35, action: 3 };
+pub const BATCH: Batch = Batch { steps: 20, environments: 13, tile: 8 };
+pub const LIMITS: Limits = Limits { processors: 3, shared_memory: 232_448 };
 
-fn settings() -> Settings {
+pub fn settings() -> Settings {
     Settings {
         actor_hidden: vec![40, 12],
         critic_hidden: vec![33],
@@ -27,7 +27,7 @@ fn settings() -> Settings {
 }
 
 /// A learner that has learned once, so that nothing is 0, and samples in two tiles of 8 and 5 environments.
-fn problem(settings: &Settings) -> (Learner, Vec<Samples>) {
+pub fn problem(settings: &Settings) -> (Learner, Vec<Samples>) {
     let mut learner = Learner::new(settings.clone(), WIDTHS, 5).unwrap();
     let tiles = |learner: &Learner, seed: u64| {
         let mut tiles = synthetic(learner, 1, BATCH.tile, BATCH.steps, seed);
@@ -35,8 +35,44 @@ fn problem(settings: &Settings) -> (Learner, Vec<Samples>) {
         tiles
     };
     learner.update(&mut tiles(&learner, 1), 0, 1).unwrap();
-    let samples = tiles(&learner, 3);
+    let mut samples = tiles(&learner, 3);
+    // Rollouts go on from rollouts: something is remembered, and some episodes end in their midst.
+    for (number, tile) in samples.iter_mut().enumerate().filter(|(_, tile)| !tile.actor_memory.is_empty()) {
+        for memory in [&mut tile.actor_memory, &mut tile.critic_memory] {
+            let count = memory.numbers().len();
+            let numbers: Vec<f32> =
+                (0..count).map(|k| 0.5 * (k as f32 * 1.7 + number as f32).sin()).collect();
+            assert!(memory.set_numbers(&numbers));
+        }
+        tile.done.iter_mut().skip(number + 2).step_by(17).for_each(|done| *done = 1.0);
+    }
     (learner, samples)
+}
+
+/// Rows of a memory of all tiles.
+pub fn remembered(tiles: &[Samples], of: fn(&Samples) -> &Memory) -> Vec<u8> {
+    let mut rows = Vec::new();
+    for tile in tiles.iter().filter(|tile| !of(tile).is_empty()) {
+        (0..tile.environments).for_each(|index| of(tile).append_row(index, &mut rows));
+    }
+    bytes(&rows, f32::to_ne_bytes)
+}
+
+/// The arrays of memories, where there are some.
+fn memory_arrays(learner: &Learner, tiles: &[Samples], prepared: &Prepared) -> Arrays {
+    let Some((actor, critic)) = learner.actor_memory().zip(learner.critic_memory()) else {
+        return Arrays::new();
+    };
+    let flat = Flat::new(learner);
+    let unit = |width: usize| [vec![1.0f32; width], vec![0.0; width]].concat();
+    Arrays::from([
+        ("actor_start", remembered(tiles, |tile| &tile.actor_memory)),
+        ("critic_start", remembered(tiles, |tile| &tile.critic_memory)),
+        ("memory_parameters", bytes(&flat.memories, f32::to_ne_bytes)),
+        ("memory_moments", bytes(&flat.memory_moments, f32::to_ne_bytes)),
+        ("memory_turn", bytes(&prepared.turn, u32::to_ne_bytes)),
+        ("memory_unit", bytes(&[unit(actor.outputs()), unit(critic.outputs())].concat(), f32::to_ne_bytes)),
+    ])
 }
 
 /// Samples of all tiles as one array of steps × environments.
@@ -51,8 +87,8 @@ fn joined(tiles: &[Samples], steps: usize, of: fn(&Samples) -> &Vec<f32>) -> Vec
     bytes(&all, f32::to_ne_bytes)
 }
 
-fn arrays(learner: &Learner, tiles: &[Samples], prepared: &Prepared, control: [u32; 5]) -> Arrays {
-    let [actor, critic, log_std, first, second] = learner.tensors().map(|(_, numbers)| numbers);
+pub fn arrays(learner: &Learner, tiles: &[Samples], prepared: &Prepared, control: [u32; 5]) -> Arrays {
+    let flat = Flat::new(learner);
     let scalars = learner.scalars();
     let mut state = [0.0; 19];
     (state[0], state[1]) = (scalars.learning_rate, scalars.steps as f64);
@@ -61,7 +97,8 @@ fn arrays(learner: &Learner, tiles: &[Samples], prepared: &Prepared, control: [u
         bytes(&[from.mean, from.variance, vec![from.count]].concat(), f64::to_ne_bytes)
     };
     let steps = BATCH.steps;
-    Arrays::from([
+    let mut all = memory_arrays(learner, tiles, prepared);
+    all.extend([
         ("observation", joined(tiles, steps, |tile| &tile.observation)),
         ("critic_observation", joined(tiles, steps, |tile| &tile.critic_observation)),
         ("action", joined(tiles, steps, |tile| &tile.action)),
@@ -71,8 +108,8 @@ fn arrays(learner: &Learner, tiles: &[Samples], prepared: &Prepared, control: [u
         ("reward", joined(tiles, steps, |tile| &tile.reward)),
         ("done", joined(tiles, steps, |tile| &tile.done)),
         ("last_value", joined(tiles, 1, |tile| &tile.last_value)),
-        ("parameters", bytes(&[actor, critic, log_std].concat(), f32::to_ne_bytes)),
-        ("moments", bytes(&[first, second].concat(), f32::to_ne_bytes)),
+        ("parameters", bytes(&flat.parameters, f32::to_ne_bytes)),
+        ("moments", bytes(&flat.moments, f32::to_ne_bytes)),
         ("map", bytes(&prepared.maps[0], u32::to_ne_bytes)),
         ("forth", bytes(&prepared.maps[1], u32::to_ne_bytes)),
         ("back", bytes(&prepared.maps[2], u32::to_ne_bytes)),
@@ -80,37 +117,43 @@ fn arrays(learner: &Learner, tiles: &[Samples], prepared: &Prepared, control: [u
         ("control", bytes(&control, u32::to_ne_bytes)),
         ("statistics", statistics(scalars.normaliser, WIDTHS.observation)),
         ("critic_statistics", statistics(scalars.critic_normaliser, WIDTHS.critic_observation)),
-    ])
+    ]);
+    all
 }
 
 /// ‖a − b‖ / ‖b‖.
-fn distance(a: &[f32], b: &[f32]) -> f64 {
+pub fn distance(a: &[f32], b: &[f32]) -> f64 {
     assert_eq!(a.len(), b.len());
     let norm = |numbers: &mut dyn Iterator<Item = f64>| numbers.map(|x| x * x).sum::<f64>().sqrt();
     norm(&mut a.iter().zip(b).map(|(a, b)| f64::from(a - b))) / norm(&mut b.iter().map(|&b| f64::from(b)))
 }
 
 /// One update of both, and how far they are apart: what was learned, moments, scalars.
-fn compare(settings: Settings, iteration: u32, flags: [u32; 2], precision: Precision, limit: f64) {
+pub fn compare(settings: Settings, iteration: u32, flags: [u32; 2], precision: Precision, limit: f64) {
     let (mut learner, mut tiles) = problem(&settings);
     let prepared = Prepared::new(&learner, BATCH, precision, LIMITS).unwrap();
     let control = [iteration, flags[0], flags[1], 5, 0];
     let arrays = arrays(&learner, &tiles, &prepared, control);
     let out = host::run(&prepared.program.text, &prepared.plan, &arrays, &["packed"]);
-    let before = floats(&arrays["parameters"]);
     let report = learner.update(&mut tiles, iteration, 1).unwrap();
-    let [actor, critic, log_std, first, second] = learner.tensors().map(|(_, numbers)| numbers);
-    let learned = |after: &[f32]| -> Vec<f32> { after.iter().zip(&before).map(|(a, b)| a - b).collect() };
-    let wanted = learned(&[actor, critic, log_std].concat());
-    let found = learned(&floats(&out["parameters"]));
-    let far = distance(&found, &wanted);
-    assert!(far < limit, "what was learned differs by {far}");
-    let moments = floats(&out["moments"]);
-    for (name, found, wanted) in
-        [("first", &moments[..first.len()], first), ("second", &moments[first.len()..], second)]
+    let after = Flat::new(&learner);
+    let remembers = learner.actor_memory().is_some();
+    let memories = [("memory_parameters", "memory_moments", &after.memories, &after.memory_moments)];
+    for (parameters, moments, wanted, wanted_moments) in
+        [("parameters", "moments", &after.parameters, &after.moments)]
+            .into_iter()
+            .chain(memories.into_iter().filter(|_| remembers))
     {
-        let far = distance(found, wanted);
-        assert!(far < limit, "the {name} moments differ by {far}");
+        let before = floats(&arrays[parameters]);
+        let learned = |after: &[f32]| -> Vec<f32> { after.iter().zip(&before).map(|(a, b)| a - b).collect() };
+        let far = distance(&learned(&floats(&out[parameters])), &learned(wanted));
+        assert!(far < limit, "what was learned of the {parameters} differs by {far}");
+        let found = floats(&out[moments]);
+        let half = found.len() / 2;
+        for (name, range) in [("first", 0..half), ("second", half..found.len())] {
+            let far = distance(&found[range.clone()], &wanted_moments[range]);
+            assert!(far < limit, "the {name} {moments} differ by {far}");
+        }
     }
     let state = doubles(&out["state"]);
     let scalars = learner.scalars();
@@ -234,9 +277,12 @@ fn cxx_numbers_that_are_none_stop_the_update() {
 #[ignore = "needs NVRTC: tools/setup_nvrtc.sh"]
 fn nvrtc_compiles_the_update_without_spills() {
     let widths = Widths { observation: 48, critic_observation: 48, action: 12 };
-    let learner = Learner::new(Settings::default(), widths, 1).unwrap();
     let batch = Batch { steps: 24, environments: 4096, tile: 256 };
-    for precision in [Precision::Tf32, Precision::F32] {
+    for (memory, precision) in
+        [(false, Precision::Tf32), (false, Precision::F32), (true, Precision::Tf32), (true, Precision::F32)]
+    {
+        let memory = memory.then_some(MemorySettings { cell: Cell::Lstm, width: 128, layers: 2 });
+        let learner = Learner::new(Settings { memory, ..Settings::default() }, widths, 1).unwrap();
         let limits = Limits { processors: 132, shared_memory: 232_448 };
         let prepared = Prepared::new(&learner, batch, precision, limits).unwrap();
         let program = prepared.program.option("--ptxas-options=-v");

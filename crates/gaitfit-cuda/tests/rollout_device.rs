@@ -6,12 +6,13 @@ use gaitfit_cuda::rollout::{Trainer, collect, run_trials};
 use gaitfit_cuda::runtime::Device;
 use gaitfit_learn::collect::{self, CollectOptions, Collected};
 use gaitfit_learn::evaluate::{self, Subject};
-use gaitfit_learn::ppo::Settings;
+use gaitfit_learn::ppo::{MemorySettings, Settings};
 use gaitfit_learn::task::{Snapshot, Task, TaskSettings, TerrainSettings, preset};
 use gaitfit_learn::{Origin, Training, TrainingSettings};
 use gaitfit_log::Trajectory;
 use gaitfit_model::Model;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
+use gaitfit_policy::network::Cell;
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind};
 
 const SEED: u64 = 11;
@@ -128,6 +129,66 @@ fn gpu_rollouts_are_the_cpus() {
             errors[errors.len() * 99 / 100]
         );
         assert!(errors.len() > 290 && errors[errors.len() / 2] < 5e-3 && errors[errors.len() * 9 / 10] < 0.1);
+    }
+}
+
+/// As there, with memories: what is remembered, also where episodes ended, and a training that goes across and back.
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_trainings_with_a_memory_are_the_cpus() {
+    let device = Device::open(0).unwrap();
+    for (cell, layers) in [(Cell::Gru, 1), (Cell::Lstm, 2)] {
+        let task = changed(|settings| settings.episode_seconds = 0.1);
+        let ppo = Settings {
+            normalise_observations: true,
+            memory: Some(MemorySettings { cell, width: 32, layers }),
+            ..Settings::default()
+        };
+        let settings = TrainingSettings { environments: 300, steps: 12, iterations: 100 };
+        let training = || {
+            let learner = Training::fresh_learner(&task, &ppo, SEED).unwrap();
+            Training::new(&task, None, &settings, learner, SEED).unwrap()
+        };
+        let (mut cpu, mut gpu) = (training(), training());
+        let mut trainer = Trainer::new(&device, &mut gpu, Precision::F32).unwrap();
+        for iteration in 0..2 {
+            let (wanted, found) = (cpu.iterate(8).unwrap(), trainer.iterate().unwrap());
+            println!("{cell:?}, {iteration}: {:?}\n{:?}", found.diagnostics, wanted.diagnostics);
+            let near = |got: f64, want: f64, most: f64| {
+                assert!((got - want).abs() < most * want.abs().max(0.1), "{got} {want}")
+            };
+            near(found.tally.reward, wanted.tally.reward, 2e-2);
+            near(found.diagnostics.value_loss, wanted.diagnostics.value_loss, 0.05);
+            near(found.diagnostics.gradient_norm, wanted.diagnostics.gradient_norm, 0.05);
+            near(found.diagnostics.kl, wanted.diagnostics.kl, 0.05);
+            if iteration > 0 {
+                continue;
+            }
+            trainer.store(&mut gpu).unwrap();
+            for (found, wanted) in gpu.memories().iter().zip(&cpu.memories()) {
+                assert_eq!(found.len(), wanted.len());
+                let mut errors: Vec<f32> = found.iter().zip(wanted).map(|(a, b)| (a - b).abs()).collect();
+                errors.sort_by(f32::total_cmp);
+                println!(
+                    "memories apart by {} (half), {} (99 %)",
+                    errors[errors.len() / 2],
+                    errors[errors.len() * 99 / 100]
+                );
+                assert!(errors[errors.len() / 2] < 1e-4 && errors[errors.len() * 9 / 10] < 1e-2);
+                assert!(found.iter().filter(|x| **x != 0.0).count() > found.len() / 2);
+            }
+            // Saved, and taken up by another training on the GPU: the same bits.
+            let bytes = gpu.save(&origin(), 0.0).unwrap();
+            let mut resumed = training();
+            resumed.restore(&bytes, &origin()).unwrap();
+            let mut other = Trainer::new(&device, &mut resumed, Precision::F32).unwrap();
+            let found = other.iterate().unwrap();
+            let mut again = training();
+            again.restore(&bytes, &origin()).unwrap();
+            trainer.load(&mut again).unwrap();
+            assert_eq!(trainer.iterate().unwrap().diagnostics, found.diagnostics);
+            trainer.load(&mut again).unwrap();
+        }
     }
 }
 

@@ -64,6 +64,34 @@ impl Training<'_> {
         Ok(())
     }
 
+    /// What the actor and the critic remember of each environment, a row an environment; empty without memories.
+    pub fn memories(&mut self) -> [Vec<f32>; 2] {
+        let mut all = [Vec::new(), Vec::new()];
+        for runner in &mut self.runners {
+            let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
+            runner.recorder.append_memories(&self.learner, runner.environment.count(), &mut all);
+        }
+        all
+    }
+
+    /// Takes up what [`Training::memories`] gave elsewhere.
+    ///
+    /// # Errors
+    /// Rows of other memories or of another number of environments.
+    pub fn set_memories(&mut self, [actor, critic]: &[Vec<f32>; 2]) -> Result<(), TaskError> {
+        let mut rest = [&actor[..], &critic[..]];
+        let mut fits = true;
+        for runner in &mut self.runners {
+            let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
+            fits &= runner.recorder.take_memories(&self.learner, runner.environment.count(), &mut rest);
+        }
+        if fits && rest.iter().all(|rest| rest.is_empty()) {
+            return Ok(());
+        }
+        let what = "remember something else than this policy does".to_owned();
+        Err(TaskError::Setting { setting: "the robots' memories".to_owned(), what })
+    }
+
     /// The learner, to be given a state that was reached elsewhere.
     pub fn learner_mut(&mut self) -> &mut Learner {
         &mut self.learner

@@ -14,8 +14,8 @@ use crate::ppo::{
 };
 use crate::rollout::{Divergence, Runner, Tally};
 use crate::task::{Environment, Task, TaskError};
-use gaitfit_policy::network::Network;
-use gaitfit_policy::{Policy, Provenance};
+use gaitfit_policy::network::{Network, Recurrent, RecurrentShape};
+use gaitfit_policy::{Front, Policy, Provenance};
 
 /// How much is trained.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,12 +56,37 @@ impl TrainingSettings {
     }
 }
 
+impl TrainingSettings {
+    /// Refuses what a policy with a memory cannot learn from: its minibatches take whole robots, over all steps.
+    ///
+    /// # Errors
+    /// [`TrainingError::Setting`] naming the first.
+    pub fn check_sequences(&self, minibatches: usize) -> Result<(), TrainingError> {
+        let refuse = |setting, value: usize, must: String| {
+            Err(TrainingError::Setting { setting, value: value.to_string(), must })
+        };
+        if self.environments < minibatches {
+            let must = format!(
+                "at least ppo.minibatches, {minibatches}, where a policy has a memory: a minibatch takes whole robots"
+            );
+            return refuse("environments", self.environments, must);
+        }
+        if self.steps > MAX_SEQUENCE {
+            let must = format!("at most {MAX_SEQUENCE} where a policy has a memory");
+            return refuse("steps", self.steps, must);
+        }
+        Ok(())
+    }
+}
+
 impl Default for TrainingSettings {
     fn default() -> Self {
         Self { environments: 4096, steps: 24, iterations: 400 }
     }
 }
 
+/// Most steps that are propagated back through at once: they are kept for each robot.
+const MAX_SEQUENCE: usize = 4096;
 /// Environments that one thread advances together.
 pub(crate) const TILE: usize = 256;
 /// Most environments, and most samples in a rollout (a sample takes about half a kilobyte).
@@ -206,6 +231,9 @@ impl<'a> Training<'a> {
         seed: u64,
     ) -> Result<Self, TrainingError> {
         settings.check()?;
+        if learner.actor_memory().is_some() || learner.critic_memory().is_some() {
+            settings.check_sequences(learner.settings().minibatches)?;
+        }
         curriculum::check(task)?;
         let growth = Growth::default();
         let TrainingSettings { environments, steps, .. } = *settings;
@@ -234,7 +262,7 @@ impl<'a> Training<'a> {
 
     /// A learner that goes on from `policy`: its networks, whose shapes count and not those of the settings, and its
     /// normalisers, which go on learning if the settings ask for it. A policy without a critic gets a new one, drawn
-    /// from `seed`, for the task's critic observation.
+    /// from `seed`, for the task's critic observation, behind a memory like the actor's if there is one.
     ///
     /// # Errors
     /// PPO settings out of range, normalised observations where the policy takes them as they are, or a policy that
@@ -256,15 +284,23 @@ impl<'a> Training<'a> {
             return Err(TrainingError::Learner(LearnerError::Untrainable { what: "policy", why }));
         }
         let widths = widths(task);
-        let critic = match &policy.critic {
-            Some(critic) => critic.clone(),
+        let actor_memory = policy.actor_memory().cloned();
+        let (critic, critic_memory) = match &policy.critic {
+            Some(critic) => (critic.clone(), policy.critic_memory.clone()),
             None => {
-                let (_, shape) = ppo.shapes(widths).map_err(LearnerError::from)?;
-                Network::random(shape, seed, 1, 1.0).map_err(LearnerError::from)?
+                let like = |actor: &Recurrent| {
+                    let shape = RecurrentShape { inputs: widths.critic_observation, ..actor.shape() };
+                    Recurrent::random(&shape, seed, 3)
+                };
+                let memory = actor_memory.as_ref().map(like);
+                let (_, mut shape) = ppo.shapes(widths).map_err(LearnerError::from)?;
+                shape.inputs = memory.as_ref().map_or(widths.critic_observation, Recurrent::outputs);
+                (Network::random(shape, seed, 1, 1.0).map_err(LearnerError::from)?, memory)
             }
         };
-        let (actor, log_std) = (policy.actor.clone(), policy.log_std.clone());
-        let mut learner = Learner::with_networks(ppo.clone(), widths, seed, actor, critic, log_std)?;
+        let (networks, memories) = ([policy.actor.clone(), critic], [actor_memory, critic_memory]);
+        let log_std = policy.log_std.clone();
+        let mut learner = Learner::with_memories(ppo.clone(), widths, seed, networks, memories, log_std)?;
         let critic_normaliser = match &policy.critic {
             Some(_) => policy.critic_normaliser.clone(),
             None => learner.critic_normaliser().cloned(),
@@ -295,10 +331,11 @@ impl<'a> Training<'a> {
         let learner = &self.learner;
         Policy {
             interface: self.task.walker.interface.clone(),
-            front: None,
+            front: learner.actor_memory().cloned().map(Front::Recurrent),
             actor: learner.actor().clone(),
             log_std: learner.log_std().to_vec(),
             critic: Some(learner.critic().clone()),
+            critic_memory: learner.critic_memory().cloned(),
             normaliser: learner.normaliser().cloned(),
             critic_normaliser: learner.critic_normaliser().cloned(),
             provenance: Provenance {

@@ -7,7 +7,7 @@ use std::sync::Mutex;
 use gaitfit_learn::collect::{CollectOptions, collect};
 use gaitfit_learn::evaluate::{Subject, run_trials};
 use gaitfit_learn::task::{Task, TaskSettings};
-use gaitfit_learn::{Training, ppo};
+use gaitfit_learn::{Training, TrainingSettings, ppo};
 use gaitfit_physics::Preset;
 use gaitfit_policy::follow::{Job, Script, Track, follow};
 use gaitfit_policy::network::Scratch;
@@ -52,7 +52,7 @@ fn mjlabs_and_unitrees_files_run_without_a_description() {
 
 /// The log of a recurrent policy, its observations put together anew and run through the network, and followed.
 #[test]
-fn a_recurrent_policy_walks_is_followed_and_is_not_trained() {
+fn a_recurrent_policy_walks_is_followed_and_trained() {
     for name in ["lstm.toml", "gru.toml"] {
         let (policy, task) = at_work(name);
         let subject = Subject { task: &task, policy: &policy, candidate: None, seed: 5 };
@@ -128,7 +128,21 @@ fn a_recurrent_policy_walks_is_followed_and_is_not_trained() {
         let reset = [Job { reset_every: Some(5), ..job }];
         let refused = follow(walker, &policy, &scripts, &reset, 1, &keep, &|| false).unwrap_err();
         assert!(refused.to_string().contains("recurrent"), "{refused}");
+        // Its file has no critic: a new one needs something to see, and has a memory of its own.
         let refused = Training::learner_from(&task, &ppo::Settings::default(), &policy, 1).map(|_| ());
-        assert!(refused.unwrap_err().to_string().contains("a memory ("));
+        assert!(refused.unwrap_err().to_string().contains("critic's observation has width 0"), "{name}");
+        let mut interface = policy.interface.clone();
+        interface.critic_observation = interface.observation.clone();
+        let settings = TaskSettings::default();
+        let task = Task::with_interface(walker.model(), &settings, interface, Preset::Fast, 0.0).unwrap();
+        let learner = Training::learner_from(&task, &ppo::Settings::default(), &policy, 1).unwrap();
+        let memories =
+            [learner.actor_memory(), learner.critic_memory()].map(|memory| memory.unwrap().shape());
+        assert_eq!((memories[0].cell, &memories[0].hidden), (memories[1].cell, &memories[1].hidden));
+        let settings = TrainingSettings { environments: 8, steps: 4, iterations: 1 };
+        let mut training = Training::new(&task, None, &settings, learner, 1).unwrap();
+        training.iterate(1).unwrap();
+        let trained = training.policy("", "");
+        assert!(trained.front != policy.front && trained.is_recurrent(), "{name}");
     }
 }

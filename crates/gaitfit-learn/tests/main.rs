@@ -7,6 +7,7 @@ mod follow;
 mod foreign;
 mod history;
 mod joints_and_feet;
+mod memory;
 mod own_simulator;
 mod ppo_gae;
 mod ppo_learner;

@@ -1,7 +1,7 @@
 //! Whether the parts of a policy fit each other.
 
 use crate::error::invalid;
-use crate::network::{Activation, MAX_PARAMETERS, Network, Normaliser};
+use crate::network::{Activation, MAX_PARAMETERS, Network, Normaliser, Recurrent};
 use crate::{Encoder, Front, Policy, PolicyError, Term};
 
 impl Policy {
@@ -40,16 +40,25 @@ impl Policy {
         if let Some(critic) = &self.critic {
             check_network("critic", critic)?;
             let terms = &interface.critic_observation;
-            self.check_width("critic", critic.shape.inputs, "critic_observation", terms)?;
+            if let Some(memory) = &self.critic_memory {
+                check_recurrent("critic's memory", memory)?;
+                check_given("critic's memory", memory.outputs(), "critic", critic)?;
+                self.check_width("critic's memory", memory.inputs(), "critic_observation", terms)?;
+            } else {
+                self.check_width("critic", critic.shape.inputs, "critic_observation", terms)?;
+            }
             if critic.shape.outputs != 1 {
                 let found = critic.shape.outputs;
                 return Err(invalid(format!("the critic has {found} outputs; it must give one value")));
             }
         } else if self.critic_normaliser.is_some() {
             return Err(invalid("there is a critic_normaliser, but no critic; leave it out"));
+        } else if self.critic_memory.is_some() {
+            return Err(invalid("there is a critic_memory, but no critic; leave it out"));
         }
         check_normaliser("normaliser", self.normaliser.as_ref(), observed)?;
-        let critic_inputs = self.critic.as_ref().map_or(0, |critic| critic.shape.inputs);
+        let behind = self.critic_memory.as_ref().map(Recurrent::inputs);
+        let critic_inputs = behind.or(self.critic.as_ref().map(|critic| critic.shape.inputs)).unwrap_or(0);
         check_normaliser("critic_normaliser", self.critic_normaliser.as_ref(), critic_inputs)
     }
 
@@ -97,14 +106,7 @@ fn check_network(name: &str, network: &Network) -> Result<(), PolicyError> {
 fn check_front(front: &Front, actor: &Network) -> Result<(), PolicyError> {
     let name = front.name();
     match front {
-        Front::Recurrent(recurrent) => {
-            if let Some(mistake) = recurrent.mistake() {
-                return Err(invalid(format!("the {name} does not fit together: {mistake}")));
-            }
-            for values in recurrent.parameters() {
-                finite(name, values)?;
-            }
-        }
+        Front::Recurrent(recurrent) => check_recurrent(name, recurrent)?,
         Front::Encoder(Encoder { network, passed, .. }) => {
             check_network(name, network)?;
             if let Some(place) = passed.iter().find(|&&place| place >= network.shape.inputs) {
@@ -114,11 +116,24 @@ fn check_front(front: &Front, actor: &Network) -> Result<(), PolicyError> {
         }
         Front::Function(_) | Front::Graph(_) => {}
     }
-    let (given, taken) = (front.outputs(), actor.shape.inputs);
+    check_given(name, front.outputs(), "actor", actor)
+}
+
+/// Whether a network takes what stands before it gives.
+fn check_given(name: &str, given: usize, behind: &str, network: &Network) -> Result<(), PolicyError> {
+    let taken = network.shape.inputs;
     if given != taken {
-        return Err(invalid(format!("the {name} gives {given} numbers, the actor takes {taken}")));
+        return Err(invalid(format!("the {name} gives {given} numbers, the {behind} takes {taken}")));
     }
     Ok(())
+}
+
+/// Recurrent layers' sizes and numbers.
+fn check_recurrent(name: &str, recurrent: &Recurrent) -> Result<(), PolicyError> {
+    if let Some(mistake) = recurrent.mistake() {
+        return Err(invalid(format!("the {name} does not fit together: {mistake}")));
+    }
+    recurrent.parameters().try_for_each(|values| finite(name, values))
 }
 
 /// [`crate::network::Shape::parameters`] that does not overflow.

@@ -4,7 +4,7 @@ use crate::network::{Memory, Network, Recurrent, Scratch};
 use crate::{Function, Graph};
 use serde::{Deserialize, Serialize};
 
-/// What stands between the (normalised) observation and the actor. For inference: trainings refuse it.
+/// What stands between the (normalised) observation and the actor. Trainings refuse all but recurrent layers.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Front {
     /// The actor sees the output of recurrent layers, which see the observation.

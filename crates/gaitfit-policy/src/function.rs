@@ -81,6 +81,7 @@ impl Policy {
             log_std: vec![0.0; joints],
             critic: None,
             normaliser: None,
+            critic_memory: None,
             critic_normaliser: None,
             provenance: Provenance::default(),
             notes: Vec::new(),

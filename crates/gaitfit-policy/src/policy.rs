@@ -1,6 +1,6 @@
 //! A policy: its interface, its networks, and where it came from.
 
-use crate::network::{Memory, Network, Normaliser, Scratch};
+use crate::network::{Memory, Network, Normaliser, Recurrent, Scratch};
 use crate::{Front, Interface};
 use serde::{Deserialize, Serialize};
 
@@ -16,8 +16,10 @@ pub struct Policy {
     pub actor: Network,
     /// Natural logarithm of the actions' standard deviation, one a joint.
     pub log_std: Vec<f32>,
-    /// From the (normalised) critic observation to the value; one output.
+    /// From the (normalised) critic observation, or from what the critic's memory gives, to the value; one output.
     pub critic: Option<Network>,
+    /// Recurrent layers between the (normalised) critic observation and the critic.
+    pub critic_memory: Option<Recurrent>,
     /// Of the actor's observation.
     pub normaliser: Option<Normaliser>,
     /// Of the critic's observation.
@@ -111,14 +113,23 @@ impl Policy {
         self.actor.forward(rows, &seen, actions, scratch);
     }
 
-    /// Why it cannot be trained on, in words, for example "a memory (lstm)"; `None` for a policy that can.
+    /// Why it cannot be trained on, in words, for example "an encoder before its actor"; `None` for a policy that can.
     pub fn untrainable(&self) -> Option<String> {
         match &self.front {
-            Some(Front::Recurrent(memory)) => Some(format!("a memory ({})", memory.cell.name())),
             Some(Front::Encoder(_)) => Some("an encoder before its actor".to_owned()),
             Some(Front::Function(_)) => Some("a function instead of a network".to_owned()),
             Some(Front::Graph(_)) => Some("a graph of operators instead of a plain network".to_owned()),
-            None => self.actor.untrainable().or_else(|| self.critic.as_ref()?.untrainable()),
+            Some(Front::Recurrent(_)) | None => {
+                self.actor.untrainable().or_else(|| self.critic.as_ref()?.untrainable())
+            }
+        }
+    }
+
+    /// The recurrent layers before its actor.
+    pub fn actor_memory(&self) -> Option<&Recurrent> {
+        match &self.front {
+            Some(Front::Recurrent(recurrent)) => Some(recurrent),
+            _ => None,
         }
     }
 

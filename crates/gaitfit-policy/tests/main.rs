@@ -12,4 +12,5 @@ mod interface;
 mod network;
 mod observation;
 mod recurrent;
+mod sequences;
 mod trainers;

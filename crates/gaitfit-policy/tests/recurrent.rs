@@ -4,7 +4,9 @@
 use crate::common;
 
 use common::{fixture, largest_difference, numbers, policy, root, rows};
-use gaitfit_policy::network::{Activation, Cell, Network, Recurrent, RecurrentLayer, Scratch, Shape};
+use gaitfit_policy::network::{
+    Activation, Cell, Network, Recurrent, RecurrentLayer, RecurrentShape, Scratch, Shape,
+};
 use gaitfit_policy::{
     Encoder, Front, Interface, Latent, Policy, Quantity, Term, files_of, onnx, read, weights,
 };
@@ -37,8 +39,91 @@ fn lstm_and_gru_of_rsl_rls_exporter_give_onnxruntimes_actions_along_a_sequence()
         policy.act(40, &observation, &mut forgetful, &mut Scratch::default());
         assert!(largest_difference(&forgetful, &actions) > 1e-2);
         assert_eq!(weights::read(&weights::write(&policy).unwrap()).unwrap(), policy);
-        let refused = onnx::write(&policy).unwrap_err().to_string();
+        // ONNX holds all but the critic.
+        let back = onnx::read(&onnx::write(&policy).unwrap()).unwrap();
+        assert_eq!(back, Policy { critic: None, critic_normaliser: None, ..policy.clone() });
+        let mut uneven = policy;
+        if let Some(Front::Recurrent(memory)) = &mut uneven.front {
+            let shape = RecurrentShape { hidden: vec![7, 12], ..memory.shape() };
+            *memory = Recurrent::random(&shape, 1, 0);
+        }
+        let refused = onnx::write(&uneven).unwrap_err().to_string();
         assert!(refused.contains("--safetensors"), "{refused}");
+    }
+}
+
+/// With one layer and two, with a normaliser and a critic that remembers.
+#[test]
+#[ignore = "needs the packages of tools/setup_venv.sh"]
+fn python_onnxruntime_runs_recurrent_policies_as_exported() {
+    for (cell, hidden) in
+        [(Cell::Lstm, vec![9]), (Cell::Lstm, vec![8, 8]), (Cell::Gru, vec![9]), (Cell::Gru, vec![8, 8, 8])]
+    {
+        let policy = remembering(cell, &hidden);
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::write(path("p.onnx"), onnx::write(&policy).unwrap()).unwrap();
+        std::fs::write(path("p.safetensors"), weights::write(&policy).unwrap()).unwrap();
+        let output = std::process::Command::new(root().join(".venv/bin/python"))
+            .arg(root().join("tools/check_onnx.py"))
+            .arg(path("p.onnx"))
+            .arg("--weights")
+            .arg(path("p.safetensors"))
+            .output()
+            .unwrap();
+        let said = [output.stdout, output.stderr].concat();
+        assert!(output.status.success(), "{cell:?} {hidden:?}: {}", String::from_utf8_lossy(&said));
+    }
+}
+
+/// The tests' policy behind recurrent layers, its critic too.
+fn remembering(cell: Cell, hidden: &[usize]) -> Policy {
+    let plain = policy(Activation::Elu);
+    let memory = |inputs: usize, index: u32| {
+        let shape = RecurrentShape { cell, inputs, hidden: hidden.to_vec() };
+        Recurrent::random(&shape, 3, index)
+    };
+    let behind = |network: &Network, index: u32| {
+        let shape = Shape { inputs: *hidden.last().unwrap(), ..network.shape.clone() };
+        Network::random(shape, 3, index, 1.0).unwrap()
+    };
+    let critic = plain.critic.as_ref().unwrap();
+    Policy {
+        front: Some(Front::Recurrent(memory(45, 2))),
+        actor: behind(&plain.actor, 0),
+        critic_memory: Some(memory(critic.shape.inputs, 3)),
+        critic: Some(behind(critic, 1)),
+        ..plain.clone()
+    }
+}
+
+#[test]
+fn files_hold_both_memories_and_name_what_does_not_fit() {
+    for (cell, hidden) in [(Cell::Lstm, vec![9]), (Cell::Gru, vec![8, 8, 8])] {
+        let policy = remembering(cell, &hidden);
+        assert_eq!(weights::read(&weights::write(&policy).unwrap()).unwrap(), policy);
+        let back = onnx::read(&onnx::write(&policy).unwrap()).unwrap();
+        let alone = Policy { critic: None, critic_memory: None, critic_normaliser: None, ..policy.clone() };
+        assert_eq!(back, alone);
+        let wrong = |change: &dyn Fn(&mut Policy)| {
+            let mut other = policy.clone();
+            change(&mut other);
+            weights::write(&other).unwrap_err().to_string()
+        };
+        let found = wrong(&|other| other.critic = alone.critic.clone());
+        assert!(found.contains("critic"), "{found}");
+        let found = wrong(&|other| other.critic_memory.as_mut().unwrap().layers[0].bias_hh[0] = f32::NAN);
+        assert!(found.contains("the critic's memory holds NaN"), "{found}");
+        let found = wrong(&|other| {
+            let shape = RecurrentShape { cell, inputs: 47, hidden: hidden.clone() };
+            other.critic_memory = Some(Recurrent::random(&shape, 1, 0));
+        });
+        assert!(found.contains("the critic's memory takes 47"), "{found}");
+        let found = wrong(&|other| {
+            let shape = RecurrentShape { cell, inputs: 48, hidden: vec![5] };
+            other.critic_memory = Some(Recurrent::random(&shape, 1, 0));
+        });
+        assert!(found.contains("the critic's memory gives 5 numbers, the critic takes"), "{found}");
     }
 }
 
@@ -215,6 +300,7 @@ fn onnx_of(network: &Network) -> Vec<u8> {
         actor,
         critic: None,
         normaliser: None,
+        critic_memory: None,
         critic_normaliser: None,
         log_std: vec![0.0; joints],
         ..plain

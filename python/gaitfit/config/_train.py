@@ -12,6 +12,7 @@ from ._fit import Preset
 
 TaskName = Literal["velocity", "biped"]
 Cone = Literal["pyramidal", "elliptic"]
+Cell = Literal["lstm", "gru"]
 Schedule = Literal["adaptive", "fixed"]
 FrameOrder = Literal["terms", "frames", "newest_first"]
 HistoryStart = Literal["first", "zeros"]
@@ -319,6 +320,21 @@ class Size(Settings):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Memory(Settings):
+    """Recurrent layers before the actor, and as many of their own before the critic.
+
+    Attributes:
+        cell: Kind of the layers, ``gru`` or ``lstm``; a GRU if absent.
+        width: Units of every layer; 64 if absent.
+        layers: Layers, one behind the other; one if absent.
+    """
+
+    cell: Cell | None = None
+    width: int | None = None
+    layers: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Ppo(Settings):
     """Settings of the networks and of proximal policy optimisation (Schulman et al. 2017).
 
@@ -350,7 +366,9 @@ class Ppo(Settings):
         critic_warmup: Updates at the start in which only the critic learns, its loss unclipped and its learning rate
             constant; none is 0. A critic of another simulator, or a fresh one, then does not mislead the actor.
         epochs: Passes over the samples in an update. Default: 5.
-        minibatches: Gradient steps in a pass. Default: 4.
+        minibatches: Gradient steps in a pass; with a memory each is over whole robots. Default: 4.
+        memory: Recurrent layers before both networks, which see what these make of their observations; without it each
+            network sees its observation alone.
     """
 
     actor_hidden: Sequence[int] | None = None
@@ -375,6 +393,7 @@ class Ppo(Settings):
     critic_warmup: int | None = None
     epochs: int | None = None
     minibatches: int | None = None
+    memory: Memory | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,16 +1,17 @@
 //! The learner in the GPU's memory.
 
 use gaitfit_learn::ppo::{self, Diagnostics, Samples, SamplesError, UpdateError};
-use gaitfit_policy::network::Normaliser;
+use gaitfit_policy::network::{Memory, Normaliser, RecurrentShape};
 
 use super::error::PpoError;
+use super::flat::Flat;
 use super::launch::{Batch, Id, Launch, Value};
 use super::plan::{CHECKED, Plan};
-use super::prepared::{Limits, Prepared};
+use super::prepared::{Limits, Prepared, memories};
 use super::report::{LEARNING_RATE, STEPS};
 use super::storage::{Storage, Stored};
 use super::text::Precision;
-use crate::runtime::{Argument, Buffer, CudaError, Device, Graph, Kernel, Stream};
+use crate::runtime::{Argument, CudaError, Device, Graph, Kernel, Stream};
 
 /// Least compute capability: the matrix units' TF32.
 const CAPABILITY: (i32, i32) = (8, 0);
@@ -20,14 +21,14 @@ const NO_EXPLORATION: f32 = -1e4;
 
 /// Networks, optimiser and samples in a GPU's memory; see the module.
 pub struct Learner {
-    plan: Plan,
+    pub(super) plan: Plan,
     arrays: Vec<Storage>,
     kernels: Vec<(&'static str, Kernel)>,
     stream: Stream,
     graph: Option<Graph>,
     pub(super) batch: Batch,
     pub(super) settings: ppo::Settings,
-    widths: ppo::Widths,
+    pub(super) widths: ppo::Widths,
     seed: u64,
     /// Parameters of the actor and of the critic.
     sizes: [usize; 2],
@@ -55,12 +56,15 @@ impl Learner {
             processors: usize::try_from(info.processors).unwrap_or(2),
             shared_memory: usize::try_from(info.shared_memory).unwrap_or(0),
         };
-        let Prepared { program, plan, maps, sizes } = Prepared::new(learner, batch, precision, limits)?;
+        let Prepared { program, plan, maps, turn, sizes } = Prepared::new(learner, batch, precision, limits)?;
         let parts: Vec<(&str, u64)> = plan.arrays.iter().map(|array| (array.name, array.bytes())).collect();
         device.check_room(&parts)?;
         let module = device.load(&program)?;
         let mut kernels: Vec<(&'static str, Kernel)> = Vec::new();
-        for launch in plan.launches.iter().chain(&plan.pack).chain(&plan.foresee(0, 1)) {
+        let (remember, forget) = (plan.remember(0), plan.forget(0, 0).map(|(launch, _)| launch));
+        let foresee = plan.foresee(0, 1);
+        let others = plan.pack.iter().chain(&foresee).chain(&remember).chain(&forget);
+        for launch in plan.launches.iter().chain(others) {
             if kernels.iter().all(|(name, _)| *name != launch.kernel) {
                 kernels.push((launch.kernel, module.kernel(launch.kernel)?));
             }
@@ -89,6 +93,12 @@ impl Learner {
         for (name, map) in ["map", "forth", "back"].into_iter().zip(&maps) {
             built.write(name, map)?;
         }
+        built.write("memory_turn", &turn)?;
+        if let Some(memories) = memories(learner) {
+            let of =
+                |shape: &RecurrentShape| [vec![1.0f32; shape.outputs()], vec![0.0; shape.outputs()]].concat();
+            built.write("memory_unit", &memories.each_ref().map(of).concat())?;
+        }
         built.load(learner)?;
         Ok(built)
     }
@@ -98,9 +108,11 @@ impl Learner {
     /// # Errors
     /// [`PpoError`] if it is another one's, or the GPU fails.
     pub fn load(&mut self, learner: &ppo::Learner) -> Result<(), PpoError> {
-        let [actor, critic, log_std, first, second] = learner.tensors().map(|(_, numbers)| numbers);
-        self.write("parameters", &[actor, critic, log_std].concat())?;
-        self.write("moments", &[first, second].concat())?;
+        let Flat { parameters, moments, memories, memory_moments } = Flat::new(learner);
+        self.write("parameters", &parameters)?;
+        self.write("moments", &moments)?;
+        self.write("memory_parameters", &memories)?;
+        self.write("memory_moments", &memory_moments)?;
         let scalars = learner.scalars();
         self.seed = scalars.seed;
         let mut state = self.read::<f64>("state")?;
@@ -136,10 +148,15 @@ impl Learner {
     /// [`PpoError::State`] if it is not; the CPU's learner is then unchanged.
     pub fn store(&self, learner: &mut ppo::Learner) -> Result<(), PpoError> {
         let parameters = self.read_f32("parameters")?;
-        let moments = self.read_f32("moments")?;
+        let memory_parameters = self.read_f32("memory_parameters")?;
+        let flat = Flat {
+            moments: self.read_f32("moments")?,
+            memories: memory_parameters,
+            memory_moments: self.read_f32("memory_moments")?,
+            parameters,
+        };
         let state = self.read::<f64>("state")?;
-        let (first, second) = moments.split_at(parameters.len());
-        let [actor, critic] = self.sizes;
+        let parts = flat.parts(self.sizes, learner);
         let mut scalars = learner.scalars();
         scalars.seed = self.seed;
         scalars.steps = state[STEPS] as u64;
@@ -159,17 +176,9 @@ impl Learner {
             scalars.critic_normaliser =
                 Some(statistics("critic_statistics", self.widths.critic_observation)?);
         }
-        learner.restore(
-            |name| match name {
-                "actor" => Some(&parameters[..actor]),
-                "critic" => Some(&parameters[actor..actor + critic]),
-                "log_std" => Some(&parameters[actor + critic..]),
-                "adam.first" => Some(first),
-                "adam.second" => Some(second),
-                _ => None,
-            },
-            &scalars,
-        )?;
+        let find =
+            |name: &str| parts.iter().find(|(known, _)| known == name).map(|(_, numbers)| &numbers[..]);
+        learner.restore(find, &scalars)?;
         Ok(())
     }
 
@@ -226,50 +235,10 @@ impl Learner {
             }
             self.write(name, &all)?;
         }
-        Ok(())
-    }
-
-    /// Starts the work that fills `mean` and `value` of the rows `from .. from + rows` of the samples from their
-    /// observations: step s of a rollout is rows s · environments and on. It can be recorded in a graph.
-    ///
-    /// # Errors
-    /// [`CudaError::Length`] for rows that are not there, [`CudaError::Launch`].
-    pub fn foresee(&self, stream: &Stream, from: usize, rows: usize) -> Result<(), CudaError> {
-        let expected = self.batch.rows();
-        match self.plan.foresee(from, rows) {
-            Some(launch) if from.saturating_add(rows) <= expected => self.start(stream, &launch),
-            _ => Err(CudaError::Length {
-                buffer: "samples".into(),
-                expected,
-                found: from.saturating_add(rows),
-            }),
-        }
-    }
-
-    /// Starts the work that fills `value`, `rows`, from critic's observations, `rows × critic_observation`, that are not of
-    /// the samples. It can be recorded in a graph.
-    ///
-    /// # Errors
-    /// [`CudaError::Length`], [`CudaError::Launch`].
-    pub fn foresee_values(
-        &self,
-        stream: &Stream,
-        rows: usize,
-        critic_observation: &Buffer<f32>,
-        value: &Buffer<f32>,
-    ) -> Result<(), CudaError> {
-        let expected = rows * self.widths.critic_observation;
-        let short = critic_observation.len() < expected || value.len() < rows;
-        match self.plan.foresee_values(rows) {
-            Some((launch, [seen, out])) if !short => {
-                self.start_with(stream, &launch, &[(seen, critic_observation.into()), (out, value.into())])
-            }
-            _ => Err(CudaError::Length {
-                buffer: critic_observation.name().into(),
-                expected,
-                found: critic_observation.len(),
-            }),
-        }
+        let starts = tiles.iter().map(|tile| [rows_of(&tile.actor_memory), rows_of(&tile.critic_memory)]);
+        let (actor, critic): (Vec<_>, Vec<_>) = starts.map(|[actor, critic]| (actor, critic)).unzip();
+        self.write("actor_start", &actor.concat())?;
+        Ok(self.write("critic_start", &critic.concat())?)
     }
 
     /// An array of the plan as an argument of other kernels.
@@ -328,7 +297,7 @@ impl Learner {
     }
 
     /// As [`Learner::start`], with other arguments at some places.
-    fn start_with(
+    pub(super) fn start_with(
         &self,
         stream: &Stream,
         launch: &Launch,
@@ -381,10 +350,17 @@ impl Learner {
         self.storage(name).map_or_else(|| Ok(Vec::new()), |storage| storage.read(&self.stream))
     }
 
-    fn write<T: Stored>(&mut self, name: &str, numbers: &[T]) -> Result<(), CudaError> {
+    pub(super) fn write<T: Stored>(&mut self, name: &str, numbers: &[T]) -> Result<(), CudaError> {
         let storage = self.plan.array(name).and_then(|Id(number)| self.arrays.get_mut(number));
         storage.map_or(Ok(()), |storage| storage.write(&self.stream, numbers))
     }
+}
+
+/// All rows of a memory.
+fn rows_of(memory: &Memory) -> Vec<f32> {
+    let mut rows = Vec::new();
+    (0..memory.environments().unwrap_or(0)).for_each(|index| memory.append_row(index, &mut rows));
+    rows
 }
 
 fn array_of<'a>(samples: &'a Samples, name: &str) -> &'a [f32] {

@@ -8,6 +8,8 @@
 //! The same update on the same GPU gives the same bits every time. It differs from the CPU's by rounding.
 
 mod error;
+mod flat;
+mod foresee;
 mod launch;
 mod layout;
 mod learner;
@@ -18,6 +20,7 @@ mod storage;
 mod text;
 
 pub use error::PpoError;
+pub use flat::Flat;
 pub use launch::{Array, Batch, Id, Kind, Launch, Value};
 pub use layout::TooWide;
 pub use learner::Learner;

@@ -4,10 +4,11 @@ use gaitfit_learn::ppo::{self, SamplesError, UpdateError};
 
 use super::error::PpoError;
 use super::launch::Batch;
-use super::plan::{Plan, Task};
+use super::plan::{Plan, Task, check_shared, turns};
 use super::text::{MAX_ACTIONS, Precision, Text};
 use crate::runtime::Program;
 use crate::words::unknown;
+use gaitfit_policy::network::RecurrentShape;
 
 /// What the update's plan must know of a GPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,8 +28,15 @@ pub struct Prepared {
     pub plan: Plan,
     /// What the arrays `map`, `forth` and `back` hold: where each parameter's derivative and its two copies lie.
     pub maps: [Vec<u32>; 3],
+    /// What the array `memory_turn` holds: where each parameter of the memories lies in their transposed copy.
+    pub turn: Vec<u32>,
     /// Parameters of the actor and of the critic.
     pub sizes: [usize; 2],
+}
+
+/// Shapes of the actor's and the critic's memory, of a learner that has both.
+pub(super) fn memories(learner: &ppo::Learner) -> Option<[RecurrentShape; 2]> {
+    Some([learner.actor_memory()?.shape(), learner.critic_memory()?.shape()])
 }
 
 impl Prepared {
@@ -45,16 +53,26 @@ impl Prepared {
         let (settings, widths) = (learner.settings(), learner.widths());
         check_sizes(settings, widths, batch)?;
         check_networks(learner)?;
+        let minibatches = settings.minibatches;
+        if learner.actor_memory().is_some() && batch.environments < minibatches {
+            let robots = batch.environments;
+            return Err(UpdateError::from(SamplesError::TooFewRobots { robots, minibatches }).into());
+        }
         let shapes = [&learner.actor().shape, &learner.critic().shape];
-        let text = Text::new(settings, widths, shapes, precision, limits.shared_memory)?;
+        let memories = memories(learner);
+        if let Some(memories) = &memories {
+            check_shared(memories, limits.shared_memory)?;
+        }
+        let text = Text::new(settings, widths, shapes, memories.is_some(), precision, limits.shared_memory)?;
         let normalised = [learner.normaliser().is_some(), learner.critic_normaliser().is_some()];
-        let plan =
-            Plan::new(&Task { settings, widths, batch, processors: limits.processors, normalised }, &text);
+        let turn = memories.as_ref().map(turns).unwrap_or_default();
+        let processors = limits.processors;
+        let plan = Plan::new(&Task { settings, widths, batch, processors, normalised, memories }, &text);
         let (a, c) = (&text.actor, &text.critic);
         let maps = [[&a.map, &c.map], [&a.forth, &c.forth], [&a.back, &c.back]]
             .map(|maps| maps.map(|map| &map[..]).concat());
         let sizes = [text.actor.map.len(), text.critic.map.len()];
-        Ok(Self { program: text.program, plan, maps, sizes })
+        Ok(Self { program: text.program, plan, maps, turn, sizes })
     }
 }
 
@@ -88,6 +106,10 @@ fn check_sizes(settings: &ppo::Settings, widths: ppo::Widths, batch: Batch) -> R
 /// # Errors
 /// [`PpoError::Unsupported`].
 pub(crate) fn check_networks(learner: &ppo::Learner) -> Result<(), PpoError> {
+    if learner.actor_memory().is_some() != learner.critic_memory().is_some() {
+        let what = "a memory before only one of actor and critic".to_owned();
+        return Err(PpoError::Unsupported(what));
+    }
     let mut networks = [learner.actor(), learner.critic()].into_iter();
     let unknown = networks.find_map(|network| unknown(network.shape.activation));
     unknown.map_or(Ok(()), |what| Err(PpoError::Unsupported(what)))

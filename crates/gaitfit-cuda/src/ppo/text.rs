@@ -47,6 +47,7 @@ impl Text {
         settings: &Settings,
         widths: Widths,
         [actor, critic]: [&Shape; 2],
+        memory: bool,
         precision: Precision,
         available: usize,
     ) -> Result<Self, TooWide> {
@@ -64,7 +65,7 @@ impl Text {
             return Err(TooWide { network, needed: *needed, rows: *rows, available });
         };
         let mut text =
-            defines(settings, widths, [&actor_net, &critic_net], precision, rows, actor.activation);
+            defines(settings, widths, [&actor_net, &critic_net], (precision, memory), rows, actor.activation);
         for part in [
             include_str!("../common.cuh"),
             include_str!("kernels/common.cu"),
@@ -74,6 +75,7 @@ impl Text {
             include_str!("kernels/layers.cu"),
             include_str!("kernels/network.cu"),
             include_str!("kernels/step.cu"),
+            include_str!("kernels/memory.cu"),
         ] {
             text.push_str(part);
         }
@@ -86,7 +88,7 @@ fn defines(
     settings: &Settings,
     widths: Widths,
     nets: [&NetLayout; 2],
-    precision: Precision,
+    (precision, memory): (Precision, bool),
     rows: usize,
     activation: Activation,
 ) -> String {
@@ -103,7 +105,8 @@ fn defines(
         _ => 2,
     };
     for (name, value) in [
-        ("OBSERVATION", widths.observation),
+        ("ACTOR_INPUTS", nets[0].widths[0]),
+        ("MEMORY", usize::from(memory)),
         ("ACTIONS", widths.action),
         ("ROWS", rows),
         ("THREADS", THREADS),

@@ -109,6 +109,7 @@ impl Plan {
             ("cut", own, Kind::U32, scene.cuts() * environments),
             ("tail", own, Kind::F32, tails * critic),
             ("tail_value", own, Kind::F32, tails),
+            ("tail_memory", own, Kind::F32, scene.cuts() * environments * scene.sizes.remembered),
             ("tally", own, Kind::F64, scene.tallies() * environments),
             ("totals", own, Kind::F64, scene.tallies()),
             ("errors", own, Kind::F32, only(Mode::Trials, 2 * rows)),
@@ -143,6 +144,11 @@ impl Plan {
     fn columns(&self, mut launch: Launch, count: usize) -> Launch {
         launch.shape.grid[1] = u32::try_from(count).unwrap_or(1);
         launch
+    }
+
+    /// Episodes of an environment that a rollout cuts off at most.
+    pub fn cuts(&self) -> usize {
+        self.array("cut").map_or(0, |Id(number)| self.arrays[number].length / self.environments.max(1))
     }
 
     /// Before the first step.

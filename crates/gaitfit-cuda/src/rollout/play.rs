@@ -56,6 +56,9 @@ impl<'a> Play<'a> {
     ) -> Result<Self, RolloutError> {
         let Subject { task, policy, candidate, seed } = *subject;
         let refused = |error: &dyn std::fmt::Display| RolloutError::Trials(error.to_string());
+        if policy.is_recurrent() {
+            return Err(refused(&"a policy with a memory"));
+        }
         let host = Training::learner_from(task, &Settings::default(), policy, seed)
             .map_err(|error| refused(&format!("this policy ({error})")))?;
         let candidates = vec![candidate.cloned().unwrap_or_else(|| Candidate::nominal(task.walker.model()))];
@@ -72,7 +75,7 @@ impl<'a> Play<'a> {
         let mut learner = Learner::new(device, &host, batch, Precision::F32)?;
         learner.quiet()?;
         let networks = host.actor().parameters.len() + host.critic().parameters.len();
-        let sizes = Sizes { steps, environments, networks, gamma: 1.0, mode };
+        let sizes = Sizes { steps, environments, networks, gamma: 1.0, remembered: 0, mode };
         let rollout = Rollout::new(device, learner.stream(), task, &candidates, sizes, seed)?;
         let graph = learner.stream().record(|stream| rollout.start(stream, &learner))?;
         Ok(Self { graph, rollout, learner, subject: *subject, candidates, environments, steps, first: 0 })

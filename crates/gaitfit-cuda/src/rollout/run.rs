@@ -272,6 +272,7 @@ impl<'a> Rollout<'a> {
             }
             self.batch.step(stream)?;
             self.launch(stream, learner, &self.plan.finish(step))?;
+            self.forget(stream, learner, step)?;
         }
         self.launch(stream, learner, &self.plan.observe_end())?;
         self.foresee_tail(stream, learner)?;
@@ -284,8 +285,22 @@ impl<'a> Rollout<'a> {
             Some(Storage::F32(buffer)) => Some(buffer),
             _ => None,
         };
-        match (array("tail"), array("tail_value")) {
-            (Some(tail), Some(value)) => learner.foresee_values(stream, value.len(), tail, value),
+        match (array("tail"), array("tail_memory"), array("tail_value")) {
+            (Some(tail), Some(memory), Some(value)) => {
+                learner.foresee_values(stream, value.len(), tail, memory, value)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// What the learner's memories forget after a step.
+    fn forget(&self, stream: &Stream, learner: &Learner, step: usize) -> Result<(), CudaError> {
+        let argument = |name: &str| self.storage(name).map(|storage| storage.argument());
+        match (argument("cut"), argument("tail_memory")) {
+            (Some(cut), Some(memory)) => {
+                let cuts = self.plan.cuts();
+                learner.forget(stream, (step, cuts), cut, memory)
+            }
             _ => Ok(()),
         }
     }

@@ -39,6 +39,8 @@ pub struct Sizes {
     pub networks: usize,
     /// Discount of PPO.
     pub gamma: f64,
+    /// Numbers that the critic remembers of an environment.
+    pub remembered: usize,
     /// What they are for.
     pub mode: Mode,
 }

@@ -88,7 +88,8 @@ impl<'a> Stepper<'a> {
             RolloutError::Unsupported(what) => RolloutError::Steps(what),
             error => error,
         };
-        let sizes = Sizes { steps: 1, environments, networks: 0, gamma: 1.0, mode: Mode::Steps };
+        let sizes =
+            Sizes { steps: 1, environments, networks: 0, gamma: 1.0, remembered: 0, mode: Mode::Steps };
         let stream = Stream::new(device)?;
         let mut rollout =
             Rollout::new(device, &stream, task, candidates, sizes, seed).map_err(unsupported)?;

@@ -62,7 +62,8 @@ impl<'a> Trainer<'a> {
         let host = training.learner();
         let networks = host.actor().parameters.len() + host.critic().parameters.len();
         let (gamma, mode) = (host.settings().gamma, Mode::Training);
-        let sizes = Sizes { steps, environments, networks, gamma, mode };
+        let remembered = host.critic_memory().map_or(0, |memory| memory.shape().remembered());
+        let sizes = Sizes { steps, environments, networks, gamma, remembered, mode };
         let learner = Learner::new(device, host, batch, precision)?;
         let rollout = Rollout::new(device, learner.stream(), task, training.candidates(), sizes, seed)?;
         let mut trainer = Self {
@@ -87,6 +88,7 @@ impl<'a> Trainer<'a> {
     pub fn load(&mut self, training: &mut Training<'_>) -> Result<(), RolloutError> {
         self.learner.load(training.learner())?;
         self.rollout.load(self.learner.stream(), &training.snapshots())?;
+        self.learner.set_memories(&training.memories())?;
         self.iteration = training.iteration();
         self.growth = training.growth();
         Ok(())
@@ -100,6 +102,7 @@ impl<'a> Trainer<'a> {
         self.learner.store(training.learner_mut())?;
         let snapshots = self.rollout.snapshots(self.learner.stream())?;
         training.set_snapshots(self.iteration, self.growth, &snapshots)?;
+        training.set_memories(&self.learner.memories()?)?;
         Ok(())
     }
 

@@ -44,7 +44,14 @@ pub fn lively(name: &str) -> TaskSettings {
 }
 
 pub fn sizes() -> Sizes {
-    Sizes { steps: STEPS, environments: ENVIRONMENTS, networks: NETWORKS, gamma: 0.97, mode: Mode::Training }
+    Sizes {
+        steps: STEPS,
+        environments: ENVIRONMENTS,
+        networks: NETWORKS,
+        gamma: 0.97,
+        remembered: 0,
+        mode: Mode::Training,
+    }
 }
 
 /// What the CPU did in one step.

@@ -47,7 +47,7 @@ fn cxx_logs_are_the_cpus() {
     };
     let period = Scene::period(&task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();
     let (networks, mode) = (NETWORKS, Mode::Logs);
-    let sizes = Sizes { steps: STEPS, environments: ENVIRONMENTS, networks, gamma: 1.0, mode };
+    let sizes = Sizes { steps: STEPS, environments: ENVIRONMENTS, networks, gamma: 1.0, remembered: 0, mode };
     let scene = Scene::new(&task, &period, sizes).unwrap();
     let plan = Plan::new(&scene);
     let actions = task.walker.joints.len();

@@ -331,8 +331,14 @@ fn nvrtc_compiles_rollouts() {
         settings.terms.insert("calves".to_owned(), r#"sum(abs(tau["*_calf"]))"#.to_owned());
         settings.rewards.insert("calves".to_owned(), -1e-3);
         let task = Task::new(&model, &settings, Preset::Fast).unwrap();
-        let sizes =
-            Sizes { steps: 24, environments: 4096, networks: 100_000, gamma: 0.99, mode: Mode::Training };
+        let sizes = Sizes {
+            steps: 24,
+            environments: 4096,
+            networks: 100_000,
+            gamma: 0.99,
+            remembered: 0,
+            mode: Mode::Training,
+        };
         let period = Scene::period(&task, &[candidate], 4096, PROCESSORS).unwrap();
         assert_eq!(period.lanes(), 4);
         let plan = Plan::new(&Scene::new(&task, &period, sizes).unwrap());

@@ -113,7 +113,14 @@ fn state(read: &dyn Fn(&str) -> Vec<u8>) -> Packed {
 fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
     let candidates = std::slice::from_ref(candidate);
     let period = Scene::period(task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();
-    let sizes = Sizes { steps: 1, environments: ENVIRONMENTS, networks: 0, gamma: 1.0, mode: Mode::Steps };
+    let sizes = Sizes {
+        steps: 1,
+        environments: ENVIRONMENTS,
+        networks: 0,
+        gamma: 1.0,
+        remembered: 0,
+        mode: Mode::Steps,
+    };
     let scene = Scene::new(task, &period, sizes).unwrap();
     let plan = Plan::new(&scene);
     let arrays = &plan.arrays;

@@ -42,6 +42,7 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
         environments: ENVIRONMENTS,
         networks: NETWORKS,
         gamma: 1.0,
+        remembered: 0,
         mode: Mode::Trials,
     };
     let scene = Scene::new(&task, &period, sizes).unwrap();

@@ -3,9 +3,11 @@
 //! | tensor | type, shape |
 //! | --- | --- |
 //! | `learner.actor`, `.critic`, `.log_std`, `.adam.first`, `.adam.second` | F32, flat |
+//! | `learner.actor_memory.weight_ih_l0`, …; `learner.critic_memory.…` | F32, flat: of recurrent layers, if there are any |
 //! | `tile.N.numbers` | F32, flat: the robots' states, see [`Environment::save`](crate::task::Environment::save) |
 //! | `tile.N.steps` | U32 `environments`: steps since each episode began |
 //! | `tile.N.returns` | F32 `environments × 2`: reward and steps since each episode began |
+//! | `tile.N.actor_memory`, `.critic_memory` | F32, flat: what recurrent layers remember, if there are any |
 //!
 //! The metadata has one entry, `gaitfit-checkpoint`: a JSON object with the file's checksum, format version, origin,
 //! instruction set, iteration, wall time, the learner's scalars and, where commands grow, how far they have.
@@ -30,6 +32,8 @@ use crate::training::Training;
 const FORMAT: u32 = 2;
 /// Where the metadata keeps the header.
 const KEY: &str = "gaitfit-checkpoint";
+/// Tensors of a tile for what the actor and the critic remember.
+const MEMORIES: [&str; 2] = ["actor_memory", "critic_memory"];
 /// What stands before the digits of the checksum: the metadata's key and the beginning of its JSON, as JSON text.
 const BEFORE: &[u8] = br#""gaitfit-checkpoint":"{\"sha256\":\""#;
 
@@ -122,8 +126,21 @@ impl Training<'_> {
         for (name, values) in self.learner.tensors() {
             tensors.push((format!("learner.{name}"), vec![values.len()], Dtype::F32, single(values)));
         }
+        for (name, values) in self.learner.memory_tensors() {
+            tensors.push((format!("learner.{name}"), vec![values.len()], Dtype::F32, single(values)));
+        }
         for (tile, runner) in self.runners.iter_mut().enumerate() {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
+            let memories = runner.recorder.memories(&self.learner, runner.environment.count());
+            for (name, values) in MEMORIES.into_iter().zip(memories).filter(|(_, values)| !values.is_empty())
+            {
+                tensors.push((
+                    format!("tile.{tile}.{name}"),
+                    vec![values.len()],
+                    Dtype::F32,
+                    single(&values),
+                ));
+            }
             let Saved { numbers, steps } = runner.environment.save();
             let returns = runner.returns.as_flattened();
             let count = steps.len();
@@ -182,10 +199,12 @@ impl Training<'_> {
             Ok(view.data().as_chunks().0.iter().map(|&b| f32::from_le_bytes(b)).collect())
         };
         let mut learner = Vec::new();
-        for (name, _) in self.learner.tensors() {
-            learner.push((name, numbers(&format!("learner.{name}"))?));
+        let flat = self.learner.tensors().into_iter().map(|(name, _)| name.to_owned());
+        for name in flat.chain(self.learner.memory_tensors().into_iter().map(|(name, _)| name)) {
+            let values = numbers(&format!("learner.{name}"))?;
+            learner.push((name, values));
         }
-        let tensor = |name: &str| learner.iter().find(|(known, _)| *known == name).map(|(_, v)| v.as_slice());
+        let tensor = |name: &str| learner.iter().find(|(known, _)| known == name).map(|(_, v)| v.as_slice());
         self.learner.restore(tensor, &header.learner)?;
         for (tile, runner) in self.runners.iter_mut().enumerate() {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
@@ -205,6 +224,21 @@ impl Training<'_> {
                 return Err(damaged(format!("tensor tile.{tile}.returns holds {bad}")));
             }
             runner.returns.as_flattened_mut().copy_from_slice(&returns);
+            let count = runner.environment.count();
+            let mut memories = [Vec::new(), Vec::new()];
+            let blank = self.learner.blank_memories(0);
+            for ((values, name), blank) in memories.iter_mut().zip(MEMORIES).zip(blank) {
+                if blank.is_empty() {
+                    continue;
+                }
+                *values = numbers(&format!("tile.{tile}.{name}"))?;
+                if let Some(bad) = values.iter().find(|x| !x.is_finite()) {
+                    return Err(damaged(format!("tensor tile.{tile}.{name} holds {bad}")));
+                }
+            }
+            if !runner.recorder.set_memories(&self.learner, count, &memories) {
+                return Err(damaged(format!("the memories of tile {tile} have another number of numbers")));
+            }
         }
         self.iteration = header.iteration;
         self.growth = header.growth.unwrap_or_default();

@@ -56,8 +56,21 @@ pub fn synthetic(
         normals(2, &mut samples.action);
         normals(3, &mut samples.reward);
         normals(4, &mut samples.last_value);
-        learner.means(rows, &samples.observation, &mut samples.mean, &mut scratch);
-        learner.values(rows, &samples.critic_observation, &mut samples.value, &mut scratch);
+        [samples.actor_memory, samples.critic_memory] = learner.blank_memories(environments);
+        let [mut actor, mut critic] = learner.blank_memories(environments);
+        let (of_actor, of_critic) =
+            (environments * widths.observation, environments * widths.critic_observation);
+        let steps_seen = samples
+            .observation
+            .chunks_exact(of_actor)
+            .zip(samples.critic_observation.chunks_exact(of_critic));
+        let of_action = environments * widths.action;
+        let given =
+            samples.mean.chunks_exact_mut(of_action).zip(samples.value.chunks_exact_mut(environments));
+        for ((seen, critic_seen), (mean, value)) in steps_seen.zip(given) {
+            learner.means_with(environments, seen, &mut actor, mean, &mut scratch);
+            learner.values_with(environments, critic_seen, &mut critic, value, &mut scratch);
+        }
         for row in 0..rows {
             let mut log_probability = 0.0;
             for (c, &log_std) in learner.log_std().iter().enumerate() {

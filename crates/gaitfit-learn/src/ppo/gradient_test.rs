@@ -129,6 +129,7 @@ impl Problem {
         let point = Point {
             actor: Weights::new(actor, &parameters[..split]),
             critic: Weights::new(critic, &parameters[split..end]),
+            memories: [None, None],
             constants,
         };
         let mut worker = Worker::<T>::new(actor, critic);

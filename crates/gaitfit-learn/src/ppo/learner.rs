@@ -1,17 +1,7 @@
-//! The learner: networks, optimiser and the update.
+//! The learner: networks and optimiser.
 
-use std::ops::Range;
-
-use super::{
-    Culprit, Diagnostics, Samples, SamplesError, Schedule, Settings, SettingsError, UpdateError, Widths,
-    adam::Adam,
-    gae,
-    loss::{Constants, HALF_LOG_TAU, Sums},
-    minibatch::Gradients,
-    shuffle,
-    worker::{Point, Worker},
-};
-use gaitfit_policy::network::{Network, Normaliser, Scratch, ShapeError, Weights};
+use super::{Settings, SettingsError, Widths, adam::Adam, minibatch::Gradients};
+use gaitfit_policy::network::{Memory, Network, Normaliser, Recurrent, Scratch, ShapeError};
 
 /// Actor, critic, standard deviation, and what is needed to improve them. See [`Learner::update`].
 pub struct Learner {
@@ -20,12 +10,14 @@ pub struct Learner {
     pub(super) seed: u64,
     pub(super) actor: Network,
     pub(super) critic: Network,
+    pub(super) actor_memory: Option<Recurrent>,
+    pub(super) critic_memory: Option<Recurrent>,
     pub(super) log_std: Vec<f32>,
     pub(super) normaliser: Option<Normaliser>,
     pub(super) critic_normaliser: Option<Normaliser>,
     pub(super) adam: Adam,
     pub(super) learning_rate: f64,
-    gradients: Gradients,
+    pub(super) gradients: Gradients,
 }
 
 /// Why there is no learner.
@@ -59,15 +51,8 @@ pub enum LearnerError {
     },
 }
 
-/// Where each part lies in the flat gradient.
-struct Parts {
-    actor: Range<usize>,
-    critic: Range<usize>,
-    log_std: Range<usize>,
-}
-
 impl Learner {
-    /// Fresh networks for rows of `widths`, drawn from `seed` (actor: network 0, critic: network 1).
+    /// Fresh networks for rows of `widths`, drawn from `seed` (actor: network 0, critic: network 1, their memories: 2 and 3).
     ///
     /// # Errors
     /// [`LearnerError`] for bad settings, among them networks too large for these rows, or an empty row.
@@ -76,7 +61,13 @@ impl Learner {
         let actor = Network::random(actor, seed, 0, settings.output_gain)?;
         let critic = Network::random(critic, seed, 1, 1.0)?;
         let log_std = vec![settings.initial_std.ln() as f32; widths.action];
-        Self::with_networks(settings, widths, seed, actor, critic, log_std)
+        let memories = match settings.memories(widths)? {
+            None => [None, None],
+            Some([actor, critic]) => {
+                [Some(Recurrent::random(&actor, seed, 2)), Some(Recurrent::random(&critic, seed, 3))]
+            }
+        };
+        Self::with_memories(settings, widths, seed, [actor, critic], memories, log_std)
     }
 
     /// Goes on from given networks, for fine-tuning: their shapes count, not those of the settings. `fixed_std` of
@@ -92,6 +83,22 @@ impl Learner {
         seed: u64,
         actor: Network,
         critic: Network,
+        log_std: Vec<f32>,
+    ) -> Result<Self, LearnerError> {
+        Self::with_memories(settings, widths, seed, [actor, critic], [None, None], log_std)
+    }
+
+    /// The same with recurrent layers before the actor and before the critic, `memories` in this order, where there are
+    /// any. A network behind a memory takes its output.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn with_memories(
+        settings: Settings,
+        widths: Widths,
+        seed: u64,
+        [actor, critic]: [Network; 2],
+        memories: [Option<Recurrent>; 2],
         mut log_std: Vec<f32>,
     ) -> Result<Self, LearnerError> {
         settings.check()?;
@@ -102,10 +109,26 @@ impl Learner {
                 return Err(LearnerError::Untrainable { what, why });
             }
         }
+        let [actor_memory, critic_memory] = memories;
+        for (what, memory, observed) in [
+            ("actor's observation", &actor_memory, widths.observation),
+            ("critic's observation", &critic_memory, widths.critic_observation),
+        ] {
+            if memory.is_some() && observed == 0 {
+                return Err(ShapeError::EmptyLayer(what.to_owned()).into());
+            }
+        }
+        let ends = |memory: &Option<Recurrent>, observed: usize| {
+            memory.as_ref().map_or([observed; 2], |memory| [memory.inputs(), memory.outputs()])
+        };
+        let [actor_sees, actor_takes] = ends(&actor_memory, widths.observation);
+        let [critic_sees, critic_takes] = ends(&critic_memory, widths.critic_observation);
         for (what, expected, found) in [
-            ("the actor's input", widths.observation, actor.shape.inputs),
+            ("the input of the actor's memory", widths.observation, actor_sees),
+            ("the input of the critic's memory", widths.critic_observation, critic_sees),
+            ("the actor's input", actor_takes, actor.shape.inputs),
             ("the actor's output", widths.action, actor.shape.outputs),
-            ("the critic's input", widths.critic_observation, critic.shape.inputs),
+            ("the critic's input", critic_takes, critic.shape.inputs),
             ("the critic's output", 1, critic.shape.outputs),
             ("the log standard deviation", widths.action, log_std.len()),
         ] {
@@ -116,7 +139,12 @@ impl Learner {
         if let Some(std) = settings.fixed_std {
             log_std.fill(std.ln() as f32);
         }
-        let size = actor.parameters.len() + critic.parameters.len() + log_std.len();
+        let remembering: usize = [&actor_memory, &critic_memory]
+            .into_iter()
+            .flatten()
+            .map(|memory| memory.shape().parameters())
+            .sum();
+        let size = actor.parameters.len() + critic.parameters.len() + remembering + log_std.len();
         let normaliser = |width| settings.normalise_observations.then(|| Normaliser::new(width));
         Ok(Self {
             normaliser: normaliser(widths.observation),
@@ -127,6 +155,8 @@ impl Learner {
             seed,
             actor,
             critic,
+            actor_memory,
+            critic_memory,
             log_std,
             adam: Adam::new(size),
             gradients: Gradients::new(size),
@@ -143,31 +173,82 @@ impl Learner {
         self.widths
     }
 
-    /// Observation (normalised, if there is a normaliser) to mean action.
+    /// Observation (normalised, if there is a normaliser), or what the actor's memory makes of it, to mean action.
     pub fn actor(&self) -> &Network {
         &self.actor
     }
 
-    /// Critic's observation (normalised, if there is a normaliser) to value.
+    /// Critic's observation (normalised, if there is a normaliser), or what the critic's memory makes of it, to value.
     pub fn critic(&self) -> &Network {
         &self.critic
     }
 
-    /// Mean actions, `rows × action`, of raw observations, `rows × observation`.
+    /// Recurrent layers between the (normalised) observation and the actor.
+    pub fn actor_memory(&self) -> Option<&Recurrent> {
+        self.actor_memory.as_ref()
+    }
+
+    /// Recurrent layers between the critic's (normalised) observation and the critic.
+    pub fn critic_memory(&self) -> Option<&Recurrent> {
+        self.critic_memory.as_ref()
+    }
+
+    /// What the actor and the critic remember of `environments` whose episodes begin; empty without recurrent layers.
+    pub fn blank_memories(&self, environments: usize) -> [Memory; 2] {
+        [&self.actor_memory, &self.critic_memory]
+            .map(|memory| memory.as_ref().map_or_else(Memory::default, |memory| memory.memory(environments)))
+    }
+
+    /// Mean actions, `rows × action`, of raw observations, `rows × observation`, each an episode's first.
     ///
     /// # Panics
     /// If a slice is shorter than its size: an error of the caller.
     pub fn means(&self, rows: usize, observation: &[f32], mean: &mut [f32], scratch: &mut Scratch) {
-        self.actor.forward_normalised(self.normaliser.as_ref(), rows, observation, mean, scratch);
+        let [mut memory, _] = self.blank_memories(rows);
+        self.means_with(rows, observation, &mut memory, mean, scratch);
     }
 
-    /// Values, `rows`, of the critic's raw observations, `rows × critic_observation`.
+    /// The same of `rows` environments side by side, with what the actor remembers of them
+    /// ([`Learner::blank_memories`]), which takes in the observations.
+    ///
+    /// # Panics
+    /// If a slice is shorter than its size, or the memory is of other layers: an error of the caller.
+    pub fn means_with(
+        &self,
+        rows: usize,
+        observation: &[f32],
+        memory: &mut Memory,
+        mean: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
+        let recurrent = self.actor_memory.as_ref().map(|recurrent| (recurrent, memory));
+        through(recurrent, &self.actor, self.normaliser.as_ref(), (rows, observation), mean, scratch);
+    }
+
+    /// Values, `rows`, of the critic's raw observations, `rows × critic_observation`, each an episode's first.
     ///
     /// # Panics
     /// If a slice is shorter than its size: an error of the caller.
     pub fn values(&self, rows: usize, critic_observation: &[f32], value: &mut [f32], scratch: &mut Scratch) {
+        let [_, mut memory] = self.blank_memories(rows);
+        self.values_with(rows, critic_observation, &mut memory, value, scratch);
+    }
+
+    /// The same with what the critic remembers, as [`Learner::means_with`].
+    ///
+    /// # Panics
+    /// As there.
+    pub fn values_with(
+        &self,
+        rows: usize,
+        critic_observation: &[f32],
+        memory: &mut Memory,
+        value: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
+        let recurrent = self.critic_memory.as_ref().map(|recurrent| (recurrent, memory));
         let normaliser = self.critic_normaliser.as_ref();
-        self.critic.forward_normalised(normaliser, rows, critic_observation, value, scratch);
+        through(recurrent, &self.critic, normaliser, (rows, critic_observation), value, scratch);
     }
 
     /// ln σ of every element of the action.
@@ -217,181 +298,29 @@ impl Learner {
         self.critic_normaliser = critic_normaliser;
         Ok(())
     }
-
-    /// One update by PPO (Schulman et al. 2017): advantages, then `epochs × minibatches` steps of Adam.
-    ///
-    /// The samples were drawn by this learner's actor and `log_std` as they are now, and hold raw observations (the
-    /// networks saw them normalised, if there are normalisers). `iteration` numbers the update; it and the seed
-    /// determine the order of the samples. Neither `threads` nor how threads are scheduled changes a bit of the
-    /// result. Statistics of observations take in the samples after the last step. In the first `critic_warmup`
-    /// updates the actor stays as it is; after them the moments of Adam start at 0 again.
-    ///
-    /// # Errors
-    /// [`UpdateError`]: unfit samples (the learner is unchanged), or arithmetic that is not finite (parameters and
-    /// moments are those before the step named).
-    pub fn update(
-        &mut self,
-        tiles: &mut [Samples],
-        iteration: u32,
-        threads: usize,
-    ) -> Result<Diagnostics, UpdateError> {
-        let Settings { epochs, minibatches, gamma, lambda, .. } = self.settings;
-        gae::check_and_estimate(tiles, self.widths, gamma, lambda, threads)?;
-        let samples = tiles.iter().map(Samples::rows).sum();
-        if samples < minibatches {
-            return Err(SamplesError::TooFew { samples, minibatches }.into());
-        }
-        let explained_variance = gae::explained_variance(tiles).unwrap_or(0.0);
-        if self.settings.normalise_advantage {
-            gae::normalise_advantages(tiles);
-        }
-        let warmup = self.settings.critic_warmup.unwrap_or(0);
-        let critic_alone = iteration < warmup;
-        if warmup > 0 && iteration == warmup {
-            // The correction for moments that started at 0 would have run out before the actor's first step.
-            self.adam = Adam::new(self.gradients.total.len());
-        }
-        let scales = [&self.normaliser, &self.critic_normaliser].map(|n| n.as_ref().map(Normaliser::scale));
-        let (actor, critic) = (&self.actor.shape, &self.critic.shape);
-        self.gradients.prepare(threads, || Worker::new(actor, critic));
-
-        let old_log_std = self.log_std.clone();
-        let mut report = Diagnostics { explained_variance, ..Diagnostics::default() };
-        for epoch in 0..epochs {
-            let places = shuffle::deal(tiles, minibatches, self.seed, iteration, epoch as u32);
-            for minibatch in 0..minibatches {
-                let part = &places[shuffle::range(samples, minibatches, minibatch)];
-                let mut constants = Constants::new(&self.settings, part.len(), &self.log_std, &old_log_std);
-                constants.clipped_value_loss &= !critic_alone;
-                let [actor, critic] =
-                    [&self.actor, &self.critic].map(|n| Weights::new(&n.shape, &n.parameters));
-                let point = Point { actor, critic, constants };
-                let sums = self.gradients.compute(&point, tiles, part, &scales);
-                // Before the actor's first step the policy is the one that sampled: its divergence says nothing.
-                let unmoved = critic_alone || (epoch == 0 && minibatch == 0);
-                self.step(&sums, part.len(), critic_alone, unmoved, &mut report)
-                    .map_err(|culprit| UpdateError::NotFinite { culprit, iteration, epoch, minibatch })?;
-            }
-        }
-        report.divide((epochs * minibatches) as f64);
-        report.learning_rate = self.learning_rate;
-        report.mean_std =
-            self.log_std.iter().map(|&s| f64::from(s).exp()).sum::<f64>() / self.log_std.len() as f64;
-        self.observe(tiles);
-        Ok(report)
-    }
-
-    /// Checks the minibatch's gradient, moves the learning rate and steps; adds to `report`.
-    fn step(
-        &mut self,
-        sums: &Sums,
-        rows: usize,
-        critic_alone: bool,
-        unmoved: bool,
-        report: &mut Diagnostics,
-    ) -> Result<(), Culprit> {
-        let parts = self.parts();
-        let learn_std = self.settings.fixed_std.is_none() && !critic_alone;
-        let gradient = &mut self.gradients.total;
-        if critic_alone {
-            gradient[parts.actor.clone()].fill(0.0);
-        }
-        for g in &mut gradient[parts.log_std.clone()] {
-            // ∂H/∂ln σ = 1 for each element: H = Σ ln σ + ½ ln 2πe.
-            *g = if learn_std { *g - self.settings.entropy_coefficient as f32 } else { 0.0 };
-        }
-        let count = rows as f64;
-        let kl = sums.kl / count;
-        let squares =
-            |range: &Range<usize>| gradient[range.clone()].iter().map(|&g| f64::from(g).powi(2)).sum::<f64>();
-        let squares = [&parts.actor, &parts.critic, &parts.log_std].map(squares);
-        for (number, culprit) in [
-            (sums.surrogate, Culprit::PolicyLoss),
-            (sums.value, Culprit::ValueLoss),
-            (kl, Culprit::KlDivergence),
-            (squares[0], Culprit::ActorGradient),
-            (squares[1], Culprit::CriticGradient),
-            (squares[2], Culprit::LogStdGradient),
-        ] {
-            if !number.is_finite() {
-                return Err(culprit);
-            }
-        }
-        if self.settings.schedule == Schedule::Adaptive && !unmoved {
-            let [min, max] = self.settings.learning_rate_limits;
-            if kl > 2.0 * self.settings.desired_kl {
-                self.learning_rate = (self.learning_rate / 1.5).max(min);
-            } else if kl < 0.5 * self.settings.desired_kl {
-                self.learning_rate = (self.learning_rate * 1.5).min(max);
-            }
-        }
-        let norm = squares.iter().sum::<f64>().sqrt();
-        let factor = (self.settings.max_gradient_norm / (norm + 1e-6)).min(1.0);
-        report.entropy += self.entropy();
-        let mut targets = vec![(parts.critic, self.critic.parameters.as_mut_slice())];
-        if !critic_alone {
-            targets.push((parts.actor, self.actor.parameters.as_mut_slice()));
-        }
-        if learn_std {
-            targets.push((parts.log_std, self.log_std.as_mut_slice()));
-        }
-        self.adam.step(&mut targets, &self.gradients.total, factor, self.learning_rate);
-        report.policy_loss += sums.surrogate / count;
-        report.value_loss += sums.value / count;
-        report.kl += kl;
-        report.kl_last = kl;
-        report.approx_kl_k1 += sums.k1 / count;
-        report.approx_kl_k3 += sums.k3 / count;
-        report.clip_fraction += sums.clipped / count;
-        report.gradient_norm += norm;
-        Ok(())
-    }
-
-    /// H = Σ ln σ + ½ ln 2πe.
-    fn entropy(&self) -> f64 {
-        self.log_std.iter().map(|&s| f64::from(s) + HALF_LOG_TAU + 0.5).sum()
-    }
-
-    fn parts(&self) -> Parts {
-        let actor = 0..self.actor.parameters.len();
-        let critic = actor.end..actor.end + self.critic.parameters.len();
-        let log_std = critic.end..critic.end + self.log_std.len();
-        Parts { actor, critic, log_std }
-    }
-
-    /// Takes the samples into the statistics of observations, if the settings ask for them.
-    fn observe(&mut self, tiles: &[Samples]) {
-        if !self.settings.normalise_observations {
-            return;
-        }
-        for tile in tiles {
-            if let Some(normaliser) = &mut self.normaliser {
-                normaliser.merge(&Normaliser::from_samples(self.widths.observation, &tile.observation));
-            }
-            if let Some(normaliser) = &mut self.critic_normaliser {
-                normaliser.merge(&Normaliser::from_samples(
-                    self.widths.critic_observation,
-                    &tile.critic_observation,
-                ));
-            }
-        }
-    }
 }
 
-impl Diagnostics {
-    /// Turns sums over `count` minibatches into means.
-    fn divide(&mut self, count: f64) {
-        for number in [
-            &mut self.policy_loss,
-            &mut self.value_loss,
-            &mut self.entropy,
-            &mut self.kl,
-            &mut self.approx_kl_k1,
-            &mut self.approx_kl_k3,
-            &mut self.clip_fraction,
-            &mut self.gradient_norm,
-        ] {
-            *number /= count;
+/// Rows through a normaliser, a memory and a network, of which the first two may be absent.
+fn through(
+    recurrent: Option<(&Recurrent, &mut Memory)>,
+    network: &Network,
+    normaliser: Option<&Normaliser>,
+    (rows, observation): (usize, &[f32]),
+    output: &mut [f32],
+    scratch: &mut Scratch,
+) {
+    let Some((recurrent, memory)) = recurrent else {
+        return network.forward_normalised(normaliser, rows, observation, output, scratch);
+    };
+    let observation = &observation[..rows * recurrent.inputs()];
+    let mut seen = Vec::new();
+    match normaliser {
+        None => recurrent.step(rows, observation, memory, &mut seen),
+        Some(normaliser) => {
+            let mut normal = vec![0.0; observation.len()];
+            normaliser.apply(observation, &mut normal);
+            recurrent.step(rows, &normal, memory, &mut seen);
         }
     }
+    network.forward(rows, &seen, output, scratch);
 }

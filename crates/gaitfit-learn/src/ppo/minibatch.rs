@@ -9,12 +9,15 @@ use gaitfit_sim::pool::share;
 use super::{
     Samples,
     loss::Sums,
+    sequence::{self, SequenceWorker},
     worker::{Place, Point, Scale, TILE, Worker},
 };
-use gaitfit_policy::network::add_slices;
+use gaitfit_policy::network::{RecurrentWeights, Shape, add_slices};
 
 /// Pieces of a minibatch; twice as many threads have work.
 const PIECES: usize = 16;
+/// Environments that a piece has at least, of learners with a memory, where there are enough.
+const MIN_ROBOTS: usize = 16;
 /// Parameters that one thread adds up at a time.
 const SPAN: usize = 4096;
 
@@ -34,6 +37,8 @@ enum Part<'a> {
 /// Memory for gradients, kept between minibatches.
 pub(super) struct Gradients {
     workers: Vec<Worker<f32>>,
+    /// Workers of learners with a memory, which take the workers' place.
+    sequence_workers: Vec<SequenceWorker<f32>>,
     pieces: Vec<Piece>,
     /// The gradient of the last minibatch: actor, critic, ln σ.
     pub(super) total: Vec<f32>,
@@ -42,13 +47,31 @@ pub(super) struct Gradients {
 impl Gradients {
     /// For gradients of `size` numbers; nothing is allocated yet.
     pub(super) fn new(size: usize) -> Self {
-        Self { workers: Vec::new(), pieces: Vec::new(), total: vec![0.0; size] }
+        Self { workers: Vec::new(), sequence_workers: Vec::new(), pieces: Vec::new(), total: vec![0.0; size] }
     }
 
     /// Readies memory for `threads` workers, made by `worker`.
     pub(super) fn prepare(&mut self, threads: usize, worker: impl Fn() -> Worker<f32>) {
-        let size = self.total.len();
         self.workers.resize_with(threads.clamp(1, 2 * PIECES), worker);
+        self.prepare_pieces();
+    }
+
+    /// The same for learners with a memory, of rollouts of up to `steps` steps.
+    pub(super) fn prepare_sequences(
+        &mut self,
+        threads: usize,
+        steps: usize,
+        worker: impl Fn() -> SequenceWorker<f32>,
+    ) {
+        if self.sequence_workers.first().is_some_and(|worker| worker.rows() < steps) {
+            self.sequence_workers.clear();
+        }
+        self.sequence_workers.resize_with(threads.clamp(1, 2 * PIECES), worker);
+        self.prepare_pieces();
+    }
+
+    fn prepare_pieces(&mut self) {
+        let size = self.total.len();
         self.pieces.resize_with(PIECES, || Piece {
             gradient: avec![0.0; size],
             sums: Sums::default(),
@@ -96,19 +119,72 @@ impl Gradients {
             }
         });
 
-        let pieces = &self.pieces;
-        share(&mut self.workers, self.total.chunks_mut(SPAN).enumerate(), |_, (index, total)| {
-            let range = index * SPAN..index * SPAN + total.len();
-            total.copy_from_slice(&pieces[0].gradient[range.clone()]);
-            for piece in &pieces[1..] {
-                add_slices(total, &piece.gradient[range.clone()]);
+        add_up(&mut self.workers, &self.pieces, &mut self.total)
+    }
+
+    /// The same for learners with a memory: `places` are environments, of which all steps count.
+    pub(super) fn compute_sequences(
+        &mut self,
+        point: &Point<'_, f32>,
+        tiles: &[Samples],
+        places: &[Place],
+        scales: &[Scale; 2],
+    ) -> Sums {
+        // As many environments side by side as fill vectors, whatever the number of threads.
+        let count = (places.len() / MIN_ROBOTS).clamp(1, self.pieces.len());
+        let pieces = &mut self.pieces[..count];
+        let size = |shape: &Shape, memory: &Option<RecurrentWeights<f32>>| {
+            shape.parameters() + memory.as_ref().map_or(0, |memory| memory.shape.parameters())
+        };
+        let [of_actor_size, of_critic_size] =
+            [size(point.actor.shape, &point.memories[0]), size(point.critic.shape, &point.memories[1])];
+        let parts = pieces.iter_mut().enumerate().flat_map(|(index, piece)| {
+            let places = &places[index * places.len() / count..(index + 1) * places.len() / count];
+            let Piece { gradient, sums, value_sums } = piece;
+            let (of_actor, rest) = gradient.split_at_mut(of_actor_size);
+            let (of_critic, of_log_std) = rest.split_at_mut(of_critic_size);
+            [
+                (places, Part::Policy { gradient: of_actor, of_log_std, sums }),
+                (places, Part::Value { gradient: of_critic, sums: value_sums }),
+            ]
+        });
+        let [scale, critic_scale] = scales;
+        share(&mut self.sequence_workers, parts, |worker, (places, part)| match part {
+            Part::Policy { gradient, of_log_std, sums } => {
+                gradient.fill(0.0);
+                of_log_std.fill(0.0);
+                *sums = Sums::default();
+                for places in sequence::groups(tiles, places) {
+                    let sizes = worker.gather_for_policy(tiles, places, scale);
+                    worker.policy(point, sizes, gradient, of_log_std, sums);
+                }
+            }
+            Part::Value { gradient, sums } => {
+                gradient.fill(0.0);
+                *sums = Sums::default();
+                for places in sequence::groups(tiles, places) {
+                    let sizes = worker.gather_for_value(tiles, places, critic_scale);
+                    worker.value(point, sizes, gradient, sums);
+                }
             }
         });
-        let mut sums = Sums::default();
-        for piece in pieces {
-            sums.add(&piece.sums);
-            sums.add(&piece.value_sums);
-        }
-        sums
+        add_up(&mut self.sequence_workers, &self.pieces[..count], &mut self.total)
     }
+}
+
+/// Adds up the pieces' gradients in `total`, and their sums.
+fn add_up<W: Send>(workers: &mut [W], pieces: &[Piece], total: &mut [f32]) -> Sums {
+    share(workers, total.chunks_mut(SPAN).enumerate(), |_, (index, total)| {
+        let range = index * SPAN..index * SPAN + total.len();
+        total.copy_from_slice(&pieces[0].gradient[range.clone()]);
+        for piece in &pieces[1..] {
+            add_slices(total, &piece.gradient[range.clone()]);
+        }
+    });
+    let mut sums = Sums::default();
+    for piece in pieces {
+        sums.add(&piece.sums);
+        sums.add(&piece.value_sums);
+    }
+    sums
 }

@@ -10,18 +10,22 @@ mod loss;
 mod minibatch;
 mod recorder;
 mod samples;
+mod sequence;
 mod settings;
 mod shuffle;
 mod state;
+mod update;
 mod worker;
 
 #[cfg(test)]
 mod gradient_test;
+#[cfg(test)]
+mod sequence_test;
 
 pub use diagnostics::{Culprit, Diagnostics, UpdateError};
 pub use exploration::Exploration;
 pub use learner::{Learner, LearnerError};
 pub use recorder::{End, Recorder};
 pub use samples::{Samples, SamplesError, Widths};
-pub use settings::{Schedule, Settings, SettingsError};
+pub use settings::{MemorySettings, Schedule, Settings, SettingsError};
 pub use state::{Scalars, StateError};

@@ -1,6 +1,6 @@
 //! One rollout in any simulator: the learner's actions out, what came of them in.
 
-use gaitfit_policy::network::Scratch;
+use gaitfit_policy::network::{Memory, Scratch};
 
 use super::{Exploration, Learner, Samples};
 
@@ -37,6 +37,8 @@ pub struct Recorder {
     exploration: Exploration,
     /// Step being recorded.
     step: usize,
+    /// What the actor and the critic remember of the environments; empty before the first step and without a memory.
+    memories: [Memory; 2],
     critic_rows: Vec<f32>,
     values: Vec<f32>,
     scratch: Scratch,
@@ -46,7 +48,8 @@ impl Recorder {
     /// With room in `samples` ([`Samples::new`]); `exploration` draws for its environments.
     pub fn new(samples: Samples, exploration: Exploration) -> Self {
         let (critic_rows, values) = (Vec::new(), Vec::new());
-        Self { samples, exploration, step: 0, critic_rows, values, scratch: Scratch::new() }
+        let memories = [Memory::default(), Memory::default()];
+        Self { samples, exploration, step: 0, memories, critic_rows, values, scratch: Scratch::new() }
     }
 
     /// Starts a rollout over what was recorded before.
@@ -77,14 +80,21 @@ impl Recorder {
     /// If all steps of the samples are recorded, or the learner has rows of other widths: errors of the caller.
     pub fn act(&mut self, learner: &Learner, number: u32) {
         let Samples { environments, widths, .. } = self.samples;
+        self.remember(learner, environments);
         let rows = self.step * environments..(self.step + 1) * environments;
         let range = |width: usize| rows.start * width..rows.end * width;
         let samples = &mut self.samples;
+        let [actor_memory, critic_memory] = &mut self.memories;
+        if self.step == 0 {
+            samples.actor_memory.clone_from(actor_memory);
+            samples.critic_memory.clone_from(critic_memory);
+        }
         let mean = &mut samples.mean[range(widths.action)];
         let seen = &samples.observation[range(widths.observation)];
-        learner.means(environments, seen, mean, &mut self.scratch);
+        learner.means_with(environments, seen, actor_memory, mean, &mut self.scratch);
         let seen = &samples.critic_observation[range(widths.critic_observation)];
-        learner.values(environments, seen, &mut samples.value[rows.clone()], &mut self.scratch);
+        let value = &mut samples.value[rows.clone()];
+        learner.values_with(environments, seen, critic_memory, value, &mut self.scratch);
         let action = &mut samples.action[range(widths.action)];
         let log_probability = &mut samples.log_probability[rows.clone()];
         self.exploration.draw(learner.log_std(), number, mean, action, log_probability);
@@ -118,6 +128,9 @@ impl Recorder {
                 *reward += gamma * value;
             }
         }
+        for (index, _) in ends.iter().enumerate().filter(|(_, end)| **end != End::No) {
+            self.memories.iter_mut().for_each(|memory| memory.begin(index));
+        }
         self.step += 1;
     }
 
@@ -127,12 +140,77 @@ impl Recorder {
         self.samples.last_value.copy_from_slice(&self.values);
     }
 
-    /// Values of the states that `observe_critic` writes.
+    /// What the learner's actor and critic remember of the `environments`, for a file.
+    pub(crate) fn memories(&mut self, learner: &Learner, environments: usize) -> [Vec<f32>; 2] {
+        self.remember(learner, environments);
+        self.memories.each_ref().map(Memory::numbers)
+    }
+
+    /// Takes up what [`Recorder::memories`] gave; `false` for what is of another learner or other environments.
+    pub(crate) fn set_memories(
+        &mut self,
+        learner: &Learner,
+        environments: usize,
+        numbers: &[Vec<f32>; 2],
+    ) -> bool {
+        self.memories = learner.blank_memories(environments);
+        self.memories.iter_mut().zip(numbers).all(|(memory, numbers)| memory.set_numbers(numbers))
+    }
+
+    /// Appends what is remembered of each of the `environments`, a row an environment, to the actor's and the critic's.
+    pub(crate) fn append_memories(
+        &mut self,
+        learner: &Learner,
+        environments: usize,
+        all: &mut [Vec<f32>; 2],
+    ) {
+        self.remember(learner, environments);
+        for (memory, all) in self.memories.iter().zip(all) {
+            (0..environments).for_each(|index| memory.append_row(index, all));
+        }
+    }
+
+    /// Takes up such rows from the beginning of `rest`, which loses them; `false` for too few.
+    pub(crate) fn take_memories(
+        &mut self,
+        learner: &Learner,
+        environments: usize,
+        rest: &mut [&[f32]; 2],
+    ) -> bool {
+        self.memories = learner.blank_memories(environments);
+        let mut fits = true;
+        for (memory, rest) in self.memories.iter_mut().zip(rest) {
+            let width = memory.width();
+            for index in 0..environments {
+                let (row, others) = rest.split_at(width.min(rest.len()));
+                fits &= memory.set_row(index, row);
+                *rest = others;
+            }
+        }
+        fits
+    }
+
+    /// Before the first step all episodes begin.
+    fn remember(&mut self, learner: &Learner, environments: usize) {
+        if self.memories.iter().all(Memory::is_empty) {
+            self.memories = learner.blank_memories(environments);
+        }
+    }
+
+    /// Values of the states that `observe_critic` writes. The critic's memory stays before them: if an episode goes on, the
+    /// next step shows it the state.
     fn foresee(&mut self, learner: &Learner, observe_critic: impl FnOnce(&mut [f32])) {
         let Samples { environments, widths, .. } = self.samples;
         self.critic_rows.resize(environments * widths.critic_observation, 0.0);
         observe_critic(&mut self.critic_rows);
         self.values.resize(environments, 0.0);
-        learner.values(environments, &self.critic_rows, &mut self.values, &mut self.scratch);
+        let mut memory = self.memories[1].clone();
+        learner.values_with(
+            environments,
+            &self.critic_rows,
+            &mut memory,
+            &mut self.values,
+            &mut self.scratch,
+        );
     }
 }

@@ -1,5 +1,7 @@
 //! What a rollout leaves for the learner.
 
+use gaitfit_policy::network::{Memory, RecurrentShape};
+
 /// Widths of the rows that a learner sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Widths {
@@ -42,6 +44,10 @@ pub struct Samples {
     pub advantage: Vec<f32>,
     /// Advantage + value, the critic's target; `steps × environments`.
     pub returns: Vec<f32>,
+    /// What the actor's recurrent layers remembered of each environment before the first step; empty without any.
+    pub actor_memory: Memory,
+    /// The same of the critic's.
+    pub critic_memory: Memory,
 }
 
 /// Samples that cannot be learned from.
@@ -103,6 +109,32 @@ pub enum SamplesError {
         /// Minibatches of the settings.
         minibatches: usize,
     },
+    /// Fewer robots than minibatches, of policies with a memory.
+    #[error(
+        "{robots} robots cannot fill {minibatches} minibatches, which take whole robots where a policy has a memory: use \
+         more environments, or fewer minibatches"
+    )]
+    TooFewRobots {
+        /// Environments of all tiles.
+        robots: usize,
+        /// Minibatches of the settings.
+        minibatches: usize,
+    },
+    /// A memory that is not the learner's.
+    #[error(
+        "`{array}` of tile {tile} holds {found} numbers of each of its environments, the learner's memory has {expected}: \
+         record the rollout with `Recorder`"
+    )]
+    Memory {
+        /// Which tile.
+        tile: usize,
+        /// Which memory.
+        array: &'static str,
+        /// The learner's width.
+        expected: usize,
+        /// The samples'.
+        found: usize,
+    },
 }
 
 impl Samples {
@@ -125,12 +157,35 @@ impl Samples {
             last_value: vec![0.0; environments],
             advantage: zeros(1),
             returns: zeros(1),
+            actor_memory: Memory::default(),
+            critic_memory: Memory::default(),
         }
     }
 
     /// Number of samples, `steps × environments`.
     pub fn rows(&self) -> usize {
         self.steps * self.environments
+    }
+
+    /// Refuses memories of another learner, which has recurrent layers of these shapes before its actor and its critic.
+    pub(super) fn check_memories(
+        &self,
+        tile: usize,
+        shapes: [Option<RecurrentShape>; 2],
+    ) -> Result<(), SamplesError> {
+        let memories = [("actor_memory", &self.actor_memory), ("critic_memory", &self.critic_memory)];
+        for ((array, memory), shape) in memories.into_iter().zip(shapes) {
+            let (found, expected) = (memory.width(), shape.map_or(0, |shape| shape.remembered()));
+            let environments = memory.environments().unwrap_or(self.environments);
+            if found != expected || environments != self.environments {
+                return Err(SamplesError::Memory { tile, array, expected, found });
+            }
+            if let Some(&value) = memory.numbers().iter().find(|x| !x.is_finite()) {
+                let (step, environment, element) = (0, 0, 0);
+                return Err(SamplesError::NotFinite { tile, array, step, environment, element, value });
+            }
+        }
+        Ok(())
     }
 
     /// Refuses arrays of wrong size and numbers that are not finite.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use gaitfit_policy::network::{Activation, MAX_PARAMETERS, Shape};
+use gaitfit_policy::network::{Activation, Cell, MAX_PARAMETERS, RecurrentShape, Shape};
 
 /// How the learning rate moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -14,6 +14,31 @@ pub enum Schedule {
     Adaptive,
     /// Constant.
     Fixed,
+}
+
+/// Recurrent layers before the actor, and as many of their own before the critic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MemorySettings {
+    /// Kind of the layers, `gru` or `lstm`; a GRU if absent.
+    pub cell: Cell,
+    /// Units of every layer; 64 if absent.
+    pub width: usize,
+    /// Layers, one behind the other; one if absent.
+    pub layers: usize,
+}
+
+impl Default for MemorySettings {
+    fn default() -> Self {
+        Self { cell: Cell::Gru, width: 64, layers: 1 }
+    }
+}
+
+impl MemorySettings {
+    /// Sizes for a row of `inputs` numbers.
+    pub fn shape(&self, inputs: usize) -> RecurrentShape {
+        RecurrentShape { cell: self.cell, inputs, hidden: vec![self.width; self.layers] }
+    }
 }
 
 /// Settings of the networks and of proximal policy optimisation (Schulman et al. 2017).
@@ -65,8 +90,12 @@ pub struct Settings {
     pub critic_warmup: Option<u32>,
     /// Passes over the samples in an update.
     pub epochs: usize,
-    /// Gradient steps in a pass.
+    /// Gradient steps in a pass; with a memory each is over whole robots.
     pub minibatches: usize,
+    /// Recurrent layers before both networks, which see what these make of their observations; without it each network
+    /// sees its observation alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub memory: Option<MemorySettings>,
 }
 
 impl Default for Settings {
@@ -94,6 +123,7 @@ impl Default for Settings {
             critic_warmup: None,
             epochs: 5,
             minibatches: 4,
+            memory: None,
         }
     }
 }
@@ -113,6 +143,8 @@ pub struct SettingsError {
 /// Most hidden layers of a network, and most units of one.
 const MAX_LAYERS: usize = 16;
 const MAX_WIDTH: usize = 4096;
+/// Most units and layers of a memory.
+const MAX_MEMORY: [usize; 2] = [1024, 8];
 /// Largest limit on the gradient's norm: its square must stay far from the largest `f32`.
 const MAX_GRADIENT_NORM: f64 = 1e9;
 
@@ -185,10 +217,13 @@ impl Settings {
             "minibatches",
             minibatches.to_string(),
             "give 1 to 100000",
-        )
+        )?;
+        let Some(MemorySettings { width, layers, .. }) = self.memory else { return Ok(()) };
+        require((1..=MAX_MEMORY[0]).contains(&width), "memory.width", width.to_string(), "give 1 to 1024")?;
+        require((1..=MAX_MEMORY[1]).contains(&layers), "memory.layers", layers.to_string(), "give 1 to 8")
     }
 
-    /// Shapes of the actor and the critic for rows of these widths.
+    /// Shapes of the actor and the critic for rows of these widths. Behind a memory they take its output.
     ///
     /// # Errors
     /// [`SettingsError`] naming the first bad setting, or the network that would have more parameters than a policy
@@ -204,9 +239,30 @@ impl Settings {
             let value = format!("{hidden:?}, {count} parameters where a policy has at most {MAX_PARAMETERS}");
             Err(SettingsError { name, value, remedy: "make it narrower" })
         };
+        let inputs = |observed: usize| self.memory.map_or(observed, |memory| memory.width);
         Ok((
-            shape("actor_hidden", widths.observation, &self.actor_hidden, widths.action)?,
-            shape("critic_hidden", widths.critic_observation, &self.critic_hidden, 1)?,
+            shape("actor_hidden", inputs(widths.observation), &self.actor_hidden, widths.action)?,
+            shape("critic_hidden", inputs(widths.critic_observation), &self.critic_hidden, 1)?,
         ))
+    }
+
+    /// Shapes of the actor's and the critic's memory for rows of these widths, if the settings ask for them.
+    ///
+    /// # Errors
+    /// [`SettingsError`] naming a memory that would have more parameters than a network may.
+    pub fn memories(&self, widths: super::Widths) -> Result<Option<[RecurrentShape; 2]>, SettingsError> {
+        let Some(memory) = self.memory else { return Ok(None) };
+        let shapes = [widths.observation, widths.critic_observation].map(|inputs| memory.shape(inputs));
+        match shapes.iter().map(RecurrentShape::parameters).find(|&count| count > MAX_PARAMETERS) {
+            None => Ok(Some(shapes)),
+            Some(count) => Err(SettingsError {
+                name: "memory.width",
+                value: format!(
+                    "{}, {count} parameters where a network has at most {MAX_PARAMETERS}",
+                    memory.width
+                ),
+                remedy: "make it narrower",
+            }),
+        }
     }
 }

@@ -4,28 +4,22 @@ use std::ops::Range;
 
 use gaitfit_random::{Purpose, Stream};
 
-use super::{Samples, worker::Place};
+use super::worker::Place;
 
 /// Samples of minibatch `number` of `minibatches`, as a range of what [`deal`] returns: equal but for rounding.
 pub(super) fn range(samples: usize, minibatches: usize, number: usize) -> Range<usize> {
     number * samples / minibatches..(number + 1) * samples / minibatches
 }
 
-/// Deals every sample of all tiles to one of `minibatches`, one after the other in the result; each split into sets of
+/// Deals every sample of all tiles, of which each has as many as `tiles` says, to one of `minibatches`, one after the other in the result; each split into sets of
 /// these sizes is as likely as any other. Within a minibatch the samples keep their order, so that memory is read
 /// forwards.
 ///
 /// A pack with each minibatch's number on as many cards as it has samples is shuffled (Durstenfeld 1964) by
 /// [`Purpose::SHUFFLE`] of `seed` at environment = `iteration`, step = `epoch`. An index below n is the high half of
 /// word × n (Lemire 2019, without rejection: the bias is below n/2³²).
-pub(super) fn deal(
-    tiles: &[Samples],
-    minibatches: usize,
-    seed: u64,
-    iteration: u32,
-    epoch: u32,
-) -> Vec<Place> {
-    let samples = tiles.iter().map(Samples::rows).sum();
+pub(super) fn deal(tiles: &[usize], minibatches: usize, seed: u64, iteration: u32, epoch: u32) -> Vec<Place> {
+    let samples = tiles.iter().sum();
     let mut next: Vec<usize> =
         (0..minibatches).map(|number| range(samples, minibatches, number).start).collect();
     let mut cards = Vec::with_capacity(samples);
@@ -43,7 +37,7 @@ pub(super) fn deal(
     }
     let mut places = vec![Place { tile: 0, row: 0 }; samples];
     let mut cards = cards.into_iter();
-    for (tile, rows) in tiles.iter().map(Samples::rows).enumerate() {
+    for (tile, &rows) in tiles.iter().enumerate() {
         for (row, card) in (0..rows).zip(&mut cards) {
             let slot = &mut next[card as usize];
             places[*slot] = Place { tile: tile as u32, row: row as u32 };
@@ -56,12 +50,9 @@ pub(super) fn deal(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ppo::Widths;
-
     #[test]
     fn every_sample_is_dealt_once_and_no_minibatch_is_favoured() {
-        let widths = Widths { observation: 1, critic_observation: 1, action: 1 };
-        let tiles = [Samples::new(7, 10, widths), Samples::new(1, 33, widths)];
+        let tiles = [70, 33];
         let mut dealt = vec![[0; 4]; 103];
         for epoch in 0..2000 {
             let places = deal(&tiles, 4, 5, 0, epoch);

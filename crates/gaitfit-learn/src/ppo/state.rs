@@ -26,14 +26,14 @@ pub struct Scalars {
 pub enum StateError {
     /// A tensor is not there.
     #[error("the learner's state has no tensor `{0}`")]
-    Missing(&'static str),
+    Missing(String),
     /// A tensor of another size.
     #[error(
         "tensor `{name}` has {found} numbers, this learner has {expected}: the state is of another network"
     )]
     Size {
         /// Which tensor.
-        name: &'static str,
+        name: String,
         /// Numbers in this learner.
         expected: usize,
         /// Numbers in the state.
@@ -43,7 +43,7 @@ pub enum StateError {
     #[error("`{name}` is {value} in the learner's state: the file is damaged")]
     Number {
         /// Which tensor or scalar.
-        name: &'static str,
+        name: String,
         /// What it is.
         value: f64,
     },
@@ -53,7 +53,8 @@ pub enum StateError {
 }
 
 impl Learner {
-    /// Everything that the next update depends on, but for [`Learner::scalars`] and the settings.
+    /// Everything that the next update depends on, but for [`Learner::memory_tensors`], [`Learner::scalars`] and the
+    /// settings.
     pub fn tensors(&self) -> [(&'static str, &[f32]); 5] {
         [
             ("actor", &self.actor.parameters),
@@ -62,6 +63,18 @@ impl Learner {
             ("adam.first", &self.adam.first),
             ("adam.second", &self.adam.second),
         ]
+    }
+
+    /// The parameters of the recurrent layers before the actor and before the critic, part by part; none without them.
+    pub fn memory_tensors(&self) -> Vec<(String, &[f32])> {
+        let memories = [("actor_memory", &self.actor_memory), ("critic_memory", &self.critic_memory)];
+        let parts = memories.into_iter().flat_map(|(name, memory)| {
+            memory.iter().flat_map(move |memory| {
+                let parts = memory.shape().parts().into_iter().zip(memory.parameters());
+                parts.map(move |((part, _), values)| (format!("{name}.{part}"), values))
+            })
+        });
+        parts.collect()
     }
 
     /// The rest of the state.
@@ -76,7 +89,7 @@ impl Learner {
     }
 
     /// Takes over a state written by a learner of the same settings and widths: from here on both do the same to the
-    /// bit. `tensor` looks a tensor up by its name in [`Learner::tensors`].
+    /// bit. `tensor` looks a tensor up by its name in [`Learner::tensors`] and [`Learner::memory_tensors`].
     ///
     /// # Errors
     /// [`StateError`] naming what does not fit; the learner is then unchanged.
@@ -86,8 +99,9 @@ impl Learner {
         scalars: &Scalars,
     ) -> Result<(), StateError> {
         let mut found = Vec::new();
-        for (name, mine) in self.tensors() {
-            let values = tensor(name).ok_or(StateError::Missing(name))?;
+        let tensors = self.tensors().into_iter().map(|(name, values)| (name.to_owned(), values));
+        for (name, mine) in tensors.chain(self.memory_tensors()) {
+            let Some(values) = tensor(&name) else { return Err(StateError::Missing(name)) };
             if values.len() != mine.len() {
                 return Err(StateError::Size { name, expected: mine.len(), found: values.len() });
             }
@@ -100,7 +114,7 @@ impl Learner {
         }
         let rate = scalars.learning_rate;
         if !(rate > 0.0 && rate.is_finite()) {
-            return Err(StateError::Number { name: "learning_rate", value: rate });
+            return Err(StateError::Number { name: "learning_rate".to_owned(), value: rate });
         }
         for (name, mine, theirs) in [
             ("normaliser", &self.normaliser, &scalars.normaliser),
@@ -111,13 +125,16 @@ impl Learner {
                 return Err(StateError::Normaliser(name));
             }
         }
-        let targets: [&mut [f32]; 5] = [
+        let mut targets: Vec<&mut [f32]> = vec![
             &mut self.actor.parameters,
             &mut self.critic.parameters,
             &mut self.log_std,
             &mut self.adam.first,
             &mut self.adam.second,
         ];
+        for memory in [&mut self.actor_memory, &mut self.critic_memory].into_iter().flatten() {
+            targets.extend(memory.parameters_mut().map(|(_, values)| values));
+        }
         for (target, values) in targets.into_iter().zip(found) {
             target.copy_from_slice(values);
         }

@@ -6,17 +6,17 @@ use super::{
     Samples,
     loss::{self, Constants, Sums, Targets},
 };
-use gaitfit_policy::network::{Scalar, Shape, Tape, Weights, normalise_row};
+use gaitfit_policy::network::{RecurrentWeights, Scalar, Shape, Tape, Weights, normalise_row};
 
 /// Rows that pass forward and back together, so that the activations stay in the second-level cache.
 pub(super) const TILE: usize = 512;
 
-/// Where a sample lies.
+/// Where a sample lies; or, of learners with a memory, all samples of one environment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     /// Which tile of environments.
     pub(super) tile: u32,
-    /// Which row of it.
+    /// Which row of it, or which environment.
     pub(super) row: u32,
 }
 
@@ -29,6 +29,8 @@ pub(super) struct Point<'a, T> {
     pub(super) actor: Weights<'a, T>,
     /// Of the critic.
     pub(super) critic: Weights<'a, T>,
+    /// Of the recurrent layers before the actor and before the critic, if there are any.
+    pub(super) memories: [Option<RecurrentWeights<T>>; 2],
     /// Settings, standard deviation and number of rows.
     pub(super) constants: Constants<T>,
 }
@@ -120,7 +122,7 @@ impl Worker<f32> {
 }
 
 /// Row `from` of `source` to row `to` of `target`, both of `width`.
-fn copy(target: &mut [f32], to: usize, source: &[f32], from: usize, width: usize, scale: &Scale) {
+pub(super) fn copy(target: &mut [f32], to: usize, source: &[f32], from: usize, width: usize, scale: &Scale) {
     let target = &mut target[to * width..(to + 1) * width];
     let source = &source[from * width..(from + 1) * width];
     match scale {

@@ -61,6 +61,7 @@ fn policy(scene: &Task, actor: Network) -> Policy {
         actor,
         critic: None,
         normaliser: None,
+        critic_memory: None,
         critic_normaliser: None,
         provenance: Provenance::default(),
         notes: Vec::new(),

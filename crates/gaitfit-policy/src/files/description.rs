@@ -209,6 +209,7 @@ impl Description {
             actor,
             critic,
             normaliser: None,
+            critic_memory: None,
             critic_normaliser: None,
             provenance: Provenance::default(),
             notes,
@@ -241,6 +242,7 @@ impl Description {
             front,
             interface,
             critic: policy.critic.filter(|_| sees),
+            critic_memory: policy.critic_memory.filter(|_| sees),
             critic_normaliser: policy.critic_normaliser.filter(|_| sees),
             ..policy
         };

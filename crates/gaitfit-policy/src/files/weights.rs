@@ -5,6 +5,7 @@
 //! | `actor.0.weight`, `actor.2.weight`, … | F32 `outputs × inputs`, as PyTorch's `nn.Sequential` stores them |
 //! | `actor.0.bias`, … | F32 `outputs` |
 //! | `critic.0.weight`, … | the same, where there is a critic |
+//! | `memory.weight_ih_l0`, … | F32, as PyTorch's `nn.LSTM` and `nn.GRU` store them, where there are recurrent layers; `critic_memory.…` likewise |
 //! | `log_std` | F32 `joints` |
 //! | `graph` | U8: an ONNX model, where the policy is a graph of operators; `actor` then passes its actions on |
 //! | `normaliser.mean`, `.variance`, `.count` | F64 `width`, `width`, 1; `critic_normaliser.…` likewise |
@@ -50,6 +51,9 @@ struct Header {
     /// What stands before the actor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     front: Option<FrontHeader>,
+    /// Kind of the recurrent layers before the critic.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    critic_memory: Option<Cell>,
     /// ε of all layer norms.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     layer_norm_epsilon: Option<f32>,
@@ -153,17 +157,18 @@ fn written(policy: &Policy, sha256: Option<String>) -> Result<Vec<u8>, PolicyErr
     if let Some(source) = graph_file {
         tensors.push((GRAPH.to_owned(), vec![source.len()], Dtype::U8, source.clone()));
     }
-    if let Some(Front::Recurrent(recurrent)) = &policy.front {
-        for (number, layer) in recurrent.layers.iter().enumerate() {
+    let memories = [("memory", policy.actor_memory()), ("critic_memory", policy.critic_memory.as_ref())];
+    for (prefix, recurrent) in memories {
+        for (number, layer) in recurrent.iter().flat_map(|recurrent| recurrent.layers.iter().enumerate()) {
             let wide = layer.bias_ih.len();
             for (part, inputs, values) in
                 [("weight_ih", layer.inputs, &layer.weight_ih), ("weight_hh", layer.hidden, &layer.weight_hh)]
             {
                 let values = single(&transpose(values, inputs, wide));
-                tensors.push((format!("memory.{part}_l{number}"), vec![wide, inputs], Dtype::F32, values));
+                tensors.push((format!("{prefix}.{part}_l{number}"), vec![wide, inputs], Dtype::F32, values));
             }
             for (part, values) in [("bias_ih", &layer.bias_ih), ("bias_hh", &layer.bias_hh)] {
-                tensors.push((format!("memory.{part}_l{number}"), vec![wide], Dtype::F32, single(values)));
+                tensors.push((format!("{prefix}.{part}_l{number}"), vec![wide], Dtype::F32, single(values)));
             }
         }
     }
@@ -187,6 +192,7 @@ fn written(policy: &Policy, sha256: Option<String>) -> Result<Vec<u8>, PolicyErr
         critic_activation: policy.critic.as_ref().map(|critic| critic.shape.activation),
         output_activation: policy.actor.output,
         front,
+        critic_memory: policy.critic_memory.as_ref().map(|memory| memory.cell),
         layer_norm_epsilon: epsilon(policy)?,
         provenance: policy.provenance.clone(),
     };
@@ -246,6 +252,8 @@ pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
         .critic_activation
         .map(|activation| tensors.network("critic", activation, epsilon))
         .transpose()?;
+    let critic_memory =
+        header.critic_memory.map(|cell| tensors.recurrent("critic_memory", cell)).transpose()?;
     let log_std = tensors.vector("log_std")?.into_iter().map(|value| value as f32).collect();
     let normaliser = normaliser(&mut tensors, "normaliser")?;
     let critic_normaliser = self::normaliser(&mut tensors, "critic_normaliser")?;
@@ -254,8 +262,18 @@ pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
     }
     let Header { interface, provenance, .. } = header;
     let notes = Vec::new();
-    let policy =
-        Policy { interface, front, actor, log_std, critic, normaliser, critic_normaliser, provenance, notes };
+    let policy = Policy {
+        interface,
+        front,
+        actor,
+        log_std,
+        critic,
+        critic_memory,
+        normaliser,
+        critic_normaliser,
+        provenance,
+        notes,
+    };
     policy.check()?;
     Ok(policy)
 }

@@ -192,7 +192,7 @@ impl Graph {
                 robots.for_each(|robot| value.extend(feed.places.iter().map(|&place| robot[place])));
             }
             for (number, one) in plan.carried.iter().enumerate() {
-                let kept = &memory.numbers(number)[first * one.count..(first + rows) * one.count];
+                let kept = &memory.of_kind(number)[first * one.count..(first + rows) * one.count];
                 values[one.value].clear();
                 values[one.value].extend_from_slice(kept);
             }
@@ -203,7 +203,7 @@ impl Graph {
             for (number, one) in plan.carried.iter().enumerate() {
                 let mut new = Vec::with_capacity(rows * one.count);
                 plan.copy(one.from, rows, &values, &mut new);
-                memory.numbers(number)[first * one.count..(first + rows) * one.count].copy_from_slice(&new);
+                memory.of_kind(number)[first * one.count..(first + rows) * one.count].copy_from_slice(&new);
             }
         }
         *scratch.values() = values;

@@ -1,39 +1,9 @@
-//! LSTM and GRU layers at work: inference one step at a time, as a policy runs.
-//!
-//! Gates lie in PyTorch's order (`nn.LSTM`: i, f, g, o; `nn.GRU`: r, z, n), with both of its bias vectors.
-//! LSTM (Hochreiter, Schmidhuber 1997, with forget gates): c′ = σ(f) c + σ(i) tanh(g), h′ = σ(o) tanh(c′).
-//! GRU (Cho et al. 2014, the reset gate behind the product): n = tanh(xₙ + σ(r) hₙ), h′ = (1 − σ(z)) n + σ(z) h.
+//! LSTM and GRU layers at work: inference one step at a time, as a policy runs. [`super::cell`] has the formulas.
 
+use super::cell::{Cell, Step};
 use super::matmul::{self, Matrix};
-use super::scalar::Scalar;
-
-/// Kind of a recurrent layer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Cell {
-    /// Long short-term memory.
-    Lstm,
-    /// Gated recurrent unit.
-    Gru,
-}
-
-impl Cell {
-    /// Gates of a unit.
-    pub fn gates(self) -> usize {
-        match self {
-            Self::Lstm => 4,
-            Self::Gru => 3,
-        }
-    }
-
-    /// Its name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Lstm => "lstm",
-            Self::Gru => "gru",
-        }
-    }
-}
+use super::recurrent_shape::{Part, RecurrentShape};
+use gaitfit_random::{Purpose, Stream};
 
 /// One layer of `hidden` units.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,8 +52,8 @@ impl Memory {
         Self { layers: kinds.map(state).collect() }
     }
 
-    /// The numbers of one kind, `environments × numbers`.
-    pub(crate) fn numbers(&mut self, kind: usize) -> &mut [f32] {
+    /// The state of one kind, `environments × numbers`.
+    pub(crate) fn of_kind(&mut self, kind: usize) -> &mut [f32] {
         &mut self.layers[kind].output
     }
 
@@ -92,13 +62,83 @@ impl Memory {
     /// # Panics
     /// If there is no such environment: an error of the caller.
     pub fn begin(&mut self, index: usize) {
-        for state in &mut self.layers {
-            for values in [&mut state.output, &mut state.cell] {
-                if !values.is_empty() {
-                    values[index * state.hidden..(index + 1) * state.hidden].fill(0.0);
-                }
-            }
+        for (values, width) in self.arrays_mut() {
+            values[index * width..(index + 1) * width].fill(0.0);
         }
+    }
+
+    /// Whether nothing is ever remembered: there are no layers.
+    pub fn is_empty(&self) -> bool {
+        self.layers.is_empty()
+    }
+
+    /// Numbers that are remembered of one environment.
+    pub fn width(&self) -> usize {
+        self.arrays().map(|(_, width)| width).sum()
+    }
+
+    /// How many environments it remembers; `None` without layers.
+    pub fn environments(&self) -> Option<usize> {
+        self.arrays().next().map(|(values, width)| values.len() / width)
+    }
+
+    /// Appends what is remembered of environment `index` to `row`: layer after layer the output, then an LSTM's cell.
+    ///
+    /// # Panics
+    /// If there is no such environment: an error of the caller.
+    pub fn append_row(&self, index: usize, row: &mut Vec<f32>) {
+        for (values, width) in self.arrays() {
+            row.extend_from_slice(&values[index * width..(index + 1) * width]);
+        }
+    }
+
+    /// Takes up what [`Memory::append_row`] gave of an environment of a memory of the same layers; `false` for a row of
+    /// another width or an environment that is not there.
+    pub fn set_row(&mut self, index: usize, row: &[f32]) -> bool {
+        if row.len() != self.width() || self.environments().is_some_and(|count| index >= count) {
+            return false;
+        }
+        let mut rest = row;
+        for (values, width) in self.arrays_mut() {
+            let (mine, others) = rest.split_at(width);
+            values[index * width..(index + 1) * width].copy_from_slice(mine);
+            rest = others;
+        }
+        true
+    }
+
+    /// All that is remembered, for a file.
+    pub fn numbers(&self) -> Vec<f32> {
+        self.arrays().flat_map(|(values, _)| values).copied().collect()
+    }
+
+    /// Takes up what [`Memory::numbers`] of a memory of the same sizes gave; `false` for another number of numbers.
+    pub fn set_numbers(&mut self, numbers: &[f32]) -> bool {
+        let mut rest = numbers;
+        if self.arrays().map(|(values, _)| values.len()).sum::<usize>() != numbers.len() {
+            return false;
+        }
+        for (values, _) in self.arrays_mut() {
+            let (mine, others) = rest.split_at(values.len());
+            values.copy_from_slice(mine);
+            rest = others;
+        }
+        true
+    }
+
+    /// The arrays and their widths.
+    fn arrays(&self) -> impl Iterator<Item = (&Vec<f32>, usize)> {
+        let arrays =
+            self.layers.iter().flat_map(|layer| [(&layer.output, layer.hidden), (&layer.cell, layer.hidden)]);
+        arrays.filter(|(values, _)| !values.is_empty())
+    }
+
+    fn arrays_mut(&mut self) -> impl Iterator<Item = (&mut Vec<f32>, usize)> {
+        let arrays = self
+            .layers
+            .iter_mut()
+            .flat_map(|layer| [(&mut layer.output, layer.hidden), (&mut layer.cell, layer.hidden)]);
+        arrays.filter(|(values, _)| !values.is_empty())
     }
 }
 
@@ -113,11 +153,55 @@ impl Recurrent {
         self.layers.last().map_or(0, |layer| layer.hidden)
     }
 
-    /// Numbers of all weights and biases.
+    /// Random parameters, uniform in ±1/√hidden (PyTorch's choice). Draws are [`Purpose::WEIGHTS`] of `seed` at environment
+    /// `index` (which network of the run it is) and step = layer.
+    pub fn random(shape: &RecurrentShape, seed: u64, index: u32) -> Self {
+        let layers = shape.layers().into_iter().enumerate().map(|(number, layer)| {
+            let stream = Stream::new(seed, Purpose::WEIGHTS).environment(index).step(number as u32);
+            let bound = (1.0 / (layer.hidden as f64).sqrt()) as f32;
+            let mut draw = 0;
+            let mut uniform = |count: usize| -> Vec<f32> {
+                let next = |_| {
+                    draw += 1;
+                    (2.0 * stream.uniform_f32(draw - 1) - 1.0) * bound
+                };
+                (0..count).map(next).collect()
+            };
+            let [weight_ih, weight_hh, bias_ih, bias_hh] =
+                layer.parts.each_ref().map(|range| uniform(range.len()));
+            RecurrentLayer {
+                inputs: layer.inputs,
+                hidden: layer.hidden,
+                weight_ih,
+                weight_hh,
+                bias_ih,
+                bias_hh,
+            }
+        });
+        Self { cell: shape.cell, layers: layers.collect() }
+    }
+
+    /// Its sizes.
+    pub fn shape(&self) -> RecurrentShape {
+        let hidden = self.layers.iter().map(|layer| layer.hidden).collect();
+        RecurrentShape { cell: self.cell, inputs: self.inputs(), hidden }
+    }
+
+    /// Numbers of all weights and biases, in the order of [`RecurrentShape::parts`].
     pub fn parameters(&self) -> impl Iterator<Item = &[f32]> {
         self.layers
             .iter()
             .flat_map(|layer| [&layer.weight_ih[..], &layer.weight_hh, &layer.bias_ih, &layer.bias_hh])
+    }
+
+    /// The same to change, with where each lies in the flat vector of [`RecurrentShape::parts`].
+    pub fn parameters_mut(&mut self) -> impl Iterator<Item = (Part, &mut [f32])> {
+        let parts = self.shape().parts();
+        let arrays = self.layers.iter_mut().flat_map(|layer| {
+            let RecurrentLayer { weight_ih, weight_hh, bias_ih, bias_hh, .. } = layer;
+            [weight_ih, weight_hh, bias_ih, bias_hh].map(Vec::as_mut_slice)
+        });
+        parts.into_iter().zip(arrays)
     }
 
     /// Whether sizes follow each other: what is wrong, in words.
@@ -168,14 +252,6 @@ impl Recurrent {
     }
 }
 
-fn sigmoid(x: f32) -> f32 {
-    1.0 / (1.0 + (-x).exponential::<false>())
-}
-
-fn tanh(x: f32) -> f32 {
-    x.hyperbolic_tangent::<false>()
-}
-
 impl RecurrentLayer {
     /// `times` steps of `rows` robots. `x` gives a robot's input, `times × inputs`; `before` its output before the first step,
     /// and of an LSTM its cell. A row of `out` is all outputs, then the last output and, of an LSTM, the last cell.
@@ -217,34 +293,20 @@ impl RecurrentLayer {
             matmul::multiply(&mut gates, Matrix::row_major(values, rows, width), weight, false);
             gates
         };
-        let of_input = product(x, self.inputs, &self.weight_ih);
-        let of_output = product(&state.output, hidden, &self.weight_hh);
-        for row in 0..rows {
-            let gate = |number: usize, unit: usize| {
-                let at = number * hidden + unit;
-                let x = of_input[row * wide + at] + self.bias_ih[at];
-                (x, of_output[row * wide + at] + self.bias_hh[at])
-            };
-            for unit in 0..hidden {
-                let sum = |number: usize| {
-                    let (x, h) = gate(number, unit);
-                    x + h
-                };
-                let at = row * hidden + unit;
-                match cell {
-                    Cell::Lstm => {
-                        let kept = sigmoid(sum(1)) * state.cell[at] + sigmoid(sum(0)) * tanh(sum(2));
-                        state.cell[at] = kept;
-                        state.output[at] = sigmoid(sum(3)) * tanh(kept);
-                    }
-                    Cell::Gru => {
-                        let (x, h) = gate(2, unit);
-                        let new = tanh(x + sigmoid(sum(0)) * h);
-                        let old = sigmoid(sum(1));
-                        state.output[at] = (1.0 - old) * new + old * state.output[at];
-                    }
-                }
-            }
-        }
+        let mut gates = product(x, self.inputs, &self.weight_ih);
+        let mut of_output = product(&state.output, hidden, &self.weight_hh);
+        let (output_before, cell_before) = (state.output.clone(), state.cell.clone());
+        let remembered = if cell == Cell::Lstm { rows * hidden } else { 0 };
+        let step = Step {
+            gates: &mut gates,
+            of_output: &mut of_output,
+            bias_ih: &self.bias_ih,
+            bias_hh: &self.bias_hh,
+            output_before: &output_before[..rows * hidden],
+            cell_before: &cell_before[..remembered],
+            output: &mut state.output[..rows * hidden],
+            cell: &mut state.cell[..remembered],
+        };
+        step.take(cell);
     }
 }

@@ -40,7 +40,7 @@ pub struct Layer {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ShapeError {
     /// A layer without numbers.
-    #[error("the network's {0} has width 0: give every layer at least one number")]
+    #[error("the network's {0} has width 0: give it at least one number")]
     EmptyLayer(String),
     /// Parameters of another network.
     #[error("a network of {shape} has {expected} parameters, {found} were given")]

@@ -132,6 +132,21 @@ impl<T: Scalar> Tape<T> {
             std::mem::swap(&mut current, &mut next);
         }
     }
+
+    /// Fills `of_input` with ∂loss/∂input, `rows × inputs`, after [`Self::backward`] with [`Weights::behind_another`].
+    pub fn to_input(&self, weights: &Weights<'_, T>, rows: usize, of_input: &mut [T]) {
+        let layers = weights.shape.layers();
+        let Some(first) = layers.first() else { return };
+        // The way back left the first layer's derivative in the buffer whose turn it was.
+        let derivative = match layers.len() {
+            1 => &self.output_derivative,
+            count => &self.derivatives[(count - 1) % 2],
+        };
+        let derivative = Matrix::row_major(derivative, rows, first.outputs);
+        let weight =
+            Matrix::row_major(&weights.transposed[first.weight.clone()], first.outputs, first.inputs);
+        matmul::multiply(of_input, derivative, weight, false);
+    }
 }
 
 #[cfg(test)]

@@ -10,15 +10,26 @@ pub struct Weights<'a, T> {
     pub shape: &'a Shape,
     /// As [`Shape::layers`] has them.
     pub(super) parameters: &'a [T],
-    /// Wᵀ where W is in `parameters`, of all layers but the first, through which nothing goes back.
+    /// Wᵀ where W is in `parameters`, of all layers but the first, through which nothing goes back
+    /// unless the network stands behind another.
     pub(super) transposed: AVec<T>,
 }
 
 impl<'a, T: Scalar> Weights<'a, T> {
     /// Of `shape` with these parameters.
     pub fn new(shape: &'a Shape, parameters: &'a [T]) -> Self {
+        Self::transposing(shape, parameters, 1)
+    }
+
+    /// The same for a network behind another, to which [`super::Tape::to_input`] goes back through the first layer too.
+    pub fn behind_another(shape: &'a Shape, parameters: &'a [T]) -> Self {
+        Self::transposing(shape, parameters, 0)
+    }
+
+    /// With the layers from number `first` on in both orders.
+    fn transposing(shape: &'a Shape, parameters: &'a [T], first: usize) -> Self {
         let mut transposed = avec![T::ZERO; parameters.len()];
-        for layer in shape.layers().iter().skip(1) {
+        for layer in shape.layers().iter().skip(first) {
             let w = &parameters[layer.weight.clone()];
             for (j, row) in transposed[layer.weight.clone()].chunks_exact_mut(layer.inputs).enumerate() {
                 let column = w[j..].iter().step_by(layer.outputs);

@@ -103,6 +103,7 @@ pub fn policy(activation: Activation) -> Policy {
         log_std: numbers(12, 3),
         critic: Some(Network::random(shape(48, 1), 1, 1, 1.0).unwrap()),
         normaliser: Some(normaliser(45)),
+        critic_memory: None,
         critic_normaliser: Some(normaliser(48)),
         provenance: Provenance {
             seed: u64::MAX - 1,

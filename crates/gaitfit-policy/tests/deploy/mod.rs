@@ -20,6 +20,7 @@ fn seeing(interface: Interface, hidden: &[usize]) -> Policy {
         actor: Network::random(shape, 3, 0, 1.0).unwrap(),
         log_std: vec![0.0; outputs],
         critic: None,
+        critic_memory: None,
         critic_normaliser: None,
         normaliser: Some(Normaliser {
             mean: numbers(inputs, 7).into_iter().map(f64::from).collect(),

@@ -177,6 +177,7 @@ pub fn fit_error(error: FitError) -> Error {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
+    use gaitfit_learn::ppo;
     use gaitfit_learn::task::TaskSettings;
 
     #[test]
@@ -210,6 +211,10 @@ mod tests {
         let task = Task::new(&model, &settings, gaitfit_physics::Preset::Fast).unwrap();
         let learner = gaitfit_learn::Training::fresh_learner(&task, &Default::default(), 1).unwrap();
         assert_eq!(Device::Found(0).for_training(&task, &[], &learner).unwrap(), (Device::Found(0), None));
+        let ppo = ppo::Settings { memory: Some(ppo::MemorySettings::default()), ..Default::default() };
+        let remembers = gaitfit_learn::Training::fresh_learner(&task, &ppo, 1).unwrap();
+        let found = Device::Found(0).for_training(&task, &[], &remembers).unwrap();
+        assert_eq!(found, (Device::Found(0), None));
         let own = task.with_term("own", 1.0, |_| 0.0).unwrap();
         let (device, note) = Device::Found(0).for_training(&own, &[], &learner).unwrap();
         assert_eq!(device, Device::Cpu);

@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::run::inputs;
-use gaitfit_learn::ppo;
+use gaitfit_learn::ppo::{self, MemorySettings};
 use gaitfit_policy::{Policy, weights};
 use std::path::Path;
 
@@ -45,6 +45,34 @@ pub fn settle(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), String> {
         ));
     }
     ppo.activation = actor.activation;
+    settle_memory(ppo, policy)?;
     ppo.critic_warmup.get_or_insert(CRITIC_WARMUP[usize::from(policy.critic.is_none())]);
+    Ok(())
+}
+
+/// The policy's memory counts; one of layers of several widths has no settings.
+fn settle_memory(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), String> {
+    let words = |memory: &MemorySettings| {
+        let MemorySettings { cell, width, layers } = *memory;
+        format!("{layers} × {} of {width} units", cell.name())
+    };
+    let kept = policy.actor_memory().map(|memory| memory.shape()).map(|shape| MemorySettings {
+        cell: shape.cell,
+        width: shape.outputs(),
+        layers: shape.hidden.len(),
+    });
+    match (ppo.memory, kept) {
+        (None, _) => {}
+        (Some(asked), Some(kept)) if asked == kept => {}
+        (Some(asked), kept) => {
+            let kept = kept.as_ref().map_or_else(|| "none".to_owned(), words);
+            return Err(format!(
+                "`ppo.memory` is {}, and the policy has {kept}: fine-tuning keeps its networks, leave it out; \
+                 a new policy with a memory is trained by `gaitfit train`",
+                words(&asked)
+            ));
+        }
+    }
+    ppo.memory = kept;
     Ok(())
 }

@@ -256,7 +256,9 @@ impl Plan {
                 self.ppo.minibatches
             )
         } else {
-            return self.train.check().map_err(|error| error.to_string());
+            let train = self.train.check();
+            let memory = self.ppo.memory.map(|_| self.train.check_sequences(self.ppo.minibatches));
+            return train.and(memory.unwrap_or(Ok(()))).map_err(|error| error.to_string());
         };
         Err(wrong)
     }

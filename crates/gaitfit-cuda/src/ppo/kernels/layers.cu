@@ -180,8 +180,8 @@ DEVICE void forward(
     }
 }
 
-// h = (d W^T) f'(h): K of OUT columns of d are used.
-template <int K, int IN, int OUT> DEVICE void backward(float* h, const float* d, const float* __restrict__ weight) {
+// h = (d W^T) f'(h), or without f' where h is no function's result: K of OUT columns of d are used.
+template <int K, int IN, int OUT, bool SLOPE> DEVICE void backward(float* h, const float* d, const float* __restrict__ weight) {
     constexpr int J = BLOCKS_OF(IN), COUNT = IN / (8 * J);
     int lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3, s = swizzle(g);
     for (int tile = threadIdx.x >> 5; tile < ROWS / 32 * COUNT; tile += WARPS) {
@@ -195,8 +195,9 @@ template <int K, int IN, int OUT> DEVICE void backward(float* h, const float* d,
             for (int i = 0; i < 4; i++) {
                 float2* at = (float2*)(to + 8 * i * IN + (((n0 & 31) + 8 * j + 2 * t) ^ s));
                 float2 x = *at;
-                x.x = rounded(sum[i / 2][j][i % 2 * 2] * slope(x.x));
-                x.y = rounded(sum[i / 2][j][i % 2 * 2 + 1] * slope(x.y));
+                float2 d_x = {sum[i / 2][j][i % 2 * 2], sum[i / 2][j][i % 2 * 2 + 1]};
+                x.x = SLOPE ? rounded(d_x.x * slope(x.x)) : d_x.x;
+                x.y = SLOPE ? rounded(d_x.y * slope(x.y)) : d_x.y;
                 *at = x;
             }
     }
@@ -278,10 +279,22 @@ DEVICE void backward_layer(const Net& net, int layer, float* pool, const float* 
     float* h = pool + net.place[layer];
     const float* d = pool + net.place[layer + 1];
 #define CASE(number, K_IN, IN, OUT, K_OUT) \
-    if (net.shape[layer] == number) backward<K_OUT, IN, OUT>(h, d, packed + net.back[layer]);
+    if (net.shape[layer] == number) backward<K_OUT, IN, OUT, true>(h, d, packed + net.back[layer]);
     SHAPES(CASE)
 #undef CASE
 }
+
+#if MEMORY
+// Derivatives by the input of the first layer take its place.
+DEVICE void input_layer(const Net& net, float* pool, const float* packed) {
+    float* h = pool + net.place[0];
+    const float* d = pool + net.place[1];
+#define CASE(number, K_IN, IN, OUT, K_OUT) \
+    if (net.shape[0] == number) backward<K_OUT, IN, OUT, false>(h, d, packed + net.back[0]);
+    SHAPES(CASE)
+#undef CASE
+}
+#endif
 
 DEVICE void gather_layer(const Net& net, int layer, const float* pool, float* gradient, bool first) {
     const float* h = pool + net.place[layer];

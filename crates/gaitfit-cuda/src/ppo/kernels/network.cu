@@ -86,11 +86,13 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) foresee(
     const Net& net = NETS[actor ? 0 : 1];
     u32 block = actor ? blockIdx.x : blockIdx.x - actor_blocks, blocks = actor ? actor_blocks : gridDim.x - actor_blocks;
     const float* weights = packed + (actor ? 0 : ACTOR_PACKED);
-    const float* input_scale = actor ? scale : scale + 2 * OBSERVATION;
+    const float* input_scale = actor ? scale : scale + 2 * ACTOR_INPUTS;
     int outputs = net.width[net.layers], apart = net.padded[net.layers];
     float* out = actor ? mean : value;
     for (u32 tile = block; tile * ROWS < rows; tile += blocks) {
-        load_inputs(net, pool, actor ? observation : critic_observation, input_scale, nullptr, from, tile, rows);
+        // What memories give has no place in the samples.
+        u32 first = MEMORY ? 0 : from;
+        load_inputs(net, pool, actor ? observation : critic_observation, input_scale, nullptr, first, tile, rows);
         __syncthreads();
         for (int layer = 0; layer < net.layers; layer++) {
             forward_layer(net, layer, pool, weights);
@@ -108,12 +110,16 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) foresee(
 
 // Blocks 0 .. actor_blocks are the actor's. `places`: rows of the samples, from `from` on `rows` of this minibatch.
 // `scale`: of the actor's observations, then of the critic's. `sums`: blocks x (LOSSES + ACTIONS), the latter the
-// derivative by ln sigma.
+// derivative by ln sigma. Behind memories both observations are what these give, rows of the minibatch, and the derivatives
+// by them are asked for.
 extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
     u32 from, u32 rows, u32 actor_blocks, const u32* control, const u32* places, const float* observation,
     const float* critic_observation, const float* action, const float* mean, const float* log_probability,
     const float* advantage, const float* value, const float* returns, const float* scale, const float* __restrict__ packed,
     const float* constants, float* partial, double* sums
+#if MEMORY
+    , float* of_actor_input, float* of_critic_input
+#endif
 ) {
     POOL(pool);
     bool actor = blockIdx.x < actor_blocks;
@@ -122,7 +128,7 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
     const float* weights = packed + (actor ? 0 : ACTOR_PACKED);
     float* gradient = partial + (u64)(actor ? 0 : actor_blocks) * ACTOR_GRADIENT + (u64)block * net.gradient;
     const float* input = actor ? observation : critic_observation;
-    const float* input_scale = actor ? scale : scale + 2 * OBSERVATION;
+    const float* input_scale = actor ? scale : scale + 2 * ACTOR_INPUTS;
     float* losses = pool + net.end;
     float* pulls = losses + LOSSES * ROWS;
     float weight = (float)(1.0 / (double)rows);
@@ -134,7 +140,7 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
     bool first = true;
     for (u32 tile = block; tile * ROWS < rows; tile += blocks) {
         for (u32 i = threadIdx.x; i < LOSSES * ROWS + ROWS * ACTIONS; i += THREADS) losses[i] = 0.0f;
-        load_inputs(net, pool, input, input_scale, places, from, tile, rows);
+        load_inputs(net, pool, input, input_scale, MEMORY ? nullptr : places, MEMORY ? 0 : from, tile, rows);
         __syncthreads();
         for (int layer = 0; layer < net.layers; layer++) {
             forward_layer(net, layer, pool, weights);
@@ -170,6 +176,18 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
                 __syncthreads();
             }
         }
+#if MEMORY
+        input_layer(net, pool, weights);
+        __syncthreads();
+        float* of_input = actor ? of_actor_input : of_critic_input;
+        int inputs = net.width[0], apart = net.padded[0];
+        for (int i = threadIdx.x; i < ROWS * inputs; i += THREADS) {
+            int r = i / inputs, c = i % inputs;
+            u32 number = tile * ROWS + r;
+            if (number < rows) of_input[(u64)number * inputs + c] = pool[net.place[0] + r * apart + (c ^ swizzle(r))];
+        }
+        __syncthreads();
+#endif
         first = false;
     }
     if (quantity < LOSSES + ACTIONS) sums[blockIdx.x * (LOSSES + ACTIONS) + quantity] = total;

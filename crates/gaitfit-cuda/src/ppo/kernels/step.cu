@@ -35,6 +35,9 @@ KERNEL finish(
     u32 epoch, u32 minibatch, u32 rows, u32 actor_blocks, u32 critic_blocks, u32 reduce_blocks, const u32* control,
     const double* sums, const double* squares, float* parameters, float* gradient, float* moments,
     const float* old_log_std, float* constants, double* state
+#if MEMORY
+    , u32 memory_blocks, const double* memory_squares
+#endif
 ) {
     __shared__ double parts[8 * (LOSSES + ACTIONS)], totals[LOSSES + ACTIONS], corrections[2];
     __shared__ int fault;
@@ -45,6 +48,12 @@ KERNEL finish(
         of_actor += squares[b];
         of_critic += squares[reduce_blocks + b];
     }
+#if MEMORY
+    for (u32 b = threadIdx.x; b < memory_blocks; b += blockDim.x) {
+        of_actor += memory_squares[b];
+        of_critic += memory_squares[memory_blocks + b];
+    }
+#endif
     of_actor = block_sum(of_actor);
     of_critic = block_sum(of_critic);
     // Eight threads a sum: one alone would wait for memory too often.

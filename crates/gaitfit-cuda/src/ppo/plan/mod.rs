@@ -1,6 +1,7 @@
 //! The update as data: arrays, and kernels in order. A GPU runs it, and so does the test without one.
 
 mod arrays;
+mod memory;
 mod sizes;
 mod update;
 
@@ -9,6 +10,9 @@ use super::text::Text;
 use crate::runtime::Shape;
 use arrays::Arrays;
 use gaitfit_learn::ppo::{Settings, Widths};
+use gaitfit_policy::network::RecurrentShape;
+use memory::{Memory, Samples};
+pub(in crate::ppo) use memory::{check_shared, turns};
 use sizes::Sizes;
 use update::Update;
 
@@ -23,6 +27,7 @@ pub struct Plan {
     foresee: Option<Launch>,
     /// Processors, samples of a tile, and work of both networks.
     sharing: (usize, usize, [usize; 2]),
+    memory: Option<Memory>,
     /// The update.
     pub launches: Vec<Launch>,
 }
@@ -79,6 +84,8 @@ pub(in crate::ppo) struct Task<'a> {
     pub processors: usize,
     /// Whether the actor's and the critic's observations are normalised.
     pub normalised: [bool; 2],
+    /// Of the actor and of the critic, if they have one.
+    pub memories: Option<[RecurrentShape; 2]>,
 }
 
 impl Plan {
@@ -87,7 +94,17 @@ impl Plan {
         let sizes = Sizes::new(task, text);
         let mut maker = Maker { arrays: Vec::new(), launches: Vec::new() };
         let arrays = Arrays::new(&mut maker, &sizes, text);
-        let mut update = Update { settings: task.settings, sizes, arrays, maker, shared: text.shared as u32 };
+        let samples = Samples {
+            observations: [arrays.observation, arrays.critic_observation],
+            scales: [arrays.actor_scale, arrays.critic_scale],
+            done: arrays.done,
+        };
+        let (batch, counts) = (task.batch, (task.settings.minibatches, task.settings.epochs));
+        let memory = task.memories.as_ref().map(|shapes| {
+            Memory::new(&mut maker, shapes, (batch.steps, batch.environments), counts, &samples)
+        });
+        let shared = text.shared as u32;
+        let mut update = Update { settings: task.settings, sizes, arrays, memory, maker, shared };
         let scales = update.scales(task.normalised);
         update.start();
         update.advantages();
@@ -99,15 +116,17 @@ impl Plan {
         }
         let mut pack = vec![update.adam(true)];
         pack.extend(scales);
+        let (a, memory) = (update.arrays, update.memory.clone());
+        pack.extend(memory.as_ref().map(|memory| memory.adam(true, a.control, a.state)));
         let foresee = Some(update.foresee());
         let sharing = (task.processors, text.rows, [text.actor.work, text.critic.work]);
         let Maker { arrays, launches } = update.maker;
-        Self { arrays, pack, launches, foresee, sharing }
+        Self { arrays, pack, launches, foresee, sharing, memory }
     }
 
     /// A plan without a learner: any arrays and launches.
     pub fn from_parts(arrays: Vec<Array>, launches: Vec<Launch>) -> Self {
-        Self { arrays, pack: Vec::new(), launches, foresee: None, sharing: (1, 1, [1, 1]) }
+        Self { arrays, pack: Vec::new(), launches, foresee: None, sharing: (1, 1, [1, 1]), memory: None }
     }
 
     /// Means and values of rows `from .. from + rows` of the samples, from their observations; `None` in a plan without
@@ -121,14 +140,32 @@ impl Plan {
         Some(launch)
     }
 
-    /// The critic's values of `rows` rows, and two indices into the arguments: of its observations and of the values. The
+    /// The critic's values of `rows` rows from number `from` on, and two indices into the arguments: of its observations and of the values. The
     /// arguments hold the samples. `None` in a plan without a learner.
-    pub fn foresee_values(&self, rows: usize) -> Option<(Launch, [usize; 2])> {
+    pub fn foresee_values(&self, from: usize, rows: usize) -> Option<(Launch, [usize; 2])> {
         let mut launch = self.foresee.clone()?;
         let (processors, tile, _) = self.sharing;
         launch.shape.grid[0] = rows.div_ceil(tile).clamp(1, processors.max(1)) as u32;
-        launch.arguments[..3].copy_from_slice(&[word(0), word(rows), word(0)]);
+        launch.arguments[..3].copy_from_slice(&[word(from), word(rows), word(0)]);
         Some((launch, [4, 8]))
+    }
+
+    /// What memories do before [`Plan::foresee`] of a rollout's step; nothing without them.
+    pub fn remember(&self, step: usize) -> Vec<Launch> {
+        self.memory.as_ref().map(|memory| memory.step(step)).unwrap_or_default()
+    }
+
+    /// What the critic's memory does before [`Plan::foresee_values`] of `environments` rows of states from number
+    /// `part · environments` on, and places of arguments: the states, of the first launch, and what is remembered before
+    /// them, of all. The first part begins with what is remembered now.
+    pub fn remember_tail(&self, part: usize) -> Option<(Vec<Launch>, [usize; 2])> {
+        self.memory.as_ref().map(|memory| memory.tail(part))
+    }
+
+    /// What memories forget after a step of a rollout that cuts off `cuts` episodes of an environment at most, and places
+    /// of arguments: where these were cut, and where what the critic then remembered goes. `None` without memories.
+    pub fn forget(&self, step: usize, cuts: usize) -> Option<(Launch, [usize; 2])> {
+        self.memory.as_ref().map(|memory| memory.forget(step, cuts))
     }
 
     /// The array of this name.

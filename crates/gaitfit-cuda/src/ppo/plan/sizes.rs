@@ -16,6 +16,9 @@ pub(super) struct Sizes {
     pub actions: usize,
     /// Steps and environments.
     pub batch: Batch,
+    /// What minibatches are made of, samples or with a memory robots, and the rows of each.
+    pub units: usize,
+    pub unit_rows: usize,
     /// Passes over the samples, and steps of the gradient in each.
     pub epochs: usize,
     pub minibatches: usize,
@@ -34,7 +37,7 @@ pub(super) struct Sizes {
 
 impl Sizes {
     pub(super) fn new(task: &Task<'_>, text: &Text) -> Self {
-        let Task { settings, widths, batch, .. } = *task;
+        let &Task { settings, widths, batch, .. } = task;
         let (rows, actions) = (batch.rows(), widths.action.min(MAX_ACTIONS));
         let networks = text.actor.map.len() + text.critic.map.len();
         let mut sizes = Self {
@@ -42,6 +45,8 @@ impl Sizes {
             widths,
             actions,
             batch,
+            units: if task.memories.is_some() { batch.environments } else { rows },
+            unit_rows: if task.memories.is_some() { batch.steps } else { 1 },
             epochs: settings.epochs,
             minibatches: settings.minibatches,
             networks,
@@ -58,9 +63,14 @@ impl Sizes {
         sizes
     }
 
+    /// The first unit of a minibatch.
+    pub(super) fn first(&self, minibatch: usize) -> usize {
+        minibatch * self.units / self.minibatches
+    }
+
     /// The first row of a minibatch.
     pub(super) fn begin(&self, minibatch: usize) -> usize {
-        minibatch * self.rows / self.minibatches
+        self.first(minibatch) * self.unit_rows
     }
 
     /// Rows of a minibatch.

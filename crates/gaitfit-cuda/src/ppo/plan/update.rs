@@ -2,7 +2,7 @@
 
 use super::super::launch::{Id, Launch, Value};
 use super::super::text::THREADS;
-use super::{Arrays, CHECKED, CHUNK, Maker, Sizes, launch, word};
+use super::{Arrays, CHECKED, CHUNK, Maker, Memory, Sizes, launch, word};
 use crate::runtime::Shape;
 use gaitfit_learn::ppo::Settings;
 
@@ -11,6 +11,8 @@ pub(super) struct Update<'a> {
     pub settings: &'a Settings,
     pub sizes: Sizes,
     pub arrays: Arrays,
+    /// What stands before the networks.
+    pub memory: Option<Memory>,
     /// Takes the launches.
     pub maker: Maker,
     /// Shared memory of the large kernel, bytes.
@@ -64,6 +66,7 @@ impl Update<'_> {
             a.state,
         ];
         m.launch("begin_update", Shape::new(1, 256), &arguments);
+        m.launches.extend(self.memory.as_ref().map(|memory| memory.begin(a.control)));
     }
 
     /// Advantages and returns.
@@ -90,8 +93,11 @@ impl Update<'_> {
 
     /// Deals the samples to the minibatches of all epochs.
     pub(super) fn deal(&mut self) {
-        let Sizes { rows, minibatches, cards, chunks, epochs, batch, .. } = self.sizes;
+        let Sizes { units, minibatches, cards, epochs, batch, .. } = self.sizes;
         let (a, m) = (self.arrays, &mut self.maker);
+        let (rows, chunks) = (units, units.div_ceil(CHUNK));
+        let (dealt_steps, dealt_places) =
+            self.memory.as_ref().map_or((batch.steps, a.places), |memory| (1, memory.robots));
         // One row of blocks an epoch.
         let per_epoch = |count: usize, threads: u32| {
             let shape = Shape::cover(count, threads);
@@ -106,9 +112,10 @@ impl Update<'_> {
         let counting = Shape { shared: (4 * minibatches) as u32, ..per_epoch(rows, CHUNK as u32) };
         m.launch("shuffle_count", counting, &[all, parts, a.dealt, a.counts]);
         m.launch("shuffle_begin", per_epoch(minibatches, 32), &[all, parts, word(chunks), a.counts]);
-        let (steps, environments, tile) = (word(batch.steps), word(batch.environments), word(batch.tile));
-        let arguments = [all, parts, steps, environments, tile, a.dealt, a.counts, a.places];
+        let (steps, environments, tile) = (word(dealt_steps), word(batch.environments), word(batch.tile));
+        let arguments = [all, parts, steps, environments, tile, a.dealt, a.counts, dealt_places];
         m.launch("shuffle_place", per_epoch(rows, CHUNK as u32), &arguments);
+        m.launches.extend(self.memory.as_ref().map(|memory| memory.places(epochs, a.places)));
     }
 
     /// A step of the gradient on each minibatch of each epoch.
@@ -121,32 +128,53 @@ impl Update<'_> {
         }
     }
 
+    /// What the networks take, and its factors and offsets: observations, or what memories give.
+    fn taken(&self) -> (Value, Value, Value) {
+        match &self.memory {
+            None => (self.arrays.observation, self.arrays.critic_observation, self.arrays.scale),
+            Some(memory) => {
+                let [[actor, _], [critic, _]] = memory.seen();
+                (actor, critic, memory.unit())
+            }
+        }
+    }
+
     /// The gradient on one minibatch: by blocks, then their sum.
     fn gradient(&mut self, epoch: usize, minibatch: usize) {
         let (a, sizes) = (self.arrays, self.sizes);
         let [actor, critic] = sizes.blocks;
         let blocks = Shape::new((actor + critic) as u32, THREADS as u32);
-        let arguments = [
+        let (first, robots) = (sizes.first(minibatch), sizes.first(minibatch + 1) - sizes.first(minibatch));
+        let seen = self.memory.as_ref().map(Memory::seen);
+        let (observed, critic_observed, scale) = self.taken();
+        if let Some(memory) = &self.memory {
+            self.maker.launches.extend(memory.forth(epoch, first, robots));
+        }
+        let mut arguments = vec![
             word(epoch * sizes.rows + sizes.begin(minibatch)),
             word(sizes.minibatch_rows(minibatch)),
             word(actor),
             a.control,
             a.places,
-            a.observation,
-            a.critic_observation,
+            observed,
+            critic_observed,
             a.action,
             a.mean,
             a.log_probability,
             a.advantage,
             a.value,
             a.returns,
-            a.scale,
+            scale,
             a.packed,
             a.constants,
             a.partial,
             a.sums,
         ];
+        arguments.extend(seen.into_iter().flatten().map(|[_, derivative]| derivative));
         self.maker.launch("network", Shape { shared: self.shared, ..blocks }, &arguments);
+        if let Some(memory) = &self.memory {
+            self.maker.launches.extend(memory.back(a.control, epoch, first, robots));
+        }
         let arguments = [word(actor), word(critic), a.control, a.partial, a.map, a.gradient, a.squares];
         self.maker.launch("reduce", Shape::new(sizes.reduce_blocks as u32, 256), &arguments);
     }
@@ -155,7 +183,7 @@ impl Update<'_> {
     fn step(&mut self, epoch: usize, minibatch: usize) {
         let (a, sizes) = (self.arrays, self.sizes);
         let [actor, critic] = sizes.blocks;
-        let arguments = [
+        let mut arguments = vec![
             word(epoch),
             word(minibatch),
             word(sizes.minibatch_rows(minibatch)),
@@ -172,9 +200,14 @@ impl Update<'_> {
             a.constants,
             a.state,
         ];
+        if let Some((squares, blocks)) = self.memory.as_ref().map(Memory::squares) {
+            arguments.extend([word(blocks), squares]);
+        }
         self.maker.launch("finish", Shape::new(1, 256), &arguments);
         let adam = self.adam(false);
         self.maker.launches.push(adam);
+        let memory = self.memory.as_ref().map(|memory| memory.adam(false, a.control, a.state));
+        self.maker.launches.extend(memory);
     }
 
     /// A step of Adam on the weights of both networks; `copy`: packs the weights without a step.
@@ -203,7 +236,8 @@ impl Update<'_> {
     pub(super) fn foresee(&self) -> Launch {
         let a = &self.arrays;
         let shape = Shape { shared: self.shared, ..Shape::new(0, THREADS as u32) };
-        let observed = [a.observation, a.critic_observation, a.scale, a.packed, a.mean, a.value];
+        let (actor, critic, scale) = self.taken();
+        let observed = [actor, critic, scale, a.packed, a.mean, a.value];
         launch("foresee", shape, &[[word(0); 3].as_slice(), &observed].concat())
     }
 }

@@ -35,14 +35,20 @@ pub struct Deployment {
 /// A policy whose parts do not fit ([`Policy::check`]), one that ONNX does not hold (recurrent, two-part), a robot
 /// that lacks a joint of the policy.
 pub fn bundle(policy: &Policy, model: Option<&Model>) -> Result<Deployment, PolicyError> {
-    let network = onnx::write_single(policy).map_err(|error| match policy.front {
-        Some(Front::Graph(_)) => error,
-        Some(_) => invalid(
-            "recurrent and two-part policies are not written as ONNX, so there is no bundle of them; `--cpp` writes them as \
-             C++",
-        ),
-        None => error,
-    })?;
+    let network = match policy.front {
+        None | Some(Front::Function(_) | Front::Graph(_)) => onnx::write_single(policy)?,
+        Some(Front::Recurrent(_)) => {
+            return Err(invalid(
+                "programs that take a bundle keep no memory between steps, so there is none of recurrent policies; `--onnx` \
+                 writes them with h_in and h_out, and `--cpp` writes them as C++",
+            ));
+        }
+        Some(Front::Encoder(_)) => {
+            return Err(invalid(
+                "two-part policies are not written as ONNX, so there is no bundle of them; `--cpp` writes them as C++",
+            ));
+        }
+    };
     let mut made = Deployment { files: vec![(NETWORK.to_owned(), network)], unsaid: Vec::new() };
     let text = controller::write(policy, model, &mut made.unsaid)?;
     made.files.push(("controller.yaml".to_owned(), text.into_bytes()));

@@ -271,20 +271,6 @@ impl Chain {
         }
     }
 
-    /// The network of a graph without memory and clip; see [`Chain::read`].
-    pub fn network(self, normaliser: Option<&Normaliser>) -> Result<Network, PolicyError> {
-        let read = self.read(normaliser)?;
-        if read.memory.is_some() {
-            return Err(invalid("its graph is recurrent; describe it in a TOML file (docs/policies.md)"));
-        }
-        if read.clip.is_some() {
-            return Err(invalid(
-                "its graph clips its outputs; describe it in a TOML file (docs/policies.md)",
-            ));
-        }
-        Ok(read.network)
-    }
-
     /// The memory, if there is one, the network, and the clip of its outputs. With `normaliser`, what stands before the
     /// first layer must be that normaliser; without, it becomes part of the first layer.
     pub fn read(mut self, normaliser: Option<&Normaliser>) -> Result<Read, PolicyError> {

@@ -1,7 +1,7 @@
 //! Policies as ONNX graphs, out and in.
 //!
-//! Multilayer perceptrons are read as such; other graphs become steps that run node by node ([`crate::Graph`]). Whatever is
-//! neither is refused by node and operator.
+//! Multilayer perceptrons are read as such, alone or behind recurrent layers; other graphs become steps that run node by node
+//! ([`crate::Graph`]). Whatever is neither is refused by node and operator.
 
 mod attributes;
 mod bounds;
@@ -22,6 +22,7 @@ mod recurrent;
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests;
 mod write;
+mod write_memory;
 
 pub(super) use chain::{Chain, Read};
 pub(super) use graph::others;
@@ -30,7 +31,8 @@ pub use write::{write, write_network, write_single};
 
 use super::Inputs;
 use super::foreign::{self, Known};
-use crate::{Graph, Interface, Policy, PolicyError};
+use crate::error::invalid;
+use crate::{Front, Graph, Interface, Policy, PolicyError};
 use std::path::Path;
 
 /// Reads a policy that [`write()`] wrote: the graph's network and the metadata's interface. The critic is not part
@@ -47,13 +49,18 @@ pub(super) fn read_own(bytes: &[u8], folder: Option<&Path>) -> Result<Option<Pol
     let model = graph::decode(bytes, folder)?;
     let Some(header) = metadata::read(&model)? else { return Ok(None) };
     let chain = graph::walk(&model)?;
+    let Read { memory, network, clip } = chain.read(header.normaliser.as_ref())?;
+    if clip.is_some() {
+        return Err(invalid("its graph clips its outputs; describe it in a TOML file (docs/policies.md)"));
+    }
     let policy = Policy {
         interface: header.interface,
-        front: None,
-        actor: chain.network(header.normaliser.as_ref())?,
+        front: memory.map(Front::Recurrent),
+        actor: network,
         log_std: header.log_std,
         critic: None,
         normaliser: header.normaliser,
+        critic_memory: None,
         critic_normaliser: None,
         provenance: header.provenance,
         notes: Vec::new(),

@@ -66,7 +66,7 @@ pub(super) fn model(nodes: &[Node], constants: &[Tensor]) -> Vec<u8> {
 
 fn network(nodes: &[Node]) -> Result<Network, String> {
     let chain = decode(&model(nodes, &constants()), None).and_then(|model| walk(&model));
-    chain.and_then(|chain| chain.network(None)).map_err(|error| error.to_string())
+    chain.and_then(|chain| chain.read(None)).map(|read| read.network).map_err(|error| error.to_string())
 }
 
 fn output(nodes: &[Node], x: &[f32]) -> Vec<f32> {
@@ -192,7 +192,7 @@ fn double_precision_is_rounded() {
     let double =
         Tensor { data_type: DOUBLE, float_data: vec![], double_data: vec![0.1; 6], ..constants()[0].clone() };
     let bytes = model(&[node("MatMul", &["x", "w"], "y")], &[double]);
-    let network = walk(&decode(&bytes, None).unwrap()).unwrap().network(None).unwrap();
+    let network = walk(&decode(&bytes, None).unwrap()).unwrap().read(None).unwrap().network;
     assert_eq!(network.parameters[..6], [0.1_f32; 6]);
 }
 
@@ -202,7 +202,7 @@ fn a_network_alone_comes_back() {
     let network = Network::random(shape, 3, 0, 1.0).unwrap();
     let scale: Vec<(f32, f32)> = (0..6).map(|i| (0.5 + 0.1 * i as f32, 0.2 - 0.3 * i as f32)).collect();
     let bytes = write_network("resid", &network, &scale).unwrap();
-    let back = walk(&decode(&bytes, None).unwrap()).unwrap().network(None).unwrap();
+    let back = walk(&decode(&bytes, None).unwrap()).unwrap().read(None).unwrap().network;
     let input: Vec<f32> = (0..6 * 20).map(|i| (0.37 * i as f32).sin()).collect();
     let scaled: Vec<f32> =
         input.iter().enumerate().map(|(i, x)| x * scale[i % 6].0 + scale[i % 6].1).collect();

@@ -2,13 +2,14 @@
 
 use super::metadata;
 use super::proto::{
-    Attribute, Dimension, Entry, FLOAT, FLOAT_ATTRIBUTE, Graph, INT_ATTRIBUTE, Model, Node, OperatorSet,
-    Tensor, TensorShape, TensorType, Type, ValueInfo,
+    Attribute, Dimension, Entry, FLOAT, FLOAT_ATTRIBUTE, Graph, INT_ATTRIBUTE, INT64, Model, Node,
+    OperatorSet, Tensor, TensorShape, TensorType, Type, ValueInfo,
 };
+use super::write_memory::{STATES, remember};
 use crate::error::invalid;
 use crate::files::layers::take_apart;
-use crate::network::{Activation, Network, SELU};
-use crate::{Policy, PolicyError};
+use crate::network::{Activation, Network, Recurrent, SELU};
+use crate::{Front, Policy, PolicyError};
 use prost::Message;
 
 /// Version of the file layout, and of the operators.
@@ -23,8 +24,11 @@ const OUTPUT: &str = "actions";
 /// `actions` (F32, N × joints, before clipping and scaling). The normaliser is its first two nodes, `Mul` and `Add`;
 /// every layer is a `Gemm` with PyTorch's `outputs × inputs` weight. The interface is in its metadata.
 ///
+/// A recurrent policy has the ends of rsl_rl's exporter: it also takes what it remembered, `h_in` and an LSTM's `c_in`
+/// (F32, layers × N × units), and gives it anew, `h_out` and `c_out`. Zeros begin an episode.
+///
 /// # Errors
-/// A policy whose parts do not fit ([`Policy::check`]).
+/// A policy whose parts do not fit ([`Policy::check`]), a two-part one, or one whose recurrent layers differ in width.
 pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
     whole(policy, None)
 }
@@ -47,16 +51,22 @@ fn whole(policy: &Policy, rows: Option<i64>) -> Result<Vec<u8>, PolicyError> {
              interface in one file use safetensors (gaitfit export --safetensors)",
         ));
     }
-    if policy.front.is_some() {
+    if let Some(Front::Encoder(_)) = policy.front {
         return Err(invalid(
-            "recurrent and two-part policies are not written as ONNX; use safetensors (gaitfit export --safetensors)",
+            "two-part policies are not written as ONNX; use safetensors (gaitfit export --safetensors)",
+        ));
+    }
+    let memory = policy.actor_memory();
+    if memory.is_some_and(|memory| memory.layers.iter().any(|layer| layer.hidden != memory.outputs())) {
+        return Err(invalid(
+            "recurrent layers of different widths are not written as ONNX; use safetensors (gaitfit export --safetensors)",
         ));
     }
     let scale = policy.normaliser.as_ref().map(|normaliser| normaliser.scale());
     // A graph must have a name, a policy need not know its robot.
     let robot = &policy.interface.robot;
     let name = if robot.is_empty() { "policy" } else { robot };
-    metadata::seal(model(name, &policy.actor, scale, metadata::entries(policy)?, rows))
+    metadata::seal(model(name, (memory, &policy.actor), scale, metadata::entries(policy)?, rows))
 }
 
 /// The bytes of an ONNX model of a network alone: `obs` (F32, N × inputs) to `actions` (F32, N × outputs). Before its
@@ -69,13 +79,13 @@ pub fn write_network(name: &str, network: &Network, scale: &[(f32, f32)]) -> Res
     if scale.len() != network.shape.inputs {
         return Err(invalid(format!("{} scales for {} inputs", scale.len(), network.shape.inputs)));
     }
-    Ok(model(name, network, Some(scale.to_vec()), Vec::new(), None))
+    Ok(model(name, (None, network), Some(scale.to_vec()), Vec::new(), None))
 }
 
-/// The model of a network behind its scale, for so many rows at a time; for any number of them without one.
+/// The model of a network behind its scale and memory, for so many rows at a time; for any number of them without one.
 fn model(
     name: &str,
-    network: &Network,
+    (memory, network): (Option<&Recurrent>, &Network),
     scale: Option<Vec<(f32, f32)>>,
     metadata: Vec<Entry>,
     rows: Option<i64>,
@@ -90,6 +100,19 @@ fn model(
         {
             constants.push(constant(name, &[values.len()], &values));
             head = push(&mut nodes, operator, name, [head, name.to_owned()].to_vec(), Vec::new());
+        }
+    }
+    let observed = memory.map_or(network.shape.inputs, Recurrent::inputs);
+    let (mut input, mut output) =
+        (vec![end(INPUT, &[], observed, rows)], vec![end(OUTPUT, &[], network.shape.outputs, rows)]);
+    if let Some(memory) = memory {
+        head = remember(&mut nodes, &mut constants, memory, head);
+        for (state, [before, after]) in STATES.into_iter().enumerate() {
+            if state < memory.cell.remembered() {
+                let layers = [memory.layers.len()];
+                input.push(end(before, &layers, memory.outputs(), rows));
+                output.push(end(after, &layers, memory.outputs(), rows));
+            }
         }
     }
     let layers = take_apart(network);
@@ -123,8 +146,8 @@ fn model(
         node: nodes.iter().map(Message::encode_to_vec).collect(),
         name: name.to_owned(),
         initializer: constants,
-        input: vec![end(INPUT, network.shape.inputs, rows)],
-        output: vec![end(OUTPUT, network.shape.outputs, rows)],
+        input,
+        output,
     };
     let model = Model {
         ir_version: IR_VERSION,
@@ -199,7 +222,7 @@ fn activate(
 }
 
 /// Adds a node and gives the name of its output.
-fn push(
+pub(super) fn push(
     nodes: &mut Vec<Node>,
     operator: &str,
     name: &str,
@@ -218,7 +241,7 @@ fn push(
     output
 }
 
-fn integer(name: &str, i: i64) -> Attribute {
+pub(super) fn integer(name: &str, i: i64) -> Attribute {
     Attribute { name: name.to_owned(), i, kind: INT_ATTRIBUTE, ..Attribute::default() }
 }
 
@@ -226,7 +249,19 @@ fn float(name: &str, f: f32) -> Attribute {
     Attribute { name: name.to_owned(), f, kind: FLOAT_ATTRIBUTE, ..Attribute::default() }
 }
 
-fn constant(name: &str, dims: &[usize], values: &[f32]) -> Vec<u8> {
+/// A constant of whole numbers, in one row.
+pub(super) fn whole_numbers(name: &str, values: &[i64]) -> Vec<u8> {
+    Tensor {
+        dims: vec![values.len() as i64],
+        data_type: INT64,
+        name: name.to_owned(),
+        raw_data: values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+        ..Tensor::default()
+    }
+    .encode_to_vec()
+}
+
+pub(super) fn constant(name: &str, dims: &[usize], values: &[f32]) -> Vec<u8> {
     Tensor {
         dims: dims.iter().map(|&length| length as i64).collect(),
         data_type: FLOAT,
@@ -237,12 +272,14 @@ fn constant(name: &str, dims: &[usize], values: &[f32]) -> Vec<u8> {
     .encode_to_vec()
 }
 
-/// An end point of `rows` rows, N without a number, of `width` numbers.
-fn end(name: &str, width: usize, rows: Option<i64>) -> Vec<u8> {
+/// An end point of `rows` rows, N without a number, of `width` numbers; `before` are the lengths of axes before the rows.
+fn end(name: &str, before: &[usize], width: usize, rows: Option<i64>) -> Vec<u8> {
     let any = rows.is_none().then(|| "N".to_owned());
     let rows = Dimension { dim_value: rows, dim_param: any };
-    let width = Dimension { dim_value: Some(width as i64), dim_param: None };
-    let shape = TensorShape { dim: vec![rows.encode_to_vec(), width.encode_to_vec()] };
+    let fixed = |length: usize| Dimension { dim_value: Some(length as i64), dim_param: None };
+    let before = before.iter().copied().map(fixed);
+    let all = before.chain([rows, fixed(width)]);
+    let shape = TensorShape { dim: all.map(|dimension| dimension.encode_to_vec()).collect() };
     let tensor = TensorType { elem_type: FLOAT, shape: Some(shape) };
     ValueInfo { name: name.to_owned(), kind: Some(Type { tensor: Some(tensor) }) }.encode_to_vec()
 }
