@@ -32,7 +32,7 @@ pub struct SwingSettings {
     pub law: Option<FrictionLaw>,
     /// Whether friction, damping and armature are at least 0.
     pub bounded: bool,
-    /// Whether other choices of swings are tried, by which errors become larger.
+    /// Whether swings are also chosen otherwise (clearance, window, law). Errors then contain how the estimates change.
     pub others: bool,
 }
 

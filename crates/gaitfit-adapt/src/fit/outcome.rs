@@ -112,8 +112,8 @@ pub struct RunOutcome {
     pub mean: Vec<f64>,
 }
 
-/// Values by simulated robots fit as well as those of a search if their cost is at most this many times as large, and this
-/// more. A search goes to where its draws are small by chance, which no robot's values are.
+/// Values by simulated robots fit as well as those of a search if their cost is at most this many times as large, plus
+/// [`AS_WELL_BY`]. A search prefers values whose cost is small by chance under its random draws; these values do not.
 const AS_WELL: f64 = 1.5;
 const AS_WELL_BY: f64 = 0.003;
 
@@ -249,8 +249,9 @@ impl CostOutcome {
         Ok(None)
     }
 
-    /// Takes the intervals that simulated robots give ([`super::regress`]) for the search of `problem`, if their values fit
-    /// about as well; and the values, if they cost less or there are few ([`MAX_TAKEN`]). Returns why it takes nothing, if so.
+    /// Takes the intervals that simulated robots give ([`super::regress`]) for the search of `problem`. Takes their values
+    /// too if they cost less or if θ has at most [`MAX_TAKEN`] entries. Returns why it takes nothing: with more entries,
+    /// values that cost much more than those of the search are refused. So are values whose simulation diverges.
     ///
     /// # Errors
     /// As [`Simulator::views`].
@@ -269,8 +270,8 @@ impl CostOutcome {
         };
         // What a search pays for going away from what was known is in its cost.
         let charged = cost + problem.theta.prior_cost(&regression.corrected);
-        let most = AS_WELL * self.best_cost + AS_WELL_BY;
-        if charged > most && problem.theta.len() > MAX_TAKEN {
+        let max_cost = AS_WELL * self.best_cost + AS_WELL_BY;
+        if charged > max_cost && problem.theta.len() > MAX_TAKEN {
             self.unlike = Some(cost);
             return Ok(Some("No simulated robot is like the real one.".to_owned()));
         }

@@ -67,7 +67,12 @@ pub(super) fn fit(
         }
         // The intervals of simulated robots have the priors in them.
         if outcome.regression.is_none() {
+            let alone = parameter.interval;
             parameter.combine();
+            // No simulated robot is like the real one: what walks and legs in the air say may both be wrong.
+            if outcome.unlike.is_some() {
+                alone.into_iter().flatten().for_each(|end| parameter.reach(end));
+            }
         }
         parameter
     };

@@ -41,9 +41,9 @@ pub fn doubts(
     }
     if let Some(cost) = outcome.unlike {
         let text = format!(
-            "No simulated robot has logs like these. The values which the distributions of joints, velocities and actions show \
-             if each is asked alone have a {} of {cost:.3}, those of the search {:.3}. So the model lacks something, and the \
-             values of the search make up for it.",
+            "No simulated robot has logs like these: {} is {cost:.3} for the values that a regression on simulated robots \
+             gives, and {:.3} for those of the search. The model lacks an effect, and the values of the search \
+             compensate for it. `gaitfit explain` looks for such effects.",
             outcome.cost, outcome.best_cost
         );
         doubts.push(Doubt::new(DoubtKind::Unexplained, text));
@@ -139,7 +139,10 @@ fn regressed(fit: &CostFit) -> Option<String> {
             fit.cost_name
         )
     } else {
-        format!("the intervals are those of values that the logs of {robots} simulated robots show")
+        format!(
+            "the values are those of the search; their intervals come from the logs of {robots} simulated robots whose \
+             values are known"
+        )
     };
     let unlike = fit.parameters.iter().enumerate().filter(|(at, _)| regression.unlike(*at));
     let unlike: Vec<&str> = unlike.map(|(_, one)| one.found.name.as_str()).collect();

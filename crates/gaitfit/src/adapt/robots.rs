@@ -23,11 +23,11 @@ pub fn applies(config: &AdaptConfig, cost: CostKind) -> bool {
         && cost == CostKind::Wass
 }
 
-/// Why simulated robots do not correct a fit, and what they say all the same.
+/// Why simulated robots do not correct a fit, and their regression nevertheless: it widens the intervals.
 pub struct Refused {
     /// Why, in a sentence.
     pub why: String,
-    /// What they say.
+    /// The regression; `None` if there is none.
     pub regression: Option<Regression>,
 }
 

@@ -29,10 +29,10 @@ pub struct SwingFindings {
     pub swings: Option<SwingReport>,
     /// Why they say nothing.
     pub why_not: Option<String>,
-    /// What legs in the air say, corrected by simulated walks; absent where it is not corrected.
+    /// The estimates from legs in the air, corrected by simulated walks; absent if they are not corrected.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub corrected: Option<SwingReport>,
-    /// Why it is not corrected, where that was tried; the end of a sentence.
+    /// Why they are not corrected, if a correction was tried; the end of a sentence.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub not_corrected: Option<String>,
 }

@@ -25,10 +25,11 @@ use gaitfit_sim::stats;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Most rounds; each draws robots around the last one's values.
-const ROUNDS: usize = 6;
-/// Fewest rounds. Later ones are the last if errors are still above this part of those of the round before, on the mean.
-const FEWEST: usize = 3;
+/// Max number of rounds; each draws robots around the values of the round before.
+const MAX_ROUNDS: usize = 6;
+/// Min number of rounds.
+const MIN_ROUNDS: usize = 3;
+/// Rounds end once standard deviations are, on average, above this part of those of the round before.
 const SETTLED: f64 = 0.95;
 /// Half the width of the first round, in an entry's deviations.
 const FIRST: f64 = 1.5;
@@ -42,17 +43,17 @@ const WALKING: f64 = 0.5;
 /// the same for many of them. 2 makes three independent ones of twelve. Chosen with the fits of the first seed of `wass-5ms`
 /// in docs/results.
 const SHARED: f64 = 2.0;
-/// An interval whose end is less than so many deviations from a bound reaches the bound: robots are drawn on one side of it,
-/// so values at the bound are said to be within.
+/// An end of an interval that is less than this many standard deviations from a bound is moved to the bound: no robots are
+/// drawn beyond it, so estimates of values at the bound lie within.
 const NEAR: f64 = 0.5;
 /// Deviations of so many errors of robots that were left out are the simulator's.
 const UNLIKE: f64 = 3.0;
 /// Most entries of a θ that is regressed on.
-pub const MAX_REGRESSED: usize = 64;
-/// Most entries whose values are taken although those of the search cost less. On robots in MuJoCo values of six entries were
-/// twice as near to the truth as those of searches; of thirty entries both were equally near.
+pub const MAX_REGRESSED: usize = 50;
+/// Max number of entries with which the fit takes these values although those of the search cost less. On robots in MuJoCo
+/// they were twice as near to the truth as those of searches with six entries; with thirty, both were equally near.
 pub const MAX_TAKEN: usize = 12;
-/// Least robots of a round for each entry, and each of the settings' sets of logs.
+/// Min number of robots of a round for each entry and each set of logs (`optimizer.replicates`).
 const PER_ENTRY: f64 = 1.75;
 
 /// The robot, simulated as it makes logs.
@@ -130,7 +131,7 @@ impl Regression {
 
     /// Most robots that are simulated with `each` a round.
     pub fn robots(each: usize) -> usize {
-        ROUNDS * each
+        MAX_ROUNDS * each
     }
 
     /// Robots of a round for `entries` entries, if there are `each` for one, and `sets` sets of logs are asked for.
@@ -172,7 +173,7 @@ pub fn regress(
     let mut centre = found.to_vec();
     let mut half: Vec<f64> = entries.iter().map(|entry| FIRST * entry.deviation).collect();
     let (mut all, mut rounds) = (Robots::default(), Vec::<Drawn>::new());
-    for round in 0..ROUNDS {
+    for round in 0..MAX_ROUNDS {
         let (lower, upper) = around(entries, &centre, &half);
         let first = u32::try_from(round * each).unwrap_or(u32::MAX);
         let drawn = draw(&lower, &upper, each, seed, first);
@@ -197,8 +198,9 @@ pub fn regress(
         let Some(found) = near.estimate(&logs.numbers, &logs.groups) else {
             return Ok(Err("The logs of simulated robots are all alike, or too few.".to_owned()));
         };
-        let own = found.deviations();
-        let Some((values, deviation)) = with_priors(theta, &found.values, &own, &found.left) else {
+        let deviations = found.deviations();
+        let combined = with_priors(theta, &found.values, &deviations, &found.left_out);
+        let Some((values, deviation)) = combined else {
             return Ok(Err("The values of simulated robots cannot be told apart.".to_owned()));
         };
         let Estimate { errors, scatter, disagreement, .. } = found;
@@ -216,7 +218,7 @@ pub fn regress(
             let parts = drawn.deviation.iter().zip(&before.deviation).map(|(now, before)| now / before);
             stats::mean(&parts.collect::<Vec<_>>()).unwrap_or(1.0)
         };
-        let settled = round + 1 >= FEWEST && rounds.last().is_some_and(|before| shrunk(before) > SETTLED);
+        let settled = round + 1 >= MIN_ROUNDS && rounds.last().is_some_and(|before| shrunk(before) > SETTLED);
         rounds.push(drawn);
         if settled {
             break;
@@ -246,7 +248,7 @@ pub fn regress(
     }))
 }
 
-/// `ends`, as far as the bounds of `entry` that are less than `near` beyond.
+/// An interval whose ends are moved to the bounds of `entry` where they are less than `near` from them.
 fn to_bounds([lower, upper]: [f64; 2], entry: &Entry, near: f64) -> [f64; 2] {
     [
         if lower - entry.lower < near { lower.min(entry.lower) } else { lower },

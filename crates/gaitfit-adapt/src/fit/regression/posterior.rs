@@ -1,15 +1,15 @@
-//! What a regression says, with what was known before.
+//! The estimates of a regression combined with priors.
 
 use crate::Theta;
 use gaitfit_sim::stats;
 use nalgebra::{DMatrix, DVector};
 
-/// Least share of a variance that belongs to one value alone, so that correlations of few robots are no certainty.
-const OWN: f64 = 1e-3;
+/// Added to each variance, as a part of it: correlations from few robots would make the matrix singular.
+const INDEPENDENT: f64 = 1e-3;
 
-/// `values` with the standard deviations `deviations` of their errors, which go together as `left` does (the errors of robots
-/// that were left out, `entries × robots`), and the priors of `theta`: mean and standard deviations of the product of normal
-/// densities. `None` of errors without size.
+/// Means and standard deviations of the product of two normal densities: that of `values`, and the priors of `theta`.
+/// `deviations`: standard deviations of `values`, whose correlations are those of `left`, the leave-one-out errors
+/// (`entries × robots`). `None` without robots, or if a matrix has no inverse.
 pub fn with_priors(
     theta: &Theta,
     values: &[f64],
@@ -23,16 +23,16 @@ pub fn with_priors(
     let size =
         |at: usize| stats::mean(&left[at].iter().map(|one| one * one).collect::<Vec<_>>()).map(f64::sqrt);
     let sizes: Vec<f64> = (0..count).map(size).collect::<Option<_>>()?;
-    // In units of the deviations.
-    let together = DMatrix::from_fn(count, count, |a, b| {
+    // Correlations: the covariance in units of the deviations.
+    let correlations = DMatrix::from_fn(count, count, |a, b| {
         if a == b {
-            return 1.0 + OWN;
+            return 1.0 + INDEPENDENT;
         }
         let product = left[a].iter().zip(&left[b]).map(|(a, b)| a * b).sum::<f64>() / left[a].len() as f64;
         let correlation = product / (sizes[a] * sizes[b]);
         if correlation.is_finite() { correlation.clamp(-1.0, 1.0) } else { 0.0 }
     });
-    let mut precision = together.cholesky()?.inverse();
+    let mut precision = correlations.cholesky()?.inverse();
     let mut pull = DVector::<f64>::zeros(count);
     for (at, prior) in theta.priors().enumerate() {
         let Some(prior) = prior else { continue };

@@ -8,8 +8,8 @@ use std::ops::Range;
 const PENALTIES: std::ops::RangeInclusive<i32> = -16..=2;
 /// Numbers of a log that vary less, where the robot's range is 2, are rounding.
 const STEADY: f64 = 1e-7;
-/// Least part of the differences between robots that is left, for it to be undone.
-const UNDONE: f64 = 0.3;
+/// Min slope of left-out predictions on true values at which shrinkage is undone: below, it would mostly enlarge noise.
+const MIN_SLOPE: f64 = 0.3;
 /// Fewest robots.
 const FEWEST: usize = 8;
 
@@ -33,8 +33,8 @@ pub struct Estimate {
     pub scatter: Vec<f64>,
     /// Standard deviation by which they disagree besides their own errors; 0 if these explain it.
     pub disagreement: Vec<f64>,
-    /// The errors of each value for robots that were left out, by all numbers together; `entries × robots`.
-    pub left: Vec<Vec<f64>>,
+    /// Leave-one-out errors of each value, from all numbers together; `entries × robots`.
+    pub left_out: Vec<Vec<f64>>,
 }
 
 impl Robots {
@@ -66,19 +66,19 @@ impl Robots {
     pub fn estimate(&self, logs: &[f64], groups: &[Range<usize>]) -> Option<Estimate> {
         let entries = self.values.first().filter(|_| self.len() >= FEWEST)?.len();
         let whole = self.learn(logs, 0..logs.len())?;
-        let parts: Vec<Vec<Said>> =
+        let parts: Vec<Vec<Prediction>> =
             groups.iter().filter_map(|group| self.learn(logs, group.clone())).collect();
         let mut found = Estimate {
             values: Vec::new(),
             errors: Vec::new(),
             scatter: Vec::new(),
             disagreement: Vec::new(),
-            left: whole.iter().map(|one| one.left.clone()).collect(),
+            left_out: whole.iter().map(|one| one.left_out.clone()).collect(),
         };
         for entry in 0..entries {
-            let said: Vec<&Said> = parts.iter().map(|part| &part[entry]).collect();
+            let predictions: Vec<&Prediction> = parts.iter().map(|part| &part[entry]).collect();
             let (value, scatter, disagreement) =
-                if said.len() < 2 { (whole[entry].value, 0.0, 0.0) } else { together(&said) };
+                if predictions.len() < 2 { (whole[entry].value, 0.0, 0.0) } else { together(&predictions) };
             found.disagreement.push(disagreement);
             found.values.push(value);
             found.errors.push(whole[entry].error);
@@ -87,12 +87,12 @@ impl Robots {
         Some(found)
     }
 
-    /// What the numbers in `range` say of each value, with the penalty for which robots left out one by one are told best.
-    /// `None` if they are alike for all robots.
+    /// Predicts each value from the numbers in `range`, with the penalty that has the smallest leave-one-out error.
+    /// `None` if the numbers are alike for all robots.
     ///
-    /// A ridge regression says values that are nearer to the mean than the true ones. Robots that were left out show by how
-    /// much, and this is undone where at least [`UNDONE`] of the differences are left.
-    fn learn(&self, logs: &[f64], range: Range<usize>) -> Option<Vec<Said>> {
+    /// A ridge regression shrinks its predictions towards the mean. Leave-one-out predictions show by how much: their slope
+    /// on the true values is below 1. Predictions are divided by this slope if it is above [`MIN_SLOPE`].
+    fn learn(&self, logs: &[f64], range: Range<usize>) -> Option<Vec<Prediction>> {
         let (kernel, row) = Scaled::new(&self.logs, logs, range)?.kernel();
         let SymmetricEigen { eigenvectors: vectors, mut eigenvalues } = kernel.symmetric_eigen();
         eigenvalues.apply(|value| *value = value.max(0.0));
@@ -126,36 +126,36 @@ impl Robots {
             let weights =
                 DVector::from_fn(count, |k, _| turned[(k, entry)] / (eigenvalues[k] + penalties[best]));
             let (errors, wanted) = (tried[best].column(entry), wanted.column(entry));
-            let kept = 1.0 + errors.dot(&wanted) / wanted.norm_squared().max(f64::MIN_POSITIVE);
-            let kept = if kept.is_finite() && kept > UNDONE { kept.min(1.0) } else { 1.0 };
-            let left: Vec<f64> = errors
+            let slope = 1.0 + errors.dot(&wanted) / wanted.norm_squared().max(f64::MIN_POSITIVE);
+            let slope = if slope.is_finite() && slope > MIN_SLOPE { slope.min(1.0) } else { 1.0 };
+            let left_out: Vec<f64> = errors
                 .iter()
                 .zip(wanted.iter())
-                .map(|(error, wanted)| (error + wanted) / kept - wanted)
+                .map(|(error, wanted)| (error + wanted) / slope - wanted)
                 .collect();
-            let error = (left.iter().map(|one| one * one).sum::<f64>() / count as f64).sqrt();
-            let value = means[entry] + row.dot(&(&vectors * weights)) / kept;
-            Some(Said { value, error, left })
+            let error = (left_out.iter().map(|one| one * one).sum::<f64>() / count as f64).sqrt();
+            let value = means[entry] + row.dot(&(&vectors * weights)) / slope;
+            Some(Prediction { value, error, left_out })
         };
         (0..entries).map(of_entry).collect()
     }
 }
 
-/// What numbers say of a value.
+/// A value, predicted from numbers of logs.
 #[derive(Clone, Debug)]
-struct Said {
+struct Prediction {
     value: f64,
     /// Standard deviation of its errors.
     error: f64,
-    /// The errors of robots that were left out.
-    left: Vec<f64>,
+    /// Leave-one-out errors, one a robot.
+    left_out: Vec<f64>,
 }
 
-/// Mean of what groups say, its standard error, and the standard deviation by which they disagree besides their own errors
-/// (DerSimonian and Laird 1986).
-fn together(said: &[&Said]) -> (f64, f64, f64) {
+/// Mean of the groups' predictions, its standard error, and the standard deviation by which they disagree besides their own
+/// errors (DerSimonian and Laird 1986).
+fn together(said: &[&Prediction]) -> (f64, f64, f64) {
     let min = 1e-9 * said.iter().map(|one| one.error).fold(f64::MIN_POSITIVE, f64::max);
-    let variance = |one: &&Said| one.error.max(min).powi(2);
+    let variance = |one: &&Prediction| one.error.max(min).powi(2);
     let mean = |besides: f64| {
         let weights = || said.iter().map(|one| 1.0 / (variance(one) + besides));
         let sum: f64 = weights().sum();
@@ -215,8 +215,8 @@ mod tests {
     #[test]
     fn groups_that_disagree_have_a_larger_error_by_hand() {
         let combined = |values: [f64; 2]| {
-            let said = values.map(|value| Said { value, error: 1.0, left: Vec::new() });
-            together(&said.iter().collect::<Vec<_>>())
+            let predictions = values.map(|value| Prediction { value, error: 1.0, left_out: Vec::new() });
+            together(&predictions.iter().collect::<Vec<_>>())
         };
         let (value, error, besides) = combined([1.0, 4.0]);
         assert!((value - 2.5).abs() < 1e-12 && (error - 2.25f64.sqrt()).abs() < 1e-12, "{value} {error}");

@@ -47,8 +47,8 @@ fn whole(policy: &Policy, rows: Option<i64>) -> Result<Vec<u8>, PolicyError> {
     policy.refuse_function("an ONNX file")?;
     if matches!(policy.front, Some(crate::Front::Graph(_))) {
         return Err(invalid(
-            "the policy is a graph of operators that gaitfit did not make: its own ONNX file is it already. For graph and \
-             interface in one file use safetensors (gaitfit export --safetensors)",
+            "the policy is a graph of operators from an ONNX file: use that file. For graph and interface in one file use \
+             safetensors (gaitfit export --safetensors)",
         ));
     }
     if let Some(Front::Encoder(_)) = policy.front {

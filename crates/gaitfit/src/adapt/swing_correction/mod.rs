@@ -1,8 +1,8 @@
 //! Estimates from legs in the air, corrected by simulated walks.
 //!
 //! Torque noise moves a joint in its own direction, so friction seems smaller and damping larger; and readings at 50 Hz miss
-//! when a slow joint turns. So robots with drawn values walk in the simulator under the logs' commands, and their logs are
-//! looked at in the same way. A regression learns how the estimate answers to the values (indirect inference: Gourieroux,
+//! when a slow joint turns. So robots with drawn values walk in the simulator under the logs' commands, and the same
+//! estimator runs on their logs. A regression learns how estimates depend on true values (indirect inference: Gourieroux,
 //! Monfort and Renault 1993).
 
 mod response;
@@ -24,32 +24,33 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Rounds of simulated robots, each around the values of the last one.
 const ROUNDS: usize = 2;
-/// Robots of a round.
+/// Min robots of a round, and robots more than values.
 const ROBOTS: usize = 14;
+const MORE_ROBOTS: usize = 3;
 /// Half the width of a round, in standard errors.
 const WIDTH: f64 = 2.0;
-/// Least standard errors for that: friction, N·m; damping, N·m·s/rad; armature, kg·m²; delay, s.
-const LEAST: [f64; 4] = [0.02, 0.01, 5e-4, 4e-4];
+/// Min standard errors for that width: friction, N·m; damping, N·m·s/rad; armature, kg·m²; delay, s.
+const MIN_ERRORS: [f64; 4] = [0.02, 0.01, 5e-4, 4e-4];
 /// Torque noise of the first robot that has some, N·m.
 const NOISE: f64 = 0.5;
 /// Physics step of the simulated robots if nothing states the real one's, s.
 const STEP_S: f64 = 1e-3;
 /// This part of a correction counts as one standard deviation.
 const DOUBT: f64 = 0.3;
-/// Torque noise that leaves this many times as much unexplained shows in a group.
+/// A group shows torque noise if [`NOISE`] makes its mean square residual more than this many times as large.
 const SHOWN: f64 = 1.2;
 /// Largest torque noise, part of the weakest joint's torque limit.
 const MAX_NOISE: f64 = 0.06;
-/// Errors above this part of the width of a round say nothing.
-const UNSURE: f64 = 1.0;
-const ALIKE: &str = "estimates of simulated robots hardly depend on their values";
+/// Max standard error of a corrected value, in half widths of a round.
+const MAX_ERROR: f64 = 1.0;
+const ALIKE: &str = "too few simulated robots walk, or their estimates hardly depend on their values";
 /// Effects that simulated joints lack. What they leave unexplained looks like torque noise.
 const LACKING: [CauseKind; 2] = [CauseKind::Elasticity, CauseKind::Backlash];
-/// Least share of the logs that a simulated robot must walk without a fall.
+/// Min share of the logs that a simulated robot must walk without an early fall.
 const WALKED: f64 = 0.5;
 /// Part of a log before a fall that does not count, s.
 const BEFORE_FALL_S: f64 = 0.3;
-/// Logs of which simulated robots make the like, s in all.
+/// Logs that each robot simulates: the first ones, until they last this long together, s.
 const SIMULATED_S: f64 = 60.0;
 
 /// The robot of a fit.
@@ -66,12 +67,12 @@ pub struct Robot<'a> {
     pub threads: usize,
 }
 
-/// Corrects what legs in the air say in `found`, which is of `logs`, and notes it there, or why it does not.
+/// Corrects the estimates from legs in the air in `found`, which come from `logs`. Stores them there, or why there are none.
 pub fn correct(found: &mut SwingFindings, robot: &Robot<'_>, logs: &[Log]) {
     let Some(report) = &found.swings else { return };
     let of_joints = |cause: &Cause| LACKING.contains(&cause.kind);
     if let Some(cause) = explain::causes(found).into_iter().find(of_joints) {
-        found.not_corrected = Some(format!("simulated joints lack what these have: {}", cause.text));
+        found.not_corrected = Some(format!("simulated joints lack this effect: {}", cause.text));
         return;
     }
     match robot.corrected(logs, report) {
@@ -86,6 +87,8 @@ struct World<'a> {
     recorder: Recorder,
     theta: Theta,
     settings: SwingSettings,
+    /// The joint groups of the real robot's estimates.
+    groups: Vec<String>,
     /// The logs, of which only the length and the commands count.
     logs: Vec<Trajectory>,
 }
@@ -112,6 +115,9 @@ impl Robot<'_> {
         };
         let all: Vec<Trajectory> = logs.iter().map(rows).collect();
         let real = estimate(self.model, &all, &settings)?;
+        if !groups_of(&real).eq(groups_of(found)) {
+            return Err("other joints swing at the policy's rate than at that of the logs".to_owned());
+        }
         let theta = theta_of(&real, self.model).map_err(|error| error.to_string())?;
         let mut config = self.config.clone();
         config.simulation.robot_timestep.get_or_insert(STEP_S);
@@ -125,72 +131,80 @@ impl Robot<'_> {
         };
         let logs: Vec<Trajectory> = all.iter().map_while(short).collect();
         let recorder = Recorder::new(Arc::new(walking), self.base.clone(), &logs.iter().collect::<Vec<_>>());
-        let mut corrected = World { robot: self, recorder, theta, settings, logs }.correct(&real)?;
-        // Errors by other choices of swings are those of the recorded logs.
-        for (slot, found) in slots(&mut corrected).zip(errors_of(found)) {
-            slot.error = slot.error.hypot(found);
+        let groups = groups_of(&real).map(str::to_owned).collect();
+        let estimates = World { robot: self, recorder, theta, settings, groups, logs }.correct(&real)?;
+        let mut corrected = found.clone();
+        for (slot, Estimate { value, error }) in slots(&mut corrected).zip(estimates) {
+            // The recorded logs show how much other choices of swings change an estimate.
+            *slot = Estimate { value, error: error.hypot(slot.error) };
         }
         Ok(corrected)
     }
 }
 
 impl World<'_> {
-    fn correct(&self, real: &SwingReport) -> Result<SwingReport, String> {
-        let (asked, errors) = (values_of(real), errors_of(real));
-        let (noise, slope, group) = self.noise(real, &asked)?;
+    /// The corrected estimates, in the order of [`values_of`].
+    fn correct(&self, real: &SwingReport) -> Result<Vec<Estimate>, String> {
+        let (uncorrected, errors) = (values_of(real), errors_of(real));
+        let (noise, slope, group) = self.noise(real, &uncorrected)?;
         let mut half: Vec<f64> = errors
             .iter()
-            .zip(kinds(asked.len()))
-            .map(|(error, kind)| WIDTH * error.max(LEAST[kind]))
+            .zip(kinds(uncorrected.len()))
+            .map(|(error, kind)| WIDTH * error.max(MIN_ERRORS[kind]))
             .collect();
         half.push((0.5 * noise).max(0.2 * NOISE * NOISE));
-        let left = |report: &SwingReport| report.groups[group].residual.powi(2) / slope;
-        let with_left = |report: &SwingReport| {
-            let mut observed = values_of(report);
-            observed.push(left(report));
-            observed
+        // The estimates, and the residual in units of the noise's variance.
+        let with_residual = |report: &SwingReport| {
+            let mut estimates = values_of(report);
+            estimates.push(report.groups[group].residual.powi(2) / slope);
+            estimates
         };
-        let wanted = with_left(real);
-        let mut centre = asked;
+        let observed = with_residual(real);
+        let mut centre = uncorrected;
         centre.push(noise);
+        let least: Vec<f64> = self.least(centre.len()).collect();
+        centre.iter_mut().zip(&least).for_each(|(centre, least)| *centre = centre.max(*least));
         let mut response = Response::default();
         let mut answer = None;
         for round in 0..ROUNDS {
-            let first = 2 + round * ROBOTS;
+            let first = 2 + round * ROBOTS.max(centre.len() + MORE_ROBOTS);
             let robots = self.draw(&centre, &half, first);
-            let said = self.observe(&robots, first)?;
-            for (robot, said) in robots.into_iter().zip(said) {
-                let Some(said) = said else { continue };
-                response.estimates.push(with_left(&said));
+            let reports = self.observe(&robots, first)?;
+            for (robot, report) in robots.into_iter().zip(reports) {
+                let Some(report) = report else { continue };
+                response.estimates.push(with_residual(&report));
                 response.values.push(robot);
             }
-            let found = response.answer(&wanted, &half).ok_or(ALIKE)?;
-            for ((centre, value), half) in centre.iter_mut().zip(&found.values).zip(&half) {
-                *centre = value.clamp(*centre - 2.0 * half, *centre + 2.0 * half);
+            let found = response.answer(&observed, &half).ok_or(ALIKE)?;
+            for (((centre, value), half), least) in
+                centre.iter_mut().zip(&found.values).zip(&half).zip(&least)
+            {
+                *centre = value.clamp(*centre - 2.0 * half, *centre + 2.0 * half).max(*least);
             }
             answer = Some(found);
         }
-        let Answer { values, errors: sure } = answer.ok_or(ALIKE)?;
-        let worse = sure.iter().zip(&half).any(|(sure, half)| *sure > UNSURE * half);
-        if worse {
+        let Answer { values, errors } = answer.ok_or(ALIKE)?;
+        if errors.iter().zip(&half).any(|(error, half)| *error > MAX_ERROR * half) {
             return Err(ALIKE.to_owned());
         }
-        let mut corrected = real.clone();
-        for ((slot, value), sure) in slots(&mut corrected).zip(values).zip(sure) {
-            let moved = DOUBT * (value - slot.value);
-            *slot = Estimate { value: value.max(0.0), error: sure.hypot(moved) };
-        }
-        Ok(corrected)
+        // Friction, damping and armature are not below 0. A delay below 0 counts as an error of at least that size later.
+        let kinds = kinds(values.len() - 1);
+        let bounded =
+            values.iter().zip(kinds).map(|(value, kind)| if kind < 3 { value.max(0.0) } else { *value });
+        let moved = values.iter().zip(values_of(real)).map(|(value, before)| DOUBT * (value - before));
+        let errors = errors.iter().zip(moved).map(|(error, moved)| error.hypot(moved));
+        Ok(bounded.zip(errors).map(|(value, error)| Estimate { value, error }).collect())
     }
 
-    /// The square of the torque noise that leaves as much unexplained as the real logs do, (N·m)²; what that adds to the mean
-    /// square of what a group leaves, per 1; and the group which asks for the least. Whatever the model lacks leaves
-    /// something too, but seldom in all groups.
-    fn noise(&self, real: &SwingReport, asked: &[f64]) -> Result<(f64, f64, usize), String> {
-        let robots =
-            [0.0, NOISE * NOISE].map(|noise| asked.iter().copied().chain([noise]).collect::<Vec<f64>>());
-        let said = self.observe(&robots, 0)?;
-        let [Some(quiet), Some(noisy)] = [0, 1].map(|at| said.get(at).cloned().flatten()) else {
+    /// The variance of the torque noise that gives one group the mean square residual of the real logs, (N·m)²; how fast this
+    /// mean square grows with the variance; and the group, the one that needs the least noise. Effects that the model lacks
+    /// enlarge residuals too, but seldom in all groups.
+    fn noise(&self, real: &SwingReport, values: &[f64]) -> Result<(f64, f64, usize), String> {
+        let least = self.least(values.len() + 1);
+        let values: Vec<f64> = values.iter().zip(least).map(|(value, least)| value.max(least)).collect();
+        let robots = [0.0, NOISE * NOISE].map(|noise| [values.as_slice(), &[noise]].concat());
+        let reports = self.observe(&robots, 0)?;
+        let [Some(quiet), Some(noisy)] = [0, 1].map(|at| reports.get(at).cloned().flatten()) else {
             return Err("the simulated robot falls in most logs".to_owned());
         };
         let square = |report: &SwingReport, group: usize| report.groups[group].residual.powi(2);
@@ -200,29 +214,39 @@ impl World<'_> {
             (some > SHOWN * none).then(|| (((square(real, group) - none) / slope).max(0.0), slope, group))
         };
         let least = (0..real.groups.len()).filter_map(asks).min_by(|a, b| a.0.total_cmp(&b.0));
-        let (noise, slope, group) = least.ok_or(ALIKE)?;
+        let (noise, slope, group) =
+            least.ok_or("torque noise of simulated robots does not show in their logs")?;
         let model = self.robot.model;
         let efforts = (0..model.joints.len()).filter_map(|joint| model.effort(joint));
-        let most = MAX_NOISE * efforts.fold(f64::INFINITY, f64::min);
-        if noise.sqrt() > most {
+        let max = MAX_NOISE * efforts.fold(f64::INFINITY, f64::min);
+        if noise.sqrt() > max {
             return Err(format!(
-                "they leave more unexplained than torque noise of {most:.2} N·m would: the model lacks something else"
+                "they leave more unexplained than torque noise of {max:.2} N·m would: the model lacks another effect"
             ));
         }
         Ok((noise, slope, group))
     }
 
-    /// Robots around `centre`.
+    /// Robots around `centre` that can exist: no number is below 0, and no target acts before it is sent.
     fn draw(&self, centre: &[f64], half: &[f64], first: usize) -> Vec<Vec<f64>> {
         let stream = Stream::new(self.robot.config.optimizer.seed, Purpose::SIMULATED_ROBOTS);
         let robot = |number: usize| {
             let draws = stream.environment(u32::MAX).step(u32::try_from(first + number).unwrap_or(u32::MAX));
-            let within = centre.iter().zip(half).enumerate();
+            let within = centre.iter().zip(half).zip(self.least(centre.len())).enumerate();
             within
-                .map(|(at, (centre, half))| centre + half * (2.0 * draws.uniform(at as u32) - 1.0))
+                .map(|(at, ((centre, half), least))| {
+                    (centre + half * (2.0 * draws.uniform(at as u32) - 1.0)).max(least)
+                })
                 .collect()
         };
-        (0..ROBOTS).map(robot).collect()
+        (0..ROBOTS.max(centre.len() + MORE_ROBOTS)).map(robot).collect()
+    }
+
+    /// The least that each of `count` numbers of a robot can be: friction, damping and armature of the groups, the delay, the
+    /// variance of the torque noise.
+    fn least(&self, count: usize) -> impl Iterator<Item = f64> {
+        let step = self.recorder.physics_step();
+        (0..count).map(move |at| if at + 2 == count { -step / 2.0 } else { 0.0 })
     }
 
     /// What is estimated of each robot; `None` of one that falls in most logs.
@@ -241,9 +265,8 @@ impl World<'_> {
     }
 
     fn observe_one(&self, robot: &[f64], number: usize) -> Result<Option<SwingReport>, String> {
-        let values: Vec<f64> = robot[..robot.len() - 1].iter().map(|value| value.max(0.0)).collect();
-        let values = self.in_theta(&values);
-        let noise = robot[robot.len() - 1].max(0.0).sqrt();
+        let (noise, values) = robot.split_last().ok_or("a robot without numbers")?;
+        let (noise, values) = (noise.max(0.0).sqrt(), self.in_theta(values));
         let number = u32::try_from(number).unwrap_or(u32::MAX);
         let seed =
             derive_seed(self.robot.config.optimizer.seed, Purpose::TORQUE_NOISE, number.wrapping_add(1));
@@ -267,8 +290,8 @@ impl World<'_> {
         if (walked.len() as f64) < WALKED * self.logs.len() as f64 {
             return Ok(None);
         }
-        let said = estimate(self.robot.model, &walked, &self.settings).ok();
-        Ok(said.filter(|said| values_of(said).len() + 1 == robot.len()))
+        let report = estimate(self.robot.model, &walked, &self.settings).ok();
+        Ok(report.filter(|report| groups_of(report).eq(self.groups.iter().map(String::as_str))))
     }
 
     /// The values as the recorder's physics steps have them.
@@ -281,11 +304,16 @@ impl World<'_> {
     }
 }
 
-/// What legs in the air say, without the effects that the model lacks.
+/// The estimates from legs in the air, without a search for effects that the model lacks.
 fn estimate(model: &Model, logs: &[Trajectory], settings: &SwingSettings) -> Result<SwingReport, String> {
     let logs: Vec<&Trajectory> = logs.iter().collect();
     let (found, _) = SwingFindings::without_effects(model, &logs, settings);
     found.swings.ok_or_else(|| found.why_not.unwrap_or_default())
+}
+
+/// The names of the joint groups.
+fn groups_of(report: &SwingReport) -> impl Iterator<Item = &str> {
+    report.groups.iter().map(|group| group.group.as_str())
 }
 
 /// Friction, damping and armature of each group, then the delay.
@@ -293,7 +321,7 @@ fn values_of(report: &SwingReport) -> Vec<f64> {
     slots(&mut report.clone()).map(|one| one.value).collect()
 }
 
-/// What each of them is, by its place in [`LEAST`].
+/// The kind of each value, as its index in [`MIN_ERRORS`].
 fn kinds(count: usize) -> impl Iterator<Item = usize> {
     (0..count).map(move |at| if at + 1 < count { at % 3 } else { 3 })
 }

@@ -1,12 +1,12 @@
-//! How an estimate answers to the values of a robot, learnt from simulated robots.
+//! How estimates depend on the true values of a robot, learnt from simulated robots.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Standard deviation by which an answer's slopes differ from one to one, before any robot was simulated.
+/// Prior standard deviation of the slopes around those of an estimator without bias (estimate = value).
 const SLOPE: f64 = 0.3;
 /// Passes, each with the scatter of the one before.
 const PASSES: usize = 4;
-/// Fewest robots more than values.
+/// Min number of robots beyond the number of values.
 const SPARE: usize = 2;
 
 /// Robots with known values, and what was estimated of each. Each number in a unit of its own.
@@ -28,8 +28,9 @@ pub struct Answer {
 }
 
 impl Response {
-    /// The robot of which `estimate` was said. A ridge regression learns estimate = a + B · values, from B = 1 on; `units`:
-    /// sizes of the numbers that are alike. `None` if there are too few robots, or if estimates do not depend on the values.
+    /// The values of the robot with this `estimate`. A ridge regression learns estimate = a + B · values and shrinks B
+    /// towards 1. `units`: a scale for each number. `None` if there are too few robots, or if estimates do not depend on
+    /// the values.
     pub fn answer(&self, estimate: &[f64], units: &[f64]) -> Option<Answer> {
         let (count, width) = (self.values.len(), units.len());
         if count < width + SPARE {

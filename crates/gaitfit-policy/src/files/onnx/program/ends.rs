@@ -181,8 +181,8 @@ impl Program {
             let (Some(from), Operand::Value(slot)) = (from, value.operand) else {
                 let (input, output) = (shown(&name), shown(&output));
                 return Err(invalid(format!(
-                    "its input {input} and its output {output} are not alike, so that nothing says what {input} takes: say so \
-                     in a TOML file, inputs = {{ {input} = … }} (docs/policies-foreign.md)"
+                    "its input {input} and its output {output} differ in size, so it is unknown what {input} takes: \
+                     state it in a TOML file, inputs = {{ {input} = … }} (docs/policies-foreign.md)"
                 )));
             };
             let count: usize = value.dims.iter().product();
