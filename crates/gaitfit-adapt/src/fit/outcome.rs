@@ -250,8 +250,8 @@ impl CostOutcome {
     }
 
     /// Takes the intervals that simulated robots give ([`super::regress`]) for the search of `problem`. Takes their values
-    /// too if they cost less or if θ has at most [`MAX_TAKEN`] entries. Returns why it takes nothing: with more entries,
-    /// values that cost much more than those of the search are refused. So are values whose simulation diverges.
+    /// too if they cost less or if θ has at most [`MAX_TAKEN`] entries. Takes nothing and returns the reason if their
+    /// simulation diverges, or if θ has more entries and the values cost more than [`AS_WELL`] and [`AS_WELL_BY`] allow.
     ///
     /// # Errors
     /// As [`Simulator::views`].

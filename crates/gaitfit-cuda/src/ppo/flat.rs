@@ -10,11 +10,11 @@ use gaitfit_policy::network::RecurrentShape;
 pub struct Flat {
     /// Actor, critic, ln σ.
     pub parameters: Vec<f32>,
-    /// Of these.
+    /// Adam's first and second moments of the parameters, in the same order.
     pub moments: Vec<f32>,
     /// The actor's memory and the critic's, in the order of `RecurrentShape::parts`; empty without memories.
     pub memories: Vec<f32>,
-    /// Of these.
+    /// Adam's first and second moments of the memories, in the same order.
     pub memory_moments: Vec<f32>,
 }
 
@@ -26,7 +26,7 @@ fn sizes(learner: &ppo::Learner) -> [usize; 4] {
 }
 
 impl Flat {
-    /// Of the CPU's learner.
+    /// The state of a learner on the CPU.
     pub fn new(learner: &ppo::Learner) -> Self {
         let [actor, critic, log_std, first, second] = learner.tensors().map(|(_, numbers)| numbers);
         let sizes = sizes(learner);

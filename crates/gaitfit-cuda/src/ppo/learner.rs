@@ -95,9 +95,9 @@ impl Learner {
         }
         built.write("memory_turn", &turn)?;
         if let Some(memories) = memories(learner) {
-            let of =
+            let scales_and_shifts =
                 |shape: &RecurrentShape| [vec![1.0f32; shape.outputs()], vec![0.0; shape.outputs()]].concat();
-            built.write("memory_unit", &memories.each_ref().map(of).concat())?;
+            built.write("memory_unit", &memories.each_ref().map(scales_and_shifts).concat())?;
         }
         built.load(learner)?;
         Ok(built)

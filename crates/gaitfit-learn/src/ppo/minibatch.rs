@@ -87,17 +87,11 @@ impl Gradients {
         places: &[Place],
         scales: &[Scale; 2],
     ) -> Sums {
-        let count = self.pieces.len();
-        let parts = self.pieces.iter_mut().enumerate().flat_map(|(index, piece)| {
-            let places = &places[index * places.len() / count..(index + 1) * places.len() / count];
-            let Piece { gradient, sums, value_sums } = piece;
-            let (of_actor, rest) = gradient.split_at_mut(point.actor.shape.parameters());
-            let (of_critic, of_log_std) = rest.split_at_mut(point.critic.shape.parameters());
-            [
-                (places, Part::Policy { gradient: of_actor, of_log_std, sums }),
-                (places, Part::Value { gradient: of_critic, sums: value_sums }),
-            ]
-        });
+        let parts = parts(
+            &mut self.pieces,
+            places,
+            [&point.actor, &point.critic].map(|network| network.shape.parameters()),
+        );
         let [scale, critic_scale] = scales;
         share(&mut self.workers, parts, |worker, (places, part)| match part {
             Part::Policy { gradient, of_log_std, sums } => {
@@ -132,22 +126,12 @@ impl Gradients {
     ) -> Sums {
         // As many environments side by side as fill vectors, whatever the number of threads.
         let count = (places.len() / MIN_ROBOTS).clamp(1, self.pieces.len());
-        let pieces = &mut self.pieces[..count];
         let size = |shape: &Shape, memory: &Option<RecurrentWeights<f32>>| {
             shape.parameters() + memory.as_ref().map_or(0, |memory| memory.shape.parameters())
         };
-        let [of_actor_size, of_critic_size] =
+        let sizes =
             [size(point.actor.shape, &point.memories[0]), size(point.critic.shape, &point.memories[1])];
-        let parts = pieces.iter_mut().enumerate().flat_map(|(index, piece)| {
-            let places = &places[index * places.len() / count..(index + 1) * places.len() / count];
-            let Piece { gradient, sums, value_sums } = piece;
-            let (of_actor, rest) = gradient.split_at_mut(of_actor_size);
-            let (of_critic, of_log_std) = rest.split_at_mut(of_critic_size);
-            [
-                (places, Part::Policy { gradient: of_actor, of_log_std, sums }),
-                (places, Part::Value { gradient: of_critic, sums: value_sums }),
-            ]
-        });
+        let parts = parts(&mut self.pieces[..count], places, sizes);
         let [scale, critic_scale] = scales;
         share(&mut self.sequence_workers, parts, |worker, (places, part)| match part {
             Part::Policy { gradient, of_log_std, sums } => {
@@ -170,6 +154,25 @@ impl Gradients {
         });
         add_up(&mut self.sequence_workers, &self.pieces[..count], &mut self.total)
     }
+}
+
+/// The work on `places`, two parts a piece. `sizes`: parameters of the actor and of the critic, memories included.
+fn parts<'a>(
+    pieces: &'a mut [Piece],
+    places: &'a [Place],
+    [actor_size, critic_size]: [usize; 2],
+) -> impl Iterator<Item = (&'a [Place], Part<'a>)> {
+    let count = pieces.len();
+    pieces.iter_mut().enumerate().flat_map(move |(index, piece)| {
+        let places = &places[index * places.len() / count..(index + 1) * places.len() / count];
+        let Piece { gradient, sums, value_sums } = piece;
+        let (of_actor, rest) = gradient.split_at_mut(actor_size);
+        let (of_critic, of_log_std) = rest.split_at_mut(critic_size);
+        [
+            (places, Part::Policy { gradient: of_actor, of_log_std, sums }),
+            (places, Part::Value { gradient: of_critic, sums: value_sums }),
+        ]
+    })
 }
 
 /// Adds up the pieces' gradients in `total`, and their sums.

@@ -21,7 +21,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 /// Least share of the logs that a simulated robot must walk without a fall.
-const WALKED: f64 = 0.5;
+pub(super) const WALKED: f64 = 0.5;
 
 /// The robot as it makes logs.
 pub struct Replicas {
@@ -160,15 +160,9 @@ impl Robots<'_> {
         let min = method.samples(config.min_stretch() + config.skip_seconds(), &fit.logs);
         let mut logs = Vec::with_capacity(recorded.len());
         for (log, recorded) in fit.logs.iter().zip(recorded) {
-            let end = recorded.fell_at.map(|fell| fell.saturating_sub(margin));
-            if end.is_some_and(|end| end <= min) {
-                continue;
+            if let Some(trajectory) = recorded.before_fall(&log.trajectory, margin, min)? {
+                logs.push(Log { trajectory, ..log.clone() });
             }
-            let mut trajectory = recorded.instead_of(&log.trajectory);
-            if let Some(end) = end {
-                trajectory = trajectory.slice(0..end).map_err(|error| format!("{error}."))?;
-            }
-            logs.push(Log { trajectory, ..log.clone() });
         }
         let all = fit.logs.len();
         if (logs.len() as f64) < WALKED * all as f64 {

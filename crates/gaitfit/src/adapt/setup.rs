@@ -2,13 +2,13 @@
 
 use super::alternatives::{Alternatives, alternatives};
 use super::ignored::ignored;
-use super::inputs::{self, Logs, Robot as Given};
+use super::inputs::{self, Logs, Robot};
 use super::log_set::LogSet;
 use super::method::Method;
 use super::replicas::Replicas;
 use super::robots;
 use super::share::Shares;
-use super::swing_correction::{self, Robot};
+use super::swing_correction;
 use super::{known, swing};
 use crate::air::logs as air_logs;
 use crate::device::{Device, Devices};
@@ -130,7 +130,7 @@ impl Setup {
         config.parameter.iter_mut().for_each(ParameterRule::resolve);
         config.number.iter_mut().for_each(RobotRule::resolve);
         check::check(&config, config_path)?;
-        let Given { model, policy, base, known, mut files } = Given::read(&config, config_path, given)?;
+        let Robot { model, policy, base, known, mut files } = Robot::read(&config, config_path, given)?;
         let joints = crate::robot::joint_names(&model);
         config.groups = config.groups(&joints).into_iter().collect();
         let robot_line = policy.as_ref().and_then(|policy| unnamed(&config.robot, policy, &model));
@@ -168,11 +168,13 @@ impl Setup {
         warnings.extend(logs.warnings.iter().cloned());
         let without_simulation = config.swings || config.effects;
         let mut swings = if without_simulation { swing::findings(&method, &logs.fit) } else { None };
-        if let (true, Some(found), Some(policy)) = (config.swings, &mut swings, &walker) {
+        let asked = config.swings && config.optimizer.replicates > 0;
+        if let (true, Some(found), Some(policy)) = (asked, &mut swings, &walker) {
             let known = known::priors(&theta, &swing::numbers_of(&method, found), &config.prior);
             if known.len() > config.prior.len() {
                 let threads = method.walking().map_or(1, |walking| walking.threads);
-                let robot = Robot { config: &config, policy, model: &robot, base: &base, threads };
+                let robot =
+                    swing_correction::Robot { config: &config, policy, model: &robot, base: &base, threads };
                 swing_correction::correct(found, &robot, &logs.fit);
             }
         }

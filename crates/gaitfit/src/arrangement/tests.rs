@@ -191,10 +191,10 @@ fn a_policy_that_falls_for_its_joint_order_is_put_right() {
     let mut policy = gaitfit_policy::read(&folder.join("assets/go2-walk.safetensors")).unwrap();
     // As a policy that was trained elsewhere.
     policy.provenance.iteration = 0;
-    let own = policy.interface.joints.clone();
-    policy.interface.joints = match own[1].contains("thigh") {
-        true => [0, 3, 6, 9, 1, 4, 7, 10, 2, 5, 8, 11].map(|joint| own[joint].clone()).to_vec(),
-        false => [0, 4, 8, 1, 5, 9, 2, 6, 10, 3, 7, 11].map(|joint| own[joint].clone()).to_vec(),
+    let joints = policy.interface.joints.clone();
+    policy.interface.joints = match joints[1].contains("thigh") {
+        true => [0, 3, 6, 9, 1, 4, 7, 10, 2, 5, 8, 11].map(|joint| joints[joint].clone()).to_vec(),
+        false => [0, 4, 8, 1, 5, 9, 2, 6, 10, 3, 7, 11].map(|joint| joints[joint].clone()).to_vec(),
     };
     let settings = WorldSettings {
         policy: "walk.toml".into(),
@@ -211,7 +211,7 @@ fn a_policy_that_falls_for_its_joint_order_is_put_right() {
     };
     let world = World::new(&settings, policy).unwrap();
     let found = of_walk(&world, 1, 2).unwrap();
-    let listed: Vec<String> = own.iter().map(|name| format!("{name:?}")).collect();
+    let listed: Vec<String> = joints.iter().map(|name| format!("{name:?}")).collect();
     assert!(found.settings[0].contains(&listed.join(", ")), "{found:?}");
     assert!(found.measure[0] > 0.7 && found.measure[1] < WALKS_WELL, "{found:?}");
 }

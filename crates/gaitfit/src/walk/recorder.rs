@@ -231,6 +231,26 @@ impl Recorded {
         }
     }
 
+    /// `log` with what was recorded instead of what it holds, up to `margin` samples before a fall. `None` if no more than
+    /// `min` samples are left.
+    ///
+    /// # Errors
+    /// A log that cannot be cut, in a sentence.
+    pub fn before_fall(
+        self,
+        log: &Trajectory,
+        margin: usize,
+        min: usize,
+    ) -> Result<Option<Trajectory>, String> {
+        let end = self.fell_at.map(|fell| fell.saturating_sub(margin));
+        let whole = self.instead_of(log);
+        match end {
+            None => Ok(Some(whole)),
+            Some(end) if end > min => whole.slice(0..end).map(Some).map_err(|error| format!("{error}.")),
+            Some(_) => Ok(None),
+        }
+    }
+
     /// `log` with what was recorded instead of what it holds.
     pub fn instead_of(self, log: &Trajectory) -> Trajectory {
         Trajectory {

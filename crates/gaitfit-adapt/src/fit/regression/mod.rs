@@ -29,7 +29,7 @@ use std::ops::Range;
 const MAX_ROUNDS: usize = 6;
 /// Min number of rounds.
 const MIN_ROUNDS: usize = 3;
-/// Rounds end once standard deviations are, on average, above this part of those of the round before.
+/// Rounds end when the mean ratio of standard deviations to those of the round before exceeds this.
 const SETTLED: f64 = 0.95;
 /// Half the width of the first round, in an entry's deviations.
 const FIRST: f64 = 1.5;
@@ -48,10 +48,11 @@ const SHARED: f64 = 2.0;
 const NEAR: f64 = 0.5;
 /// Deviations of so many errors of robots that were left out are the simulator's.
 const UNLIKE: f64 = 3.0;
-/// Most entries of a θ that is regressed on.
+/// Max entries of a θ for a regression.
 pub const MAX_REGRESSED: usize = 50;
-/// Max number of entries with which the fit takes these values although those of the search cost less. On robots in MuJoCo
-/// they were twice as near to the truth as those of searches with six entries; with thirty, both were equally near.
+/// Max entries of a θ for which a fit always takes the regression's values. With more entries it takes them only if they cost
+/// less than the search's values. On robots in MuJoCo the regression halved the errors of six entries; with thirty entries
+/// both had similar errors.
 pub const MAX_TAKEN: usize = 12;
 /// Min number of robots of a round for each entry and each set of logs (`optimizer.replicates`).
 const PER_ENTRY: f64 = 1.75;
@@ -71,7 +72,7 @@ pub struct Regression {
     pub uncorrected: Vec<f64>,
     /// The values that the real logs have by the regression, within the bounds.
     pub corrected: Vec<f64>,
-    /// Whether the fit has these values. Otherwise it keeps those of the search, which cost less, and has the intervals.
+    /// Whether the fit takes these values. If not, it keeps the search's values, which cost less, and takes the intervals.
     #[serde(default = "yes")]
     pub taken: bool,
     /// Standard deviation of their errors.

@@ -87,11 +87,11 @@ pub(super) struct Samples {
 
 /// Bytes of shared memory that the kernels need for memories of these shapes.
 fn shared(shape: &RecurrentShape) -> usize {
-    let of = |layer: &gaitfit_policy::network::RecurrentSpan| {
+    let numbers = |layer: &gaitfit_policy::network::RecurrentSpan| {
         let wide = shape.cell.gates() * layer.hidden;
         (layer.inputs + layer.hidden).max(2 * layer.hidden + wide)
     };
-    4 * TEAM * shape.layers().iter().map(of).max().unwrap_or(0)
+    4 * TEAM * shape.layers().iter().map(numbers).max().unwrap_or(0)
 }
 
 /// Refuses memories that do not fit into a multiprocessor.

@@ -84,7 +84,7 @@ pub(in crate::ppo) struct Task<'a> {
     pub processors: usize,
     /// Whether the actor's and the critic's observations are normalised.
     pub normalised: [bool; 2],
-    /// Of the actor and of the critic, if they have one.
+    /// Shapes of the actor's and the critic's memory; `None` without memories.
     pub memories: Option<[RecurrentShape; 2]>,
 }
 

@@ -7,10 +7,11 @@
 
 mod response;
 
+use super::replicas::WALKED;
 use crate::log::Log;
 use crate::settings::AdaptConfig;
 use crate::walk::explain::{self, Cause, CauseKind};
-use crate::walk::recorder::{Recorded, Recorder};
+use crate::walk::recorder::Recorder;
 use crate::walk::swing::{Estimate, GroupEstimate, SwingFindings, SwingReport, SwingSettings};
 use crate::walk::walking::Walking;
 use gaitfit_adapt::{JointParameter, ParameterRule, Sharing, Theta, ThetaError, never};
@@ -24,7 +25,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Rounds of simulated robots, each around the values of the last one.
 const ROUNDS: usize = 2;
-/// Min robots of a round, and robots more than values.
+/// Min robots of a round; and how many more robots than numbers of each.
 const ROBOTS: usize = 14;
 const MORE_ROBOTS: usize = 3;
 /// Half the width of a round, in standard errors.
@@ -43,11 +44,10 @@ const SHOWN: f64 = 1.2;
 const MAX_NOISE: f64 = 0.06;
 /// Max standard error of a corrected value, in half widths of a round.
 const MAX_ERROR: f64 = 1.0;
+/// Why there is no correction.
 const ALIKE: &str = "too few simulated robots walk, or their estimates hardly depend on their values";
 /// Effects that simulated joints lack. What they leave unexplained looks like torque noise.
 const LACKING: [CauseKind; 2] = [CauseKind::Elasticity, CauseKind::Backlash];
-/// Min share of the logs that a simulated robot must walk without an early fall.
-const WALKED: f64 = 0.5;
 /// Part of a log before a fall that does not count, s.
 const BEFORE_FALL_S: f64 = 0.3;
 /// Logs that each robot simulates: the first ones, until they last this long together, s.
@@ -67,7 +67,8 @@ pub struct Robot<'a> {
     pub threads: usize,
 }
 
-/// Corrects the estimates from legs in the air in `found`, which come from `logs`. Stores them there, or why there are none.
+/// Corrects the estimates from legs in the air in `found`, which come from `logs`. Stores the corrected ones there, or the
+/// reason why there are none.
 pub fn correct(found: &mut SwingFindings, robot: &Robot<'_>, logs: &[Log]) {
     let Some(report) = &found.swings else { return };
     let of_joints = |cause: &Cause| LACKING.contains(&cause.kind);
@@ -167,7 +168,8 @@ impl World<'_> {
         let mut response = Response::default();
         let mut answer = None;
         for round in 0..ROUNDS {
-            let first = 2 + round * ROBOTS.max(centre.len() + MORE_ROBOTS);
+            // The first two robots showed the torque noise.
+            let first = 2 + round * robots_for(centre.len());
             let robots = self.draw(&centre, &half, first);
             let reports = self.observe(&robots, first)?;
             for (robot, report) in robots.into_iter().zip(reports) {
@@ -239,7 +241,7 @@ impl World<'_> {
                 })
                 .collect()
         };
-        (0..ROBOTS.max(centre.len() + MORE_ROBOTS)).map(robot).collect()
+        (0..robots_for(centre.len())).map(robot).collect()
     }
 
     /// The least that each of `count` numbers of a robot can be: friction, damping and armature of the groups, the delay, the
@@ -251,17 +253,17 @@ impl World<'_> {
 
     /// What is estimated of each robot; `None` of one that falls in most logs.
     fn observe(&self, robots: &[Vec<f64>], first: usize) -> Result<Vec<Option<SwingReport>>, String> {
-        let found = Mutex::new(vec![Ok(None); robots.len()]);
+        let reports = Mutex::new(vec![Ok(None); robots.len()]);
         pool::for_each(
             robots.len(),
             self.robot.threads,
             || (),
             |(), at| {
                 let one = self.observe_one(&robots[at], first + at);
-                found.lock().unwrap_or_else(PoisonError::into_inner)[at] = one;
+                reports.lock().unwrap_or_else(PoisonError::into_inner)[at] = one;
             },
         );
-        found.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().collect()
+        reports.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().collect()
     }
 
     fn observe_one(&self, robot: &[f64], number: usize) -> Result<Option<SwingReport>, String> {
@@ -277,16 +279,11 @@ impl World<'_> {
             .pop()
             .unwrap_or_default();
         let before = (BEFORE_FALL_S / self.robot.policy.interface.control_dt).ceil() as usize;
-        let walked = |(log, recorded): (&Trajectory, Recorded)| {
-            let end = recorded.fell_at.map(|fell| fell.saturating_sub(before));
-            let whole = recorded.instead_of(log);
-            match end {
-                None => Some(whole),
-                Some(end) if end > before => whole.slice(0..end).ok(),
-                Some(_) => None,
-            }
-        };
-        let walked: Vec<Trajectory> = self.logs.iter().zip(set).filter_map(walked).collect();
+        let pairs = self.logs.iter().zip(set);
+        let walked = pairs
+            .map(|(log, recorded)| recorded.before_fall(log, before, before))
+            .collect::<Result<Vec<_>, _>>()?;
+        let walked: Vec<Trajectory> = walked.into_iter().flatten().collect();
         if (walked.len() as f64) < WALKED * self.logs.len() as f64 {
             return Ok(None);
         }
@@ -314,6 +311,11 @@ fn estimate(model: &Model, logs: &[Trajectory], settings: &SwingSettings) -> Res
 /// The names of the joint groups.
 fn groups_of(report: &SwingReport) -> impl Iterator<Item = &str> {
     report.groups.iter().map(|group| group.group.as_str())
+}
+
+/// Robots of a round, for `count` numbers of each.
+fn robots_for(count: usize) -> usize {
+    ROBOTS.max(count + MORE_ROBOTS)
 }
 
 /// Friction, damping and armature of each group, then the delay.
