@@ -251,7 +251,7 @@ impl CostOutcome {
 
     /// Takes the intervals that simulated robots give ([`super::regress`]) for the search of `problem`. Takes their values
     /// too if they cost less or if θ has at most [`MAX_TAKEN`] entries. Takes nothing and returns the reason if their
-    /// simulation diverges, or if θ has more entries and the values cost more than [`AS_WELL`] and [`AS_WELL_BY`] allow.
+    /// simulation diverges, or if θ has more entries and the values cost more than `AS_WELL` and `AS_WELL_BY` allow.
     ///
     /// # Errors
     /// As [`Simulator::views`].
