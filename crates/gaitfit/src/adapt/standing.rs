@@ -6,6 +6,7 @@ use super::leftover::Leftover;
 use super::parameter::Parameter;
 use super::results::CostFit;
 use super::score::Score;
+use gaitfit_adapt::RobotNumber;
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +29,9 @@ pub const CONTRADICTED: &str = "contradicted";
 /// Torques besides those that motors are told which are large for a robot, as a part of what its weakest joint can give.
 /// Simulated robots without such effects are below 0.1, a real one's walks at 0.3 to 0.4.
 const LOUD: f64 = 0.2;
+/// The same for torque noise among the fitted parameters. Motors have less; a search takes noise for what the model lacks.
+/// Fits of simulated robots with noise of up to 0.04 stay below 0.05; one of a robot with twisting joints asked for 0.12.
+const LOUD_FITTED: f64 = 0.1;
 /// Part of the errors' variance that goes with what the robot does, and memory of errors, from which on the model lacks
 /// something. Of simulated robots that differ only in what is fitted both are below half of this.
 const GOES_WITH: f64 = 0.1;
@@ -122,6 +126,15 @@ fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
         reasons.push(format!(
             "The remaining errors are as large as torque noise of {noise:.1} N·m, {:.0} % of what the weakest joint \
              can give.",
+            100.0 * noise / effort
+        ));
+    }
+    let named = |one: &&Parameter| one.found.name == RobotNumber::TorqueNoise.name();
+    let noise = fit.parameters.iter().find(named).map(|one| one.found.value);
+    if let Some((noise, effort)) = noise.zip(effort).filter(|(noise, effort)| *noise > LOUD_FITTED * effort) {
+        reasons.push(format!(
+            "The fitted torque noise is {noise:.1} N·m, {:.0} % of what the weakest joint can give. Motors are not that \
+             noisy: it stands for an effect that the model lacks. `gaitfit explain` looks for such effects.",
             100.0 * noise / effort
         ));
     }

@@ -110,6 +110,18 @@ fn errors_that_go_with_motion_are_a_doubt_and_widen_intervals() {
 }
 
 #[test]
+fn more_torque_noise_than_motors_have_is_a_doubt() {
+    let with_noise = |noise| {
+        let found = example("torque_noise", noise, [0.0, 10.0], [noise - 0.2, noise + 0.2]);
+        kinds(&fit(vec![found]), &[], &score("fitted", 0.1, None))
+    };
+    let found = with_noise(2.9);
+    assert!(found.len() == 1 && found[0].0 == DoubtKind::Unexplained, "{found:?}");
+    assert!(found[0].1.contains("2.9 N·m, 12 % of"), "{found:?}");
+    assert!(with_noise(1.3).is_empty());
+}
+
+#[test]
 fn values_at_bounds_and_at_nothing_count() {
     let at = |name, value, interval| {
         kinds(&fit(vec![parameter(name, value, interval)]), &[], &score("f", 0.1, None))
