@@ -12,6 +12,7 @@ use gaitfit_adapt::{
     Cancel, Consume, JointParameter, ParameterRule, Resets, Rollout, Sharing, Signals, Simulator,
     SimulatorError, Theta, never,
 };
+use gaitfit_random::{Purpose, Stream};
 use std::sync::Arc;
 
 /// q = damping · sin(ω t) + bias, one frequency a recording: each value leaves its own mark.
@@ -19,7 +20,12 @@ struct Sines {
     joints: Vec<String>,
     /// Damping above which the "simulation" is not a number.
     limit: f64,
+    /// Damping with which a recording ends in a fall as often as not, by its draw.
+    edge: f64,
 }
+
+/// How fast falls become frequent around the edge.
+const STEEP: f64 = 0.02;
 
 const SAMPLES: usize = 400;
 
@@ -63,7 +69,11 @@ impl Simulator for Sines {
                         velocity.push((size[joint] * omega * (omega * t).cos()) as f32);
                     }
                 }
-                consume(candidate, recording, Signals::of_joints(&position, &velocity));
+                let draws = Stream::new(rollout.draw, Purpose::TORQUE_NOISE).environment(recording as u32);
+                let chance = (1.0 + ((self.edge - size[0]) / STEEP).exp()).recip();
+                let fell_at = (draws.step(0).uniform(0) < chance).then_some(SAMPLES / 2);
+                let signals = Signals { fell_at, ..Signals::of_joints(&position, &velocity) };
+                consume(candidate, recording, signals);
             }
         }
         Ok(())
@@ -73,7 +83,7 @@ impl Simulator for Sines {
 const TRUTH: [f64; 3] = [0.8, 0.02, -0.03];
 
 fn sines(limit: f64) -> Sines {
-    Sines { joints: ["FL_hip", "FR_hip"].map(String::from).to_vec(), limit }
+    Sines { joints: ["FL_hip", "FR_hip"].map(String::from).to_vec(), limit, edge: f64::INFINITY }
 }
 
 fn theta() -> Theta {
@@ -157,18 +167,24 @@ fn both_costs_find_the_truth_and_agree() {
 
 #[test]
 fn a_resumed_fit_ends_with_the_same_bits() {
-    let simulator = sines(9.0);
-    let (theta, costs) = (theta(), costs(&simulator));
-    let mut whole = Fit::new(&simulator, &theta, &costs, options(30)).unwrap();
+    resumes_to_the_same_bits(&sines(9.0), &options(30));
+    // Some candidates fall: what they teach of the risk is saved too.
+    let falls = FallPenalty { random: true, ..FallPenalty::default() };
+    resumes_to_the_same_bits(&Sines { edge: 0.72, ..sines(9.0) }, &FitOptions { falls, ..options(30) });
+}
+
+fn resumes_to_the_same_bits(simulator: &Sines, options: &FitOptions) {
+    let (theta, costs) = (theta(), costs(&sines(9.0)));
+    let mut whole = Fit::new(simulator, &theta, &costs, options.clone()).unwrap();
     while whole.step(&never).unwrap().is_some() {}
 
-    let mut part = Fit::new(&simulator, &theta, &costs, options(30)).unwrap();
+    let mut part = Fit::new(simulator, &theta, &costs, options.clone()).unwrap();
     for _ in 0..11 {
         part.step(&never).unwrap();
     }
     let saved = serde_json::to_string(&part.checkpoint()).unwrap();
     let checkpoint: Checkpoint = serde_json::from_str(&saved).unwrap();
-    let mut resumed = Fit::resume(&simulator, &theta, &costs, options(30), checkpoint).unwrap();
+    let mut resumed = Fit::resume(simulator, &theta, &costs, options.clone(), checkpoint).unwrap();
     assert_eq!(resumed.generation(), 11);
     while resumed.step(&never).unwrap().is_some() {}
     assert_eq!(resumed.outcomes(), whole.outcomes());
@@ -302,6 +318,28 @@ fn diverged_candidates_are_counted_and_ranked_last() {
     let mut fit = Fit::new(&hopeless, &theta, &costs[..1], options(5)).unwrap();
     let error = fit.step(&never).unwrap_err();
     assert!(matches!(error, FitError::AllDiverged { generation: 1, .. }), "{error}");
+}
+
+#[test]
+fn a_search_with_random_falls_keeps_away_from_values_that_often_fall() {
+    // Nearer to the truth, 0.8, robots fall more often.
+    let (theta, costs) = (theta(), costs(&sines(9.0)));
+    let simulator = Sines { edge: 0.72, ..sines(9.0) };
+    let falls_of = |random| {
+        let falls = FallPenalty { random, ..FallPenalty::default() };
+        let seeds = (1..=4).collect();
+        let random_numbers = RandomNumbers::Candidate;
+        let options = FitOptions { population: 16, seeds, falls, random_numbers, ..options(60) };
+        let mut fit = Fit::new(&simulator, &theta, &costs[1..], options).unwrap();
+        let mut course = Vec::new();
+        while let Some(generation) = fit.step(&never).unwrap() {
+            course.push(generation.runs.iter().map(|run| run.falls).sum::<usize>());
+        }
+        assert!(fit.outcomes()[0].best_cost < costs[1].lost(), "the best candidate stands");
+        course[30..].iter().sum::<usize>()
+    };
+    let (seen, expected) = (falls_of(false), falls_of(true));
+    assert!(3 * expected < 2 * seen, "{expected} falls if expected ones count, {seen} if not");
 }
 
 #[test]

@@ -301,7 +301,7 @@ fn falls_are_counted_and_never_beat_standing() {
     assert_eq!((default.charge(cost, 0, 8), default.charge(cost, 1, 8)), (0.0, 4.0));
     let log_falls = FallPenalty { robot: 2, ..default };
     assert_eq!((log_falls.charge(cost, 2, 8), log_falls.charge(cost, 4, 8)), (0.0, 1.0));
-    assert_eq!(FallPenalty { penalty: Some(3.0), robot: 0 }.charge(cost, 2, 8), 0.75);
+    assert_eq!(FallPenalty { penalty: Some(3.0), ..default }.charge(cost, 2, 8), 0.75);
 }
 
 #[test]

@@ -30,7 +30,8 @@ pub struct FitOptions {
     /// What happens to draws outside the bounds. A start or an optimum on bounds (dry friction of 0) is common,
     /// and wants [`BoundHandling::Reflect`].
     pub bounds: BoundHandling,
-    /// A run of CMA-ES stops once its smallest cost fell by less than a hundredth over so many generations; 0 never.
+    /// A run of CMA-ES stops once the smallest costs of so many generations hardly fall: by less than a hundredth from the mean
+    /// of their first half to that of the second; 0 never.
     #[serde(default)]
     pub patience: usize,
     /// A run stops once the largest standard deviation of any parameter, or its next step of least squares, fell to
@@ -291,6 +292,7 @@ impl<'a> Fit<'a> {
             }));
         }
         let found = evaluate(self.simulator, self.theta, self.costs, &self.options.falls, &jobs, cancel)?;
+        let recordings = self.simulator.recordings();
         let generation = self.generation + 1;
         let mut reports = Vec::with_capacity(active.len());
         let mut evaluations = jobs.len();
@@ -299,8 +301,9 @@ impl<'a> Fit<'a> {
             let batch = from..from + size;
             from += size;
             let run = &mut self.runs[index];
-            let cost = self.costs[run.cost].name();
-            reports.push((index, run.tell(cost, &found[batch], &self.options)?));
+            let cost = self.costs[run.cost].as_ref();
+            let price = self.options.falls.risk_price(cost, recordings);
+            reports.push((index, run.tell(cost.name(), &found[batch], price, &self.options)?));
         }
         for (index, moved, (report, simulated)) in stepped {
             self.runs[index] = moved;

@@ -16,11 +16,15 @@ pub struct FallPenalty {
     pub penalty: Option<f64>,
     /// Recordings in which the robot itself fell (and which are cut there).
     pub robot: usize,
+    /// Whether the same values may fall or not, by the draws of torque noise or starts. If no penalty is stated and the robot
+    /// never fell, candidates then also pay for the falls that are expected of them.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub random: bool,
 }
 
 impl FallPenalty {
     /// No charge beyond the samples lost.
-    pub const NONE: Self = Self { penalty: Some(0.0), robot: 0 };
+    pub const NONE: Self = Self { penalty: Some(0.0), robot: 0, random: false };
 
     /// What is added to the cost of a candidate that fell in `fallen` of `recordings` recordings.
     pub fn charge(&self, cost: &dyn Cost, fallen: usize, recordings: usize) -> f64 {
@@ -34,5 +38,12 @@ impl FallPenalty {
             None if self.robot == 0 => cost.lost() * excess as f64,
             None => cost.lost() * share,
         }
+    }
+
+    /// What a candidate pays for each fall that is expected of it ([`super::fall_risk`]) out of `recordings`: the share of
+    /// all samples that a recording is, at the price of losing all. `None` if only falls that were seen count.
+    pub(super) fn risk_price(&self, cost: &dyn Cost, recordings: usize) -> Option<f64> {
+        let chosen = self.random && self.penalty.is_none() && self.robot == 0 && recordings > 0;
+        chosen.then(|| cost.lost() / recordings as f64)
     }
 }

@@ -9,6 +9,7 @@ mod convergence;
 mod driver;
 mod error;
 mod evaluate;
+mod fall_risk;
 mod falls;
 mod finalists;
 mod identification;

@@ -1,6 +1,7 @@
 //! One run of a fit, by CMA-ES or least squares, and the checkpoint of all.
 
 use super::driver::{FitOptions, RunGeneration};
+use super::fall_risk::FallRisk;
 use super::least_squares::{GaussNewton, Problem};
 use super::{Evaluation, FitError, Origin, RunOutcome};
 use crate::Theta;
@@ -35,8 +36,9 @@ pub(super) struct Run {
     pub stop: Option<Stop>,
     diverged: usize,
     falls: usize,
-    /// Smallest cost after each generation of the present start, where patience is limited.
+    /// Smallest cost of each generation of the present start, where patience is limited.
     course: Vec<f64>,
+    risk: FallRisk,
     by: By,
 }
 
@@ -61,7 +63,16 @@ impl Run {
             let search = Search::new(settings(seed, theta, options), plan(options));
             By::CmaEs { search: Box::new(search.map_err(FitError::Optimizer)?), asked: None }
         };
-        Ok(Self { cost, seed, stop: None, diverged: 0, falls: 0, course: Vec::new(), by })
+        Ok(Self {
+            cost,
+            seed,
+            stop: None,
+            diverged: 0,
+            falls: 0,
+            course: Vec::new(),
+            risk: FallRisk::default(),
+            by,
+        })
     }
 
     /// Number of the next generation, from 1, restarts counted on.
@@ -119,11 +130,13 @@ impl Run {
         Ok(Some((report, stepped.evaluations)))
     }
 
-    /// Takes what the candidates asked for cost (those that diverged are ranked last).
+    /// Takes what the candidates asked for cost (those that diverged are ranked last). `risk_price`: what each pays for a
+    /// fall that is expected of it, see [`FallPenalty::risk_price`](super::FallPenalty).
     pub fn tell(
         &mut self,
         name: &str,
         found: &[Evaluation],
+        risk_price: Option<f64>,
         options: &FitOptions,
     ) -> Result<RunGeneration, FitError> {
         let generation = self.generation() as usize;
@@ -131,9 +144,14 @@ impl Run {
         let all_diverged = || FitError::AllDiverged { cost: name.to_owned(), seed, generation };
         let By::CmaEs { search, asked } = &mut self.by else { return Err(all_diverged()) };
         let sigma = search.current().sigma();
-        let finite: Vec<f64> = found.iter().filter_map(|found| found.cost).collect();
         let population = asked.take().unwrap_or_else(|| search.ask());
-        let costs: Vec<f64> = found.iter().map(|found| found.cost.unwrap_or(f64::INFINITY)).collect();
+        let mut costs: Vec<f64> = found.iter().map(|found| found.cost.unwrap_or(f64::INFINITY)).collect();
+        if let Some(price) = risk_price {
+            self.risk.remember(population.x(), found);
+            let risks = self.risk.expected_falls(population.x());
+            costs.iter_mut().zip(risks).for_each(|(cost, falls)| *cost += price * falls);
+        }
+        let finite: Vec<f64> = costs.iter().copied().filter(|cost| cost.is_finite()).collect();
         let restarted = search.tell(&population, &costs).map_err(FitError::Optimizer)?.is_some();
         let diverged = found.len() - finite.len();
         let falls = found.iter().map(|found| found.falls).sum();
@@ -147,7 +165,7 @@ impl Run {
             self.course.clear();
         } else {
             if options.patience > 0 {
-                self.course.extend(search.current().best().map(|best| best.cost));
+                self.course.push(finite.iter().copied().fold(f64::INFINITY, f64::min));
                 stuck = is_flat(&self.course, options.patience);
             }
             if stuck || settled(search, options) {
@@ -218,6 +236,7 @@ impl Run {
             diverged: self.diverged,
             falls: self.falls,
             course: self.course.clone(),
+            risk: self.risk.clone(),
             state: match &self.by {
                 By::CmaEs { search, .. } => SavedSearch::CmaEs(Box::new(search.state())),
                 By::LeastSquares(search) => SavedSearch::LeastSquares(search.clone()),
@@ -272,6 +291,7 @@ impl Run {
             diverged: saved.diverged,
             falls: saved.falls,
             course: saved.course,
+            risk: saved.risk,
             by,
         })
     }
@@ -285,15 +305,17 @@ fn settled(search: &Search, options: &FitOptions) -> bool {
     left <= options.tolerance
 }
 
-/// A best cost that falls by less than this part over the patience is flat.
+/// Costs that fall by less than this part from one half of the patience to the next are flat.
 const FLAT: f64 = 0.01;
 
-/// Whether the smallest cost, one a generation, has hardly fallen over the last `patience` of them.
+/// Whether costs, the smallest of each generation, have hardly fallen over the last `patience` generations: the mean of the
+/// second half beside that of the first. Draws differ from generation to generation, so one small cost says little.
 fn is_flat(course: &[f64], patience: usize) -> bool {
-    let before = course.len().checked_sub(patience + 1).and_then(|at| course.get(at));
-    before
-        .zip(course.last())
-        .is_some_and(|(before, now)| now.is_finite() && before - now < FLAT * before.abs())
+    let half = patience.div_ceil(2);
+    let Some(last) = course.len().checked_sub(2 * half).map(|first| &course[first..]) else { return false };
+    let mean = |costs: &[f64]| costs.iter().sum::<f64>() / half as f64;
+    let (before, now) = (mean(&last[..half]), mean(&last[half..]));
+    now.is_finite() && before - now < FLAT * before.abs()
 }
 
 /// Why the last restart ended, once it has.
@@ -351,9 +373,12 @@ pub struct SavedRun {
     /// Falls of candidates so far.
     #[serde(default)]
     pub falls: usize,
-    /// Smallest cost after each generation of the present start, where patience is limited.
+    /// Smallest cost of each generation of the present start, where patience is limited.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub course: Vec<f64>,
+    /// The last candidates, if some of them fell.
+    #[serde(default, skip_serializing_if = "FallRisk::is_empty")]
+    pub risk: FallRisk,
     /// The optimiser.
     pub state: SavedSearch,
 }
@@ -373,12 +398,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_course_is_flat_once_it_fell_by_less_than_a_hundredth_over_the_patience() {
-        let course = [1.0, 0.5, 0.4, 0.399, 0.398, 0.397];
-        assert!(!is_flat(&course[..3], 3), "it is shorter than the patience");
-        assert!(!is_flat(&course[..4], 3), "from 1.0 to 0.399");
-        assert!(!is_flat(&course[..5], 3), "from 0.5 to 0.398");
-        assert!(is_flat(&course, 3), "from 0.4 to 0.397");
-        assert!(!is_flat(&[f64::INFINITY; 9], 3), "nothing was simulated to the end");
+    fn a_course_is_flat_once_it_falls_by_less_than_a_hundredth_from_half_to_half() {
+        let course = [1.0, 0.5, 0.4, 0.38, 0.379, 0.381, 0.38];
+        assert!(!is_flat(&course[..3], 4), "it is shorter than the patience");
+        assert!(!is_flat(&course[..5], 4), "from 0.45 to 0.3795");
+        assert!(!is_flat(&course[..6], 4), "from 0.39 to 0.38");
+        assert!(is_flat(&course, 4), "from 0.3795 to 0.3805");
+        assert!(!is_flat(&[0.9, 0.2, 0.8, 0.7, 0.6, 0.5], 4), "one lucky generation does not end a search");
+        assert!(!is_flat(&[f64::INFINITY; 9], 4), "nothing was simulated to the end");
     }
 }

@@ -22,7 +22,7 @@ use crate::walk::walking::{self, rest_angles};
 use crate::{Error, theta};
 use gaitfit_adapt::cost::Cost;
 use gaitfit_adapt::fit::{FitOptions, Method as Search};
-use gaitfit_adapt::{JointParameter, ParameterRule, RobotRule, Sharing, Theta, ThetaError};
+use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Sharing, Theta, ThetaError};
 use gaitfit_model::{Model, shown};
 use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
@@ -237,6 +237,7 @@ impl Setup {
             swings,
             shares: None,
         };
+        setup.options.falls.random = setup.has_draws();
         setup.warnings.extend(ignored(&setup));
         if setup.config.odd_joints {
             let (cost, search) = (setup.costs[0].as_ref(), setup.options.method);
@@ -260,6 +261,13 @@ impl Setup {
     /// What is fitted, with a spring on each of `joints` besides.
     pub(super) fn with_springs(&self, joints: &[String]) -> Result<Theta, Error> {
         with_springs(&self.config, &self.method, joints)
+    }
+
+    /// Whether simulations of the same values differ by their draws: of torque noise, or of the starts.
+    fn has_draws(&self) -> bool {
+        let noise = RobotNumber::TorqueNoise.name();
+        let fitted = self.theta.entries().iter().any(|entry| entry.kind == noise);
+        fitted || self.base.torque_noise != 0.0 || self.several.is_some()
     }
 
     /// Whether simulated samples can be compared with the log's one by one: those of a replay always, those of a walk

@@ -7,10 +7,10 @@ use super::setup::Setup;
 use crate::Error;
 use crate::run::RunFolder;
 use crate::watch::Watch;
+use gaitfit_adapt::Resets;
 use gaitfit_adapt::fit::{
     Alternative, CostOutcome, FinalComparison, FitError, Problem, RunGeneration, cost_error,
 };
-use gaitfit_adapt::{Resets, RobotNumber};
 
 /// The outcome of cost number `cost`, corrected where that can be, with the interval of each parameter, where there are not
 /// too many; and why it is not corrected where it should be. `course`: the generations of its runs.
@@ -48,9 +48,7 @@ fn choose_among_last(
     course: &[RunGeneration],
     watch: &Watch<'_>,
 ) -> Result<(), FitError> {
-    let noise = RobotNumber::TorqueNoise.name();
-    let fitted = setup.theta.entries().iter().any(|entry| entry.kind == noise);
-    if !fitted && setup.base.torque_noise == 0.0 && setup.several.is_none() {
+    if !setup.options.falls.random {
         return Ok(());
     }
     let comparison = FinalComparison {

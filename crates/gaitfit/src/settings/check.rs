@@ -163,7 +163,7 @@ pub fn options(config: &AdaptConfig, falls: usize) -> FitOptions {
         bounds: optimizer.bounds,
         patience: optimizer.patience,
         tolerance: optimizer.tolerance,
-        falls: FallPenalty { penalty: config.falls.penalty, robot: falls },
+        falls: FallPenalty { penalty: config.falls.penalty, robot: falls, ..FallPenalty::default() },
         random_numbers: optimizer.random_numbers,
     }
 }
