@@ -305,17 +305,18 @@ fn settled(search: &Search, options: &FitOptions) -> bool {
     left <= options.tolerance
 }
 
-/// Costs that fall by less than this part from one half of the patience to the next are flat.
+/// Costs that change by less than this part from one half of the patience to the next are flat.
 const FLAT: f64 = 0.01;
 
-/// Whether costs, the smallest of each generation, have hardly fallen over the last `patience` generations: the mean of the
-/// second half beside that of the first. Draws differ from generation to generation, so one small cost says little.
+/// Whether costs, the smallest of each generation, hardly changed over the last `patience` generations: the mean of the second
+/// half beside that of the first. Draws differ from generation to generation, so one small cost says little. Costs that
+/// rise, for example because robots begin to fall, are not flat.
 fn is_flat(course: &[f64], patience: usize) -> bool {
     let half = patience.div_ceil(2);
     let Some(last) = course.len().checked_sub(2 * half).map(|first| &course[first..]) else { return false };
     let mean = |costs: &[f64]| costs.iter().sum::<f64>() / half as f64;
     let (before, now) = (mean(&last[..half]), mean(&last[half..]));
-    now.is_finite() && before - now < FLAT * before.abs()
+    now.is_finite() && (before - now).abs() < FLAT * before.abs()
 }
 
 /// Why the last restart ended, once it has.
@@ -398,13 +399,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_course_is_flat_once_it_falls_by_less_than_a_hundredth_from_half_to_half() {
+    fn a_course_is_flat_once_it_changes_by_less_than_a_hundredth_from_half_to_half() {
         let course = [1.0, 0.5, 0.4, 0.38, 0.379, 0.381, 0.38];
         assert!(!is_flat(&course[..3], 4), "it is shorter than the patience");
         assert!(!is_flat(&course[..5], 4), "from 0.45 to 0.3795");
         assert!(!is_flat(&course[..6], 4), "from 0.39 to 0.38");
         assert!(is_flat(&course, 4), "from 0.3795 to 0.3805");
         assert!(!is_flat(&[0.9, 0.2, 0.8, 0.7, 0.6, 0.5], 4), "one lucky generation does not end a search");
+        assert!(!is_flat(&[0.4, 0.4, 0.5, 0.5], 4), "it rises");
         assert!(!is_flat(&[f64::INFINITY; 9], 4), "nothing was simulated to the end");
     }
 }

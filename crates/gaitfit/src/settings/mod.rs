@@ -224,7 +224,7 @@ pub struct OptimizerConfig {
     /// Sets of simulated logs a round, which correct fits of walking logs by least squares, and a twentieth of the simulated
     /// robots a round, which correct those by distributions; 0: no correction.
     pub replicates: u32,
-    /// A seed of CMA-ES stops once the smallest costs of so many generations hardly fall: by less than a hundredth from the
+    /// A seed of CMA-ES stops once the smallest costs of so many generations hardly change: by less than a hundredth from the
     /// mean of their first half to that of the second; 0 never.
     pub patience: usize,
     /// What a distance of one standard error from a `[prior]` adds to the cost.
