@@ -30,8 +30,8 @@ pub struct FitOptions {
     /// What happens to draws outside the bounds. A start or an optimum on bounds (dry friction of 0) is common,
     /// and wants [`BoundHandling::Reflect`].
     pub bounds: BoundHandling,
-    /// A run of CMA-ES stops once the smallest costs of so many generations hardly change: by less than a hundredth from the
-    /// mean of their first half to that of the second; 0 never.
+    /// A run of CMA-ES stops once the smallest costs of so many generations hardly change: the means of their
+    /// halves differ by less than a fiftieth, standard error included; 0 never.
     #[serde(default)]
     pub patience: usize,
     /// A run stops once the largest standard deviation of any parameter, or its next step of least squares, fell to

@@ -306,17 +306,20 @@ fn settled(search: &Search, options: &FitOptions) -> bool {
 }
 
 /// Costs that change by less than this part from one half of the patience to the next are flat.
-const FLAT: f64 = 0.01;
+const FLAT: f64 = 0.02;
 
-/// Whether costs, the smallest of each generation, hardly changed over the last `patience` generations: the mean of the second
-/// half beside that of the first. Draws differ from generation to generation, so one small cost says little. Costs that
-/// rise, for example because robots begin to fall, are not flat.
+/// Whether costs, the smallest of each generation, hardly changed over the last `patience` generations: the difference between
+/// the means of their halves and its standard error are together a small part of the costs. Draws differ from generation to
+/// generation, so one small cost says little. Costs that rise, for example because robots begin to fall, are not flat.
 fn is_flat(course: &[f64], patience: usize) -> bool {
     let half = patience.div_ceil(2);
     let Some(last) = course.len().checked_sub(2 * half).map(|first| &course[first..]) else { return false };
     let mean = |costs: &[f64]| costs.iter().sum::<f64>() / half as f64;
     let (before, now) = (mean(&last[..half]), mean(&last[half..]));
-    now.is_finite() && (before - now).abs() < FLAT * before.abs()
+    let apart = |costs: &[f64], mean: f64| costs.iter().map(|cost| (cost - mean).powi(2)).sum::<f64>();
+    let squares = apart(&last[..half], before) + apart(&last[half..], now);
+    let error = (squares / half.saturating_sub(1).max(1) as f64 / half as f64).sqrt();
+    now.is_finite() && (before - now).abs() + error < FLAT * before.abs()
 }
 
 /// Why the last restart ended, once it has.
@@ -399,13 +402,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_course_is_flat_once_it_changes_by_less_than_a_hundredth_from_half_to_half() {
+    fn a_course_is_flat_once_it_changes_by_less_than_a_fiftieth_from_half_to_half() {
         let course = [1.0, 0.5, 0.4, 0.38, 0.379, 0.381, 0.38];
         assert!(!is_flat(&course[..3], 4), "it is shorter than the patience");
         assert!(!is_flat(&course[..5], 4), "from 0.45 to 0.3795");
         assert!(!is_flat(&course[..6], 4), "from 0.39 to 0.38");
         assert!(is_flat(&course, 4), "from 0.3795 to 0.3805");
         assert!(!is_flat(&[0.9, 0.2, 0.8, 0.7, 0.6, 0.5], 4), "one lucky generation does not end a search");
+        assert!(!is_flat(&[0.6, 0.4, 0.4, 0.6], 4), "draws hide a change");
         assert!(!is_flat(&[0.4, 0.4, 0.5, 0.5], 4), "it rises");
         assert!(!is_flat(&[f64::INFINITY; 9], 4), "nothing was simulated to the end");
     }

@@ -224,8 +224,8 @@ pub struct OptimizerConfig {
     /// Sets of simulated logs a round, which correct fits of walking logs by least squares, and a twentieth of the simulated
     /// robots a round, which correct those by distributions; 0: no correction.
     pub replicates: u32,
-    /// A seed of CMA-ES stops once the smallest costs of so many generations hardly change: by less than a hundredth from the
-    /// mean of their first half to that of the second; 0 never.
+    /// A seed of CMA-ES stops once the smallest costs of so many generations hardly change: the means of
+    /// their halves differ by less than a fiftieth, standard error included; 0 never.
     pub patience: usize,
     /// What a distance of one standard error from a `[prior]` adds to the cost.
     pub prior_weight: f64,
