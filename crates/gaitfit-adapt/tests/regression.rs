@@ -68,7 +68,7 @@ fn found(toy: &Toy, logs: &Logs) -> Regression {
 
 #[test]
 fn values_far_off_are_corrected_and_their_intervals_cover() {
-    let (mut inside, mut all) = (0, 0);
+    let (mut inside, mut all, mut furthest) = (0, 0, 0);
     for seed in 0..40 {
         let toy = Toy { seed, ..Toy::default() };
         let regression = found(&toy, &real(&toy));
@@ -81,14 +81,17 @@ fn values_far_off_are_corrected_and_their_intervals_cover() {
             assert!(off < 0.4 * (FOUND[at] - truth).abs(), "{regression:?}");
             assert!(high - low < (FOUND[at] - truth).abs(), "{regression:?}");
         }
+        furthest += usize::from(regression.likeness.unwrap().unlike());
         assert_eq!(regression.uncorrected, FOUND);
         assert!(
             (3..=6).contains(&(regression.robots / EACH))
-                && regression.robots == regression.rounds.len() * EACH
+                && regression.robots == regression.rounds.len() * EACH + 24
         );
     }
     // 76 of 80 are due.
     assert!(inside >= 70, "{inside} of {all}");
+    // The real robot is one of 25 alike.
+    assert!(furthest <= 6, "{furthest} of 40 robots count as unlike the simulated ones");
 }
 
 #[test]
@@ -111,6 +114,11 @@ fn logs_unlike_those_of_any_robot_widen_the_intervals() {
     let unlike = found(&toy, &logs);
     assert!(!like.unlike(0) && unlike.unlike(0), "{like:?} {unlike:?}");
     assert!(unlike.deviation[0] > 2.0 * like.deviation[0]);
+    // No robot with the corrected values has such logs, so the intervals are wider than those of the rounds.
+    let (near, far) = (like.likeness.unwrap(), unlike.likeness.unwrap());
+    assert!(!near.unlike() && far.unlike() && far.ratio() > 1.5, "{near:?} {far:?}");
+    let last = unlike.rounds.last().unwrap();
+    assert!((unlike.deviation[0] / last.deviation[0] - far.ratio()).abs() < 1e-12);
     let [low, high] = unlike.interval[0];
     assert!(low <= TRUTH[0] && TRUTH[0] <= high, "{unlike:?}");
 }

@@ -42,6 +42,8 @@ pub use least_squares::{
 pub use origin::{Against, Origin, Searched};
 pub use outcome::{CostOutcome, ParameterOutcome, Redrawn, RunOutcome};
 pub use predicted::Predicted;
-pub use regression::{Distributions, Drawn, Logs, MAX_REGRESSED, MAX_TAKEN, Regression, Walks, regress};
+pub use regression::{
+    Distributions, Drawn, Likeness, Logs, MAX_REGRESSED, MAX_TAKEN, Regression, Walks, regress,
+};
 pub use run::{Checkpoint, SavedRun, SavedSearch, Stop};
 pub use views::{Costs, Views, measure};

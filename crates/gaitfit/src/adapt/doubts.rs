@@ -3,7 +3,7 @@
 use super::parameter::Parameter;
 use super::results::CostFit;
 use super::standing::stopped_by_bound;
-use gaitfit_adapt::fit::{CostOutcome, RunGeneration, Stop, unsettled};
+use gaitfit_adapt::fit::{CostOutcome, Likeness, RunGeneration, Stop, unsettled};
 use gaitfit_view::{Doubt, DoubtKind};
 
 /// The doubts about what a cost found; `course`: the generations of its runs.
@@ -45,6 +45,19 @@ pub fn doubts(
              gives, and {:.3} for those of the search. The model lacks an effect, and the values of the search \
              compensate for it. `gaitfit explain` looks for such effects.",
             outcome.cost, outcome.best_cost
+        );
+        doubts.push(Doubt::new(DoubtKind::Unexplained, text));
+    }
+    let likeness = outcome.regression.as_ref().and_then(|regression| regression.likeness);
+    if let Some(likeness) = likeness.filter(Likeness::unlike) {
+        let text = format!(
+            "The logs differ from those of {} simulated robots with the fitted values by more than chance: the mean square \
+             difference is {:.1} of their variance, and by chance at most {:.1}. The model lacks an effect. The intervals are \
+             {:.1} times as wide for it. `gaitfit explain` looks for such effects.",
+            likeness.robots,
+            likeness.distance,
+            likeness.by_chance,
+            likeness.ratio()
         );
         doubts.push(Doubt::new(DoubtKind::Unexplained, text));
     }

@@ -8,13 +8,16 @@
 //!
 //! What it is off by for robots that were left out one by one is what it is off by for the real one, if that is like them.
 //! It is not. So each signal of each leg is asked alone: where they disagree by more than their errors, the simulator lacks
-//! something, and their scatter is in the intervals.
+//! something, and their scatter is in the intervals. And robots are simulated with the values found: if none of them has
+//! logs like the real ones, the intervals are wider in proportion.
 
 mod distributions;
+mod likeness;
 mod posterior;
 mod ridge;
 
 pub use distributions::Distributions;
+pub use likeness::Likeness;
 use posterior::with_priors;
 use ridge::{Estimate, Robots};
 
@@ -48,6 +51,8 @@ const SHARED: f64 = 2.0;
 const NEAR: f64 = 0.5;
 /// Deviations of so many errors of robots that were left out are the simulator's.
 const UNLIKE: f64 = 3.0;
+/// Robots that are simulated with the values found, to see whether logs like the real ones are among theirs.
+const WITH_VALUES: usize = 24;
 /// Max entries of a θ for a regression.
 pub const MAX_REGRESSED: usize = 50;
 /// Max entries of a θ for which a fit always takes the regression's values. With more entries it takes them only if they cost
@@ -83,6 +88,10 @@ pub struct Regression {
     pub robots: usize,
     /// The rounds.
     pub rounds: Vec<Drawn>,
+    /// Whether robots with the corrected values have such logs; `None` if too few of them walk. Of logs that are unlike
+    /// theirs `deviation` and `interval` are larger by [`Likeness::ratio`].
+    #[serde(default)]
+    pub likeness: Option<Likeness>,
 }
 
 /// Results of earlier versions have the values of the regression.
@@ -126,13 +135,13 @@ impl Regression {
         let Some(last) = self.rounds.last() else { return false };
         let at_entry = |numbers: &[f64]| numbers.get(entry).copied();
         let (error, disagreement) = (at_entry(&last.errors), at_entry(&last.disagreement));
-        let whole = at_entry(&self.deviation).zip(error).is_some_and(|(whole, error)| whole > UNLIKE * error);
+        let whole = at_entry(&last.deviation).zip(error).is_some_and(|(whole, error)| whole > UNLIKE * error);
         whole && disagreement.is_some_and(|apart| apart > 0.0)
     }
 
     /// Most robots that are simulated with `each` a round.
     pub fn robots(each: usize) -> usize {
-        MAX_ROUNDS * each
+        MAX_ROUNDS * each + WITH_VALUES
     }
 
     /// Robots of a round for `entries` entries, if there are `each` for one, and `sets` sets of logs are asked for.
@@ -226,7 +235,18 @@ pub fn regress(
         }
     }
     let Some(last) = rounds.last() else { return Ok(Err("No robot was simulated.".to_owned())) };
-    let deviation = last.deviation.clone();
+    let within = entries.iter().zip(&last.values);
+    let corrected: Vec<f64> = within.map(|(entry, value)| value.clamp(entry.lower, entry.upper)).collect();
+    let drawn = each * rounds.len();
+    let first = u32::try_from(drawn).unwrap_or(u32::MAX);
+    let same = world.walk(&vec![corrected.clone(); WITH_VALUES], first);
+    if cancel() {
+        return Err(FitError::Cancelled);
+    }
+    let same: Vec<Vec<f64>> = same.into_iter().flatten().flatten().collect();
+    let likeness = Likeness::new(&logs.numbers, &same);
+    let wider = likeness.map_or(1.0, |likeness| likeness.ratio());
+    let deviation: Vec<f64> = last.deviation.iter().map(|one| wider * one).collect();
     let quantile = stats::student_t_95(last.walked.saturating_sub(1));
     let both = last.values.iter().zip(&deviation);
     let ends = both.map(|(value, one)| [value - quantile * one, value + quantile * one]);
@@ -235,17 +255,15 @@ pub fn regress(
         .zip(&deviation)
         .map(|((ends, entry), one)| to_bounds(ends, entry, NEAR * one))
         .collect();
-    let within = entries.iter().zip(&last.values);
-    let corrected = within.map(|(entry, value)| value.clamp(entry.lower, entry.upper)).collect();
-    let robots = each * rounds.len();
     Ok(Ok(Regression {
         uncorrected: found.to_vec(),
         corrected,
         taken: true,
         deviation,
         interval,
-        robots,
+        robots: drawn + WITH_VALUES,
         rounds,
+        likeness,
     }))
 }
 

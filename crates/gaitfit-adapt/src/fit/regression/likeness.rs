@@ -1,0 +1,103 @@
+//! Whether logs are like those of robots that are simulated with the values found: a posterior predictive check (Gelman, Meng
+//! and Stern 1996).
+
+use gaitfit_sim::stats;
+use serde::{Deserialize, Serialize};
+
+/// Min number of robots that tell how much chance does.
+const MIN_ROBOTS: usize = 12;
+/// Part of normal numbers that are below one standard deviation above the mean.
+const ONE_DEVIATION: f64 = 0.84;
+/// Numbers of a log whose variance is smaller, where the robot's range is 2, are rounding.
+const STEADY: f64 = 1e-14;
+
+/// How far the numbers of logs are from those of simulated robots with the same values, which differ by their draws alone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Likeness {
+    /// Mean square distance of the real logs' numbers from the robots' mean, in the robots' variances; 1 by chance.
+    pub distance: f64,
+    /// The same of each robot among the others: the median.
+    pub typical: f64,
+    /// What chance seldom exceeds: two standard deviations of the logarithm above the median. One is between the median and the
+    /// 84th of a hundred robots, so a robot that stumbles does not count.
+    pub by_chance: f64,
+    /// Robots.
+    pub robots: usize,
+}
+
+impl Likeness {
+    /// Of `logs` among `robots` (`robots × numbers`). `None` of too few robots, or if all of their numbers are alike.
+    pub fn new(logs: &[f64], robots: &[Vec<f64>]) -> Option<Self> {
+        if robots.len() < MIN_ROBOTS || robots.iter().any(|one| one.len() != logs.len()) {
+            return None;
+        }
+        let distance = distance(logs, &robots.iter().collect::<Vec<_>>())?;
+        let apart = |at: usize| {
+            let others = robots.iter().enumerate().filter(|(other, _)| *other != at);
+            self::distance(&robots[at], &others.map(|(_, one)| one).collect::<Vec<_>>())
+        };
+        let mut all: Vec<f64> = (0..robots.len()).map(apart).collect::<Option<_>>()?;
+        all.sort_by(f64::total_cmp);
+        let (typical, above) = (all[all.len() / 2], all[(ONE_DEVIATION * all.len() as f64) as usize]);
+        let by_chance = typical * (above / typical).powi(2);
+        (typical > 0.0).then_some(Self { distance, typical, by_chance, robots: robots.len() })
+    }
+
+    /// Whether the logs are further off than chance explains.
+    pub fn unlike(&self) -> bool {
+        self.distance > self.by_chance
+    }
+
+    /// By how much errors are larger than those of simulated robots: the root of the distance in units of a typical robot's
+    /// (the ratio of Birge 1932) of logs that are unlike theirs, else 1.
+    pub fn ratio(&self) -> f64 {
+        if self.unlike() { (self.distance / self.typical).sqrt().max(1.0) } else { 1.0 }
+    }
+}
+
+/// Mean square distance of `logs` from the mean of `robots`, in the variance of one more robot about this mean. `None` if all
+/// numbers of the robots are alike.
+fn distance(logs: &[f64], robots: &[&Vec<f64>]) -> Option<f64> {
+    let count = robots.len() as f64;
+    let of_number = |at: usize| {
+        let mean = robots.iter().map(|one| one[at]).sum::<f64>() / count;
+        let variance = robots.iter().map(|one| (one[at] - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        (variance > STEADY).then(|| (logs[at] - mean).powi(2) / (variance * (1.0 + 1.0 / count)))
+    };
+    let all: Vec<f64> = (0..logs.len()).filter_map(of_number).collect();
+    stats::mean(&all)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use gaitfit_random::{Purpose, Stream};
+
+    /// Robots whose 200 numbers have standard deviations of 1 to 3, shifted by `shift` of them.
+    fn robots(count: u32, shift: f64) -> Vec<Vec<f64>> {
+        let robot = |number: u32| {
+            let draws = Stream::new(3, Purpose::SIMULATED_ROBOTS).environment(number).step(0);
+            (0..200).map(|at| (1.0 + f64::from(at % 3)) * (draws.normal(at) + shift)).collect()
+        };
+        (0..count).map(robot).collect()
+    }
+
+    #[test]
+    fn a_robot_like_the_others_is_at_a_distance_of_1_and_another_is_not() {
+        let others = robots(24, 0.0);
+        let like = Likeness::new(&robots(25, 0.0)[24], &others).unwrap();
+        assert!((like.distance - 1.0).abs() < 0.3 && (like.typical - 1.0).abs() < 0.3, "{like:?}");
+        assert_eq!((like.unlike(), like.ratio()), (false, 1.0));
+        let unlike = Likeness::new(&robots(25, 2.0)[24], &others).unwrap();
+        // Its mean square distance is 1 + 2².
+        assert!(unlike.unlike() && (unlike.ratio() - 5f64.sqrt()).abs() < 0.3, "{unlike:?}");
+    }
+
+    #[test]
+    fn few_robots_and_robots_that_are_all_alike_say_nothing() {
+        assert_eq!(Likeness::new(&[0.0; 200], &robots(11, 0.0)), None);
+        assert_eq!(Likeness::new(&[0.5], &vec![vec![1.0]; 24]), None);
+        assert_eq!(Likeness::new(&[0.5, 1.0], &vec![vec![1.0]; 24]), None, "numbers of another log");
+    }
+}
