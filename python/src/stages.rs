@@ -168,6 +168,7 @@ pub fn adapt_plan(run: Run) -> PyResult<(PathBuf, Vec<PathBuf>)> {
     let setup = Setup::open_policy(&config, run.path(), threads, &run.devices()?, None)
         .map_err(|error| to_py_err(&error))?;
     let folder = RunFolder::begin(Path::new(&config.runs), &name, run.resumes(&config.runs, &name))
+        .map_err(gaitfit::Error::from)
         .map_err(|error| to_py_err(&error))?;
     let parts = setup.files.iter().flat_map(|file| gaitfit::robot::parts(file));
     let files = run.config.iter().cloned().chain(parts).chain(setup.files.iter().cloned()).collect();
@@ -196,6 +197,7 @@ type Parts = (String, PathBuf, Vec<u64>, Vec<PathBuf>);
 fn plan(run: &Run, setup: &gaitfit::train::Setup) -> PyResult<Parts> {
     let plan = &setup.plan;
     let folder = RunFolder::begin(Path::new(&plan.runs), &plan.name, run.resumes(&plan.runs, &plan.name))
+        .map_err(gaitfit::Error::from)
         .map_err(|error| to_py_err(&error))?;
     let read: Vec<PathBuf> = setup.inputs.files.keys().map(PathBuf::from).collect();
     let parts = read.iter().flat_map(|file| gaitfit::robot::parts(file));

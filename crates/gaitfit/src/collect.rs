@@ -114,7 +114,7 @@ pub fn collect_in(
         }
     };
     if watch.stop() {
-        return Err(Error::Interrupted { message: "interrupted; no log was written".to_owned(), kept: None });
+        return Err(Error::interrupted_with_nothing("interrupted; no log was written"));
     }
     let written = write_logs(folder, &logs)?;
     for number in &written.without {

@@ -1,7 +1,7 @@
 //! `draws.csv` of a fit: values of θ drawn from the interval in which the logs leave it, for trainings that shall hold in
 //! all of it.
 
-use crate::{Access, Error, files};
+use crate::{Error, files};
 use gaitfit_adapt::ThetaFile;
 use gaitfit_model::{Model, shown, shown_number};
 use gaitfit_sim::Candidate;
@@ -31,8 +31,8 @@ pub fn candidates(
     theta: &Path,
     model: &Model,
 ) -> Result<Vec<Candidate>, Error> {
-    let text = files::read_text(path, MAX_BYTES).map_err(|source| Error::File {
-        access: Access::Read,
+    let text = files::read_text(path, MAX_BYTES).map_err(|source| gaitfit_run::Error::File {
+        access: gaitfit_run::Access::Read,
         path: path.to_owned(),
         source,
         remedy: format!(

@@ -10,71 +10,18 @@ use gaitfit_log::LogError;
 use gaitfit_model::ModelError;
 use gaitfit_policy::walker::WalkerError;
 use gaitfit_policy::{InterfaceError, PolicyError};
+use gaitfit_run::ErrorKind;
 use gaitfit_view::{ReplayError, ReportError};
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Why a stage of the method stopped: the text is one paragraph that names the object and what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A file or folder cannot be read or written.
-    #[error("cannot {access} {}: {source}{remedy}", path.display())]
-    File {
-        /// What was tried.
-        access: Access,
-        /// The file or folder.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-        /// What to do, with the punctuation before it; may be empty.
-        remedy: String,
-    },
-    /// A file holds something else than it should.
-    #[error("{}: {problem}", path.display())]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it, and what to do.
-        problem: String,
-    },
-    /// A setting is wrong, or does not fit the inputs.
-    #[error("{message}")]
-    Settings {
-        /// The setting, such as `optimizer.seeds`, where one can be named.
-        key: Option<String>,
-        /// What is wrong, and what to do.
-        message: String,
-    },
-    /// A run cannot go on: it was begun with other settings or inputs.
-    #[error(
-        "{} cannot be continued: {difference}. Give the run's own settings and files (--resume with {}), or start \
-         afresh without --resume.",
-        folder.display(),
-        folder.join("config.toml").display()
-    )]
-    Changed {
-        /// The run's folder.
-        folder: PathBuf,
-        /// What differs, in words.
-        difference: String,
-    },
-    /// A run is finished, and its inputs have changed since.
-    #[error("{} is finished, and {difference} since. Start afresh without --resume.", folder.display())]
-    Outdated {
-        /// The run's folder.
-        folder: PathBuf,
-        /// What differs, in words.
-        difference: String,
-    },
-    /// The caller asked to stop.
-    #[error("{message}")]
-    Interrupted {
-        /// What was kept, and how to go on.
-        message: String,
-        /// The folder that keeps what was done; none if nothing was.
-        kept: Option<PathBuf>,
-    },
+    /// A file, a setting or a run folder; or the caller asked to stop.
+    #[error(transparent)]
+    Run(#[from] gaitfit_run::Error),
     /// A robot, or a program that runs it, is not there.
     #[error("{0}")]
     Missing(String),
@@ -152,65 +99,42 @@ pub enum Error {
     /// A 3-D replay.
     #[error(transparent)]
     Replay(#[from] ReplayError),
-    /// Anything else that failed.
-    #[error("{0}")]
-    Failed(String),
-}
-
-/// What was tried with a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Access {
-    /// Reading it.
-    Read,
-    /// Writing it.
-    Write,
-    /// Making it.
-    Make,
-}
-
-/// Which kind of trouble an error is: programs end with another code for each.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ErrorKind {
-    /// An input is broken, or the work failed.
-    Failed,
-    /// A setting is wrong, or does not fit the inputs.
-    Settings,
-    /// The caller asked to stop.
-    Interrupted,
-    /// Hardware or a program that the settings ask for is missing.
-    Missing,
 }
 
 impl Error {
     /// An input is broken, or the work failed.
     pub fn failed(message: impl fmt::Display) -> Self {
-        Self::Failed(message.to_string())
+        gaitfit_run::Error::failed(message).into()
     }
 
     /// A setting is wrong. Its key is the first that the message has in backquotes.
     pub fn settings(message: impl fmt::Display) -> Self {
-        let message = message.to_string();
-        Self::Settings { key: named_key(&message), message }
+        gaitfit_run::Error::settings(message).into()
     }
 
     /// The caller asked to stop; `kept` has what was done.
     pub fn interrupted(message: impl fmt::Display, kept: &Path) -> Self {
-        Self::Interrupted { message: message.to_string(), kept: Some(kept.to_owned()) }
+        gaitfit_run::Error::Interrupted { message: message.to_string(), kept: Some(kept.to_owned()) }.into()
+    }
+
+    /// The caller asked to stop, and nothing was kept.
+    pub fn interrupted_with_nothing(message: impl fmt::Display) -> Self {
+        gaitfit_run::Error::Interrupted { message: message.to_string(), kept: None }.into()
     }
 
     /// A file or folder that cannot be read.
     pub fn unreadable(path: &Path, source: std::io::Error) -> Self {
-        Self::File { access: Access::Read, path: path.to_owned(), source, remedy: String::new() }
+        gaitfit_run::Error::unreadable(path, source).into()
     }
 
     /// A file or folder that cannot be written.
     pub fn unwritable(path: &Path, source: std::io::Error) -> Self {
-        Self::File { access: Access::Write, path: path.to_owned(), source, remedy: String::new() }
+        gaitfit_run::Error::unwritable(path, source).into()
     }
 
     /// A file that holds something else than it should.
     pub fn content(path: &Path, problem: impl fmt::Display) -> Self {
-        Self::Content { path: path.to_owned(), problem: problem.to_string() }
+        gaitfit_run::Error::content(path, problem).into()
     }
 
     /// The same error, said of a place.
@@ -228,13 +152,9 @@ impl Error {
     /// Which kind of trouble it is.
     pub fn kind(&self) -> ErrorKind {
         match self {
-            Self::Settings { .. }
-            | Self::Changed { .. }
-            | Self::Outdated { .. }
-            | Self::Refused(_)
-            | Self::Spring(_) => ErrorKind::Settings,
+            Self::Run(error) => error.kind(),
+            Self::Refused(_) | Self::Spring(_) => ErrorKind::Settings,
             Self::Task(_) if self.is_of_task() => ErrorKind::Settings,
-            Self::Interrupted { .. } => ErrorKind::Interrupted,
             Self::Missing(_) => ErrorKind::Missing,
             Self::In { source, .. } | Self::Advised { source, .. } => source.kind(),
             _ => ErrorKind::Failed,
@@ -266,30 +186,12 @@ impl Error {
     /// The setting that is wrong, such as `optimizer.seeds`, where one can be named.
     pub fn key(&self) -> Option<&str> {
         match self {
-            Self::Settings { key, .. } => key.as_deref(),
+            Self::Run(error) => error.key(),
             Self::Spring(_) => Some("spring"),
             Self::In { source, .. } | Self::Advised { source, .. } => source.key(),
             _ => None,
         }
     }
-}
-
-impl fmt::Display for Access {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Read => "read",
-            Self::Write => "write",
-            Self::Make => "make",
-        })
-    }
-}
-
-/// The first text in backquotes, if it is a setting's name.
-fn named_key(message: &str) -> Option<String> {
-    let key = message.split('`').nth(1)?;
-    let of_key =
-        |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || "_.".contains(letter);
-    (!key.is_empty() && key.chars().all(of_key)).then(|| key.to_owned())
 }
 
 #[cfg(test)]

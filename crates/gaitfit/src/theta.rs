@@ -1,6 +1,6 @@
 //! Files of fitted parameters.
 
-use crate::{Access, Error, files};
+use crate::{Error, files};
 use gaitfit_adapt::ThetaFile;
 use gaitfit_model::Model;
 use gaitfit_sim::Candidate;
@@ -17,8 +17,8 @@ pub fn find(path: &Path) -> PathBuf {
 
 /// Reads a theta.toml.
 pub fn read(path: &Path) -> Result<ThetaFile, Error> {
-    let text = files::read_text(path, MAX_BYTES).map_err(|source| Error::File {
-        access: Access::Read,
+    let text = files::read_text(path, MAX_BYTES).map_err(|source| gaitfit_run::Error::File {
+        access: gaitfit_run::Access::Read,
         path: path.to_owned(),
         source,
         remedy: "; give the theta.toml of a `gaitfit fit` run".to_owned(),

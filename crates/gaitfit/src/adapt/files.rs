@@ -49,7 +49,7 @@ pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a,
         inputs: inputs(setup)?,
         same_files: true,
         seeds: setup.options.seeds.clone(),
-        devices: setup.devices.clone(),
+        devices: setup.devices.to_string(),
         asked: Extent { generations: setup.config.optimizer.generations },
     })
 }
@@ -64,7 +64,7 @@ fn inputs(setup: &Setup) -> Result<Inputs, Error> {
     settings.simulation.threads = 0;
     settings.optimizer.max_seconds = 0.0;
     settings.optimizer.generations = 0;
-    Inputs::new(setup.files.iter().map(PathBuf::as_path), setup.method.model(), &settings)
+    Ok(Inputs::new(setup.files.iter().map(PathBuf::as_path), setup.method.model(), &settings)?)
 }
 
 /// Writes what was found, but for the result itself.
@@ -86,7 +86,7 @@ pub fn write(
     }
     folder.write_json::<Vec<Validation>>("validation.json", &results.validation)?;
     let page = report::page(setup, results, metrics)?;
-    folder.write("report.html", page.as_bytes())
+    Ok(folder.write("report.html", page.as_bytes())?)
 }
 
 /// Draws of θ as a table: a header with the parameters' names, then a row a draw, in their units.

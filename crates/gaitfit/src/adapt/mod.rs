@@ -69,7 +69,7 @@ use crate::watch::Watch;
 /// differ from their siblings; `setup` then has springs on them.
 ///
 /// # Errors
-/// A fit that cannot go on; a folder of other inputs; [`Error::Interrupted`].
+/// A fit that cannot go on; a folder of other inputs; an interruption.
 pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<AdaptResults, Error> {
     for warning in &setup.warnings {
         watch.note(warning);
@@ -90,7 +90,7 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
         let metrics = search::metrics(folder)?;
         let results = results::results(setup, &outcomes, &metrics, odd, folder, seconds, watch)?;
         files::write(folder, setup, &results, &metrics)?;
-        Ok(results)
+        Ok::<_, Error>(results)
     })?;
     if let Some(odd) = &results.odd_joints {
         setup.take(odd)?;

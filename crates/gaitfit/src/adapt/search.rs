@@ -60,7 +60,7 @@ pub fn fit(
         let state = Saved { inputs: inputs.clone(), wall_seconds: seconds(), fit: fit.checkpoint() };
         let text = serde_json::to_vec(&state)
             .map_err(|error| Error::failed(format!("cannot write the checkpoint: {error}")))?;
-        folder.write(CHECKPOINT, &text)
+        Ok(folder.write(CHECKPOINT, &text)?)
     };
     let interrupted = |fit: &Fit<'_>| match save(fit) {
         Err(error) => error,

@@ -2,9 +2,7 @@
 
 use super::Device;
 use crate::Error;
-use crate::run::{latest_path, manifest};
 use std::fmt;
-use std::path::Path;
 use std::str::FromStr;
 
 /// One device or several GPUs.
@@ -75,12 +73,11 @@ impl Devices {
         self.first().gpu().is_some()
     }
 
-    /// What a command computes on: what was asked for; else what the latest run of this name, which is continued, was on,
-    /// if it is there; else what is [found](Device::found).
-    pub fn of_run(asked: Option<Self>, continued: Option<(&Path, &str)>) -> Self {
+    /// What a command computes on: what was asked for; else `last`, the name of what the resumed run was on, if that is
+    /// there; else what is [found](Device::found).
+    pub fn choose(asked: Option<Self>, last: Option<&str>) -> Self {
         let last = || {
-            let (runs, name) = continued?;
-            let last = manifest::devices(&latest_path(runs, name)?)?;
+            let last: Self = last?.parse().ok()?;
             let there = |device: &Device| match device.gpu() {
                 None => Some(Device::Cpu),
                 Some(number) => {
@@ -121,8 +118,10 @@ impl Devices {
 mod tests {
     use super::*;
     use crate::run::RunFolder;
+    use crate::run::manifest::last_devices;
     use crate::settings::{self, TrainConfig};
     use crate::watch::Watch;
+    use std::path::Path;
 
     #[test]
     fn a_run_goes_on_on_its_devices_unless_told_otherwise() {
@@ -134,7 +133,7 @@ mod tests {
         };
         write("walk", "cuda:0");
         write("walk-2", "cpu");
-        let resumed = |asked, name| Devices::of_run(asked, Some((runs.path(), name)));
+        let resumed = |asked, name| Devices::choose(asked, last_devices(runs.path(), name).as_deref());
         assert_eq!(resumed(None, "walk"), Device::Cpu.into());
         assert_eq!(resumed(Some(Device::Cuda(3).into()), "walk"), Device::Cuda(3).into());
         // Not there: as if nothing was said.
@@ -143,7 +142,7 @@ mod tests {
         write("walk-4", "cuda:0,4000");
         assert_eq!(resumed(None, "walk"), Device::found().into());
         assert_eq!(resumed(None, "trot"), Device::found().into());
-        let last = manifest::devices(&runs.path().join("walk-4")).unwrap();
+        let last: Devices = last_devices(runs.path(), "walk").unwrap().parse().unwrap();
         assert_eq!(last.all(), [Device::Cuda(0), Device::Cuda(4000)]);
     }
 

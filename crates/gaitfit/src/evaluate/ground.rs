@@ -203,7 +203,7 @@ pub(super) fn measure(
     let found = crossings(&world.subject(seed), robots, speed, threads)?;
     if watch.stop() {
         let message = "interrupted; this evaluation is not kept".to_owned();
-        return Err(Error::Interrupted { message, kept: None });
+        return Err(Error::interrupted_with_nothing(message));
     }
     let results = match &world.scene.course {
         Some(course) => summarise_crossings(course, &found).into_iter().map(GroundResult::new).collect(),

@@ -161,7 +161,7 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
     let subject = world.subject(plan.seed);
     let go_on = || {
         let message = "interrupted; this evaluation is not kept".to_owned();
-        if watch.stop() { Err(Error::Interrupted { message, kept: None }) } else { Ok(()) }
+        if watch.stop() { Err(Error::interrupted_with_nothing(message)) } else { Ok(()) }
     };
     let trials = trials(&subject, plan, watch)?;
     go_on()?;

@@ -168,5 +168,5 @@ pub(super) fn variance(found: &Sensitivity) -> f64 {
 
 /// That the watch stopped it.
 pub(super) fn interrupted() -> Error {
-    Error::Interrupted { message: "interrupted; nothing was written".to_owned(), kept: None }
+    Error::interrupted_with_nothing("interrupted; nothing was written")
 }

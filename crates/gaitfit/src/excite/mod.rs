@@ -135,8 +135,8 @@ impl Chirp {
                 differing.join(", ")
             )));
         }
-        std::fs::create_dir_all(folder).map_err(|source| Error::File {
-            access: crate::Access::Make,
+        std::fs::create_dir_all(folder).map_err(|source| gaitfit_run::Error::File {
+            access: gaitfit_run::Access::Make,
             path: folder.to_owned(),
             source,
             remedy: String::new(),

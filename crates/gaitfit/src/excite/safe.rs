@@ -218,8 +218,7 @@ impl<'a> Trial<'a> {
         let rollout = |values: &Vec<f64>| Rollout { values: values.clone(), ..Rollout::default() };
         let rollouts: Vec<Rollout> = self.robots.iter().map(rollout).collect();
         let cancel = || watch.stop();
-        let stopped =
-            || Error::Interrupted { message: "interrupted; nothing was written".to_owned(), kept: None };
+        let stopped = || Error::interrupted_with_nothing("interrupted; nothing was written");
         simulator.simulate(&self.theta, &rollouts, &of_bounds, &cancel).map_err(|error| match error {
             SimulatorError::Cancelled => stopped(),
             error => Error::failed(error),

@@ -12,7 +12,7 @@ mod urdf;
 mod xml;
 
 use crate::robot::{self, Hold};
-use crate::{Access, Error, files, theta};
+use crate::{Error, files, theta};
 use document::document;
 use fit::Fit;
 use gaitfit_adapt::{JointParameter, ThetaFile};
@@ -98,12 +98,7 @@ pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
         Some((path, lenient)) => {
             let model =
                 robot::as_written(path, *lenient).or_else(|_| robot::read(path, *lenient, Hold::File))?;
-            let text = files::read_text(path, MAX_BYTES).map_err(|source| Error::File {
-                access: Access::Read,
-                path: path.clone(),
-                source,
-                remedy: String::new(),
-            })?;
+            let text = files::read_text(path, MAX_BYTES).map_err(|source| Error::unreadable(path, source))?;
             let is_urdf = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("urdf"));
             (model, text, is_urdf)
         }

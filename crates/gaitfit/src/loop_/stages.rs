@@ -339,7 +339,7 @@ impl<'a> Stages<'a> {
     fn write_config<C: Serialize>(&self, name: &str, config: &C) -> Result<(), Error> {
         let text = toml::to_string_pretty(config)
             .map_err(|error| Error::failed(format!("cannot write {name}: {error}")))?;
-        self.folder.write(name, text.as_bytes())
+        Ok(self.folder.write(name, text.as_bytes())?)
     }
 }
 

@@ -1,7 +1,7 @@
 //! What is said of a configuration that is wrong: where, and which name was meant.
 
 use crate::Error;
-use crate::brief::short_numbers;
+use crate::short_numbers;
 use gaitfit_model::escaped;
 use std::path::Path;
 

@@ -47,7 +47,7 @@ pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Protocol<'a, Asked>
         inputs: setup.inputs.clone(),
         same_files: false,
         seeds: plan.seeds.clone(),
-        devices: setup.devices.clone(),
+        devices: setup.devices.to_string(),
         asked: Asked { iterations: plan.train.iterations, seeds: plan.seeds.clone() },
     }
 }

@@ -125,7 +125,7 @@ impl Session<'_> {
         for metric in kept {
             lines.push_str(&metric.line()?);
         }
-        self.folder.write(&self.files.metrics, lines.as_bytes())
+        Ok(self.folder.write(&self.files.metrics, lines.as_bytes())?)
     }
 
     /// Writes policy and checkpoint. The checkpoint comes last: what it counts as done is on the disk.
@@ -143,7 +143,7 @@ impl Session<'_> {
         self.folder.write(&self.files.policy, &bytes)?;
         let seconds = self.seconds();
         let state = self.training.save(&self.setup.origin(self.seed), seconds)?;
-        self.folder.write(&self.files.checkpoint, &state)
+        Ok(self.folder.write(&self.files.checkpoint, &state)?)
     }
 
     fn run(mut self) -> Result<(), Error> {

@@ -8,7 +8,6 @@
 use super::changes::{bound, difference};
 use super::{Inputs, RunFolder, manifest};
 use crate::Error;
-use crate::device::Devices;
 use crate::machine::now;
 use crate::watch::Watch;
 use serde::de::DeserializeOwned;
@@ -34,8 +33,8 @@ pub struct Protocol<'a, A = Whole> {
     pub same_files: bool,
     /// Seeds, for the manifest.
     pub seeds: Vec<u64>,
-    /// What computes, for the manifest: a run may go on on another device.
-    pub devices: Devices,
+    /// What computes, for the manifest, such as `cuda:0,1`: a run may go on on another device.
+    pub devices: String,
     /// How much is asked for; a run that is finished with another extent goes on.
     pub asked: A,
 }
@@ -58,11 +57,11 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
     ///
     /// # Errors
     /// A folder of other settings or inputs, files that are damaged or cannot be written, and those of `work`.
-    pub fn run<R: Serialize + DeserializeOwned>(
+    pub fn run<R: Serialize + DeserializeOwned, E: From<Error>>(
         &self,
         watch: &Watch<'_>,
-        work: impl FnOnce() -> Result<R, Error>,
-    ) -> Result<R, Error> {
+        work: impl FnOnce() -> Result<R, E>,
+    ) -> Result<R, E> {
         self.check()?;
         if let Some(results) = self.finished()? {
             watch.note(&format!("{} is finished; this is its result", self.folder.path().display()));
@@ -70,7 +69,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
         }
         let begun = self.begin()?;
         let results = work()?;
-        self.finish(&begun, results)
+        Ok(self.finish(&begun, results)?)
     }
 
     /// The settings that the folder was begun with, if it was.
@@ -195,7 +194,6 @@ fn no_number(path: &str, table: &Table) -> Option<String> {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use crate::device::Device;
 
     #[derive(Clone, PartialEq, Serialize, Deserialize)]
     struct Asked {
@@ -206,7 +204,7 @@ mod tests {
         let settings: Table = toml::from_str(settings).unwrap();
         let files = [("log.csv".to_owned(), "1".to_owned())].into();
         let inputs = Inputs { files, model: "robot".to_owned(), settings: String::new() };
-        let (seeds, devices, asked) = (vec![1], Device::Cpu.into(), Asked { rounds });
+        let (seeds, devices, asked) = (vec![1], "cpu".to_owned(), Asked { rounds });
         Protocol { folder, settings, free: &["rounds"], inputs, same_files: true, seeds, devices, asked }
     }
 
@@ -216,17 +214,24 @@ mod tests {
         let folder = RunFolder::fresh(runs.path(), "a").unwrap();
         let silent = Watch::silent();
         let text = "x = 1\nrounds = 1\n";
-        let failed = protocol(&folder, text, 1).run::<u32>(&silent, || Err(Error::failed("broken")));
+        let failed = protocol(&folder, text, 1).run::<u32, Error>(&silent, || Err(Error::failed("broken")));
         assert_eq!(failed.unwrap_err().to_string(), "broken");
         assert!(folder.read(RESULT).unwrap().is_none() && folder.read(CONFIG).unwrap().is_some());
-        assert_eq!(protocol(&folder, text, 1).run(&silent, || Ok(7)).unwrap(), 7);
-        assert_eq!(protocol(&folder, text, 1).run(&silent, || Ok(8)).unwrap(), 7, "it is finished");
+        assert_eq!(protocol(&folder, text, 1).run::<_, Error>(&silent, || Ok(7)).unwrap(), 7);
+        assert_eq!(
+            protocol(&folder, text, 1).run::<_, Error>(&silent, || Ok(8)).unwrap(),
+            7,
+            "it is finished"
+        );
         let more = "x = 1\nrounds = 2\n";
-        assert_eq!(protocol(&folder, more, 2).run(&silent, || Ok(9)).unwrap(), 9);
-        let other = protocol(&folder, "x = 2\nrounds = 2\n", 2).run(&silent, || Ok(1)).unwrap_err();
+        assert_eq!(protocol(&folder, more, 2).run::<_, Error>(&silent, || Ok(9)).unwrap(), 9);
+        let other =
+            protocol(&folder, "x = 2\nrounds = 2\n", 2).run::<_, Error>(&silent, || Ok(1)).unwrap_err();
         assert!(other.to_string().contains("`x` was 1, now it is 2"), "{other}");
         assert!(folder.read(CONFIG).unwrap().unwrap().contains("x = 1"), "a refusal writes nothing");
-        let none = protocol(&folder, "x = 1\ny = [{ z = nan }]\n", 2).run(&silent, || Ok(1)).unwrap_err();
+        let none = protocol(&folder, "x = 1\ny = [{ z = nan }]\n", 2)
+            .run::<_, Error>(&silent, || Ok(1))
+            .unwrap_err();
         assert_eq!((none.key(), none.kind()), (Some("y.0.z"), crate::ErrorKind::Settings), "{none}");
     }
 
@@ -237,7 +242,7 @@ mod tests {
         protocol(&folder, "x = 1\n", 1).begin().unwrap();
         let mut changed = protocol(&folder, "x = 1\n", 1);
         changed.inputs.model = "another".to_owned();
-        let error = changed.run(&Watch::silent(), || Ok(1)).unwrap_err();
+        let error = changed.run::<_, Error>(&Watch::silent(), || Ok(1)).unwrap_err();
         assert!(error.to_string().contains("the robot"), "{error}");
         let mut moved = protocol(&folder, "x = 1\n", 1);
         moved.inputs.files.clear();

@@ -1,11 +1,10 @@
 //! `manifest.json`: what made a run.
 
 use crate::Error;
-use crate::device::Devices;
 use crate::files;
 use crate::machine::{Machine, machine};
-use crate::run::RunFolder;
 use crate::run::inputs::Inputs;
+use crate::run::{RunFolder, latest_path};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -29,7 +28,7 @@ struct Manifest<'a> {
 pub fn write(
     folder: &RunFolder,
     seeds: &[u64],
-    devices: &Devices,
+    devices: &str,
     inputs: &Inputs,
     begun: &str,
     ended: Option<String>,
@@ -41,7 +40,7 @@ pub fn write(
         begun,
         ended,
         seeds,
-        device: devices.to_string(),
+        device: devices.to_owned(),
         machine: machine(),
         inputs,
     };
@@ -66,12 +65,13 @@ pub fn inputs(folder: &RunFolder) -> Result<Option<Inputs>, Error> {
     })
 }
 
-/// The devices that the run in this folder was last on, if its manifest says some.
-pub fn devices(folder: &Path) -> Option<Devices> {
+/// The name of the devices that the latest run `name` within `runs` was last on, if there is one and its manifest has it.
+pub fn last_devices(runs: &Path, name: &str) -> Option<String> {
     #[derive(Deserialize)]
     struct Named {
         device: String,
     }
+    let folder = latest_path(runs, name)?;
     let text = files::read_text(&folder.join(MANIFEST), files::MAX_BYTES).ok()?;
-    serde_json::from_str::<Named>(&text).ok()?.device.parse().ok()
+    Some(serde_json::from_str::<Named>(&text).ok()?.device)
 }
