@@ -5,14 +5,12 @@
 //! object and the remedy. Stages report progress and may be stopped through one callback ([`watch::Watch`]). What they
 //! compute lies in run folders ([`run::RunFolder`]), from which an interrupted stage goes on to the same bits.
 //!
-//! The stages live in crates of their own, which this one names in one place: `gaitfit-run`, `gaitfit-settings`,
-//! `gaitfit-world`, `gaitfit-fit` and `gaitfit-train`.
+//! Most stages live in crates of their own, which this one names in one place: `gaitfit-run`, `gaitfit-settings`,
+//! `gaitfit-world`, `gaitfit-fit`, `gaitfit-train`, `gaitfit-excite` and `gaitfit-export`.
 
 pub mod collect;
 #[cfg(test)]
 mod devices_test;
-pub mod excite;
-pub mod export_theta;
 pub mod log_folder;
 pub mod loop_;
 pub mod new;
@@ -21,7 +19,9 @@ pub mod runs;
 pub mod target;
 
 pub use collect::{CollectSettings, collect, collect_in};
-pub use export_theta::{ExportSettings, export_theta};
+pub use gaitfit_excite as excite;
+pub use gaitfit_export as export_theta;
+pub use gaitfit_export::{ExportSettings, export_theta};
 pub use gaitfit_fit::{adapt, air, arrangement, log, log_check, view, walk, weight};
 pub use gaitfit_run::Error as RunError;
 pub use gaitfit_run::{Access, ErrorKind, brief, files, machine, policy_file, run, short_numbers, watch};
@@ -32,4 +32,4 @@ pub use gaitfit_world::{device, init, replay, robot_file, world};
 
 use gaitfit_fit::pieces;
 use gaitfit_train::crew;
-use gaitfit_world::{log_joints, theta};
+use gaitfit_world::theta;

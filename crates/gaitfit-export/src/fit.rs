@@ -1,10 +1,11 @@
 //! What the fit that wrote the parameters knows: its `config.toml` lies beside them.
 
 use super::ExportSettings;
-use crate::settings::{self, AdaptConfig};
-use crate::{Error, log_joints, paths, robot_file};
 use gaitfit_log::{Gains, ReadOptions, csv_files, read_csv};
 use gaitfit_model::{Model, shown_path};
+use gaitfit_settings::settings::{self, AdaptConfig};
+use gaitfit_settings::{Error, paths};
+use gaitfit_world::{log_joints, robot_file};
 use std::path::{Path, PathBuf};
 
 /// The settings of a fit, and where they were read.
@@ -72,7 +73,7 @@ impl Fit {
     /// Those of the policy that walked.
     fn of_policy(&self, model: &Model) -> Option<(Gains, String)> {
         let named = paths::find(self.config.policy.as_ref()?, "policy", &self.path).ok()?;
-        let file = crate::policy_file::find(&named).ok()?.path;
+        let file = gaitfit_run::policy_file::find(&named).ok()?.path;
         let policy = gaitfit_policy::read(&file).ok()?;
         Some((of_policy(&policy, &file, model).ok()?, format!("the policy {}", shown_path(&file))))
     }

@@ -1,9 +1,9 @@
 //! theta.json: every number with its interval, and what they make of each joint.
 
 use super::joint::JointNumbers;
-use crate::Error;
 use gaitfit_adapt::ThetaFile;
 use gaitfit_model::Model;
+use gaitfit_settings::Error;
 use gaitfit_sim::Candidate;
 use serde_json::{Map, Value, json};
 

@@ -1,13 +1,13 @@
 //! A robot that hangs in the air: its joints, gains, limits, and the pose about which it moves.
 
 use super::settings::{ChirpSettings, Turns};
-use crate::air::choices;
-use crate::settings::{self, AdaptConfig};
-use crate::{Error, robot};
 use gaitfit_adapt::{JointParameter, ParameterRule, Sharing, Theta};
+use gaitfit_fit::air::choices;
 use gaitfit_log::{Gains, PerJoint, Trajectory};
 use gaitfit_model::patterns::{covered, table};
 use gaitfit_model::{Model, shown, shown_number};
+use gaitfit_settings::settings::{self, AdaptConfig};
+use gaitfit_settings::{Error, robot};
 use gaitfit_sim::Recording;
 use indexmap::IndexMap;
 
@@ -69,7 +69,7 @@ impl Body {
         };
         let fit = settings.fit.as_deref();
         let given: Option<AdaptConfig> = fit.map(|path| settings::load(Some(path), &[])).transpose()?;
-        let looked = if robot::is_go2(&floating) { None } else { crate::init::look(&floating).ok() };
+        let looked = if robot::is_go2(&floating) { None } else { gaitfit_world::init::look(&floating).ok() };
         let source = looked.as_ref().and_then(|look| look.guesses.iter().find(|guess| guess.what == "gains"));
         let source = source.map(|guess| guess.found.clone());
         let task = match looked {
@@ -274,7 +274,8 @@ fn gains(
             return Ok(Gains { kp, kd });
         }
     }
-    let servos: Option<Vec<[f64; 2]>> = all.iter().map(|&joint| crate::init::servo(model, joint)).collect();
+    let servos: Option<Vec<[f64; 2]>> =
+        all.iter().map(|&joint| gaitfit_world::init::servo(model, joint)).collect();
     match servos {
         Some(servos) => {
             notes.push(
@@ -364,7 +365,10 @@ fn usual(settings: &ChirpSettings, model: &Model) -> AdaptConfig {
                 ..rule(JointParameter::Delay, Sharing::All, DELAY)
             },
         ],
-        simulation: crate::settings::SimulationConfig { timestep: choices::STEP_S, ..Default::default() },
+        simulation: gaitfit_settings::settings::SimulationConfig {
+            timestep: choices::STEP_S,
+            ..Default::default()
+        },
         ..AdaptConfig::default()
     }
 }

@@ -1,6 +1,6 @@
 //! Changes of an XML file as text, so that all else in it stays as it is.
 
-use crate::Error;
+use gaitfit_settings::Error;
 use roxmltree::Node;
 use std::ops::Range;
 

@@ -3,7 +3,7 @@
 use super::body::Body;
 use super::safe::Safe;
 use super::settings::ChirpSettings;
-use crate::{Error, paths};
+use gaitfit_settings::{Error, paths};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -106,7 +106,7 @@ fn fit(settings: &ChirpSettings, body: &Body) -> String {
         }
     }
     // A value a joint: too many for a search by draws, and exact derivatives need tens of simulations each.
-    let _ = write!(out, "\n[optimizer]\n{}", crate::air::choices::SEARCH);
+    let _ = write!(out, "\n[optimizer]\n{}", gaitfit_fit::air::choices::SEARCH);
     let _ = writeln!(out, "\n[simulation]\ntimestep = {:?}", body.config.simulation.timestep);
     out
 }

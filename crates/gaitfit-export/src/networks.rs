@@ -1,9 +1,9 @@
 //! Networks of joints as ONNX and as NumPy's arrays, with rest angle and scales inside.
 
-use crate::Error;
 use gaitfit_adapt::{SavedNetwork, ThetaFile};
 use gaitfit_policy::network::{Activation, Network, Shape};
 use gaitfit_policy::onnx;
+use gaitfit_settings::Error;
 use std::io::{Cursor, Write};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;

@@ -1,7 +1,7 @@
 //! Files of command sequences: one row wherever a command changes.
 
-use crate::Error;
-use crate::files;
+use gaitfit_run::files;
+use gaitfit_settings::Error;
 use std::fmt::Write;
 use std::path::Path;
 

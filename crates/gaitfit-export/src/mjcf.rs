@@ -3,8 +3,8 @@
 use super::joint::JointNumbers;
 use super::xml::{Edits, number, numbers, parse};
 use super::{COMMON, link_kinds};
-use crate::Error;
 use gaitfit_model::Model;
+use gaitfit_settings::Error;
 use gaitfit_sim::Candidate;
 use roxmltree::{Document, Node};
 

@@ -1,8 +1,8 @@
 //! What a chirp should be.
 
-use crate::Error;
 use gaitfit_log::PerJoint;
 use gaitfit_model::shown_number;
+use gaitfit_settings::Error;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 

@@ -11,14 +11,16 @@ mod networks;
 mod urdf;
 mod xml;
 
-use crate::robot::{self, Hold};
-use crate::{Error, files, theta};
 use document::document;
 use fit::Fit;
 use gaitfit_adapt::{JointParameter, ThetaFile};
 use gaitfit_log::{Gains, PerJoint};
 use gaitfit_model::{Model, builtin};
+use gaitfit_run::files;
+use gaitfit_settings::Error;
+use gaitfit_settings::robot::{self, Hold};
 use gaitfit_sim::Candidate;
+use gaitfit_world::theta;
 use serde::Serialize;
 use std::path::PathBuf;
 

@@ -2,13 +2,14 @@
 
 use super::body::Body;
 use super::settings::ChirpSettings;
-use crate::adapt::{LogSet, Method, ParameterSensitivity, sensitivities};
-use crate::air::Clamped;
-use crate::log::Log;
-use crate::{Error, machine};
 use gaitfit_adapt::cost::CostKind;
 use gaitfit_adapt::fit::{Problem, off_bounds};
 use gaitfit_adapt::{Rollout, Signals, Simulator, Theta};
+use gaitfit_fit::adapt::{LogSet, Method, ParameterSensitivity, sensitivities};
+use gaitfit_fit::air::Clamped;
+use gaitfit_fit::log::Log;
+use gaitfit_run::machine;
+use gaitfit_settings::Error;
 use gaitfit_sim::Candidate;
 use std::num::NonZeroUsize;
 use std::sync::{Mutex, PoisonError};
@@ -20,7 +21,8 @@ pub(super) fn forecast(
     targets: &[f64],
     theta: &Theta,
 ) -> Result<Vec<ParameterSensitivity>, Error> {
-    let config = crate::settings::AdaptConfig { costs: vec![CostKind::MatchO], ..body.config.clone() };
+    let config =
+        gaitfit_settings::settings::AdaptConfig { costs: vec![CostKind::MatchO], ..body.config.clone() };
     let values: Vec<f64> = theta.entries().iter().map(|entry| off_bounds(entry, entry.start)).collect();
     let base = Candidate::nominal(&body.model);
     let threads = settings.threads.map_or_else(machine::threads, NonZeroUsize::get);

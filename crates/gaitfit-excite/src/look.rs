@@ -2,18 +2,18 @@
 
 use super::information::Information;
 use super::playlist::Sequence;
-use crate::Error;
-use crate::adapt::{LogSet, Method};
-use crate::log::Log;
-use crate::settings::AdaptConfig;
-use crate::walk::logs::{Purpose as Use, read};
-use crate::walk::recorder::{Recorded, Recorder};
-use crate::walk::walking::Walking;
-use crate::watch::{Watch, Work};
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{Problem, Sensitivity, sensitivity};
+use gaitfit_fit::adapt::{LogSet, Method};
+use gaitfit_fit::log::Log;
+use gaitfit_fit::walk::logs::{Purpose as Use, read};
+use gaitfit_fit::walk::recorder::{Recorded, Recorder};
+use gaitfit_fit::walk::walking::Walking;
 use gaitfit_log::{Gains, Trajectory};
 use gaitfit_random::{Purpose, derive_seed};
+use gaitfit_run::watch::{Watch, Work};
+use gaitfit_settings::Error;
+use gaitfit_settings::settings::AdaptConfig;
 use gaitfit_sim::Candidate;
 use std::path::Path;
 use std::sync::Arc;

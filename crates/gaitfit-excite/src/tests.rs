@@ -3,9 +3,9 @@
 
 use super::body::Body;
 use super::*;
-use crate::watch::Watch;
 use gaitfit_log::PerJoint;
 use gaitfit_physics::Preset;
+use gaitfit_run::watch::Watch;
 use gaitfit_sim::{Candidate, Cpu, Engine, JointSignals, Replay, ReplayOptions};
 use std::path::PathBuf;
 use std::sync::Mutex;

@@ -5,17 +5,18 @@ use super::information::Information;
 use super::look::{Look, interrupted, variance};
 use super::playlist::Sequence;
 use super::pool::Pool;
-use crate::adapt::{Robot, identifies, known_values, simulated};
-use crate::settings::{self, AdaptConfig, Base};
-use crate::walk::walking::{Walking, rest_angles};
-use crate::watch::Watch;
-use crate::{Error, machine};
 use gaitfit_adapt::cost::CostKind;
 use gaitfit_adapt::fit::Sensitivity;
 use gaitfit_adapt::{ParameterRule, RobotNumber, RobotRule, Theta};
+use gaitfit_fit::adapt::{Robot, identifies, known_values, simulated};
+use gaitfit_fit::walk::walking::{Walking, rest_angles};
 use gaitfit_model::patterns::covered;
 use gaitfit_model::shown_number;
 use gaitfit_random::{Purpose, Stream};
+use gaitfit_run::machine;
+use gaitfit_run::watch::Watch;
+use gaitfit_settings::Error;
+use gaitfit_settings::settings::{self, AdaptConfig, Base};
 use serde::Serialize;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -205,7 +206,7 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     }
 
     let recorded = look.recorded(&whole, variances / random.len() as f64)?;
-    let mut notes = crate::robot::remarks(&model);
+    let mut notes = gaitfit_settings::robot::remarks(&model);
     notes.extend(distributions.map(|cost| {
         format!(
             "the configuration's first cost, {cost}, compares distributions; the deviations are those of matchr1, which \

@@ -1,10 +1,10 @@
 //! What a theta.toml or a command line may not say, lest other simulators take it.
 
 use super::joint::JointNumbers;
-use crate::Error;
 use gaitfit_adapt::{RobotNumber, SavedParameter, ThetaFile};
 use gaitfit_model::{shown, shown_number};
 use gaitfit_physics::JointParameter;
+use gaitfit_settings::Error;
 use std::path::Path;
 
 /// Largest gain, N·m/rad or N·m·s/rad.

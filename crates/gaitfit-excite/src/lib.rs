@@ -18,9 +18,9 @@ mod tests;
 pub use commands::{CommandSettings, Commands, Expected, commands};
 pub use settings::{ChirpSettings, Turns};
 
-use crate::Error;
-use crate::adapt::ParameterSensitivity;
-use crate::watch::Watch;
+use gaitfit_fit::adapt::ParameterSensitivity;
+use gaitfit_run::watch::Watch;
+use gaitfit_settings::Error;
 use serde::Serialize;
 use std::path::Path;
 
@@ -125,7 +125,8 @@ impl Chirp {
         let differs = |(name, text): &&(&str, String)| {
             let path = folder.join(name);
             path.exists()
-                && crate::files::read_text(&path, crate::files::MAX_BYTES).is_ok_and(|old| old != *text)
+                && gaitfit_run::files::read_text(&path, gaitfit_run::files::MAX_BYTES)
+                    .is_ok_and(|old| old != *text)
         };
         let differing: Vec<&str> = self.files.iter().filter(differs).map(|(name, _)| *name).collect();
         if !force && !differing.is_empty() {
@@ -144,7 +145,7 @@ impl Chirp {
         let mut written = Vec::new();
         for (name, text) in &self.files {
             let path = folder.join(name);
-            crate::files::write(&path, text.as_bytes())?;
+            gaitfit_run::files::write(&path, text.as_bytes())?;
             written.push(path.display().to_string());
         }
         let path = folder.join(EXPECTED);
