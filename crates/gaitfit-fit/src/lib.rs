@@ -7,6 +7,7 @@
 pub mod adapt;
 pub mod air;
 pub mod arrangement;
+#[cfg(feature = "cuda")]
 mod gpu;
 pub mod log;
 pub mod log_check;

@@ -2,7 +2,8 @@
 
 use crate::Error;
 use crate::air::Clamped;
-use crate::device::fit_error;
+use crate::device::Gpu;
+#[cfg(feature = "cuda")]
 use crate::gpu::{GpuSimulator, OnGpu};
 use crate::log::Log;
 use crate::settings::AdaptConfig;
@@ -13,15 +14,18 @@ use gaitfit_sim::Candidate;
 use std::sync::Arc;
 
 /// The simulator on these GPUs, if there are some.
-fn on<S: OnGpu + 'static>(
-    simulator: S,
-    gpus: &[gaitfit_cuda::runtime::Device],
-    threads: usize,
-) -> Result<Box<dyn Simulator>, Error> {
+#[cfg(feature = "cuda")]
+fn on<S: OnGpu + 'static>(simulator: S, gpus: &[Gpu], threads: usize) -> Result<Box<dyn Simulator>, Error> {
     Ok(match gpus {
         [] => Box::new(simulator),
-        gpus => Box::new(GpuSimulator::new(simulator, gpus, threads).map_err(fit_error)?),
+        gpus => Box::new(GpuSimulator::new(simulator, gpus, threads).map_err(crate::device::fit_error)?),
     })
+}
+
+/// The simulator: a build without the feature `cuda` has no GPUs.
+#[cfg(not(feature = "cuda"))]
+fn on<S: Simulator + 'static>(simulator: S, _: &[Gpu], _: usize) -> Result<Box<dyn Simulator>, Error> {
+    Ok(Box::new(simulator))
 }
 
 /// How logs are simulated.
@@ -35,7 +39,7 @@ pub enum Method {
 impl Method {
     /// On these GPUs, if there are some.
     #[must_use]
-    pub fn on(self, gpus: Vec<gaitfit_cuda::runtime::Device>) -> Self {
+    pub fn on(self, gpus: Vec<Gpu>) -> Self {
         match self {
             Self::Replay(mut clamped) => {
                 clamped.gpus = gpus;

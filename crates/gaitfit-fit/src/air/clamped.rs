@@ -31,7 +31,7 @@ pub struct Clamped {
     /// Threads.
     pub threads: usize,
     /// The GPUs that simulate, instead of the CPU; none for the CPU.
-    pub gpus: Vec<gaitfit_cuda::runtime::Device>,
+    pub gpus: Vec<crate::device::Gpu>,
 }
 
 impl Clamped {

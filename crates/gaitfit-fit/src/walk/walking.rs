@@ -21,7 +21,7 @@ pub struct Walking {
     /// Threads.
     pub threads: usize,
     /// The GPUs that simulate, instead of the CPU; none for the CPU.
-    pub gpus: Vec<gaitfit_cuda::runtime::Device>,
+    pub gpus: Vec<crate::device::Gpu>,
 }
 
 impl Walking {

@@ -2,7 +2,7 @@
 
 use super::{GroundResult, TrajectoryErrors};
 use crate::Error;
-use crate::device::{Device, rollout_error};
+use crate::device::{self, Device};
 use crate::watch::Watch;
 use crate::world::World;
 use gaitfit_learn::evaluate::{
@@ -211,12 +211,8 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
 /// The trajectories with random commands, on the plan's device, or on the CPU if `auto` found a GPU that does not do them.
 fn trials(subject: &Subject<'_>, plan: &Plan, watch: &Watch<'_>) -> Result<Vec<Trial>, Error> {
     if let Some(gpu) = plan.device.open()? {
-        let found =
-            gaitfit_cuda::rollout::run_trials(&gpu, subject, plan.trajectories, plan.seconds, &|| {
-                watch.stop()
-            });
-        match found.map_err(rollout_error) {
-            Ok(trials) => return Ok(trials.unwrap_or_default()),
+        match device::trials(&gpu, subject, plan.trajectories, plan.seconds, &|| watch.stop()) {
+            Ok(trials) => return Ok(trials),
             Err(error) => match plan.device.instead(&error) {
                 Some(note) => watch.note(&note),
                 None => return Err(error),

@@ -3,12 +3,10 @@
 use super::metrics::{self, Metric};
 use super::setup::Setup;
 use crate::Error;
-use crate::device::{Device, rollout_error};
+use crate::device::{Device, Trainer, start_training, store_training};
 use crate::run::RunFolder;
 use crate::tensorboard::EventFile;
 use crate::watch::{Watch, Work};
-use gaitfit_cuda::ppo::Precision;
-use gaitfit_cuda::rollout::Trainer;
 use gaitfit_learn::Training;
 use gaitfit_policy::weights;
 use std::time::{Duration, Instant, SystemTime};
@@ -111,8 +109,7 @@ impl Session<'_> {
             None => self.save()?,
         }
         if let Some(device) = self.device.open()? {
-            let trainer = Trainer::new(&device, &mut self.training, Precision::default());
-            match trainer.map_err(rollout_error) {
+            match start_training(&device, &mut self.training) {
                 Ok(trainer) => self.trainer = Some(trainer),
                 Err(error) => match self.device.instead(&error) {
                     Some(note) => self.watch.note(&note),
@@ -131,7 +128,7 @@ impl Session<'_> {
     /// Writes policy and checkpoint. The checkpoint comes last: what it counts as done is on the disk.
     fn save(&mut self) -> Result<(), Error> {
         if let Some(trainer) = &self.trainer {
-            trainer.store(&mut self.training).map_err(rollout_error)?;
+            store_training(trainer, &mut self.training)?;
         }
         let mut policy = self.training.policy(&self.setup.inputs.settings, env!("CARGO_PKG_VERSION"));
         policy.provenance.robot_file.clone_from(&self.setup.robot_file);

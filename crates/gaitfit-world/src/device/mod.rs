@@ -1,17 +1,21 @@
 //! What computes.
 
+#[cfg(feature = "cuda")]
+mod gpu;
+#[cfg(not(feature = "cuda"))]
+#[path = "no_gpu.rs"]
+mod gpu;
 mod several;
 
+pub use gpu::{Gpu, Trainer, collect, start_training, store_training, trials};
+#[cfg(feature = "cuda")]
+pub use gpu::{cuda_error, fit_error, rollout_error};
 pub use several::Devices;
 
 use std::fmt;
 use std::str::FromStr;
 
 use crate::Error;
-use gaitfit_cuda::fit::FitError;
-use gaitfit_cuda::ppo::PpoError;
-use gaitfit_cuda::rollout::RolloutError;
-use gaitfit_cuda::runtime::{CudaError, Found};
 use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::Task;
 use gaitfit_sim::Candidate;
@@ -58,13 +62,7 @@ impl fmt::Display for Device {
 impl Device {
     /// The first GPU if driver, GPU and compiler are there, else the processor: what `auto` means.
     pub fn found() -> Self {
-        Self::among(&gaitfit_cuda::runtime::find())
-    }
-
-    /// The same of what a search has found.
-    pub fn among(found: &Found) -> Self {
-        let usable = found.problems.is_empty() && found.nvrtc.is_some();
-        found.gpus.first().filter(|_| usable).map_or(Self::Cpu, |gpu| Self::Found(gpu.ordinal))
+        gpu::automatic()
     }
 
     /// The number of the GPU; none of the processor.
@@ -94,8 +92,8 @@ impl Device {
     /// What computes, one line to begin with.
     pub fn line(self) -> String {
         let Some(number) = self.gpu() else { return "device cpu".to_owned() };
-        let name = gaitfit_cuda::runtime::find().gpus.into_iter().find(|gpu| gpu.ordinal == number);
-        format!("device {self}{}", name.map(|gpu| format!(", {}", gpu.name)).unwrap_or_default())
+        let name = gpu::name(number).map(|name| format!(", {name}"));
+        format!("device {self}{}", name.unwrap_or_default())
     }
 
     /// Why the processor computes instead, if `auto` found this device and it does not do what is asked.
@@ -124,7 +122,7 @@ impl Device {
         if self == Self::Cpu {
             return Ok((self, None));
         }
-        match gaitfit_cuda::rollout::check(scene, candidates, learner).map_err(rollout_error) {
+        match gpu::check(scene, candidates, learner) {
             Ok(()) => Ok((self, None)),
             Err(error) => match self.instead(&error) {
                 Some(note) => Ok((Self::Cpu, Some(note))),
@@ -136,40 +134,9 @@ impl Device {
     /// The GPU, opened; none of the processor.
     ///
     /// # Errors
-    /// [`Error::Missing`] without the driver or the GPU.
-    pub fn open(self) -> Result<Option<gaitfit_cuda::runtime::Device>, Error> {
-        let open = |number| gaitfit_cuda::runtime::Device::open(number).map_err(|error| cuda_error(&error));
-        self.gpu().map(open).transpose()
-    }
-}
-
-/// A missing driver, GPU or compiler is told apart from a failure.
-pub fn cuda_error(error: &CudaError) -> Error {
-    if error.is_missing() { Error::Missing(error.to_string()) } else { Error::failed(error) }
-}
-
-/// Why a training on a GPU cannot be, or stopped.
-pub fn rollout_error(error: RolloutError) -> Error {
-    match error {
-        RolloutError::Cuda(error) => cuda_error(&error),
-        RolloutError::Unsupported(_)
-        | RolloutError::Trials(_)
-        | RolloutError::Ppo(
-            PpoError::Unsupported(_)
-            | PpoError::TooWide(_)
-            | PpoError::TooOld { .. }
-            | PpoError::TooMany { .. },
-        ) => Error::Refused(error.to_string()),
-        error => Error::failed(error),
-    }
-}
-
-/// Why a fit on a GPU cannot be, or stopped.
-pub fn fit_error(error: FitError) -> Error {
-    match error.cause() {
-        FitError::Cuda(cause) if cause.is_missing() => Error::Missing(error.to_string()),
-        FitError::Unsupported(_) | FitError::TooWide { .. } => Error::Refused(error.to_string()),
-        _ => Error::failed(error),
+    /// [`Error::Missing`] without the driver or the GPU, or in a build without the feature `cuda`.
+    pub fn open(self) -> Result<Option<Gpu>, Error> {
+        self.gpu().map(gpu::open).transpose()
     }
 }
 
@@ -177,8 +144,6 @@ pub fn fit_error(error: FitError) -> Error {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use gaitfit_learn::ppo;
-    use gaitfit_learn::task::TaskSettings;
 
     #[test]
     fn what_a_found_gpu_refuses_the_cpu_does() {
@@ -189,38 +154,6 @@ mod tests {
         assert_eq!(Device::Cuda(1).instead(&refused), None);
         assert_eq!(Device::Found(1).instead(&Error::failed("the GPU has burnt")), None);
         assert_eq!(refused.kind(), crate::ErrorKind::Settings);
-    }
-
-    #[test]
-    fn a_gpu_of_several_that_failed_is_named() {
-        let on = |error: FitError| fit_error(FitError::On { ordinal: 1, error: Box::new(error) });
-        let missing = on(CudaError::Ordinal { ordinal: 1, count: 1 }.into());
-        assert!(
-            matches!(missing, Error::Missing(_)) && missing.to_string().contains("cuda:1: "),
-            "{missing}"
-        );
-        let wide = on(FitError::TooWide { needed: 9, rows: 4, available: 8 });
-        assert!(wide.refusal().unwrap().contains("cuda:1: "), "{wide}");
-    }
-
-    #[test]
-    fn a_gpu_by_default_leaves_unsupported_tasks_to_the_cpu() {
-        let model = crate::robot::go2().unwrap();
-        let settings =
-            TaskSettings { self_contact: gaitfit_model::SelfContact::File, ..TaskSettings::default() };
-        let task = Task::new(&model, &settings, gaitfit_physics::Preset::Fast).unwrap();
-        let learner = gaitfit_learn::Training::fresh_learner(&task, &Default::default(), 1).unwrap();
-        assert_eq!(Device::Found(0).for_training(&task, &[], &learner).unwrap(), (Device::Found(0), None));
-        let ppo = ppo::Settings { memory: Some(ppo::MemorySettings::default()), ..Default::default() };
-        let remembers = gaitfit_learn::Training::fresh_learner(&task, &ppo, 1).unwrap();
-        let found = Device::Found(0).for_training(&task, &[], &remembers).unwrap();
-        assert_eq!(found, (Device::Found(0), None));
-        let own = task.with_term("own", 1.0, |_| 0.0).unwrap();
-        let (device, note) = Device::Found(0).for_training(&own, &[], &learner).unwrap();
-        assert_eq!(device, Device::Cpu);
-        assert!(note.unwrap().contains("`own`"));
-        let error = Device::Cuda(0).for_training(&own, &[], &learner).unwrap_err();
-        assert!(error.refusal().unwrap().contains("`own`"), "{error}");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! One device, or several GPUs of one host.
 
-use super::Device;
+use super::{Device, Gpu};
 use crate::Error;
 use std::fmt;
 use std::str::FromStr;
@@ -85,9 +85,7 @@ impl Devices {
             let last: Self = last?.parse().ok()?;
             let there = |device: &Device| match device.gpu() {
                 None => Some(Device::Cpu),
-                Some(number) => {
-                    gaitfit_cuda::runtime::Device::open(number).is_ok().then_some(Device::Found(number))
-                }
+                Some(number) => Device::Cuda(number).open().is_ok().then_some(Device::Found(number)),
             };
             last.0.iter().map(there).collect::<Option<Vec<_>>>().map(Self)
         };
@@ -113,7 +111,7 @@ impl Devices {
     ///
     /// # Errors
     /// As [`Device::open`].
-    pub fn open(&self) -> Result<Vec<gaitfit_cuda::runtime::Device>, Error> {
+    pub fn open(&self) -> Result<Vec<Gpu>, Error> {
         self.0.iter().filter_map(|device| device.open().transpose()).collect()
     }
 }
