@@ -67,7 +67,8 @@ fn gpu_a_fit_in_two_sessions_has_the_bits_of_one() {
             "logs=[\"../../examples/go2-demo/fit.csv\"]",
         ];
         let config = settings::load(Some(&file), &changes.map(str::to_owned)).unwrap();
-        let mut setup = crate::adapt::Setup::open_on(&config, &file, Some(4), devices).unwrap();
+        let mut setup =
+            crate::adapt::Opening::new(&config, &file).threads(4).devices(devices).open().unwrap();
         let folder = RunFolder::only(runs.path(), name).unwrap();
         let found = crate::adapt::fit(&mut setup, &folder, &Watch::silent()).unwrap();
         let mut found = serde_json::to_value(found).unwrap();

@@ -199,7 +199,7 @@ fn best(setup: &Setup, fit: &Fit<'_>) -> String {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
-    use crate::adapt::{Setup, fit};
+    use crate::adapt::{Opening, Setup, fit};
     use crate::run::RunFolder;
     use crate::settings;
     use crate::watch::Watch;
@@ -264,7 +264,7 @@ mod tests {
             "logs=[\"../../examples/go2-demo/fit.csv\"]".to_owned(),
             "validate=[]".to_owned(),
         ];
-        Setup::open(&settings::load(Some(&file), &changes).unwrap(), &file, Some(2)).unwrap()
+        Opening::new(&settings::load(Some(&file), &changes).unwrap(), &file).threads(2).open().unwrap()
     }
 
     fn values(found: &crate::adapt::AdaptResults) -> Vec<f64> {

@@ -11,7 +11,7 @@ use super::share::Shares;
 use super::swing_correction;
 use super::{known, swing};
 use crate::air::logs as air_logs;
-use crate::device::{Device, Devices};
+use crate::device::Devices;
 use crate::log::Log;
 use crate::settings::{AdaptConfig, Base, check};
 use crate::walk::logs::LogNotes;
@@ -73,50 +73,8 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// Reads robot, policy and logs and checks the settings.
-    ///
-    /// # Errors
-    /// Settings that do not go together; files that are not there or not usable, each by name.
-    pub fn open(config: &AdaptConfig, config_path: &Path, threads: Option<usize>) -> Result<Self, Error> {
-        Self::open_on(config, config_path, threads, &Device::Cpu.into())
-    }
-
-    /// As [`Setup::open`]; `devices` simulate and share the candidates, or the CPU what a GPU that `auto` found does not.
-    ///
-    /// # Errors
-    /// As there; a GPU that is not there, or that does not do what is asked.
-    pub fn open_on(
-        config: &AdaptConfig,
-        config_path: &Path,
-        threads: Option<usize>,
-        devices: &Devices,
-    ) -> Result<Self, Error> {
-        Self::open_policy(config, config_path, threads, devices, None)
-    }
-
-    /// As [`Setup::open_on`]; the policy that walked is `policy`, where it is given, and the configuration says only what
-    /// it is called.
-    ///
-    /// # Errors
-    /// As there.
-    pub fn open_policy(
-        config: &AdaptConfig,
-        config_path: &Path,
-        threads: Option<usize>,
-        devices: &Devices,
-        policy: Option<&Policy>,
-    ) -> Result<Self, Error> {
-        let error = match Self::read_all(config, config_path, threads, devices, policy) {
-            Err(error) => error,
-            opened => return opened,
-        };
-        let Some(note) = devices.instead(&error) else { return Err(error) };
-        let mut setup = Self::read_all(config, config_path, threads, &Device::Cpu.into(), policy)?;
-        setup.warnings.insert(0, note);
-        Ok(setup)
-    }
-
-    fn read_all(
+    /// See [`super::Opening::open`].
+    pub(super) fn read_all(
         config: &AdaptConfig,
         config_path: &Path,
         threads: Option<usize>,

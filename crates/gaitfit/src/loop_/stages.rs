@@ -129,7 +129,7 @@ impl<'a> Stages<'a> {
         self.write_config(&file, config)?;
         let recorded = self.path(&format!("{round}/logs"));
         let (threads, devices) = (Some(self.setup.threads), &self.setup.devices);
-        let setup = adapt::Setup::open_on(config, &self.path(&file), threads, devices);
+        let setup = adapt::Opening::new(config, &self.path(&file)).threads(threads).devices(devices).open();
         let mut setup = setup.map_err(|error| {
             let error = if config.validate.is_empty() {
                 error

@@ -189,6 +189,7 @@ mod tests {
     use super::*;
     use crate::adapt::log_set::LogSet;
     use crate::adapt::method::Method;
+    use crate::adapt::opening::Opening;
     use crate::settings;
     use std::path::Path;
 
@@ -222,7 +223,7 @@ mod tests {
             changes.push(format!("parameter=[{}]", kinds.join(",")));
         }
         changes.extend(more.iter().map(|&change| change.to_owned()));
-        Setup::open(&settings::load(Some(&file), &changes).unwrap(), &file, Some(2)).unwrap()
+        Opening::new(&settings::load(Some(&file), &changes).unwrap(), &file).threads(2).open().unwrap()
     }
 
     /// A robot at 50 Hz as fine steps simulate it, fitted with one step a sample.

@@ -3,6 +3,7 @@
 use super::task::{Answered, Task, Values, Work, bytes, read};
 use super::{parcel, signals};
 use crate::Error;
+use crate::adapt::opening::Opening;
 use crate::adapt::setup::Setup;
 use crate::device::Devices;
 use gaitfit_adapt::fit::{Failure, FitError, Job, Predicted, Problem, Views};
@@ -32,10 +33,10 @@ pub(super) fn mark(setup: &Setup) -> Result<String, Error> {
 }
 
 impl Helper {
-    /// Opens what [`Setup::parcel`] made; `policy` as of [`Setup::open_policy`].
+    /// Opens what [`Setup::parcel`] made; `policy` as of [`Opening::policy`].
     ///
     /// # Errors
-    /// Bytes that are none, and as [`Setup::open_policy`].
+    /// Bytes that are none, and as [`Opening::open`].
     pub fn open(
         parcel: &[u8],
         threads: usize,
@@ -47,7 +48,7 @@ impl Helper {
         })?;
         let config = parcel::unpack(parcel, folder.path())?;
         let path = folder.path().join("config.toml");
-        let setup = Setup::open_policy(&config, &path, Some(threads), devices, policy)?;
+        let setup = Opening::new(&config, &path).threads(threads).devices(devices).policy(policy).open()?;
         Ok(Self { setup, sprung: Mutex::new(None) })
     }
 
