@@ -194,7 +194,7 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
         return Err(few(fell));
     }
     let whole = look.together(whole)?;
-    let found = look.each(logs, &whole, watch)?;
+    let found = look.sensitivities(logs, &whole, watch)?;
     let usual_found: Vec<&Sensitivity> = found[..usual].iter().flatten().collect();
     let variances: f64 = usual_found.iter().map(|one| variance(one)).sum();
     let mut choice = Choice::default();
@@ -240,7 +240,7 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
         let best: Vec<&Sequence> = chosen.iter().map(|&one| &choice.sequences[one]).collect();
         let first = settings.pool * (1 + round as usize);
         let variants = source.variants(&best, first, settings.pool / VARIANTS);
-        let found = look.each(look.record(&variants, round, watch)?, &whole, watch)?;
+        let found = look.sensitivities(look.record(&variants, round, watch)?, &whole, watch)?;
         choice.take(variants, &found);
         chosen = choose(known, &choice.information, settings.trajectories, &wanted, &stop);
     }

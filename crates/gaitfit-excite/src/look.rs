@@ -71,8 +71,8 @@ impl Look<'_> {
         LogSet::new(self.config, self.method, self.base, logs)
     }
 
-    /// What each log was found to tell, in the scaling of `whole`; none where there is no log or its simulation diverges.
-    pub fn each(
+    /// The sensitivity of each log, in the scaling of `whole`; `None` where there is no log or its simulation diverges.
+    pub fn sensitivities(
         &self,
         logs: Vec<Option<Log>>,
         whole: &LogSet,

@@ -59,7 +59,7 @@ impl Bench {
     }
 }
 
-fn each(logs: &[Trajectory], change: impl Fn(&mut Trajectory)) -> Vec<Trajectory> {
+fn changed(logs: &[Trajectory], change: impl Fn(&mut Trajectory)) -> Vec<Trajectory> {
     let mut logs = logs.to_vec();
     logs.iter_mut().for_each(change);
     logs
@@ -95,26 +95,26 @@ fn good_logs_come_as_they_were() {
 fn what_is_missing_is_named() {
     let bench = Bench::new();
     let logs = bench.logs();
-    bench.refused(&each(&logs, |log| log.command = None), &["vx_cmd", "Record the command"]);
-    let silent = each(&logs, |log| (log.action, log.target) = (None, None));
+    bench.refused(&changed(&logs, |log| log.command = None), &["vx_cmd", "Record the command"]);
+    let silent = changed(&logs, |log| (log.action, log.target) = (None, None));
     bench.refused(&silent, &["act_", "qdes_", "Record the policy's outputs"]);
-    let short = each(&logs, |log| {
+    let short = changed(&logs, |log| {
         let eleven = log.joints[..11].to_vec();
         *log = log.select_joints(&eleven).unwrap();
     });
     bench.refused(&short, &["lacks the robot's joint", "RR_calf"]);
-    bench.refused(&each(&logs, |log| log.position[30] = f64::NAN), &["log-0.csv", "is NaN"]);
+    bench.refused(&changed(&logs, |log| log.position[30] = f64::NAN), &["log-0.csv", "is NaN"]);
 }
 
 #[test]
 fn targets_stand_in_for_actions() {
     let bench = Bench::new();
     let logs = bench.logs();
-    let notes = bench.read(&each(&logs, |log| log.action = None)).unwrap();
+    let notes = bench.read(&changed(&logs, |log| log.action = None)).unwrap();
     let (read, log) = (notes.logs[3].trajectory.action.as_ref().unwrap(), logs[3].action.as_ref().unwrap());
     assert!(read.iter().zip(log).all(|(a, b)| (a - b).abs() < 1e-5));
     let notes =
-        bench.read(&each(&logs, |log| log.target.as_mut().unwrap().iter_mut().for_each(|x| *x += 0.1)));
+        bench.read(&changed(&logs, |log| log.target.as_mut().unwrap().iter_mut().for_each(|x| *x += 0.1)));
     assert!(warned(&notes.unwrap(), "logged targets are not default pose"));
 }
 
@@ -165,7 +165,7 @@ fn other_rates_are_brought_to_the_policys() {
     assert!(warned(&notes, "50.0000, 250.0000"), "{:?}", notes.warnings);
     assert_eq!(notes.logs[1].trajectory.rate_hz, 50.0);
     assert!(notes.policy_match.mismatch < 0.05, "{:?}", notes.policy_match);
-    let slow = each(&bench.logs(), |log| *log = log.resample(25.0).unwrap());
+    let slow = changed(&bench.logs(), |log| *log = log.resample(25.0).unwrap());
     bench.refused(&slow, &["25 samples a second", "policy acts 50 times"]);
 }
 
@@ -193,7 +193,7 @@ fn falls_are_cut_with_a_margin() {
     assert!((notes.cut_seconds() - 0.9).abs() < 1e-6);
     assert!(warned(&notes, "the robot fell in 1 of 10 logs"), "{:?}", notes.warnings);
     // All down from the start: nothing is left.
-    let down = each(&logs, |log| {
+    let down = changed(&logs, |log| {
         let rows = [0.6, 0.8, 0.0, 0.0].repeat(log.len());
         log.base = Some(BaseState { quaternion: Some(rows), ..BaseState::default() });
     });
@@ -203,7 +203,7 @@ fn falls_are_cut_with_a_margin() {
 #[test]
 fn short_predictions_learn_until_the_robot_lies_and_need_every_reading() {
     let bench = Bench::new();
-    let mut logs = each(&bench.logs(), |log| {
+    let mut logs = changed(&bench.logs(), |log| {
         // A base that does not turn at all while the legs walk hangs.
         let sway = (0..3 * log.len()).map(|at| 0.1 * (0.7 * at as f64).sin()).collect();
         log.base = Some(BaseState {
@@ -238,7 +238,7 @@ fn lost_samples_part_a_log() {
     let bench = Bench::new();
     let mut logs = bench.logs();
     let whole = puppet(&bench.policy, 9, 3.0);
-    let gap = each(&[whole], |log| log.time.iter_mut().skip(75).for_each(|time| *time += 0.4));
+    let gap = changed(&[whole], |log| log.time.iter_mut().skip(75).for_each(|time| *time += 0.4));
     logs.extend(gap);
     let notes = bench.read(&logs).unwrap();
     assert_eq!(notes.logs.len(), 10);
@@ -250,7 +250,7 @@ fn lost_samples_part_a_log() {
 #[test]
 fn gains_and_robots_that_differ_are_told() {
     let bench = Bench::new();
-    let odd = each(&bench.logs(), |log| {
+    let odd = changed(&bench.logs(), |log| {
         log.robot = Some("b2".into());
         log.gains = Some(gaitfit_log::Gains { kp: vec![40.0; 12], kd: vec![0.5; 12] });
     });
