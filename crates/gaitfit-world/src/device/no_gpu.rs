@@ -13,7 +13,9 @@ use std::marker::PhantomData;
 
 /// An opened GPU: there is none.
 #[derive(Clone, Debug)]
-pub enum Gpu {}
+pub struct Gpu {
+    never: Infallible,
+}
 
 /// A training on a GPU: there is none.
 pub struct Trainer<'a> {
@@ -31,7 +33,7 @@ impl Trainer<'_> {
     ///
     /// # Errors
     /// None.
-    pub fn iterate(&mut self) -> Result<Iteration, Infallible> {
+    pub fn iterate(&mut self) -> Result<Iteration, Error> {
         match self.never {}
     }
 }
@@ -72,7 +74,7 @@ pub fn trials(
     _seconds: f64,
     _cancel: &dyn Fn() -> bool,
 ) -> Result<Vec<Trial>, Error> {
-    match *gpu {}
+    match gpu.never {}
 }
 
 /// Logs of walks under random commands.
@@ -85,7 +87,7 @@ pub fn collect(
     _options: &CollectOptions,
     _cancel: &dyn Fn() -> bool,
 ) -> Result<Vec<Collected>, Error> {
-    match *gpu {}
+    match gpu.never {}
 }
 
 /// Continues a training on a GPU.
@@ -93,7 +95,7 @@ pub fn collect(
 /// # Errors
 /// None.
 pub fn start_training<'a>(gpu: &Gpu, _training: &mut Training<'a>) -> Result<Trainer<'a>, Error> {
-    match *gpu {}
+    match gpu.never {}
 }
 
 /// Brings the state of a trainer back.
