@@ -18,7 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 CRATES = ROOT / "crates"
-SETTINGS = CRATES / "gaitfit" / "src" / "settings"
+SETTINGS = CRATES / "gaitfit-settings" / "src" / "settings"
 TASK = CRATES / "gaitfit-learn" / "src" / "task"
 THETA = CRATES / "gaitfit-adapt" / "src" / "theta"
 OUT = ROOT / "python" / "gaitfit" / "config"

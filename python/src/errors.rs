@@ -1,6 +1,6 @@
 //! The library's errors as Python's.
 
-use gaitfit::{Error, brief};
+use gaitfit::{Error, ErrorKind, brief};
 use pyo3::PyErr;
 use pyo3::exceptions::{PyException, PyFileNotFoundError, PyKeyboardInterrupt, PyValueError};
 
@@ -22,7 +22,9 @@ pyo3::create_exception!(
 /// missing its `FileNotFoundError`.
 pub fn to_py_err(error: &Error) -> PyErr {
     match error {
-        Error::Interrupted { .. } => PyKeyboardInterrupt::new_err(text(error)),
+        Error::Run(error) if error.kind() == ErrorKind::Interrupted => {
+            PyKeyboardInterrupt::new_err(text(error))
+        }
         _ => failed(error),
     }
 }

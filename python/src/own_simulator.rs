@@ -270,7 +270,7 @@ fn searched(
     while let Some(generation) = fit.step(&cancel).map_err(wrong)? {
         if let Some(path) = &search.checkpoint {
             let text = serde_json::to_vec(&fit.checkpoint()).map_err(failed)?;
-            gaitfit::files::write(path, &text).map_err(|error| crate::errors::to_py_err(&error))?;
+            gaitfit::files::write(path, &text).map_err(|error| crate::errors::to_py_err(&error.into()))?;
         }
         let best = fit.best_costs().first().copied().flatten();
         let state = best.map_or_else(String::new, |best| format!("cost {best:.5}"));

@@ -4,7 +4,7 @@ use crate::errors::{failed, to_py_err, value};
 use crate::own_policy::Source;
 use crate::share::OwnCrew;
 use crate::watch::{Caller, watched, watched_acting};
-use gaitfit::adapt::{Setup, ValidateRequest};
+use gaitfit::adapt::{Opening, ValidateRequest};
 use gaitfit::device::{Device, Devices};
 use gaitfit::evaluate::GroundChoice;
 use gaitfit::finetune::{Files, Request};
@@ -110,7 +110,8 @@ pub fn adapt(
     let act = policy.as_ref().and_then(Source::act);
     let found = watched_acting(py, progress.as_ref(), act, |watch, caller| {
         let policy = policy.as_ref().map_or(Ok(None), |policy| policy.policy(caller.asked()))?;
-        let mut setup = Setup::open_policy(&config, path, threads, &devices, policy.as_ref())?;
+        let mut setup =
+            Opening::new(&config, path).threads(threads).devices(&devices).policy(policy.as_ref()).open()?;
         let folder = RunFolder::begin(Path::new(&config.runs), &name, run.resumes(&config.runs, &name))?;
         setup.warnings.iter().for_each(|warning| watch.note(warning));
         if let Some(crew) = &crew {
@@ -165,9 +166,13 @@ pub fn adapt_plan(run: Run) -> PyResult<(PathBuf, Vec<PathBuf>)> {
     let name = run.name(config.name.as_ref(), "fit");
     config.name = Some(name.clone());
     let threads = run.threads()?.map(NonZeroUsize::get);
-    let setup = Setup::open_policy(&config, run.path(), threads, &run.devices()?, None)
+    let setup = Opening::new(&config, run.path())
+        .threads(threads)
+        .devices(&run.devices()?)
+        .open()
         .map_err(|error| to_py_err(&error))?;
     let folder = RunFolder::begin(Path::new(&config.runs), &name, run.resumes(&config.runs, &name))
+        .map_err(gaitfit::Error::from)
         .map_err(|error| to_py_err(&error))?;
     let parts = setup.files.iter().flat_map(|file| gaitfit::robot::parts(file));
     let files = run.config.iter().cloned().chain(parts).chain(setup.files.iter().cloned()).collect();
@@ -196,6 +201,7 @@ type Parts = (String, PathBuf, Vec<u64>, Vec<PathBuf>);
 fn plan(run: &Run, setup: &gaitfit::train::Setup) -> PyResult<Parts> {
     let plan = &setup.plan;
     let folder = RunFolder::begin(Path::new(&plan.runs), &plan.name, run.resumes(&plan.runs, &plan.name))
+        .map_err(gaitfit::Error::from)
         .map_err(|error| to_py_err(&error))?;
     let read: Vec<PathBuf> = setup.inputs.files.keys().map(PathBuf::from).collect();
     let parts = read.iter().flat_map(|file| gaitfit::robot::parts(file));

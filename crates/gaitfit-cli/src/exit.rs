@@ -51,6 +51,12 @@ impl From<gaitfit::Error> for Failure {
     }
 }
 
+impl From<gaitfit::RunError> for Failure {
+    fn from(error: gaitfit::RunError) -> Self {
+        gaitfit::Error::from(error).into()
+    }
+}
+
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.message)

@@ -2,7 +2,7 @@
 //!
 //! Run it from the repository's root: `cargo run --release -p gaitfit --example fit_clamped_logs`.
 
-use gaitfit::adapt::{self, Setup};
+use gaitfit::adapt::{self, Opening};
 use gaitfit::run::RunFolder;
 use gaitfit::settings::{self, AdaptConfig};
 use gaitfit::watch::{Event, Watch};
@@ -14,7 +14,7 @@ pub fn fit(root: &Path, runs: &Path, changes: &[&str]) -> Result<f64, Box<dyn st
     let file = root.join("examples/go2-demo/adapt.toml");
     let changes: Vec<String> = changes.iter().map(|&change| change.to_owned()).collect();
     let config: AdaptConfig = settings::load(Some(&file), &changes)?;
-    let mut setup = Setup::open(&config, &file, None)?;
+    let mut setup = Opening::new(&config, &file).open()?;
 
     // One callback hears of progress, and may stop the fit.
     let callback = |event: Event<'_>| {

@@ -1,6 +1,6 @@
 //! A cost of your own: how far the root mean squares of the joint velocities are from the robot's.
 
-use gaitfit::adapt::Setup;
+use gaitfit::adapt::Opening;
 use gaitfit::settings::{self, AdaptConfig};
 use gaitfit_adapt::{Signals, cost::*, fit::*, never};
 use std::path::Path;
@@ -47,7 +47,7 @@ fn rms(rows: &[f64], columns: usize) -> impl Iterator<Item = f64> {
 pub fn main() -> Result<(), Box<dyn std::error::Error>> {
     let file = Path::new("examples/go2-demo/adapt.toml");
     let config: AdaptConfig = settings::load(Some(file), &["simulation.timestep=0.005".to_owned()])?;
-    let setup = Setup::open(&config, file, None)?;
+    let setup = Opening::new(&config, file).open()?;
     let robot = rms(&setup.fit.logs[0].trajectory.velocity, setup.fit.reference.joints().len());
     let costs: [Box<dyn Cost>; 1] = [Box::new(Energy(robot.collect()))];
     let few = FitOptions { generations: 15, ..FitOptions::default() };

@@ -1,7 +1,7 @@
 //! A modification of your own: one number, the temperature of the gearboxes, changes friction and damping of all joints
 //! together. The fit finds it from a log.
 
-use gaitfit::adapt::Setup;
+use gaitfit::adapt::Opening;
 use gaitfit::settings::{self, AdaptConfig};
 use gaitfit_adapt::fit::{Fit, FitOptions};
 use gaitfit_adapt::{Entry, Modification, Theta, never};
@@ -44,7 +44,7 @@ impl Modification for Grease {
 pub fn main() -> Result<(), Box<dyn std::error::Error>> {
     let file = Path::new("examples/go2-demo/adapt.toml");
     let config: AdaptConfig = settings::load(Some(file), &["simulation.timestep=0.005".to_owned()])?;
-    let setup = Setup::open(&config, file, None)?;
+    let setup = Opening::new(&config, file).open()?;
     let simulator = setup.fit.simulator.as_ref();
     let theta = Theta::new(vec![Box::new(Grease::new(simulator.joints()))])?;
     let options = FitOptions { generations: 12, ..FitOptions::default() };

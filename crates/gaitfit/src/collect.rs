@@ -1,7 +1,7 @@
 //! Logs of a policy in a simulator.
 
 use crate::Error;
-use crate::device::{Device, rollout_error};
+use crate::device::{self, Device};
 use crate::excite::playlist::{self, Sequence};
 use crate::log_folder::write_logs;
 use crate::run::Owned;
@@ -114,7 +114,7 @@ pub fn collect_in(
         }
     };
     if watch.stop() {
-        return Err(Error::Interrupted { message: "interrupted; no log was written".to_owned(), kept: None });
+        return Err(Error::interrupted_with_nothing("interrupted; no log was written"));
     }
     let written = write_logs(folder, &logs)?;
     for number in &written.without {
@@ -137,8 +137,8 @@ pub(crate) fn walks(
     cancel: &dyn Fn() -> bool,
 ) -> Result<Vec<Recording>, Error> {
     if let Some(gpu) = device.open()? {
-        match gaitfit_cuda::rollout::collect(&gpu, subject, options, cancel).map_err(rollout_error) {
-            Ok(logs) => return Ok(logs.unwrap_or_default()),
+        match device::collect(&gpu, subject, options, cancel) {
+            Ok(logs) => return Ok(logs),
             Err(error) => match device.instead(&error) {
                 Some(note) => watch.note(&note),
                 None => return Err(error),

@@ -4,56 +4,32 @@
 //! Every stage is a function of typed settings ([`settings`]) that returns a typed result or an [`Error`] that names the
 //! object and the remedy. Stages report progress and may be stopped through one callback ([`watch::Watch`]). What they
 //! compute lies in run folders ([`run::RunFolder`]), from which an interrupted stage goes on to the same bits.
+//!
+//! Most stages live in crates of their own, which this one names in one place: `gaitfit-run`, `gaitfit-settings`,
+//! `gaitfit-world`, `gaitfit-fit`, `gaitfit-train`, `gaitfit-excite` and `gaitfit-export`.
 
-pub mod adapt;
-pub mod air;
-pub mod arrangement;
-mod brief;
 pub mod collect;
-mod crew;
-pub mod device;
-mod draws;
-mod error;
-pub mod evaluate;
-pub mod excite;
-pub mod export_theta;
-pub mod files;
-pub mod finetune;
-pub mod gait;
-mod gpu;
-pub mod init;
-pub mod log;
-pub mod log_check;
+#[cfg(test)]
+mod devices_test;
 pub mod log_folder;
-mod log_joints;
 pub mod loop_;
-pub mod machine;
 pub mod new;
-pub mod paths;
-mod pieces;
-pub mod policy_file;
-pub mod replay;
 pub mod reproduce;
-pub mod robot;
-pub mod robot_file;
-pub mod run;
 pub mod runs;
-pub mod settings;
-mod skeleton;
-mod spring;
 pub mod target;
-mod tensorboard;
-mod theta;
-pub mod train;
-pub mod view;
-pub mod walk;
-pub mod watch;
-pub mod weight;
-pub mod world;
 
-pub use brief::{brief, short_numbers};
 pub use collect::{CollectSettings, collect, collect_in};
-pub use error::{Access, Error, ErrorKind};
-pub use evaluate::{EvaluateSettings, evaluate, evaluate_in};
-pub use export_theta::{ExportSettings, export_theta};
-pub use spring::{Spring, SpringError};
+pub use gaitfit_excite as excite;
+pub use gaitfit_export as export_theta;
+pub use gaitfit_export::{ExportSettings, export_theta};
+pub use gaitfit_fit::{adapt, air, arrangement, log, log_check, view, walk, weight};
+pub use gaitfit_run::Error as RunError;
+pub use gaitfit_run::{Access, ErrorKind, brief, files, machine, policy_file, run, short_numbers, watch};
+pub use gaitfit_settings::{Error, Spring, SpringError, paths, robot, settings};
+pub use gaitfit_train::evaluate::{EvaluateSettings, evaluate, evaluate_in};
+pub use gaitfit_train::{evaluate, finetune, gait, train};
+pub use gaitfit_world::{device, init, replay, robot_file, world};
+
+use gaitfit_fit::pieces;
+use gaitfit_train::crew;
+use gaitfit_world::theta;

@@ -1,6 +1,7 @@
 //! Arguments of the commands that work in a run folder.
 
 use clap::{Arg, Args};
+use gaitfit::run::manifest::last_devices;
 use gaitfit::settings::{AdaptConfig, Configuration, FinetuneConfig, LoopConfig, TrainConfig};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -31,7 +32,8 @@ pub struct RunArgs {
 impl RunArgs {
     /// What computes in the run `name` within `runs`.
     pub fn devices(&self, asked: Option<&super::Devices>, runs: &str, name: &str) -> super::Devices {
-        super::Devices::of_run(asked.cloned(), self.resume.then_some((Path::new(runs), name)))
+        let last = self.resume.then(|| last_devices(Path::new(runs), name)).flatten();
+        super::Devices::choose(asked.cloned(), last.as_deref())
     }
 
     /// Threads asked for, or one for each core.

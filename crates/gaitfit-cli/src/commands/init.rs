@@ -172,7 +172,7 @@ fn train_guesses(args: &Init, files: &Files, prepared: &Prepared) -> Result<Vec<
         let stem = files.configuration.file_stem().map(|stem| stem.to_string_lossy().into_owned());
         let name = format!("{}-guess-{}", stem.unwrap_or_default(), number + 1);
         config.name = Some(name.clone());
-        let devices = Devices::of_run(args.device.clone(), None);
+        let devices = Devices::choose(args.device.clone(), None);
         let setup = train::setup(&config, &name, Some(&files.configuration), threads, &devices)?;
         output::devices(&setup.devices);
         let gains = gains(look);

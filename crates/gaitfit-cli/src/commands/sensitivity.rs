@@ -5,7 +5,7 @@ use crate::exit::Failure;
 use crate::output;
 use crate::table::table;
 use comfy_table::Table;
-use gaitfit::adapt::{ParameterSensitivity, SensitivityResults, Setup, sensitivity};
+use gaitfit::adapt::{Opening, ParameterSensitivity, SensitivityResults, sensitivity};
 use gaitfit::settings::{self, AdaptConfig};
 
 use std::fmt::Write;
@@ -14,7 +14,7 @@ use std::num::NonZeroUsize;
 /// Simulates the logs with derivatives and reports what they tell.
 pub fn run(args: &cli::Sensitivity) -> Result<(), Failure> {
     let config: AdaptConfig = settings::load(Some(&args.config), &args.set)?;
-    let setup = Setup::open(&config, &args.config, args.threads.map(NonZeroUsize::get))?;
+    let setup = Opening::new(&config, &args.config).threads(args.threads.map(NonZeroUsize::get)).open()?;
     if let Some(bad) = args.difference.filter(|one| !(one.is_finite() && *one > 0.0)) {
         return Err(Failure::usage(format!("--difference is {bad}; it must be positive")));
     }

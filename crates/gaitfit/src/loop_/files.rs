@@ -36,7 +36,7 @@ pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a,
         inputs: setup.inputs.clone(),
         same_files: true,
         seeds,
-        devices: setup.devices.clone(),
+        devices: setup.devices.to_string(),
         asked: Asked { rounds_asked: setup.config.rounds },
     })
 }
@@ -48,7 +48,7 @@ pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a,
 pub fn check_policy(protocol: &Protocol<'_, Asked>, setup: &Setup) -> Result<(), Error> {
     match protocol.folder.read_bytes(FIRST_POLICY)? {
         Some(bytes) if bytes != setup.policy_bytes => {
-            Err(protocol.refusal(&format!("the policy {} has changed", setup.config.policy)))
+            Err(protocol.refusal(&format!("the policy {} has changed", setup.config.policy)).into())
         }
         _ => Ok(()),
     }
@@ -64,7 +64,7 @@ pub fn begin(folder: &RunFolder, setup: &Setup) -> Result<(), Error> {
             truth.to_toml().map_err(|error| Error::failed(format!("cannot write {TRUTH}: {error}")))?;
         folder.write(TRUTH, text.as_bytes())?;
     }
-    ["policies", "evaluations"].iter().try_for_each(|name| folder.make(name))
+    Ok(["policies", "evaluations"].iter().try_for_each(|name| folder.make(name))?)
 }
 
 /// Numbers of a simulated target, as a `theta.toml`.
@@ -91,7 +91,7 @@ impl<'a> Times<'a> {
     /// A stage took so long.
     pub fn set(&mut self, stage: &str, seconds: f64) -> Result<(), Error> {
         self.seconds.insert(stage.to_owned(), seconds);
-        self.folder.write_json(TIMES, &self.seconds)
+        Ok(self.folder.write_json(TIMES, &self.seconds)?)
     }
 
     /// All of them, in the order in which stages first ended.

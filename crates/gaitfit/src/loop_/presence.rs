@@ -40,7 +40,7 @@ pub fn target(
     }
     let found = probe(&words, target.timeout_seconds, watch);
     if watch.stop() {
-        return Err(Error::Interrupted { message: "interrupted".to_owned(), kept: None });
+        return Err(Error::interrupted_with_nothing("interrupted"));
     }
     let why = match found {
         Ok(python) => {

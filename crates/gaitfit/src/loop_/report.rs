@@ -54,7 +54,7 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
         versions: pieces::versions(),
     };
     let page = loop_html(&page)?;
-    folder.write("report.html", page.as_bytes())
+    Ok(folder.write("report.html", page.as_bytes())?)
 }
 
 /// That robots diverged, which is to be said first.

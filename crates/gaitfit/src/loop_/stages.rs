@@ -129,7 +129,7 @@ impl<'a> Stages<'a> {
         self.write_config(&file, config)?;
         let recorded = self.path(&format!("{round}/logs"));
         let (threads, devices) = (Some(self.setup.threads), &self.setup.devices);
-        let setup = adapt::Setup::open_on(config, &self.path(&file), threads, devices);
+        let setup = adapt::Opening::new(config, &self.path(&file)).threads(threads).devices(devices).open();
         let mut setup = setup.map_err(|error| {
             let error = if config.validate.is_empty() {
                 error
@@ -339,7 +339,7 @@ impl<'a> Stages<'a> {
     fn write_config<C: Serialize>(&self, name: &str, config: &C) -> Result<(), Error> {
         let text = toml::to_string_pretty(config)
             .map_err(|error| Error::failed(format!("cannot write {name}: {error}")))?;
-        self.folder.write(name, text.as_bytes())
+        Ok(self.folder.write(name, text.as_bytes())?)
     }
 }
 

@@ -4,7 +4,7 @@
 mod logs;
 mod text;
 
-use crate::adapt::Setup;
+use crate::adapt::{Opening, Setup};
 use crate::robot::{self, Hold};
 use crate::settings::{self, AdaptConfig, LoopConfig, groups};
 use crate::{Error, files, init, paths, policy_file, robot_file};
@@ -274,7 +274,7 @@ impl Found<'_> {
         };
         // Simulated walks would take seconds, and nothing here shows what they correct.
         config.optimizer.replicates = 0;
-        Setup::open(&config, self.out, None)
+        Opening::new(&config, self.out).open()
     }
 
     /// What was assumed, and what the opened fit shows.

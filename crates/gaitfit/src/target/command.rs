@@ -227,7 +227,7 @@ fn installed(program: &str) -> bool {
 
 fn interrupted(setting: &str) -> Error {
     let message = format!("interrupted in {setting}; --resume runs it again");
-    Error::Interrupted { message, kept: None }
+    Error::interrupted_with_nothing(message)
 }
 
 fn program_error(setting: &'static str, words: &[String], problem: String) -> Error {

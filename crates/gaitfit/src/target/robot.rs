@@ -148,8 +148,7 @@ impl Robot {
             true => program.run(watch).map(|output| (output.status, output.last)),
             false => program.attended(watch).map(|status| (status, String::new())),
         };
-        let interrupted =
-            || Error::Interrupted { message: "interrupted while the robot walked.".to_owned(), kept: None };
+        let interrupted = || Error::interrupted_with_nothing("interrupted while the robot walked.");
         let (status, said) = match ended {
             Ok(ended) => ended,
             Err(ProcessError::Interrupted) => return Err(interrupted()),

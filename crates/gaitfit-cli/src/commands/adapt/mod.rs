@@ -10,7 +10,7 @@ use crate::exit::{Exit, Failure};
 use crate::progress::Lines;
 use crate::watcher::watched;
 use crate::{interrupt, output, viewer};
-use gaitfit::adapt::{self, AdaptResults, Setup};
+use gaitfit::adapt::{self, AdaptResults, Opening};
 use gaitfit::loop_::fit_alone;
 use gaitfit::run::RunFolder;
 use gaitfit::settings::AdaptConfig;
@@ -25,7 +25,7 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
     let threads = args.run.threads.map(NonZeroUsize::get);
     let devices = args.run.devices(args.device.as_ref(), &config.runs, &name);
     watched(Lines::Seconds(5), |watch| {
-        let mut setup = Setup::open_on(&config, &args.config, threads, &devices)?;
+        let mut setup = Opening::new(&config, &args.config).threads(threads).devices(&devices).open()?;
         output::devices(&setup.devices);
         let folder = RunFolder::begin(Path::new(&config.runs), &name, args.run.resume)?;
         interrupt::listen()?;

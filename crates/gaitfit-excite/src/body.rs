@@ -1,0 +1,374 @@
+//! A robot that hangs in the air: its joints, gains, limits, and the pose about which it moves.
+
+use super::settings::{ChirpSettings, Turns};
+use gaitfit_adapt::{JointParameter, ParameterRule, Sharing, Theta};
+use gaitfit_fit::air::choices;
+use gaitfit_log::{Gains, PerJoint, Trajectory};
+use gaitfit_model::patterns::{covered, table};
+use gaitfit_model::{Model, shown, shown_number};
+use gaitfit_settings::settings::{self, AdaptConfig};
+use gaitfit_settings::{Error, robot};
+use gaitfit_sim::Recording;
+use indexmap::IndexMap;
+
+/// Speed limit of joints whose file says none, rad/s.
+const SPEED: f64 = 10.0;
+/// How far joints without a range may go from the middle of their motion, in amplitudes.
+const ROOM: f64 = 1.5;
+/// Upper bounds of what is searched where no configuration states them, for a robot with the Go2's motors: kg·m²,
+/// N·m·s/rad, s.
+const ARMATURE: f64 = 0.1;
+const DAMPING: f64 = 1.0;
+const DELAY: f64 = 0.02;
+/// Where the gains of the built-in robot are from.
+const BUILT_IN: &str = "the gains of the built-in task";
+/// Names that a message lists.
+const LISTED: usize = 4;
+
+/// A clamped robot, ready to move.
+pub(super) struct Body {
+    /// The robot, with nothing that it could touch.
+    pub model: Model,
+    /// Joint names.
+    pub names: Vec<String>,
+    /// N·m/rad and N·m·s/rad, one a joint.
+    pub gains: Gains,
+    /// Middle of the motion, rad.
+    pub centre: Vec<f64>,
+    /// When each joint moves; none: never.
+    pub turn: Vec<Option<usize>>,
+    /// rad; rad/s; N·m.
+    pub range: Vec<[f64; 2]>,
+    pub velocity: Vec<f64>,
+    pub torque: Vec<f64>,
+    /// What is fitted, and its bounds.
+    pub config: AdaptConfig,
+    /// What is known and guessed.
+    pub notes: Vec<String>,
+}
+
+impl Body {
+    /// Reads the robot, and the fit's configuration if there is one.
+    pub fn read(settings: &ChirpSettings) -> Result<Self, Error> {
+        let mut notes = Vec::new();
+        let mut model = robot::read(&settings.robot, settings.lenient, robot::Hold::Clamped)?;
+        let floating = robot::read(&settings.robot, settings.lenient, robot::Hold::File)?;
+        let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+        if names.is_empty() {
+            return Err(Error::failed(format!("{} has no joints to move", shown(&model.name))));
+        }
+        // Its log is written last; before all else it is clear that it can be.
+        gaitfit_log::check_names(Some(&model.name), &names)
+            .map_err(|error| Error::content(&settings.robot, error))?;
+        // It hangs free.
+        (model.planes, model.obstacles, model.pairs) = Default::default();
+        let named = |error| Error::settings(format!("`joints` (--joints): {error}"));
+        let moved = match settings.joints.as_slice() {
+            [] => (0..names.len()).collect(),
+            patterns => covered(patterns, &model.name, &names).map_err(named)?,
+        };
+        let fit = settings.fit.as_deref();
+        let given: Option<AdaptConfig> = fit.map(|path| settings::load(Some(path), &[])).transpose()?;
+        let looked = if robot::is_go2(&floating) { None } else { gaitfit_world::init::look(&floating).ok() };
+        let source = looked.as_ref().and_then(|look| look.guesses.iter().find(|guess| guess.what == "gains"));
+        let source = source.map(|guess| guess.found.clone());
+        let task = match looked {
+            Some(look) => Some(look.settings),
+            None => robot::is_go2(&floating).then(Default::default),
+        };
+        let task = task.as_ref();
+        let gains = gains(
+            settings,
+            given.as_ref(),
+            task.zip(source.as_deref().or(Some(BUILT_IN))),
+            &model,
+            &names,
+            &mut notes,
+        )?;
+        let turn = turns(&model, &moved, settings.turns);
+        let mut body = Self {
+            range: Vec::new(),
+            centre: Vec::new(),
+            velocity: Vec::new(),
+            torque: torques(settings, &model, &moved)?,
+            config: given.unwrap_or_else(|| usual(settings, &model)),
+            gains,
+            turn,
+            names,
+            model,
+            notes,
+        };
+        // A robot whose joints are in no groups has numbers of each joint.
+        if settings.fit.is_none() && body.theta().is_err() {
+            for rule in body.config.parameter.iter_mut().filter(|rule| rule.per == Sharing::Group) {
+                rule.per = Sharing::Joint;
+            }
+        }
+        body.speeds(settings);
+        body.pose(settings, task)?;
+        Ok(body)
+    }
+
+    /// The parameters of the fit on this robot.
+    pub fn theta(&self) -> Result<Theta, Error> {
+        theta(&self.config, &self.names)
+    }
+
+    /// The chirp as the simulator replays it.
+    pub fn recording(&self, rate: f64, target: Vec<f64>) -> Recording {
+        Recording {
+            dt: 1.0 / rate,
+            q0: self.centre.clone(),
+            dq0: vec![0.0; self.names.len()],
+            target,
+            kp: self.gains.kp.clone(),
+            kd: self.gains.kd.clone(),
+        }
+    }
+
+    /// A log of the chirp; `signals`: positions and velocities.
+    pub fn trajectory(&self, rate: f64, targets: &[f64], signals: [Vec<f64>; 2]) -> Trajectory {
+        let [position, velocity] = signals;
+        Trajectory {
+            source: None,
+            robot: Some(self.model.name.clone()),
+            joints: self.names.clone(),
+            time: (0..targets.len() / self.names.len()).map(|sample| sample as f64 / rate).collect(),
+            rate_hz: rate,
+            position,
+            velocity,
+            target: Some(targets.to_vec()),
+            action: None,
+            command: None,
+            base: None,
+            gains: Some(self.gains.clone()),
+            lead: None,
+            simulated_step: None,
+            fell: false,
+        }
+    }
+
+    /// Speed limits.
+    fn speeds(&mut self, settings: &ChirpSettings) {
+        let mut bare = Vec::new();
+        for (joint, name) in self.model.joints.iter().zip(&self.names) {
+            let limit = match (joint.velocity_limit, settings.velocity_limit) {
+                (Some(own), Some(given)) => own.min(given),
+                (own, given) => own.or(given).unwrap_or_else(|| {
+                    bare.push(name.clone());
+                    SPEED
+                }),
+            };
+            self.velocity.push(limit);
+        }
+        if !bare.is_empty() {
+            self.notes.push(format!(
+                "the robot file has no speed limit of {}: {SPEED} rad/s was taken; --velocity-limit gives another",
+                listed(&bare)
+            ));
+        }
+    }
+
+    /// The middle of the motion and where joints may be.
+    fn pose(
+        &mut self,
+        settings: &ChirpSettings,
+        task: Option<&gaitfit_learn::task::TaskSettings>,
+    ) -> Result<(), Error> {
+        let robot = self.model.name.clone();
+        let given: IndexMap<String, f64> = settings.pose.iter().cloned().collect();
+        let given = table(&given, &robot, &self.names)
+            .map_err(|error| Error::settings(format!("`pose` (--pose): {error}")))?;
+        let usual = task.and_then(|task| table(&task.policy.default_pose, &robot, &self.names).ok());
+        let mut bare = Vec::new();
+        for (at, joint) in self.model.joints.iter().enumerate() {
+            let moves = self.turn[at].is_some();
+            let usual = usual.as_ref().and_then(|pose| pose[at]).unwrap_or(joint.reference);
+            let Some([low, high]) = joint.range else {
+                let centre = given[at].unwrap_or(usual);
+                if moves {
+                    bare.push(joint.name.clone());
+                }
+                let room = ROOM * settings.amplitude;
+                self.range.push([centre - room, centre + room]);
+                self.centre.push(centre);
+                continue;
+            };
+            let free = settings.margin * 0.5 * (high - low);
+            let (min, max) = (low + free, high - free);
+            let centre = match given[at] {
+                Some(angle) if (min..=max).contains(&angle) => angle,
+                Some(angle) => {
+                    return Err(Error::settings(format!(
+                        "`pose` (--pose) has {} at {} rad; within its range and the margin it may be from {} to {}",
+                        shown(&joint.name),
+                        shown_number(angle),
+                        shown_number(min),
+                        shown_number(max)
+                    )));
+                }
+                None => {
+                    let room = settings.amplitude.min(0.5 * (max - min)).max(0.0);
+                    usual.max(min + room).min(max - room)
+                }
+            };
+            self.range.push([low, high]);
+            self.centre.push(centre);
+        }
+        if !bare.is_empty() {
+            self.notes.push(format!(
+                "the robot file has no range of {}: within {} rad of the middle was taken",
+                listed(&bare),
+                shown_number(ROOM * settings.amplitude)
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// What `config` fits of joints.
+fn theta(config: &AdaptConfig, names: &[String]) -> Result<Theta, Error> {
+    let mut rules = config.rules();
+    (rules.network, rules.robot) = Default::default();
+    rules.resolve();
+    rules
+        .theta(&config.groups(names), names, &vec![0.0; names.len()])
+        .map_err(|error| Error::settings(format!("what is fitted: {error}")))
+}
+
+/// Some names, and how many more there are.
+fn listed(names: &[String]) -> String {
+    let shown: Vec<String> = names.iter().take(LISTED).map(|name| shown(name)).collect();
+    let more = names.len().saturating_sub(LISTED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{more}", shown.join(", "))
+}
+
+/// Gains: as given, as the fit has them, of the robot's task with where that has them from, or of its position actuators.
+fn gains(
+    settings: &ChirpSettings,
+    fit: Option<&AdaptConfig>,
+    task: Option<(&gaitfit_learn::task::TaskSettings, &str)>,
+    model: &Model,
+    names: &[String],
+    notes: &mut Vec<String>,
+) -> Result<Gains, Error> {
+    let resolved = |kp: &PerJoint, kd: &PerJoint| {
+        let resolved = |what: &str, gain: &PerJoint| gain.resolve(what, names).map_err(Error::settings);
+        Ok(Gains { kp: resolved("kp (--kp)", kp)?, kd: resolved("kd (--kd)", kd)? })
+    };
+    if let (Some(kp), Some(kd)) = (&settings.kp, &settings.kd) {
+        return resolved(kp, kd);
+    }
+    if let Some((kp, kd)) = fit.and_then(|fit| fit.gains.kp.as_ref().zip(fit.gains.kd.as_ref())) {
+        notes.push("gains are those of the fit's configuration".to_owned());
+        return resolved(kp, kd);
+    }
+    let all: Vec<usize> = (0..names.len()).collect();
+    if let Some((policy, source)) = task.map(|(task, source)| (&task.policy, source)) {
+        let resolved = |gain: &gaitfit_learn::task::JointNumber, what| gain.of_joints(model, &all, what);
+        if let (Ok(kp), Ok(kd)) = (resolved(&policy.kp, "kp"), resolved(&policy.kd, "kd")) {
+            notes.push(format!(
+                "gains are those that `gaitfit init` computes ({source}); give your robot's own with --kp and --kd"
+            ));
+            return Ok(Gains { kp, kd });
+        }
+    }
+    let servos: Option<Vec<[f64; 2]>> =
+        all.iter().map(|&joint| gaitfit_world::init::servo(model, joint)).collect();
+    match servos {
+        Some(servos) => {
+            notes.push(
+                "gains are those of the file's position actuators; --kp and --kd give others".to_owned(),
+            );
+            let column = |k: usize| servos.iter().map(|one| one[k]).collect();
+            Ok(Gains { kp: column(0), kd: column(1) })
+        }
+        None => Err(Error::settings(format!(
+            "no gains of {} are known: give `kp` (--kp) and `kd` (--kd), a number or a table such as \
+             '{{ \"*\" = 40, \"*_hip\" = 20 }}'",
+            shown(&model.name)
+        ))),
+    }
+}
+
+/// Torque limits; every moving joint needs one.
+fn torques(settings: &ChirpSettings, model: &Model, moved: &[usize]) -> Result<Vec<f64>, Error> {
+    let mut limits = Vec::new();
+    let mut bare = Vec::new();
+    for (at, joint) in model.joints.iter().enumerate() {
+        let limit = match (model.effort(at), settings.torque_limit) {
+            (Some(own), Some(given)) => own.min(given),
+            (own, given) => own.or(given).unwrap_or(f64::INFINITY),
+        };
+        if limit.is_infinite() && moved.contains(&at) {
+            bare.push(joint.name.clone());
+        }
+        limits.push(limit);
+    }
+    if bare.is_empty() {
+        return Ok(limits);
+    }
+    Err(Error::settings(format!(
+        "the robot file has no torque limit of {}, so the chirp's torques would have no bound: give `torque_limit` \
+         (--torque-limit), N·m",
+        listed(&bare)
+    )))
+}
+
+/// When each joint moves.
+fn turns(model: &Model, moved: &[usize], turns: Turns) -> Vec<Option<usize>> {
+    let mut found = vec![None; model.joints.len()];
+    let mut limbs: Vec<usize> = Vec::new();
+    for (order, &joint) in moved.iter().enumerate() {
+        found[joint] = Some(match turns {
+            Turns::All => 0,
+            Turns::Joints => order,
+            Turns::Limbs => {
+                let limb = limb(model, model.joints[joint].body);
+                limbs.iter().position(|one| *one == limb).unwrap_or_else(|| {
+                    limbs.push(limb);
+                    limbs.len() - 1
+                })
+            }
+        });
+    }
+    found
+}
+
+/// The body next to the root from which `body` hangs.
+fn limb(model: &Model, body: usize) -> usize {
+    let above = |body: &usize| model.bodies[*body].parent.filter(|&parent| parent != 0);
+    std::iter::successors(Some(body), above).last().unwrap_or(body)
+}
+
+/// What is fitted where no configuration says it.
+fn usual(settings: &ChirpSettings, model: &Model) -> AdaptConfig {
+    let scale = choices::motor_scale(model);
+    let joints = if settings.joints.is_empty() { vec!["*".to_owned()] } else { settings.joints.clone() };
+    let rule = |kind: JointParameter, per: Sharing, upper: f64| ParameterRule {
+        per,
+        joints: joints.clone(),
+        upper: Some(upper),
+        ..ParameterRule::new(kind)
+    };
+    let friction = choices::max_friction(model);
+    let armature = (ARMATURE * scale).max(choices::twice_file(model, |joint| joint.armature));
+    let damping = (DAMPING * scale).max(choices::twice_file(model, |joint| joint.damping));
+    AdaptConfig {
+        parameter: vec![
+            rule(JointParameter::FrictionLoss, Sharing::Group, friction),
+            rule(JointParameter::Armature, Sharing::Group, armature),
+            rule(JointParameter::Damping, Sharing::Group, damping),
+            ParameterRule {
+                name: Some("delay".to_owned()),
+                ..rule(JointParameter::Delay, Sharing::All, DELAY)
+            },
+        ],
+        simulation: gaitfit_settings::settings::SimulationConfig {
+            timestep: choices::STEP_S,
+            ..Default::default()
+        },
+        ..AdaptConfig::default()
+    }
+}

@@ -1,0 +1,71 @@
+//! What a theta.toml or a command line may not say, lest other simulators take it.
+
+use super::joint::JointNumbers;
+use gaitfit_adapt::{RobotNumber, SavedParameter, ThetaFile};
+use gaitfit_model::{shown, shown_number};
+use gaitfit_physics::JointParameter;
+use gaitfit_settings::Error;
+use std::path::Path;
+
+/// Largest gain, N·m/rad or N·m·s/rad.
+const MAX_GAIN: f64 = 1e6;
+
+/// Refuses intervals that are none, and units that are not those of the numbers: the values would be taken for something
+/// else.
+pub(super) fn parameters(file: &ThetaFile, path: &Path) -> Result<(), Error> {
+    let refuse = |parameter: &SavedParameter, what: String| {
+        Err(Error::failed(format!("{}: `{}` {what}", path.display(), shown(&parameter.name))))
+    };
+    for parameter in &file.parameter {
+        if let Some([low, high]) = parameter.interval
+            && !(low.is_finite() && high.is_finite() && low <= high)
+        {
+            let (low, high) = (shown_number(low), shown_number(high));
+            let what =
+                "has the interval [{low}, {high}]; give its lower end first, then its upper end, both finite";
+            return refuse(parameter, what.replace("{low}", &low).replace("{high}", &high));
+        }
+        let Some(unit) = unit(&parameter.kind) else { continue };
+        if !parameter.unit.is_empty() && parameter.unit != unit {
+            let found = shown(&parameter.unit);
+            let what = format!("is in `{found}`, and {} is in `{unit}`", shown(&parameter.kind));
+            return refuse(parameter, format!("{what}; convert value and interval, and write that unit"));
+        }
+    }
+    Ok(())
+}
+
+/// Unit of a kind of parameter; `None` for kinds that are not known.
+fn unit(kind: &str) -> Option<&'static str> {
+    let joints = JointParameter::ALL.iter().find(|one| one.name() == kind).map(|one| one.unit());
+    joints.or_else(|| RobotNumber::ALL.iter().find(|one| one.name() == kind).map(|one| one.unit()))
+}
+
+/// Refuses motors whose torque falls with speed from none: no simulator has such.
+pub(super) fn motors(joints: &[JointNumbers]) -> Result<(), Error> {
+    let wrong =
+        joints.iter().find(|joint| joint.no_load_speed.is_finite() && joint.stall_torque.is_infinite());
+    let Some(JointNumbers { name, .. }) = wrong else { return Ok(()) };
+    Err(Error::failed(format!(
+        "joint `{}` has a no_load_speed and no stall_torque, and the robot's file has no torque limit to take instead: give \
+         the parameters a stall_torque of this joint, or the file the limit",
+        shown(name)
+    )))
+}
+
+/// Refuses a physics step that no simulator takes.
+pub(super) fn step(given: Option<f64>) -> Result<Option<f64>, Error> {
+    match given.filter(|step| !(1e-5..=0.1).contains(step)) {
+        Some(step) => Err(Error::settings(format!(
+            "--step {}: give the simulator's physics step in seconds, from 0.00001 to 0.1",
+            shown_number(step)
+        ))),
+        None => Ok(given),
+    }
+}
+
+/// Refuses gains that no controller has.
+pub(super) fn gains(option: &str, gains: &[f64]) -> Result<(), Error> {
+    let Some(wrong) = gains.iter().find(|gain| !(0.0..=MAX_GAIN).contains(*gain)) else { return Ok(()) };
+    Err(Error::settings(format!("{option} {}: give a gain from 0 to {MAX_GAIN:e}", shown_number(*wrong))))
+}

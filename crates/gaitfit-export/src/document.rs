@@ -1,0 +1,76 @@
+//! theta.json: every number with its interval, and what they make of each joint.
+
+use super::joint::JointNumbers;
+use gaitfit_adapt::ThetaFile;
+use gaitfit_model::Model;
+use gaitfit_settings::Error;
+use gaitfit_sim::Candidate;
+use serde_json::{Map, Value, json};
+
+/// The document's text.
+pub(super) fn document(
+    file: &ThetaFile,
+    joints: &[JointNumbers],
+    model: &Model,
+    candidate: &Candidate,
+) -> Result<String, Error> {
+    let parameters: Vec<Value> = file
+        .parameter
+        .iter()
+        .map(|parameter| {
+            json!({
+                "name": parameter.name, "kind": parameter.kind, "joints": parameter.joints, "value": parameter.value,
+                "unit": parameter.unit, "interval": parameter.interval, "identified": parameter.identified,
+                "at_bound": parameter.at_bound,
+            })
+        })
+        .collect();
+    let mut by_joint = Map::new();
+    for joint in joints {
+        let finite = |number: f64| number.is_finite().then_some(number);
+        by_joint.insert(
+            joint.name.clone(),
+            json!({
+                "armature": joint.armature, "damping": joint.damping, "frictionloss": joint.frictionloss,
+                "stiffness": joint.stiffness, "spring_torque": joint.spring_torque, "kp_factor": joint.kp_factor,
+                "kd_factor": joint.kd_factor, "encoder_bias": joint.encoder_bias, "torque_offset": joint.torque_offset,
+                "torque_limit": finite(joint.torque_limit), "delay": joint.delay, "stiction": joint.stiction,
+                "stribeck_velocity": joint.stribeck_velocity, "load_friction": joint.load_friction,
+                "play": joint.play, "compliance": joint.compliance, "no_load_speed": finite(joint.no_load_speed),
+                "stall_torque": finite(joint.stall_torque),
+            }),
+        );
+    }
+    let robot = &candidate.robot;
+    let mut links = Map::new();
+    for (body, change) in
+        model.bodies.iter().zip(robot.body_changes(model)).filter(|(_, change)| change.changed())
+    {
+        links.insert(body.name.clone(), json!({"mass_factor": change.factor, "com_shift": change.shift}));
+    }
+    let networks: Vec<Value> = file
+        .network
+        .iter()
+        .map(|network| {
+            json!({
+                "name": network.name, "kind": network.kind, "joint": network.joint, "rest": network.rest,
+                "position_scale": network.position_scale, "velocity_scale": network.velocity_scale,
+                "output_scale": network.output_scale, "weights": network.weights,
+            })
+        })
+        .collect();
+    let whole = json!({
+        "robot": file.robot, "cost_name": file.cost_name, "cost": file.cost, "physics_step": file.physics_step,
+        "parameters": parameters, "joints": by_joint,
+        "base": {
+            "mass": robot.base_mass, "com": robot.base_com, "payload_mass": robot.payload_mass,
+            "payload_position": robot.payload_position,
+        },
+        "links": links,
+        "friction_factor": robot.friction_scale, "ground_softness": robot.ground_softness, "torque_noise": candidate.torque_noise, "networks": networks,
+        "sensors": {"imu_tilt": candidate.sensors.imu_tilt, "gyro_bias": candidate.sensors.gyro_bias, "velocity_lag": robot.velocity_lag},
+    });
+    serde_json::to_string_pretty(&whole)
+        .map(|text| text + "\n")
+        .map_err(|error| Error::failed(format!("cannot write theta.json: {error}")))
+}

@@ -1,0 +1,110 @@
+//! What the fit that wrote the parameters knows: its `config.toml` lies beside them.
+
+use super::ExportSettings;
+use gaitfit_log::{Gains, ReadOptions, csv_files, read_csv};
+use gaitfit_model::{Model, shown_path};
+use gaitfit_settings::settings::{self, AdaptConfig};
+use gaitfit_settings::{Error, paths};
+use gaitfit_world::{log_joints, robot_file};
+use std::path::{Path, PathBuf};
+
+/// The settings of a fit, and where they were read.
+pub(super) struct Fit {
+    config: AdaptConfig,
+    path: PathBuf,
+}
+
+impl Fit {
+    /// The fit that wrote the parameters at `theta`; absent if no `config.toml` lies beside them.
+    ///
+    /// # Errors
+    /// A file that cannot be read; a robot of the policy's training that is not there any more.
+    pub fn beside(theta: &Path) -> Result<Option<Self>, Error> {
+        let path = theta.with_file_name("config.toml");
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let mut config: AdaptConfig = settings::load(Some(&path), &[])?;
+        robot_file::of_policy(&mut config, &path).map_err(advised)?;
+        Ok(Some(Self { config, path }))
+    }
+
+    /// The robot file, and whether it is read leniently; absent if the fit is of the built-in Go2.
+    ///
+    /// # Errors
+    /// A file that is not there any more.
+    pub fn robot(&self, settings: &ExportSettings) -> Result<Option<(PathBuf, bool)>, Error> {
+        if self.config.robot.is_empty() {
+            return Ok(None);
+        }
+        let found = paths::find(&self.config.robot, "robot", &self.path).map_err(advised)?;
+        Ok(Some((found, settings.lenient || self.config.lenient)))
+    }
+
+    /// The gains of the robot's joints, and where they are stated: in the first log, in the configuration, or by the policy.
+    /// Absent where none of them can be read any more.
+    pub fn gains(&self, model: &Model) -> Option<(Gains, String)> {
+        self.of_log(model).or_else(|| self.of_config(model)).or_else(|| self.of_policy(model))
+    }
+
+    /// Those that the first log states.
+    fn of_log(&self, model: &Model) -> Option<(Gains, String)> {
+        let first = paths::find(self.config.logs.first()?, "log", &self.path).ok()?;
+        let file = if first.is_dir() { csv_files(&first).ok()?.into_iter().next()? } else { first };
+        let log = read_csv(&file, &ReadOptions::default()).ok()?;
+        let names = &self.config.joint_names;
+        let logged: Vec<Option<usize>> =
+            log.joints.iter().map(|name| model.find_joint(names.get(name).unwrap_or(name))).collect();
+        let wanted: Vec<usize> =
+            (0..model.joints.len()).filter(|joint| logged.contains(&Some(*joint))).collect();
+        let (log, _) = log_joints::of_robot(&log, &file, names, model, &wanted).ok()?;
+        Some((spread(&log.gains?, &wanted, model), format!("the log {}", shown_path(&file))))
+    }
+
+    /// Those of `[gains]`.
+    fn of_config(&self, model: &Model) -> Option<(Gains, String)> {
+        let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+        let gains = &self.config.gains;
+        let kp = gains.kp.as_ref()?.resolve("kp", &names).ok()?;
+        let kd = gains.kd.as_ref()?.resolve("kd", &names).ok()?;
+        Some((Gains { kp, kd }, format!("[gains] of {}", shown_path(&self.path))))
+    }
+
+    /// Those of the policy that walked.
+    fn of_policy(&self, model: &Model) -> Option<(Gains, String)> {
+        let named = paths::find(self.config.policy.as_ref()?, "policy", &self.path).ok()?;
+        let file = gaitfit_run::policy_file::find(&named).ok()?.path;
+        let policy = gaitfit_policy::read(&file).ok()?;
+        Some((of_policy(&policy, &file, model).ok()?, format!("the policy {}", shown_path(&file))))
+    }
+}
+
+fn advised(error: Error) -> Error {
+    error.advised("Or give the robot's file with --robot.")
+}
+
+/// Gains of the joints `of` the robot; 0 for the others, which nothing drives.
+fn spread(gains: &Gains, of: &[usize], model: &Model) -> Gains {
+    let joints = model.joints.len();
+    let mut all = Gains { kp: vec![0.0; joints], kd: vec![0.0; joints] };
+    for (at, &joint) in of.iter().enumerate() {
+        all.kp[joint] = gains.kp.get(at).copied().unwrap_or_default();
+        all.kd[joint] = gains.kd.get(at).copied().unwrap_or_default();
+    }
+    all
+}
+
+/// The gains of the policy read from `path`, one a joint of the robot.
+///
+/// # Errors
+/// A joint that the robot lacks.
+pub(super) fn of_policy(policy: &gaitfit_policy::Policy, path: &Path, model: &Model) -> Result<Gains, Error> {
+    let interface = &policy.interface;
+    let place = |joint: &String| {
+        model
+            .find_joint(joint)
+            .ok_or_else(|| Error::settings(format!("{}: the robot has no joint `{joint}`", path.display())))
+    };
+    let joints: Vec<usize> = interface.joints.iter().map(place).collect::<Result<_, _>>()?;
+    Ok(spread(&Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }, &joints, model))
+}

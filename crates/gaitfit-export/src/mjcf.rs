@@ -1,0 +1,238 @@
+//! The robot's MJCF with the fitted numbers.
+
+use super::joint::JointNumbers;
+use super::xml::{Edits, number, numbers, parse};
+use super::{COMMON, link_kinds};
+use gaitfit_model::Model;
+use gaitfit_settings::Error;
+use gaitfit_sim::Candidate;
+use roxmltree::{Document, Node};
+
+/// Kinds of parameters that the file says.
+pub(super) fn said(gains: bool, base: bool, links: bool) -> Vec<&'static str> {
+    let mut said = COMMON.to_vec();
+    said.extend(["armature", "stiffness", "spring_torque"]);
+    if gains {
+        said.extend(["encoder_bias", "torque_scale", "torque_offset", "kp_scale", "kd_scale"]);
+    }
+    if links {
+        said.extend(link_kinds());
+    }
+    if base {
+        said.extend([
+            "base_mass",
+            "base_com_x",
+            "base_com_y",
+            "base_com_z",
+            "payload_mass",
+            "payload_x",
+            "payload_y",
+            "payload_z",
+        ]);
+    }
+    said
+}
+
+/// Whether the base's mass is a number in the file: an explicit inertial that the compiler takes as it is.
+pub(super) fn says_base(text: &str, model: &Model) -> Result<bool, Error> {
+    let document = parse(text)?;
+    Ok(base_inertial(&document, model).is_some())
+}
+
+/// The same of every body whose link the fit changes.
+pub(super) fn says_links(text: &str, model: &Model, candidate: &Candidate) -> Result<bool, Error> {
+    let document = parse(text)?;
+    let changes = candidate.robot.body_changes(model);
+    let mut changed = model.bodies.iter().zip(&changes).filter(|(_, change)| change.changed());
+    Ok(changed.all(|(body, _)| inertial(&document, &body.name).is_some()))
+}
+
+fn base_inertial<'a, 'i>(document: &'a Document<'i>, model: &Model) -> Option<Node<'a, 'i>> {
+    inertial(document, &model.bodies.first()?.name)
+}
+
+/// A body's inertial that the compiler takes as it is.
+fn inertial<'a, 'i>(document: &'a Document<'i>, name: &str) -> Option<Node<'a, 'i>> {
+    let changed = document.descendants().filter(|node| node.has_tag_name("compiler")).any(|compiler| {
+        compiler.attribute("inertiafromgeom") == Some("true")
+            || compiler
+                .attribute("settotalmass")
+                .is_some_and(|mass| mass.trim().parse::<f64>().is_ok_and(|mass| mass > 0.0))
+    });
+    if changed {
+        return None;
+    }
+    body(document, name)?.children().find(|node| node.has_tag_name("inertial"))
+}
+
+fn body<'a, 'i>(document: &'a Document<'i>, name: &str) -> Option<Node<'a, 'i>> {
+    document.descendants().find(|node| node.has_tag_name("body") && node.attribute("name") == Some(name))
+}
+
+/// The file's text with the fitted numbers; with `gains` its actuators are PD controllers of position targets.
+pub(super) fn patched(
+    text: &str,
+    model: &Model,
+    joints: &[JointNumbers],
+    candidate: &Candidate,
+    gains: bool,
+) -> Result<String, Error> {
+    let document = parse(text)?;
+    let mut edits = Edits::default();
+    let degrees = !document
+        .descendants()
+        .filter(|node| node.has_tag_name("compiler"))
+        .any(|compiler| compiler.attribute("angle") == Some("radian"));
+    // What the file's flags switch off is 0 in the model; where the fit has some, it is switched on, and written for all.
+    let flags: Vec<Node<'_, '_>> = document.descendants().filter(|node| node.has_tag_name("flag")).collect();
+    let mut switch = |names: &[&str], needed: bool| {
+        let mut switched = false;
+        for (flag, name) in flags.iter().flat_map(|flag| names.iter().map(move |name| (flag, *name))) {
+            if needed && flag.attribute(name) == Some("disable") {
+                edits.set(text, *flag, name, "enable");
+                switched = true;
+            }
+        }
+        switched
+    };
+    let friction = switch(
+        &["frictionloss"],
+        joints.iter().any(|joint| joint.frictionloss + joint.stiction + joint.load_friction != 0.0),
+    );
+    let passive = joints.iter().any(|joint| joint.damping != 0.0 || joint.sprung);
+    let passive = switch(&["passive", "damper", "spring"], passive);
+    for (joint, own) in joints.iter().zip(&model.joints) {
+        let node = document.descendants().find(|node| {
+            node.has_tag_name("joint")
+                && node.attribute("name") == Some(joint.name.as_str())
+                && node.ancestors().any(|above| above.has_tag_name("worldbody"))
+        });
+        let Some(node) = node else {
+            return Err(Error::failed(format!(
+                "the robot's file has no element of its own for joint `{}`: it is in an included file, or has no name there. \
+                 Save the robot as one file: python -c \"import mujoco; s = mujoco.MjSpec.from_file('in.xml'); s.compile(); \
+                 open('out.xml', 'w').write(s.to_xml())\"",
+                joint.name
+            )));
+        };
+        for (name, value, before, anyway) in [
+            ("armature", joint.armature, own.armature, false),
+            ("damping", joint.damping, own.damping, passive),
+            ("frictionloss", joint.frictionloss, own.frictionloss, friction),
+        ] {
+            if value != before || anyway {
+                edits.set(text, node, name, &number(value));
+            }
+        }
+        if joint.sprung || passive {
+            edits.set(text, node, "stiffness", &number(joint.stiffness));
+            if let Some(rest) = joint.springref() {
+                edits.set(text, node, "springref", &number(if degrees { rest.to_degrees() } else { rest }));
+            }
+        }
+    }
+    base(text, &document, model, candidate, &mut edits);
+    links(text, &document, model, candidate, &mut edits);
+    if gains {
+        actuators(&document, model, joints, &mut edits);
+    }
+    Ok(edits.apply(text))
+}
+
+/// Mass and centre of mass of the base, and a load on it.
+fn base(text: &str, document: &Document<'_>, model: &Model, candidate: &Candidate, edits: &mut Edits) {
+    let (robot, Some(inertial)) = (&candidate.robot, base_inertial(document, model)) else { return };
+    if robot.base_mass != 0.0
+        && let Some([mass]) = numbers(inertial, "mass").as_deref()
+    {
+        edits.set(text, inertial, "mass", &number(mass + robot.base_mass));
+    }
+    if robot.base_com != [0.0; 3]
+        && let Some([x, y, z]) = numbers(inertial, "pos").as_deref()
+    {
+        let [dx, dy, dz] = robot.base_com;
+        let place = [x + dx, y + dy, z + dz].map(number).join(" ");
+        edits.set(text, inertial, "pos", &place);
+    }
+    if robot.payload_mass > 0.0 {
+        // A point has no inertia of its own; MuJoCo wants a little.
+        let place = robot.payload_position.map(number).join(" ");
+        let load = format!(
+            "\n<body name=\"gaitfit_payload\" pos=\"{place}\"><inertial pos=\"0 0 0\" mass=\"{}\" diaginertia=\"1e-6 1e-6 \
+             1e-6\"/></body>",
+            number(robot.payload_mass)
+        );
+        edits.insert(inertial.range().end, load);
+    }
+}
+
+/// Masses, inertias and centres of mass of links; all of them or none.
+fn links(text: &str, document: &Document<'_>, model: &Model, candidate: &Candidate, edits: &mut Edits) {
+    let changes = candidate.robot.body_changes(model);
+    let changed = model.bodies.iter().zip(&changes).filter(|(_, change)| change.changed());
+    let found: Option<Vec<_>> =
+        changed.map(|(body, change)| Some((inertial(document, &body.name)?, change))).collect();
+    for (inertial, change) in found.unwrap_or_default() {
+        for name in ["mass", "diaginertia", "fullinertia"] {
+            if let Some(numbers) = numbers(inertial, name).filter(|_| change.factor != 1.0) {
+                let scaled: Vec<String> = numbers.iter().map(|one| number(change.factor * one)).collect();
+                edits.set(text, inertial, name, &scaled.join(" "));
+            }
+        }
+        if change.shift != [0.0; 3] {
+            let place = numbers(inertial, "pos").unwrap_or_else(|| vec![0.0; 3]);
+            let place: Vec<String> =
+                place.iter().zip(change.shift).map(|(place, shift)| number(place + shift)).collect();
+            edits.set(text, inertial, "pos", &place.join(" "));
+        }
+    }
+}
+
+/// One PD controller a joint instead of the file's actuators, which keep their order and names:
+/// torque = kp (target − q − bias) − kd q̇ + offset, clamped at the limit, with the fit's factors in kp and kd.
+fn actuators(document: &Document<'_>, model: &Model, joints: &[JointNumbers], edits: &mut Edits) {
+    let mut order: Vec<(usize, String)> = Vec::new();
+    for actuator in &model.actuators {
+        if order.iter().all(|(joint, _)| *joint != actuator.joint) {
+            order.push((actuator.joint, actuator.name.clone()));
+        }
+    }
+    for j in 0..joints.len() {
+        if joints[j].kp != 0.0 && order.iter().all(|(joint, _)| *joint != j) {
+            order.push((j, joints[j].name.clone()));
+        }
+    }
+    let mut block = String::from("<actuator>");
+    for (j, name) in order {
+        let joint = &joints[j];
+        let constant = joint.torque_offset - joint.kp * joint.encoder_bias;
+        let limit = match joint.torque_limit.is_finite() {
+            true => format!(
+                " forcelimited=\"true\" forcerange=\"{0:?} {1:?}\"",
+                -joint.torque_limit, joint.torque_limit
+            ),
+            false => String::new(),
+        };
+        block.push_str(&format!(
+            "\n    <general name=\"{}\" joint=\"{}\" gaintype=\"fixed\" biastype=\"affine\" ctrllimited=\"false\" \
+             gainprm=\"{:?}\" biasprm=\"{:?} {:?} {:?}\"{limit}/>",
+            escape(&name),
+            escape(&joint.name),
+            joint.kp,
+            constant,
+            -joint.kp,
+            -joint.kd
+        ));
+    }
+    block.push_str("\n  </actuator>");
+    let mut old = document.root_element().children().filter(|node| node.has_tag_name("actuator"));
+    match old.next() {
+        Some(first) => edits.replace(first, block),
+        None => edits.insert(document.root_element().range().end - "</mujoco>".len(), format!("  {block}\n")),
+    }
+    old.for_each(|node| edits.replace(node, String::new()));
+}
+
+fn escape(name: &str) -> String {
+    name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}

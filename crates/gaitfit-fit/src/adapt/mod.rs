@@ -1,0 +1,111 @@
+//! Fits of a robot's simulator to its logs, and their validation on others.
+//!
+//! How the logs are simulated is a [`Method`]: the logs of a clamped robot are replayed, those of a walking one are
+//! walked again by its policy. All else is one path.
+
+mod alternatives;
+mod audit;
+mod check;
+mod cost_fit;
+mod doubts;
+mod files;
+mod held_out;
+mod ignored;
+mod inputs;
+mod known;
+mod leftover;
+mod log_set;
+mod method;
+mod odd;
+mod opening;
+mod outliers;
+mod parameter;
+mod replicas;
+mod report;
+pub mod results;
+mod robots;
+mod scan;
+mod score;
+mod search;
+mod sensitivity;
+mod setup;
+mod share;
+mod signals;
+mod springs;
+mod standing;
+mod swing;
+mod swing_correction;
+mod trust;
+mod validate;
+
+pub use alternatives::Alternatives;
+pub use audit::Audit;
+pub use check::Check;
+pub use held_out::{Distance, Floor, HeldOut, Trials, Verdict};
+pub use inputs::{Robot, method as simulated, validation as read_logs};
+pub use known::priors;
+pub use leftover::{Leftover, Suspect};
+pub use log_set::LogSet;
+pub use method::Method;
+pub use odd::{JointSpring, OddJoints};
+pub use opening::Opening;
+pub use parameter::Parameter;
+pub use report::{held_out_shown, round};
+pub use results::{AdaptResults, CostFit, MAX_SHOWN};
+pub use score::{Score, Validation};
+pub use search::{METRICS, metrics};
+pub use sensitivity::{ParameterSensitivity, SensitivityResults, sensitivity};
+pub use sensitivity::{identifies, known_values, sensitivities};
+pub use setup::Setup;
+pub use share::{Crew, Done, Helper, Shares};
+pub use springs::FoundSpring;
+pub use standing::refusal;
+pub use standing::{CONTRADICTED, Standing};
+pub use validate::{ValidateRequest, ValidateResults, validate};
+
+use crate::Error;
+use crate::run::RunFolder;
+use crate::watch::Watch;
+
+/// Fits in `folder`, or goes on where it was left, or gives what it found. With `odd_joints` it first finds the joints that
+/// differ from their siblings; `setup` then has springs on them.
+///
+/// # Errors
+/// A fit that cannot go on; a folder of other inputs; an interruption.
+pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<AdaptResults, Error> {
+    for warning in &setup.warnings {
+        watch.note(warning);
+    }
+    if let Some(note) = on_the_cpu(setup) {
+        watch.note(&note);
+    }
+    let protocol = files::protocol(folder, setup)?;
+    let results = protocol.run(watch, || {
+        let odd = match setup.config.odd_joints {
+            true => Some(odd::find(setup, folder, &protocol.inputs, watch)?),
+            false => None,
+        };
+        if let Some(odd) = &odd {
+            setup.take(odd)?;
+        }
+        let (outcomes, seconds) = search::fit(setup, folder, &protocol.inputs, watch)?;
+        let metrics = search::metrics(folder)?;
+        let results = results::results(setup, &outcomes, &metrics, odd, folder, seconds, watch)?;
+        files::write(folder, setup, &results, &metrics)?;
+        Ok::<_, Error>(results)
+    })?;
+    if let Some(odd) = &results.odd_joints {
+        setup.take(odd)?;
+    }
+    Ok(results)
+}
+
+/// What a GPU does not simulate.
+fn on_the_cpu(setup: &Setup) -> Option<String> {
+    let names: Vec<String> =
+        setup.config.costs.iter().filter(|cost| cost.needs_imu()).map(ToString::to_string).collect();
+    let there = setup.devices.are_gpus() && !names.is_empty();
+    there.then(|| {
+        format!("the CPU simulates for {}, whatever the device: it takes some seconds", names.join(", "))
+    })
+}

@@ -1,0 +1,210 @@
+//! The joint that is not like the others: a spring is fitted on every joint, and only those stay that no sibling has.
+//!
+//! Something bent, a cable, a gas strut: what a joint feels depends on its angle, and nobody knows which joint it is. A
+//! first fit by least squares gives every joint a stiffness and a torque beside what else is fitted. [`judge`] compares each
+//! with the same joint of the other legs. The fit proper then has springs on the odd joints alone.
+
+mod judge;
+
+use super::setup::Setup;
+use super::springs::FoundSpring;
+use crate::Error;
+use crate::run::RunFolder;
+use crate::run::inputs::Inputs;
+use crate::watch::{Watch, Work};
+use gaitfit_adapt::fit::{Alternative, CostOutcome, Fit, FitError, Problem};
+use gaitfit_adapt::{Theta, cost::Cost};
+use gaitfit_model::patterns::compile;
+use judge::{Judged, Stiffness};
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+/// What the first fit found, in the run folder.
+const FILE: &str = "odd_joints.json";
+/// Springs below this part of the joint's position gain are not worth a word: they move it by less than this part of what
+/// its target does.
+const MIN_SHARE: f64 = 0.02;
+/// Stiffness that is not worth a word on a joint whose gain is not known, N·m/rad.
+const MIN_STIFFNESS: f64 = 0.2;
+/// The first fit ends once steps are this part of the entries' deviations.
+const TOLERANCE: f64 = 1e-2;
+
+/// Every joint's spring, and which joints differ from their siblings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OddJoints {
+    /// One a joint.
+    pub springs: Vec<JointSpring>,
+    /// Names of the joints that differ, the oddest first.
+    pub odd: Vec<String>,
+    /// Wall time of the first fit, s.
+    pub wall_seconds: f64,
+}
+
+/// A joint's spring in the fit that has one on every joint.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JointSpring {
+    /// Joint name.
+    pub joint: String,
+    /// N·m/rad.
+    pub stiffness: f64,
+    /// Standard deviation of the estimate, N·m/rad.
+    pub deviation: f64,
+    /// Difference from the median of its siblings, N·m/rad.
+    pub off: f64,
+    /// Difference from which on the joint is odd, N·m/rad.
+    pub limit: f64,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    inputs: Inputs,
+    found: OddJoints,
+}
+
+/// Finds the odd joints, or reads what an earlier session found.
+///
+/// # Errors
+/// A fit that cannot go on; an interruption; files that cannot be written.
+pub(super) fn find(
+    setup: &Setup,
+    folder: &RunFolder,
+    inputs: &Inputs,
+    watch: &Watch<'_>,
+) -> Result<OddJoints, Error> {
+    if let Some(text) = folder.read(FILE)?
+        && let Ok(saved) = serde_json::from_str::<Saved>(&text)
+        && inputs.difference(&saved.inputs).is_none()
+    {
+        return Ok(saved.found);
+    }
+    let begun = Instant::now();
+    let theta = setup.with_springs(&setup.method.joints())?;
+    let outcome = fit(setup, &theta, watch).map_err(|error| match error {
+        FitError::Cancelled => {
+            let message =
+                "interrupted while comparing joints; --resume begins the comparison again".to_owned();
+            Error::interrupted(message, folder.path())
+        }
+        error => Error::failed(error),
+    })?;
+    let mut found = compare(setup, &theta, &outcome);
+    found.wall_seconds = begun.elapsed().as_secs_f64();
+    folder.write_json(FILE, &Saved { inputs: inputs.clone(), found: found.clone() })?;
+    Ok(found)
+}
+
+/// Fits `theta` by least squares from its start, with the first cost.
+fn fit(setup: &Setup, theta: &Theta, watch: &Watch<'_>) -> Result<CostOutcome, FitError> {
+    let mut options = setup.options.clone();
+    options.seeds.truncate(1);
+    options.tolerance = options.tolerance.max(TOLERANCE);
+    let simulator = setup.fit.simulator.as_ref();
+    let costs: &[Box<dyn Cost>] = &setup.costs[..1];
+    let mut fit = Fit::new(simulator, theta, costs, options)?;
+    let work = Work {
+        what: "springs on every joint: generation",
+        total: setup.options.generations,
+        first: 0,
+        parts: "evaluations",
+    };
+    let stop = || watch.stop();
+    let counting = watch.begin(work);
+    while let Some(generation) = fit.step(&stop)? {
+        let best = fit.best_costs().first().copied().flatten().unwrap_or(f64::NAN);
+        counting.step(fit.generation(), generation.evaluations, &format!("{} {best:.5}", costs[0].name()));
+    }
+    drop(counting);
+    let outcome = fit.outcomes().into_iter().next();
+    let mut outcome =
+        outcome.ok_or_else(|| FitError::Scan("no step of the comparison of joints ended".into()))?;
+    let others: Vec<Alternative<'_>> = setup.alternatives.iter().map(|other| other.alternative()).collect();
+    let (cost, draw) = (costs[0].as_ref(), outcome.draw());
+    outcome.trust(Problem { simulator, theta, cost, draw, cancel: &stop }, &others)?;
+    Ok(outcome)
+}
+
+/// Compares the joints of an outcome.
+fn compare(setup: &Setup, theta: &Theta, outcome: &CostOutcome) -> OddJoints {
+    let springs = theta.springs(&outcome.values());
+    let deviation = |joint: &str| {
+        let place = theta.entries().iter().position(|entry| {
+            entry.kind == gaitfit_adapt::JointParameter::Stiffness.name() && entry.joints == [joint]
+        });
+        let found = outcome.uncertainty.as_ref().zip(place);
+        found.map_or(f64::INFINITY, |(found, place)| found.deviation[place])
+    };
+    let groups = groups(setup);
+    let stiffness: Vec<Stiffness<'_>> = springs
+        .iter()
+        .map(|spring| Stiffness {
+            group: group(&groups, &spring.joint),
+            value: spring.stiffness,
+            deviation: deviation(&spring.joint),
+        })
+        .collect();
+    let gains = setup.method.walking().map(|walking| walking.task.walker.interface.kp.as_slice());
+    let gain = gains.unwrap_or_default().iter().copied().filter(|gain| *gain > 0.0).reduce(f64::min);
+    let min = gain.map_or(MIN_STIFFNESS, |gain| MIN_SHARE * gain);
+    let judged = Judged::new(&stiffness, min);
+    let odd = judged.odd().into_iter().map(|at| springs[at].joint.clone()).collect();
+    let found = springs.iter().enumerate().map(|(at, spring)| JointSpring {
+        joint: spring.joint.clone(),
+        stiffness: spring.stiffness,
+        deviation: stiffness[at].deviation,
+        off: judged.off[at],
+        limit: judged.limit[at],
+    });
+    OddJoints { springs: found.collect(), odd, wall_seconds: 0.0 }
+}
+
+/// Groups of joints with their patterns.
+fn groups(setup: &Setup) -> Vec<(String, Vec<gaitfit_model::patterns::Pattern>)> {
+    let groups = setup.config.groups.clone().into_iter();
+    groups.filter_map(|(name, patterns)| Some((name, compile(&patterns).ok()?))).collect()
+}
+
+/// The group of a joint; itself if it is in none.
+fn group<'a>(groups: &'a [(String, Vec<gaitfit_model::patterns::Pattern>)], joint: &'a str) -> &'a str {
+    let has = |(_, patterns): &&(String, Vec<gaitfit_model::patterns::Pattern>)| {
+        patterns.iter().any(|pattern| pattern.covers(joint))
+    };
+    groups.iter().find(has).map_or(joint, |(name, _)| name)
+}
+
+impl OddJoints {
+    /// What was found, a sentence each; `springs`: of the fit proper.
+    pub fn sentences(&self, springs: &[FoundSpring]) -> Vec<String> {
+        if self.odd.is_empty() {
+            let max = self.springs.iter().map(|one| one.off.abs()).fold(0.0, f64::max);
+            let limit = self.springs.iter().map(|one| one.limit).fold(0.0, f64::max);
+            return vec![format!(
+                "no joint differs from its siblings: springs fitted on every joint differ by at most {max:.2} N·m/rad from \
+                 those of the same joint of other legs, and {limit:.2} would count"
+            )];
+        }
+        let alone = if self.odd.len() == 1 { "no other joint has" } else { "its siblings do not have" };
+        let sentence = |joint: &String| {
+            let spring = springs.iter().find(|spring| spring.joint == *joint)?;
+            let text = spring.text();
+            Some(if spring.stiffness > 0.0 {
+                format!("{joint} has a spring that {alone}: {text}")
+            } else {
+                format!(
+                    "{joint} differs from its siblings as if it had a spring of negative stiffness: {text}; its motor \
+                     may be weak or its gain low"
+                )
+            })
+        };
+        self.odd.iter().filter_map(sentence).collect()
+    }
+}
+
+impl Setup {
+    /// Gives the fit proper springs on the joints that are odd.
+    pub(super) fn take(&mut self, odd: &OddJoints) -> Result<(), Error> {
+        if !odd.odd.is_empty() {
+            self.theta = self.with_springs(&odd.odd)?;
+        }
+        Ok(())
+    }
+}

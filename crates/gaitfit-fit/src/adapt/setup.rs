@@ -1,0 +1,316 @@
+//! Everything a fit needs, read and checked before anything is written.
+
+use super::alternatives::{Alternatives, alternatives};
+use super::ignored::ignored;
+use super::inputs::{self, Logs, Robot};
+use super::log_set::LogSet;
+use super::method::Method;
+use super::replicas::Replicas;
+use super::robots;
+use super::share::Shares;
+use super::swing_correction;
+use super::{known, swing};
+use crate::air::logs as air_logs;
+use crate::device::Devices;
+use crate::log::Log;
+use crate::settings::{AdaptConfig, Base, check};
+use crate::walk::logs::LogNotes;
+use crate::walk::remedy::Remedies;
+use crate::walk::sized;
+use crate::walk::swing::SwingFindings;
+use crate::walk::walking::{self, rest_angles};
+use crate::{Error, theta};
+use gaitfit_adapt::cost::Cost;
+use gaitfit_adapt::fit::{FitOptions, Method as Search};
+use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Sharing, Theta, ThetaError};
+use gaitfit_model::{Model, shown};
+use gaitfit_policy::Policy;
+use gaitfit_sim::Candidate;
+use std::path::{Path, PathBuf};
+
+/// Everything a fit needs.
+pub struct Setup {
+    /// The settings, with every default of what is fitted.
+    pub config: AdaptConfig,
+    /// The robot that θ changes.
+    pub base: Candidate,
+    /// How the logs are simulated.
+    pub method: Method,
+    /// What is fitted.
+    pub theta: Theta,
+    /// The logs that are fitted.
+    pub fit: LogSet,
+    /// The same logs from several starts, where the search compares them so.
+    pub several: Option<LogSet>,
+    /// The logs that are not, in sets that are compared together: logs of a clamped robot one by one, as they may
+    /// differ in sample rate.
+    pub validate: Vec<LogSet>,
+    /// What was found in walking logs that are fitted.
+    pub notes: Option<LogNotes>,
+    /// The costs, in the configuration's order.
+    pub costs: Vec<Box<dyn Cost>>,
+    /// Simulators of the same logs that could stand in for the fit's, and how they differ: they show how far its errors
+    /// move what a fit of least squares finds.
+    pub alternatives: Alternatives,
+    /// The robot as it makes logs, where fits of simulated ones correct that of the real ones.
+    pub replicas: Option<Replicas>,
+    /// Optimiser settings.
+    pub options: FitOptions,
+    /// Every file that was read.
+    pub files: Vec<PathBuf>,
+    /// Things to know before trusting the result.
+    pub warnings: Vec<String>,
+    /// What simulates.
+    pub devices: Devices,
+    /// Where the settings were read, which relative paths may start from.
+    pub config_path: PathBuf,
+    /// Whether the policy was given by the caller, and is in no file.
+    pub own_policy: bool,
+    /// What the fitted logs show without a simulation, if priors or further parameters come from it.
+    pub swings: Option<SwingFindings>,
+    /// Who simulates besides this process, if anyone does.
+    pub shares: Option<Shares>,
+}
+
+impl Setup {
+    /// See [`super::Opening::open`].
+    pub(super) fn read_all(
+        config: &AdaptConfig,
+        config_path: &Path,
+        threads: Option<usize>,
+        devices: &Devices,
+        given: Option<&Policy>,
+    ) -> Result<Self, Error> {
+        let stated = config;
+        let mut config = config.clone();
+        // The folder keeps every default, these too.
+        config.optimizer.seeds = config.optimizer.seed_count(devices.are_gpus());
+        config.parameter.iter_mut().for_each(ParameterRule::resolve);
+        config.number.iter_mut().for_each(RobotRule::resolve);
+        check::check(&config, config_path)?;
+        let Robot { model, policy, base, known, mut files } = Robot::read(&config, config_path, given)?;
+        let joints = crate::robot::joint_names(&model);
+        config.groups = config.groups(&joints).into_iter().collect();
+        let robot_line = policy.as_ref().and_then(|policy| unnamed(&config.robot, policy, &model));
+        let in_robot = |error: Error| match &robot_line {
+            Some(line) => Error::settings(format!("{}: {line}. Without it: {error}", config_path.display())),
+            None => error,
+        };
+        let mut rest = vec![0.0; joints.len()];
+        let mut feet = None;
+        if let Some(policy) = &policy {
+            rest = rest_angles(policy, &model).map_err(in_robot)?;
+            let count = walking::feet(&config, policy, &model).map_err(in_robot)?;
+            leave_held_out(&mut config, policy, &joints);
+            sized::fit_to(&mut config, stated, &model, count);
+            config.simulation.timestep = walking::timestep(&config, policy)?;
+            feet = Some(count);
+        }
+        let in_file = |error: ThetaError| Error::settings(format!("{}: {error}", config_path.display()));
+        let mut theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
+        let (walker, robot) = (policy.clone(), model.clone());
+        let gpus = devices.open()?;
+        let method = inputs::method(&config, policy, model, &theta, &base, threads).map_err(in_robot)?;
+        let method = method.on(gpus.clone());
+        let mut warnings = crate::robot::remarks(method.model());
+        if let Some(policy) = &walker {
+            warnings.extend(policy.notes.iter().cloned());
+            warnings.extend(policy.interface.other_robot(&robot));
+        }
+        if let Some((path, file)) = &known {
+            warnings.extend(theta::doubts(file, path, method.model(), method.physics_step()));
+            warnings.extend(known::replaced(file, path, &theta));
+        }
+        let logs = Logs::read(&config, config_path, &method)?;
+        files.extend(logs.files());
+        warnings.extend(logs.warnings.iter().cloned());
+        let without_simulation = config.swings || config.effects;
+        let mut swings = if without_simulation { swing::findings(&method, &logs.fit) } else { None };
+        let asked = config.swings && config.optimizer.replicates > 0;
+        if let (true, Some(found), Some(policy)) = (asked, &mut swings, &walker) {
+            let known = known::priors(&theta, &swing::numbers_of(&method, found), &config.prior);
+            if known.len() > config.prior.len() {
+                let threads = method.walking().map_or(1, |walking| walking.threads);
+                let robot =
+                    swing_correction::Robot { config: &config, policy, model: &robot, base: &base, threads };
+                swing_correction::correct(found, &robot, &logs.fit);
+            }
+        }
+        let priors = swings.as_ref().filter(|_| config.swings);
+        let mut numbers = priors.map_or_else(Vec::new, |found| swing::numbers_of(&method, found));
+        if let Some(found) = swings.as_ref().filter(|_| config.effects) {
+            let remedies = Remedies::new(found, &theta, &base);
+            remedies.extend(&mut config, &joints);
+            remedies.widen_priors(&mut numbers);
+            warnings.extend(remedies.note());
+            theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
+        }
+        numbers.extend(feet.filter(|_| config.swings).into_iter().flat_map(sized::biped_priors));
+        // The folder keeps them, as it keeps the defaults.
+        config.prior = known::priors(&theta, &numbers, &config.prior);
+        let theta = theta.with_priors(&config.prior, config.optimizer.prior_weight).map_err(in_file)?;
+        let named =
+            if config.odd_joints { with_springs(&config, &method, &method.joints())? } else { theta.clone() };
+        warnings.extend(unused(&config, &named, &logs.validate)?);
+        let several = LogSet::from_several_starts(&config, &method, &base, &logs.fit)?;
+        let fit = LogSet::new(&config, &method, &base, logs.fit)?;
+        let other = |config: &AdaptConfig| {
+            inputs::method(config, walker.clone(), robot.clone(), &theta, &base, threads)
+                .map(|method| method.on(gpus.clone()))
+        };
+        let alternatives = alternatives(&config, &method, &other, &base, &fit.logs)?;
+        let replicas = match (&method, walker) {
+            (Method::Walk(walking), Some(policy)) if corrected(&config) => {
+                let threads = walking.threads;
+                Some(Replicas::new(&config, policy, &robot, &theta, &base, threads, &fit.logs)?)
+            }
+            _ => None,
+        };
+        let validate = logs
+            .validate
+            .into_iter()
+            .map(|logs| LogSet::new(&config, &method, &base, logs))
+            .collect::<Result<Vec<_>, _>>()?;
+        for (signal, column) in fit.reference.constant() {
+            warnings.push(format!("{signal} of {column} is constant in the logs and left out of the costs"));
+        }
+        let mut setup = Self {
+            costs: several.as_ref().unwrap_or(&fit).costs(&config)?,
+            options: check::options(&config, logs.notes.as_ref().map_or(0, LogNotes::falls)),
+            notes: logs.notes,
+            alternatives,
+            replicas,
+            config,
+            base,
+            method,
+            theta,
+            fit,
+            several,
+            validate,
+            files,
+            warnings,
+            devices: devices.clone(),
+            config_path: config_path.to_owned(),
+            own_policy: given.is_some(),
+            swings,
+            shares: None,
+        };
+        setup.options.falls.random = setup.has_draws();
+        setup.warnings.extend(ignored(&setup));
+        if setup.config.odd_joints {
+            let (cost, search) = (setup.costs[0].as_ref(), setup.options.method);
+            if !search.least_squares(cost, &named).map_err(Error::settings)? {
+                return Err(Error::settings(format!(
+                    "{}: `odd_joints` compares joints by least squares, which {} is not for: take \"matchr1\", or \
+                     \"matcho\" with optimizer.method = \"least-squares\"",
+                    config_path.display(),
+                    cost.name()
+                )));
+            }
+        }
+        Ok(setup)
+    }
+
+    /// What the costs compare.
+    pub(crate) fn searched(&self) -> &LogSet {
+        self.several.as_ref().unwrap_or(&self.fit)
+    }
+
+    /// What is fitted, with a spring on each of `joints` besides.
+    pub(super) fn with_springs(&self, joints: &[String]) -> Result<Theta, Error> {
+        with_springs(&self.config, &self.method, joints)
+    }
+
+    /// Whether simulations of the same values differ by their draws: of torque noise, or of the starts.
+    fn has_draws(&self) -> bool {
+        let noise = RobotNumber::TorqueNoise.name();
+        let fitted = self.theta.entries().iter().any(|entry| entry.kind == noise);
+        fitted || self.base.torque_noise != 0.0 || self.several.is_some()
+    }
+
+    /// Whether simulated samples can be compared with the log's one by one: those of a replay always, those of a walk
+    /// where the fit does so too.
+    pub fn aligned(&self) -> bool {
+        aligned(&self.config)
+    }
+}
+
+/// See [`Setup::with_springs`].
+fn with_springs(config: &AdaptConfig, method: &Method, joints: &[String]) -> Result<Theta, Error> {
+    let model = method.model();
+    let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+    let rest = match method.walking() {
+        Some(walking) => rest_angles(&walking.policy, model)?,
+        None => vec![0.0; names.len()],
+    };
+    let mut rules = config.rules();
+    rules.parameter.extend([JointParameter::Stiffness, JointParameter::SpringTorque].map(|kind| {
+        ParameterRule { per: Sharing::Joint, joints: joints.to_vec(), ..ParameterRule::new(kind) }
+    }));
+    rules.resolve();
+    rules
+        .theta(&config.groups(&names), &names, &rest)
+        .and_then(|theta| theta.with_priors(&config.prior, config.optimizer.prior_weight))
+        .map_err(|error| Error::settings(format!("`odd_joints` puts a spring on every joint: {error}")))
+}
+
+/// A sentence that asks for the robot, if the settings name none and the policy states another one than the built-in Go2.
+fn unnamed(robot: &str, policy: &Policy, model: &Model) -> Option<String> {
+    let other = robot.is_empty() && policy.interface.other_robot(model).is_some();
+    other.then(|| {
+        format!(
+            "add `robot = \"…\"`, the file of `{}`, for which the policy was trained",
+            shown(&policy.interface.robot)
+        )
+    })
+}
+
+/// Limits rules with values for joints or groups to joints that the policy moves, unless the rule names its joints. Joints
+/// that the policy holds hardly move, and logs often lack them.
+fn leave_held_out(config: &mut AdaptConfig, policy: &Policy, joints: &[String]) {
+    let moved: Vec<String> =
+        joints.iter().filter(|&joint| policy.interface.joints.contains(joint)).cloned().collect();
+    if moved.is_empty() || moved.len() == joints.len() {
+        return;
+    }
+    let apart = |rule: &&mut ParameterRule| rule.per != Sharing::All && rule.joints == ["*"];
+    for rule in config.parameter.iter_mut().filter(apart) {
+        rule.joints.clone_from(&moved);
+    }
+}
+
+/// Whether fits of simulated logs, or simulated robots, may correct a fit of `config`.
+fn corrected(config: &AdaptConfig) -> bool {
+    let fits = config.optimizer.replicates > 0
+        && config.optimizer.method != Search::CmaEs
+        && config.costs.iter().any(|cost| cost.needs_imu());
+    fits || config.costs.iter().any(|&cost| robots::applies(config, cost))
+}
+
+/// See [`Setup::aligned`].
+pub(super) fn aligned(config: &AdaptConfig) -> bool {
+    let runs_freely = config.costs.first().is_some_and(|cost| !cost.needs_imu());
+    config.base == Base::Fixed || runs_freely && config.costs.iter().any(|cost| cost.is_aligned())
+}
+
+/// Settings that name something this run does not have: harmless, or a slip of the pen.
+fn unused(config: &AdaptConfig, theta: &Theta, validate: &[Vec<Log>]) -> Result<Vec<String>, Error> {
+    let mut found = Vec::new();
+    let fitted = |name: &String| theta.entries().iter().any(|entry| entry.name == *name);
+    let known = config.truth.keys().map(|name| ("truth", name));
+    for (table, name) in known.chain(config.published.keys().map(|name| ("published", name))) {
+        if !fitted(name) {
+            found.push(format!("[{table}] has `{name}`, which is not fitted"));
+        }
+    }
+    for entry in &config.validate_gains {
+        let mut used = false;
+        for log in validate.iter().flatten() {
+            used |= air_logs::matching(std::slice::from_ref(entry), &log.name, &log.path)?.is_some();
+        }
+        if !used {
+            found.push(format!("validate_gains for {:?} matches no validation log", entry.files));
+        }
+    }
+    Ok(found)
+}

@@ -1,0 +1,305 @@
+//! Whether a fit may be used: its doubts in one list, and how firmly it stands.
+
+use super::audit::Audit;
+use super::held_out::HeldOut;
+use super::leftover::Leftover;
+use super::parameter::Parameter;
+use super::results::CostFit;
+use super::score::Score;
+use gaitfit_adapt::RobotNumber;
+use gaitfit_view::{Doubt, DoubtKind};
+use serde::{Deserialize, Serialize};
+
+/// How firmly a fit stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Standing {
+    /// Nothing speaks against it.
+    #[default]
+    Sound,
+    /// It has doubts: use it with another test.
+    Doubtful,
+    /// Walks that were not fitted contradict it: no policy is trained in it unless that is asked for by name.
+    Contradicted,
+}
+
+/// The name with which settings let a contradicted fit pass.
+pub const CONTRADICTED: &str = "contradicted";
+
+/// Torques besides those that motors are told which are large for a robot, as a part of what its weakest joint can give.
+/// Simulated robots without such effects are below 0.1, a real one's walks at 0.3 to 0.4.
+const LOUD: f64 = 0.2;
+/// The same for torque noise among the fitted parameters. Motors have less; a search takes noise for what the model lacks.
+/// Fits of simulated robots with noise of up to 0.04 stay below 0.05; one of a robot with twisting joints asked for 0.12.
+const LOUD_FITTED: f64 = 0.1;
+/// Part of the errors' variance that goes with what the robot does, and memory of errors, from which on the model lacks
+/// something. Of simulated robots that differ only in what is fitted both are below half of this.
+const GOES_WITH: f64 = 0.1;
+const REMEMBERS: f64 = 0.3;
+/// A joint of whose errors this many times as much goes with motion as on average is not like the others.
+const ONE_JOINT: f64 = 3.0;
+/// How much wider than measured an interval is for each root of the part of the variance that goes with motion.
+const WIDER: f64 = 10.0;
+/// Standard errors between a fit and what was known before that are a disagreement.
+pub(super) const APART: f64 = 3.0;
+/// An interval below this part of the bounds says that 0 was wanted, and not only allowed.
+const TIGHT: f64 = 0.05;
+/// Parameters that a doubt names.
+const NAMED: usize = 6;
+
+/// What is known of a fit besides its search.
+pub(super) struct Evidence<'a> {
+    /// The predictor that the fit is.
+    pub fitted: &'a Score,
+    /// The robot before the fit, then predictors that need no simulator.
+    pub baselines: &'a [Score],
+    /// Walks that were not fitted.
+    pub held_out: Option<&'a HeldOut>,
+    /// Torque that the weakest joint can give, N·m; absent where nothing limits it.
+    pub effort: Option<f64>,
+}
+
+/// Why a fit must not be taken as it stands, the worst first.
+pub(super) fn doubts(fit: &CostFit, evidence: &Evidence<'_>) -> Vec<Doubt> {
+    let mut doubts = fit.doubts.clone();
+    doubts.extend(trivial(evidence));
+    doubts.extend(evidence.held_out.and_then(HeldOut::doubt));
+    doubts.extend(unexplained(fit, evidence.effort));
+    doubts.extend(known_otherwise(&fit.parameters));
+    doubts.extend(bounded(&fit.parameters, fit.leftover.as_ref().map(Leftover::remembers)));
+    doubts.sort_by_key(|doubt| doubt.kind);
+    doubts
+}
+
+/// How firmly a fit with these doubts stands.
+pub(super) fn standing(doubts: &[Doubt], held_out: Option<&HeldOut>) -> Standing {
+    if held_out.is_some_and(HeldOut::contradicts) {
+        Standing::Contradicted
+    } else if doubts.is_empty() {
+        Standing::Sound
+    } else {
+        Standing::Doubtful
+    }
+}
+
+/// Why a result with these doubts must not be used, in words. One that is only doubtful may be: its intervals know it.
+pub fn refusal(doubts: &[Doubt]) -> Option<String> {
+    let refused = [DoubtKind::Trivial, DoubtKind::Falls, DoubtKind::WorseThanNominal, DoubtKind::Misfit];
+    let mut kinds: Vec<DoubtKind> = doubts.iter().map(|doubt| doubt.kind).collect();
+    kinds.retain(|kind| refused.contains(kind));
+    kinds.dedup();
+    let names: Vec<String> = kinds.iter().map(|kind| kind.headline().to_lowercase()).collect();
+    (!names.is_empty()).then(|| format!("do not use this fit: {}", names.join(", ")))
+}
+
+/// That a predictor without a simulator is nearer to the logs: by errors of logs that were not fitted, or else of those that
+/// were, or else by the cost.
+fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
+    type Measure = fn(&Score) -> Option<f64>;
+    let measures: [(&str, Measure); 3] = [
+        ("position error on logs that were not fitted, rad", |score| score.rmse_validation_rad),
+        ("position error on the fitted logs, rad", |score| score.rmse_fit_rad),
+        ("cost on the fitted logs", |score| score.cost),
+    ];
+    let guesses = evidence.baselines.iter().skip(1);
+    let (what, fitted, guess, found) = guesses
+        .filter_map(|guess| {
+            let (what, fitted, of) =
+                measures.iter().find_map(|(what, of)| Some((*what, of(evidence.fitted)?, of(guess)?)))?;
+            Some((what, fitted, &guess.name, of))
+        })
+        .min_by(|a, b| a.3.total_cmp(&b.3))?;
+    (found < fitted).then(|| {
+        let text = format!(
+            "\"{guess}\" needs no simulator and predicts the logs better: {found:.5} against {fitted:.5} ({what}). Do \
+             not use this fit: check targets, gains and joint order with `gaitfit inspect`, and fit further parameters."
+        );
+        Doubt::new(DoubtKind::Trivial, text)
+    })
+}
+
+/// That what the fit leaves is no noise, or too much of it.
+fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
+    let mut reasons: Vec<String> = Vec::new();
+    let noise = fit.correction.as_ref().map(|correction| correction.torque_noise);
+    if let Some((noise, effort)) = noise.zip(effort).filter(|(noise, effort)| *noise > LOUD * effort) {
+        reasons.push(format!(
+            "The remaining errors are as large as torque noise of {noise:.1} N·m, {:.0} % of what the weakest joint \
+             can give.",
+            100.0 * noise / effort
+        ));
+    }
+    let named = |one: &&Parameter| one.found.name == RobotNumber::TorqueNoise.name();
+    let noise = fit.parameters.iter().find(named).map(|one| one.found.value);
+    if let Some((noise, effort)) = noise.zip(effort).filter(|(noise, effort)| *noise > LOUD_FITTED * effort) {
+        reasons.push(format!(
+            "The fitted torque noise is {noise:.1} N·m, {:.0} % of what the weakest joint can give. Motors are not that \
+             noisy: it stands for an effect that the model lacks. `gaitfit explain` looks for such effects.",
+            100.0 * noise / effort
+        ));
+    }
+    if let Some(audit) = fit.audit.as_ref().filter(|audit| audit.explained > GOES_WITH) {
+        reasons.push(format!(
+            "{:.0} % of the variance of its errors depend on the motion ({:.0} % at {}), most on {}.",
+            100.0 * audit.explained,
+            100.0 * audit.worst_joint.1,
+            audit.worst_joint.0,
+            audit.strongest.0
+        ));
+        if audit.worst_joint.1 > ONE_JOINT * audit.explained {
+            reasons.push(format!(
+                "{} is not like the other joints: `odd_joints = true` shows whether it has a spring.",
+                audit.worst_joint.0
+            ));
+        }
+    }
+    if let Some(audit) = fit.audit.as_ref().filter(|audit| audit.memory.abs() > REMEMBERS) {
+        reasons.push(format!(
+            "Its errors have a correlation of {:.2} with those a sample before.",
+            audit.memory
+        ));
+    }
+    (!reasons.is_empty()).then(|| {
+        reasons.push(missing(&fit.parameters).to_owned());
+        Doubt::new(DoubtKind::Unexplained, reasons.join(" "))
+    })
+}
+
+/// What to do about it.
+fn missing(parameters: &[Parameter]) -> &'static str {
+    if parameters.iter().any(|one| one.found.name.starts_with("delay")) {
+        "The intervals are widened for it. Fit further parameters, and check whole walks (cost \"wass\", logs in \
+         `validate`)."
+    } else {
+        "No delay is fitted, and a missing delay appears as friction and armature: add a [[parameter]] of kind \
+         \"delay\". The intervals are widened for it."
+    }
+}
+
+/// Factor on the sides of the intervals of a fit whose errors go with what the robot does.
+pub(super) fn widening(audit: &Audit) -> f64 {
+    let goes_with = if audit.explained > GOES_WITH { audit.explained } else { 0.0 };
+    let remembers = if audit.memory.abs() > REMEMBERS { audit.memory * audit.memory } else { 0.0 };
+    1.0 + WIDER * goes_with.max(remembers).sqrt()
+}
+
+/// Widens the intervals of the first fit to the values of another one that sees the same logs otherwise: whole walks and
+/// short predictions. Says where the two disagree, if they do.
+pub(super) fn reconcile(fits: &mut [CostFit]) {
+    let Some((first, others)) = fits.split_first_mut() else { return };
+    let short = |fit: &CostFit| fit.cost_name.starts_with("matchr");
+    let first_is_short = short(first);
+    for other in others.iter().filter(|other| short(other) != first_is_short) {
+        let mut apart = Vec::new();
+        for one in other.comparison.iter().filter(|one| one.agrees == Some(false)) {
+            let parameter = first.parameters.iter_mut().find(|parameter| parameter.found.name == one.name);
+            if let Some(parameter) = parameter.filter(|parameter| parameter.identified == Some(true)) {
+                parameter.reach(one.second);
+                apart.push(format!("{} {:.4} and {:.4}", one.name, one.first, one.second));
+            }
+        }
+        if !apart.is_empty() {
+            let text = format!(
+                "{} and {} give different values, by more than their errors: {}. The simulator lacks something; the intervals \
+                 reach to both.",
+                first.cost_name,
+                other.cost_name,
+                listed(&apart)
+            );
+            first.doubts.push(Doubt::new(DoubtKind::Disagreement, text));
+        }
+    }
+}
+
+/// That values are far from what was known of them before.
+fn known_otherwise(parameters: &[Parameter]) -> Option<Doubt> {
+    let far = |one: &Parameter| {
+        let prior = one.prior?;
+        let away = prior.away(one.found.value);
+        (away.abs() > APART).then(|| {
+            format!(
+                "{} {:.4} for {:.4} ± {:.4}",
+                one.found.name, one.found.value, prior.value, prior.deviation
+            )
+        })
+    };
+    let far: Vec<String> = parameters.iter().filter_map(far).collect();
+    (!far.is_empty()).then(|| {
+        let text = format!(
+            "The walks contradict the known values: {}. The simulator lacks something, or the known values are of \
+             another robot. The intervals reach to both.",
+            listed(&far)
+        );
+        Doubt::new(DoubtKind::Disagreement, text)
+    })
+}
+
+/// That values rest on bounds of their search. 0 is an end of many quantities; a value rests there where the logs exclude
+/// all others. `remembers`: whether the errors of a clamped robot's fit are no noise. Where they are noise, a simulated robot
+/// without friction or delay may have made the log.
+fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
+    let named = |is_so: &dyn Fn(&Parameter) -> bool| -> Vec<String> {
+        parameters.iter().filter(|one| is_so(one)).map(|one| one.found.name.clone()).collect()
+    };
+    let measured = remembers == Some(true);
+    let (stopped, empty) = (named(&stopped_by_bound), named(&|one| wants_nothing(one, measured)));
+    let mut reasons = Vec::new();
+    if !stopped.is_empty() {
+        let rest = if stopped.len() == 1 { "rests on a bound" } else { "rest on bounds" };
+        reasons
+            .push(format!("{} {rest} of the search: widen it, or fit further parameters.", listed(&stopped)));
+    }
+    if !empty.is_empty() {
+        let (rest, exclude) = if empty.len() == 1 {
+            ("rests", "its interval excludes")
+        } else {
+            ("rest", "the intervals exclude")
+        };
+        reasons.push(format!(
+            "{} {rest} at 0 and {exclude} all else, which no real joint does: they stand for something that the \
+             simulator lacks.",
+            listed(&empty)
+        ));
+    }
+    let kind = if stopped.is_empty() && remembers == Some(false) {
+        DoubtKind::Unexplained
+    } else {
+        DoubtKind::Misfit
+    };
+    (!reasons.is_empty()).then(|| Doubt::new(kind, reasons.join(" ")))
+}
+
+/// Whether a value would have gone on but for a bound of its search. 0 is an end of many quantities and no such bound; see
+/// [`wants_nothing`].
+pub(super) fn stopped_by_bound(parameter: &Parameter) -> bool {
+    let found = &parameter.found;
+    let upper = found.value - found.lower >= found.upper - found.value;
+    found.at_bound && (upper || found.lower != 0.0)
+}
+
+/// Whether friction or delay, of which every real robot has some, rests at 0 and the logs exclude more. Where it is known to be 0,
+/// nothing is wrong. `measured`: by the interval as it was measured, before it was widened for what the simulator lacks.
+pub(super) fn wants_nothing(parameter: &Parameter, measured: bool) -> bool {
+    let found = &parameter.found;
+    let real = ["frictionloss", "delay"].iter().any(|kind| found.name.starts_with(kind));
+    let narrow = |[_, upper]: [f64; 2]| upper - found.lower < TIGHT * (found.upper - found.lower);
+    real && found.at_bound
+        && found.lower == 0.0
+        && found.value < 0.5 * found.upper
+        && parameter.truth != Some(0.0)
+        && found
+            .identification
+            .as_ref()
+            .filter(|_| measured)
+            .map(|one| [one.lower, one.upper])
+            .or(parameter.interval)
+            .is_some_and(narrow)
+}
+
+fn listed(names: &[String]) -> String {
+    let shown = names[..names.len().min(NAMED)].join(", ");
+    if names.len() > NAMED { format!("{shown} and {} more", names.len() - NAMED) } else { shown }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,60 @@
+//! Whether a policy that falls walks under another arrangement.
+
+use super::orders::Limbs;
+use super::search::search;
+use super::{Arrangement, Diagnosis};
+use crate::world::{World, longest_delay, standing_error};
+use gaitfit_learn::evaluate::{Subject, run_trials};
+use gaitfit_learn::task::Task;
+use gaitfit_policy::Policy;
+
+/// Robots of a trial, and its length, s.
+const ROBOTS: usize = 12;
+const SECONDS: f64 = 3.0;
+/// Largest measure of an arrangement that walks: the share of falls, and the velocity error relative to that of a robot that
+/// stands still.
+const WALKS: f64 = 0.5;
+/// A right arrangement has at most this share of the measure of a wrong one.
+const CLEARLY: f64 = 0.5;
+/// Measure that needs no further change.
+const ENOUGH: f64 = 0.35;
+
+/// What makes the policy of `world` walk; `None` if nothing that is tried does. Policies that gaitfit trained are as their
+/// files say, so they are not tried.
+pub fn of_walk(world: &World, seed: u64, threads: usize) -> Option<Diagnosis> {
+    let policy = &world.policy;
+    if policy.provenance.iteration > 0 {
+        return None;
+    }
+    let joints = policy.interface.resolve(&world.model).ok()?;
+    let limbs = Limbs::new(&world.model, &joints);
+    let measure = |arrangement: &Arrangement| trial(world, arrangement, seed).unwrap_or(f64::INFINITY);
+    let none = |_: &Arrangement| Vec::new();
+    let (best, measure) = search(&policy.interface, &limbs, [false, true], ENOUGH, threads, &measure, &none);
+    let is_right = measure[1] < WALKS && measure[1] < CLEARLY * measure[0];
+    (!best.changes.is_empty() && is_right).then_some(Diagnosis {
+        changes: best.changes,
+        settings: best.settings,
+        measure,
+        measured: "share of falls plus relative velocity error",
+    })
+}
+
+/// Falls and velocity error of a few robots; `None` for an arrangement that is no policy of this robot.
+fn trial(world: &World, arrangement: &Arrangement, seed: u64) -> Option<f64> {
+    let interface = arrangement.interface.clone();
+    let policy = Policy { interface: interface.clone(), ..world.policy.clone() };
+    let settings = &world.scene.settings;
+    let preset = world.scene.walker.batch.options().preset;
+    let delay = longest_delay(&world.candidate);
+    let task = Task::with_interface(&world.model, settings, interface, preset, delay).ok()?;
+    let subject = Subject { task: &task, policy: &policy, candidate: Some(&world.candidate), seed };
+    let trials = run_trials(&subject, ROBOTS, SECONDS, 1).ok()?;
+    let falls = trials.iter().filter(|trial| trial.fell).count() as f64 / trials.len() as f64;
+    let errors: Vec<f64> =
+        trials.iter().filter(|trial| !trial.diverged).map(|trial| trial.linear_velocity_error).collect();
+    let still = standing_error(&settings.command).max(1e-3);
+    let error = errors.iter().sum::<f64>() / errors.len().max(1) as f64 / still;
+    // An error beyond that of a robot that stands still says no more than that.
+    Some(falls + error.min(2.0))
+}

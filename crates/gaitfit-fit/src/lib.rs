@@ -1,0 +1,21 @@
+//! Fits of a robot's simulator to its logs.
+//!
+//! [`adapt`] is the one pipeline: logs, rules, searches, results. [`air`] replays logs of a clamped robot, [`walk`] lets the
+//! policy walk under the commands of its logs. [`arrangement`] says why a policy does not act as its logs do, [`weight`] weighs
+//! links by standing poses, [`view`] shows a log beside its simulation.
+
+pub mod adapt;
+pub mod air;
+pub mod arrangement;
+#[cfg(feature = "cuda")]
+mod gpu;
+pub mod log;
+pub mod log_check;
+pub mod pieces;
+pub mod view;
+pub mod walk;
+pub mod weight;
+
+use gaitfit_run::{files, machine, policy_file, run, watch};
+use gaitfit_settings::{Error, paths, robot, settings};
+use gaitfit_world::{device, init, log_joints, replay, robot_file, theta, world};

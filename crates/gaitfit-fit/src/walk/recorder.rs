@@ -1,0 +1,297 @@
+//! The robot as it makes logs: its policy walks in closed loop, and what the robot's sensors read is kept.
+
+use super::simulator::{in_model, script};
+use super::walking::Walking;
+use gaitfit_adapt::fit::Predicted;
+use gaitfit_adapt::{Cancel, Theta};
+use gaitfit_log::{BaseState, Trajectory};
+use gaitfit_model::kinematics::standing_height;
+use gaitfit_policy::follow::{self, Script, Track};
+use gaitfit_policy::walker::{Walker, WalkerError};
+use gaitfit_random::{Purpose, Stream, derive_seed};
+use gaitfit_sim::{Candidate, pool};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A log whose start nobody knows begins up to so long after its robot, s: about a step of a gait.
+const EARLIER_S: f64 = 0.5;
+/// Deviation of its base's velocity there along each horizontal axis, m/s.
+const BASE_SPEED: f64 = 0.1;
+
+/// Makes logs under the commands of others.
+pub struct Recorder {
+    walking: Arc<Walking>,
+    /// What θ changes.
+    base: Candidate,
+    scripts: Vec<Script>,
+    /// The same, as if the logs had joints and commands alone.
+    plain: Vec<Script>,
+    /// Names of the model's joints, which θ names.
+    model_joints: Vec<String>,
+}
+
+impl Recorder {
+    /// A recorder of logs like `logs` (joints in the policy's order, sampled at the policy's rate): as long, under the
+    /// same commands, from the state that their first sample shows. How the base moved then they do not say; it is at
+    /// rest. `base`: the robot that θ changes.
+    pub fn new(walking: Arc<Walking>, base: Candidate, logs: &[&Trajectory]) -> Self {
+        let walker = &walking.task.walker;
+        let joints = &walker.batch.model().joints;
+        Self {
+            base,
+            scripts: logs.iter().map(|log| begun(walker, log)).collect(),
+            plain: logs.iter().map(|log| plain(walker, log)).collect(),
+            model_joints: joints.iter().map(|joint| joint.name.clone()).collect(),
+            walking,
+        }
+    }
+
+    /// Physics step of the robot, s.
+    pub fn physics_step(&self) -> f64 {
+        self.walking.task.walker.physics_step()
+    }
+
+    /// The robot with these values of θ.
+    fn candidate(&self, theta: &Theta, values: &[f64]) -> Candidate {
+        let mut candidate = self.base.clone();
+        theta.apply(values, &self.model_joints, &mut candidate);
+        candidate
+    }
+
+    /// One walk under each log's commands, of the robot as it is.
+    ///
+    /// # Errors
+    /// A policy's function that failed.
+    pub fn tracks(&self) -> Result<Vec<Track>, WalkerError> {
+        let Walking { policy, task, threads, .. } = self.walking.as_ref();
+        let candidate = self.candidate(&Theta::default(), &[]);
+        let job = follow::Job { candidate, reset_every: None, seed: 0 };
+        let found = Mutex::new(vec![Track::default(); self.scripts.len()]);
+        let keep = |_: usize, number: usize, track: &Track| {
+            let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(slot) = found.get_mut(number) {
+                slot.clone_from(track);
+            }
+        };
+        follow::follow(&task.walker, policy, &self.scripts, &[job], *threads, &keep, &|| false)?;
+        Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Sets of logs of the robot with `values` of θ and normal torques of the deviation `noise` at its joints, N·m, one set
+    /// for each of `seeds`.
+    ///
+    /// # Errors
+    /// Values that are no robot's.
+    pub fn record(
+        &self,
+        theta: &Theta,
+        values: &[f64],
+        noise: f64,
+        seeds: &[u64],
+        cancel: &Cancel<'_>,
+    ) -> Result<Vec<Vec<Recorded>>, WalkerError> {
+        let Walking { policy, task, threads, .. } = self.walking.as_ref();
+        let mut candidate = self.candidate(theta, values);
+        candidate.torque_noise = noise;
+        let job = |&seed: &u64| follow::Job { candidate: candidate.clone(), reset_every: None, seed };
+        let jobs: Vec<follow::Job> = seeds.iter().map(job).collect();
+        let found = Mutex::new(vec![vec![Recorded::default(); self.scripts.len()]; seeds.len()]);
+        let keep = |set: usize, number: usize, track: &Track| {
+            let recorded = Recorded::new(&task.walker, &self.scripts[number], track);
+            let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(slot) = found.get_mut(set).and_then(|set| set.get_mut(number)) {
+                *slot = recorded;
+            }
+        };
+        follow::follow(&task.walker, policy, &self.scripts, &jobs, *threads, &keep, cancel)?;
+        Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// The logs of each of `robots` (values of θ), as if nobody knew how they begin: the robot stands in the log's first
+    /// joint angles, moves a little, and has walked under the log's first command for a while that is drawn anew for each log.
+    /// `first` numbers the robots; with `seed` it selects all draws. `keep(robot, logs)` takes each robot's, once, from any thread.
+    ///
+    /// # Errors
+    /// Values that are no robot's; a policy's function that failed.
+    pub fn walk(
+        &self,
+        theta: &Theta,
+        robots: &[Vec<f64>],
+        [seed, first]: [u64; 2],
+        keep: &(dyn Fn(usize, Vec<Predicted>) + Sync),
+        cancel: &Cancel<'_>,
+    ) -> Result<(), WalkerError> {
+        let Walking { policy, task, threads, .. } = self.walking.as_ref();
+        let (walker, joints) = (&task.walker, task.walker.joints.len());
+        let failed: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
+        let one = |robot: usize| {
+            let number = u32::try_from(first + robot as u64).unwrap_or(u32::MAX);
+            let candidate = self.candidate(theta, &robots[robot]);
+            let job = follow::Job {
+                candidate,
+                reset_every: None,
+                seed: derive_seed(seed, Purpose::TORQUE_NOISE, number.wrapping_add(1)),
+            };
+            let (earlier, scripts): (Vec<usize>, Vec<Script>) =
+                self.unknown_starts(seed, number).into_iter().unzip();
+            let found = Mutex::new(vec![Predicted::default(); scripts.len()]);
+            let take = |_: usize, log: usize, track: &Track| {
+                let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
+                if let Some(slot) = found.get_mut(log) {
+                    *slot = kept(track, joints, earlier[log]);
+                }
+            };
+            follow::follow(walker, policy, &scripts, &[job], 1, &take, cancel)?;
+            Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
+        };
+        pool::for_each(
+            robots.len(),
+            *threads,
+            || (),
+            |(), robot| {
+                if cancel() {
+                    return;
+                }
+                match one(robot) {
+                    Ok(logs) if !cancel() => keep(robot, logs),
+                    Ok(_) => {}
+                    Err(error) => {
+                        let mut slot = failed.lock().unwrap_or_else(PoisonError::into_inner);
+                        if slot.as_ref().is_none_or(|(other, _)| robot < *other) {
+                            *slot = Some((robot, error));
+                        }
+                    }
+                }
+            },
+        );
+        failed.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), |(_, error)| Err(error))
+    }
+
+    /// The scripts, each with samples under its first command before it, and how many these are.
+    fn unknown_starts(&self, seed: u64, robot: u32) -> Vec<(usize, Script)> {
+        let max = EARLIER_S / self.walking.task.walker.interface.control_dt;
+        let stream = Stream::new(seed, Purpose::SIMULATED_ROBOTS).environment(robot.wrapping_add(1 << 31));
+        let scripts = self.plain.iter().enumerate();
+        let begun = scripts.map(|(number, script)| {
+            let draws = stream.step(u32::try_from(number).unwrap_or(u32::MAX));
+            let earlier = (draws.uniform(0) * (max + 1.0)) as usize;
+            let mut script = script.clone();
+            let first = script.commands.first().copied().unwrap_or_default();
+            script.commands.splice(0..0, std::iter::repeat_n(first, earlier));
+            for (axis, speed) in script.start.base_linear.iter_mut().take(2).enumerate() {
+                *speed += (BASE_SPEED * draws.normal(1 + axis as u32)) as f32;
+            }
+            (earlier, script)
+        });
+        begun.collect()
+    }
+}
+
+/// A walk's signals from sample `from` on.
+fn kept(track: &Track, joints: usize, from: usize) -> Predicted {
+    let rows = |signal: &Vec<f32>| signal.get(from * joints..).unwrap_or_default().to_vec();
+    Predicted {
+        position: rows(&track.position),
+        velocity: rows(&track.velocity),
+        action: Some(rows(&track.action)),
+        fell_at: track.fell_at.map(|fell| fell.saturating_sub(from)),
+        ..Predicted::default()
+    }
+}
+
+/// What a robot recorded, the policy's joint order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Recorded {
+    position: Vec<f64>,
+    velocity: Vec<f64>,
+    action: Vec<f64>,
+    target: Vec<f64>,
+    base: BaseState,
+    /// First sample at which the robot had fallen.
+    pub fell_at: Option<usize>,
+}
+
+impl Recorded {
+    /// What `walker` did under `script`, as the simulation recorded it.
+    pub fn new(walker: &Walker, script: &Script, track: &Track) -> Self {
+        let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect();
+        let joints = walker.default_pose.len();
+        let mut targets = vec![0.0; script.commands.len() * joints];
+        walker.targets(&track.action, &mut targets);
+        let rows = targets.chunks_exact(joints);
+        Self {
+            position: wide(&track.position),
+            velocity: wide(&track.velocity),
+            action: wide(&track.action),
+            target: rows.flat_map(|row| walker.joints.iter().map(|&joint| f64::from(row[joint]))).collect(),
+            base: BaseState {
+                quaternion: Some(wide(&track.base_quaternion)),
+                angular_velocity: Some(wide(&track.base_rates)),
+                ..BaseState::default()
+            },
+            fell_at: track.fell_at,
+        }
+    }
+
+    /// `log` with what was recorded instead of what it holds, up to `margin` samples before a fall. `None` if no more than
+    /// `min` samples are left.
+    ///
+    /// # Errors
+    /// A log that cannot be cut, in a sentence.
+    pub fn before_fall(
+        self,
+        log: &Trajectory,
+        margin: usize,
+        min: usize,
+    ) -> Result<Option<Trajectory>, String> {
+        let end = self.fell_at.map(|fell| fell.saturating_sub(margin));
+        let whole = self.instead_of(log);
+        match end {
+            None => Ok(Some(whole)),
+            Some(end) if end > min => whole.slice(0..end).map(Some).map_err(|error| format!("{error}.")),
+            Some(_) => Ok(None),
+        }
+    }
+
+    /// `log` with what was recorded instead of what it holds.
+    pub fn instead_of(self, log: &Trajectory) -> Trajectory {
+        Trajectory {
+            position: self.position,
+            velocity: self.velocity,
+            action: Some(self.action),
+            target: Some(self.target),
+            base: Some(self.base),
+            fell: false,
+            ..log.clone()
+        }
+    }
+}
+
+/// The log's commands and the joints of its first sample.
+fn plain(walker: &Walker, log: &Trajectory) -> Script {
+    let mut script = script(walker, log);
+    script.states.clear();
+    script.actions.clear();
+    script
+}
+
+/// The log's commands, from the state that its first sample shows.
+fn begun(walker: &Walker, log: &Trajectory) -> Script {
+    let mut script = script(walker, log);
+    let base = log.base.as_ref();
+    let attitude = base.and_then(|base| base.quaternion.as_deref()?.first_chunk::<4>());
+    let rates = base.and_then(|base| base.angular_velocity.as_deref()?.first_chunk::<3>());
+    if let Some(&attitude) = attitude {
+        let width = walker.joints.len().min(log.position.len());
+        let angles: Vec<f64> = in_model(walker, &log.position[..width], &walker.default_pose)
+            .into_iter()
+            .map(f64::from)
+            .collect();
+        script.start.base_position[2] = standing_height(walker.model(), attitude, &angles) as f32;
+        script.start.base_quaternion = attitude.map(|x| x as f32);
+    }
+    if let Some(rates) = rates {
+        script.start.base_angular = rates.map(|x| x as f32);
+    }
+    script.states.clear();
+    script
+}

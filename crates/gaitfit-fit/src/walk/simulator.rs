@@ -1,0 +1,376 @@
+//! The policy in the simulator, under the logs' commands: what a fit of walking logs compares with them.
+
+use super::walking::Walking;
+use crate::log::Log;
+use gaitfit_adapt::cost::Signal;
+use gaitfit_adapt::{Cancel, Consume, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
+use gaitfit_log::Trajectory;
+use gaitfit_model::rotation;
+use gaitfit_policy::follow::{self, Script, Track};
+use gaitfit_policy::predict::{self, Course};
+use gaitfit_policy::walker::Walker;
+use gaitfit_random::{Purpose, Stream};
+use gaitfit_sim::{Candidate, Start};
+use std::sync::Arc;
+
+/// Runs a policy on candidate robots with the command sequences of some logs.
+pub struct WalkSimulator {
+    walking: Arc<Walking>,
+    /// What θ changes.
+    base: Candidate,
+    scripts: Vec<Script>,
+    /// Logs that the scripts are of, see [`Simulator::logs`].
+    logs: usize,
+    /// Rows that logs lost, one entry a log; none where no log lost some.
+    filled: Vec<Filled>,
+    /// What the logs' sensors read; empty if a log lacks what an IMU measures.
+    courses: Vec<Course>,
+    /// How far standing feet say how the base moves, see [`predict::Job::feet_trust`].
+    feet_trust: f64,
+    /// Joints of the signals: the policy's.
+    joints: Vec<String>,
+    /// Joints of the model, which θ names.
+    model_joints: Vec<String>,
+}
+
+impl WalkSimulator {
+    /// A simulator of `logs` (joints in the policy's order, sampled at the policy's rate). `base`: the robot that θ
+    /// changes.
+    pub fn new(walking: Arc<Walking>, base: Candidate, logs: &[&Trajectory]) -> Self {
+        let joints = &walking.task.walker.batch.model().joints;
+        Self {
+            base,
+            filled: Vec::new(),
+            logs: logs.len(),
+            scripts: logs.iter().map(|log| script(&walking.task.walker, log)).collect(),
+            courses: logs.iter().map_while(|log| course(&walking.task.walker, log)).collect(),
+            feet_trust: predict::FEET_TRUST,
+            joints: walking.joints(),
+            model_joints: joints.iter().map(|joint| joint.name.clone()).collect(),
+            walking,
+        }
+    }
+
+    /// The policy on its robot.
+    pub fn walking(&self) -> &Walking {
+        &self.walking
+    }
+
+    /// What the simulated robots follow.
+    pub fn scripts(&self) -> &[Script] {
+        &self.scripts
+    }
+
+    /// The simulator with what it must know of rows that were lost and are filled in its logs: short predictions of them
+    /// and from them are what the log has there, so they cost nothing.
+    pub fn with_filled(self, logs: &[Log]) -> Self {
+        Self { filled: logs.iter().map(Filled::new).collect(), ..self }
+    }
+
+    /// Lets logs after the first `once` start near the start that their sensors show: with other joint angles and
+    /// velocities, tilts, rates and speeds of the base. Each has `STARTS_NEAR` such starts; the draw of a simulation
+    /// chooses one. The start hardly changes how a robot walks after a second. If the robot is close to a fall, the start
+    /// decides whether it falls.
+    pub fn with_starts_near(mut self, once: usize) -> Self {
+        self.logs = once;
+        let walker = &self.walking.task.walker;
+        for (number, script) in self.scripts.iter_mut().enumerate().skip(once) {
+            let stream =
+                Stream::new(0, Purpose::START).environment(u32::try_from(number).unwrap_or(u32::MAX));
+            script.others =
+                (0..STARTS_NEAR).map(|start| near(walker, &script.start, stream.step(start))).collect();
+            if let Some(start) = script.others.pop() {
+                script.start = start;
+            }
+        }
+        self
+    }
+
+    /// The simulator with other trust in standing feet.
+    pub fn with_feet_trust(self, feet_trust: f64) -> Self {
+        Self { feet_trust, ..self }
+    }
+
+    /// The robot with these values of θ.
+    pub fn candidate(&self, theta: &Theta, values: &[f64]) -> Candidate {
+        let mut candidate = self.base.clone();
+        theta.apply(values, &self.model_joints, &mut candidate);
+        candidate
+    }
+}
+
+impl Simulator for WalkSimulator {
+    fn joints(&self) -> &[String] {
+        &self.joints
+    }
+
+    fn recordings(&self) -> usize {
+        self.scripts.len()
+    }
+
+    fn logs(&self) -> usize {
+        self.logs
+    }
+
+    fn provides(&self, _signal: Signal) -> bool {
+        true
+    }
+
+    fn simulate(
+        &self,
+        theta: &Theta,
+        candidates: &[Rollout],
+        consume: &Consume<'_>,
+        cancel: &Cancel<'_>,
+    ) -> Result<(), SimulatorError> {
+        let &Walking { ref policy, ref task, threads, .. } = self.walking.as_ref();
+        let (mut free, mut corrected) = (Vec::new(), Vec::new());
+        for (number, rollout) in candidates.iter().enumerate() {
+            let (candidate, seed) = (self.candidate(theta, &rollout.values), rollout.draw);
+            match rollout.resets {
+                Resets::Never => free.push((number, follow::Job { candidate, reset_every: None, seed })),
+                Resets::State(every) => {
+                    free.push((number, follow::Job { candidate, reset_every: Some(every), seed }));
+                }
+                Resets::Sensors(every) => {
+                    let feet_trust = self.feet_trust;
+                    corrected.push((number, predict::Job { candidate, every, feet_trust, seed }));
+                }
+            }
+        }
+        if !corrected.is_empty() && self.courses.len() < self.scripts.len() {
+            return Err(SimulatorError::failed(format!(
+                "the cost needs what an IMU measures, and log {} of {} lacks it: columns {IMU_COLUMNS}",
+                self.courses.len() + 1,
+                self.scripts.len()
+            )));
+        }
+        let pass = |candidate: usize, recording: usize, track: &Track| {
+            let signals = Signals {
+                position: &track.position,
+                velocity: &track.velocity,
+                action: Some(&track.action).filter(|action| !action.is_empty()).map(Vec::as_slice),
+                base_position: Some(&track.base_position),
+                base_velocity: Some(&track.base_velocity),
+                fell_at: track.fell_at,
+            };
+            consume(candidate, recording, signals);
+        };
+        let (places, jobs): (Vec<usize>, Vec<follow::Job>) = free.into_iter().unzip();
+        let walker = &task.walker;
+        let to = |job: usize, script: usize, track: &Track| pass(places[job], script, track);
+        let followed = follow::follow(walker, policy, &self.scripts, &jobs, threads, &to, cancel);
+        // Who stops because a policy's function failed has cancelled: what is done is kept.
+        if followed.is_err() && cancel() {
+            return Err(SimulatorError::Cancelled);
+        }
+        followed.map_err(SimulatorError::failed)?;
+        let (places, jobs): (Vec<usize>, Vec<predict::Job>) = corrected.into_iter().unzip();
+        let every: Vec<usize> = jobs.iter().map(|job| job.every).collect();
+        let to = |job: usize, course: usize, track: &Track| match self.filled.get(course) {
+            Some(filled) if !filled.rows.is_empty() => {
+                pass(places[job], course, &filled.instead(track, every[job]));
+            }
+            _ => pass(places[job], course, track),
+        };
+        predict::predict(walker, &self.courses, &jobs, threads, &to, cancel)
+            .map_err(SimulatorError::failed)?;
+        if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
+    }
+}
+
+/// Rows that a log lost, and what stands in them.
+#[derive(Default)]
+struct Filled {
+    rows: Vec<usize>,
+    /// Joint positions and velocities of the log, `samples × joints`.
+    position: Vec<f32>,
+    velocity: Vec<f32>,
+}
+
+impl Filled {
+    fn new(log: &Log) -> Self {
+        if log.filled.is_empty() {
+            return Self::default();
+        }
+        let single = |values: &[f64]| values.iter().map(|&x| x as f32).collect();
+        let (position, velocity) = (single(&log.trajectory.position), single(&log.trajectory.velocity));
+        Self { rows: log.filled.clone(), position, velocity }
+    }
+
+    /// `track` with the log's own values in the filled rows, and in the `every` rows after each that are predicted from it.
+    fn instead(&self, track: &Track, every: usize) -> Track {
+        let mut track = track.clone();
+        let samples = (track.base_position.len() / 3).max(1);
+        let width = track.position.len() / samples;
+        for &row in &self.rows {
+            for (own, log) in [(&mut track.position, &self.position), (&mut track.velocity, &self.velocity)] {
+                let end = ((row + every + 1) * width).min(own.len()).min(log.len());
+                let cells = (row * width).min(end)..end;
+                own[cells.clone()].copy_from_slice(&log[cells]);
+            }
+        }
+        track
+    }
+}
+
+/// Least cosine of the angle from upright at which a log's orientation is where its simulation starts.
+const START_UPRIGHT: f64 = 0.87;
+/// Number of starts near a log's start; a simulation takes one of them.
+const STARTS_NEAR: u32 = 16;
+/// Standard deviation of a joint's angle at a start near the log's, rad.
+const START_ANGLE: f64 = 0.05;
+/// Standard deviation of a joint's velocity there, rad/s.
+const START_VELOCITY: f64 = 1.0;
+/// Standard deviation of the base's roll and pitch there, rad.
+const START_TILT: f64 = 0.04;
+/// Standard deviation of the base's rates there, rad/s.
+const START_RATE: f64 = 0.3;
+/// Standard deviation of the base's velocity there along each horizontal axis, m/s.
+const START_SPEED: f64 = 0.1;
+
+/// A random start near `start`, drawn from `stream`.
+fn near(walker: &Walker, start: &Start, stream: Stream) -> Start {
+    let joints = start.joint_position.len();
+    let drawn = |values: &[f32], spread: f64, first: usize| -> Vec<f64> {
+        let drawn =
+            |(k, &value): (usize, &f32)| f64::from(value) + spread * stream.normal((first + k) as u32);
+        values.iter().enumerate().map(drawn).collect()
+    };
+    let angles = drawn(&start.joint_position, START_ANGLE, 0);
+    let velocities = drawn(&start.joint_velocity, START_VELOCITY, joints);
+    let speeds = drawn(&[0.0; 2], START_SPEED, 2 * joints);
+    let tilt = drawn(&[0.0; 2], START_TILT, 2 * joints + 2);
+    let rates = drawn(&start.base_angular, START_RATE, 2 * joints + 4);
+    let turned = rotation::product(rotation::turn(1, tilt[1]), rotation::turn(0, tilt[0]));
+    let attitude = rotation::product(start.base_quaternion.map(f64::from), turned);
+    Start {
+        base_linear: [speeds[0] as f32, speeds[1] as f32, 0.0],
+        base_angular: std::array::from_fn(|k| rates[k] as f32),
+        joint_velocity: velocities.iter().map(|&x| x as f32).collect(),
+        ..walker.standing([0.0; 2], attitude, &angles)
+    }
+}
+
+/// What logs call the measurements of an IMU.
+pub const IMU_COLUMNS: &str =
+    "base_quat_w, base_quat_x, base_quat_y, base_quat_z (or roll, pitch, yaw) and wx, wy, wz";
+
+/// What the log's sensors read; `None` without attitude and rates.
+fn course(walker: &Walker, log: &Trajectory) -> Option<Course> {
+    let base = log.base.as_ref()?;
+    let (quaternion, rates) = (base.quaternion.as_ref()?, base.angular_velocity.as_ref()?);
+    let (samples, joints) = (log.len(), walker.default_pose.len());
+    let mut targets = vec![0.0f32; samples * joints];
+    match &log.target {
+        Some(target) => targets = in_model(walker, target, &walker.default_pose),
+        None => walker.targets(&actions(log), &mut targets),
+    }
+    let row = |values: &[f64], sample: usize, k: usize| values[sample + k] as f32;
+    Course::new(
+        walker,
+        targets,
+        in_model(walker, &log.position, &walker.default_pose),
+        in_model(walker, &log.velocity, &vec![0.0; joints]),
+        (0..samples).map(|sample| unit(std::array::from_fn(|k| row(quaternion, 4 * sample, k)))).collect(),
+        (0..samples).map(|sample| std::array::from_fn(|k| row(rates, 3 * sample, k))).collect(),
+    )
+    .ok()
+}
+
+/// Length of a logged quaternion less 1 that is more than rounding of single precision.
+const OFF_UNIT: f32 = 1e-5;
+
+/// A quaternion that was logged with few digits, of length 1.
+fn unit(quaternion: [f32; 4]) -> [f32; 4] {
+    let length = quaternion.iter().map(|x| x * x).sum::<f32>().sqrt();
+    if (length - 1.0).abs() > OFF_UNIT { quaternion.map(|x| x / length) } else { quaternion }
+}
+
+/// Rows of the policy's joints as rows of the model's; `others` has what stands for joints that the policy does not move,
+/// model order.
+pub(super) fn in_model(walker: &Walker, values: &[f64], others: &[f32]) -> Vec<f32> {
+    let rows = values.chunks_exact(walker.joints.len());
+    let mut all = others.repeat(rows.len());
+    for (row, values) in all.chunks_exact_mut(others.len()).zip(rows) {
+        for (&joint, &value) in walker.joints.iter().zip(values) {
+            row[joint] = value as f32;
+        }
+    }
+    all
+}
+
+/// What the simulated robot follows: the log's commands, from the log's first joint angles and velocities. The base has the
+/// orientation and rates of the log's inertial unit; without one it is in the task's posture and does not turn. Its linear
+/// velocity is 0, because no sensor measures it.
+pub fn script(walker: &Walker, log: &Trajectory) -> Script {
+    let joints = walker.joints.len();
+    let samples = log.len();
+    let command = log.command.as_deref().unwrap_or_default();
+    let commands = (0..samples).map(|row| std::array::from_fn(|k| command[3 * row + k] as f32)).collect();
+    let model_order = |values: &[f64], row: usize, others: &[f64]| -> Vec<f64> {
+        let mut all = others.to_vec();
+        for (&joint, &value) in walker.joints.iter().zip(&values[row * joints..]) {
+            all[joint] = value;
+        }
+        all
+    };
+    let (home, still) =
+        (walker.default_pose.iter().map(|&angle| f64::from(angle)), walker.default_pose.len());
+    let (home, still): (Vec<f64>, _) = (home.collect(), vec![0.0; still]);
+    let posture =
+        |row: usize| (model_order(&log.position, row, &home), model_order(&log.velocity, row, &still));
+    let (angles, velocities) = posture(0);
+    let start = match inertial_start(log) {
+        Some((quaternion, rates)) => Start {
+            base_angular: rates,
+            joint_velocity: velocities.iter().map(|&x| x as f32).collect(),
+            ..walker.standing([0.0; 2], quaternion, &angles)
+        },
+        None => walker.start_from_joints(&angles, &velocities),
+    };
+    Script { commands, start, others: Vec::new(), states: states(log, posture), actions: actions(log) }
+}
+
+/// Orientation (heading 0) and body rates (rad/s) at the log's first sample, where it has them and the base is not far from
+/// upright.
+fn inertial_start(log: &Trajectory) -> Option<([f64; 4], [f32; 3])> {
+    let base = log.base.as_ref()?;
+    let (quaternion, rates) = (base.quaternion.as_ref()?, base.angular_velocity.as_ref()?);
+    let quaternion = rotation::normalize(*quaternion.first_chunk::<4>()?);
+    let rates = rates.first_chunk::<3>()?.map(|x| x as f32);
+    let numbers = quaternion.iter().all(|x| x.is_finite()) && rates.iter().all(|x| x.is_finite());
+    let level = rotation::product(rotation::turn(2, -rotation::heading(quaternion)), quaternion);
+    (numbers && rotation::up(level)[2] > START_UPRIGHT).then_some((level, rates))
+}
+
+/// The whole state at every sample, where the log has it.
+fn states(log: &Trajectory, posture: impl Fn(usize) -> (Vec<f64>, Vec<f64>)) -> Vec<Start> {
+    let Some(base) = &log.base else { return Vec::new() };
+    let (Some(position), Some(quaternion), Some(linear), Some(angular)) =
+        (&base.position, &base.quaternion, &base.linear_velocity, &base.angular_velocity)
+    else {
+        return Vec::new();
+    };
+    fn row<const N: usize>(values: &[f64], row: usize) -> [f32; N] {
+        std::array::from_fn(|k| values[row * N + k] as f32)
+    }
+    (0..log.len())
+        .map(|sample| {
+            let (angles, velocities) = posture(sample);
+            let single = |values: Vec<f64>| values.into_iter().map(|x| x as f32).collect();
+            Start {
+                base_position: row(position, sample),
+                base_quaternion: row(quaternion, sample),
+                base_linear: row(linear, sample),
+                base_angular: row(angular, sample),
+                joint_position: single(angles),
+                joint_velocity: single(velocities),
+            }
+        })
+        .collect()
+}
+
+fn actions(log: &Trajectory) -> Vec<f32> {
+    log.action.iter().flatten().map(|&action| action as f32).collect()
+}

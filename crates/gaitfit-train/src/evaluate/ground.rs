@@ -1,0 +1,228 @@
+//! Uneven ground in an evaluation: which, and how robots cross it.
+
+use crate::Error;
+use crate::files::read_text;
+use crate::robot_file;
+use crate::watch::Watch;
+use crate::world::{self, World, WorldSettings};
+use gaitfit_learn::evaluate::{CrossingSummary, crossings, summarise_crossings};
+use gaitfit_learn::task::{Cell, Kinds, TerrainKind, TerrainSettings};
+use gaitfit_model::shown;
+use gaitfit_policy::Policy;
+use gaitfit_view::loop_report::Estimate;
+use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Uneven ground that a policy is measured on.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum GroundChoice {
+    /// That of the task, if it has any.
+    #[default]
+    Own,
+    /// None.
+    Flat,
+    /// Other ground.
+    Of {
+        /// Its settings.
+        settings: Box<TerrainSettings>,
+        /// The file that they are from, for messages.
+        file: Option<String>,
+    },
+}
+
+/// Columns of each kind where kinds are named: as many pits as pyramids.
+const COLUMNS: usize = 2;
+/// Largest file of ground, bytes.
+const MAX_BYTES: u64 = 1 << 20;
+
+impl GroundChoice {
+    /// What is said on the command line: `own`, `none`, kinds such as `stairs,rough`, or a TOML file whose `[terrain]` or
+    /// `[task.terrain]` counts, or else the whole of it.
+    ///
+    /// # Errors
+    /// An unknown kind, a file that cannot be read.
+    pub fn read(text: &str) -> Result<Self, Error> {
+        match text {
+            "own" => return Ok(Self::Own),
+            "none" => return Ok(Self::Flat),
+            _ => {}
+        }
+        if text.ends_with(".toml") {
+            let settings = Self::file(Path::new(text))?;
+            return Ok(Self::Of { settings: Box::new(settings), file: Some(text.to_owned()) });
+        }
+        let mut shares = IndexMap::new();
+        for kind in text.split(',') {
+            let kind: TerrainKind = kind.trim().parse().map_err(|wrong| {
+                Error::settings(format!(
+                    "--terrain: {wrong}; give kinds with commas between, a .toml file, `own` or `none`"
+                ))
+            })?;
+            shares.insert(kind, 1.0);
+        }
+        let columns = COLUMNS * shares.len();
+        let settings = TerrainSettings { columns, ..TerrainSettings::with_kind(Kinds::Shares(shares)) };
+        Ok(Self::Of { settings: Box::new(settings), file: None })
+    }
+
+    /// An error about the task's terrain, with the file that the terrain is from.
+    fn named(&self, error: Error) -> Error {
+        match self {
+            Self::Of { file: Some(file), .. } if error.to_string().contains("terrain.") => {
+                let what = error.to_string().replace("task.terrain.", "terrain.");
+                Error::settings(format!("--terrain {}: {what}", shown(file)))
+            }
+            _ => error,
+        }
+    }
+
+    fn file(path: &Path) -> Result<TerrainSettings, Error> {
+        let wrong = |error: &dyn std::fmt::Display| {
+            Error::settings(format!("--terrain {}: {error}", shown(&path.display().to_string())))
+        };
+        let text = read_text(path, MAX_BYTES).map_err(|error| wrong(&error))?;
+        let mut table: toml::Table = toml::from_str(&text).map_err(|error| wrong(&error))?;
+        if let Some(toml::Value::Table(task)) = table.remove("task") {
+            table = task;
+        }
+        if let Some(toml::Value::Table(terrain)) = table.remove("terrain") {
+            table = terrain;
+        }
+        table.try_into().map_err(|error| wrong(&error))
+    }
+
+    /// The ground, for a task that has `own`.
+    fn settings(&self, own: Option<TerrainSettings>) -> Option<TerrainSettings> {
+        match self {
+            Self::Own => own,
+            Self::Flat => None,
+            Self::Of { settings, .. } => Some((**settings).clone()),
+        }
+    }
+}
+
+/// Robots on one kind and level of ground; see [`CrossingSummary`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GroundResult {
+    /// Kind of ground, and for slopes and stairs whether they lead up or down from the start.
+    pub ground: String,
+    /// Level, from 0.
+    pub level: usize,
+    /// Height of a step (m), slope (rise over run) or roughness (m).
+    pub difficulty: f64,
+    /// Robots.
+    pub robots: usize,
+    /// Share that left their cell without a fall.
+    pub crossed: Estimate,
+    /// Share that fell.
+    pub fall_rate: Estimate,
+    /// Mean distance from the start over the time it took, m/s.
+    pub speed: Estimate,
+}
+
+impl GroundResult {
+    fn new(found: CrossingSummary) -> Self {
+        let estimate = |of: Option<gaitfit_sim::stats::Estimate>| {
+            of.map_or_else(Estimate::default, |of| Estimate {
+                mean: of.mean,
+                ci95: of.ci95.unwrap_or(f64::NAN),
+            })
+        };
+        Self {
+            ground: format!("{} {}", found.kind.name(), found.direction).trim_end().to_owned(),
+            level: found.level,
+            difficulty: found.difficulty,
+            robots: found.robots,
+            crossed: estimate(found.crossed),
+            fall_rate: estimate(found.fell),
+            speed: estimate(found.speed),
+        }
+    }
+
+    /// What makes it as hard as it is, in words.
+    pub fn difficulty_text(&self) -> String {
+        let centimetres = 100.0 * self.difficulty;
+        match self.ground.split(' ').next() {
+            Some("stairs") => format!("steps of {centimetres:.1} cm"),
+            Some("slopes") => format!("slope of {:.0} %", centimetres),
+            Some("rough") => format!("± {centimetres:.1} cm"),
+            _ => "level".to_owned(),
+        }
+    }
+}
+
+/// A policy on uneven ground.
+pub struct OnGround {
+    /// Policy and simulator.
+    pub world: World,
+    /// Kind by kind, level by level.
+    pub results: Vec<GroundResult>,
+    /// Speed that was commanded, m/s.
+    pub speed: f64,
+}
+
+/// The world of uneven ground that is asked for; none if there is none.
+///
+/// # Errors
+/// Settings out of range, or a robot that cannot be on it.
+pub(super) fn open(
+    args: &WorldSettings,
+    choice: &GroundChoice,
+    policy: &Policy,
+) -> Result<Option<World>, Error> {
+    let (args, _) = robot_file::settled(args, policy)?;
+    let args = &args;
+    let mut settings = world::task(args, policy)?;
+    let Some(terrain) = choice.settings(settings.terrain.take()) else { return Ok(None) };
+    if !args.randomised {
+        settings = settings.calm();
+    }
+    settings.terrain = Some(terrain);
+    World::with_task(args, policy.clone(), settings).map(Some).map_err(|error| choice.named(error))
+}
+
+/// Sends `robots` robots a cell ahead, at half the task's greatest speed.
+///
+/// # Errors
+/// A task without a command ahead, a robot that cannot be, or an interruption.
+pub(super) fn measure(
+    world: World,
+    robots: usize,
+    seed: u64,
+    threads: usize,
+    watch: &Watch<'_>,
+) -> Result<OnGround, Error> {
+    let speed = 0.5 * world.scene.settings.command.x[1];
+    if speed.is_nan() || speed <= 0.0 {
+        return Err(Error::settings(
+            "uneven ground is crossed at half of the largest command.x, and the task has no command.x above 0; give \
+             --terrain none",
+        ));
+    }
+    let found = crossings(&world.subject(seed), robots, speed, threads)?;
+    if watch.stop() {
+        let message = "interrupted; this evaluation is not kept".to_owned();
+        return Err(Error::interrupted_with_nothing(message));
+    }
+    let results = match &world.scene.course {
+        Some(course) => summarise_crossings(course, &found).into_iter().map(GroundResult::new).collect(),
+        None => Vec::new(),
+    };
+    Ok(OnGround { world, results, speed })
+}
+
+impl OnGround {
+    /// The cell to show: of the first kind, on the last level that at least half of the robots cross, or the first.
+    pub fn cell(&self) -> Cell {
+        let Some(first) = self.results.first() else { return Cell::default() };
+        let mut level = 0;
+        for result in self.results.iter().take_while(|result| result.ground == first.ground) {
+            if result.crossed.mean < 0.5 {
+                break;
+            }
+            level = result.level;
+        }
+        Cell { level, column: 0 }
+    }
+}

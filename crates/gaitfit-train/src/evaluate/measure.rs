@@ -1,0 +1,264 @@
+//! How well a policy walks, as `gaitfit evaluate --json` prints it and other programs may.
+
+use super::{GroundResult, TrajectoryErrors};
+use crate::Error;
+use crate::device::{self, Device};
+use crate::watch::Watch;
+use crate::world::World;
+use gaitfit_learn::evaluate::{
+    GaitRecord, GaitSummary, Subject, Trial, drift, record_gait, run_trials, summarise,
+};
+use gaitfit_view::evaluation::Drift;
+use gaitfit_view::loop_report::Estimate;
+use serde::{Deserialize, Serialize};
+
+/// What is measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Plan {
+    /// Trajectories with random commands.
+    pub trajectories: usize,
+    /// Length of each, s.
+    pub seconds: f64,
+    /// Robots in each constant-command trial; 0 leaves them out.
+    pub drift: usize,
+    /// Speeds of these, m/s, m/s and rad/s; half of the task's greatest commands without them.
+    pub drift_speeds: Option<[f64; 3]>,
+    /// Seed of commands, starts and noise.
+    pub seed: u64,
+    /// Threads.
+    pub threads: usize,
+    /// What simulates the trajectories with random commands; the CPU does the rest.
+    pub device: Device,
+}
+
+/// What was measured. Of a program's document only the errors and falls are needed; a number it lacks is NaN.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Evaluation {
+    /// The policy, by file or name.
+    #[serde(default)]
+    pub policy: String,
+    /// Where it walked, in a few words.
+    #[serde(default)]
+    pub simulator: String,
+    /// Length of a trajectory, s.
+    #[serde(default)]
+    pub seconds: f64,
+    /// Seed of commands, starts and noise.
+    #[serde(default)]
+    pub seed: u64,
+    /// Trajectories.
+    pub trajectories: usize,
+    /// Summed reward.
+    #[serde(default)]
+    pub reward: Estimate,
+    /// |v − c|, horizontal, m/s.
+    pub linear_velocity_error: Estimate,
+    /// |ω − c|, rad/s.
+    pub angular_velocity_error: Estimate,
+    /// Share of falls.
+    pub fall_rate: Estimate,
+    /// Root-mean-square change of an action a step, per joint.
+    #[serde(default)]
+    pub action_rate: Estimate,
+    /// Trajectories whose state stopped being a number; they count as falls, and in no other mean.
+    #[serde(default)]
+    pub diverged: usize,
+    /// Constant commands.
+    #[serde(default)]
+    pub drift: Vec<DriftResult>,
+    /// The gait ahead, where it walks.
+    #[serde(default)]
+    pub gait: Option<GaitSummary>,
+    /// Crossings of uneven ground, kind by kind, level by level.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ground: Vec<GroundResult>,
+    /// One a trajectory, in their order, so that policies can be compared on the same ones.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub errors: Vec<TrajectoryErrors>,
+}
+
+impl Evaluation {
+    /// That robots diverged, in a sentence; none if none did.
+    pub fn divergence(&self) -> Option<String> {
+        let drift: usize = self.drift.iter().map(|trial| trial.diverged).sum();
+        if self.diverged + drift == 0 {
+            return None;
+        }
+        let others =
+            if drift > 0 { format!(" and {drift} robots of the drift trials") } else { String::new() };
+        Some(format!(
+            "{} of {} trajectories{others} diverged: their state stopped being a number. They count as falls and are in \
+             no other mean. Use smaller gains or more physics steps an action",
+            self.diverged, self.trajectories
+        ))
+    }
+
+    /// What cannot have been measured, in words. An interval may be missing.
+    pub fn wrong(&self) -> Option<String> {
+        let errors = [
+            ("linear_velocity_error", self.linear_velocity_error, f64::INFINITY),
+            ("angular_velocity_error", self.angular_velocity_error, f64::INFINITY),
+            ("fall_rate", self.fall_rate, 1.0),
+        ];
+        if self.trajectories == 0 {
+            return Some("`trajectories` is 0".to_owned());
+        }
+        if !(self.errors.is_empty() || self.errors.len() == self.trajectories) {
+            let count = self.errors.len();
+            return Some(format!("`errors` has {count} entries for {} trajectories", self.trajectories));
+        }
+        let impossible =
+            |row: &[f64; 3]| row.iter().any(|value| !(value.is_finite() && *value >= 0.0)) || row[2] > 1.0;
+        if let Some(row) = self.errors.iter().flatten().find(|row| impossible(row)) {
+            return Some(format!("`errors` has the entry {row:?}"));
+        }
+        errors.into_iter().find_map(|(name, found, max)| {
+            let impossible =
+                !(0.0..=max).contains(&found.mean) || found.mean.is_infinite() || found.ci95 < 0.0;
+            impossible.then(|| format!("`{name}` is {} ± {}", found.mean, found.ci95))
+        })
+    }
+}
+
+/// The result of one constant command, over several robots; see [`gaitfit_learn::evaluate::DriftTrial`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DriftResult {
+    /// What was commanded, for example `+x`.
+    pub name: String,
+    /// Command: forward, left (m/s), yaw rate (rad/s).
+    pub command: [f64; 3],
+    /// Final position along the start's heading minus the wanted one, m.
+    pub x: Estimate,
+    /// To the left of the start's heading, m.
+    pub y: Estimate,
+    /// Final heading minus the wanted one, rad.
+    pub yaw: Estimate,
+    /// Share of falls.
+    pub fall_rate: Estimate,
+    /// Robots whose state stopped being a number; they count as falls.
+    #[serde(default)]
+    pub diverged: usize,
+    /// Path of the first robot: x, y, m, and heading, rad.
+    #[serde(default)]
+    pub path: Vec<[f64; 3]>,
+}
+
+/// What was measured, and the rows behind it.
+pub struct Measured {
+    /// The means.
+    pub evaluation: Evaluation,
+    /// One a trajectory.
+    pub trials: Vec<Trial>,
+    /// The walk ahead, if the robot did not fall.
+    pub gait: Option<GaitRecord>,
+}
+
+/// Measures a policy in its world.
+///
+/// # Errors
+/// A robot that cannot be, or an interruption.
+pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> Result<Measured, Error> {
+    let subject = world.subject(plan.seed);
+    let go_on = || {
+        let message = "interrupted; this evaluation is not kept".to_owned();
+        if watch.stop() { Err(Error::interrupted_with_nothing(message)) } else { Ok(()) }
+    };
+    let trials = trials(&subject, plan, watch)?;
+    go_on()?;
+    let trials_of_drift =
+        if plan.drift == 0 { Vec::new() } else { drift(&subject, plan.drift, plan.drift_speeds)? };
+    go_on()?;
+    let limits = &world.scene.settings.command;
+    let ahead = [0.5 * limits.x[1], 0.0, 0.0];
+    let record = record_gait(&subject, &[(1.0, [0.0; 3]), (4.0, ahead)])?;
+    let walked = limits.x[1] > 0.0 && !record.fell;
+    let summary = summarise(&trials);
+    let estimate = |of: Option<gaitfit_sim::stats::Estimate>| {
+        of.map_or_else(Estimate::default, |of| Estimate { mean: of.mean, ci95: of.ci95.unwrap_or(f64::NAN) })
+    };
+    let evaluation = Evaluation {
+        policy: policy.to_owned(),
+        simulator: world.description(),
+        seconds: plan.seconds,
+        seed: plan.seed,
+        trajectories: summary.trajectories,
+        reward: estimate(summary.reward),
+        linear_velocity_error: estimate(summary.linear_velocity_error),
+        angular_velocity_error: estimate(summary.angular_velocity_error),
+        fall_rate: estimate(summary.fall_rate),
+        action_rate: estimate(summary.action_rate),
+        diverged: summary.diverged,
+        drift: trials_of_drift
+            .into_iter()
+            .map(|trial| DriftResult {
+                name: trial.name.to_owned(),
+                command: trial.command,
+                x: estimate(trial.x),
+                y: estimate(trial.y),
+                yaw: estimate(trial.yaw),
+                fall_rate: estimate(trial.fall_rate),
+                diverged: trial.diverged,
+                path: trial.path,
+            })
+            .collect(),
+        gait: walked.then(|| record.summary(&world.scene.gait_group)),
+        ground: Vec::new(),
+        errors: trials.iter().map(errors).collect(),
+    };
+    Ok(Measured { evaluation, trials, gait: walked.then_some(record) })
+}
+
+/// The trajectories with random commands, on the plan's device, or on the CPU if `auto` found a GPU that does not do them.
+fn trials(subject: &Subject<'_>, plan: &Plan, watch: &Watch<'_>) -> Result<Vec<Trial>, Error> {
+    if let Some(gpu) = plan.device.open()? {
+        match device::trials(&gpu, subject, plan.trajectories, plan.seconds, &|| watch.stop()) {
+            Ok(trials) => return Ok(trials),
+            Err(error) => match plan.device.instead(&error) {
+                Some(note) => watch.note(&note),
+                None => return Err(error),
+            },
+        }
+    }
+    Ok(run_trials(subject, plan.trajectories, plan.seconds, plan.threads)?)
+}
+
+/// What of a trajectory is compared with others.
+fn errors(trial: &Trial) -> TrajectoryErrors {
+    let fell = f64::from(u8::from(trial.fell));
+    (!trial.diverged).then_some([trial.linear_velocity_error, trial.angular_velocity_error, fell])
+}
+
+impl DriftResult {
+    /// The command in words, for example `+x 0.50`.
+    pub fn label(&self) -> String {
+        let [x, y, yaw] = self.command;
+        if self.name == "stand" {
+            "stand".to_owned()
+        } else {
+            format!("{} {:.2}", self.name, (x + y + yaw).abs())
+        }
+    }
+
+    /// How far from the wanted place the mean robot ends, m; NaN where all fell.
+    pub fn distance(&self) -> f64 {
+        self.x.mean.hypot(self.y.mean)
+    }
+
+    /// As pages draw it; `robots`: how many there were.
+    pub fn drawn(&self, robots: usize) -> Drift {
+        let [x, y, yaw] = self.command;
+        let falls = (self.fall_rate.mean * robots as f64).round();
+        let unit = if yaw == 0.0 { "m/s" } else { "rad/s" };
+        let name = if self.name == "stand" { self.label() } else { format!("{} {unit}", self.label()) };
+        Drift {
+            name,
+            command: self.command,
+            trials: robots as u32,
+            falls: falls as u32,
+            error: [self.x.mean, self.y.mean, self.yaw.mean],
+            ci95: [self.x, self.y, self.yaw].map(|estimate| estimate.ci95),
+            path: self.path.iter().map(|[x, y, _]| [*x, *y]).collect(),
+            intended: vec![[0.0, 0.0], [4.0 * x, 4.0 * y]],
+        }
+    }
+}

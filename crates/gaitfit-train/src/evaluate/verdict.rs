@@ -1,0 +1,148 @@
+//! Whether a policy walks, in words: it stays up, follows commands far better than a robot that stands still does, and
+//! stays where it is when it is told to stand.
+
+use super::{DriftResult, Evaluation};
+use crate::world::standing_error;
+use gaitfit_learn::task::CommandSettings;
+
+/// Share of the last episodes of a training, with its exploration, from which on a policy has not learnt to stay up.
+pub const MANY_FALLS: f64 = 0.5;
+/// Largest share of falls of a policy that walks.
+const FEW_FALLS: f64 = 0.02;
+/// Largest share of the error of a robot that stands still that a policy which walks has.
+const FOLLOWS: f64 = 0.5;
+/// How far a robot that is told to stand may end from where it began, m, and turned, rad.
+const STANDS: [f64; 2] = [0.2, 0.2];
+/// Share of the error of a robot that stands still from which on it goes nowhere.
+const NOWHERE: f64 = 0.8;
+
+/// What a measurement says of a policy.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Verdict {
+    /// Whether it walks.
+    pub walks: bool,
+    /// The evidence, in a sentence.
+    pub text: String,
+}
+
+/// The verdict on a measurement under commands of these ranges; none where nothing can be said: some robots
+/// diverge, or the task asks for no walking.
+pub fn verdict(found: &Evaluation, command: &CommandSettings) -> Option<Verdict> {
+    let (error, falls) = (found.linear_velocity_error.mean, found.fall_rate.mean);
+    if !falls.is_finite() {
+        return None;
+    }
+    // Those that diverge count as falls.
+    let or_not = if found.diverged > 0 { " or diverge" } else { "" };
+    let fallen = format!("{:.2} % of the trajectories end in a fall{or_not}", 100.0 * falls);
+    if falls > FEW_FALLS {
+        let text = format!("{fallen}; a policy that walks falls in at most {:.0} %.", 100.0 * FEW_FALLS);
+        return Some(Verdict { walks: false, text });
+    }
+    if found.diverged > 0 {
+        return None;
+    }
+    let still = standing_error(command);
+    if still == 0.0 || !error.is_finite() {
+        return None;
+    }
+    let against =
+        goes_nowhere(error, command).or_else(|| follows_badly(error, still)).or_else(|| drifts(&found.drift));
+    Some(match against {
+        Some(text) => Verdict { walks: false, text: format!("{text}.") },
+        None => Verdict {
+            walks: true,
+            text: format!(
+                "Walks: its velocity error is {:.0} % of that of a robot that stands still ({still:.2} m/s), and {fallen}",
+                100.0 * error / still
+            ),
+        },
+    })
+}
+
+/// That a mean velocity error, m/s, is nearly that of a robot that stands still; none if it is not.
+pub fn goes_nowhere(error: f64, command: &CommandSettings) -> Option<String> {
+    let still = standing_error(command);
+    (still > 0.0 && error >= NOWHERE * still).then(|| {
+        format!("Its velocity error is {error:.2} m/s, where a robot that stands still has {still:.2} m/s")
+    })
+}
+
+/// That a mean velocity error, m/s, is no small part of the error `still` of a robot that stands still.
+fn follows_badly(error: f64, still: f64) -> Option<String> {
+    (error >= FOLLOWS * still).then(|| {
+        format!(
+            "Its velocity error is {error:.2} m/s, {:.0} % of that of a robot that stands still ({still:.2} m/s); a policy \
+             that walks has less than {:.0} %",
+            100.0 * error / still,
+            100.0 * FOLLOWS
+        )
+    })
+}
+
+/// That the robot moves when it is told to stand, where that was measured.
+fn drifts(trials: &[DriftResult]) -> Option<String> {
+    let stand = trials.iter().find(|trial| trial.command == [0.0; 3])?;
+    let (distance, turn) = (stand.distance(), stand.yaw.mean.abs());
+    let [far, turned] = STANDS;
+    (distance > far || turn > turned).then(|| {
+        format!(
+            "Commanded to stand, it drifts: it ends {distance:.2} m and {turn:.2} rad from its start; the limits are \
+             {far} m and {turned} rad"
+        )
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use gaitfit_view::loop_report::Estimate;
+
+    fn command(x: [f64; 2], y: [f64; 2], standing: f64) -> CommandSettings {
+        CommandSettings { x, y, yaw: [-1.0, 1.0], seconds: 4.0, standing, curriculum: None }
+    }
+
+    #[test]
+    fn who_falls_or_stands_does_not_walk() {
+        let ranges = command([0.0, 2.0], [0.0, 0.0], 0.0);
+        let estimate = |mean| Estimate { mean, ci95: 0.01 };
+        let said = |error, falls, diverged| {
+            let document = r#"{"trajectories": 10, "linear_velocity_error": {"mean": 0.0, "ci95": 0.0},
+                "angular_velocity_error": {"mean": 0.0, "ci95": 0.0}, "fall_rate": {"mean": 0.0, "ci95": 0.0}}"#;
+            let mut found: Evaluation = serde_json::from_str(document).unwrap();
+            (found.linear_velocity_error, found.fall_rate) = (estimate(error), estimate(falls));
+            found.diverged = diverged;
+            verdict(&found, &ranges)
+        };
+        let walks = said(0.2, 0.0125, 0).unwrap();
+        assert!(walks.walks && walks.text.contains("20 %") && walks.text.contains("1.25 %"), "{walks:?}");
+        let falls = said(0.2, 0.38, 0).unwrap();
+        assert!(!falls.walks && falls.text.contains("38.00 %") && falls.text.contains("2 %"), "{falls:?}");
+        let lags = said(0.6, 0.0, 0).unwrap();
+        assert!(!lags.walks && lags.text.contains("60 %"), "{lags:?}");
+        let stands = said(0.9, 0.0, 0).unwrap();
+        assert!(
+            !stands.walks && stands.text.contains("0.90 m/s") && stands.text.contains("1.00 m/s"),
+            "{stands:?}"
+        );
+        assert_eq!(said(0.2, 0.0, 1), None);
+        let diverged = said(f64::NAN, 1.0, 10).unwrap();
+        assert!(!diverged.walks && diverged.text.contains("100.00 %") && diverged.text.contains("diverge"));
+    }
+    #[test]
+    fn a_robot_that_drifts_when_told_to_stand_does_not_walk() {
+        let trial = |x: f64, yaw: f64| -> Vec<DriftResult> {
+            let estimate = |mean: f64| serde_json::json!({ "mean": mean, "ci95": 0.01 });
+            let document = serde_json::json!([{
+                "name": "stand", "command": [0.0, 0.0, 0.0], "x": estimate(x), "y": estimate(0.0), "yaw": estimate(yaw),
+                "fall_rate": estimate(0.0), "diverged": 0, "path": [],
+            }]);
+            serde_json::from_value(document).unwrap()
+        };
+        assert_eq!(drifts(&trial(0.05, 0.02)), None);
+        assert!(drifts(&trial(0.5, 0.0)).unwrap().contains("0.50 m"));
+        assert!(drifts(&trial(0.0, -0.4)).unwrap().contains("0.40 rad"));
+        assert_eq!(drifts(&[]), None, "it was not measured");
+    }
+}

@@ -1,0 +1,161 @@
+//! One device, or several GPUs of one host.
+
+use super::{Device, Gpu};
+use crate::Error;
+use std::fmt;
+use std::str::FromStr;
+
+/// One device or several GPUs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Devices(Vec<Device>);
+
+impl From<Device> for Devices {
+    fn from(device: Device) -> Self {
+        Self(vec![device])
+    }
+}
+
+impl FromStr for Devices {
+    type Err = String;
+
+    /// What [`Device`] takes, and several GPUs: `cuda:0,1`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let Some((numbers, _)) = text.strip_prefix("cuda:").zip(text.split_once(',')) else {
+            return text
+                .parse::<Device>()
+                .map(Self::from)
+                .map_err(|wrong| format!("{wrong}; several GPUs are, for example, cuda:0,1"));
+        };
+        let mut all = Vec::new();
+        for number in numbers.split(',') {
+            let device = format!("cuda:{number}").parse()?;
+            if all.contains(&device) {
+                return Err(format!("it names the GPU {number} twice: name each once, as in cuda:0,1"));
+            }
+            all.push(device);
+        }
+        Ok(Self(all))
+    }
+}
+
+impl fmt::Display for Devices {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.first().fmt(f)?;
+        let mut others = self.0.iter().skip(1).filter_map(|device| device.gpu());
+        others.try_for_each(|number| write!(f, ",{number}"))
+    }
+}
+
+impl Devices {
+    /// Several; one of them does what is not shared.
+    pub fn new(first: Device, others: impl IntoIterator<Item = Device>) -> Self {
+        Self(std::iter::once(first).chain(others).collect())
+    }
+
+    /// All of them, one at least.
+    pub fn all(&self) -> &[Device] {
+        &self.0
+    }
+
+    /// The first one, which does what is not shared.
+    pub fn first(&self) -> Device {
+        self.device(0)
+    }
+
+    /// The device of worker number `worker`: each in turn.
+    pub fn device(&self, worker: usize) -> Device {
+        self.0.get(worker % self.0.len().max(1)).copied().unwrap_or_default()
+    }
+
+    /// Those that `tasks` tasks keep busy, one each: the first ones.
+    #[must_use]
+    pub fn for_tasks(&self, tasks: usize) -> Self {
+        Self(self.0.iter().copied().take(tasks.max(1)).collect())
+    }
+
+    /// Whether GPUs compute.
+    pub fn are_gpus(&self) -> bool {
+        self.first().gpu().is_some()
+    }
+
+    /// What a command computes on: what was asked for; else `last`, the name of what the resumed run was on, if that is
+    /// there; else what is [found](Device::found).
+    pub fn choose(asked: Option<Self>, last: Option<&str>) -> Self {
+        let last = || {
+            let last: Self = last?.parse().ok()?;
+            let there = |device: &Device| match device.gpu() {
+                None => Some(Device::Cpu),
+                Some(number) => Device::Cuda(number).open().is_ok().then_some(Device::Found(number)),
+            };
+            last.0.iter().map(there).collect::<Option<Vec<_>>>().map(Self)
+        };
+        asked.or_else(last).unwrap_or_else(|| Device::found().into())
+    }
+
+    /// Why the processor computes instead, if `auto` found these devices and they do not do what is asked.
+    pub fn instead(&self, error: &Error) -> Option<String> {
+        let found = self.0.iter().all(|device| matches!(device, Device::Found(_)));
+        let reason = error.refusal().filter(|_| found)?;
+        Some(format!("the CPU computes, not {self}: {reason}"))
+    }
+
+    /// Whether all are there.
+    ///
+    /// # Errors
+    /// As [`Device::open`].
+    pub fn check(&self) -> Result<(), Error> {
+        self.open().map(drop)
+    }
+
+    /// The GPUs, opened; none of the processor.
+    ///
+    /// # Errors
+    /// As [`Device::open`].
+    pub fn open(&self) -> Result<Vec<Gpu>, Error> {
+        self.0.iter().filter_map(|device| device.open().transpose()).collect()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::run::manifest::last_devices;
+
+    #[test]
+    fn a_run_goes_on_on_its_devices_unless_told_otherwise() {
+        let runs = tempfile::tempdir().unwrap();
+        let write = |folder: &str, device: &str| {
+            let folder = runs.path().join(folder);
+            std::fs::create_dir_all(&folder).unwrap();
+            std::fs::write(folder.join("manifest.json"), format!("{{\"device\": \"{device}\"}}")).unwrap();
+        };
+        write("walk", "cuda:0");
+        write("walk-2", "cpu");
+        let resumed = |asked, name| Devices::choose(asked, last_devices(runs.path(), name).as_deref());
+        assert_eq!(resumed(None, "walk"), Device::Cpu.into());
+        assert_eq!(resumed(Some(Device::Cuda(3).into()), "walk"), Device::Cuda(3).into());
+        // Not there: as if nothing was said.
+        write("walk-3", "cuda:4000");
+        assert_eq!(resumed(None, "walk"), Device::found().into());
+        write("walk-4", "cuda:0,4000");
+        assert_eq!(resumed(None, "walk"), Device::found().into());
+        assert_eq!(resumed(None, "trot"), Device::found().into());
+        let last: Devices = last_devices(runs.path(), "walk").unwrap().parse().unwrap();
+        assert_eq!(last.all(), [Device::Cuda(0), Device::Cuda(4000)]);
+    }
+
+    #[test]
+    fn several_gpus_are_a_list() {
+        let two: Devices = "cuda:2,0".parse().unwrap();
+        assert_eq!(two.to_string(), "cuda:2,0");
+        assert_eq!((two.for_tasks(1).to_string(), two.for_tasks(9)), ("cuda:2".to_owned(), two.clone()));
+        assert_eq!([0, 1, 2].map(|worker| two.device(worker)), [2, 0, 2].map(Device::Cuda));
+        assert_eq!("cuda".parse::<Devices>().unwrap().all(), [Device::Cuda(0)]);
+        assert_eq!("cpu".parse::<Devices>().unwrap().device(3), Device::Cpu);
+        for (wrong, what) in [("cuda:0,0", "twice"), ("cuda:0,", "cuda:N"), ("cpu,cuda:0", "cuda:0,1")] {
+            let error = wrong.parse::<Devices>().unwrap_err();
+            assert!(error.contains(what), "{wrong}: {error}");
+        }
+    }
+}

@@ -1,0 +1,298 @@
+//! A first task for a robot: what its file says about feet, legs, pose and gains, and what is guessed from sizes.
+//!
+//! The built-in velocity task walks on the Go2. Here it is carried over to another robot by dynamic similarity: lengths go
+//! with the leg length l, speeds with √(g l), times with √(l/g), torques with m g l (McN. Alexander 1984, "The gaits of
+//! bipedal and quadrupedal animals": walks of equal Froude number v²/(g l) are alike).
+
+mod anatomy;
+mod feet;
+mod gains;
+mod mended;
+#[cfg(test)]
+mod mended_test;
+mod motors;
+#[cfg(test)]
+mod odd_test;
+mod pose;
+mod shape;
+mod sizes;
+mod stance;
+mod text;
+mod twin;
+
+use crate::settings::{Configuration, TrainConfig};
+use gaitfit_learn::task::{Task, TaskError, TaskSettings};
+use gaitfit_model::{Cone, Model, Root, shown};
+use gaitfit_physics::Preset;
+use gaitfit_sim::Candidate;
+use serde::Serialize;
+
+use anatomy::Anatomy;
+pub use anatomy::path;
+pub use gains::servo;
+use gains::{Gains, Source};
+pub use mended::{Preparation, Prepared, prepare};
+use pose::Pose;
+use sizes::Sizes;
+
+/// Why no task is found for a robot.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum InitError {
+    /// The base is fixed.
+    #[error("{robot} is fixed to the world; a walking robot needs a free base (in MJCF a <freejoint/>)")]
+    Clamped {
+        /// The robot.
+        robot: String,
+    },
+    /// Nothing can touch the ground.
+    #[error("no geom of {robot} may touch the ground, so it has no feet: {why}")]
+    NoContact {
+        /// The robot.
+        robot: String,
+        /// Why, or what to do.
+        why: String,
+    },
+    /// No leg ends in a foot.
+    #[error(
+        "no legs are found in {robot}: no last link of it reaches near the ground; write the task by hand, `gaitfit config \
+         train` prints one"
+    )]
+    NoLegs {
+        /// The robot.
+        robot: String,
+    },
+    /// More legs than a task may have feet.
+    #[error(
+        "{robot} has {legs} legs, and a task may have {max} feet; write the task by hand for some of them"
+    )]
+    ManyLegs {
+        /// The robot.
+        robot: String,
+        /// How many there are.
+        legs: usize,
+        /// How many there may be.
+        max: usize,
+    },
+    /// What reaches lowest cannot touch the ground.
+    #[error(
+        "no legs are found in {robot}: its last links ({links}) have no geom that collides with the ground; give the feet \
+         spheres, capsules, boxes or cylinders that do (contype, conaffinity)"
+    )]
+    Ghosts {
+        /// The robot.
+        robot: String,
+        /// Some of its last links.
+        links: String,
+    },
+    /// The robot cannot be simulated.
+    #[error("{0}")]
+    Robot(String),
+    /// What was written cannot be read.
+    #[error("gaitfit cannot make a task for {robot}: {why}")]
+    Task {
+        /// The robot.
+        robot: String,
+        /// What is wrong with it.
+        why: String,
+    },
+}
+
+/// What a robot with elliptic cones trains with: those take the solver three times as many steps.
+const CONE: &str = "cone = \"pyramidal\"              # the file's elliptic cones take longer in training\n";
+
+/// Number of randomised robots that are made of what is written, as a training would make them.
+const VARIED: usize = 64;
+
+/// Something that was found or guessed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Guess {
+    /// What it is about.
+    pub what: &'static str,
+    /// What was found, and how.
+    pub found: String,
+}
+
+/// What is known of a robot that is to walk.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Look {
+    /// All settings of the task.
+    pub settings: TaskSettings,
+    /// What was found or guessed, most important first.
+    pub guesses: Vec<Guess>,
+    /// Whether the robot file has elliptic cones.
+    elliptic: bool,
+    /// The tables `[train]`, `[ppo]` and `[task]` of a configuration, with comments.
+    text: String,
+    /// Legs and gait.
+    anatomy: Anatomy,
+    /// Angles of the stance, rad, model order.
+    angles: Vec<f64>,
+}
+
+impl Look {
+    /// A page of the stance and the gait. `model`: the robot that this is a look at.
+    pub fn stance(&self, model: &Model) -> gaitfit_view::replay::Replay {
+        stance::stance(model, &self.anatomy, &self.angles, self.settings.height)
+    }
+
+    /// A configuration of a training. `robot`: the file as the configuration names it; `lenient`: how it was read.
+    pub fn configuration(&self, robot: &str, lenient: bool) -> String {
+        let mut text = String::from(
+            "# Written by `gaitfit init`: check what its comments call a guess.\n\
+             # Train with `gaitfit train FILE`; `gaitfit config train` prints all other settings.\n\n",
+        );
+        text.push_str(&format!("robot = {}\n", text::quoted(robot)));
+        if lenient {
+            text.push_str(
+                "lenient = true                  # drop what the engine cannot simulate in the robot file\n",
+            );
+        }
+        if self.elliptic {
+            text.push_str(CONE);
+        }
+        text.push_str(&self.text);
+        text
+    }
+}
+
+/// Looks at a robot.
+///
+/// # Errors
+/// A robot that cannot walk, or in which no legs are found.
+pub fn look(model: &Model) -> Result<Look, InitError> {
+    look_with(model, Source::Likely)
+}
+
+/// Other guesses at the gains of a robot whose policy did not learn to walk: the gains of the file's position actuators, then
+/// softer and stiffer gains by size. The result has neither the first guess nor guesses that cannot be simulated.
+pub fn other_guesses(model: &Model, first: &Look) -> Vec<Look> {
+    let sources = [Source::Servos, Source::Size(1.0), Source::Size(0.6), Source::Size(1.6)];
+    let mut found: Vec<Look> = Vec::new();
+    for look in sources.iter().filter_map(|&source| look_with(model, source).ok()) {
+        let same = |other: &Look| other.settings.policy == look.settings.policy;
+        if !same(first) && !found.iter().any(same) {
+            found.push(look);
+        }
+    }
+    found
+}
+
+fn look_with(model: &Model, source: Source) -> Result<Look, InitError> {
+    let robot = || shown(&model.name);
+    if model.root != Root::Floating {
+        return Err(InitError::Clamped { robot: robot() });
+    }
+    let (start, anatomy) = first_look(model)?;
+    let pose = pose::standing(model, start, &anatomy);
+    // Feet are looked for once more in the pose that was found: the lowest geoms may be others.
+    let anatomy = Anatomy::find(model, &pose.angles)?;
+    let sizes = Sizes::new(model, &anatomy, &pose.angles);
+    let gains = Gains::new(model, &anatomy, &pose.angles, &sizes, source)?;
+    let text = text::task(model, &anatomy, &pose, &sizes, &gains);
+    let settings = read(&text).map_err(|why| InitError::Task { robot: robot(), why })?;
+    // What a training would refuse, in a robot of odd sizes, is said now.
+    let refused = |error: TaskError| InitError::Task { robot: robot(), why: error.to_string() };
+    let task = Task::new(model, &settings, Preset::Fast).map_err(refused)?;
+    task.robots(&[Candidate::nominal(model)], 0, 0, VARIED).map_err(refused)?;
+    let elliptic = model.options.cone == Cone::Elliptic;
+    let guesses = guesses(model, &anatomy, &pose, &sizes, &gains);
+    Ok(Look { settings, guesses, elliptic, text, anatomy, angles: pose.angles })
+}
+
+/// The pose from which the stance is sought, and the legs in it: a keyframe's, unless the robot as the file draws it has more
+/// legs on the ground. Some keyframes have joints of another sign.
+fn first_look(model: &Model) -> Result<(Pose, Anatomy), InitError> {
+    let start = pose::start(model);
+    let found = Anatomy::find(model, &start.angles);
+    if start.keyframe.is_some() {
+        let drawn = Pose { angles: pose::drawn(model), keyframe: None };
+        let legs =
+            |found: &Result<Anatomy, InitError>| found.as_ref().map_or(0, |anatomy| anatomy.legs.len());
+        let other = Anatomy::find(model, &drawn.angles);
+        if legs(&other) > legs(&found) {
+            return other.map(|anatomy| (drawn, anatomy));
+        }
+    }
+    found.map(|anatomy| (start, anatomy))
+}
+
+/// The task of a configuration that names no robot: as another robot than the Go2 has it.
+fn read(text: &str) -> Result<TaskSettings, String> {
+    let mut table = toml::de::DeTable::parse(text).map_err(|error| error.to_string())?.into_inner();
+    TrainConfig::complete(&mut table);
+    let table = toml::Spanned::new(0..0, table);
+    let config = <TrainConfig as serde::Deserialize>::deserialize(toml::de::Deserializer::from(table));
+    config.map_err(|error| error.to_string())?.task.own_settings()
+}
+
+fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: &Gains) -> Vec<Guess> {
+    let mut guesses = Vec::new();
+    let mut say = |what: &'static str, found: String| guesses.push(Guess { what, found });
+    let legs = &anatomy.legs;
+    let feet: Vec<String> = legs.iter().map(|leg| shown(&leg.foot)).collect();
+    let links = anatomy.links(model).map(|links| format!(", {links}")).unwrap_or_default();
+    say("feet", format!("{}{links}: {}", feet.join(", "), anatomy.how()));
+    say("gait", anatomy.gait_in_words());
+    say("pose", pose.how());
+    say(
+        "size",
+        format!(
+            "{:.1} kg, legs of {:.2} m, base at {:.2} m{}",
+            sizes.mass,
+            sizes.leg,
+            sizes.height,
+            sizes.doubt.as_ref().map(|doubt| format!("; {doubt}")).unwrap_or_default()
+        ),
+    );
+    let others = model.joints.len() - anatomy.moved.len();
+    let names = |joints: &[usize]| {
+        joints.iter().map(|&joint| shown(&model.joints[joint].name)).collect::<Vec<_>>().join(", ")
+    };
+    if !anatomy.wheels.is_empty() {
+        let wheels = names(&anatomy.wheels);
+        say(
+            "wheels",
+            format!(
+                "{wheels}: braked, the robot walks on them; a policy gives positions, which roll no wheel"
+            ),
+        );
+    }
+    if !anatomy.passive.is_empty() {
+        let passive = names(&anatomy.passive);
+        say(
+            "passive",
+            format!("{passive}: without motors in the file; they turn under their springs and limits"),
+        );
+    }
+    let held = others - anatomy.passive.len();
+    if held > 0 {
+        say(
+            "joints",
+            format!("the policy moves the {} of the legs, {held} others are held", anatomy.moved.len()),
+        );
+    }
+    say("gains", gains.how.clone());
+    if model.options.cone == Cone::Elliptic {
+        say(
+            "contacts",
+            "pyramidal friction cones, as the file's elliptic ones take longer in training".to_owned(),
+        );
+    }
+    for doubt in &gains.doubts {
+        say("gains", doubt.clone());
+    }
+    for doubt in motors::placeholders(model, anatomy, sizes) {
+        say("limits", doubt);
+    }
+    say(
+        "commands",
+        format!(
+            "up to {:?} m/s forward, {:?} m/s sideways, {:?} rad/s; Froude number v/√(g l) = {:.2}",
+            sizes.forward,
+            sizes.sideways,
+            sizes.turning,
+            sizes.forward / (sizes.gravity * sizes.leg).sqrt()
+        ),
+    );
+    guesses
+}

@@ -1,0 +1,84 @@
+//! Trainings and fits on several devices.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use crate::device::{Device, Devices};
+use crate::run::RunFolder;
+use crate::settings::{self, TrainConfig};
+use crate::watch::Watch;
+use std::path::Path;
+
+fn training(seeds: &str, devices: &Devices) -> crate::train::Setup {
+    let changes = ["train.environments=32", "train.steps=6", "train.iterations=2", seeds];
+    let config: TrainConfig = settings::load(None, &changes.map(str::to_owned)).unwrap();
+    crate::train::setup(&config, "walk", None, 2, devices).unwrap()
+}
+
+/// What each seed of a training on `devices` ends with.
+fn policies(devices: &Devices) -> Vec<Vec<u8>> {
+    let runs = tempfile::tempdir().unwrap();
+    let mut setup = training("seeds=[3, 1, 2]", &Device::Cpu.into());
+    setup.devices = devices.clone();
+    let folder = RunFolder::only(runs.path(), "walk").unwrap();
+    let found = crate::train::train_in(&setup, &folder, &Watch::silent()).unwrap();
+    assert_eq!(found.seeds.iter().map(|one| one.seed).collect::<Vec<_>>(), [3, 1, 2]);
+    found.seeds.iter().map(|one| std::fs::read(&one.policy).unwrap()).collect()
+}
+
+#[test]
+fn seeds_that_are_shared_have_the_bits_of_those_trained_in_turn() {
+    let alone = policies(&Device::Cpu.into());
+    assert!(alone[0] != alone[1]);
+    assert!(alone == policies(&Devices::new(Device::Cpu, [Device::Cpu])));
+}
+
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_seeds_side_by_side_have_the_bits_of_those_trained_in_turn() {
+    assert!(policies(&Device::Cuda(0).into()) == policies(&Devices::new(Device::Cuda(0), [Device::Cuda(0)])));
+}
+
+#[test]
+fn of_several_gpus_those_without_a_seed_are_named() {
+    let two: Devices = "cuda:0,1".parse().unwrap();
+    let setup = training("seeds=[1]", &two);
+    assert_eq!(setup.devices, Device::Cuda(0).into());
+    assert!(setup.warnings.iter().any(|one| one.contains("of 2 GPUs cuda:0 is used for 1 seed (")));
+    let setup = training("seeds=[1, 2, 3]", &two);
+    assert_eq!(setup.devices, two);
+    assert!(!setup.warnings.iter().any(|one| one.contains("GPUs")), "{:?}", setup.warnings);
+}
+
+/// A whole fit, from the settings to the results: searches of two costs and two seeds, and their intervals. The
+/// command line refuses one card twice, for it brings nothing.
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_a_fit_in_two_sessions_has_the_bits_of_one() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/go2-demo/adapt.toml");
+    let runs = tempfile::tempdir().unwrap();
+    let fit = |name: &str, devices: &Devices| {
+        let changes = [
+            "costs=[\"wass\", \"matcho\"]",
+            "optimizer.seeds=2",
+            "optimizer.generations=6",
+            "simulation.timestep=0.005",
+            "check={}",
+            "validate=[]",
+            "robot=../../assets/go2.xml",
+            "logs=[\"../../examples/go2-demo/fit.csv\"]",
+        ];
+        let config = settings::load(Some(&file), &changes.map(str::to_owned)).unwrap();
+        let mut setup =
+            crate::adapt::Opening::new(&config, &file).threads(4).devices(devices).open().unwrap();
+        let folder = RunFolder::only(runs.path(), name).unwrap();
+        let found = crate::adapt::fit(&mut setup, &folder, &Watch::silent()).unwrap();
+        let mut found = serde_json::to_value(found).unwrap();
+        for key in ["wall_seconds", "run_folder"] {
+            found.as_object_mut().unwrap().remove(key);
+        }
+        found
+    };
+    let one = fit("one", &Device::Cuda(0).into());
+    let two = fit("two", &Devices::new(Device::Cuda(0), [Device::Cuda(0)]));
+    assert!(one["parameters"].as_array().is_some_and(|all| !all.is_empty()), "{one}");
+    assert_eq!(one, two);
+}
