@@ -10,9 +10,9 @@ use gaitfit_sim::{Cpu, Engine, Recording, Replay, ReplayOptions};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-const HUMANOID: &str = include_str!("../../../gaitfit-model/tests/robots/humanoid.xml");
-const ARM: &str = include_str!("../../../gaitfit-model/tests/robots/arm.xml");
-const GO2_URDF: &str = include_str!("../../../../assets/go2.urdf");
+const HUMANOID: &str = include_str!("../../gaitfit-model/tests/robots/humanoid.xml");
+const ARM: &str = include_str!("../../gaitfit-model/tests/robots/arm.xml");
+const GO2_URDF: &str = include_str!("../../../assets/go2.urdf");
 
 /// Kinds that a robot file has no words for.
 const BY_CODE: [&str; 7] =
