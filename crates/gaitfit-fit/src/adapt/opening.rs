@@ -4,6 +4,7 @@ use super::setup::Setup;
 use crate::Error;
 use crate::device::{Device, Devices};
 use crate::settings::AdaptConfig;
+use crate::watch::Watch;
 use gaitfit_policy::Policy;
 use std::path::Path;
 
@@ -16,12 +17,13 @@ pub struct Opening<'a> {
     threads: Option<usize>,
     devices: Devices,
     policy: Option<&'a Policy>,
+    watch: Option<&'a Watch<'a>>,
 }
 
 impl<'a> Opening<'a> {
     /// A fit with these settings. `config_path`: where they were read, which relative paths may start from.
     pub fn new(config: &'a AdaptConfig, config_path: &'a Path) -> Self {
-        Self { config, config_path, threads: None, devices: Device::Cpu.into(), policy: None }
+        Self { config, config_path, threads: None, devices: Device::Cpu.into(), policy: None, watch: None }
     }
 
     /// On so many threads; `None`: as the settings say.
@@ -42,14 +44,22 @@ impl<'a> Opening<'a> {
         Self { policy, ..self }
     }
 
+    /// Reports the progress of simulations before the fit to `watch`, which may stop them.
+    #[must_use]
+    pub fn watch(self, watch: &'a Watch<'a>) -> Self {
+        Self { watch: Some(watch), ..self }
+    }
+
     /// Reads robot, policy and logs and checks the settings.
     ///
     /// # Errors
     /// Settings that do not go together; files that are not there or not usable, each by name; a GPU that is not there, or
-    /// that does not do what is asked.
+    /// that does not do what is asked; an interruption.
     pub fn open(self) -> Result<Setup, Error> {
         let read = |devices: &Devices| {
-            Setup::read_all(self.config, self.config_path, self.threads, devices, self.policy)
+            let silent = Watch::silent();
+            let watch = self.watch.unwrap_or(&silent);
+            Setup::read_all(self.config, self.config_path, self.threads, devices, self.policy, watch)
         };
         let error = match read(&self.devices) {
             Err(error) => error,

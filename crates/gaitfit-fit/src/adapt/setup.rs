@@ -19,6 +19,7 @@ use crate::walk::remedy::Remedies;
 use crate::walk::sized;
 use crate::walk::swing::SwingFindings;
 use crate::walk::walking::{self, rest_angles};
+use crate::watch::Watch;
 use crate::{Error, theta};
 use gaitfit_adapt::cost::Cost;
 use gaitfit_adapt::fit::{FitOptions, Method as Search};
@@ -80,6 +81,7 @@ impl Setup {
         threads: Option<usize>,
         devices: &Devices,
         given: Option<&Policy>,
+        watch: &Watch<'_>,
     ) -> Result<Self, Error> {
         let stated = config;
         let mut config = config.clone();
@@ -133,7 +135,7 @@ impl Setup {
                 let threads = method.walking().map_or(1, |walking| walking.threads);
                 let robot =
                     swing_correction::Robot { config: &config, policy, model: &robot, base: &base, threads };
-                swing_correction::correct(found, &robot, &logs.fit);
+                swing_correction::correct(found, &robot, &logs.fit, watch)?;
             }
         }
         let priors = swings.as_ref().filter(|_| config.swings);

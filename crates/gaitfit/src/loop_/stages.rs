@@ -73,6 +73,11 @@ impl<'a> Stages<'a> {
     /// Comes to the next stage, or stops before it when that was asked for.
     fn pause(&mut self) -> Result<(), Error> {
         self.steps.0 += 1;
+        self.stopped()
+    }
+
+    /// An interruption, if it was asked for.
+    fn stopped(&self) -> Result<(), Error> {
         if !self.watch.stop() {
             return Ok(());
         }
@@ -129,7 +134,10 @@ impl<'a> Stages<'a> {
         self.write_config(&file, config)?;
         let recorded = self.path(&format!("{round}/logs"));
         let (threads, devices) = (Some(self.setup.threads), &self.setup.devices);
-        let setup = adapt::Opening::new(config, &self.path(&file)).threads(threads).devices(devices).open();
+        let path = self.path(&file);
+        let opening = adapt::Opening::new(config, &path).threads(threads).devices(devices);
+        let setup = opening.watch(self.watch).open();
+        self.stopped()?;
         let mut setup = setup.map_err(|error| {
             let error = if config.validate.is_empty() {
                 error

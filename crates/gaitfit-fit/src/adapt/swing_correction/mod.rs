@@ -8,23 +8,28 @@
 mod response;
 
 use super::replicas::WALKED;
+use crate::Error;
 use crate::log::Log;
 use crate::settings::AdaptConfig;
 use crate::walk::explain::{self, Cause, CauseKind};
 use crate::walk::recorder::Recorder;
 use crate::walk::swing::{Estimate, GroupEstimate, SwingFindings, SwingReport, SwingSettings};
 use crate::walk::walking::Walking;
-use gaitfit_adapt::{JointParameter, ParameterRule, Sharing, Theta, ThetaError, never};
+use crate::watch::{Counting, Watch, Work};
+use gaitfit_adapt::{JointParameter, ParameterRule, Sharing, Theta, ThetaError};
 use gaitfit_log::{Gains, Trajectory};
 use gaitfit_model::Model;
 use gaitfit_policy::Policy;
 use gaitfit_random::{Purpose, Stream, derive_seed};
 use gaitfit_sim::{Candidate, pool};
 use response::{Answer, Response};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Rounds of simulated robots, each around the values of the last one.
 const ROUNDS: usize = 2;
+/// Robots before the first round. They show the torque noise.
+const FIRST_ROBOTS: usize = 2;
 /// Min robots of a round; and how many more robots than numbers of each.
 const ROBOTS: usize = 14;
 const MORE_ROBOTS: usize = 3;
@@ -69,17 +74,30 @@ pub struct Robot<'a> {
 
 /// Corrects the estimates from legs in the air in `found`, which come from `logs`. Stores the corrected ones there, or the
 /// reason why there are none.
-pub fn correct(found: &mut SwingFindings, robot: &Robot<'_>, logs: &[Log]) {
-    let Some(report) = &found.swings else { return };
+///
+/// # Errors
+/// An interruption.
+pub fn correct(
+    found: &mut SwingFindings,
+    robot: &Robot<'_>,
+    logs: &[Log],
+    watch: &Watch<'_>,
+) -> Result<(), Error> {
+    let Some(report) = &found.swings else { return Ok(()) };
     let of_joints = |cause: &Cause| LACKING.contains(&cause.kind);
     if let Some(cause) = explain::causes(found).into_iter().find(of_joints) {
         found.not_corrected = Some(format!("simulated joints lack this effect: {}", cause.text));
-        return;
+        return Ok(());
     }
-    match robot.corrected(logs, report) {
+    let corrected = robot.corrected(logs, report, watch);
+    if watch.stop() {
+        return Err(Error::interrupted_with_nothing("interrupted before the fit began"));
+    }
+    match corrected {
         Ok(report) => found.corrected = Some(report),
         Err(why) => found.not_corrected = Some(why),
     }
+    Ok(())
 }
 
 /// What simulated robots are like, and what is estimated of them.
@@ -92,6 +110,10 @@ struct World<'a> {
     groups: Vec<String>,
     /// The logs, of which only the length and the commands count.
     logs: Vec<Trajectory>,
+    watch: &'a Watch<'a>,
+    counting: Counting<'a>,
+    /// Robots that were simulated.
+    done: AtomicUsize,
 }
 
 impl Robot<'_> {
@@ -99,7 +121,7 @@ impl Robot<'_> {
     ///
     /// # Errors
     /// Why it is not.
-    fn corrected(&self, logs: &[Log], found: &SwingReport) -> Result<SwingReport, String> {
+    fn corrected(&self, logs: &[Log], found: &SwingReport, watch: &Watch<'_>) -> Result<SwingReport, String> {
         let settings = SwingSettings {
             clearances_m: vec![found.clearance_m],
             law: Some(found.law),
@@ -133,7 +155,15 @@ impl Robot<'_> {
         let logs: Vec<Trajectory> = all.iter().map_while(short).collect();
         let recorder = Recorder::new(Arc::new(walking), self.base.clone(), &logs.iter().collect::<Vec<_>>());
         let groups = groups_of(&real).map(str::to_owned).collect();
-        let estimates = World { robot: self, recorder, theta, settings, groups, logs }.correct(&real)?;
+        let counting = watch.begin(Work {
+            what: "legs in the air, simulated robot",
+            total: FIRST_ROBOTS + ROUNDS * robots_for(numbers_of(&real)),
+            first: 0,
+            parts: "robots",
+        });
+        let done = AtomicUsize::new(0);
+        let world = World { robot: self, recorder, theta, settings, groups, logs, watch, counting, done };
+        let estimates = world.correct(&real)?;
         let mut corrected = found.clone();
         for (slot, Estimate { value, error }) in slots(&mut corrected).zip(estimates) {
             // The recorded logs show how much other choices of swings change an estimate.
@@ -168,8 +198,7 @@ impl World<'_> {
         let mut response = Response::default();
         let mut answer = None;
         for round in 0..ROUNDS {
-            // The first two robots showed the torque noise.
-            let first = 2 + round * robots_for(centre.len());
+            let first = FIRST_ROBOTS + round * robots_for(centre.len());
             let robots = self.draw(&centre, &half, first);
             let reports = self.observe(&robots, first)?;
             for (robot, report) in robots.into_iter().zip(reports) {
@@ -259,7 +288,11 @@ impl World<'_> {
             self.robot.threads,
             || (),
             |(), at| {
+                if self.watch.stop() {
+                    return;
+                }
                 let one = self.observe_one(&robots[at], first + at);
+                self.counting.step(self.done.fetch_add(1, Ordering::Relaxed) + 1, 1, "");
                 reports.lock().unwrap_or_else(PoisonError::into_inner)[at] = one;
             },
         );
@@ -274,7 +307,7 @@ impl World<'_> {
             derive_seed(self.robot.config.optimizer.seed, Purpose::TORQUE_NOISE, number.wrapping_add(1));
         let set = self
             .recorder
-            .record(&self.theta, &values, noise, &[seed], &never)
+            .record(&self.theta, &values, noise, &[seed], &|| self.watch.stop())
             .map_err(|error| format!("The robot cannot be simulated: {error}."))?
             .pop()
             .unwrap_or_default();
@@ -311,6 +344,11 @@ fn estimate(model: &Model, logs: &[Trajectory], settings: &SwingSettings) -> Res
 /// The names of the joint groups.
 fn groups_of(report: &SwingReport) -> impl Iterator<Item = &str> {
     report.groups.iter().map(|group| group.group.as_str())
+}
+
+/// Numbers of each robot: those that are estimated, and the torque noise.
+fn numbers_of(report: &SwingReport) -> usize {
+    values_of(report).len() + 1
 }
 
 /// Robots of a round, for `count` numbers of each.
@@ -356,4 +394,43 @@ fn theta_of(report: &SwingReport, model: &Model) -> Result<Theta, ThetaError> {
     let delay = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Delay) };
     let rules: Vec<ParameterRule> = report.groups.iter().flat_map(of_group).chain([delay]).collect();
     Theta::from_rules(&rules, &[], &joints)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::adapt::Opening;
+    use crate::settings;
+    use crate::watch::Event;
+    use gaitfit_run::ErrorKind;
+    use std::ops::ControlFlow;
+    use std::path::Path;
+
+    #[test]
+    fn a_caller_sees_the_simulated_robots_and_can_stop_them() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let changes = [
+            format!("policy={:?}", root.join("assets/go2-walk.safetensors")),
+            format!("logs=[{:?}]", root.join("examples/go2-ground/logs")),
+            "base=\"free\"".to_owned(),
+        ];
+        let config: AdaptConfig = settings::load(None, &changes).unwrap();
+        let (robots, total) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let stop_after_two = |event: Event<'_>| {
+            match event {
+                Event::Begin(work) => total.store(work.total, Ordering::Relaxed),
+                Event::Step(step) => robots.store(step.done, Ordering::Relaxed),
+                _ => (),
+            }
+            if robots.load(Ordering::Relaxed) < 2 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let watch = Watch::new(&stop_after_two);
+        let Err(error) = Opening::new(&config, &root.join("fit.toml")).threads(2).watch(&watch).open() else {
+            panic!("it was not stopped")
+        };
+        assert!(error.kind() == ErrorKind::Interrupted && error.to_string().contains("before the fit"), "{error}");
+        let (robots, total) = (robots.into_inner(), total.into_inner());
+        assert!((2..=4).contains(&robots) && total >= FIRST_ROBOTS + ROUNDS * ROBOTS, "{robots} of {total}");
+    }
 }
