@@ -110,8 +110,12 @@ pub fn adapt(
     let act = policy.as_ref().and_then(Source::act);
     let found = watched_acting(py, progress.as_ref(), act, |watch, caller| {
         let policy = policy.as_ref().map_or(Ok(None), |policy| policy.policy(caller.asked()))?;
-        let mut setup =
-            Opening::new(&config, path).threads(threads).devices(&devices).policy(policy.as_ref()).watch(watch).open()?;
+        let mut setup = Opening::new(&config, path)
+            .threads(threads)
+            .devices(&devices)
+            .policy(policy.as_ref())
+            .watch(watch)
+            .open()?;
         let folder = RunFolder::begin(Path::new(&config.runs), &name, run.resumes(&config.runs, &name))?;
         setup.warnings.iter().for_each(|warning| watch.note(warning));
         if let Some(crew) = &crew {

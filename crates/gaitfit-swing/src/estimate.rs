@@ -220,6 +220,8 @@ struct Fit {
     free: DVector<f64>,
     /// How all unknowns change with the motors' strength.
     by_strength: DVector<f64>,
+    /// How they change with friction under load of each group.
+    by_load: Vec<DVector<f64>>,
     strength: [f64; 2],
     scales: Vec<f64>,
     /// Largest position gain of each group, N·m/rad.
@@ -334,6 +336,7 @@ impl Fit {
             variances,
             scales: held.as_ref().unwrap_or(&free).scales.clone(),
             by_strength: held.as_ref().unwrap_or(&free).by_strength.clone(),
+            by_load: held.as_ref().unwrap_or(&free).by_load.clone(),
             strength: held.as_ref().unwrap_or(&free).strength,
             values: held.map_or_else(|| free.values.clone(), |held| held.values),
             free: free.values,
@@ -380,6 +383,7 @@ impl Fit {
                     damping: number(1),
                     armature: number(2),
                     by_strength: std::array::from_fn(|unknown| self.by_strength[self.first[place] + unknown]),
+                    by_load: std::array::from_fn(|unknown| self.by_load[place][self.first[place] + unknown]),
                     swings: self.counts[place][0],
                     windows: self.counts[place][1],
                     residual: self.scales[place],

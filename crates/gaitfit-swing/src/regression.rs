@@ -17,7 +17,7 @@ pub(crate) const SHARED: usize = 3;
 pub(crate) struct Group<'a> {
     pub windows: Vec<&'a Window>,
     offsets: BTreeMap<usize, usize>,
-    law: usize,
+    pub law: usize,
 }
 
 impl<'a> Group<'a> {

@@ -96,6 +96,10 @@ pub struct GroupEstimate {
     /// the torque that gains and limits state; for a motor that gives 0.9 of it, they are lower by a tenth of this.
     #[serde(default)]
     pub by_strength: [f64; 3],
+    /// How friction, damping and armature change with friction under load (`load_friction`), per 1. The values above are those
+    /// of a joint without it; for a joint with 0.1, they are lower by a tenth of this.
+    #[serde(default)]
+    pub by_load: [f64; 3],
     /// Swings that count.
     pub swings: usize,
     /// Averaged equations that count.

@@ -24,6 +24,9 @@ pub(crate) struct Together {
     /// How the values change with the motors' strength. `values` assume the torques that gains and limits state; for a motor
     /// that gives a share `s` of them, the values are `values + (s − 1) by_strength`.
     pub by_strength: DVector<f64>,
+    /// How the values change with friction under load of each group, which the equations leave out: N·m for each N·m of the
+    /// motor's torque. A robot that has `c` of it has the values `values − c by_load`.
+    pub by_load: Vec<DVector<f64>>,
     /// The motors' strength beyond 1, and its standard error.
     pub strength: [f64; 2],
     /// Covariances by each kind of clusters that was asked for; absent where there are too few.
@@ -158,6 +161,13 @@ pub(crate) fn together(
     let motor = |row: &Row<'_>| row.motor(&values);
     let driven = |row: &Row<'_>| row.window.driven_at(values[columns - 1]);
     let (by_strength, by_target) = (explained(&motor)?, explained(&driven)?);
+    let load = |group: usize| {
+        explained(&|row| {
+            let sign = row.window.signs[groups[row.group].law];
+            if row.group == group { sign * motor(row).abs() } else { 0.0 }
+        })
+    };
+    let by_load = (0..groups.len()).map(load).collect::<Option<Vec<_>>>()?;
     // Noise moves the joint, and the motor's torque then acts against the noise, so least squares estimate too low a strength.
     // The targets do not follow the noise, so they are an instrument (Söderström & Stoica 1983, "Instrumental Variable
     // Methods for System Identification"), but on simulated robots this estimate is too high. The two bracket the strength.
@@ -201,6 +211,7 @@ pub(crate) fn together(
     Some(Together {
         covariances: clusters.iter().map(covariance).collect(),
         by_strength,
+        by_load,
         strength,
         scales: variances.iter().map(|variance| variance.sqrt()).collect(),
         values,

@@ -45,6 +45,8 @@ pub struct Theta {
     priors: Vec<Option<Prior>>,
     /// For each entry, the index of the entry that is the strength of its motors.
     strengths: Vec<Option<usize>>,
+    /// The same with [`Theta::load`].
+    loads: Vec<Option<usize>>,
     /// What a distance of one standard error from a prior adds to the cost.
     prior_weight: f64,
 }
@@ -183,8 +185,14 @@ impl Theta {
         if entries.is_empty() {
             return Err(ThetaError::Empty);
         }
-        let theta =
-            Self { modifications, entries, priors: Vec::new(), strengths: Vec::new(), prior_weight: 0.0 };
+        let theta = Self {
+            modifications,
+            entries,
+            priors: Vec::new(),
+            strengths: Vec::new(),
+            loads: Vec::new(),
+            prior_weight: 0.0,
+        };
         theta.check()?;
         Ok(theta)
     }

@@ -21,6 +21,10 @@ pub struct Prior {
     /// show the joints' resistance relative to the motors' torque, so the estimate assumes motors with a strength of 1.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub by_strength: f64,
+    /// How the estimate changes with friction under load (`load_friction` of the entry's joints), per 1: the estimate of a joint
+    /// with a load friction of c is lower by c times this. Legs in the air show the sum of both frictions.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub by_load: f64,
 }
 
 fn is_zero(value: &f64) -> bool {
@@ -30,7 +34,7 @@ fn is_zero(value: &f64) -> bool {
 impl Prior {
     /// An estimate and its standard error.
     pub fn new(value: f64, deviation: f64) -> Self {
-        Self { value, deviation, by_strength: 0.0 }
+        Self { value, deviation, by_strength: 0.0, by_load: 0.0 }
     }
 
     /// The estimate for motors whose strength is not 1; `error`: the standard error of that strength.
@@ -39,6 +43,17 @@ impl Prior {
             value: self.value + self.by_strength * (strength - 1.0),
             deviation: self.deviation.hypot(self.by_strength * error),
             by_strength: 0.0,
+            ..*self
+        }
+    }
+
+    /// The estimate for a joint with friction under load; `error`: the standard error of that friction.
+    pub fn with_load(&self, load: f64, error: f64) -> Self {
+        Self {
+            value: self.value - self.by_load * load,
+            deviation: self.deviation.hypot(self.by_load * error),
+            by_load: 0.0,
+            ..*self
         }
     }
 
@@ -64,10 +79,11 @@ impl Theta {
                 let names: Vec<&str> = self.entries.iter().map(|entry| entry.name.as_str()).collect();
                 return Err(refused(&format!("is not fitted; fitted are {}", names.join(", "))));
             };
-            let finite = [prior.value, prior.deviation, prior.by_strength].iter().all(|one| one.is_finite());
+            let numbers = [prior.value, prior.deviation, prior.by_strength, prior.by_load];
+            let finite = numbers.iter().all(|one| one.is_finite());
             if !finite || prior.deviation <= 0.0 {
                 return Err(refused(
-                    "needs a finite `value`, a `deviation` above 0 and, if given, a finite `by_strength`",
+                    "needs a finite `value`, a `deviation` above 0 and, if given, finite `by_strength` and `by_load`",
                 ));
             }
             let entry = &mut self.entries[at];
@@ -77,15 +93,15 @@ impl Theta {
             found[at] = Some(*prior);
         }
         self.strengths = (0..self.entries.len()).map(|at| self.strength(at)).collect();
-        // The search begins at the estimates for the strength with which it begins.
-        for (at, strength) in self.strengths.iter().enumerate() {
-            if let (Some(prior), Some(strength)) = (found[at], strength) {
-                let value = prior.with_strength(self.entries[*strength].start, 0.0).value;
-                let entry = &mut self.entries[at];
-                entry.start = value.clamp(entry.lower, entry.upper);
-            }
-        }
+        self.loads = (0..self.entries.len()).map(|at| self.load(at)).collect();
         self.priors = found;
+        // The search begins at the estimates for the strength and the friction under load with which it begins.
+        let starts: Vec<f64> = self.entries.iter().map(|entry| entry.start).collect();
+        for at in 0..self.entries.len() {
+            let Some(prior) = self.prior_beside(at, &starts) else { continue };
+            let entry = &mut self.entries[at];
+            entry.start = prior.value.clamp(entry.lower, entry.upper);
+        }
         self.prior_weight = weight;
         Ok(self)
     }
@@ -102,11 +118,35 @@ impl Theta {
 
     /// The entry that is the strength of the motors of entry number `at`, if one entry covers all of its joints.
     pub fn strength(&self, at: usize) -> Option<usize> {
+        self.covering(at, JointParameter::TorqueScale)
+    }
+
+    /// The entry that is the friction under load of the joints of entry number `at`, if one entry covers all of them.
+    pub fn load(&self, at: usize) -> Option<usize> {
+        self.covering(at, JointParameter::LoadFriction)
+    }
+
+    /// The entry of this kind that covers all joints of entry number `at`.
+    fn covering(&self, at: usize, kind: JointParameter) -> Option<usize> {
         let joints = &self.entries.get(at)?.joints;
         self.entries.iter().position(|entry| {
             let covered = joints.iter().all(|joint| entry.joints.contains(joint));
-            entry.kind == JointParameter::TorqueScale.name() && covered && !joints.is_empty()
+            entry.kind == kind.name() && covered && !joints.is_empty()
         })
+    }
+
+    /// What is known of entry number `at` if the others have these values.
+    fn prior_beside(&self, at: usize, values: &[f64]) -> Option<Prior> {
+        let mut prior = *self.prior(at)?;
+        let value =
+            |places: &[Option<usize>]| places.get(at).copied().flatten().and_then(|at| values.get(at));
+        if let Some(strength) = value(&self.strengths) {
+            prior = prior.with_strength(*strength, 0.0);
+        }
+        if let Some(load) = value(&self.loads) {
+            prior = prior.with_load(*load, 0.0);
+        }
+        Some(prior)
     }
 
     /// What one standard error from a prior adds to the cost.
@@ -117,11 +157,10 @@ impl Theta {
     /// What the priors add to the cost of `values`: weight · Σ ((value − estimate) / standard error)². It is the negative
     /// logarithm of independent normal densities up to a constant, in units in which the cost's own noise is the weight.
     pub fn prior_cost(&self, values: &[f64]) -> f64 {
-        let squares = self.priors.iter().zip(values).enumerate().filter_map(|(at, (prior, value))| {
-            let prior = prior.as_ref()?;
-            let strength = self.strengths.get(at).copied().flatten().and_then(|at| values.get(at));
-            Some(strength.map_or(*prior, |one| prior.with_strength(*one, 0.0)).away(*value).powi(2))
-        });
+        let squares = values
+            .iter()
+            .enumerate()
+            .filter_map(|(at, value)| Some(self.prior_beside(at, values)?.away(*value).powi(2)));
         self.prior_weight * squares.sum::<f64>()
     }
 }

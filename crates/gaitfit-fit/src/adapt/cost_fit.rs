@@ -77,13 +77,20 @@ pub(super) fn fit(
         parameter
     };
     let prior = |at: usize| {
-        let prior = *setup.theta.prior(at)?;
-        let strength = setup.theta.strength(at).filter(|place| *place < outcome.parameters.len());
-        // Estimates from legs in the air depend on the motors' strength, so its error is part of theirs.
-        Some(strength.filter(|_| prior.by_strength != 0.0).map_or(prior, |place| {
-            let strength = parameter(place, setup.theta.prior(place).copied());
-            prior.with_strength(strength.found.value, strength.error())
-        }))
+        let mut prior = *setup.theta.prior(at)?;
+        let fitted = |place: Option<usize>| {
+            let place = place.filter(|place| *place < outcome.parameters.len())?;
+            Some(parameter(place, setup.theta.prior(place).copied()))
+        };
+        // Estimates from legs in the air depend on the motors' strength and on friction under load, so errors of these are
+        // part of theirs.
+        if let Some(strength) = fitted(setup.theta.strength(at)).filter(|_| prior.by_strength != 0.0) {
+            prior = prior.with_strength(strength.found.value, strength.error());
+        }
+        if let Some(load) = fitted(setup.theta.load(at)).filter(|_| prior.by_load != 0.0) {
+            prior = prior.with_load(load.found.value, load.error());
+        }
+        Some(prior)
     };
     let mut parameters: Vec<Parameter> =
         (0..outcome.parameters.len()).map(|at| parameter(at, prior(at))).collect();

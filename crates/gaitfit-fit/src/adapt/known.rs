@@ -51,7 +51,8 @@ pub fn priors(
         if let Some(one) = measurement {
             let Estimate { value, error } = one.estimate;
             let deviation = error.max(MIN_ERROR * (entry.upper - entry.lower));
-            let prior = Prior { by_strength: one.by_strength, ..Prior::new(value, deviation) };
+            let prior =
+                Prior { by_strength: one.by_strength, by_load: one.by_load, ..Prior::new(value, deviation) };
             priors.entry(entry.name.clone()).or_insert(prior);
         }
     }
@@ -124,6 +125,7 @@ mod tests {
         let theta = Theta::from_rules(&rules, &groups, &joints).unwrap();
         let measured = |kind: JointParameter, of: &[usize], value, error| SwingNumber {
             by_strength: 0.0,
+            by_load: 0.0,
             kind: kind.name(),
             joints: of.iter().map(|joint| joints[*joint].clone()).collect(),
             estimate: Estimate { value, error },

@@ -174,6 +174,7 @@ mod tests {
             damping: estimate(0.1, 0.02),
             armature: estimate(0.03, 0.001),
             by_strength: [0.0; 3],
+            by_load: [0.0; 3],
             swings: 100,
             windows: 1000,
             residual: 0.4,
@@ -273,6 +274,7 @@ mod tests {
             joints: calves(),
             estimate: estimate(0.4, 0.05),
             by_strength: 0.0,
+            by_load: 0.0,
         };
         let mut numbers = [number];
         remedies.widen_priors(&mut numbers);

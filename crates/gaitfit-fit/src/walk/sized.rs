@@ -132,6 +132,7 @@ pub fn biped_priors(feet: usize) -> Vec<SwingNumber> {
         joints: Vec::new(),
         estimate: Estimate { value: 0.0, error },
         by_strength: 0.0,
+        by_load: 0.0,
     };
     vec![
         zero(JointParameter::EncoderBias.name(), ZERO_RAD),

@@ -130,6 +130,8 @@ pub struct SwingNumber {
     pub estimate: Estimate,
     /// How the value changes with the motors' strength, per 1.
     pub by_strength: f64,
+    /// How much lower it is for a joint with friction under load, per 1.
+    pub by_load: f64,
 }
 
 /// Max error of an estimate of the motors' strength; with a larger one it adds nothing to the usual range.
@@ -142,12 +144,14 @@ pub fn numbers(report: &SwingReport, step: f64) -> Vec<SwingNumber> {
     for group in &report.groups {
         let kinds = [JointParameter::FrictionLoss, JointParameter::Damping, JointParameter::Armature];
         let estimates = [group.friction, group.damping, group.armature];
-        for ((kind, estimate), by_strength) in kinds.into_iter().zip(estimates).zip(group.by_strength) {
+        let slopes = group.by_strength.into_iter().zip(group.by_load);
+        for ((kind, estimate), (by_strength, by_load)) in kinds.into_iter().zip(estimates).zip(slopes) {
             numbers.push(SwingNumber {
                 kind: kind.name(),
                 joints: group.joints.clone(),
                 estimate,
                 by_strength,
+                by_load,
             });
         }
     }
@@ -156,6 +160,7 @@ pub fn numbers(report: &SwingReport, step: f64) -> Vec<SwingNumber> {
         joints: Vec::new(),
         estimate: delay(report, step),
         by_strength: report.delay_by_strength,
+        by_load: 0.0,
     });
     if report.strength.error < SURE_STRENGTH {
         numbers.push(SwingNumber {
@@ -163,6 +168,7 @@ pub fn numbers(report: &SwingReport, step: f64) -> Vec<SwingNumber> {
             joints: Vec::new(),
             estimate: report.strength,
             by_strength: 0.0,
+            by_load: 0.0,
         });
     }
     numbers
@@ -191,6 +197,7 @@ pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumb
         joints: Vec::new(),
         estimate: *estimate,
         by_strength: 0.0,
+        by_load: 0.0,
     };
     let careful = |tilt: &Estimate| Estimate { error: tilt.error.max(MIN_TILT_ERROR), ..*tilt };
     let tilt = found.standing.tilt.iter().flatten().map(careful);
@@ -214,18 +221,27 @@ pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumb
 /// change.
 pub fn prior_toml(found: &SwingFindings, report: &SwingReport, step: f64) -> String {
     let mut text = format!("[prior] # by legs in the air, for physics steps of {} ms\n", 1e3 * step);
-    let mut line = |kind: JointParameter, group: &str, Estimate { value, error }: Estimate, slope: f64| {
+    let mut line = |kind: JointParameter, group: &str, one: Estimate, slope: f64, by_load: f64| {
+        let Estimate { value, error } = one;
         let name = if group.is_empty() { kind.name().to_owned() } else { format!("{}_{group}", kind.name()) };
         let error = error.max(1e-5);
-        text +=
-            &format!("{name} = {{ value = {value:.5}, deviation = {error:.5}, by_strength = {slope:.5} }}\n");
+        let load = if by_load == 0.0 { String::new() } else { format!(", by_load = {by_load:.5}") };
+        text += &format!(
+            "{name} = {{ value = {value:.5}, deviation = {error:.5}, by_strength = {slope:.5}{load} }}\n"
+        );
     };
     for group in &report.groups {
-        line(JointParameter::FrictionLoss, &group.group, group.friction, group.by_strength[0]);
-        line(JointParameter::Armature, &group.group, group.armature, group.by_strength[2]);
-        line(JointParameter::Damping, &group.group, group.damping, group.by_strength[1]);
+        line(
+            JointParameter::FrictionLoss,
+            &group.group,
+            group.friction,
+            group.by_strength[0],
+            group.by_load[0],
+        );
+        line(JointParameter::Armature, &group.group, group.armature, group.by_strength[2], group.by_load[2]);
+        line(JointParameter::Damping, &group.group, group.damping, group.by_strength[1], group.by_load[1]);
     }
-    line(JointParameter::Delay, "", delay(report, step), report.delay_by_strength);
+    line(JointParameter::Delay, "", delay(report, step), report.delay_by_strength, 0.0);
     for SwingNumber { kind, estimate: Estimate { value, error }, .. } in sensor_numbers(found, Some(step)) {
         text += &format!("# {kind} = {{ value = {value:.5}, deviation = {:.5} }}\n", error.max(1e-5));
     }
@@ -282,7 +298,17 @@ pub fn beside<'a>(
     fitted: impl IntoIterator<Item = Fitted<'a>>,
 ) -> Vec<Beside> {
     let numbers = numbers(report, step);
-    let beside = |one: Fitted<'a>| {
+    let fitted: Vec<Fitted<'a>> = fitted.into_iter().collect();
+    let error_of = |one: &Fitted<'_>| one.interval.map_or(0.0, |[low, high]| (high - low) / 4.0);
+    // Value and standard error of the fitted friction under load of these joints.
+    let load_of = |joints: &[String]| {
+        let covers = |load: &&Fitted<'_>| {
+            load.kind == JointParameter::LoadFriction.name()
+                && joints.iter().all(|joint| load.joints.contains(joint))
+        };
+        fitted.iter().find(covers).map_or((0.0, 0.0), |load| (load.value, error_of(load)))
+    };
+    let beside = |one: &Fitted<'a>| {
         let covers = |number: &&SwingNumber| {
             number.kind == one.kind
                 && (number.joints.is_empty()
@@ -290,11 +316,12 @@ pub fn beside<'a>(
                         && one.joints.iter().all(|joint| number.joints.contains(joint))))
         };
         let number = numbers.iter().find(covers)?;
-        let error = one.interval.map_or(0.0, |[low, high]| (high - low) / 4.0);
+        let error = error_of(one);
         let Estimate { value, error: sure } = number.estimate;
+        let (load, load_error) = load_of(one.joints);
         let swings = Estimate {
-            value: value + number.by_strength * (strength.value - 1.0),
-            error: sure.hypot(number.by_strength * strength.error),
+            value: value + number.by_strength * (strength.value - 1.0) - number.by_load * load,
+            error: sure.hypot(number.by_strength * strength.error).hypot(number.by_load * load_error),
         };
         let apart = (one.value - swings.value).abs();
         Some(Beside {
@@ -305,7 +332,7 @@ pub fn beside<'a>(
             differ: apart > 2.0 * error.hypot(swings.error) && apart > matters(number.kind),
         })
     };
-    fitted.into_iter().filter_map(beside).collect()
+    fitted.iter().filter_map(beside).collect()
 }
 
 /// The values that differ, in a sentence; absent where none does.
@@ -342,6 +369,7 @@ mod tests {
             damping: number(-0.01, 0.03),
             armature: number(0.018, 0.001),
             by_strength: [0.0; 3],
+            by_load: [0.0; 3],
             swings: 100,
             windows: 1000,
             residual: 0.4,

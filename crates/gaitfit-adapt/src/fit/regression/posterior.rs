@@ -43,6 +43,10 @@ pub fn with_priors(
             row[strength] -= prior.by_strength * deviations[strength] / prior.deviation;
             known += prior.by_strength * (values[strength] - 1.0);
         }
+        if let Some(load) = theta.load(at) {
+            row[load] += prior.by_load * deviations[load] / prior.deviation;
+            known -= prior.by_load * values[load];
+        }
         let apart = (known - values[at]) / prior.deviation;
         precision += &row * row.transpose();
         pull += apart * row;

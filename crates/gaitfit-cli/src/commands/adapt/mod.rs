@@ -25,7 +25,8 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
     let threads = args.run.threads.map(NonZeroUsize::get);
     let devices = args.run.devices(args.device.as_ref(), &config.runs, &name);
     watched(Lines::Seconds(5), |watch| {
-        let mut setup = Opening::new(&config, &args.config).threads(threads).devices(&devices).watch(watch).open()?;
+        let mut setup =
+            Opening::new(&config, &args.config).threads(threads).devices(&devices).watch(watch).open()?;
         output::devices(&setup.devices);
         let folder = RunFolder::begin(Path::new(&config.runs), &name, args.run.resume)?;
         interrupt::listen()?;

@@ -423,13 +423,20 @@ mod tests {
                 Event::Step(step) => robots.store(step.done, Ordering::Relaxed),
                 _ => (),
             }
-            if robots.load(Ordering::Relaxed) < 2 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            if robots.load(Ordering::Relaxed) < 2 {
+                ControlFlow::Continue(())
+            } else {
+                ControlFlow::Break(())
+            }
         };
         let watch = Watch::new(&stop_after_two);
         let Err(error) = Opening::new(&config, &root.join("fit.toml")).threads(2).watch(&watch).open() else {
             panic!("it was not stopped")
         };
-        assert!(error.kind() == ErrorKind::Interrupted && error.to_string().contains("before the fit"), "{error}");
+        assert!(
+            error.kind() == ErrorKind::Interrupted && error.to_string().contains("before the fit"),
+            "{error}"
+        );
         let (robots, total) = (robots.into_inner(), total.into_inner());
         assert!((2..=4).contains(&robots) && total >= FIRST_ROBOTS + ROUNDS * ROBOTS, "{robots} of {total}");
     }
