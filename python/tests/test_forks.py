@@ -10,7 +10,7 @@ from .common import PACKAGE, ROOT, Case
 #: What both programs below begin with.
 BEGIN = """
 import faulthandler, multiprocessing, os, sys, tempfile, threading
-faulthandler.dump_traceback_later(100, exit=True)
+faulthandler.dump_traceback_later(300, exit=True)
 import numpy as np
 import gaitfit
 from gaitfit import Policy
@@ -48,7 +48,7 @@ class Forks(Case):
     def run_program(self, program: str) -> "tuple[list[str], str]":
         environment = {**os.environ, "PYTHONPATH": str(PACKAGE)}
         command = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", BEGIN + program]
-        done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120)
+        done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=330)
         self.assertEqual(done.returncode, 0, done.stderr[-3000:])
         return done.stdout.splitlines(), done.stderr
 
@@ -140,7 +140,7 @@ def child():
 
 codes = [forked(child) for _ in range(12)]
 with multiprocessing.get_context("fork").Pool(2) as pool:
-    pooled = pool.map_async(once, (0, 1, 2, 0)).get(60)
+    pooled = pool.map_async(once, (0, 1, 2, 0)).get(250)
 stop.set()
 for thread in threads:
     thread.join()
