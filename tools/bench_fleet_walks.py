@@ -27,10 +27,10 @@ import gaitfit.ray
 from gaitfit.config import Fit, Optimizer, Parameter, Simulation
 
 ROOT = Path(__file__).resolve().parent.parent
-POLICY = ROOT / "assets" / "go2-walk.safetensors"
+POLICY = ROOT / "assets" / "go2-robust.safetensors"
 KINDS = ("hip", "thigh", "calf")
 CENTRES = {
-    "frictionloss_hip": 0.2, "frictionloss_thigh": 0.15, "frictionloss_calf": 0.25,
+    "frictionloss_hip": 0.2, "frictionloss_thigh": 0.15, "frictionloss_calf": 0.1,
     "armature_hip": 0.02, "armature_thigh": 0.02, "armature_calf": 0.05,
     "delay": 0.010,
 }

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._alone import Alone
 from ._arguments import MAX_POPULATION, count, maybe, text
 from ._arrays import numbers
 from ._gaitfit import Cma as _Cma
@@ -71,18 +72,19 @@ class CMA:
             bounds == "reflect",
             covariance == "separable",
         )
-        self._search = _Cma(*self._arguments, maybe(text, "state", state))
+        self._search, self._alone = _Cma(*self._arguments, maybe(text, "state", state)), Alone("search")
 
     def __getstate__(self) -> tuple[Any, ...]:
         return (*self._arguments, self.state)
 
     def __setstate__(self, saved: tuple[Any, ...]) -> None:
         self._arguments = saved[:-1]
-        self._search = _Cma(*saved)
+        self._search, self._alone = _Cma(*saved), Alone("search")
 
     def ask(self) -> NDArray[np.float64]:
         """The candidates of this generation, shape ``(population, n)``: the same ones until :meth:`tell`."""
-        return self._search.ask()
+        with self._alone():
+            return self._search.ask()
 
     def tell(self, costs: ArrayLike) -> None:
         """Takes ``costs`` of the candidates of :meth:`ask`, shape ``(population,)``; infinity for one that failed.
@@ -92,7 +94,8 @@ class CMA:
         array = numbers("costs", costs, np.float64)
         if array.ndim != 1:
             raise ValueError(f"costs has the shape {array.shape}; needed: one number for each candidate")
-        self._search.tell(array)
+        with self._alone():
+            self._search.tell(array)
 
     @property
     def stop(self) -> str | None:

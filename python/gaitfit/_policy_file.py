@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _gaitfit
+from ._alone import Alone
 from ._arguments import count, flag, items, path
 from ._arrays import numbers
+from ._given import existing
 from ._policy import Interface, interface_of
 
 if TYPE_CHECKING:
@@ -38,10 +40,16 @@ class LoadedPolicy:
 
     def __init__(self, file: str | os.PathLike[str]) -> None:
         self.file = path("file", file)
-        self._native = _gaitfit.PolicyFile(self.file)
+        if os.path.isdir(self.file):
+            raise _gaitfit.GaitfitError(
+                f"{self.file} is a folder; give a policy's file. Of a run folder it is gaitfit.load({self.file!r}).policy"
+            )
+        existing("the policy", self.file)
+        self._native, self._alone = _gaitfit.PolicyFile(self.file), Alone("policy")
         self.interface: Interface = interface_of(self._native.interface)
         self.task: str = self._native.task
         self.is_recurrent: bool = self._native.is_recurrent
+        self._state_width = self._native.state_width
         self.notes: list[str] = self._native.notes
 
     def __fspath__(self) -> str:
@@ -66,7 +74,8 @@ class LoadedPolicy:
         the policy.
         """
         array = self._observation(observation)
-        actions = self._native.act(np.atleast_2d(array))
+        with self._alone():
+            actions = self._native.act(np.atleast_2d(array))
         return actions if array.ndim == 2 else actions[0]
 
     def _observation(self, observation: ArrayLike) -> NDArray[np.float32]:
@@ -85,7 +94,8 @@ class LoadedPolicy:
         Raises ``ValueError`` for a row that the policy did not act for.
         """
         several = None if rows is None else [count("a row", row, 0) for row in items("rows", rows, "whole numbers")]
-        self._native.reset(several)
+        with self._alone():
+            self._native.reset(several)
 
     def predict(
         self,
@@ -119,7 +129,7 @@ class LoadedPolicy:
             return self(observation), None
         array = self._observation(observation)
         rows = np.atleast_2d(array)
-        kept = np.zeros((len(rows), self._native.state_width), np.float32)
+        kept = np.zeros((len(rows), self._state_width), np.float32)
         if state is not None:
             given = state[0] if isinstance(state, tuple) and len(state) == 1 else state
             kept = numbers("state", given, np.float32).copy()
@@ -131,7 +141,8 @@ class LoadedPolicy:
                 kept[begins] = 0.0
         if kept.ndim != 2:
             raise ValueError(f"the state has the shape {kept.shape}; needed: what the last predict returned, or None")
-        actions, after = self._native.act_from(rows, kept)
+        with self._alone():
+            actions, after = self._native.act_from(rows, kept)
         return (actions if array.ndim == 2 else actions[0]), (after,)
 
     def to_torch(self) -> torch.nn.Module:

@@ -1,6 +1,8 @@
 """Ready-made functions for ``progress=``: tqdm, TensorBoard, Weights & Biases, MLflow. Each imports its package when it is made, and raises
 ``ImportError`` with the command that installs it.
 
+Numbers have the names of :attr:`gaitfit.Event.metrics`. Those of a training begin with its seed: ``"seed-1/train/reward"``.
+
 Several may be given: ``progress=[Tqdm(), WandB(project="go2")]``. A function of your own takes a :class:`gaitfit.Event` and may
 return ``False`` to stop:
 

@@ -126,6 +126,28 @@ class Processes(Case):
         self.assertTrue(all(isinstance(error, RuntimeError) for error in errors), errors[:3])
         self.assertTrue(np.isfinite(robots.reward).all())
 
+    def test_policies_and_searches_name_the_second_thread(self) -> None:
+        policy, search = gaitfit.load_policy("assets/go2-walk.safetensors"), gaitfit.CMA(np.zeros(200), np.ones(200))
+        observation = np.zeros((4000, policy.interface.observation_width), np.float32)
+        for what, call in (("policy", lambda: policy(observation)), ("search", search.ask)):
+            errors: list[BaseException] = []
+
+            def use(call: "Callable[[], object]" = call, errors: "list[BaseException]" = errors) -> None:
+                for _ in range(50):
+                    try:
+                        call()
+                    except BaseException as error:  # noqa: BLE001
+                        errors.append(error)
+
+            threads = [threading.Thread(target=use) for _ in range(3)]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+            self.assertTrue(errors, f"no two threads met in a {what}")
+            self.assertTrue(all(isinstance(one, RuntimeError) for one in errors), errors[:3])
+            self.assertRegex(str(errors[0]), f"two threads use the same {what} at once: give each thread one of its own")
+
     def test_robots_are_not_pickled_and_say_so(self) -> None:
         with self.assertRaisesRegex(TypeError, "robots cannot be pickled"):
             pickle.dumps(gaitfit.Robots(num_envs=2))
