@@ -23,7 +23,6 @@ from pathlib import Path
 import numpy as np
 
 import gaitfit
-import gaitfit.ray
 from gaitfit.config import Fit, Optimizer, Parameter, Simulation
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -100,7 +99,14 @@ def measured(world: World) -> dict[str, object]:
     options, begun = world.options, time.monotonic()
     truths = {f"robot-{at}": world.robot() for at in range(options.robots)}
     logs = {name: world.walks(name, truth, options.walks) for name, truth in truths.items()}
-    fleet = gaitfit.ray.fleet(logs, world.config(), runs=world.folder, num_cpus=1, progress=False)
+    if options.alone:
+        fleet = gaitfit.fleet({
+            name: gaitfit.fit(world.config(), logs=files, runs=world.folder, name=name, progress=False) for name, files in logs.items()
+        })
+    else:
+        import gaitfit.ray
+
+        fleet = gaitfit.ray.fleet(logs, world.config(), runs=world.folder, num_cpus=1, progress=False)
     print(f"{fleet.headline} {time.monotonic() - begun:.0f} s", file=sys.stderr, flush=True)
     rows: dict[int, list[list[list[float]]]] = {count: [] for count in COUNTS}
     for at in range(options.new):
@@ -154,6 +160,7 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=1.0, help="of torques, N·m")
     parser.add_argument("--scatter", type=float, default=0.2)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--alone", action="store_true", help="fit the fleet in this process, without Ray: the same bits")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     # Workers of Ray import the package that this process has.

@@ -77,8 +77,9 @@ class RecurrentActor(_Normalised):
         self.is_lstm = recurrent["cell"] == "lstm"
         self.memory = nn.ModuleList(_cells(self.is_lstm, *layer) for layer in recurrent["layers"])
         self.layers = _perceptron(networks)
+        self.hidden: list[int] = [int(layer[1].shape[1]) for layer in recurrent["layers"]]
         #: Numbers that are remembered of one robot.
-        self.state_width = sum(layer.hidden_size for layer in self.memory) * (2 if self.is_lstm else 1)
+        self.state_width = sum(self.hidden) * (2 if self.is_lstm else 1)
 
     def forward(self, observation: torch.Tensor, state: torch.Tensor | None = None) -> tuple[torch.Tensor, torch.Tensor]:
         """Mean actions, and the state afterwards.
@@ -93,11 +94,11 @@ class RecurrentActor(_Normalised):
             state = seen.new_zeros(seen.shape[1], self.state_width)
         after: list[torch.Tensor] = []
         at = 0
-        for layer in self.memory:
-            parts = []
+        for layer, width in zip(self.memory, self.hidden):
+            parts: list[torch.Tensor] = []
             for _ in range(2 if self.is_lstm else 1):
-                parts.append(state[:, at : at + layer.hidden_size].unsqueeze(0).contiguous())
-                at += layer.hidden_size
+                parts.append(state[:, at : at + width].unsqueeze(0).contiguous())
+                at += width
             seen, new = layer(seen, tuple(parts) if self.is_lstm else parts[0])
             after += [one[0] for one in (new if self.is_lstm else (new,))]
         actions: torch.Tensor = self.layers(seen)
@@ -127,8 +128,8 @@ def _perceptron(network: Mapping[str, Any]) -> nn.Sequential:
 
 
 def _cells(is_lstm: bool, weight_ih: Any, weight_hh: Any, biases: Any) -> nn.GRU | nn.LSTM:
-    kind = nn.LSTM if is_lstm else nn.GRU
-    layer = kind(weight_ih.shape[1], weight_hh.shape[1])
+    sizes = int(weight_ih.shape[1]), int(weight_hh.shape[1])
+    layer: nn.GRU | nn.LSTM = nn.LSTM(*sizes) if is_lstm else nn.GRU(*sizes)
     with torch.no_grad():
         for name, values in (("weight_ih", weight_ih), ("weight_hh", weight_hh), ("bias_ih", biases[0]), ("bias_hh", biases[1])):
             getattr(layer, f"{name}_l0").copy_(torch.from_numpy(np.ascontiguousarray(values)))

@@ -156,7 +156,11 @@ fn recurrent<'py>(py: Python<'py>, memory: &Recurrent) -> PyResult<Bound<'py, Py
             PyArray1::from_slice(py, values).reshape([inputs, wide])?.transpose()
         };
         let biases = [&layer.bias_ih, &layer.bias_hh].map(|values| PyArray1::from_slice(py, values));
-        layers.push((weight(&layer.weight_ih, layer.inputs)?, weight(&layer.weight_hh, layer.hidden)?, biases));
+        layers.push((
+            weight(&layer.weight_ih, layer.inputs)?,
+            weight(&layer.weight_hh, layer.hidden)?,
+            biases,
+        ));
     }
     let fields = PyDict::new(py);
     fields.set_item("cell", memory.cell.name())?;

@@ -258,7 +258,8 @@ class Program(Case):
 class Import(Case):
     def test_the_import_is_fast(self) -> None:
         code = (
-            "from time import perf_counter as now; t = now(); import numpy; n = now(); import gaitfit; gaitfit.fit; "
+            # Processor time: a busy machine is no slow import.
+            "from time import process_time as now; t = now(); import numpy; n = now(); import gaitfit; gaitfit.fit; "
             "print(n - t, now() - n)"
         )
         runs = [
