@@ -8,6 +8,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
 
+/// Numbers of some robots, one row each.
+type Rows<'py> = Bound<'py, PyArray2<f32>>;
+
 /// A policy's file at work. The Python class around it has the documentation.
 #[pyclass(module = "gaitfit._gaitfit")]
 pub struct PolicyFile {
@@ -57,7 +60,7 @@ impl PolicyFile {
         &mut self,
         py: Python<'py>,
         observation: PyReadonlyArray2<'py, f32>,
-    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    ) -> PyResult<Rows<'py>> {
         let (rows, observation) = self.checked(&observation)?;
         if self.robots != rows {
             (self.memory, self.robots) = (self.policy.memory(rows), rows);
@@ -74,7 +77,7 @@ impl PolicyFile {
         py: Python<'py>,
         observation: PyReadonlyArray2<'py, f32>,
         state: PyReadonlyArray2<'py, f32>,
-    ) -> PyResult<(Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>)> {
+    ) -> PyResult<(Rows<'py>, Rows<'py>)> {
         let (rows, observation) = self.checked(&observation)?;
         let wide = self.state_width;
         if state.as_array().dim() != (rows, wide) {
