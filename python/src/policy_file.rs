@@ -56,11 +56,7 @@ impl PolicyFile {
     }
 
     /// Mean actions, `rows × joints`, for observations, `rows × width`. A memory of another number of rows begins anew.
-    fn act<'py>(
-        &mut self,
-        py: Python<'py>,
-        observation: PyReadonlyArray2<'py, f32>,
-    ) -> PyResult<Rows<'py>> {
+    fn act<'py>(&mut self, py: Python<'py>, observation: PyReadonlyArray2<'py, f32>) -> PyResult<Rows<'py>> {
         let (rows, observation) = self.checked(&observation)?;
         if self.robots != rows {
             (self.memory, self.robots) = (self.policy.memory(rows), rows);
