@@ -51,6 +51,7 @@ PAGES = [
     Page("config", "Python: settings", "`gaitfit.config`: settings as dataclasses. A setting that is left out has gaitfit's default.", [
         ("gaitfit.config", "_settings.py", ["Settings"]),
         ("gaitfit.config", "config/_fit.py", []),
+        ("gaitfit.config", "config/_task.py", []),
         ("gaitfit.config", "config/_train.py", []),
         ("gaitfit.config", "config/_loop.py", []),
     ]),
@@ -109,7 +110,7 @@ def text_of(docstring: str) -> list[str]:
         if inside:
             lines.append(line.replace("      # doctest: +SKIP", ""))
             continue
-        item = re.match(r"    ([\w, ]+): (.*)$", line)
+        item = re.match(r"    (\w[\w, ]*): (.*)$", line)
         if line in ("Arguments:", "Attributes:"):
             listed = True
             lines += ["", f"{line[:-1]}:", ""]

@@ -1,4 +1,4 @@
-"""Writes python/gaitfit/config/_fit.py, _train.py and _loop.py from the Rust structs of the settings.
+"""Writes python/gaitfit/config/_fit.py, _task.py, _train.py and _loop.py from the Rust structs of the settings.
 
 Usage: python tools/make_python_config.py [--check]      (--check: exit code 1 if the files are not current)
 
@@ -49,7 +49,7 @@ FIT = [
     Class("Check", "CheckConfig", SETTINGS / "mod.rs", "fit.check"),
     Class("Fit", "AdaptConfig", SETTINGS / "mod.rs", "fit"),
 ]
-TRAIN = [
+TASKS = [
     Class("Term", "Term", CRATES / "gaitfit-policy" / "src" / "interface.rs", first="quantity"),
     Class("History", "History", CRATES / "gaitfit-policy" / "src" / "history.rs"),
     Class("TaskPolicy", "PolicySettings", TASK / "settings.rs", "task.policy"),
@@ -61,6 +61,8 @@ TRAIN = [
     Class("Push", "PushSettings", TASK / "settings.rs", "task.push"),
     Class("Terrain", "TerrainSettings", TASK / "terrain" / "settings.rs"),
     Class("Task", "TaskSettings", TASK / "settings.rs", "task"),
+]
+TRAIN = [
     Class("Size", "TrainingSettings", CRATES / "gaitfit-learn" / "src" / "training.rs", "train.train"),
     Class("Memory", "MemorySettings", CRATES / "gaitfit-learn" / "src" / "ppo" / "settings.rs"),
     Class("Ppo", "Settings", CRATES / "gaitfit-learn" / "src" / "ppo" / "settings.rs", "train.ppo"),
@@ -124,6 +126,43 @@ TYPES = {
 PATHS = {"robot", "policy", "known", "theta", "logs", "validate", "runs"}
 #: Keys of a file that have another name in Python; the same table is KEYS in gaitfit/_settings.py.
 NAMES = {"parameter": "parameters", "number": "numbers", "network": "networks", "lambda": "lambda_"}
+#: An example of each class: where it is given.
+EXAMPLES = {
+    "Gains": "Fit(gains=Gains(kp=20.0, kd=0.5))",
+    "ValidateGains": 'Fit(validate_gains=[ValidateGains(files=["*stiff*"], kp=30.0, kd=0.8)])',
+    "Parameter": 'Fit(parameters=[Parameter("frictionloss", per="group", upper=1.5), Parameter("delay", per="all")])',
+    "Network": 'Fit(networks=[Network("resid_act", joints=["*_calf_joint"])])',
+    "Number": 'Fit(numbers=[Number("payload_mass", upper=5.0)])',
+    "Prior": 'Fit(prior={"frictionloss_calf": Prior(value=0.2, deviation=0.05)})',
+    "Simulation": 'Fit(simulation=Simulation(preset="fast", robot_timestep=0.001))',
+    "Falls": "Fit(falls=Falls(margin_seconds=0.5))",
+    "Optimizer": "Fit(optimizer=Optimizer(generations=50, seeds=3))",
+    "Check": "Fit(check=Check(converged=True, rmse_rad=0.01))",
+    "Fit": 'Fit(robot="go2.xml", logs=["walks"], policy="walk.onnx", costs=["wass"])',
+    "Term": 'TaskPolicy(observation=[Term("base_angular_velocity", scale=[0.25]), Term("joint_position", history=5)])',
+    "History": 'TaskPolicy(history=History(order="frames", start="zeros"))',
+    "TaskPolicy": "Task(policy=TaskPolicy(action_scale=0.25, kp=25.0, kd=0.5))",
+    "Curriculum": "Command(curriculum=Curriculum(x=(-0.3, 0.3), tracking=0.8))",
+    "Command": "Task(command=Command(x=(-0.5, 1.5), yaw=(-1.0, 1.0)))",
+    "Fall": "Task(fall=Fall(tilt=1.0))",
+    "Start": "Task(start=Start(tilt=10.0, linear_velocity=0.3))",
+    "Randomisation": "Task(randomisation=Randomisation(floor_friction=(0.4, 1.2)))",
+    "Push": "Task(push=Push(seconds=8.0, velocity=0.3))",
+    "Terrain": 'Task(terrain=Terrain(kind="rough"))',
+    "Task": "Task(episode_seconds=10.0, tracking_width=0.25)",
+    "Size": "Train(train=Size(environments=512, iterations=300))",
+    "Memory": 'Train(ppo=Ppo(memory=Memory(cell="gru", width=64, layers=1)))',
+    "Ppo": "Train(ppo=Ppo(epochs=3, desired_kl=0.015))",
+    "Train": 'Train(robot="go2.xml", task=Task(control_dt=0.02), train=Size(iterations=300))',
+    "Finetune": 'Finetune(policy="walk.safetensors", theta="runs/adapt/theta.toml")',
+    "Truth": 'Controls(truth=Truth(theta="truth.toml"))',
+    "Controls": "Loop(controls=Controls(nominal=False))",
+    "TrueParameter": 'Target("simulated", parameters=[TrueParameter("frictionloss", value=0.2)])',
+    "TrueNumber": 'Target("simulated", numbers=[TrueNumber("payload_mass", value=2.0)])',
+    "Target": 'Loop(target=Target("simulated"))',
+    "Evaluate": "Loop(evaluate=Evaluate(trajectories=300))",
+    "Loop": 'Loop(policy="walk.safetensors", logs=["walks"], evaluate=Evaluate(trajectories=300))',
+}
 #: Fields that users cannot set.
 HIDDEN = {"decided", "policy_sha256", "theta_sha256"}
 
@@ -280,6 +319,7 @@ def default_text(owner: Class, field: str, tables: dict[str, dict]) -> str:
 
 def written(owner: Class, classes: dict[str, str], tables: dict[str, dict]) -> str:
     whole, fields = fields_of(owner, classes)
+    whole = re.sub(r"``(\w+)``", lambda name: f"``{classes.get(name[1], name[1])}``", whole)
     if owner.name == "Task":
         fields.insert(0, ("base", "TaskName", "The built-in task that it begins with; other settings change it."))
     head = f"@dataclass(frozen=True, kw_only=True)\nclass {owner.name}(Settings):"
@@ -297,6 +337,7 @@ def written(owner: Class, classes: dict[str, str], tables: dict[str, dict]) -> s
         for name, docs, unit, search in parameter_kinds():
             text = f"- ``{name}``, {unit}, ({search}): {docs}"
             lines += textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="      ", break_long_words=False)
+    lines += ["", f"    >>> settings = {EXAMPLES[owner.name]}"]
     lines += ['    """', ""]
     for name, kind, _ in fields:
         if name == owner.first:
@@ -326,14 +367,14 @@ COSTS = ["wass", "matcho", *[f"matchr{n}" for n in (1, 2, 5, 10, 20)], "matchs",
 
 def files() -> dict[str, str]:
     tables = default_tables()
-    classes = {one.struct: one.name for one in [*FIT, *TRAIN, *LOOP] if one.struct not in ("Settings", "Term")}
+    classes = {one.struct: one.name for one in [*FIT, *TASKS, *TRAIN, *LOOP] if one.struct not in ("Settings", "Term")}
 
     def text(group: list[Class]) -> str:
         return "\n\n".join(written(one, classes, tables) for one in group)
 
     fit_enums = ["Base", "Method", "RandomNumbers", "CovarianceKind", "BoundHandling", "Sharing", "NetworkName"]
     fit_enums += ["NetworkStart", "RobotNumber", "FindingKind", "Preset"]
-    train_enums = ["TaskName", "Cone", "Cell", "Schedule", "FrameOrder", "HistoryStart", "Quantity"]
+    task_enums = ["TaskName", "FrameOrder", "HistoryStart", "Quantity"]
     imports = "from __future__ import annotations\n\nimport os\nfrom collections.abc import Mapping, Sequence\n"
     imports += "from dataclasses import dataclass, field\nfrom typing import Literal\n\n"
     return {
@@ -346,10 +387,16 @@ def files() -> dict[str, str]:
         + alias("Cost", COSTS)
         + "\n\n"
         + text(FIT),
+        "_task.py": HEAD.format(doc="Settings of tasks.")
+        + imports.replace("import os\n", "")
+        + "from .._settings import Settings\n\n"
+        + aliases(task_enums)
+        + "\n\n"
+        + text(TASKS),
         "_train.py": HEAD.format(doc="Settings of trainings.")
-        + imports
-        + "from .._settings import Settings\nfrom ._fit import Preset\n\n"
-        + aliases(train_enums)
+        + imports.replace("dataclass, field", "dataclass")
+        + "from .._settings import Settings\nfrom ._fit import Preset\nfrom ._task import Task\n\n"
+        + aliases(["Cone", "Cell", "Schedule"])
         + "\n\n"
         + text(TRAIN),
         "_loop.py": HEAD.format(doc="Settings of loops.")

@@ -10,6 +10,8 @@ import numpy as np
 
 #: More threads than any machine has cores.
 MAX_THREADS = 4096
+#: Candidates of a generation, and searches at once: as for the settings ``optimizer.population`` and ``optimizer.seeds``.
+MAX_POPULATION, MAX_SEEDS = 10_000, 1000
 
 
 def count(name: str, value: Any, least: int, most: int = 2**64 - 1) -> int:
@@ -52,6 +54,17 @@ def text(name: str, value: Any) -> str:
     """A text."""
     if not isinstance(value, str):
         raise TypeError(f"{name} is {value!r}; it must be a text")
+    return unicode(name, value)
+
+
+def unicode(name: str, value: str) -> str:
+    """A text that is one: paths of Linux may be bytes that are no UTF-8, and settings are UTF-8."""
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise ValueError(
+            f"{name} is {value!r}, which is no UTF-8: settings and results are text files in UTF-8. Rename the file or folder"
+        ) from None
     return value
 
 

@@ -8,9 +8,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._arguments import count, maybe, text
+from ._alone import Alone
+from ._arguments import MAX_POPULATION, count, maybe, text
 from ._arrays import numbers
 from ._gaitfit import Cma as _Cma
+
+#: Coordinates: a full covariance has the square of them as numbers.
+MAX_FULL, MAX_SEPARABLE = 4096, 1_000_000
 
 
 class CMA:
@@ -53,35 +57,45 @@ class CMA:
             raise ValueError(f"bounds is {bounds!r}; take 'resample' or 'reflect'")
         if covariance not in ("full", "separable"):
             raise ValueError(f"covariance is {covariance!r}; take 'full' or 'separable'")
+        first = _numbers("start", start)
+        most = MAX_FULL if covariance == "full" else MAX_SEPARABLE
+        if len(first) > most:
+            other = "; take covariance='separable'" if len(first) <= MAX_SEPARABLE else ""
+            raise ValueError(f"start has {len(first)} coordinates; a {covariance} covariance takes at most {most}{other}")
         self._arguments = (
-            _numbers("start", start),
+            first,
             _numbers("deviation", deviation),
             count("seed", seed, 0),
             None if lower is None else _numbers("lower", lower),
             None if upper is None else _numbers("upper", upper),
-            None if population is None else count("population", population, 2),
+            None if population is None else count("population", population, 2, MAX_POPULATION),
             bounds == "reflect",
             covariance == "separable",
         )
-        self._search = _Cma(*self._arguments, maybe(text, "state", state))
+        self._search, self._alone = _Cma(*self._arguments, maybe(text, "state", state)), Alone("search")
 
     def __getstate__(self) -> tuple[Any, ...]:
         return (*self._arguments, self.state)
 
     def __setstate__(self, saved: tuple[Any, ...]) -> None:
         self._arguments = saved[:-1]
-        self._search = _Cma(*saved)
+        self._search, self._alone = _Cma(*saved), Alone("search")
 
     def ask(self) -> NDArray[np.float64]:
         """The candidates of this generation, shape ``(population, n)``: the same ones until :meth:`tell`."""
-        return self._search.ask()
+        with self._alone():
+            return self._search.ask()
 
     def tell(self, costs: ArrayLike) -> None:
-        """Takes ``costs`` of the candidates of :meth:`ask`, shape ``(population,)``; infinity for one that failed."""
+        """Takes ``costs`` of the candidates of :meth:`ask`, shape ``(population,)``; infinity for one that failed.
+
+        Raises ``ValueError`` for another number of costs, and without :meth:`ask` before it.
+        """
         array = numbers("costs", costs, np.float64)
         if array.ndim != 1:
             raise ValueError(f"costs has the shape {array.shape}; needed: one number for each candidate")
-        self._search.tell(array)
+        with self._alone():
+            self._search.tell(array)
 
     @property
     def stop(self) -> str | None:

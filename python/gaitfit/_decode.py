@@ -13,7 +13,12 @@ T = TypeVar("T")
 
 
 class Named(dict[str, T]):
-    """Values by name. A name that is absent raises ``KeyError`` with the names that exist."""
+    """Values by name. A name that is absent raises ``KeyError`` with the names that exist.
+
+    >>> Named({"delay": 0.007})["friction"]
+    Traceback (most recent call last):
+    KeyError: "there is no 'friction'; there are delay"
+    """
 
     def __missing__(self, key: object) -> T:
         raise KeyError(f"there is no {key!r}; there are {', '.join(self) or 'none'}")

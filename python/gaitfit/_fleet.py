@@ -43,6 +43,8 @@ def fleet(fits: Mapping[str, Given | Sequence[Given]] | Sequence[Given | Sequenc
     Several fits of a robot show that scatter. :attr:`FleetNumber.calibration` is the ratio of their differences to
     those that their intervals predict. All standard errors are multiplied by it.
 
+    Returns the numbers of the fleet and of each robot.
+
     Raises ``ValueError`` for fewer than 4 robots, for fits without a common number, and for numbers without an interval.
 
     >>> results = {name: gaitfit.fit(logs=f"logs/{name}", name=name) for name in robots}      # doctest: +SKIP

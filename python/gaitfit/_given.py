@@ -79,7 +79,10 @@ def given_settings(settings: Settings | None) -> dict[str, Any]:
 
 def sets(settings: Settings | None) -> list[str]:
     """Settings as the native half takes them: ``key=value``, the value as TOML writes it."""
-    return [f"{name}={toml(_plain(value))}" for name, value in given_settings(settings).items() if value is not None]
+    try:
+        return [f"{name}={toml(_plain(value))}" for name, value in given_settings(settings).items() if value is not None]
+    except RecursionError:
+        raise ValueError("settings has a list or a dict that contains itself, or hundreds within each other") from None
 
 
 def _plain(value: Any) -> Any:

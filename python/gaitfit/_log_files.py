@@ -22,6 +22,8 @@ def read_log(path: str | os.PathLike[str], allow: Sequence[str] = ()) -> Log:
         path: The file.
         allow: Names of findings that do not forbid the log (:attr:`Finding.kind`).
 
+    Returns the log, joints in the file's order.
+
     Raises ``FileNotFoundError`` if there is no file, and :class:`gaitfit.GaitfitError` for a file that cannot be read, where
     the text names the line, and for a log that ``gaitfit inspect`` forbids. Parts in which the robot falls, hangs or is stuck
     are yours to cut.

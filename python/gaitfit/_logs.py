@@ -44,6 +44,10 @@ class Finding:
         message: What was found, in numbers, and what to do.
         joints: The joints concerned; empty where it is not a matter of joints.
         samples: The samples concerned, ``log[samples]``; ``None``: the whole log.
+
+    >>> log = gaitfit.Log.from_arrays(joints=["knee"], time=[0.0, 2.0, 1.0], position=[[0.0]] * 3, velocity=[[0.0]] * 3)
+    >>> [finding.kind for finding in log.check()]
+    ['non-monotonic-time', 'rate-mismatch']
     """
 
     kind: str
@@ -78,6 +82,10 @@ class Log:
         fell: Whether the recording ends because the robot fell.
 
     Raises ``ValueError`` for arrays whose shapes do not fit together, ``TypeError`` for what is no array of numbers.
+
+    >>> log = gaitfit.read_log("examples/go2-demo/fit.csv")
+    >>> len(log), log.position.shape, len(log[:200])
+    (1800, (1800, 12), 200)
     """
 
     position: Array
@@ -158,6 +166,11 @@ class Log:
     ) -> Log:
         """A log of arrays or lists, with shapes and units of the fields. One of ``dt`` and ``time`` is needed; ``kp`` and
         ``kd`` are one number for all joints, or one for each.
+
+        Arguments:
+            joints, position, velocity, dt, time, target, action, command, robot: As the fields.
+            kp, kd: As the fields, or one number for all joints.
+            base_position, base_quaternion, base_linear_velocity, base_angular_velocity: As the fields.
 
         Raises ``ValueError`` for shapes that do not fit together.
 
@@ -258,6 +271,7 @@ class Log:
 
     def between(self, start: float | None = None, end: float | None = None) -> Log:
         """The samples from the time ``start`` to before ``end``, s, by the log's own clock (:attr:`time`, else from 0).
+        Raises ``ValueError`` for a log without ``dt`` and ``time``.
 
         >>> log = Log.from_arrays(joints=["a"], dt=0.5, position=[[0.0]] * 6, velocity=[[0.0]] * 6)
         >>> log.between(1.0, 2.0).time
@@ -309,11 +323,16 @@ class Log:
         return tuple(sorted((_finding(one) for one in found), key=lambda one: order.index(one.severity)))
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Writes the log as CSV to ``path``: :func:`read_log` gives the same numbers back. Needs ``joints``, and ``dt`` or ``time``."""
+        """Writes the log as CSV to ``path``: :func:`read_log` gives the same numbers back. Needs ``joints``, and ``dt`` or ``time``.
+
+        Raises :class:`gaitfit.GaitfitError` for a log that lacks them, and ``FileNotFoundError`` or ``PermissionError`` where the
+        file cannot be written.
+        """
         _gaitfit.write_log(named("path", path), self.native())
 
     def plot(self, joints: Sequence[str] | None = None) -> Figure:
-        """Position and target of some joints over time (:func:`gaitfit.plots.log`). Needs ``matplotlib``."""
+        """Position and target of some ``joints`` over time (:func:`gaitfit.plots.log`), without any of the first three. Needs ``matplotlib``.
+        Raises ``ValueError`` for a joint that the log does not have."""
         from .plots import log
 
         return log(self, joints)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _gaitfit
-from ._arguments import count, finite, flag, items, maybe, path, text
+from ._arguments import MAX_POPULATION, MAX_SEEDS, count, finite, flag, items, maybe, path, text
 from ._arrays import numbers
 from ._logs import Log
 from ._progress import Progresses, listener
@@ -76,6 +76,10 @@ class FitOutcome:
             ``None`` where it was not measured.
         at_bound: Names of values at a bound.
         document: All of it as plain data, as JSON has it, with each seed's run.
+
+    >>> outcome = FitOutcome({"delay": 0.007}, 0.1, {"delay": None}, None, [], {})
+    >>> outcome.values["delay"]
+    0.007
     """
 
     values: dict[str, float]
@@ -136,6 +140,8 @@ def fit_simulator(
         intervals: Whether to measure at the end how well the logs determine each value, with further simulations.
         progress: As for :func:`fit`.
 
+    Returns the best values, and what is known about them.
+
     Raises ``ValueError`` for arrays of a wrong shape, :class:`GaitfitError` for a search that cannot continue, :class:`Stopped`
     if ``progress`` returned ``False``, and whatever ``simulate`` itself raises.
 
@@ -159,8 +165,8 @@ def fit_simulator(
     joints = [text("a name in joints", joint) for joint in items("joints", joints, "joints' names")]
     if any(log.joints is not None and list(log.joints) != joints for log in logs):
         raise ValueError(f"the logs' joints differ in names or order; needed in all of them: {joints}")
-    if not seeds:
-        raise ValueError("seeds is empty: there must be at least one")
+    if not 1 <= len(seeds) <= MAX_SEEDS:
+        raise ValueError(f"seeds has {len(seeds)} elements; give 1 to {MAX_SEEDS}" if seeds else "seeds is empty: there must be at least one")
     entries = [_entry(one) for one in parameters_of(parameters)]
     if not entries:
         raise ValueError("parameters is empty: give at least one gaitfit.Parameter")
@@ -181,7 +187,7 @@ def fit_simulator(
     search = {
         "cost": text("cost", cost),
         "skip": count("skip", skip, 0),
-        "population": count("population", population, 0),
+        "population": count("population", population, 0, MAX_POPULATION),
         "generations": count("generations", generations, 1),
         "seeds": seeds,
         "tolerance": tolerance,

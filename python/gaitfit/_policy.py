@@ -120,10 +120,30 @@ class Interface:
         """Numbers in an observation."""
         return _gaitfit.observation_width(self.to_json())
 
+    def targets(self, actions: ArrayLike) -> NDArray[np.float64]:
+        """The joints' position targets, rad, for ``actions``, shape ``(joints,)`` or ``(robots, joints)``: clipped, scaled, and
+        added to the default pose. The result has the shape of ``actions``.
+
+        Raises ``ValueError`` for actions of another shape, or that are not finite.
+
+        >>> interface = gaitfit.load_policy("assets/go2-walk.safetensors").interface
+        >>> interface.targets(np.ones(12))[:3]
+        array([ 0.35,  1.05, -1.25])
+        """
+        array = numbers("actions", actions, np.float64)
+        if array.ndim not in (1, 2) or array.shape[-1] != len(self.joints) or not np.isfinite(array).all():
+            raise ValueError(f"actions have the shape {array.shape}; needed: ({len(self.joints)},) or (robots, {len(self.joints)}), all finite")
+        if self.action_clip is not None:
+            limit = np.asarray(self.action_clip, np.float64)
+            array = np.clip(array, -limit, limit)
+        targets: NDArray[np.float64] = np.asarray(self.default_pose, np.float64) + np.asarray(self.action_scale, np.float64) * array
+        return targets
+
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Interface:
         """The interface of a policy's file (``.safetensors``, ``.onnx``), or of a ``.toml`` that describes a policy, with
-        or without its ``file``."""
+        or without its ``file``. Raises ``FileNotFoundError`` if there is no file, and :class:`GaitfitError` for one that is
+        not a policy. ``path`` is the file."""
         return _read(path)[0]
 
     def to_toml(self) -> str:

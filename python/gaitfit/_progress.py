@@ -99,7 +99,11 @@ _BAR = 24
 
 class Printed:
     """Prints notes as lines. Countable work is a bar that is written over; where there is neither a terminal nor a notebook
-    it is a line every five seconds."""
+    it is a line every five seconds.
+
+    >>> lines = Printed()
+    >>> trained = gaitfit.train("train.toml", progress=[lines, bar])      # doctest: +SKIP
+    """
 
     def __init__(self) -> None:
         self._shown, self._wide = 0.0, 0

@@ -46,8 +46,8 @@ class Robots:
             Robots, commands, starts and noise are the processor's; motions differ by rounding.
 
     Attributes:
-        observation: What the robots observe, shape ``(num_envs, observation)``. :meth:`step` writes over this array and the next
-            five at every call: copy what must last.
+        observation: What the robots observe, shape ``(num_envs, observation)``. :meth:`step` writes over this array
+            and over the next five, so copy what must last.
         critic_observation: What a critic observes, shape ``(num_envs, critic)``.
         last_observation: What robots whose episode ended observed last.
         reward: Pay of the last step, shape ``(num_envs,)``.
@@ -153,6 +153,9 @@ class Robots:
         finally:
             self._lock.release()
 
+    def __repr__(self) -> str:
+        return f"Robots({self.interface.robot!r}, num_envs={self.num_envs}, device={self.device!r})"
+
     def __reduce__(self) -> tuple[Any, ...]:
         raise TypeError(
             "robots cannot be pickled: their state is the engine's own. Make them anew in each process; state() can be pickled"
@@ -186,7 +189,7 @@ class Robots:
         Arguments:
             actions: Shape ``(num_envs, num_actions)``, unitless, in the order of :attr:`joints`. On a GPU they are an array of
                 another library there, 32-bit floats in one block, and are read where they lie, by DLPack (``__dlpack__``). They
-                may be computed on any stream: the step waits for its library's present one, and so for what was begun there
+                may be computed on any stream. The step waits for its library's present one, and so for what was begun there
                 before, also for reading of the robots' arrays. The step is done when this returns.
 
         It fills :attr:`observation` and :attr:`critic_observation` (of the new episode where one ended),

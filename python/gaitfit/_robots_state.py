@@ -18,6 +18,10 @@ class RobotsState:
         numbers: The engine's numbers.
         steps: Steps since each episode began, shape ``(num_envs,)``.
         step: Steps of all robots.
+
+    >>> robots = gaitfit.Robots(num_envs=3)
+    >>> len(robots.state().steps)
+    3
     """
 
     task: str
@@ -40,6 +44,10 @@ class Motion:
         joint_position: Joint positions as the encoders report them, rad, shape ``(num_envs, joints)``.
         joint_velocity: Joint velocities, rad/s, shape ``(num_envs, joints)``.
         torque: Torques on the joints in the last physics step, N·m, shape ``(num_envs, joints)``.
+
+    >>> motion = gaitfit.Robots(num_envs=3).motion()
+    >>> motion.base_position.shape, motion.joint_position.shape
+    ((3, 3), (3, 12))
     """
 
     base_position: NDArray[np.float32]

@@ -28,6 +28,9 @@ class Settings:
 
     A value of a wrong type is a ``TypeError``, and one that is not among the choices a ``ValueError``; both name the setting.
     ``dataclasses.replace`` makes changed copies.
+
+    >>> gaitfit.config.Fit(robot="go2.xml", optimizer=gaitfit.config.Optimizer(seeds=3)).to_dict()
+    {'robot': 'go2.xml', 'optimizer': {'seeds': 3}}
     """
 
     def __post_init__(self) -> None:
@@ -65,7 +68,7 @@ class Settings:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Self:
-        """The settings of a configuration file. Relative paths in it stay as they are.
+        """The settings of the configuration file at ``path``. Relative paths in it stay as they are.
 
         Raises ``FileNotFoundError`` if there is no file, and ``ValueError`` as :meth:`from_toml`.
         """

@@ -96,6 +96,8 @@ def validate(
         threads: Threads; by default one for each core.
         policy: The :class:`Policy` of a fit with a policy of your own.
 
+    Returns the errors of the prediction, for all logs together and one by one.
+
     Raises ``FileNotFoundError`` for a file that is missing, and :class:`GaitfitError` for logs that cannot be used.
 
     >>> checked = gaitfit.validate(result.theta, "examples/go2-demo/validate.csv")      # doctest: +SKIP
@@ -140,6 +142,8 @@ def loop(
     Arguments:
         config: A TOML file (``gaitfit config loop`` prints one with all defaults), or a :class:`gaitfit.config.Loop`.
         settings, name, runs, resume, device, threads, progress: As for :func:`fit`.
+
+    Returns every round and measurement; the best policy's file is ``LoopResult.policy``.
 
     Raises as :func:`fit`.
 

@@ -42,14 +42,16 @@ class Terms:
                 raise TypeError(f"{name} is {value!r}; give a function of robots and their motion")
 
     def rewarded(self, robots: Robots, motion: Motion) -> NDArray[np.float32]:
-        """The rewards of ``robots``, whose ``motion`` is known; robots that diverged get 0."""
+        """The rewards of ``robots``, whose ``motion`` is known; robots that diverged get 0. Raises ``ValueError``
+        for a term that returns another shape or numbers that are not finite."""
         if self.reward is None:
             return robots.reward.copy()  # type: ignore[no-any-return]
         found = numbers("the reward term", self.reward(robots, motion), np.float32)
         return _one_each("the reward term", found, robots, np.isfinite(found).all())
 
     def over(self, robots: Robots, motion: Motion) -> NDArray[np.bool_]:
-        """Whose episode ends, by a fall or by the term, of ``robots``, whose ``motion`` is known."""
+        """Whose episode ends, by a fall or by the term, of ``robots``, whose ``motion`` is known. Raises ``ValueError`` for a term
+        that returns another shape or no bools."""
         if self.terminated is None:
             return robots.terminated.copy()  # type: ignore[no-any-return]
         found = np.asarray(self.terminated(robots, motion))
@@ -57,7 +59,8 @@ class Terms:
         return ended
 
     def observed(self, robots: Robots, motion: Motion) -> NDArray[np.float32]:
-        """What ``robots``, whose ``motion`` is known, observe, with the term's numbers behind."""
+        """What ``robots``, whose ``motion`` is known, observe, with the term's numbers behind. Raises ``ValueError`` for a term that
+        returns another shape or numbers that are not finite."""
         if self.observation is None:
             return robots.observation.copy()  # type: ignore[no-any-return]
         found = numbers("the observation term", self.observation(robots, motion), np.float32)

@@ -8,6 +8,8 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
+from ._arguments import unicode
+
 
 def key(name: str) -> str:
     """A key as TOML writes it."""
@@ -20,7 +22,7 @@ def toml(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (str, os.PathLike)):
-        return json.dumps(os.fspath(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+        return json.dumps(unicode("a setting", os.fspath(value)), ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key(str(name))} = {toml(one)}" for name, one in value.items()) + "}"
     if isinstance(value, (list, tuple)):

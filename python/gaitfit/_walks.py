@@ -91,6 +91,8 @@ def finetune(
         config: A TOML file (``gaitfit config finetune`` prints one), or a :class:`gaitfit.config.Finetune`.
         seeds, settings, name, runs, resume, device, threads, progress: As for :func:`train`.
 
+    Returns the result; its first policy's file is ``Training.policy``.
+
     Raises as :func:`fit`, and ``TypeError`` for a policy that is a function: it has no weights to train.
 
     >>> trained = gaitfit.finetune("assets/go2-walk.safetensors", theta=result.theta)      # doctest: +SKIP
@@ -185,8 +187,8 @@ def collect(
         log_shift: Each log begins this long after the robot, s: shortest and longest; it is drawn between the two.
         privileged: Also log the base's true state, which a real robot does not measure.
         commands: A CSV file with the commands of all walks; by default they are random.
-        robot, theta, task, trajectories, seconds, spring, torque_noise, randomised, preset, lenient, seed, device, threads,
-            progress: As for :func:`evaluate`.
+        robot, theta, task, spring, torque_noise, lenient: As for :func:`finetune`.
+        trajectories, seconds, randomised, preset, seed, device, threads, progress: As for :func:`evaluate`.
 
     Returns the files; :func:`read_log` reads one.
 

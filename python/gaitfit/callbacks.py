@@ -1,6 +1,8 @@
 """Ready-made functions for ``progress=``: tqdm, TensorBoard, Weights & Biases, MLflow. Each imports its package when it is made, and raises
 ``ImportError`` with the command that installs it.
 
+Numbers have the names of :attr:`gaitfit.Event.metrics`. Those of a training begin with its seed: ``"seed-1/train/reward"``.
+
 Several may be given: ``progress=[Tqdm(), WandB(project="go2")]``. A function of your own takes a :class:`gaitfit.Event` and may
 return ``False`` to stop:
 
@@ -28,6 +30,9 @@ class Tqdm:
 
     Arguments:
         options: What :class:`tqdm.tqdm` takes, for example ``leave=False``.
+
+    >>> bar = Tqdm(leave=False)
+    >>> trained = gaitfit.train("train.toml", progress=bar)      # doctest: +SKIP
     """
 
     def __init__(self, **options: Any) -> None:
@@ -54,6 +59,8 @@ class TensorBoard:
 
     Arguments:
         folder: Where the event files go.
+
+    >>> trained = gaitfit.train("train.toml", progress=TensorBoard("runs/board"))      # doctest: +SKIP
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
@@ -79,6 +86,8 @@ class WandB:
     Arguments:
         run: A run of ``wandb.init``; without one this begins one.
         options: What ``wandb.init`` takes, for example ``project="go2"``.
+
+    >>> trained = gaitfit.train("train.toml", progress=WandB(project="go2"))      # doctest: +SKIP
     """
 
     def __init__(self, run: Any = None, **options: Any) -> None:
@@ -93,7 +102,11 @@ class WandB:
 
 
 class MLflow:
-    """Logs the numbers of each step to the active run of MLflow. Needs ``mlflow``."""
+    """Logs the numbers of each step to the active run of MLflow. Needs ``mlflow``.
+
+    >>> with mlflow.start_run():      # doctest: +SKIP
+    ...     trained = gaitfit.train("train.toml", progress=MLflow())
+    """
 
     def __init__(self) -> None:
         self._mlflow = _package("mlflow", "mlflow", "MLflow")

@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from ._arrays import numbers
 from ._gaitfit import wasserstein as _wasserstein
 
+__all__ = ["wasserstein"]
+
 
 def wasserstein(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64] | float:
     """The 1-D Wasserstein-1 distance between two samples, exact (the area between their distribution functions; as
@@ -16,6 +18,8 @@ def wasserstein(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64] | float:
     ``a`` and ``b`` have shape ``(samples,)``, or ``(samples, dimensions)``: then there is one distance for each
     dimension, shape ``(dimensions,)``. The numbers of samples may differ. The distance has the signals' unit. All is
     computed in 64 bits, and exchanging ``a`` and ``b`` changes nothing.
+
+    Returns one number, or one for each dimension.
 
     Raises ``ValueError`` for samples that are empty, not finite, or of different dimensions.
 

@@ -13,6 +13,7 @@ from typing import Any, cast
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ClosedEnvironmentError
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -25,7 +26,14 @@ from ._terms import Terms
 from ._window import Window
 from .config import Train
 
+__all__ = ["AutoresetMode", "GaitfitEnv", "GaitfitVecEnv", "Terms"]
+
 Box = spaces.Box
+
+
+def _open(closed: bool) -> None:
+    if closed:
+        raise ClosedEnvironmentError("the environment is closed: make another one")
 
 
 def _spaces(robots: Robots) -> tuple[Box, Box]:
@@ -145,7 +153,13 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
             options: ``{"reset_mask": mask}`` begins only the episodes of ``mask``, shape ``(num_envs,)``; not with a seed.
 
         Returns what the robots observe, shape ``(num_envs, observation)``, and no infos.
+
+        Raises ``ValueError`` for other options and masks of another shape, and Gymnasium's ``ClosedEnvironmentError``.
         """
+        _open(self.closed)
+        unknown = [name for name in options or {} if name != "reset_mask"]
+        if unknown:
+            raise ValueError(f"options has {unknown[0]!r}; the only option is 'reset_mask'")
         if isinstance(seed, (list, tuple)):
             # One seed is enough: draws depend on it and on an environment's number.
             seed = next((one for one in seed if one is not None), None)
@@ -165,7 +179,9 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """One control period under ``actions``, shape ``(num_envs, joints)``: observations, rewards, who fell, whose time is up,
-        and infos. Raises as :meth:`gaitfit.Robots.step`, and ``ValueError`` for a term that returns something else."""
+        and infos. Raises as :meth:`gaitfit.Robots.step`, ``ValueError`` for a term that returns something else, and Gymnasium's
+        ``ClosedEnvironmentError``."""
+        _open(self.closed)
         self._fresh = False
         robots, terms = self._robots, self._terms
         ends = robots.step(actions)
@@ -219,11 +235,15 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         return self._robots.state(), self._returns.copy(), self._lengths.copy()
 
     def set_state(self, state: tuple[RobotsState, NDArray[np.float64], NDArray[np.int64]]) -> Any:
-        """Takes up a state of an environment that was made with the same arguments; returns what the robots observe."""
+        """Takes up a state of an environment that was made with the same arguments; returns what the robots observe. Raises
+        ``ValueError`` for a state of other robots."""
         robots, self._returns[:], self._lengths[:] = state
         self._robots.set_state(robots)
         self._fresh = False
         return self._out(self._observed())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._robots.__reduce__()
 
     def _out(self, array: Any) -> Any:
         return array.copy() if self._copy else array
@@ -240,8 +260,7 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
     Arguments:
         config, robot, settings, seed: As of :class:`gaitfit.Robots`.
         render_mode: ``"rgb_array"``: :meth:`render` returns pictures (:meth:`gaitfit.Robots.picture`). ``"human"``: a page in
-            the browser shows every step, in real time if the machine is fast enough. Only this
-            machine can open it. ``None``: no
+            the browser shows every step, in real time if the machine is fast enough. Only this machine can open it. ``None``: no
             pictures.
 
     >>> env = GaitfitEnv()
@@ -273,6 +292,7 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
         self.action_space = cast("spaces.Space[NDArray[np.float32]]", moved)
         self.render_mode = render_mode
         self._window = Window(self._robots.control_dt) if render_mode == "human" else None
+        self._closed = False
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self._robots.control_dt)}
 
     @property
@@ -288,7 +308,9 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """A new episode; with a ``seed`` the same one every time. ``options`` have no effect."""
+        """A new episode; with a ``seed`` the same one every time. ``options`` have no effect. Returns what the robot observes, and no
+        infos. Raises ``ValueError`` for a wrong seed, and Gymnasium's ``ClosedEnvironmentError``."""
+        _open(self._closed)
         super().reset(seed=seed)
         if seed is not None and not (self._fresh and seed == self._seed):
             self._begin(seed)
@@ -299,7 +321,10 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
         return self._robots.observation[0].copy(), {}
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """One control period under ``action``, shape ``(joints,)``."""
+        """One control period under ``action``, shape ``(joints,)``: what the robot observes, its reward, whether it fell, whether
+        its time is up, and infos. Raises ``ValueError`` for an action of another shape or not finite, and Gymnasium's
+        ``ClosedEnvironmentError``."""
+        _open(self._closed)
         robots = self._robots
         action = numbers("action", action, np.float32)
         if action.shape != self.action_space.shape:
@@ -313,6 +338,9 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
         info = {"reward_terms": robots.reward_terms()}
         return observation, float(robots.reward[0]), bool(robots.terminated[0]), bool(robots.truncated[0]), info
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._robots.__reduce__()
+
     def render(self) -> Any:
         """A picture of the robot, shape ``(360, 480, 3)``, with ``render_mode="rgb_array"``; else ``None``. After an episode's end
         it shows the next one's beginning."""
@@ -323,7 +351,8 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
             self._window.show(self._robots.picture())
 
     def close(self) -> None:
-        """Ends the page of ``render_mode="human"``."""
+        """Ends the page of ``render_mode="human"``, and the environment."""
+        self._closed = True
         if self._window is not None:
             self._window.close()
             self._window = None

@@ -18,6 +18,8 @@ from ._clamped import Clamped
 from ._logs import Log
 from ._own_simulator import Parameter
 
+__all__ = ["ClampedRobot"]
+
 
 class ClampedRobot(Clamped):
     """A robot whose base is held and whose legs hang in the air, in official MuJoCo, for :func:`gaitfit.fit_simulator`.
@@ -38,6 +40,11 @@ class ClampedRobot(Clamped):
 
     A parameter's name is what it sets: ``frictionloss``, N·m, ``armature``, kg·m², or ``damping``, N·m·s/rad, of all
     joints, or of those that a pattern takes, as in ``frictionloss:*_hip``; or ``delay``, s, of the targets.
+
+    >>> log = gaitfit.read_log("examples/go2-demo/fit.csv")[:20]
+    >>> simulate = ClampedRobot("assets/go2.xml", log, [Parameter("frictionloss:*_hip", 0.0, 1.5)], timestep=0.001)
+    >>> simulate(np.array([[0.1], [0.2]]))[0]["position"].shape
+    (2, 20, 12)
     """
 
     def __init__(

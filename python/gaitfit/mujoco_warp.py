@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from ._clamped import Clamped
 
+__all__ = ["ClampedRobot"]
+
 # What a candidate changes in its model; each world has its own.
 _OWN = (
     "dof_frictionloss",
@@ -31,6 +33,8 @@ class ClampedRobot(Clamped):
     """:class:`gaitfit.mujoco.ClampedRobot` in MuJoCo Warp, one world for each candidate, on Warp's default device (the
     first GPU, else the processor). Arguments as there, without ``threads``. Warp computes with 32 bits, and compiles its
     kernels at the first use: half a minute on a processor, kept for later processes.
+
+    >>> simulate = ClampedRobot("assets/go2.xml", log, parameters)      # doctest: +SKIP
     """
 
     def _simulated(

@@ -22,13 +22,20 @@ from .results import Fleet, Result
 if TYPE_CHECKING:
     from ._own_simulator import FitOutcome
 
+__all__ = ["convergence", "drift", "fleet", "log", "parameters", "plot", "training"]
+
 #: What a stage returned, or its document.
 Shown = Result | Mapping[str, Any]
 
 
 def plot(results: Shown) -> Figure:
     """The chart of ``results``: a fit's :func:`parameters`, an evaluation's :func:`drift`, a training's
-    :func:`training`, a :func:`fleet`, and of a loop the fit of its last round."""
+    :func:`training`, a :func:`fleet`, and of a loop the fit of its last round.
+
+    Returns the figure. Raises ``ValueError`` for results without a chart.
+
+    >>> figure = plot(result)
+    """
     if isinstance(results, Fleet):
         return fleet(results)
     results = _document(results)
@@ -45,7 +52,12 @@ def plot(results: Shown) -> Figure:
 
 def parameters(found: Shown | FitOutcome) -> Figure:
     """Each parameter of ``found``, a fit's result, between its bounds: the estimate, its interval, and the truth where it is
-    known."""
+    known.
+
+    Returns the figure. Raises ``ValueError`` for results without parameters.
+
+    >>> figure = parameters(result)
+    """
     if isinstance(found, (Result, Mapping)):
         rows: Sequence[Mapping[str, Any]] = _rows(
             found, "parameters", "of a fit", ("name", "value", "unit", "lower", "upper")
@@ -79,7 +91,12 @@ def parameters(found: Shown | FitOutcome) -> Figure:
 
 def fleet(found: Fleet) -> Figure:
     """Each number of the robots of ``found`` over the fleet's center: the estimate of a robot's own logs (open), the one with
-    the other robots (filled), and the range of 95 % of such robots. Numbers that may be negative are left out."""
+    the other robots (filled), and the range of 95 % of such robots. Numbers that may be negative are left out.
+
+    Returns the figure. Raises ``TypeError`` for what is no fleet, and ``ValueError`` without positive numbers.
+
+    >>> figure = fleet(gaitfit.load("runs/fleet/fleet.json"))      # doctest: +SKIP
+    """
     numbers = [one for one in found.numbers.values() if one.scale == "relative"]
     if not numbers:
         raise ValueError("the fleet has no positive numbers: plot its rows with matplotlib")
@@ -98,7 +115,12 @@ def fleet(found: Fleet) -> Figure:
 
 
 def convergence(results: Shown) -> Figure:
-    """The smallest cost so far of each seed, generation by generation; ``results`` are of a fit with a run folder."""
+    """The smallest cost so far of each seed, generation by generation; ``results`` are of a fit with a run folder.
+
+    Returns the figure. Raises ``ValueError`` for results without a run folder.
+
+    >>> figure = convergence(result)
+    """
     lines = _metrics(results)
     figure, axes = plt.subplots(figsize=(7.0, 3.5), layout="constrained")
     for cost, seed in sorted({(line["cost"], line["seed"]) for line in lines}):
@@ -110,7 +132,12 @@ def convergence(results: Shown) -> Figure:
 
 
 def training(results: Shown) -> Figure:
-    """Reward and velocity errors of each seed, iteration by iteration; ``results`` are of a training."""
+    """Reward and velocity errors of each seed, iteration by iteration; ``results`` are of a training.
+
+    Returns the figure. Raises ``ValueError`` for results of something else.
+
+    >>> figure = training(trained)
+    """
     figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.5), layout="constrained")
     for seed in _rows(results, "seeds", "of a training", ("seed", "policy")):
         lines = _lines(Path(seed["policy"]).parent / "metrics.jsonl")
@@ -126,7 +153,12 @@ def training(results: Shown) -> Figure:
 
 
 def drift(results: Shown) -> Figure:
-    """The paths of the first robots under constant commands, seen from above, m; ``results`` are of an evaluation."""
+    """The paths of the first robots under constant commands, seen from above, m; ``results`` are of an evaluation.
+
+    Returns the figure. Raises ``ValueError`` for results without such trials.
+
+    >>> figure = drift(walked)
+    """
     figure, axes = plt.subplots(figsize=(5.0, 5.0), layout="constrained")
     for trial in _rows(results, "drift", "of an evaluation with drift", ("name", "path")):
         path = np.asarray(trial["path"], float)
@@ -138,7 +170,12 @@ def drift(results: Shown) -> Figure:
 
 
 def log(log: Log, joints: Sequence[str] | None = None) -> Figure:
-    """Position and target, rad, of some joints of a log over time, s; without ``joints`` of its first three."""
+    """Position and target, rad, of some joints of a log over time, s; without ``joints`` of its first three.
+
+    Returns the figure. Raises ``ValueError`` for a joint that the log does not have.
+
+    >>> figure = log(gaitfit.read_log("examples/go2-demo/fit.csv"), ["FL_hip"])
+    """
     if not isinstance(log, Log):
         raise TypeError(f"log is a {type(log).__name__}; give a gaitfit.Log, for example of gaitfit.read_log")
     if np.ndim(log.position) != 2:

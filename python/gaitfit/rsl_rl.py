@@ -15,6 +15,8 @@ from torch.utils.dlpack import from_dlpack
 from ._robots import Robots
 from .config import Train
 
+__all__ = ["RslRlVecEnv"]
+
 
 class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
     """Robots at a task as rsl_rl's ``VecEnv``.
@@ -28,6 +30,10 @@ class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
     Observation groups are ``policy`` and, where the task has one, ``critic``. Tensors are copies on ``device``, since rsl_rl
     keeps them until its update. Robots are stepped on ``device`` too; with ``robots_device="cpu"`` they are stepped on the
     processor, and observations and actions cross the bus. That is for tasks that a GPU does not step, such as self-contact.
+
+    >>> env = RslRlVecEnv(num_envs=8)
+    >>> env.get_observations()["policy"].shape
+    torch.Size([8, 45])
     """
 
     def __init__(
@@ -82,7 +88,10 @@ class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         return self.get_observations(), {}
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
-        """One control period under ``actions``, shape ``(num_envs, num_actions)``; episodes that end begin anew within it."""
+        """One control period under ``actions``, shape ``(num_envs, num_actions)``; episodes that end begin anew within it.
+
+        Returns what the robots observe, rewards, whose episode ended, and extras. Raises as :meth:`gaitfit.Robots.step`.
+        """
         robots = self._robots
         robots.step(actions.detach().to(robots.device, torch.float32).contiguous())
         ended = from_dlpack(robots.ended).to(self.device)

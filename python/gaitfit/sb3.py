@@ -15,6 +15,8 @@ from ._robots import Robots
 from .config import Train
 from .gym import _spaces
 
+__all__ = ["Sb3VecEnv"]
+
 
 class Sb3VecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
     """Robots at a task as a ``VecEnv`` of Stable-Baselines3.
@@ -26,6 +28,8 @@ class Sb3VecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
     Arguments:
         config, num_envs, robot, settings, seed, threads: As of :class:`gaitfit.Robots`. ``stagger`` is on.
 
+    >>> Sb3VecEnv(num_envs=8).reset().shape
+    (8, 45)
     >>> from stable_baselines3 import PPO      # doctest: +SKIP
     >>> PPO("MlpPolicy", Sb3VecEnv(num_envs=64), n_steps=24).learn(1536)      # doctest: +SKIP
     """
@@ -70,7 +74,8 @@ class Sb3VecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         return self._copied(self._robots.observation)
 
     def step_async(self, actions: NDArray[np.float32]) -> None:
-        """Takes actions, shape ``(num_envs, joints)``, for :meth:`step_wait`."""
+        """Takes actions, shape ``(num_envs, joints)``, for :meth:`step_wait`, which raises what is wrong with them as
+        ``ValueError``."""
         self._actions = actions
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
@@ -96,7 +101,7 @@ class Sb3VecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         """Nothing is open."""
 
     def get_attr(self, attr_name: str, indices: None | int | Iterable[int] = None) -> list[Any]:
-        """The attribute ``attr_name`` of :attr:`robots`, once for each of ``indices``."""
+        """The attribute ``attr_name`` of :attr:`robots`, once for each of ``indices``. Raises ``AttributeError`` if there is none."""
         value = self.render_mode if attr_name == "render_mode" else getattr(self._robots, attr_name)
         return [value for _ in self._get_indices(indices)]
 
@@ -112,7 +117,7 @@ class Sb3VecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         raise AttributeError(f"single robots have no method {method_name}: use the attribute robots")
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: None | int | Iterable[int] = None) -> list[bool]:
-        """No robot of ``indices`` is in a ``wrapper_class``."""
+        """No robot of ``indices`` is in a ``wrapper_class``: returns ``False`` for each. Raises nothing."""
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:

@@ -22,6 +22,10 @@ const THREAD_STREAM: usize = 2;
 
 /// An array of robots in a GPU's memory. Libraries take it without a copy by DLPack, for example
 /// ``torch.from_dlpack(array)``; its memory lives as long as any of them has it.
+///
+/// >>> robots = gaitfit.Robots(num_envs=4096, device="cuda")      # doctest: +SKIP
+/// >>> torch.from_dlpack(robots.observation).shape      # doctest: +SKIP
+/// torch.Size([4096, 45])
 #[pyclass(module = "gaitfit", frozen)]
 pub struct DeviceArray {
     array: Shared,

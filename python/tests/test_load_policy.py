@@ -77,6 +77,8 @@ class Loaded(Case):
             (lambda: policy.predict(np.zeros(width), deterministic=False), ValueError, "mean actions only"),
             (lambda: policy.reset([5]), ValueError, "there is no row 5"),
             (lambda: gaitfit.load_policy("assets/go2.xml"), gaitfit.GaitfitError, "no policy by its ending"),
+            (lambda: gaitfit.load_policy("assets"), gaitfit.GaitfitError, r"assets is a folder; .*gaitfit.load\('assets'\).policy"),
+            (lambda: gaitfit.load_policy("nowhere.onnx"), FileNotFoundError, "the policy: there is no file nowhere.onnx"),
             (lambda: gaitfit.load_policy(3), TypeError, "file is 3; it must be a path"),
         ):
             with self.subTest(words), self.assertRaisesRegex(error, words):

@@ -46,24 +46,20 @@ from ._fit import (
     ValidateGains,
 )
 from ._loop import Controls, Evaluate, Loop, Target, TrueNumber, TrueParameter, Truth
-from ._train import (
+from ._task import (
     Command,
     Curriculum,
     Fall,
-    Finetune,
     History,
-    Memory,
-    Ppo,
     Push,
     Randomisation,
-    Size,
     Start,
     Task,
     TaskPolicy,
     Term,
     Terrain,
-    Train,
 )
+from ._train import Finetune, Memory, Ppo, Size, Train
 
 __all__ = [
     "Check",

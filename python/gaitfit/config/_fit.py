@@ -50,6 +50,8 @@ class Gains(Settings):
     Attributes:
         kp: Position gain, N·m/rad.
         kd: Velocity gain, N·m·s/rad.
+
+    >>> settings = Fit(gains=Gains(kp=20.0, kd=0.5))
     """
 
     kp: float | Mapping[str, float] | None = None
@@ -64,6 +66,8 @@ class ValidateGains(Settings):
         files: Patterns over file names or paths, for example ``run_9.csv`` or ``*stiff*``.
         kp: Position gain, N·m/rad.
         kd: Velocity gain, N·m·s/rad.
+
+    >>> settings = Fit(validate_gains=[ValidateGains(files=["*stiff*"], kp=30.0, kd=0.8)])
     """
 
     files: Sequence[str] | None = None
@@ -125,6 +129,8 @@ class Parameter(Settings):
     - ``link_com_y``, m, (-0.05, 0.05, 0.0, 0.01): The same along y; with the other sign on joints to the right of the
       base, so that mirrored legs share a value.
     - ``link_com_z``, m, (-0.05, 0.05, 0.0, 0.01): The same along z.
+
+    >>> settings = Fit(parameters=[Parameter("frictionloss", per="group", upper=1.5), Parameter("delay", per="all")])
     """
 
     kind: ParameterKind = field(kw_only=False)
@@ -155,6 +161,8 @@ class Network(Settings):
         regularisation: Added to every cost times the mean over the networks of b² + Σ w² over the last layer (weights w,
             bias b). Hidden units lie in [−1, 1], so five times that bounds the square of the output in units of
             ``output_scale``: joints that the cost says nothing about stay uncorrected.
+
+    >>> settings = Fit(networks=[Network("resid_act", joints=["*_calf_joint"])])
     """
 
     kind: NetworkName = field(kw_only=False)
@@ -180,6 +188,8 @@ class Number(Settings):
         upper: Upper bound.
         start: First mean.
         deviation: First standard deviation.
+
+    >>> settings = Fit(numbers=[Number("payload_mass", upper=5.0)])
     """
 
     kind: RobotNumber = field(kw_only=False)
@@ -200,6 +210,8 @@ class Prior(Settings):
         by_strength: How the estimate changes with the motors' strength (``torque_scale`` of the entry's joints), per 1.
             Legs in the air show the joints' resistance relative to the motors' torque, so the estimate assumes motors
             with a strength of 1.
+
+    >>> settings = Fit(prior={"frictionloss_calf": Prior(value=0.2, deviation=0.05)})
     """
 
     value: float | None = None
@@ -225,6 +237,8 @@ class Simulation(Settings):
         horizon_seconds: Seconds of each walking log, after the skipped ones, that count; 0 counts all of it. Default:
             0.0.
         threads: Threads; 0 takes one for each core. Default: 0.
+
+    >>> settings = Fit(simulation=Simulation(preset="fast", robot_timestep=0.001))
     """
 
     timestep: float | None = None
@@ -245,6 +259,8 @@ class Falls(Settings):
         margin_seconds: What is cut from a log before a fall, s.
         penalty: Added to a candidate's cost times the share of the logs in which it falls; absent: chosen so that a
             candidate that falls never beats one that stands, if the robot never fell.
+
+    >>> settings = Fit(falls=Falls(margin_seconds=0.5))
     """
 
     margin_seconds: float | None = None
@@ -276,6 +292,8 @@ class Optimizer(Settings):
             relative to its initial deviation. 0 never stops early. Default: 0.0001.
         max_seconds: Wall time after which the search stops with what it has, s; 0 has no limit. Intervals are measured
             after it. Default: 0.0.
+
+    >>> settings = Fit(optimizer=Optimizer(generations=50, seeds=3))
     """
 
     method: Method | None = None
@@ -306,6 +324,8 @@ class Check(Settings):
         cost: Largest cost on the fitted logs, of the first cost.
         validation_cost: The same on the validation logs.
         rmse_rad: Largest free-running position RMSE over the validation logs, rad.
+
+    >>> settings = Fit(check=Check(converged=True, rmse_rad=0.01))
     """
 
     converged: bool | None = None
@@ -353,6 +373,8 @@ class Fit(Settings):
         check: Checks on the result; a failed one ends the program with exit code 3.
         truth: True values by parameter name, where they are known (simulated robots): shown beside the fit.
         published: Published values by parameter name, as [smallest, largest]: shown beside the fit.
+
+    >>> settings = Fit(robot="go2.xml", logs=["walks"], policy="walk.onnx", costs=["wass"])
     """
 
     name: str | None = None

@@ -22,6 +22,8 @@ class Truth(Settings):
         theta: Its parameters, a ``theta.toml``.
         spring: Its springs, written ``JOINT=STIFFNESS`` or ``JOINT=STIFFNESS@REST``, N·m/rad and rad.
         torque_noise: Its torque noise at the simulator's steps, N·m.
+
+    >>> settings = Controls(truth=Truth(theta="truth.toml"))
     """
 
     theta: str | os.PathLike[str] | None = None
@@ -43,6 +45,8 @@ class Controls(Settings):
         armature: Reflected rotor inertia added to the joints, kg·m². Default: [0.0, 0.06].
         delay: Delay from a target to the motors, s. Default: [0.0, 0.02].
         torque_noise: Standard deviation of Gaussian torques at every joint and physics step, N·m. Default: 0.5.
+
+    >>> settings = Loop(controls=Controls(nominal=False))
     """
 
     nominal: bool | None = None
@@ -63,6 +67,8 @@ class TrueParameter(Settings):
         kind: Quantity.
         joints: Patterns over joint names.
         value: Its value on these joints, in the quantity's unit.
+
+    >>> settings = Target("simulated", parameters=[TrueParameter("frictionloss", value=0.2)])
     """
 
     kind: ParameterKind = field(kw_only=False)
@@ -77,6 +83,8 @@ class TrueNumber(Settings):
     Attributes:
         kind: Which number.
         value: Its value.
+
+    >>> settings = Target("simulated", numbers=[TrueNumber("payload_mass", value=2.0)])
     """
 
     kind: RobotNumber = field(kw_only=False)
@@ -110,6 +118,8 @@ class Target(Settings):
         last_walk: Robot: whether the last policy walks too, under the commands of the first round.
         parameters: Simulated: true values of joints.
         numbers: Simulated: true values of the robot as a whole.
+
+    >>> settings = Loop(target=Target("simulated"))
     """
 
     kind: TargetKind = field(kw_only=False)
@@ -147,6 +157,8 @@ class Evaluate(Settings):
             commands when absent.
         seed: Seed of commands, starts and noise. Default: 0.
         preset: Solver effort in the fitted simulator. Default: 'accurate'.
+
+    >>> settings = Loop(evaluate=Evaluate(trajectories=300))
     """
 
     trajectories: int | None = None
@@ -178,6 +190,8 @@ class Loop(Settings):
         adapt: What is fitted, and how.
         finetune: Training in the fitted simulator.
         evaluate: What is measured.
+
+    >>> settings = Loop(policy="walk.safetensors", logs=["walks"], evaluate=Evaluate(trajectories=300))
     """
 
     name: str | None = None

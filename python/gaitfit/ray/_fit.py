@@ -52,6 +52,8 @@ def fit(
         num_gpus: GPUs of a task; above 0 the candidates are simulated there.
         retries: How often the task of a lost worker runs again.
 
+    Returns the result, with :attr:`FitResult.sharing`.
+
     Raises as :func:`gaitfit.fit`, and :class:`GaitfitError` for a worker that computes other bits.
 
     The candidates of all costs and seeds are shared, also those of one cost and one seed; so are the moves of values for
@@ -65,6 +67,10 @@ def fit(
 
     A :class:`gaitfit.Policy` of your own is sent to the workers as Ray pickles it, and called there: it needs the same
     packages on all nodes, and a function whose actions have other bits elsewhere is refused as such a worker is.
+
+    >>> result = gaitfit.ray.fit("go2.toml", logs="walks", address="auto")      # doctest: +SKIP
+    >>> result.sharing.tasks      # doctest: +SKIP
+    {'costs': 2700}
     """
     place = Place(num_cpus, num_gpus, retries)
     listen = listener(progress)

@@ -56,6 +56,9 @@ def fleet(
     Another node continues a lost worker's fit, and ``resume=True`` continues after this process was killed.
 
     Raises as :func:`gaitfit.fit` and :func:`gaitfit.fleet`. Logs that cannot be used are an error before the first fit.
+
+    >>> logs = {name: f"logs/{name}" for name in ("a", "b", "c", "d")}      # doctest: +SKIP
+    >>> fleet = gaitfit.ray.fleet(logs, "go2.toml", address="auto")      # doctest: +SKIP
     """
     place, listen = Place(num_cpus, num_gpus, retries), listener(progress) or silent
     several = mapping("robots", robots, '{"robot-1": "logs/robot-1"}')

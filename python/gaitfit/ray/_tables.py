@@ -52,6 +52,11 @@ def reproduce(
     What cells of a scenario share is made first. What workers send is kept in the table's folder: another node continues a lost
     worker's cell from there, and the same call continues after this process was killed. Paths in experiment files are seen from the current folder, or
     from the file's; absolute ones must lead to the same file on every node.
+
+    Returns the table. Raises ``ValueError`` and :class:`GaitfitError` for a table or cells that there are not, and
+    ``FileNotFoundError`` without the experiment files.
+
+    >>> table = gaitfit.ray.reproduce("1")      # doctest: +SKIP
     """
     place, listen = Place(num_cpus, num_gpus, retries), listener(progress) or silent
     given = {} if settings is None else mapping("settings", settings, '{"target.trajectories": 8}')

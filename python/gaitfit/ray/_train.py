@@ -44,6 +44,10 @@ def train(
 
     The checkpoints are kept in the run folder: another node continues a lost worker's seed from there, and ``resume=True``
     continues after this process was killed.
+
+    Returns and raises as :func:`gaitfit.train`.
+
+    >>> trained = gaitfit.ray.train("train.toml", seeds=range(1, 6), num_gpus=1)      # doctest: +SKIP
     """
     cluster = Cluster(address, Place(num_cpus, num_gpus, retries))
     config, robot = _seen(config), _seen(robot)
@@ -91,6 +95,10 @@ def finetune(
 
     Files that the policy's file names by itself are not sent: give a
     ``.safetensors`` or ``.onnx``.
+
+    Returns and raises as :func:`gaitfit.finetune`.
+
+    >>> trained = gaitfit.ray.finetune("walk.safetensors", theta="theta.toml", seeds=[1, 2])      # doctest: +SKIP
     """
     named = os.path.relpath(given.file_of(policy))
     cluster = Cluster(address, Place(num_cpus, num_gpus, retries))

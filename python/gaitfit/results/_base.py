@@ -26,6 +26,9 @@ class Estimate:
     Attributes:
         mean: The mean; NaN where nothing was measured.
         ci95: Half the width of the mean's 95 % confidence interval; NaN with a single sample.
+
+    >>> walked.fall_rate.mean
+    0.0
     """
 
     mean: float
@@ -40,6 +43,9 @@ class Doubt:
         kind: Its kind in snake case, for example ``"not_converged"``.
         text: The evidence in a sentence or two.
         details: More for people who repair it, for example a program's error message.
+
+    >>> [doubt.kind for doubt in result.doubts if "generations" in doubt.text]
+    ['not_converged']
     """
 
     kind: str
@@ -56,6 +62,9 @@ class Check:
         passed: Whether it holds.
         limit: The limit, or ``None`` for a check without one.
         value: The measured value, or ``None`` if there is none.
+
+    >>> {check.name: check.passed for check in result.checks}["converged"]
+    False
     """
 
     name: str
@@ -70,6 +79,11 @@ class Result:
 
     Attributes:
         document: The document that the program prints with ``--json``, as plain data.
+
+    >>> result.to_dict()["robot"]
+    'go2'
+    >>> result.rows()[0]["name"]
+    'frictionloss_hip'
     """
 
     document: dict[str, Any] = field(compare=False)
@@ -83,7 +97,8 @@ class Result:
         return copy.deepcopy(self.document)
 
     def to_json(self, indent: int | None = None) -> str:
-        """The document as JSON. ``indent`` is the number of spaces of a level, as for :func:`json.dumps`."""
+        """The document as JSON. ``indent`` is the number of spaces of a level, as for :func:`json.dumps`. Raises ``TypeError`` for
+        an ``indent`` that is no number."""
         return json.dumps(self.document, indent=indent, ensure_ascii=False)
 
     def rows(self) -> list[dict[str, Any]]:

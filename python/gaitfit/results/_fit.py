@@ -19,6 +19,9 @@ class Prior:
     Attributes:
         value: The estimate, in the parameter's unit.
         deviation: Its standard error, in the same unit.
+
+    >>> Prior(value=0.2, deviation=0.05).deviation
+    0.05
     """
 
     value: float
@@ -43,6 +46,10 @@ class FittedParameter:
         truth: The true value, from the settings' ``truth``.
         published: Published values, ``(smallest, largest)``, from the settings' ``published``.
         prior: The estimate from before the fit.
+
+    >>> delay = result.parameters["delay"]
+    >>> delay.unit, delay.lower < delay.value < delay.upper
+    ('s', True)
     """
 
     name: str
@@ -71,6 +78,9 @@ class Spring:
         stiffness_interval: Its 95 % interval, N·m/rad.
         rest: Angle without torque, rad; ``None`` where the stiffness may be 0.
         rest_interval: Its 95 % interval, rad.
+
+    >>> Spring("FL_calf_joint", stiffness=30.0, rest=-1.5).stiffness
+    30.0
     """
 
     joint: str
@@ -91,6 +101,10 @@ class Sharing:
         workers: Seconds of each worker's work, by node and process.
         driver_seconds: Processor time of the driver, s: all of the fit that was not shared, and the handing out of tasks.
         alone: What the driver computed alone.
+
+    >>> shared = result.sharing
+    >>> shared is None      # of gaitfit.fit; gaitfit.ray.fit has one
+    True
     """
 
     tasks: Named[int]
@@ -118,6 +132,9 @@ class Score:
         rmse_validation_rad: The same on the validation logs, rad.
         cost_validation: Its cost on the validation logs.
         delay_seconds: The delay of a pure delay, s.
+
+    >>> [score.name for score in result.baselines][0]
+    'nominal model'
     """
 
     name: str
@@ -140,6 +157,10 @@ class ValidatedLog:
         nominal_rmse_rad: The same of the robot before the fit, rad.
         rmse_per_joint: The position error of each joint, rad.
         fell: Whether the simulated robot fell.
+
+    >>> for log in result.validation:
+    ...     print(log.file, log.fell)
+    examples/go2-demo/validate.csv False
     """
 
     file: str
@@ -162,6 +183,9 @@ class HeldOut:
         nominal_cost: The same of the robot before the fit.
         falls: Logs in which the fitted robot falls.
         nominal_falls: Logs in which the robot before the fit falls.
+
+    >>> result.held_out is None      # the demonstration's legs hang in the air
+    True
     """
 
     logs: int
@@ -184,6 +208,9 @@ class CostFit:
         better_than_nominal: Whether the fitted robot is closer to the logs than the robot before the fit.
         doubts: Reasons not to take the fit as it is, the worst first.
         parameters: The parameters by name.
+
+    >>> [fit.cost_name for fit in result.fits]
+    ['matcho']
     """
 
     cost_name: str
@@ -290,6 +317,10 @@ class ValidationResult(Result):
         warnings: What to know before trusting the numbers.
         verdict: Walking logs: their verdict; ``None`` for a clamped robot.
         held_out: Walking logs in numbers.
+
+    >>> checked = gaitfit.validate(result.theta, "examples/go2-demo/validate.csv")
+    >>> checked.cost_name, len(checked.validation)
+    ('matcho', 1)
     """
 
     theta: Path

@@ -45,6 +45,10 @@ class FleetNumber:
         another: 95 % interval for the true value of another robot, before any log of it.
         lower, upper: Bounds of the search.
         calibration: Factor on the standard errors of the fits' intervals, from robots with several fits; 1 without such.
+
+    >>> number = fleet.numbers["delay"]
+    >>> number.lower < number.center < number.upper
+    True
     """
 
     name: str
@@ -74,6 +78,9 @@ class FleetEstimate:
         own_share: The share of the robot's own logs in ``value``, from 0 to 1.
         away: How far ``alone`` is from the fleet's center, in standard deviations of scatter and error together. Beyond 3 the
             robot is unlike the others.
+
+    >>> 0.0 <= fleet.robots["a"]["delay"].own_share <= 1.0
+    True
     """
 
     name: str
@@ -95,6 +102,11 @@ class Fleet(Result):
         numbers: The distribution of each number over the robots.
         robots: For each robot its numbers, from its own logs and from the others.
         left_out: Numbers that are left out, each with the reason.
+
+    >>> sorted(fleet.robots)
+    ['a', 'b', 'c', 'd', 'e']
+    >>> fleet.numbers["delay"].unit
+    's'
     """
 
     headline: str
@@ -164,7 +176,8 @@ class Fleet(Result):
         return file
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Writes the fleet as JSON to ``path``, which :func:`gaitfit.load` reads again."""
+        """Writes the fleet as JSON to ``path``, which :func:`gaitfit.load` reads again; returns the path. Raises ``OSError`` where
+        it cannot be written."""
         file = Path(named("path", path))
         file.write_text(self.to_json(indent=1) + "\n", encoding="utf-8")
         return file

@@ -18,6 +18,9 @@ class Measurement(Evaluation):
 
     Attributes:
         on: Where it was measured: ``"target"``, or the fitted simulator of a round.
+
+    >>> [one.on for one in looped.evaluations]
+    ['target']
     """
 
     on: str
@@ -35,6 +38,9 @@ class Round:
         training: The training.
         theta: The file of the parameters that the policy was trained with.
         fallback: Why the policy was trained in another simulator than the fit's; ``None`` if it was not.
+
+    >>> [one.theta for one in looped.rounds]      # this loop has none
+    []
     """
 
     round: int
@@ -60,6 +66,9 @@ class Comparison:
         angular_velocity_error: Error of yaw rate, rad/s.
         tracking_error: Both errors added, m/s and rad/s.
         fall_rate: Share of falls.
+
+    >>> [one.tracking_error.mean for one in looped.comparisons]
+    []
     """
 
     policy: str
@@ -96,6 +105,9 @@ class LoopResult(Result):
         stage_seconds: Wall time of each stage, s.
         bought: What the fit gained over training without logs, in a sentence; ``None`` without such policies.
         next: What to do next where the loop cannot.
+
+    >>> looped.measured("before", "target").fall_rate.mean
+    0.0
     """
 
     name: str
@@ -146,6 +158,9 @@ class TableRow:
         linear_velocity_error: Error of horizontal velocity on the target, m/s.
         angular_velocity_error: Error of yaw rate on the target, rad/s.
         fall_rate: Share of falls on the target.
+
+    >>> table.cells[0].errors_percent["delay"].mean
+    2.0
     """
 
     cell: str
@@ -171,6 +186,9 @@ class Table(Result):
         full: Whether it was run at the paper's scale.
         cells: The cells.
         run_folder: The folder with the run's files.
+
+    >>> table.rows()[0]["cell"]
+    'a'
     """
 
     table: str

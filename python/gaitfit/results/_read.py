@@ -25,6 +25,8 @@ def load(run: str | os.PathLike[str]) -> Loaded:
     ``run`` is a run folder, its ``result.json``, or a file with what the program printed with ``--json``. The kind of
     result follows from the file: test it with ``isinstance``.
 
+    Returns what the stage returned.
+
     Raises ``FileNotFoundError`` if there is no such file or the run has no result yet, and ``ValueError`` for a file that
     is not a result.
 
@@ -35,14 +37,16 @@ def load(run: str | os.PathLike[str]) -> Loaded:
     file = Path(named("run", run))
     if file.is_dir():
         if not (file / "result.json").exists():
-            raise FileNotFoundError(f"{file} has no result.json: it is no run folder, or its run has not ended yet")
+            inside = sorted(one.parent.name for one in file.glob("*/result.json"))
+            runs = f". Run folders in it: {', '.join(inside[:20])}" if inside else ""
+            raise FileNotFoundError(f"{file} has no result.json: it is no run folder, or its run has not ended yet{runs}")
         file = file / "result.json"
     if not file.exists():
-        raise FileNotFoundError(f"there is no {file}")
+        raise FileNotFoundError(f"there is no {file}; give a run folder, its result.json, or a file with the output of --json")
     try:
         document = json.loads(file.read_text(encoding="utf-8"))
-    except ValueError as wrong:
-        raise ValueError(f"{file} is no JSON: {wrong}") from wrong
+    except (ValueError, RecursionError) as wrong:
+        raise ValueError(f"{file} is no JSON: {wrong}; give a run folder or its result.json") from wrong
     if isinstance(document, dict) and isinstance(document.get("results"), dict):
         document = document["results"]
     try:

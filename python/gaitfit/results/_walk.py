@@ -21,6 +21,9 @@ class Gait:
         foot_lift: Mean height of a swing, m.
         action_rate: Root-mean-square change of an action a step, per joint.
         torque: Root-mean-square torque, N·m.
+
+    >>> 0.0 <= trained.seeds[0].gait.duty_factor <= 1.0
+    True
     """
 
     alternation: float
@@ -44,6 +47,9 @@ class Drift:
         fall_rate: Share of falls.
         diverged: Robots whose simulation diverged; they count as falls.
         path: The first robot's path: x, y, m, and heading, rad.
+
+    >>> [trial.name for trial in walked.drift][0]
+    'stand'
     """
 
     name: str
@@ -76,6 +82,9 @@ class SeedResult:
         policy: The policy's file.
         replay: The page that shows it.
         diverged: Episodes that ended because the simulation diverged.
+
+    >>> [(one.seed, one.iterations) for one in trained.seeds]
+    [(1, 2)]
     """
 
     seed: int
@@ -111,6 +120,9 @@ class Training(Result):
         trained: Whether the policy's actions were trained; ``False`` if all updates taught the critic alone.
         doubts: Reasons not to take it as it is.
         warnings: What to know before trusting the result.
+
+    >>> trained.policy.name, trained.environments
+    ('policy.safetensors', 32)
     """
 
     name: str
@@ -160,6 +172,9 @@ class Evaluation(Result):
         gait: The gait straight ahead; ``None`` where it does not walk.
         verdict: Whether it walks, in a sentence; ``None`` where that cannot be judged.
         wall_seconds: Wall time, s.
+
+    >>> walked.trajectories, walked.fall_rate.mean
+    (4, 0.0)
     """
 
     policy: str
@@ -210,6 +225,9 @@ class Collection(Result):
         seconds: Length of each, s.
         falls: Robots that fell.
         files: The logs.
+
+    >>> collected.falls, [file.name for file in collected.files]
+    (0, ['trajectory_00.csv', 'trajectory_01.csv'])
     """
 
     simulator: str
