@@ -210,6 +210,9 @@ class Prior(Settings):
         by_strength: How the estimate changes with the motors' strength (``torque_scale`` of the entry's joints), per 1.
             Legs in the air show the joints' resistance relative to the motors' torque, so the estimate assumes motors
             with a strength of 1.
+        by_load: How the estimate changes with friction under load (``load_friction`` of the entry's joints), per 1: the
+            estimate of a joint with a load friction of c is lower by c times this. Legs in the air show the sum of both
+            frictions.
 
     >>> settings = Fit(prior={"frictionloss_calf": Prior(value=0.2, deviation=0.05)})
     """
@@ -217,6 +220,7 @@ class Prior(Settings):
     value: float | None = None
     deviation: float | None = None
     by_strength: float | None = None
+    by_load: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
