@@ -40,7 +40,7 @@ const HOLDING: (f64, f64) = (0.01, 0.1);
 /// Delay to look at, and a fault, s.
 const LATE: [f64; 2] = [0.008, 0.03];
 /// Least error of a delay, s: commands are sent every 2 ms.
-const LEAST_ERROR: f64 = 0.0003;
+const LEAST_ERROR: f64 = 0.0005;
 /// A joint's delay with a larger error does not count, s.
 const WORST_ERROR: f64 = 0.003;
 /// Level enough to weigh legs: the cosine of a lean of 45°.
