@@ -94,6 +94,8 @@ pub struct Hung<'a> {
     step: u32,
     /// Where a stuck joint is, rad.
     stuck: Option<f32>,
+    /// The last command that was taken.
+    last: Option<Command>,
     /// Commands under way, ms.
     commands: VecDeque<(u64, Command)>,
     now: u64,
@@ -113,6 +115,7 @@ impl<'a> Hung<'a> {
             noise: Stream::new(seed, Purpose::OBSERVATION_NOISE),
             step: 0,
             stuck: None,
+            last: None,
             commands: VecDeque::new(),
             now: 0,
         }
@@ -187,6 +190,8 @@ impl<'a> Hung<'a> {
             Fault::Sticks(motor) => {
                 state.q[motor] = *self.stuck.get_or_insert(state.q[motor]);
                 state.dq[motor] = 0.0;
+                // Its motor pulls all the same.
+                state.torque[motor] = self.last.map_or(0.0, |last| last[motor].torque(state.q[motor], 0.0));
             }
             Fault::Beyond(motor, by) => {
                 state.q[motor] = go2().limits().upper[motor] + by;
@@ -221,6 +226,7 @@ impl Link for Hung<'_> {
             while self.commands.front().is_some_and(|(at, _)| *at <= self.now) {
                 if let Some((_, command)) = self.commands.pop_front() {
                     let taken = self.taken(&command);
+                    self.last = Some(taken);
                     self.body.send(&taken)?;
                 }
             }

@@ -9,17 +9,20 @@ fn names(findings: &[Finding]) -> Vec<(Check, &str)> {
     findings.iter().map(|one| (one.check, one.joint.as_deref().unwrap_or(""))).collect()
 }
 
-/// Whether a fault is named with its joint: by listening, or else by the motion.
-fn is_named(fault: Fault, expected: (Check, &str), seed: u64) -> bool {
+/// Whether a fault is named with its joint, or one of them: by listening, or else by the motion.
+fn is_named(fault: Fault, (check, joints): (Check, &str), seed: u64) -> bool {
+    let named = |found: Vec<(Check, &str)>| {
+        found.iter().any(|(found, joint)| *found == check && joints.split(' ').any(|one| one == *joint))
+    };
     let (_, heard) = listened(fault, sways, seed);
     if heard.iter().any(|one| one.severity == Severity::Fault) {
         // The program does not move it then.
         println!("{fault:?} {seed}: by listening {:?}", names(&heard));
-        return names(&heard).contains(&expected);
+        return named(names(&heard));
     }
     let (found, findings) = flown(fault, seed).unwrap();
     println!("{fault:?} {seed}: {:?} {:?} {:?}", found.reason, names(&findings), found.delay);
-    names(&findings).contains(&expected)
+    named(names(&findings))
 }
 
 #[test]
@@ -49,7 +52,7 @@ fn a_sound_robot_moves_without_a_finding_and_shows_its_numbers() {
 #[test]
 fn faults_of_a_motion_are_named_with_their_joints() {
     for (fault, expected) in [
-        (Fault::SwappedCommands(0, 3), (Check::Order, "FL_hip")),
+        (Fault::SwappedCommands(0, 3), (Check::Order, "FR_hip FL_hip")),
         (Fault::Sign(1), (Check::Sign, "FR_thigh")),
         (Fault::Gains(3, 0.0), (Check::Gains, "FL_hip")),
         (Fault::Zero(1, -0.2), (Check::Zero, "FR_thigh")),
@@ -63,10 +66,10 @@ fn faults_of_a_motion_are_named_with_their_joints() {
 #[ignore = "takes minutes; GAITFIT_PREFLIGHT_SEEDS says how many robots of each fault"]
 fn long_each_fault_of_a_motion_on_many_robots() {
     let mut missed = Vec::new();
-    let cases: [(Fault, (Check, &str)); 16] = [
-        (Fault::SwappedReadings(0, 3), (Check::Order, "FL_hip")),
+    let cases: [(Fault, (Check, &str)); 17] = [
+        (Fault::SwappedReadings(0, 3), (Check::Order, "FR_hip FL_hip")),
         (Fault::SwappedReadings(1, 2), (Check::Range, "FR_thigh")),
-        (Fault::SwappedCommands(0, 3), (Check::Order, "FL_hip")),
+        (Fault::SwappedCommands(0, 3), (Check::Order, "FR_hip FL_hip")),
         (Fault::SwappedCommands(1, 4), (Check::Order, "FR_thigh")),
         (Fault::SwappedBoth(0, 1), (Check::Zero, "FR_hip")),
         (Fault::SwappedBoth(1, 4), (Check::Order, "FR_thigh")),
@@ -74,7 +77,8 @@ fn long_each_fault_of_a_motion_on_many_robots() {
         (Fault::Sign(1), (Check::Sign, "FR_thigh")),
         (Fault::Zero(0, -0.2), (Check::Zero, "FR_hip")),
         (Fault::Zero(1, 0.2), (Check::Zero, "FR_thigh")),
-        (Fault::Zero(2, -0.2), (Check::Zero, "FR_calf")),
+        (Fault::Zero(2, -0.2), (Check::Range, "FR_calf")),
+        (Fault::Zero(2, 0.2), (Check::Zero, "FR_calf")),
         (Fault::Late(12), (Check::Delay, "")),
         (Fault::Sticks(4), (Check::Moves, "FL_thigh")),
         (Fault::Sticks(3), (Check::Moves, "FL_hip")),
@@ -94,6 +98,6 @@ fn long_each_fault_of_a_motion_on_many_robots() {
         }
     }
     // A whole swap of two like joints changes nothing that the robot measures; a calf weighs too little.
-    let hidden = |fault: &Fault| matches!(fault, Fault::SwappedBoth(1, 4) | Fault::Zero(2, _));
+    let hidden = |fault: &Fault| matches!(fault, Fault::SwappedBoth(1, 4) | Fault::Zero(2, 0.2));
     assert!(missed.iter().all(|(fault, _)| hidden(fault)), "{missed:?}");
 }
