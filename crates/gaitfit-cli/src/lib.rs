@@ -81,6 +81,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Doctor(args) => commands::doctor::run(args),
         Command::Inspect(args) => commands::inspect::run(args),
         Command::Explain(args) => commands::explain::run(args),
+        Command::Preflight(args) => commands::preflight::run(args),
         Command::Record(args) => commands::record::run(args),
         Command::Import(args) => commands::import::run(args),
         Command::New(args) => commands::new::run(args),

@@ -20,6 +20,7 @@ mod loop_robot;
 mod memory;
 mod odd_joints;
 mod pages;
+mod preflight;
 mod program;
 mod readme;
 mod remembered;

@@ -72,6 +72,15 @@ pub enum RobotError {
         /// What it says.
         problem: String,
     },
+    /// The link broke.
+    #[error("the link to the robot broke: {0}")]
+    Broken(String),
+    /// A turn by hand that nobody made.
+    #[error(
+        "nobody made the turn within 30 s ({0}, by 20 degrees or more, held still); repeat, or leave --tilt out; if the robot was \
+         turned, its orientation stands still: switch it off and on"
+    )]
+    NotTilted(&'static str),
     /// The simulated robot cannot be.
     #[error("the simulated robot: {0}")]
     Simulation(String),

@@ -7,6 +7,7 @@
 //! - [`link`]: a robot over DDS (with the feature `dds`), and one in the project's own engine.
 //! - [`listen`]: messages of ROS 2 topics as they come.
 //! - [`run`]: the loops that send commands and run the policy, who commands, the logs, what was measured.
+//! - [`preflight`]: the first contact with a robot that hangs, by checklist.
 //! - [`drift`]: the form of drift trials, and what it says once it is filled in.
 //!
 //! Only [`run::live`] and the link over DDS read a clock: to the rest times are given, so that a test is the same each time.
@@ -18,6 +19,7 @@ pub mod guard;
 pub mod link;
 pub mod listen;
 mod per_motor;
+pub mod preflight;
 pub mod robot;
 pub mod run;
 mod state;

@@ -14,6 +14,10 @@ pub struct RobotState {
     pub torque: PerMotor<f32>,
     /// Temperatures of the motors, °C.
     pub temperature: PerMotor<i16>,
+    /// Error numbers of the motors; 0 is none, and what messages without them have.
+    pub error: PerMotor<u32>,
+    /// Packets between motor and main board that were lost so far; 0 where messages do not count them.
+    pub lost: PerMotor<u32>,
     /// Orientation of the base, wxyz, unit.
     pub quaternion: [f32; 4],
     /// Angular velocity of the base, rad/s, body frame.
@@ -70,6 +74,8 @@ pub(crate) mod tests {
             dq: PerMotor::new(12, 0.0),
             torque: PerMotor::new(12, 0.0),
             temperature: PerMotor::new(12, 35),
+            error: PerMotor::new(12, 0),
+            lost: PerMotor::new(12, 0),
             quaternion: [1.0, 0.0, 0.0, 0.0],
             gyroscope: [0.0; 3],
             accelerometer: [0.0, 0.0, 9.81],

@@ -27,6 +27,8 @@ mod messages;
 mod motion;
 #[path = "robot/pilot.rs"]
 mod pilot;
+#[path = "robot/preflight.rs"]
+mod preflight;
 #[path = "robot/rules.rs"]
 mod rules;
 #[cfg(all(feature = "dds", target_os = "linux"))]

@@ -15,7 +15,7 @@ const GROUPS: [(&str, &[&str]); 5] = [
     ("Fit", &["new", "fit", "sensitivity", "excite", "validate"]),
     ("Train", &["init", "train", "finetune", "loop"]),
     ("Measure", &["evaluate", "drift"]),
-    ("Deploy", &["collect", "run", "export"]),
+    ("Deploy", &["preflight", "collect", "run", "export"]),
 ];
 /// Commands of which the help shows the names alone.
 const MORE: [&str; 7] = ["config", "forward", "bench", "reproduce", "completions", "man", "help"];

@@ -9,6 +9,7 @@ mod export;
 mod groups;
 mod logs;
 mod parse;
+mod preflight;
 mod robot;
 mod run;
 mod view;
@@ -21,6 +22,7 @@ pub use export::Export;
 pub use gaitfit::device::{Device, Devices};
 pub use groups::{command, meant};
 pub use logs::{Import, New, Runs};
+pub use preflight::Preflight;
 pub use robot::{Drift, LinkArgs, PATIENCE, Record, RobotKind, Run};
 pub use run::{Finetune, Fit, Loop, Reproduce, RunArgs, Sensitivity, Train, Validate};
 pub use view::View;
@@ -49,6 +51,8 @@ pub struct Cli {
 pub enum Command {
     /// Show a robot, log, folder or policy, with its faults
     Inspect(Inspect),
+    /// Check a robot that hangs: sensors, joints, network
+    Preflight(Preflight),
     /// Record a robot's ROS 2 topics as a log, without ROS
     Record(Record),
     /// Convert a recording (MCAP, ROS bag, npz, CSV) to a log

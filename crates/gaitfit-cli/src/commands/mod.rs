@@ -20,6 +20,7 @@ pub mod loop_;
 mod motion;
 pub mod new;
 mod policy;
+pub mod preflight;
 pub mod record;
 pub mod reproduce;
 pub mod run;

@@ -1,6 +1,5 @@
 //! Before a run on a robot: its own walking, the motion service, must leave the motors to others.
 
-use crate::cli::LinkArgs;
 use crate::exit::{Exit, Failure};
 use crate::output::note;
 use gaitfit_robot::link::{MotionMode, MotionSwitcher};
@@ -17,8 +16,8 @@ const BY_HAND: &str = "switch it off in the vendor's app, or with its SDK (Motio
                        nothing was sent to the motors";
 
 /// Has the motion service of the robot on `interface` released, or finds that it is. `hangs`: it must hang meanwhile.
-pub fn released(interface: &str, link: &LinkArgs, hangs: bool) -> Result<(), Failure> {
-    let mut switcher = MotionSwitcher::open(interface, link.domain).map_err(super::run::usage)?;
+pub fn released(interface: &str, domain: u16, yes: bool, hangs: bool) -> Result<(), Failure> {
+    let mut switcher = MotionSwitcher::open(interface, domain).map_err(super::run::usage)?;
     let name = match switcher.check(ANSWER).map_err(Failure::failed)? {
         MotionMode::Released => {
             note("the robot's motion service is released");
@@ -48,7 +47,7 @@ pub fn released(interface: &str, link: &LinkArgs, hangs: bool) -> Result<(), Fai
         }
     ));
     let when = if hangs { "when it hangs" } else { "when it lies on the ground" };
-    if !link.yes {
+    if !yes {
         note(&format!("Type `{WORD}` and Enter {when}; anything else ends."));
         let mut line = String::new();
         if std::io::stdin().lock().read_line(&mut line).is_err() || line.trim() != WORD {

@@ -138,7 +138,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
 fn over_dds(args: &Run, robot: &Robot, interface: &str) -> Result<Box<dyn Link + Send>, Failure> {
     note(&format!("listening to a {} on {interface}, domain {}", robot.title, args.link.domain));
     if !args.link.dry_run {
-        super::motion::released(interface, &args.link, robot.hangs)?;
+        super::motion::released(interface, args.link.domain, args.link.yes, robot.hangs)?;
     }
     let link = gaitfit_robot::link::Dds::open(robot, interface, args.link.domain, args.link.dry_run)
         .map_err(usage)?;
@@ -164,7 +164,7 @@ pub fn check_link(interface: &str, _: u16) -> Result<(), Failure> {
 
 /// Says how to get one.
 #[cfg(not(feature = "dds"))]
-fn without_dds(interface: &str) -> Failure {
+pub fn without_dds(interface: &str) -> Failure {
     Failure {
         exit: Exit::Missing,
         message: format!(

@@ -53,6 +53,14 @@ pub enum Reason {
         /// Its velocity, rad/s.
         speed: f32,
     },
+    /// A joint is not where its target is.
+    #[error("joint {joint} is {angle:.2} rad from its target: it does not follow")]
+    Astray {
+        /// The joint.
+        joint: String,
+        /// Its angle less the target, rad.
+        angle: f32,
+    },
     /// The robot leans.
     #[error("the robot leans by {0:.0} degrees; it is falling, or was lifted")]
     Tilt(f32),

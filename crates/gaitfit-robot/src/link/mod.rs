@@ -17,7 +17,7 @@ pub use dds::Dds;
 pub(crate) use dds::failed;
 #[cfg(feature = "dds")]
 pub use motion::{MotionMode, MotionSwitcher};
-pub use simulated::{Simulated, simulation};
+pub use simulated::{Simulated, hanging_go2, simulation};
 
 /// A robot, real or simulated, at the other end.
 pub trait Link {

@@ -2,8 +2,9 @@
 
 use std::time::Duration;
 
-use gaitfit_model::Model;
+use gaitfit_model::builtin::GO2;
 use gaitfit_model::rotation::{IDENTITY, rotate_back};
+use gaitfit_model::{Model, ReadOptions, Root, read_mjcf_str};
 use gaitfit_physics::Preset;
 use gaitfit_policy::walker::standing;
 use gaitfit_sim::{Batch, BatchOptions, Candidate, Cpu, Engine, Motion, Tile};
@@ -41,8 +42,36 @@ pub fn simulation(model: &Model) -> Result<Batch, RobotError> {
     Batch::new(model, options).map_err(|error| RobotError::Simulation(error.to_string()))
 }
 
+/// Friction of a Go2 that hangs (N·m), viscous friction (N·m·s/rad) and armature (kg·m²) of hip, thigh and calf: published
+/// estimates of real ones.
+const JOINTS: [(&str, [f64; 3]); 3] =
+    [("hip", [0.2, 0.2, 0.015]), ("thigh", [0.18, 0.2, 0.018]), ("calf", [0.6, 0.3, 0.048])];
+/// Time in which the legs of a robot that hangs come to rest, ms.
+const SETTLE: u64 = 4000;
+
+/// The model of a Go2 whose base is held in the air, with friction and armature like those of real ones.
+///
+/// # Errors
+/// None that the built-in robot gives.
+pub fn hanging_go2() -> Result<Model, RobotError> {
+    let options = ReadOptions { root: Some(Root::Fixed), ..ReadOptions::default() };
+    let mut model =
+        read_mjcf_str(GO2, &options).map_err(|error| RobotError::Simulation(error.to_string()))?;
+    model.pairs.clear();
+    for joint in &mut model.joints {
+        for (kind, [friction, damping, armature]) in JOINTS {
+            if joint.name.contains(kind) {
+                (joint.frictionloss, joint.damping, joint.armature) = (friction, damping, armature);
+            }
+        }
+    }
+    Ok(model)
+}
+
 /// A simulated robot, lying on the ground at first. It moves when it is asked for its state, up to the time of the question.
 pub struct Simulated<'a> {
+    /// Whether its base is held in the air.
+    hangs: bool,
     tile: Tile<'a>,
     motion: Motion,
     /// For each motor, its joint in the model.
@@ -58,7 +87,7 @@ pub struct Simulated<'a> {
 }
 
 impl<'a> Simulated<'a> {
-    /// `robot` as it lies; `batch` has its model.
+    /// `robot` as it lies, or limp in the air if its base is fixed; `batch` has its model.
     ///
     /// # Errors
     /// A model without the robot's joints.
@@ -82,7 +111,9 @@ impl<'a> Simulated<'a> {
         tile.place(0, &standing(model, IDENTITY, &angles));
         let mut motion = batch.motion(1);
         tile.observe(&mut motion);
-        Ok(Self {
+        let hangs = model.root == Root::Fixed;
+        let mut simulated = Self {
+            hangs,
             tile,
             motion,
             joints,
@@ -92,7 +123,12 @@ impl<'a> Simulated<'a> {
             torque: robot.each(|_| 0.0),
             nothing: vec![0.0; model.joints.len()],
             torques: vec![0.0; model.joints.len()],
-        })
+        };
+        if hangs {
+            (0..SETTLE).for_each(|_| simulated.step());
+            simulated.ms = 0;
+        }
+        Ok(simulated)
     }
 
     /// Where the base is, m, world frame.
@@ -114,15 +150,19 @@ impl<'a> Simulated<'a> {
     }
 
     fn reading(&self) -> Reading {
-        let quaternion = std::array::from_fn(|k| self.motion.base_quaternion[k]);
+        let held = |held: f32, free: &[f32], k: usize| if self.hangs { held } else { free[k] };
+        let quaternion =
+            std::array::from_fn(|k| held(f32::from(u8::from(k == 0)), &self.motion.base_quaternion, k));
         Reading {
             state: RobotState {
                 q: self.joints.map(|joint| self.motion.joint_position[joint]),
                 dq: self.joints.map(|joint| self.motion.joint_velocity[joint]),
                 torque: self.torque,
                 temperature: self.joints.map(|_| 30),
+                error: self.joints.map(|_| 0),
+                lost: self.joints.map(|_| 0),
                 quaternion,
-                gyroscope: std::array::from_fn(|k| self.motion.base_angular[k]),
+                gyroscope: std::array::from_fn(|k| held(0.0, &self.motion.base_angular, k)),
                 accelerometer: rotate_back(quaternion, [0.0, 0.0, GRAVITY]),
                 battery: Some(Battery { charge: 100, volts: 30.0, amps: 0.0 }),
                 tick: self.ms as u32,

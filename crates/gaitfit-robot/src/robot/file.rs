@@ -107,7 +107,7 @@ impl Robot {
         if !(low < high && low >= -LARGEST && high <= LARGEST) {
             return Some(format!("`range` is {low} to {high}; give the lower angle first"));
         }
-        let poses = [("lying", Some(motor.lying)), ("held", motor.held)];
+        let poses = [("lying", Some(motor.lying)), ("held", motor.held), ("hanging", motor.hanging)];
         let outside = |value: Option<f32>| value.is_some_and(|angle| !(low..=high).contains(&angle));
         let (name, _) = poses.into_iter().find(|(_, value)| outside(*value))?;
         Some(format!("`{name}` is outside its range, {low} to {high}"))

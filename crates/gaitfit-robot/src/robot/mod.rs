@@ -101,9 +101,14 @@ pub struct Motor {
     pub damping: f32,
     /// Angle at rest, before and after the walk, rad.
     pub lying: f32,
+    /// Angle about which `preflight` moves it while the robot hangs, rad; absent: `lying`, at least 0.15 rad inside its range.
+    pub hanging: Option<f32>,
     /// Angle at which it is kept with `kp` and `kd` if the policy does not move it, rad; absent: a policy must move it.
     pub held: Option<f32>,
 }
+
+/// How far a robot that hangs is kept from the stops of its joints, rad.
+const STOPS: f32 = 0.15;
 
 fn state_topic() -> String {
     "rt/lowstate".to_owned()
@@ -140,6 +145,18 @@ impl Robot {
             kp,
             kd,
         }
+    }
+
+    /// Where the joints are about which it is moved while it hangs, rad.
+    pub fn hanging(&self) -> PerMotor<f32> {
+        self.each(|motor| match (motor.hanging, motor.range) {
+            (Some(angle), _) => angle,
+            (None, Some([low, high])) if high - low > 2.0 * STOPS => {
+                motor.lying.clamp(low + STOPS, high - STOPS)
+            }
+            (None, Some([low, high])) => 0.5 * (low + high),
+            (None, None) => motor.lying,
+        })
     }
 
     /// When it goes to damping, under a policy that acts every `control_dt`.

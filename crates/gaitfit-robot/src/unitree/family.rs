@@ -57,6 +57,8 @@ impl StateMessage for LowState {
                 dq: slots.map(|slot| motors[slot].dq),
                 torque: slots.map(|slot| motors[slot].tau_est),
                 temperature: slots.map(|slot| motors[slot].temperature.into()),
+                error: slots.map(|_| 0),
+                lost: slots.map(|slot| motors[slot].lost),
                 quaternion: self.imu_state.quaternion,
                 gyroscope: self.imu_state.gyroscope,
                 accelerometer: self.imu_state.accelerometer,
@@ -97,6 +99,8 @@ impl StateMessage for hg::LowState {
                 dq: slots.map(|slot| motors[slot].dq),
                 torque: slots.map(|slot| motors[slot].tau_est),
                 temperature: slots.map(|slot| motors[slot].temperature[0].max(motors[slot].temperature[1])),
+                error: slots.map(|slot| motors[slot].motorstate),
+                lost: slots.map(|_| 0),
                 quaternion: self.imu_state.quaternion,
                 gyroscope: self.imu_state.gyroscope,
                 accelerometer: self.imu_state.accelerometer,
@@ -158,12 +162,14 @@ mod tests {
         let mut state = hg::LowState { mode_machine: 5, ..hg::LowState::default() };
         state.motor_state[4][6].q = 1.5;
         state.motor_state[1][0].temperature = [40, 90];
+        state.motor_state[1][0].motorstate = 6;
         let read = state.sealed().reading(&slots);
         assert_eq!(
             (read.seal, read.state.q, read.state.battery),
             (Seal::Right, [0.0, 1.5, 0.0].into(), None)
         );
         assert_eq!(read.state.temperature, [0, 0, 90].into());
+        assert_eq!((read.state.error, read.state.lost), ([0, 0, 6].into(), [0; 3].into()));
         let command = PerMotor::from_fn(3, |k| MotorCommand { q: k as f32, ..MotorCommand::default() });
         let message = hg::LowCmd::for_motors(&command, &slots, 5);
         let motors = message.motor_cmd.as_flattened();

@@ -57,6 +57,8 @@ impl Toy {
                 dq: robot.each(|_| 0.0),
                 torque: robot.each(|_| 0.0),
                 temperature: robot.each(|_| 30),
+                error: robot.each(|_| 0),
+                lost: robot.each(|_| 0),
                 quaternion: [1.0, 0.0, 0.0, 0.0],
                 gyroscope: [0.0; 3],
                 accelerometer: [0.0, 0.0, 9.81],

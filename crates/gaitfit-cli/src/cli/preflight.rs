@@ -1,0 +1,45 @@
+//! Arguments of the command that checks a robot that hangs.
+
+use super::RobotKind;
+use clap::Args;
+use std::path::PathBuf;
+
+/// Arguments of `preflight`.
+#[derive(Debug, Args)]
+pub struct Preflight {
+    /// The robot, as `run` takes it: unitree-go2, unitree-go2w, unitree-b2, unitree-g1 or unitree-h1-2; a robot's file (.toml);
+    /// simulated: a Go2 that hangs in gaitfit's own engine, in real time
+    #[arg(long, value_name = "ROBOT")]
+    pub robot: RobotKind,
+    /// Network interface to the robot, for example eth0; lo for a simulator on this machine
+    #[arg(long, value_name = "NAME")]
+    pub interface: Option<String>,
+    /// DDS domain: robots are in 0, simulators in 1
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232))]
+    pub domain: u16,
+    /// The robot's description (.xml, .mjcf, .urdf), for its weights; `unitree-go2` is the built-in Go2 [default: that of a Go2,
+    /// none of other robots]
+    #[arg(long, value_name = "FILE")]
+    pub model: Option<PathBuf>,
+    /// Time of listening, s
+    #[arg(long, value_name = "S", default_value_t = 5.0)]
+    pub seconds: f64,
+    /// Ask a person to tilt the robot by hand, to see the axes and signs of its inertial unit
+    #[arg(long)]
+    pub tilt: bool,
+    /// Move each joint a little, alone, then all together. The robot must hang with its feet off the ground
+    #[arg(long = "move")]
+    pub moves: bool,
+    /// Do not ask before the robot moves; for simulators only, which are in another domain than 0
+    #[arg(long, requires = "moves")]
+    pub yes: bool,
+    /// Max age of a state and max delay of the loop, ms; for simulators on busy machines only. A robot has 20
+    #[arg(long, value_name = "MS", default_value_t = super::PATIENCE, value_parser = clap::value_parser!(u16).range(20..=1000), hide = true)]
+    pub patience: u16,
+    /// Folder for the result and the logs; it must not hold any
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,168 @@
+//! Files of a preflight: the result, the logs, and the lines for a fit.
+
+use super::Document;
+use crate::cli::Preflight;
+use crate::exit::Failure;
+use gaitfit_robot::Robot;
+use gaitfit_robot::preflight::{
+    Flown, Heard, JointMotion, Measured, Moved, SampledStates, listening_csv, motion_csv,
+};
+use std::fmt::Write;
+
+/// The result.
+pub const RESULT: &str = "preflight.json";
+/// The configuration of a fit of the motion.
+const FIT: &str = "preflight.toml";
+/// The built-in Go2, for that fit.
+const GO2: &str = "go2.xml";
+/// The motion, and what states its inertial unit beside it.
+const MOTION: &str = "motion.csv";
+const SIDECAR: &str = "motion.toml";
+/// The messages while nothing was sent; in a folder of its own, because no fit can read them.
+const LISTENING: &str = "listening/listening.csv";
+/// Largest dry friction that is searched, in parts of the strongest motor's torque, as `gaitfit new` has it.
+const FRICTION: f32 = 0.05;
+/// Least standard error of friction and armature, in parts of them.
+const ROUGH: f64 = 0.1;
+/// Physics step of the fit, s.
+const STEP: f64 = 0.002;
+
+/// Writes them and lists them in `document`.
+pub fn write(
+    args: &Preflight,
+    robot: &Robot,
+    heard: &[Heard],
+    flight: Option<(&Flown, &SampledStates)>,
+    document: &mut Document,
+) -> Result<(), Failure> {
+    let mut put = |name: &str, text: &str| -> Result<(), Failure> {
+        let path = args.out.join(name);
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder)
+                .map_err(|error| Failure::failed(format!("cannot make {}: {error}", folder.display())))?;
+        }
+        gaitfit::files::write(&path, text.as_bytes())?;
+        document.written.push(name.to_owned());
+        Ok(())
+    };
+    put(LISTENING, &listening_csv(heard, robot))?;
+    if let Some(log) = flight.and_then(|(flown, rows)| motion_csv(flown, rows, robot)) {
+        put(MOTION, &log)?;
+        if let Some(mounting) = document.mounting {
+            put(SIDECAR, &format!("[imu]\nmounting = {mounting:?}\n"))?;
+        }
+    }
+    let has_log = document.written.iter().any(|name| name == MOTION);
+    let fit = fit(args, robot, document, has_log);
+    let mut put = |name: &str, text: &str| -> Result<(), Failure> {
+        gaitfit::files::write(&args.out.join(name), text.as_bytes())?;
+        document.written.push(name.to_owned());
+        Ok(())
+    };
+    let own = args.model.as_ref().is_none_or(|path| path.as_os_str() == gaitfit::robot::GO2);
+    if has_log && own && robot.name == "go2" {
+        put(GO2, gaitfit_model::builtin::GO2)?;
+    }
+    put(FIT, &fit)?;
+    document.written.push(RESULT.to_owned());
+    let text = serde_json::to_vec_pretty(document)
+        .map_err(|error| Failure::failed(format!("cannot write the result: {error}")))?;
+    Ok(gaitfit::files::write(&args.out.join(RESULT), &text)?)
+}
+
+/// The configuration of a fit of the motion, with what is known; lines for fits of walks are comments.
+fn fit(args: &Preflight, robot: &Robot, document: &Document, has_log: bool) -> String {
+    let mut text = format!("# By gaitfit preflight of a {}.\n", robot.title);
+    if has_log {
+        let model = match &args.model {
+            Some(path) if path.as_os_str() == gaitfit::robot::GO2 => GO2.to_owned(),
+            Some(path) => std::path::absolute(path).unwrap_or_else(|_| path.clone()).display().to_string(),
+            None if robot.name == "go2" => GO2.to_owned(),
+            None => String::new(),
+        };
+        if model.is_empty() {
+            text.push_str("# Name the robot's description (MJCF or URDF) in `robot`.\n");
+        }
+        let _ = writeln!(text, "robot = {model:?}\nlogs = [{MOTION:?}]\n");
+        parameters(&mut text, robot);
+        let _ = writeln!(
+            text,
+            "[simulation]\ntimestep = {STEP}\n\n[optimizer]\nmethod = \"least-squares\"\nseeds = 1\n"
+        );
+        if let Some(moved) = &document.moved {
+            priors(&mut text, robot, moved);
+        }
+    }
+    walks(&mut text, document);
+    text
+}
+
+/// Joint groups that a fit has by itself, if they cover all joints of the robot.
+fn groups(robot: &Robot) -> Option<[&'static str; 3]> {
+    let all = ["hip", "thigh", "calf"];
+    let covered = |joint: &str| all.iter().any(|group| joint.ends_with(&format!("_{group}")));
+    robot.motors.iter().all(|motor| covered(&motor.joint)).then_some(all)
+}
+
+/// What is fitted: what resists motion, together, and the delay.
+fn parameters(text: &mut String, robot: &Robot) {
+    let per = if groups(robot).is_some() { "group" } else { "joint" };
+    let strongest = robot.motors.iter().map(|motor| motor.torque).fold(0.0, f32::max);
+    let friction = f64::from(FRICTION * strongest).max(0.5);
+    let _ = writeln!(
+        text,
+        "[[parameter]]\nkind = \"frictionloss\"\nper = \"{per}\"\nupper = {friction:.2}\n\n\
+         [[parameter]]\nkind = \"armature\"\nper = \"{per}\"\n\n\
+         [[parameter]]\nkind = \"damping\"\nper = \"{per}\"\n\n\
+         [[parameter]]\nkind = \"delay\"\nper = \"all\"\n"
+    );
+}
+
+/// What each joint's own motion showed, by the names of the fit.
+fn priors(text: &mut String, robot: &Robot, moved: &Moved) {
+    text.push_str("# By each joint's own motion.\n[prior]\n");
+    let mut put = |name: &str, value: f64, deviation: f64| {
+        let _ = writeln!(text, "{name} = {{ value = {:.5}, deviation = {deviation:.5} }}", value.max(0.0));
+    };
+    if let Some(Measured { value, error }) = moved.delay.or(moved.torque_delay) {
+        put("delay", value, error.max(0.001));
+    }
+    let names: Vec<String> = match groups(robot) {
+        Some(groups) => groups.map(str::to_owned).to_vec(),
+        None => robot.motors.iter().map(|motor| motor.joint.clone()).collect(),
+    };
+    for name in names {
+        let of_group = |one: &&JointMotion| one.joint == name || one.joint.ends_with(&format!("_{name}"));
+        let kinds: [(&str, fn(&JointMotion) -> Option<Measured>); 2] =
+            [("frictionloss", |one| one.friction), ("armature", |one| one.armature)];
+        for (kind, number) in kinds {
+            let found: Vec<Measured> = moved.joints.iter().filter(of_group).filter_map(number).collect();
+            if found.is_empty() {
+                continue;
+            }
+            let count = found.len() as f64;
+            let mean = found.iter().map(|one| one.value).sum::<f64>() / count;
+            let scatter =
+                found.iter().map(|one| (one.value - mean).powi(2) + one.error.powi(2)).sum::<f64>() / count;
+            put(&format!("{kind}_{name}"), mean, scatter.sqrt().max(ROUGH * mean.abs()).max(0.001));
+        }
+    }
+}
+
+/// Lines for fits of walks, and for the sidecar files of their logs.
+fn walks(text: &mut String, document: &Document) {
+    if let Some(unit) = &document.listened.imu {
+        text.push_str("# For fits of walks that fit the gyro's bias ([[number]] kind = \"gyro_bias_x\", …), in their [prior]:\n");
+        for (axis, bias) in ["x", "y", "z"].iter().zip(&unit.gyro_bias) {
+            let Measured { value, error } = bias;
+            let _ = writeln!(
+                text,
+                "# gyro_bias_{axis} = {{ value = {value:.5}, deviation = {:.5} }}",
+                error.max(0.0005)
+            );
+        }
+    }
+    if let Some(mounting) = document.mounting {
+        let _ = writeln!(text, "# For log.toml beside logs of walks:\n# [imu]\n# mounting = {mounting:?}");
+    }
+}

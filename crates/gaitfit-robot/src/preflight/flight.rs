@@ -1,0 +1,207 @@
+//! The small motions of a hanging robot, with the guard of a run before every command. Pure: times are given.
+
+use std::time::Duration;
+
+use super::Heard;
+use super::plan::{Plan, Stage};
+use crate::RobotError;
+use crate::command::{Command, damping};
+use crate::guard::{GuardSettings, Reason, Watch};
+use crate::per_motor::PerMotor;
+use crate::robot::Robot;
+use crate::state::Reading;
+
+/// How far a joint may be from its target, rad: while the gains grow, and afterwards.
+const ASTRAY: [f32; 2] = [0.12, 0.3];
+/// Damping before the last command.
+const DAMPING: Duration = Duration::from_secs(2);
+/// Share of the largest torque that damping may use, because the state may be old.
+const DAMPING_ROOM: f32 = 0.9;
+
+/// A command that was sent.
+#[derive(Clone, Copy, Debug)]
+pub struct Sent {
+    /// When.
+    pub at: Duration,
+    /// In which stage.
+    pub stage: Stage,
+    /// What.
+    pub command: Command,
+}
+
+/// A motion that was made, or as much of it as was.
+#[derive(Clone, Debug)]
+pub struct Flown {
+    /// Commands that were sent.
+    pub sent: Vec<Sent>,
+    /// What came meanwhile.
+    pub heard: Vec<Heard>,
+    /// The plan; absent if the robot was not armed.
+    pub plan: Option<Plan>,
+    /// Why it ended in damping; `None` after an orderly end.
+    pub reason: Option<Reason>,
+    /// Commands that the guard changed.
+    pub changed: u64,
+}
+
+/// Moves the joints of a robot that hangs.
+#[derive(Clone, Debug)]
+pub struct Flight {
+    robot: Robot,
+    watch: Watch,
+    damping: PerMotor<f32>,
+    stage: Stage,
+    begun: Duration,
+    /// When damping began.
+    damped: Duration,
+    ticked: Option<Duration>,
+    refused: Option<Reason>,
+    flown: Flown,
+}
+
+impl Flight {
+    /// Idle.
+    pub fn new(robot: &Robot, guard: GuardSettings) -> Self {
+        Self {
+            robot: robot.clone(),
+            watch: Watch::new(guard),
+            damping: robot.each(|motor| motor.damping),
+            stage: Stage::Idle,
+            begun: Duration::ZERO,
+            damped: Duration::ZERO,
+            ticked: None,
+            refused: None,
+            flown: Flown { sent: Vec::new(), heard: Vec::new(), plan: None, reason: None, changed: 0 },
+        }
+    }
+
+    /// What it does.
+    pub fn stage(&self) -> Stage {
+        self.stage
+    }
+
+    /// What was sent and heard.
+    pub fn flown(self) -> Flown {
+        self.flown
+    }
+
+    /// Whether it is over: it was in damping long enough.
+    pub fn is_over(&self, now: Duration) -> bool {
+        self.stage == Stage::Damping && now.saturating_sub(self.damped) >= DAMPING
+    }
+
+    /// Takes a message that came at `now`. A bad one is a reason for damping; while idle it only keeps the robot from being
+    /// armed.
+    pub fn read(&mut self, now: Duration, reading: &Reading) {
+        let taken = self.watch.take(now, reading);
+        if self.stage == Stage::Idle {
+            self.refused = taken.err();
+            return;
+        }
+        self.flown.heard.push(Heard { came: now, state: reading.state, seal: reading.seal });
+        if let Err(reason) = taken {
+            self.stop(now, reason);
+        }
+    }
+
+    /// To damping, for `reason`. The first reason stays. While idle it keeps the robot from being armed.
+    pub fn stop(&mut self, now: Duration, reason: Reason) {
+        match self.stage {
+            Stage::Damping => {}
+            Stage::Idle => self.refused = Some(self.refused.take().unwrap_or(reason)),
+            _ => {
+                self.flown.reason = Some(reason);
+                (self.stage, self.damped) = (Stage::Damping, now);
+            }
+        }
+    }
+
+    /// From idle to the motion.
+    ///
+    /// # Errors
+    /// A rule that the robot's state fails.
+    pub fn arm(&mut self, now: Duration) -> Result<(), RobotError> {
+        if let Some(reason) = &self.refused {
+            return Err(RobotError::NotArmed(reason.clone()));
+        }
+        let state = self.watch.fresh(now).map_err(RobotError::NotArmed)?;
+        if self.stage == Stage::Idle {
+            // A joint that reads a little beyond its range is asked for its end.
+            let limits = self.robot.limits();
+            let from = PerMotor::from_fn(state.q.len(), |motor| {
+                state.q[motor].clamp(limits.lower[motor], limits.upper[motor])
+            });
+            self.flown.plan = Some(Plan::new(&self.robot, from));
+            (self.stage, self.begun, self.ticked) = (Stage::Soften, now, None);
+        }
+        Ok(())
+    }
+
+    /// What to send at `now`: nothing while idle, else a command inside the limits. To be asked for at a steady rate.
+    pub fn tick(&mut self, now: Duration) -> Option<Command> {
+        if self.stage == Stage::Idle {
+            return None;
+        }
+        let before = self.ticked.replace(now);
+        if let Some(gap) = before.map(|before| now.saturating_sub(before))
+            && gap > self.watch.settings().late
+        {
+            self.stop(now, Reason::LateLoop(1e3 * gap.as_secs_f64()));
+        }
+        if self.stage != Stage::Damping
+            && let Err(reason) = self.watch.fresh(now)
+        {
+            self.stop(now, reason);
+        }
+        let wanted = self.wanted(now);
+        let limits = self.watch.settings().limits;
+        let command = match self.watch.state() {
+            Some(state) if self.stage == Stage::Damping => {
+                let room = crate::guard::Limits {
+                    torque: limits.torque.map(|torque| DAMPING_ROOM * torque),
+                    ..limits
+                };
+                room.admit(&wanted, state).unwrap_or(wanted)
+            }
+            Some(state) => limits.admit(&wanted, state).unwrap_or_else(|| damping(&self.damping)),
+            None => damping(&self.damping),
+        };
+        if self.stage != Stage::Damping {
+            self.flown.changed += u64::from(command != wanted);
+        }
+        self.flown.sent.push(Sent { at: now, stage: self.stage, command });
+        Some(command)
+    }
+
+    /// The command of the stage, before the guard.
+    fn wanted(&mut self, now: Duration) -> Command {
+        let Some(plan) = &self.flown.plan else { return damping(&self.damping) };
+        if self.stage == Stage::Damping {
+            return damping(&self.damping);
+        }
+        let (stage, time) = plan.stage(now.saturating_sub(self.begun));
+        if stage == Stage::Damping {
+            (self.stage, self.damped) = (stage, now);
+            return damping(&self.damping);
+        }
+        self.stage = stage;
+        let wanted = plan.command(stage, time);
+        if let Some(reason) = self.astray(stage, &wanted) {
+            self.stop(now, reason);
+            return damping(&self.damping);
+        }
+        wanted
+    }
+
+    /// A joint that does not go where it is asked to.
+    fn astray(&self, stage: Stage, wanted: &Command) -> Option<Reason> {
+        let (plan, state) = (self.flown.plan.as_ref()?, self.watch.state()?);
+        let far = if stage == Stage::Soften { ASTRAY[0] } else { ASTRAY[1] };
+        let off = |motor: usize| (state.q[motor] - wanted[motor].q).abs();
+        let worst = plan.order().iter().copied().max_by(|a, b| off(*a).total_cmp(&off(*b)))?;
+        (off(worst) > far).then(|| Reason::Astray {
+            joint: self.robot.motors[worst].joint.clone(),
+            angle: state.q[worst] - wanted[worst].q,
+        })
+    }
+}

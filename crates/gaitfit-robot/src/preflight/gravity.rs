@@ -1,0 +1,86 @@
+//! Weight and inertia that a joint carries, by the robot's file.
+
+use gaitfit_model::Model;
+use gaitfit_model::kinematics::{Frame, body_frames};
+use gaitfit_model::rotation::{IDENTITY, Vec3, cross, dot, inverse, product, rotate, sub};
+
+const GRAVITY: f64 = 9.81;
+/// Step of the derivative, rad.
+const STEP: f64 = 1e-4;
+
+/// What a joint carries at one pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Load {
+    /// Torque that holds it, N·m.
+    pub(super) torque: f64,
+    /// How that changes with the joint's angle, N·m/rad.
+    pub(super) slope: f64,
+    /// Inertia about the joint's axis without the rotor's, kg·m².
+    pub(super) inertia: f64,
+}
+
+/// What joint number `joint` of `model` carries at angles `q` (rad, model order); `up`: against gravity, in the base's frame.
+pub(super) fn load(model: &Model, joint: usize, q: &[f64], up: Vec3) -> Load {
+    let at = |by: f64| {
+        let mut q = q.to_vec();
+        q[joint] += by;
+        about(model, joint, &q, up)
+    };
+    let ([low, _], [high, _]) = (at(-STEP), at(STEP));
+    let [torque, inertia] = at(0.0);
+    Load { torque, slope: (high - low) / (2.0 * STEP), inertia }
+}
+
+/// Holding torque and inertia about a joint's axis.
+fn about(model: &Model, joint: usize, q: &[f64], up: Vec3) -> [f64; 2] {
+    let base = Frame { position: [0.0; 3], quaternion: IDENTITY };
+    let frames = body_frames(model, &base, q);
+    let hinge = &model.joints[joint];
+    let frame = &frames[hinge.body];
+    let (axis, anchor) = (rotate(frame.quaternion, hinge.axis), frame.point(hinge.pos));
+    let mut sums = [0.0; 2];
+    for (index, body) in model.bodies.iter().enumerate() {
+        if !carries(model, hinge.body, index) {
+            continue;
+        }
+        let lever = cross(axis, sub(frames[index].point(body.ipos), anchor));
+        sums[0] += body.mass * GRAVITY * dot(up, lever);
+        let principal = rotate(inverse(product(frames[index].quaternion, body.iquat)), axis);
+        let own: f64 = principal.iter().zip(&body.inertia).map(|(a, i)| a * a * i).sum();
+        sums[1] += body.mass * dot(lever, lever) + own;
+    }
+    sums
+}
+
+/// Whether `body` hangs on `root` or is it.
+fn carries(model: &Model, root: usize, body: usize) -> bool {
+    let mut at = Some(body);
+    while let Some(index) = at {
+        if index == root {
+            return true;
+        }
+        at = model.bodies[index].parent;
+    }
+    false
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use gaitfit_model::{ReadOptions, read_mjcf_str};
+
+    #[test]
+    fn a_pendulum_is_held_by_its_weight_times_its_lever() {
+        let text = r#"<mujoco><worldbody><body name="base" pos="0 0 1"><freejoint/>
+            <inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/>
+            <body name="leg"><joint name="knee" axis="0 1 0"/>
+            <inertial pos="0 0 -0.3" mass="2" diaginertia="0.01 0.02 0.03"/></body></body></worldbody></mujoco>"#;
+        let model = read_mjcf_str(text, &ReadOptions::default()).unwrap();
+        let found = load(&model, 0, &[0.5], [0.0, 0.0, 1.0]);
+        let (weight, lever) = (2.0 * 9.81, 0.3);
+        assert!((found.torque - weight * lever * 0.5f64.sin()).abs() < 1e-9, "{found:?}");
+        assert!((found.slope - weight * lever * 0.5f64.cos()).abs() < 1e-5, "{found:?}");
+        assert!((found.inertia - (0.02 + 2.0 * 0.09)).abs() < 1e-9, "{found:?}");
+    }
+}

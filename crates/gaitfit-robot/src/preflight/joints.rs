@@ -1,0 +1,207 @@
+//! Joints and motors while nothing is sent.
+
+use serde::Serialize;
+
+use super::network::step;
+use super::statistics::{deviation, mean, span};
+use super::{Check, Finding, Heard};
+use crate::robot::Robot;
+
+/// How far outside its range a joint may be, rad: encoders are off, and stops give way.
+const OUTSIDE: f64 = 0.03;
+/// A joint so near the end of its range is at its stop, rad.
+const AT_STOP: f64 = 0.03;
+/// A joint that moves further while nothing is sent is looked at, and is a fault, rad.
+const MOVES: [f64; 2] = [0.02, 0.1];
+/// Velocity that a joint at rest may seem to have, rad/s.
+const RESTING: f64 = 0.05;
+/// Coarsest step of an encoder, rad.
+const COARSE: f64 = 0.003;
+/// How near the hottest allowed temperature a motor is looked at, °C.
+const WARM: i16 = 10;
+/// Temperatures that no motor has, °C.
+const NO_TEMPERATURE: [i16; 2] = [-20, 150];
+
+/// A joint while nothing is sent.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct JointReport {
+    /// Its name.
+    pub joint: String,
+    /// Its mean angle, rad.
+    pub angle: f64,
+    /// Distance to the nearer end of its range, rad; negative outside; absent for wheels.
+    pub room: Option<f64>,
+    /// How far it moved, rad.
+    pub moved: f64,
+    /// Noise of its angle, rad (standard deviation).
+    pub noise: f64,
+    /// Smallest step of its angle, rad; 0 if it never changed.
+    pub step: f64,
+    /// Mean of its velocity, rad/s.
+    pub velocity: f64,
+    /// Noise of its velocity, rad/s.
+    pub velocity_noise: f64,
+    /// Mean of its reported torque, N·m.
+    pub torque: f64,
+    /// Hottest temperature of its motor, °C.
+    pub temperature: i16,
+    /// Its motor's error number; 0 is none.
+    pub error: u32,
+    /// Packets that its motor lost meanwhile.
+    pub lost: u32,
+}
+
+/// What states show of the joints, motor order. Numbers that are not finite are left out.
+pub(super) fn joints(heard: &[Heard], robot: &Robot) -> Vec<JointReport> {
+    let of = |value: &dyn Fn(&Heard) -> f32| -> Vec<f64> {
+        heard.iter().map(|one| f64::from(value(one))).filter(|x| x.is_finite()).collect()
+    };
+    let limits = robot.limits();
+    let report = |motor: usize| {
+        let q = of(&|one| one.state.q[motor]);
+        let dq = of(&|one| one.state.dq[motor]);
+        let angle = mean(&q);
+        let room = (f64::from(limits.upper[motor]) - angle).min(angle - f64::from(limits.lower[motor]));
+        let lost = |one: &Heard| one.state.lost[motor];
+        let differences: Vec<f64> = q.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        JointReport {
+            joint: robot.motors[motor].joint.clone(),
+            angle,
+            room: room.is_finite().then_some(room),
+            moved: span(q.iter().copied()),
+            noise: deviation(&differences) / 2f64.sqrt(),
+            step: step(&q),
+            velocity: mean(&dq),
+            velocity_noise: deviation(&dq),
+            torque: mean(&of(&|one| one.state.torque[motor])),
+            temperature: heard.iter().map(|one| one.state.temperature[motor]).max().unwrap_or(0),
+            error: heard.iter().map(|one| one.state.error[motor]).find(|error| *error != 0).unwrap_or(0),
+            lost: heard.last().map_or(0, lost).wrapping_sub(heard.first().map_or(0, lost)),
+        }
+    };
+    (0..robot.motors.len()).map(report).collect()
+}
+
+/// What is wrong with them. `simulator`: zeros are no sign of a motor that does not answer.
+pub(super) fn judge(
+    reports: &[JointReport],
+    heard: &[Heard],
+    robot: &Robot,
+    simulator: bool,
+    findings: &mut Vec<Finding>,
+) {
+    let limits = robot.limits();
+    for (motor, report) in reports.iter().enumerate() {
+        let mut say = |finding: Finding| findings.push(finding.of(&report.joint));
+        let parts = |one: &Heard| [one.state.q[motor], one.state.dq[motor], one.state.torque[motor]];
+        let names = ["angle", "velocity", "torque"];
+        let wrong = (0..3).find(|part| heard.iter().any(|one| !parts(one)[*part].is_finite()));
+        if let Some(part) = wrong {
+            let count = heard.iter().filter(|one| !parts(one)[part].is_finite()).count();
+            say(Finding::fault(
+                Check::Numbers,
+                format!("its {} is not finite in {count} states", names[part]),
+                "Switch the robot off and on; if it stays, the motor's encoder or its cable fails",
+            ));
+            continue;
+        }
+        let silent = |one: &Heard| parts(one) == [0.0; 3] && one.state.temperature[motor] == 0;
+        if !simulator && heard.iter().all(silent) {
+            say(Finding::fault(
+                Check::Present,
+                "its slot in the messages holds zeros alone: no motor answers there",
+                "Check `slot` in the robot's file, the motor's cable, and whether the motor is switched on",
+            ));
+            continue;
+        }
+        if let Some(room) = report.room.filter(|room| *room < -OUTSIDE) {
+            say(Finding::fault(
+                Check::Range,
+                format!(
+                    "it reads {:.3} rad, {:.3} rad outside its range of {} to {}",
+                    report.angle, -room, limits.lower[motor], limits.upper[motor]
+                ),
+                "Look at the leg; if the joint is inside its range, its zero is off, or joints are in another order or sign",
+            ));
+        }
+        if report.moved > MOVES[0] {
+            let problem = format!("it moved by {:.3} rad while nothing was sent", report.moved);
+            let remedy = "Hold the legs still and repeat; if nobody moves them, another program does, or the encoder fails";
+            say(match report.moved > MOVES[1] {
+                true => Finding::fault(Check::Still, problem, remedy),
+                false => Finding::warning(Check::Still, problem, remedy),
+            });
+        } else if report.velocity.abs() > RESTING {
+            say(Finding::warning(
+                Check::Still,
+                format!("it stands still and reads a velocity of {:.3} rad/s", report.velocity),
+                "Check the unit of velocities; a policy observes this number",
+            ));
+        }
+        if report.step > COARSE {
+            say(Finding::warning(
+                Check::Numbers,
+                format!("its angle changes in steps of {:.4} rad", report.step),
+                "Check whether the encoder is the finer one of the two that some motors have",
+            ));
+        }
+        let (hot, degrees) = (robot.guard.temperature, report.temperature);
+        if degrees > hot || degrees < NO_TEMPERATURE[0] || degrees > NO_TEMPERATURE[1] {
+            say(Finding::fault(
+                Check::Temperature,
+                format!("its motor is at {degrees} °C; at most {hot} are allowed"),
+                "Let it cool; if it is cold, its sensor fails",
+            ));
+        } else if degrees > hot - WARM {
+            say(Finding::warning(
+                Check::Temperature,
+                format!("its motor is at {degrees} °C, near the {hot} at which a run stops"),
+                "Let it cool",
+            ));
+        }
+        if report.error != 0 {
+            say(Finding::fault(
+                Check::MotorError,
+                format!("its motor reports the error number {:#x}", report.error),
+                "Look it up in the vendor's documentation; switch the robot off and on",
+            ));
+        }
+        if report.lost > 0 {
+            say(Finding::warning(
+                Check::MotorError,
+                format!("{} packets between its motor and the main board were lost", report.lost),
+                "Check the motor's cable",
+            ));
+        }
+    }
+}
+
+/// Whether a joint rests at its stop, which is usual for a leg that hangs limp.
+pub(super) fn at_stop(report: &JointReport) -> bool {
+    report.room.is_some_and(|room| room.abs() <= AT_STOP)
+}
+
+impl JointReport {
+    /// Whether it rests at an end of its range.
+    pub fn is_at_stop(&self) -> bool {
+        at_stop(self)
+    }
+}
+
+/// What is wrong with the battery, if the robot's file watches it.
+pub(super) fn judge_battery(heard: &[Heard], robot: &Robot, simulator: bool, findings: &mut Vec<Finding>) {
+    let (Some(least), Some(last)) = (robot.guard.charge, heard.last()) else { return };
+    match last.state.battery {
+        Some(battery) if battery.charge < least => findings.push(Finding::fault(
+            Check::Battery,
+            format!("the battery is at {} %; a run needs {least} %", battery.charge),
+            "Charge it",
+        )),
+        None if !simulator => findings.push(Finding::fault(
+            Check::Battery,
+            "the robot reports no battery",
+            "Check its cable; if this robot has none in its state, leave `charge` out of its file",
+        )),
+        _ => {}
+    }
+}

@@ -1,0 +1,222 @@
+//! The loops that listen to a robot and move it. Turns come from a clock that is given; [`Beat`] is the real one.
+
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+
+use super::flight::{Flight, Flown};
+use super::imu::{self, ImuReport};
+use super::joints::{self, JointReport};
+use super::network::{self, NetworkReport};
+use super::plan::Stage;
+use super::tilt::Tilted;
+use super::tilting::{Asked, Tilting};
+use super::{Finding, Heard};
+use crate::RobotError;
+use crate::guard::Reason;
+use crate::link::Link;
+use crate::robot::Robot;
+use crate::state::{Reading, Seal};
+
+/// Time between two turns.
+const TICK: Duration = Duration::from_millis(2);
+/// How long to wait for a robot's first state.
+const FIRST_STATE: Duration = Duration::from_secs(15);
+
+/// When the turns of a loop are.
+pub trait Turns {
+    /// Waits for the next turn; the time since the first.
+    fn next(&mut self) -> Duration;
+}
+
+/// Turns on the clock, 500 a second; those that were missed are left out.
+pub struct Beat {
+    begin: Instant,
+    due: Duration,
+}
+
+impl Default for Beat {
+    fn default() -> Self {
+        Self { begin: Instant::now(), due: Duration::ZERO }
+    }
+}
+
+impl Turns for Beat {
+    fn next(&mut self) -> Duration {
+        self.due += TICK;
+        sleep(self.due.saturating_sub(self.begin.elapsed()));
+        let now = self.begin.elapsed();
+        if now > self.due + TICK {
+            self.due = now;
+        }
+        now
+    }
+}
+
+/// What listening showed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Listened {
+    /// How states come.
+    pub network: NetworkReport,
+    /// The joints, motor order.
+    pub joints: Vec<JointReport>,
+    /// The inertial unit; absent if too few states came.
+    pub imu: Option<ImuReport>,
+    /// Charge of the battery, %; absent where nothing of it is reported.
+    pub charge: Option<u8>,
+}
+
+impl Listened {
+    /// What states show, and what is wrong. `simulator`: checksum, counter and battery may be left out.
+    pub fn new(heard: &[Heard], others: u64, robot: &Robot, simulator: bool) -> (Self, Vec<Finding>) {
+        let mut findings = Vec::new();
+        let network = network::network(heard, others);
+        network::judge(&network, simulator, &mut findings);
+        let mut listened = Self { network, joints: Vec::new(), imu: None, charge: None };
+        if heard.len() < network::FEWEST {
+            return (listened, findings);
+        }
+        listened.charge = heard.last().and_then(|one| one.state.battery).map(|battery| battery.charge);
+        joints::judge_battery(heard, robot, simulator, &mut findings);
+        listened.joints = joints::joints(heard, robot);
+        joints::judge(&listened.joints, heard, robot, simulator, &mut findings);
+        let mut unit = imu::imu(heard);
+        imu::judge(&mut unit, heard, simulator, &mut findings);
+        listened.imu = Some(unit);
+        (listened, findings)
+    }
+}
+
+/// Takes what has arrived; how many commands of other programs were seen.
+fn receive(
+    link: &mut dyn Link,
+    now: Duration,
+    mut each: impl FnMut(Duration, &Reading),
+) -> Result<u64, RobotError> {
+    link.receive(now, &mut |age, reading| each(now.saturating_sub(age), reading)).map_err(RobotError::Broken)
+}
+
+fn heard_of(came: Duration, reading: &Reading) -> Heard {
+    Heard { came, state: reading.state, seal: reading.seal }
+}
+
+/// Listens for `length` from the first state on, and sends nothing. What came, and how many commands of other programs.
+///
+/// # Errors
+/// A link that breaks, a reason of `stop`. Silence is none: then nothing came.
+pub fn listen(
+    link: &mut dyn Link,
+    turns: &mut dyn Turns,
+    length: Duration,
+    stop: &dyn Fn() -> Option<Reason>,
+) -> Result<(Vec<Heard>, u64), RobotError> {
+    let (mut heard, mut others) = (Vec::new(), 0);
+    loop {
+        let now = turns.next();
+        if let Some(reason) = stop() {
+            return Err(RobotError::NotArmed(reason));
+        }
+        others += receive(link, now, |came, reading| heard.push(heard_of(came, reading)))?;
+        let over = match heard.first() {
+            Some(first) => now.saturating_sub(first.came) >= length,
+            None => now >= FIRST_STATE,
+        };
+        if over {
+            return Ok((heard, others));
+        }
+    }
+}
+
+/// Follows a person who tilts the robot; `ask` is told what to ask for. The turns that were made in time.
+///
+/// # Errors
+/// A link that breaks, a reason of `stop`, no state, a turn that nobody made within 30 s.
+pub fn tilt(
+    link: &mut dyn Link,
+    turns: &mut dyn Turns,
+    ask: &mut dyn FnMut(Asked),
+    stop: &dyn Fn() -> Option<Reason>,
+) -> Result<Vec<Tilted>, RobotError> {
+    let mut tilting = Tilting::new();
+    let (mut asked, mut last) = (None, Duration::ZERO);
+    loop {
+        let now = turns.next();
+        if let Some(reason) = stop() {
+            return Err(RobotError::NotArmed(reason));
+        }
+        receive(link, now, |came, reading| {
+            if reading.seal != Seal::Wrong {
+                tilting.take(heard_of(came, reading));
+                last = came;
+            }
+        })?;
+        if now.saturating_sub(last) > FIRST_STATE {
+            return Err(RobotError::NotArmed(Reason::NoState));
+        }
+        tilting.advance(now);
+        let wanted = tilting.asked();
+        if asked != Some(wanted) {
+            asked = Some(wanted);
+            ask(wanted);
+        }
+        match wanted {
+            Asked::Done => return Ok(tilting.turns()),
+            Asked::TooLate(motion) => return Err(RobotError::NotTilted(motion.words())),
+            _ => {}
+        }
+    }
+}
+
+/// How long a robot is listened to before it is armed.
+const BEFORE: Duration = Duration::from_secs(1);
+
+/// Moves a robot that hangs. `stage` is told of each new stage. What was sent and heard, whatever ended it.
+///
+/// # Errors
+/// A robot that may not be armed; nothing was sent then.
+pub fn fly(
+    link: &mut dyn Link,
+    turns: &mut dyn Turns,
+    mut flight: Flight,
+    told: &mut dyn FnMut(Stage),
+    stop: &dyn Fn() -> Option<Reason>,
+) -> Result<Flown, RobotError> {
+    let (mut first, mut stage) = (None, Stage::Idle);
+    loop {
+        let now = turns.next();
+        if let Some(reason) = stop() {
+            if stage == Stage::Idle {
+                return Err(RobotError::NotArmed(reason));
+            }
+            flight.stop(now, reason);
+        }
+        match receive(link, now, |came, reading| {
+            first.get_or_insert(came);
+            flight.read(came, reading);
+        }) {
+            Ok(0) => {}
+            Ok(_) => flight.stop(now, Reason::SecondController),
+            Err(problem) => flight.stop(now, Reason::Link(problem.to_string())),
+        }
+        if stage == Stage::Idle {
+            match first {
+                Some(first) if now.saturating_sub(first) >= BEFORE => flight.arm(now)?,
+                None if now >= FIRST_STATE => return Err(RobotError::NotArmed(Reason::NoState)),
+                _ => continue,
+            }
+        }
+        if let Some(command) = flight.tick(now)
+            && let Err(problem) = link.send(&command)
+        {
+            flight.stop(now, Reason::Link(problem));
+        }
+        if flight.stage() != stage {
+            stage = flight.stage();
+            told(stage);
+        }
+        if flight.is_over(now) {
+            return Ok(flight.flown());
+        }
+    }
+}

@@ -1,0 +1,321 @@
+//! What the small motions show: does each joint move, and no other, in the commanded direction, by the commanded amount, how late.
+
+use gaitfit_model::Model;
+use gaitfit_model::rotation::{Vec3, up};
+use serde::Serialize;
+
+use super::flight::Flown;
+use super::gravity::{Load, load};
+use super::log::{DT, SampledStates};
+use super::plan::{Plan, SLOW, Stage};
+use super::response::{Equation, response};
+use super::statistics::{Measured, mean, median, robust, span};
+use super::stopped::stopped;
+use super::turned::mean_attitude;
+use super::{Check, Finding};
+use crate::robot::Robot;
+
+/// A joint that moves by less than this part of what is asked does not move; another that moves by more moves instead of it.
+const HARDLY: f64 = 0.25;
+const INSTEAD: f64 = 0.5;
+/// Change of the angle over that of the target: below the first the sign is wrong, above the second it moves too far.
+const OPPOSITE: f64 = -0.3;
+const TOO_FAR: f64 = 1.4;
+/// Part of what friction lets it follow below which it moves too little.
+const TOO_LITTLE: f64 = 0.5;
+/// Reported torque over commanded torque: a fault outside the first, looked at outside the second.
+const GAIN: [[f64; 2]; 2] = [[0.5, 2.0], [0.75, 1.33]];
+/// Error of a zero that is a fault, rad, and how many of its own errors it must be.
+const ZERO: f64 = 0.1;
+const SURE: f64 = 2.5;
+/// A zero is judged if its error is below this, rad.
+const KNOWN: f64 = 0.08;
+/// How well the weights of a robot's file are known relative to each other, and the least error of a joint's holding torque: N·m
+/// and part of friction.
+const WEIGHT: f64 = 0.04;
+/// Joints that carry more, N·m, show how heavy the links are in all; more or less than this part is not the links' mass.
+const CARRIED: f64 = 0.3;
+const MASSES: [f64; 2] = [0.8, 1.25];
+const HOLDING: (f64, f64) = (0.01, 0.1);
+/// Delay to look at, and a fault, s.
+const LATE: [f64; 2] = [0.008, 0.03];
+/// Least error of a delay, s: commands are sent every 2 ms.
+const LEAST_ERROR: f64 = 0.0005;
+/// A joint's delay with a larger error does not count, s.
+const WORST_ERROR: f64 = 0.003;
+/// Level enough to weigh legs: the cosine of a lean of 45°.
+const LEVEL: f64 = 0.7;
+
+/// A joint's own motion.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct JointMotion {
+    /// Its name.
+    pub joint: String,
+    /// How far it moved, rad, highest to lowest.
+    pub moved: f64,
+    /// How far it was asked to.
+    pub asked: f64,
+    /// The other joint that moved most meanwhile, and how far, rad.
+    pub other: Option<(String, f64)>,
+    /// Change of its angle over change of its target.
+    pub follows: Option<f64>,
+    /// Time from a target to its torque, by the motion, s; absent if the joint moves too slowly to show it.
+    pub delay: Option<Measured>,
+    /// Time from a target to the reported torque, s.
+    pub torque_delay: Option<Measured>,
+    /// Dry friction, N·m.
+    pub friction: Option<Measured>,
+    /// Viscous friction, N·m·s/rad.
+    pub damping: Option<Measured>,
+    /// Inertia about its axis, with the rotor's, kg·m².
+    pub inertia: Option<Measured>,
+    /// The rotor's alone, by the robot's file, kg·m².
+    pub armature: Option<Measured>,
+    /// Reported torque over commanded torque.
+    pub torque_gain: Option<f64>,
+    /// Its reading less its true angle, by its weight, rad; absent without the robot's file.
+    pub zero: Option<Measured>,
+}
+
+/// What the motions show.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Moved {
+    /// Why they were stopped; absent after an orderly end.
+    pub reason: Option<String>,
+    /// Commands sent.
+    pub commands: usize,
+    /// Commands that the guard changed.
+    pub changed: u64,
+    /// Joints that moved alone, in that order.
+    pub joints: Vec<JointMotion>,
+    /// Time from a target to its torque by the motion, all joints together, s.
+    pub delay: Option<Measured>,
+    /// Time from a target to the reported torque, all joints together, s.
+    pub torque_delay: Option<Measured>,
+    /// Weight of the links over that of the robot's file, by the torques that hold them.
+    pub mass_factor: Option<f64>,
+}
+
+/// What motions show, and what is wrong. `model`: the robot's file, for weights.
+pub fn moved(
+    flown: &Flown,
+    sampled: &SampledStates,
+    robot: &Robot,
+    model: Option<&Model>,
+) -> (Moved, Vec<Finding>) {
+    let mut findings = Vec::new();
+    stopped(flown, sampled, robot, &mut findings);
+    let (mut joints, mut mass_factor) = (Vec::new(), None);
+    if let Some(plan) = &flown.plan {
+        let vertical = mean_attitude(&flown.heard).map(up).filter(|up| up[2] > LEVEL);
+        let all = plan.order().iter().filter_map(|&motor| {
+            let (one, carried) = joint(sampled, robot, plan, motor, model.zip(vertical))?;
+            Some((one, carried, f64::from(plan.kp()[motor])))
+        });
+        let all: Vec<_> = all.collect();
+        mass_factor = heavier(all.iter().filter_map(|(_, carried, _)| carried.as_ref()));
+        for (mut one, carried, kp) in all {
+            if let (Some(carried), Some(factor)) = (carried, mass_factor) {
+                (one.zero, one.armature) = carried.zero(factor);
+            }
+            judge(&one, kp, &mut findings);
+            joints.push(one);
+        }
+    }
+    let delay = together(joints.iter().filter_map(|one| one.delay));
+    let torque_delay = together(joints.iter().filter_map(|one| one.torque_delay));
+    if let Some(delay) = delay.or(torque_delay) {
+        judge_delay(delay, &mut findings);
+    }
+    let reason = flown.reason.as_ref().map(ToString::to_string);
+    let (commands, changed) = (flown.sent.len(), flown.changed);
+    (Moved { reason, commands, changed, joints, delay, torque_delay, mass_factor }, findings)
+}
+
+/// The delay of all joints.
+fn together(all: impl Iterator<Item = Measured>) -> Option<Measured> {
+    let delays: Vec<f64> = all.filter(|one| one.error < WORST_ERROR).map(|one| one.value).collect();
+    let Measured { value, error } = robust(&delays);
+    (delays.len() >= 3).then_some(Measured { value, error: error.max(LEAST_ERROR) })
+}
+
+/// The rows in which a joint moves alone; `None` if its motion was not finished.
+fn window(sampled: &SampledStates, motor: usize) -> Option<std::ops::Range<usize>> {
+    let begin = sampled.rows.iter().position(|row| row.stage == Stage::Joint(motor))?;
+    let end = begin + sampled.rows[begin..].iter().take_while(|row| row.stage == Stage::Joint(motor)).count();
+    (sampled.rows.len() > end).then_some(begin..end)
+}
+
+fn joint(
+    sampled: &SampledStates,
+    robot: &Robot,
+    plan: &Plan,
+    motor: usize,
+    file: Option<(&Model, Vec3)>,
+) -> Option<(JointMotion, Option<Carried>)> {
+    let window = window(sampled, motor)?;
+    let rows = &sampled.rows;
+    let travelled = |of: usize| span(rows[window.clone()].iter().map(|row| f64::from(row.state.q[of])));
+    let others = (0..robot.motors.len()).filter(|of| *of != motor).map(|of| (of, travelled(of)));
+    let other = others.max_by(|a, b| a.1.total_cmp(&b.1));
+    let found = response(rows, window.clone(), motor, (2.0 * SLOW / DT) as usize);
+    let equation = found.and_then(|found| found.equation);
+    let carried = file.zip(equation).and_then(|(file, equation)| {
+        Some(Carried { load: weigh(sampled, robot, &window, motor, file)?, equation })
+    });
+    let torque = found.and_then(|found| found.torque);
+    let motion = JointMotion {
+        joint: robot.motors[motor].joint.clone(),
+        moved: travelled(motor),
+        asked: 2.0 * f64::from(plan.amplitude()[motor]),
+        other: other.map(|(of, far)| (robot.motors[of].joint.clone(), far)),
+        follows: found.map(|found| found.follows),
+        delay: equation.and_then(|found| found.delay),
+        torque_delay: torque.map(|(delay, _)| delay),
+        friction: equation.map(|found| found.friction),
+        damping: equation.map(|found| found.damping),
+        inertia: equation.and_then(|found| found.inertia),
+        armature: None,
+        torque_gain: torque.map(|(_, gain)| gain),
+        zero: None,
+    };
+    Some((motion, carried))
+}
+
+/// What a joint carries by the robot's file.
+fn weigh(
+    sampled: &SampledStates,
+    robot: &Robot,
+    window: &std::ops::Range<usize>,
+    motor: usize,
+    (model, up): (&Model, Vec3),
+) -> Option<Load> {
+    let mut q: Vec<f64> = model.joints.iter().map(|joint| joint.reference).collect();
+    for (index, one) in robot.motors.iter().enumerate() {
+        if let Some(joint) = model.find_joint(&one.joint) {
+            let angles: Vec<f64> =
+                sampled.rows[window.clone()].iter().map(|row| f64::from(row.state.q[index])).collect();
+            q[joint] = mean(&angles);
+        }
+    }
+    Some(load(model, model.find_joint(&robot.motors[motor].joint)?, &q, up))
+}
+
+/// What a joint carries by the robot's file, and how it moved.
+struct Carried {
+    load: Load,
+    equation: Equation,
+}
+
+/// Weight of the links over that of the file: the middle of all joints.
+fn heavier<'c>(all: impl Iterator<Item = &'c Carried>) -> Option<f64> {
+    let mut none = true;
+    let factors: Vec<f64> = all
+        .inspect(|_| none = false)
+        .filter(|one| one.load.torque.abs() > CARRIED)
+        .map(|one| one.equation.weight.value / one.load.torque)
+        .collect();
+    let factor = if factors.len() >= 3 { median(&factors).clamp(MASSES[0], MASSES[1]) } else { 1.0 };
+    (!none).then_some(factor)
+}
+
+impl Carried {
+    /// The joint's zero by its weight, and the rotor's inertia: the joint's without that of the links.
+    fn zero(&self, factor: f64) -> (Option<Measured>, Option<Measured>) {
+        let Equation { weight, friction, inertia, .. } = self.equation;
+        let Load { torque, slope, inertia: links } = self.load;
+        let holding = HOLDING.0 + HOLDING.1 * friction.value.abs();
+        let error = weight.error.hypot(WEIGHT * torque).hypot(holding);
+        let slope = factor * slope;
+        // torque(reading − zero) = weight.
+        let zero = Measured {
+            value: (factor * torque - weight.value) / slope,
+            error: error / slope.abs().max(1e-6),
+        };
+        let links = factor * links;
+        let armature =
+            inertia.map(|all| Measured { value: all.value - links, error: all.error.hypot(WEIGHT * links) });
+        (zero.value.is_finite().then_some(zero), armature)
+    }
+}
+
+fn judge(one: &JointMotion, kp: f64, findings: &mut Vec<Finding>) {
+    let mut say = |finding: Finding| findings.push(finding.of(&one.joint));
+    let far = one.other.as_ref().filter(|(_, far)| *far > INSTEAD * one.asked);
+    if one.moved < HARDLY * one.asked {
+        say(match far {
+            Some((other, far)) => Finding::fault(
+                Check::Order,
+                format!("its command moves {other} by {far:.2} rad, and it itself by {:.3}", one.moved),
+                "Joints are in another order in commands than in states: check `slot` in the robot's file and the motors' cables",
+            ),
+            None => Finding::fault(
+                Check::Moves,
+                format!("it was asked to move by {:.2} rad and moved by {:.3}", one.asked, one.moved),
+                "It sticks, or its motor does not take commands: move it by hand with the power off, then check the motor's mode, \
+                 gains and cable",
+            ),
+        });
+        return;
+    }
+    if let Some((other, far)) = far {
+        say(Finding::warning(
+            Check::Order,
+            format!("{other} moved too, by {far:.2} rad"),
+            "Look at both joints: one may hold too weakly, or touch the other",
+        ));
+    }
+    let Some(follows) = one.follows else { return };
+    let friction = one.friction.map_or(0.0, |friction| friction.value.max(0.0));
+    let free = (1.0 - 2.0 * friction / (kp * one.asked).max(1e-9)).clamp(0.3, 1.0);
+    if follows < OPPOSITE {
+        say(Finding::fault(
+            Check::Sign,
+            format!("it moves against its command, by {follows:.2} of it"),
+            "The sign of its commands is not that of its angle: check the robot's file and the joint's direction in the vendor's documentation",
+        ));
+        return;
+    }
+    if follows > TOO_FAR || follows < TOO_LITTLE * free {
+        say(Finding::fault(
+            Check::Amount,
+            format!("it moves by {follows:.2} of what is asked"),
+            format!(
+                "Check its gear and gains (kp {kp} N·m/rad here); its friction by this motion is {friction:.2} N·m"
+            ),
+        ));
+    }
+    if let Some(gain) = one.torque_gain {
+        let outside = |[low, high]: [f64; 2]| gain < low || gain > high;
+        let problem = format!("its motor reports {gain:.2} of the torque that its command gives");
+        let remedy = "Check whether kp and kd are in N·m/rad and N·m·s/rad at the joint, and its gear ratio; a fit finds it as torque_scale";
+        if outside(GAIN[0]) {
+            say(Finding::fault(Check::Gains, problem, remedy));
+        } else if outside(GAIN[1]) {
+            say(Finding::warning(Check::Gains, problem, remedy));
+        }
+    }
+    if let Some(zero) = one.zero.filter(|zero| zero.error < KNOWN) {
+        if zero.value.abs() > ZERO && zero.value.abs() > SURE * zero.error {
+            say(Finding::fault(
+                Check::Zero,
+                format!("by its weight it reads {:.2} ± {:.2} rad too much", zero.value, zero.error),
+                "Calibrate its encoder's zero; if it is right, its sign or order is wrong, or the robot's file lacks a load",
+            ));
+        }
+    }
+}
+
+fn judge_delay(delay: Measured, findings: &mut Vec<Finding>) {
+    if delay.value < LATE[0] {
+        return;
+    }
+    let problem =
+        format!("targets take {:.1} ± {:.1} ms until they act", 1e3 * delay.value, 1e3 * delay.error);
+    let remedy =
+        "Train and fit with this delay (the prior is in preflight.toml), or look for what holds messages up";
+    findings.push(match delay.value > LATE[1] {
+        true => Finding::fault(Check::Delay, problem, remedy),
+        false => Finding::warning(Check::Delay, problem, remedy),
+    });
+}

@@ -1,0 +1,208 @@
+//! A joint's own equation of motion from its own motion: delay, inertia, friction, weight, and how the motor follows.
+//!
+//! I q̈ + b q̇ + F sign(q̇) + c₀ + c₁ (q − q̄) = kp (q*(t − d) − q) − kd q̇, multiplied by a smooth bump in time and integrated by
+//! parts, so that nothing is differentiated. For each delay d the rest is linear. Bumps in which the joint is slow or reverses
+//! do not count: how friction reverses is another question, and a wrong answer looks like a delay.
+
+use std::ops::Range;
+
+use super::log::{DT, Row};
+use super::statistics::{Measured, least_squares, mean, slope, span};
+
+/// Samples of a bump, and between two bumps.
+const LENGTH: usize = 15;
+const STRIDE: usize = 3;
+/// Fewest bumps for an answer.
+const FEWEST: usize = 30;
+/// Longest delay that is tried, in samples of half a row.
+const DELAYS: usize = 60;
+const DELAY_STEP: f64 = 0.5 * DT;
+/// Slowest motion that counts, rad/s.
+const SLOWEST: f64 = 0.1;
+/// An inertia of so many errors is seen.
+const SEEN: f64 = 5.0;
+/// A target that is sent counts until the next one: on the mean it is late by half a row, s.
+const HELD: f64 = 0.5 * DT;
+/// A torque that is reported at all, N·m.
+const REPORTED: f64 = 0.01;
+
+/// What a joint's own motion shows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Response {
+    /// By its equation of motion; absent if it moves too slowly for one.
+    pub(super) equation: Option<Equation>,
+    /// Time from a target to the reported torque, s, and reported torque over that of the command; absent where none is
+    /// reported.
+    pub(super) torque: Option<(Measured, f64)>,
+    /// Change of the angle over change of the target.
+    pub(super) follows: f64,
+}
+
+/// A joint's equation of motion.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Equation {
+    /// Time from a target to its torque, s; absent where friction hides the inertia.
+    pub(super) delay: Option<Measured>,
+    /// Inertia about the axis, kg·m²; absent likewise.
+    pub(super) inertia: Option<Measured>,
+    /// Viscous friction, N·m·s/rad.
+    pub(super) damping: Measured,
+    /// Dry friction, N·m.
+    pub(super) friction: Measured,
+    /// Torque that holds the joint at its mean angle, N·m.
+    pub(super) weight: Measured,
+}
+
+/// The motion of `motor` in `rows[window]`, whose first `slow` rows are slow. `None` if it hardly moves or the rows have gaps.
+pub(super) fn response(rows: &[Row], window: Range<usize>, motor: usize, slow: usize) -> Option<Response> {
+    let inside = rows.get(window.clone())?;
+    if inside.len() < 4 * LENGTH || inside.windows(2).any(|pair| pair[1].time - pair[0].time > 1.5 * DT) {
+        return None;
+    }
+    let angles: Vec<f64> = inside.iter().map(|row| f64::from(row.state.q[motor])).collect();
+    if span(angles.iter().copied()) < 0.01 {
+        return None;
+    }
+    let torque = torque(rows, window.clone(), motor);
+    let equation =
+        equation(rows, window.clone(), motor, mean(&angles), torque.map_or(0.0, |(delay, _)| delay.value));
+    let delay = equation.and_then(|found| found.delay).or(torque.map(|(delay, _)| delay));
+    let late = delay.map_or(0.0, |delay| delay.value);
+    let steps = ((late + HELD) / DELAY_STEP).round().max(0.0) as usize;
+    let slow = window.start..(window.start + slow).min(window.end);
+    Some(Response { equation, torque, follows: follows(rows, slow, motor, steps) })
+}
+
+/// The delay with the least squares, in steps, and its error in steps: `noise` of one of the squares, and how much they overlap.
+fn least(squares: &[f64], count: usize, overlap: f64) -> Option<(usize, Measured)> {
+    let best = (0..squares.len()).min_by(|a, b| squares[*a].total_cmp(&squares[*b]))?;
+    let noise = squares[best] / count.saturating_sub(6).max(1) as f64;
+    let around = best.checked_sub(1).map(|at| squares[at]).zip(squares.get(best + 1).copied());
+    let (fraction, error) = match around {
+        Some((before, after))
+            if before + after - 2.0 * squares[best] > 0.0 && (before + after).is_finite() =>
+        {
+            let bend = before + after - 2.0 * squares[best];
+            (0.5 * (before - after) / bend, overlap * (2.0 * noise / bend).sqrt())
+        }
+        _ => (0.0, 1.0),
+    };
+    squares[best].is_finite().then_some((best, Measured { value: best as f64 + fraction, error }))
+}
+
+/// A delay in s of one in steps.
+fn seconds(steps: Measured) -> Measured {
+    Measured { value: DELAY_STEP * steps.value - HELD, error: DELAY_STEP * steps.error }
+}
+
+/// `otherwise`: the delay where the motion does not show it, s.
+fn equation(
+    rows: &[Row],
+    window: Range<usize>,
+    motor: usize,
+    centre: f64,
+    otherwise: f64,
+) -> Option<Equation> {
+    let all: Vec<_> =
+        (0..=DELAYS).map(|delay| equations(rows, window.clone(), motor, centre, delay)).collect();
+    let count = all[0].len();
+    if count < FEWEST {
+        return None;
+    }
+    let squares: Vec<f64> =
+        all.iter().map(|rows| least_squares(rows).map_or(f64::INFINITY, |(_, _, left)| left)).collect();
+    // Neighbouring bumps overlap.
+    let overlap = (LENGTH as f64 / (1.5 * STRIDE as f64)).sqrt();
+    let (best, delay) = least(&squares, count, overlap)?;
+    let solved = |at: usize| {
+        let (found, covariance, left) = least_squares(&all[at.min(DELAYS)])?;
+        let noise = left / count.saturating_sub(6).max(1) as f64;
+        Some(std::array::from_fn::<Measured, 4, _>(|k| Measured {
+            value: found[k],
+            error: overlap * (noise * covariance[k][k].max(0.0)).sqrt(),
+        }))
+    };
+    let seen = |inertia: &Measured| inertia.value > SEEN * inertia.error && best > 0 && best < DELAYS;
+    let [inertia, damping, friction, weight] = solved(best)?;
+    if seen(&inertia) {
+        let (delay, inertia) = (Some(seconds(delay)), Some(inertia));
+        return Some(Equation { delay, inertia, damping, friction, weight });
+    }
+    let [_, damping, friction, weight] = solved(((otherwise + HELD) / DELAY_STEP).round().max(0.0) as usize)?;
+    Some(Equation { delay: None, inertia: None, damping, friction, weight })
+}
+
+/// A target `delay` half rows before row `at`, rad.
+fn target(rows: &[Row], at: usize, motor: usize, delay: usize) -> f64 {
+    let value = |back: usize| f64::from(rows[at.saturating_sub(back)].command[motor].q);
+    let whole = delay / 2;
+    if delay % 2 == 0 { value(whole) } else { 0.5 * (value(whole) + value(whole + 1)) }
+}
+
+/// The torque that a command makes at row `at`, N·m.
+fn commanded(rows: &[Row], at: usize, motor: usize, delay: usize) -> f64 {
+    let (slot, state) = (&rows[at].command[motor], &rows[at].state);
+    f64::from(slot.kp) * (target(rows, at, motor, delay) - f64::from(state.q[motor]))
+        - f64::from(slot.kd) * f64::from(state.dq[motor])
+}
+
+fn equations(
+    rows: &[Row],
+    window: Range<usize>,
+    motor: usize,
+    centre: f64,
+    delay: usize,
+) -> Vec<([f64; 5], f64)> {
+    let half = 0.5 * LENGTH as f64 * DT;
+    let mut equations = Vec::new();
+    let mut begin = window.start;
+    while begin + LENGTH <= window.end {
+        let (mut row, mut right) = ([0.0; 5], 0.0);
+        let velocity = |k: usize| f64::from(rows[begin + k].state.dq[motor]);
+        let sign = velocity(0).signum();
+        if (0..LENGTH).any(|k| sign * velocity(k) < SLOWEST) {
+            begin += STRIDE;
+            continue;
+        }
+        for k in 0..LENGTH {
+            let at = begin + k;
+            let x = (k as f64 + 0.5) * DT / half - 1.0;
+            let bump = (1.0 - x * x).powi(3);
+            let bent = -6.0 * x * (1.0 - x * x).powi(2) / half;
+            let state = &rows[at].state;
+            let (q, dq) = (f64::from(state.q[motor]), f64::from(state.dq[motor]));
+            row[0] -= DT * bent * dq;
+            row[1] += DT * bump * dq;
+            row[2] += DT * bump * sign;
+            row[3] += DT * bump;
+            row[4] += DT * bump * (q - centre);
+            right += DT * bump * commanded(rows, at, motor, delay);
+        }
+        equations.push((row, right));
+        begin += STRIDE;
+    }
+    equations
+}
+
+fn torque(rows: &[Row], window: Range<usize>, motor: usize) -> Option<(Measured, f64)> {
+    let reported: Vec<f64> = window.clone().map(|at| f64::from(rows[at].state.torque[motor])).collect();
+    if span(reported.iter().copied()) < REPORTED {
+        return None;
+    }
+    let made = |delay: usize| -> Vec<([f64; 2], f64)> {
+        let at = window.clone().zip(&reported);
+        at.map(|(at, torque)| ([1.0, commanded(rows, at, motor, delay)], *torque)).collect()
+    };
+    let squares: Vec<f64> = (0..=DELAYS)
+        .map(|delay| least_squares(&made(delay)).map_or(f64::INFINITY, |(_, _, left)| left))
+        .collect();
+    let (best, delay) = least(&squares, reported.len(), 1.0)?;
+    let (found, _, _) = least_squares(&made(best))?;
+    Some((seconds(delay), found[1]))
+}
+
+fn follows(rows: &[Row], window: Range<usize>, motor: usize, delay: usize) -> f64 {
+    let targets: Vec<f64> = window.clone().map(|at| target(rows, at, motor, delay)).collect();
+    let angles: Vec<f64> = window.map(|at| f64::from(rows[at].state.q[motor])).collect();
+    slope(&targets, &angles)
+}

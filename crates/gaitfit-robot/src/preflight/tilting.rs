@@ -1,0 +1,136 @@
+//! Follows a person who tilts the robot by hand: when a turn begins and ends. Pure: times are given.
+
+use std::time::Duration;
+
+use gaitfit_model::rotation::{Quat, dot};
+
+use super::Heard;
+use super::tilt::{Motion, Tilted};
+use super::turned::{orientation, turn_between};
+
+/// A turn this large, held still, is one, rad.
+const ENOUGH: f64 = 0.35;
+/// How still, rad/s, and how long.
+const STILL: f64 = 0.25;
+const HELD: Duration = Duration::from_millis(400);
+/// How long a person has for each turn.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// How long what comes between two turns is waited for: the robot is brought back.
+const BETWEEN: Duration = Duration::from_secs(3);
+
+/// What a person is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Asked {
+    /// To hold the robot level and still.
+    Level,
+    /// To make this turn, and to hold it.
+    Turn(Motion),
+    /// Nothing more: all turns are made.
+    Done,
+    /// Nothing more: this turn was not made in time.
+    TooLate(Motion),
+}
+
+/// Follows a person's turns.
+#[derive(Clone, Debug)]
+pub struct Tilting {
+    asked: Asked,
+    since: Duration,
+    next: usize,
+    still_since: Option<Duration>,
+    last: Option<(Duration, Quat)>,
+    heard: Vec<Heard>,
+    turns: Vec<Tilted>,
+}
+
+impl Default for Tilting {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Tilting {
+    /// Begins with a robot that is held level.
+    pub fn new() -> Self {
+        Self {
+            asked: Asked::Level,
+            since: Duration::ZERO,
+            next: 0,
+            still_since: None,
+            last: None,
+            heard: Vec::new(),
+            turns: Vec::new(),
+        }
+    }
+
+    /// What the person is asked for now.
+    pub fn asked(&self) -> Asked {
+        self.asked
+    }
+
+    /// The turns that were made.
+    pub fn turns(self) -> Vec<Tilted> {
+        self.turns
+    }
+
+    /// A message came.
+    pub fn take(&mut self, one: Heard) {
+        let Some(q) = orientation(one.state.quaternion) else { return };
+        let still = match &self.last {
+            Some((before, from)) if one.came > *before => {
+                let turn = turn_between(*from, q);
+                let seconds = (one.came - *before).as_secs_f64();
+                if seconds < 0.02 {
+                    // Too short for a rate: noise.
+                    None
+                } else {
+                    Some(dot(turn, turn).sqrt() / seconds < STILL)
+                }
+            }
+            Some(_) => None,
+            None => Some(true),
+        };
+        if let Some(still) = still {
+            self.last = Some((one.came, q));
+            match still {
+                true => drop(self.still_since.get_or_insert(one.came)),
+                false => self.still_since = None,
+            }
+        }
+        if let Asked::Turn(motion) = self.asked {
+            self.heard.push(one);
+            let begun = self.heard.first().and_then(|first| orientation(first.state.quaternion));
+            let turn = begun.map_or([0.0; 3], |from| turn_between(from, q));
+            if dot(turn, turn).sqrt() > ENOUGH && self.is_still(one.came) {
+                self.turns.push(Tilted { motion, heard: std::mem::take(&mut self.heard) });
+                self.next += 1;
+                self.ask(Asked::Level, one.came);
+            }
+        }
+        self.advance(one.came);
+    }
+
+    /// The time is `now`: a person may be too late.
+    pub fn advance(&mut self, now: Duration) {
+        let waited = now.saturating_sub(self.since);
+        match self.asked {
+            Asked::Level if self.next == Motion::ALL.len() => self.ask(Asked::Done, now),
+            Asked::Level if waited > BETWEEN && self.is_still(now) => {
+                self.ask(Asked::Turn(Motion::ALL[self.next]), now);
+            }
+            // Nobody holds it still: the turn is asked for all the same.
+            Asked::Level if waited > PATIENCE => self.ask(Asked::Turn(Motion::ALL[self.next]), now),
+            Asked::Turn(motion) if waited > PATIENCE => self.ask(Asked::TooLate(motion), now),
+            _ => {}
+        }
+    }
+
+    fn is_still(&self, now: Duration) -> bool {
+        self.still_since.is_some_and(|since| now.saturating_sub(since) >= HELD)
+    }
+
+    fn ask(&mut self, asked: Asked, now: Duration) {
+        (self.asked, self.since) = (asked, now);
+        self.heard.clear();
+    }
+}
