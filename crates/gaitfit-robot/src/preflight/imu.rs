@@ -80,7 +80,7 @@ pub(super) fn imu(heard: &[Heard]) -> ImuReport {
 /// Mean rate by which the orientation turned, rad/s, body frame.
 fn turning(heard: &[Heard]) -> Vec3 {
     let mut known = heard.iter().filter_map(|one| Some((one.came, orientation(one.state.quaternion)?)));
-    match (known.next(), known.last()) {
+    match (known.next(), known.next_back()) {
         (Some((begin, from)), Some((end, to))) if end > begin => {
             let seconds = (end - begin).as_secs_f64();
             turn_between(from, to).map(|x| x / seconds)
@@ -91,7 +91,8 @@ fn turning(heard: &[Heard]) -> Vec3 {
 
 /// What is wrong with it; says how it is mounted.
 pub(super) fn judge(report: &mut ImuReport, heard: &[Heard], simulator: bool, findings: &mut Vec<Finding>) {
-    let parts: [(&str, fn(&Heard) -> &[f32]); 3] = [
+    type Part = fn(&Heard) -> &[f32];
+    let parts: [(&str, Part); 3] = [
         ("orientation", |one| &one.state.quaternion),
         ("gyro", |one| &one.state.gyroscope),
         ("accelerometer", |one| &one.state.accelerometer),

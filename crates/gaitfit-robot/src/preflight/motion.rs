@@ -295,14 +295,15 @@ fn judge(one: &JointMotion, kp: f64, findings: &mut Vec<Finding>) {
             say(Finding::warning(Check::Gains, problem, remedy));
         }
     }
-    if let Some(zero) = one.zero.filter(|zero| zero.error < KNOWN) {
-        if zero.value.abs() > ZERO && zero.value.abs() > SURE * zero.error {
-            say(Finding::fault(
-                Check::Zero,
-                format!("by its weight it reads {:.2} ± {:.2} rad too much", zero.value, zero.error),
-                "Calibrate its encoder's zero; if it is right, its sign or order is wrong, or the robot's file lacks a load",
-            ));
-        }
+    let wrong = |zero: &Measured| {
+        zero.error < KNOWN && zero.value.abs() > ZERO && zero.value.abs() > SURE * zero.error
+    };
+    if let Some(zero) = one.zero.filter(wrong) {
+        say(Finding::fault(
+            Check::Zero,
+            format!("by its weight it reads {:.2} ± {:.2} rad too much", zero.value, zero.error),
+            "Calibrate its encoder's zero; if it is right, its sign or order is wrong, or the robot's file lacks a load",
+        ));
     }
 }
 

@@ -136,7 +136,7 @@ fn equation(
 fn target(rows: &[Row], at: usize, motor: usize, delay: usize) -> f64 {
     let value = |back: usize| f64::from(rows[at.saturating_sub(back)].command[motor].q);
     let whole = delay / 2;
-    if delay % 2 == 0 { value(whole) } else { 0.5 * (value(whole) + value(whole + 1)) }
+    if delay.is_multiple_of(2) { value(whole) } else { 0.5 * (value(whole) + value(whole + 1)) }
 }
 
 /// The torque that a command makes at row `at`, N·m.

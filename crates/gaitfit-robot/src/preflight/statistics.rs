@@ -41,7 +41,7 @@ pub(super) fn median(values: &[f64]) -> f64 {
     sorted.sort_unstable_by(f64::total_cmp);
     match sorted.len() {
         0 => 0.0,
-        count if count % 2 == 1 => sorted[count / 2],
+        count if !count.is_multiple_of(2) => sorted[count / 2],
         count => 0.5 * (sorted[count / 2 - 1] + sorted[count / 2]),
     }
 }
@@ -87,7 +87,7 @@ pub(super) fn least_squares<const N: usize>(
         }
     }
     let scale: [f64; N] = std::array::from_fn(|i| normal[i][i].sqrt());
-    if scale.iter().any(|scale| !(*scale > 0.0)) {
+    if scale.iter().any(|scale| *scale <= 0.0 || !scale.is_finite()) {
         return None;
     }
     let mut left: [[f64; N]; N] =

@@ -118,6 +118,9 @@ fn parameters(text: &mut String, robot: &Robot) {
     );
 }
 
+/// A number of a joint's own motion.
+type Number = fn(&JointMotion) -> Option<Measured>;
+
 /// What each joint's own motion showed, by the names of the fit.
 fn priors(text: &mut String, robot: &Robot, moved: &Moved) {
     text.push_str("# By each joint's own motion.\n[prior]\n");
@@ -133,7 +136,7 @@ fn priors(text: &mut String, robot: &Robot, moved: &Moved) {
     };
     for name in names {
         let of_group = |one: &&JointMotion| one.joint == name || one.joint.ends_with(&format!("_{name}"));
-        let kinds: [(&str, fn(&JointMotion) -> Option<Measured>); 2] =
+        let kinds: [(&str, Number); 2] =
             [("frictionloss", |one| one.friction), ("armature", |one| one.armature)];
         for (kind, number) in kinds {
             let found: Vec<Measured> = moved.joints.iter().filter(of_group).filter_map(number).collect();

@@ -90,7 +90,9 @@ fn by_hand(time: f64) -> Quat {
     from_rpy(part(12.0), part(4.0), 0.3 + part(20.0))
 }
 
-fn turned(fault: Fault) -> Result<(Vec<TiltReport>, Option<[f64; 3]>, Vec<Finding>), RobotError> {
+type Seen = (Vec<TiltReport>, Option<[f64; 3]>, Vec<Finding>);
+
+fn turned(fault: Fault) -> Result<Seen, RobotError> {
     let batch = simulation(hung()).unwrap();
     let mut link = Hung::new(&batch, fault, by_hand, 5);
     let mut asked = Vec::new();
