@@ -1,9 +1,10 @@
-"""How a robot's base moved, beside how it moves in a simulator: numbers that no fit has seen.
+"""Compares how a robot's base moved with how it moves in a simulator: numbers that no fit has seen.
 
-For each log with a constant command it prints the mean speed, roll, pitch and height of the base after the first second, of
-the logs and of the policy's walks in each simulator under the same command. Heights count from the mean of all commands,
-because the place of a marker on the base is not known. Logs with the same command are trials; the last line of each table is
-the mean distance from the first trial. Speeds and heights of the logs are columns of motion capture. Standard library only.
+Each log has one constant command. The policy walks in each simulator under the same commands. The script prints mean speed,
+roll, pitch and height of the base after the first second, for logs and simulators. Heights are relative to their mean over
+all commands, because the place of the marker on the base is not known. Logs with the same command are trials, in the order in
+which they are named. The last line of each table is the mean distance from the first trial. Speeds and heights of the logs are
+columns of motion capture. Standard library only.
 
 Usage: python3 tools/base_motion.py POLICY LOG.csv … [--theta NAME=theta.toml …] [--robot FILE] [--gaitfit target/release/gaitfit]
 """
@@ -20,7 +21,7 @@ import tempfile
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 COMMANDS = ("vx_cmd", "vy_cmd", "wz_cmd")
 QUANTITIES = {"forwards, m/s": 2, "sideways, m/s": 2, "roll, rad": 3, "pitch, rad": 3, "height, m": 3}
-# Parts of the sorted samples that do not count at both ends: motion capture has outliers.
+# This part of the sorted samples is left out at each end: motion capture has outliers.
 TRIMMED = 0.05
 
 
@@ -55,7 +56,7 @@ def of_log(path, columns):
 
 
 def of_walk(path):
-    """The same of a simulated walk, whose log has the base's position, quaternion and velocity in the world."""
+    """The same for a simulated walk, whose log has the base's position, quaternion and velocity in the world."""
     samples = []
     for row in rows_of(path):
         w, x, y, z = (float(row[f"base_quat_{axis}"]) for axis in "wxyz")
@@ -85,7 +86,7 @@ def simulate(args, theta, commands, folder):
 
 
 def relative(motions):
-    """The same with heights from the mean of all commands."""
+    """The same with heights relative to their mean over all commands."""
     level = statistics.fmean(motion[4] for motion in motions)
     return [[*motion[:4], motion[4] - level] for motion in motions]
 

@@ -19,13 +19,13 @@ const FIRST: f64 = 1.0;
 #[derive(Clone, Debug)]
 pub(crate) struct Together {
     pub values: DVector<f64>,
-    /// What the equations of each group leave unexplained beside the base's acceleration, N·m.
+    /// Size of what the equations of each group leave unexplained besides the base's acceleration, N·m.
     pub scales: Vec<f64>,
     /// How the values change with the motors' strength. `values` assume the torques that gains and limits state; for a motor
     /// that gives a share `s` of them, the values are `values + (s − 1) by_strength`.
     pub by_strength: DVector<f64>,
-    /// How the values change with friction under load of each group, which the equations leave out: N·m for each N·m of the
-    /// motor's torque. A robot that has `c` of it has the values `values − c by_load`.
+    /// How the values change with each group's friction under load, which the equations leave out. This friction is `c` N·m for
+    /// each N·m of the motor's torque. A robot that has it has the values `values − c by_load`.
     pub by_load: Vec<DVector<f64>>,
     /// The motors' strength beyond 1, and its standard error.
     pub strength: [f64; 2],
@@ -143,7 +143,7 @@ pub(crate) fn together(
         shaking = shakes / moments.len() as f64;
     }
     let bread = normal.try_inverse()?;
-    // The values that explain a part of the torque alone.
+    // The values that explain only this part of the torque.
     let explained = |part: &dyn Fn(&Row<'_>) -> f64| -> Option<DVector<f64>> {
         let mut right = DVector::zeros(columns);
         for rows in moments.values() {

@@ -207,12 +207,12 @@ class Prior(Settings):
     Attributes:
         value: The estimate, in the entry's unit.
         deviation: Its standard error, in the same unit.
-        by_strength: How the estimate changes with the motors' strength (``torque_scale`` of the entry's joints), per 1.
-            Legs in the air show the joints' resistance relative to the motors' torque, so the estimate assumes motors
-            with a strength of 1.
-        by_load: How the estimate changes with friction under load (``load_friction`` of the entry's joints), per 1: the
-            estimate of a joint with a load friction of c is lower by c times this. Legs in the air show the sum of both
-            frictions.
+        by_strength: By how much the estimate rises if the motors' strength (``torque_scale`` of the entry's joints) rises
+            by 1. Legs in the air show the joints' resistance relative to the motors' torque. So the estimate assumes
+            motors with a strength of 1.
+        by_load: By how much the estimate falls if the friction under load (``load_friction`` of the entry's joints) rises
+            by 1: with a load friction of c the estimate is lower by c times this. Legs in the air show only the sum of
+            both frictions.
 
     >>> settings = Fit(prior={"frictionloss_calf": Prior(value=0.2, deviation=0.05)})
     """

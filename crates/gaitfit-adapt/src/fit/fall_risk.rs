@@ -1,22 +1,22 @@
 //! How likely the candidates of a search are to fall, learned from those before them.
 //!
-//! Falls are rare and random. Of two candidates with the same risk one falls in its few walks and one does not, and a search
-//! that ranks by what it saw moves along the edge where half of its candidates fall. So a logistic regression of the last
-//! generations, falls on parameters, estimates the risk of each candidate, and each pays for its own.
+//! Falls are rare and random. Two candidates can have the same risk, and only one of them falls in its few walks. A search that
+//! counts only the falls it sees therefore moves to the edge where half of its candidates fall. So a logistic regression
+//! learns from the last generations how the parameters change the risk. Each candidate pays for its own estimated risk.
 
 use super::Evaluation;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Candidates that are remembered, the last ones.
+/// How many of the last candidates are remembered.
 const REMEMBERED: usize = 512;
 /// Variance of the prior of each slope, with parameters scaled to a standard deviation of 1.
 const SLOPE_VARIANCE: f64 = 0.25;
 /// Max steps of Newton's method, and max halvings of a step.
 const STEPS: usize = 25;
 const HALVINGS: usize = 10;
-/// An objective that falls by less than this ends the regression.
+/// Newton's method ends when a step lowers the objective by less than this.
 const ENOUGH: f64 = 1e-6;
 
 /// The last candidates of a search, from the first generation in which one fell.
@@ -34,7 +34,7 @@ struct Seen {
 }
 
 impl FallRisk {
-    /// Whether no candidate that it remembers fell.
+    /// Whether it remembers nothing, because none of the last candidates fell.
     pub fn is_empty(&self) -> bool {
         self.seen.is_empty()
     }
@@ -50,8 +50,8 @@ impl FallRisk {
         }
     }
 
-    /// The recordings, out of all, in which each of `candidates` is expected to fall: −ln(1 − p) with the probability p that
-    /// it falls in any; all 0 if no candidate that is remembered fell.
+    /// The number of recordings in which each of `candidates` is expected to fall: −ln(1 − p), where p is the probability that
+    /// it falls in at least one. All are 0 if no remembered candidate fell.
     pub fn expected_falls(&self, candidates: &[Vec<f64>]) -> Vec<f64> {
         let entries = self.seen.front().map_or(0, |one| one.values.len());
         if entries == 0 || candidates.iter().any(|values| values.len() != entries) {
@@ -69,7 +69,7 @@ impl FallRisk {
         candidates.iter().map(|values| softplus(DVector::from_vec(scaled(values)).dot(&slopes))).collect()
     }
 
-    /// Mean, and one over the standard deviation, of each entry; 0 for one that does not vary.
+    /// The mean of each entry, and 1 / standard deviation. The latter is 0 for an entry that does not vary.
     fn scaling(&self, entries: usize) -> Vec<(f64, f64)> {
         let count = self.seen.len() as f64;
         let each = |entry: usize| {
@@ -101,7 +101,7 @@ impl FallRisk {
                 weighted.row_mut(row).scale_mut((chance * (1.0 - chance)).sqrt());
             }
             let mut curvature = weighted.tr_mul(&weighted);
-            // A little on the intercept's curvature too: it is 0 where all candidates fell.
+            // The intercept has no prior. If all candidates fell, its curvature would come near 0.
             curvature[(0, 0)] += ENOUGH;
             for entry in 1..rows.ncols() {
                 gradient[entry] += slopes[entry] / SLOPE_VARIANCE;
@@ -174,7 +174,7 @@ mod tests {
         assert_eq!(risk.expected_falls(&[vec![0.0; 3]]), [0.0]);
         let diverged = Evaluation { cost: None, falls: 3 };
         risk.remember(&[vec![0.0; 3]], &[diverged]);
-        assert!(risk.is_empty(), "a diverged simulation says nothing");
+        assert!(risk.is_empty(), "a diverged simulation does not count");
     }
 
     #[test]

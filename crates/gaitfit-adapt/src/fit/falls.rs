@@ -8,16 +8,16 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FallPenalty {
-    /// Added to the cost times the share of the recordings in which the candidate fell, those counted in `robot` not
-    /// counted. `None` chooses: if the robot never fell, every single fall adds the cost of losing all samples
-    /// ([`Cost::lost`]), so that a candidate that falls never beats one that stands and stays within the robot's
-    /// ranges; otherwise the share alone is charged at that price, since the true simulator falls now and then too.
+    /// The price of falling in all recordings. A candidate pays it times the share of the recordings in which it fell, less
+    /// the number in `robot`. `None` chooses. If the robot never fell, each fall adds the cost of losing all samples
+    /// ([`Cost::lost`]), so a candidate that falls never beats one that stands and stays within the robot's ranges.
+    /// Otherwise [`Cost::lost`] is the price, because the true simulator falls now and then too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub penalty: Option<f64>,
     /// Recordings in which the robot itself fell (and which are cut there).
     pub robot: usize,
-    /// Whether the same values may fall or not, by the draws of torque noise or starts. If no penalty is stated and the robot
-    /// never fell, candidates then also pay for the falls that are expected of them.
+    /// Whether torque noise or starts are drawn, so that chance decides whether the same values fall. If they are, no penalty
+    /// is stated and the robot never fell, candidates also pay for the falls that are expected of them.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub random: bool,
 }
@@ -40,8 +40,8 @@ impl FallPenalty {
         }
     }
 
-    /// What a candidate pays for each fall that is expected of it ([`super::fall_risk`]) out of `recordings`: the share of
-    /// all samples that a recording is, at the price of losing all. `None` if only falls that were seen count.
+    /// What a candidate pays for each expected fall ([`super::fall_risk`]): the cost of losing all samples, divided by the
+    /// number of `recordings`. `None` if only observed falls count.
     pub(super) fn risk_price(&self, cost: &dyn Cost, recordings: usize) -> Option<f64> {
         let chosen = self.random && self.penalty.is_none() && self.robot == 0 && recordings > 0;
         chosen.then(|| cost.lost() / recordings as f64)

@@ -19,11 +19,11 @@ pub enum Stop {
     Generations,
     /// Its deviations shrank to the tolerance.
     Tolerance,
-    /// Its best cost no longer fell, see [`FitOptions::patience`].
+    /// The smallest costs of its generations hardly changed, see [`FitOptions::patience`].
     Patience,
     /// The optimiser's own criteria: nothing changes any more.
     Converged,
-    /// The optimiser's own criteria: it cannot go on (steps without bound, degenerate covariance).
+    /// The optimiser's own criteria: it cannot continue (steps without bound, degenerate covariance).
     Degenerate,
 }
 
@@ -130,8 +130,8 @@ impl Run {
         Ok(Some((report, stepped.evaluations)))
     }
 
-    /// Takes what the candidates asked for cost (those that diverged are ranked last). `risk_price`: what each pays for a
-    /// fall that is expected of it, see [`FallPenalty::risk_price`](super::FallPenalty).
+    /// Takes the costs of the candidates that [`Self::ask`] gave. Candidates that diverged are ranked last. `risk_price`: what a
+    /// candidate pays for each expected fall, see [`FallPenalty::risk_price`](super::FallPenalty).
     pub fn tell(
         &mut self,
         name: &str,
@@ -305,12 +305,13 @@ fn settled(search: &Search, options: &FitOptions) -> bool {
     left <= options.tolerance
 }
 
-/// Costs that change by less than this part from one half of the patience to the next are flat.
+/// Costs are flat if their mean changes by less than this part from the first half of the patience to the second.
 const FLAT: f64 = 0.02;
 
-/// Whether costs, the smallest of each generation, hardly changed over the last `patience` generations: the difference between
-/// the means of their halves and its standard error are together a small part of the costs. Draws differ from generation to
-/// generation, so one small cost says little. Costs that rise, for example because robots begin to fall, are not flat.
+/// Whether the smallest cost of each generation hardly changed over the last `patience` generations. These are cut into two
+/// halves. The difference between the means of the halves plus its standard error must be less than [`FLAT`] of the first
+/// mean. Draws differ from generation to generation, so one small cost shows little. Costs that rise, for example because
+/// robots begin to fall, are not flat.
 fn is_flat(course: &[f64], patience: usize) -> bool {
     let half = patience.div_ceil(2);
     let Some(last) = course.len().checked_sub(2 * half).map(|first| &course[first..]) else { return false };
@@ -350,7 +351,7 @@ fn plan(options: &FitOptions) -> RestartPlan {
     RestartPlan { runs: options.restarts.saturating_add(1), population_factor: 2, start: RestartStart::Same }
 }
 
-/// Everything a fit needs to go on later.
+/// Everything that a fit needs to resume.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Checkpoint {

@@ -1,4 +1,4 @@
-//! What is known of a number before the fit, from elsewhere.
+//! What is known of a number before the fit, from another source.
 
 use super::{JointParameter, Theta, ThetaError};
 use serde::{Deserialize, Serialize};
@@ -17,12 +17,12 @@ pub struct Prior {
     pub value: f64,
     /// Its standard error, in the same unit.
     pub deviation: f64,
-    /// How the estimate changes with the motors' strength (`torque_scale` of the entry's joints), per 1. Legs in the air
-    /// show the joints' resistance relative to the motors' torque, so the estimate assumes motors with a strength of 1.
+    /// By how much the estimate rises if the motors' strength (`torque_scale` of the entry's joints) rises by 1. Legs in the
+    /// air show the joints' resistance relative to the motors' torque. So the estimate assumes motors with a strength of 1.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub by_strength: f64,
-    /// How the estimate changes with friction under load (`load_friction` of the entry's joints), per 1: the estimate of a joint
-    /// with a load friction of c is lower by c times this. Legs in the air show the sum of both frictions.
+    /// By how much the estimate falls if the friction under load (`load_friction` of the entry's joints) rises by 1: with a load
+    /// friction of c the estimate is lower by c times this. Legs in the air show only the sum of both frictions.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub by_load: f64,
 }
@@ -135,7 +135,7 @@ impl Theta {
         })
     }
 
-    /// What is known of entry number `at` if the others have these values.
+    /// The prior of entry number `at`, if the other entries have these values.
     fn prior_beside(&self, at: usize, values: &[f64]) -> Option<Prior> {
         let mut prior = *self.prior(at)?;
         let value =

@@ -1,4 +1,4 @@
-//! What one cost found, from the outcome of its search.
+//! The fit of one cost, from the outcome of its search.
 
 use super::audit::Audit;
 use super::doubts;
@@ -30,7 +30,7 @@ fn evaluated(
     Ok(found.into_iter().next())
 }
 
-/// The fit by cost number `cost`; `course`: the generations of its runs; `left`: what its errors leave unexplained.
+/// The fit of cost number `cost`. `course`: the generations of its runs. `left`: what remains unexplained in its errors.
 ///
 /// # Errors
 /// A simulation that fails.
@@ -69,7 +69,7 @@ pub(super) fn fit(
         if outcome.regression.is_none() {
             let alone = parameter.interval;
             parameter.combine();
-            // No simulated robot is like the real one: what walks and legs in the air say may both be wrong.
+            // No simulated robot is like the real one, so estimates from walks and from legs in the air may both be wrong.
             if outcome.unlike.is_some() {
                 alone.into_iter().flatten().for_each(|end| parameter.reach(end));
             }
@@ -82,8 +82,8 @@ pub(super) fn fit(
             let place = place.filter(|place| *place < outcome.parameters.len())?;
             Some(parameter(place, setup.theta.prior(place).copied()))
         };
-        // Estimates from legs in the air depend on the motors' strength and on friction under load, so errors of these are
-        // part of theirs.
+        // Estimates from legs in the air depend on the motors' strength and on friction under load. So their errors contain the
+        // errors of these two.
         if let Some(strength) = fitted(setup.theta.strength(at)).filter(|_| prior.by_strength != 0.0) {
             prior = prior.with_strength(strength.found.value, strength.error());
         }
@@ -161,7 +161,7 @@ fn widen_to_seeds(parameters: &mut [Parameter]) {
     }
 }
 
-/// What the errors of short predictions of the fitted logs go with; absent of other costs.
+/// What the errors of short predictions of the fitted logs depend on; absent for other costs.
 fn audited(setup: &Setup, cost: usize, values: &[f64]) -> Result<Option<Audit>, Error> {
     let kind = setup.config.costs[cost];
     if !kind.needs_imu() {

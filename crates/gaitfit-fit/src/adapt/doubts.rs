@@ -1,4 +1,4 @@
-//! Why a fit must not be taken as it stands, and what else to know of it.
+//! Why a fit must not be used without checking, and what else a reader must know of it.
 
 use super::parameter::Parameter;
 use super::results::CostFit;
@@ -41,8 +41,8 @@ pub fn doubts(
     }
     if let Some(cost) = outcome.unlike {
         let text = format!(
-            "No simulated robot has logs like these: {} is {cost:.3} for the values that a regression on simulated robots \
-             gives, and {:.3} for those of the search. The model lacks an effect, and the values of the search \
+            "No simulated robot has logs like these: {} is {cost:.3} for the values by a regression on simulated robots, \
+             and {:.3} for those of the search. The model lacks an effect, and the values of the search \
              compensate for it. `gaitfit explain` looks for such effects.",
             outcome.cost, outcome.best_cost
         );
@@ -51,9 +51,9 @@ pub fn doubts(
     let likeness = outcome.regression.as_ref().and_then(|regression| regression.likeness);
     if let Some(likeness) = likeness.filter(Likeness::unlike) {
         let text = format!(
-            "The logs differ from those of {} simulated robots with the fitted values by more than chance: the mean square \
-             difference is {:.1} of their variance, and by chance at most {:.1}. The model lacks an effect. The intervals are \
-             {:.1} times as wide for it. `gaitfit explain` looks for such effects.",
+            "The logs differ by more than chance from those of {} robots that were simulated with the regression's values. The mean \
+             square difference is {:.1} times their variance; chance explains at most {:.1}. The model lacks an effect, so the \
+             intervals are {:.1} times as wide. `gaitfit explain` looks for such effects.",
             likeness.robots,
             likeness.distance,
             likeness.by_chance,

@@ -7,11 +7,11 @@ use gaitfit_model::shown;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Minimal standard error of a prior, as a part of the entry's bounds: a surer estimate would leave walks no say.
+/// Min standard error of a prior, as a part of the entry's range. With a smaller one walks could not change the value.
 const MIN_ERROR: f64 = 0.005;
 
-/// Whether an estimate is of this kind and covers all these joints. One without joints covers all, and a number of the whole
-/// robot has none.
+/// Whether an estimate is of this kind and covers all these joints. An estimate without joints covers all of them; a number of
+/// the whole robot has none.
 fn covers(number: &SwingNumber, kind: &str, joints: &[String]) -> bool {
     let covered = |joint| number.joints.is_empty() || number.joints.contains(joint);
     number.kind == kind && (number.joints.is_empty() || !joints.is_empty()) && joints.iter().all(covered)
@@ -20,8 +20,8 @@ fn covers(number: &SwingNumber, kind: &str, joints: &[String]) -> bool {
 /// A friction estimate above this multiple of the search's upper bound is wrong.
 const IMPOSSIBLE: f64 = 2.0;
 
-/// `given` priors, which win, and those that `measured` estimates give for the other entries of `theta`. An entry that
-/// covers joints of several estimates takes none of them.
+/// The `given` priors, and priors from `measured` estimates for the other entries of `theta`. An entry whose joints belong to
+/// several estimates takes none of them.
 pub fn priors(
     theta: &Theta,
     measured: &[SwingNumber],

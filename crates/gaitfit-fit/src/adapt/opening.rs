@@ -8,8 +8,8 @@ use crate::watch::Watch;
 use gaitfit_policy::Policy;
 use std::path::Path;
 
-/// Settings, and what goes with them: [`Opening::open`] makes a [`Setup`] of it. By default the CPU simulates on as many
-/// threads as the settings say, and the policy that walked is read from the file that they name.
+/// Settings and what belongs to them. [`Opening::open`] makes a [`Setup`] from it. By default the CPU simulates with the number
+/// of threads in the settings, and the policy that walked is read from the file that they name.
 #[derive(Clone)]
 pub struct Opening<'a> {
     config: &'a AdaptConfig,
@@ -21,24 +21,24 @@ pub struct Opening<'a> {
 }
 
 impl<'a> Opening<'a> {
-    /// A fit with these settings. `config_path`: where they were read, which relative paths may start from.
+    /// A fit with these settings. `config_path`: the file that has them; relative paths can start from its folder.
     pub fn new(config: &'a AdaptConfig, config_path: &'a Path) -> Self {
         Self { config, config_path, threads: None, devices: Device::Cpu.into(), policy: None, watch: None }
     }
 
-    /// On so many threads; `None`: as the settings say.
+    /// Simulates with this number of threads; `None`: the number in the settings.
     #[must_use]
     pub fn threads(self, threads: impl Into<Option<usize>>) -> Self {
         Self { threads: threads.into(), ..self }
     }
 
-    /// `devices` simulate and share the candidates. The CPU does what a GPU that `auto` found does not do.
+    /// `devices` share the candidates and simulate them. If `auto` chose a GPU that cannot do this fit, the CPU does it.
     #[must_use]
     pub fn devices(self, devices: &Devices) -> Self {
         Self { devices: devices.clone(), ..self }
     }
 
-    /// The policy that walked, if it is given; then the settings say only what it is called.
+    /// The policy that walked, if it is given. Then the settings have only its name.
     #[must_use]
     pub fn policy(self, policy: Option<&'a Policy>) -> Self {
         Self { policy, ..self }
@@ -53,8 +53,8 @@ impl<'a> Opening<'a> {
     /// Reads robot, policy and logs and checks the settings.
     ///
     /// # Errors
-    /// Settings that do not go together; files that are not there or not usable, each by name; a GPU that is not there, or
-    /// that does not do what is asked; an interruption.
+    /// Settings that contradict each other; files that are missing or unusable, each by name; a GPU that is missing or cannot do
+    /// this fit; an interruption.
     pub fn open(self) -> Result<Setup, Error> {
         let read = |devices: &Devices| {
             let silent = Watch::silent();

@@ -26,11 +26,12 @@ pub enum Standing {
 /// The name with which settings let a contradicted fit pass.
 pub const CONTRADICTED: &str = "contradicted";
 
-/// Torques besides those that motors are told which are large for a robot, as a part of what its weakest joint can give.
-/// Simulated robots without such effects are below 0.1, a real one's walks at 0.3 to 0.4.
+/// Torque noise is large from this part of the weakest joint's max torque on. It stands for all torques that were not
+/// commanded. Simulated robots without such effects are below 0.1. The walks of a real one are at 0.3 to 0.4.
 const LOUD: f64 = 0.2;
-/// The same for torque noise among the fitted parameters. Motors have less; a search takes noise for what the model lacks.
-/// Fits of simulated robots with noise of up to 0.04 stay below 0.05; one of a robot with twisting joints asked for 0.12.
+/// The same limit if torque noise is a fitted parameter. Motors have less noise than this. If the model lacks an effect, a
+/// search raises the noise instead. Simulated robots with noise of up to 0.04 were fitted with less than 0.05; one with
+/// twisting joints was fitted with 0.12.
 const LOUD_FITTED: f64 = 0.1;
 /// Part of the errors' variance that goes with what the robot does, and memory of errors, from which on the model lacks
 /// something. Of simulated robots that differ only in what is fitted both are below half of this.
@@ -47,7 +48,7 @@ const TIGHT: f64 = 0.05;
 /// Parameters that a doubt names.
 const NAMED: usize = 6;
 
-/// What is known of a fit besides its search.
+/// What is known of a fit besides the result of its search.
 pub(super) struct Evidence<'a> {
     /// The predictor that the fit is.
     pub fitted: &'a Score,
@@ -59,7 +60,7 @@ pub(super) struct Evidence<'a> {
     pub effort: Option<f64>,
 }
 
-/// Why a fit must not be taken as it stands, the worst first.
+/// Why a fit must not be used without checking, the worst reason first.
 pub(super) fn doubts(fit: &CostFit, evidence: &Evidence<'_>) -> Vec<Doubt> {
     let mut doubts = fit.doubts.clone();
     doubts.extend(trivial(evidence));
@@ -118,7 +119,7 @@ fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
     })
 }
 
-/// That what the fit leaves is no noise, or too much of it.
+/// The doubt that the remaining errors are no noise, or too much noise.
 fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
     let mut reasons: Vec<String> = Vec::new();
     let noise = fit.correction.as_ref().map(|correction| correction.torque_noise);
@@ -134,7 +135,7 @@ fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
     if let Some((noise, effort)) = noise.zip(effort).filter(|(noise, effort)| *noise > LOUD_FITTED * effort) {
         reasons.push(format!(
             "The fitted torque noise is {noise:.1} N·m, {:.0} % of what the weakest joint can give. Motors are not that \
-             noisy: it stands for an effect that the model lacks. `gaitfit explain` looks for such effects.",
+             noisy: the noise stands for an effect that the model lacks. `gaitfit explain` looks for such effects.",
             100.0 * noise / effort
         ));
     }

@@ -1,4 +1,4 @@
-//! What legs in the air say, beside the values of a fit of walking logs.
+//! Estimates from legs in the air, beside the values of a fit of walking logs.
 
 use super::method::Method;
 use super::parameter::Parameter;
@@ -10,15 +10,15 @@ use crate::walk::swing::{
 use gaitfit_adapt::{JointParameter, Theta};
 use gaitfit_log::{Estimate, Gains};
 
-/// What the fitted logs say without a simulation; absent for a clamped robot.
+/// What the fitted logs show without a simulation; absent for a clamped robot.
 pub fn findings(method: &Method, logs: &[Log]) -> Option<SwingFindings> {
     let interface = &method.walking()?.task.walker.interface;
     let gains = Gains { kp: interface.kp.clone(), kd: interface.kd.clone() };
     Some(SwingFindings::of_logs(method.model(), logs, &gains, &SwingSettings::default()))
 }
 
-/// Standard errors of estimates that could not be corrected for torque noise are this many times as large: uncorrected
-/// estimates of eight simulated robots were up to 3.9 standard errors off.
+/// Factor on the standard errors of estimates that could not be corrected for torque noise. Uncorrected estimates of eight
+/// simulated robots were up to 3.9 standard errors off.
 const NOT_CORRECTED: f64 = 2.0;
 
 /// The estimates from legs in the air, if there are any, and those of sensors, converted to the fit's simulation.
@@ -31,13 +31,14 @@ pub fn numbers_of(method: &Method, findings: &SwingFindings) -> Vec<SwingNumber>
     joints.into_iter().chain(sensor_numbers(findings, targets_step(method))).collect()
 }
 
-/// Step by whose half targets act early in the fit's simulation, s: that of the robot which it stands for, or its own.
+/// Targets act half of this step early in the fit's simulation, s. It is the step of the robot for which the simulation stands,
+/// or the simulation's own.
 fn targets_step(method: &Method) -> Option<f64> {
     let stands_for = method.walking().and_then(|walking| walking.task.walker.batch.options().emulated_step);
     stands_for.or(method.physics_step())
 }
 
-/// The fit's values beside what swings say of them.
+/// The fit's values beside the estimates from swings.
 pub fn compared(
     setup: &Setup,
     findings: &SwingFindings,

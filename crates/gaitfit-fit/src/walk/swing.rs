@@ -38,8 +38,8 @@ pub struct SwingFindings {
 }
 
 impl SwingFindings {
-    /// Of logs as they were recorded. Faults of sensors are taken out first. The delay counts from rows, as that of a walk's
-    /// fit does, also where the log has the targets' stamps.
+    /// The findings from logs as they were recorded. Faults of sensors are taken out first. The delay counts from rows, as in a
+    /// walk's fit, even if the log has the times at which targets were sent.
     pub fn new(model: &Model, logs: &[&Trajectory], settings: &SwingSettings) -> Self {
         let (mut found, level) = Self::without_effects(model, logs, settings);
         if let Some(report) = &found.swings {
@@ -90,8 +90,8 @@ impl SwingFindings {
         self.corrected.as_ref().or(self.swings.as_ref())
     }
 
-    /// Of the logs of a fit of a robot that walked: as they were recorded, where the whole log counts. `gains` of logs that
-    /// state none, in the order of the trajectory's joints.
+    /// The findings from the logs of a fit of a robot that walked. A log of which every part counts is read again as it was
+    /// recorded. `gains`: for logs that state none, in the order of the trajectory's joints.
     pub fn of_logs(model: &Model, logs: &[Log], gains: &Gains, settings: &SwingSettings) -> Self {
         let mut pieces: BTreeMap<_, usize> = BTreeMap::new();
         logs.iter().for_each(|log| *pieces.entry(&log.path).or_default() += 1);
@@ -128,17 +128,17 @@ pub struct SwingNumber {
     pub joints: Vec<String>,
     /// Value and standard error, in the parameter's unit.
     pub estimate: Estimate,
-    /// How the value changes with the motors' strength, per 1.
+    /// By how much the value rises if the motors' strength rises by 1.
     pub by_strength: f64,
-    /// How much lower it is for a joint with friction under load, per 1.
+    /// By how much the value falls if the friction under load rises by 1.
     pub by_load: f64,
 }
 
 /// Max error of an estimate of the motors' strength; with a larger one it adds nothing to the usual range.
 const SURE_STRENGTH: f64 = 0.1;
 
-/// The numbers of a report as a simulation with physics steps of `step` s has them: in semi-implicit steps targets act half
-/// a step early, so its delay is longer.
+/// The numbers of a report, converted to a simulation with physics steps of `step` s. In semi-implicit steps targets act half
+/// a step early, so the delay of the simulation is longer.
 pub fn numbers(report: &SwingReport, step: f64) -> Vec<SwingNumber> {
     let mut numbers = Vec::new();
     for group in &report.groups {
@@ -189,8 +189,8 @@ const MIN_TILT_ERROR: f64 = 0.003;
 /// Min standard error of a lag of velocities, s: on simulated walks at 50 Hz the estimate was up to 1.8 ms too large.
 const MIN_LAG_ERROR: f64 = 2e-3;
 
-/// The errors of sensors that a fit can have among its parameters, converted to a simulation with physics steps of `step` s:
-/// in a semi-implicit step, velocities belong to a time half a step before the positions.
+/// The errors of sensors that a fit can have among its parameters, converted to a simulation with physics steps of `step` s.
+/// In a semi-implicit step, velocities belong to a time half a step before the positions.
 pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumber> {
     let number = |kind: RobotNumber, estimate: &Estimate| SwingNumber {
         kind: kind.name(),
@@ -216,9 +216,8 @@ pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumb
     tilt.chain(bias).chain(lag).map(|(kind, estimate)| number(kind, &estimate)).collect()
 }
 
-/// The numbers as the table `[prior]` of a fit with physics steps of `step` s; those of sensors, which no fit has by
-/// default, as comments. Leave out the lines of parameters that the fit does not
-/// change.
+/// The numbers as the table `[prior]` of a fit with physics steps of `step` s. Numbers of sensors are comments, because no fit
+/// has them by default. The user must leave out the lines of parameters that the fit does not change.
 pub fn prior_toml(found: &SwingFindings, report: &SwingReport, step: f64) -> String {
     let mut text = format!("[prior] # by legs in the air, for physics steps of {} ms\n", 1e3 * step);
     let mut line = |kind: JointParameter, group: &str, one: Estimate, slope: f64, by_load: f64| {
@@ -248,7 +247,7 @@ pub fn prior_toml(found: &SwingFindings, report: &SwingReport, step: f64) -> Str
     text
 }
 
-/// A value of a fit beside what swings say of it.
+/// A value of a fit beside the estimate from swings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Beside {
     /// The parameter's name.
@@ -257,7 +256,7 @@ pub struct Beside {
     pub unit: String,
     /// The fit's value.
     pub fitted: f64,
-    /// What swings say.
+    /// The estimate from swings.
     pub swings: Estimate,
     /// Whether they differ by more than their errors, and by an amount that changes how a robot walks.
     pub differ: bool,

@@ -10,9 +10,9 @@ use serde::Serialize;
 pub enum Check {
     /// States come, often enough, with a right checksum.
     Messages,
-    /// None is lost or comes twice, and there is no long gap.
+    /// No state is lost or comes twice, and there is no long gap.
     Gaps,
-    /// The robot's counter runs as this computer's clock.
+    /// The robot's counter runs as fast as this computer's clock.
     Clock,
     /// Another program commands the motors.
     SecondController,
@@ -44,7 +44,7 @@ pub enum Check {
     GyroAttitude,
     /// A joint moves if it is commanded.
     Moves,
-    /// It is the commanded joint that moves.
+    /// The joint that moves is the commanded one.
     Order,
     /// It moves in the commanded direction.
     Sign,
@@ -64,9 +64,9 @@ pub enum Check {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Severity {
-    /// Do not walk the robot before it is mended.
+    /// Do not let the robot walk until it is repaired.
     Fault,
-    /// Look at it; the check passes.
+    /// Worth a look; the check passes.
     Warning,
 }
 

@@ -23,18 +23,18 @@ const DAMPING_ROOM: f32 = 0.9;
 pub struct Sent {
     /// When.
     pub at: Duration,
-    /// In which stage.
+    /// The stage in which it was sent.
     pub stage: Stage,
     /// What.
     pub command: Command,
 }
 
-/// A motion that was made, or as much of it as was.
+/// A motion, or the part of it that was made.
 #[derive(Clone, Debug)]
 pub struct Flown {
     /// Commands that were sent.
     pub sent: Vec<Sent>,
-    /// What came meanwhile.
+    /// States that came meanwhile.
     pub heard: Vec<Heard>,
     /// The plan; absent if the robot was not armed.
     pub plan: Option<Plan>,
@@ -60,7 +60,7 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// Idle.
+    /// A flight that is idle until [`Self::arm`].
     pub fn new(robot: &Robot, guard: GuardSettings) -> Self {
         Self {
             robot: robot.clone(),
@@ -75,7 +75,7 @@ impl Flight {
         }
     }
 
-    /// What it does.
+    /// The current stage.
     pub fn stage(&self) -> Stage {
         self.stage
     }
@@ -104,7 +104,7 @@ impl Flight {
         }
     }
 
-    /// To damping, for `reason`. The first reason stays. While idle it keeps the robot from being armed.
+    /// Goes to damping, for `reason`. The first reason stays. While idle the reason keeps the robot from being armed.
     pub fn stop(&mut self, now: Duration, reason: Reason) {
         match self.stage {
             Stage::Damping => {}
@@ -116,7 +116,7 @@ impl Flight {
         }
     }
 
-    /// From idle to the motion.
+    /// Starts the motion of an idle robot.
     ///
     /// # Errors
     /// A rule that the robot's state fails.
@@ -126,7 +126,7 @@ impl Flight {
         }
         let state = self.watch.fresh(now).map_err(RobotError::NotArmed)?;
         if self.stage == Stage::Idle {
-            // A joint that reads a little beyond its range is asked for its end.
+            // If a joint reads a little beyond its range, its target is the end of the range.
             let limits = self.robot.limits();
             let from = PerMotor::from_fn(state.q.len(), |motor| {
                 state.q[motor].clamp(limits.lower[motor], limits.upper[motor])
@@ -137,7 +137,7 @@ impl Flight {
         Ok(())
     }
 
-    /// What to send at `now`: nothing while idle, else a command inside the limits. To be asked for at a steady rate.
+    /// What to send at `now`: nothing while idle, else a command inside the limits. Call it at a steady rate.
     pub fn tick(&mut self, now: Duration) -> Option<Command> {
         if self.stage == Stage::Idle {
             return None;
@@ -193,7 +193,7 @@ impl Flight {
         wanted
     }
 
-    /// A joint that does not go where it is asked to.
+    /// The reason to stop if a joint is too far from its target.
     fn astray(&self, stage: Stage, wanted: &Command) -> Option<Reason> {
         let (plan, state) = (self.flown.plan.as_ref()?, self.watch.state()?);
         let far = if stage == Stage::Soften { ASTRAY[0] } else { ASTRAY[1] };

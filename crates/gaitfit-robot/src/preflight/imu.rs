@@ -7,19 +7,19 @@ use super::statistics::{Measured, deviation, mean, mean_of_blocks};
 use super::turned::{angle, mean_attitude, orientation, roll_pitch_yaw, turn_between};
 use super::{Check, Finding, Heard};
 
-/// Gravity, m/s², and how far the mean length of the accelerometer may be from it: to look at, and a fault.
+/// Gravity, m/s². If the mean length of the accelerometer's readings is off by more, it is a warning, and then a fault.
 const GRAVITY: f64 = 9.81;
 const OFF: [f64; 2] = [0.3, 0.8];
-/// Bias of the gyro to look at, and a fault, rad/s.
+/// Bias of the gyro that is a warning, and one that is a fault, rad/s.
 const BIAS: [f64; 2] = [0.01, 0.02];
 /// Angle between orientation and accelerometer that is a fault, degrees.
 const APART: f64 = 5.0;
-/// The same angle from which another order of the quaternion is tried, degrees, and how much smaller it must make it.
+/// From this angle on another order of the quaternion is tried, degrees. The other order must reduce the angle to this part.
 const TRIED: f64 = 2.0;
 const SMALLER: f64 = 0.3;
 /// A robot that hangs leans less than this, degrees.
 const LEANS: f64 = 20.0;
-/// How near a multiple of quarter turns is one, degrees.
+/// An orientation this near to a quarter turn counts as one, degrees.
 const QUARTER: f64 = 25.0;
 /// Mountings that gravity can show: roll, pitch, yaw, degrees.
 const MOUNTINGS: [[f64; 3]; 5] =
@@ -38,15 +38,16 @@ pub struct ImuReport {
     pub gravity: Measured,
     /// Noise of the accelerometer, m/s² (standard deviation).
     pub accelerometer_noise: [f64; 3],
-    /// Reading of the gyro less the turning of the orientation, rad/s.
+    /// Mean reading of the gyro less the rate at which the orientation turns, rad/s.
     pub gyro_bias: [Measured; 3],
     /// Noise of the gyro, rad/s (standard deviation).
     pub gyro_noise: [f64; 3],
-    /// How the unit is mounted if the robot hangs level, roll, pitch, yaw, degrees; absent if as the base's axes, or unknown.
+    /// How the unit is mounted if the robot hangs level: roll, pitch, yaw, degrees. Absent if its axes are the base's, or if
+    /// this is unknown.
     pub mounting: Option<[f64; 3]>,
 }
 
-/// What states show of the inertial unit. Numbers that are not finite are left out.
+/// The inertial unit's numbers from states. Numbers that are not finite are left out.
 pub(super) fn imu(heard: &[Heard]) -> ImuReport {
     let finite = |v: &[f32; 3]| v.iter().all(|x| x.is_finite());
     let rows = |of: &dyn Fn(&Heard) -> [f32; 3]| -> [Vec<f64>; 3] {
@@ -77,7 +78,7 @@ pub(super) fn imu(heard: &[Heard]) -> ImuReport {
     }
 }
 
-/// Mean rate by which the orientation turned, rad/s, body frame.
+/// Mean rate at which the orientation turned, rad/s, body frame.
 fn turning(heard: &[Heard]) -> Vec3 {
     let mut known = heard.iter().filter_map(|one| Some((one.came, orientation(one.state.quaternion)?)));
     match (known.next(), known.next_back()) {
@@ -89,7 +90,7 @@ fn turning(heard: &[Heard]) -> Vec3 {
     }
 }
 
-/// What is wrong with it; says how it is mounted.
+/// Adds what is wrong with it, and writes to `report` how it is mounted.
 pub(super) fn judge(report: &mut ImuReport, heard: &[Heard], simulator: bool, findings: &mut Vec<Finding>) {
     type Part = fn(&Heard) -> &[f32];
     let parts: [(&str, Part); 3] = [
@@ -103,7 +104,7 @@ pub(super) fn judge(report: &mut ImuReport, heard: &[Heard], simulator: bool, fi
             findings.push(Finding::fault(
                 Check::Numbers,
                 format!("the {name} of the inertial unit is not finite in {wrong} states"),
-                "Switch the robot off and on; if it stays, the unit or its cable fails",
+                "Switch the robot off and on; if the fault stays, the unit or its cable is defective",
             ));
         }
     }
@@ -138,8 +139,7 @@ fn gravity(report: &ImuReport, simulator: bool, findings: &mut Vec<Finding>) {
         ));
     } else if (length - GRAVITY).abs() > OFF[0] {
         let problem = format!("the accelerometer reads {length:.2} m/s² at rest instead of {GRAVITY}");
-        let remedy =
-            "Hold the robot still and repeat; if it stays, calibrate the unit with the vendor's program";
+        let remedy = "Hold the robot still and repeat; if the fault stays, calibrate the unit with the vendor's program";
         findings.push(match (length - GRAVITY).abs() > OFF[1] {
             true => Finding::fault(Check::Gravity, problem, remedy),
             false => Finding::warning(Check::Gravity, problem, remedy),
@@ -179,8 +179,8 @@ fn judge_attitude(report: &mut ImuReport, attitude: Quat, findings: &mut Vec<Fin
         findings.push(Finding::fault(
             Check::QuaternionOrder,
             format!(
-                "the quaternion's components come in the order x, y, z, w: so read it agrees with the accelerometer to \
-                 {other:.1}°, as w, x, y, z to {stated:.1}°"
+                "the quaternion's components come in the order x, y, z, w: read in this order it agrees with the accelerometer to \
+                 {other:.1}°, read as w, x, y, z only to {stated:.1}°"
             ),
             "Check `messages` in the robot's file; in logs state imu.order = \"xyzw\"",
         ));
@@ -196,7 +196,7 @@ fn judge_attitude(report: &mut ImuReport, attitude: Quat, findings: &mut Vec<Fin
                 .to_owned()
         } else if conjugate && !level {
             format!(
-                "the orientation turns the other way (world to body): its inverse agrees with the accelerometer, it itself is {stated:.0}° off"
+                "the orientation turns the other way (world to body): it is {stated:.0}° off the accelerometer, and its inverse agrees"
             )
         } else {
             format!("orientation and accelerometer disagree by {stated:.0}°: their axes differ")
@@ -221,7 +221,7 @@ fn judge_attitude(report: &mut ImuReport, attitude: Quat, findings: &mut Vec<Fin
         findings.push(Finding::fault(
             Check::Mounting,
             format!(
-                "orientation and accelerometer say that the robot leans by {leans:.0}°: if it hangs level, the inertial unit is \
+                "orientation and accelerometer show that the robot leans by {leans:.0}°: if it hangs level, the inertial unit is \
                  mounted {}",
                 if leans > 150.0 { "upside down" } else { "turned by a quarter turn" }
             ),
@@ -242,7 +242,7 @@ fn judge_attitude(report: &mut ImuReport, attitude: Quat, findings: &mut Vec<Fin
     if !weightless && other < TRIED && yaw.abs() > 180.0 - TRIED {
         findings.push(Finding::warning(
             Check::QuaternionOrder,
-            "the heading is 180°; a level robot whose quaternion comes in the order x, y, z, w reads so too",
+            "the heading is 180°; this also happens if the robot is level and its quaternion comes in the order x, y, z, w",
             "Turn the robot a little, or tilt it by hand (--tilt), and repeat",
         ));
     }

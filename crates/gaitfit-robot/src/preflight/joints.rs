@@ -9,15 +9,15 @@ use crate::robot::Robot;
 
 /// How far outside its range a joint may be, rad: encoders are off, and stops give way.
 const OUTSIDE: f64 = 0.03;
-/// A joint so near the end of its range is at its stop, rad.
+/// A joint this near to the end of its range is at its stop, rad.
 const AT_STOP: f64 = 0.03;
-/// A joint that moves further while nothing is sent is looked at, and is a fault, rad.
+/// A joint that moves further while nothing is sent is a warning, and then a fault, rad.
 const MOVES: [f64; 2] = [0.02, 0.1];
 /// Velocity that a joint at rest may seem to have, rad/s.
 const RESTING: f64 = 0.05;
-/// Coarsest step of an encoder, rad.
+/// A coarser step of an encoder is a warning, rad.
 const COARSE: f64 = 0.003;
-/// How near the hottest allowed temperature a motor is looked at, °C.
+/// A motor this near to the max temperature is a warning, °C.
 const WARM: i16 = 10;
 /// Temperatures that no motor has, °C.
 const NO_TEMPERATURE: [i16; 2] = [-20, 150];
@@ -51,7 +51,7 @@ pub struct JointReport {
     pub lost: u32,
 }
 
-/// What states show of the joints, motor order. Numbers that are not finite are left out.
+/// The joints' numbers from states, in motor order. Numbers that are not finite are left out.
 pub(super) fn joints(heard: &[Heard], robot: &Robot) -> Vec<JointReport> {
     let of = |value: &dyn Fn(&Heard) -> f32| -> Vec<f64> {
         heard.iter().map(|one| f64::from(value(one))).filter(|x| x.is_finite()).collect()
@@ -82,7 +82,7 @@ pub(super) fn joints(heard: &[Heard], robot: &Robot) -> Vec<JointReport> {
     (0..robot.motors.len()).map(report).collect()
 }
 
-/// What is wrong with them. `simulator`: zeros are no sign of a motor that does not answer.
+/// Adds what is wrong with them. `simulator`: zeros do not show that a motor does not answer.
 pub(super) fn judge(
     reports: &[JointReport],
     heard: &[Heard],
@@ -101,7 +101,7 @@ pub(super) fn judge(
             say(Finding::fault(
                 Check::Numbers,
                 format!("its {} is not finite in {count} states", names[part]),
-                "Switch the robot off and on; if it stays, the motor's encoder or its cable fails",
+                "Switch the robot off and on; if the fault stays, the motor's encoder or its cable is defective",
             ));
             continue;
         }
@@ -109,7 +109,7 @@ pub(super) fn judge(
         if !simulator && heard.iter().all(silent) {
             say(Finding::fault(
                 Check::Present,
-                "its slot in the messages holds zeros alone: no motor answers there",
+                "its slot in the messages has only zeros: no motor answers there",
                 "Check `slot` in the robot's file, the motor's cable, and whether the motor is switched on",
             ));
             continue;
@@ -121,12 +121,12 @@ pub(super) fn judge(
                     "it reads {:.3} rad, {:.3} rad outside its range of {} to {}",
                     report.angle, -room, limits.lower[motor], limits.upper[motor]
                 ),
-                "Look at the leg; if the joint is inside its range, its zero is off, or joints are in another order or sign",
+                "Look at the leg; if the joint is inside its range, its zero or sign is wrong, or joints are in another order",
             ));
         }
         if report.moved > MOVES[0] {
             let problem = format!("it moved by {:.3} rad while nothing was sent", report.moved);
-            let remedy = "Hold the legs still and repeat; if nobody moves them, another program does, or the encoder fails";
+            let remedy = "Hold the legs still and repeat; if nobody moves them, another program does, or the encoder is defective";
             say(match report.moved > MOVES[1] {
                 true => Finding::fault(Check::Still, problem, remedy),
                 false => Finding::warning(Check::Still, problem, remedy),
@@ -134,7 +134,7 @@ pub(super) fn judge(
         } else if report.velocity.abs() > RESTING {
             say(Finding::warning(
                 Check::Still,
-                format!("it stands still and reads a velocity of {:.3} rad/s", report.velocity),
+                format!("it stands still but reads a velocity of {:.3} rad/s", report.velocity),
                 "Check the unit of velocities; a policy observes this number",
             ));
         }
@@ -142,7 +142,7 @@ pub(super) fn judge(
             say(Finding::warning(
                 Check::Numbers,
                 format!("its angle changes in steps of {:.4} rad", report.step),
-                "Check whether the encoder is the finer one of the two that some motors have",
+                "Some motors have two encoders: check that the angle comes from the finer one",
             ));
         }
         let (hot, degrees) = (robot.guard.temperature, report.temperature);
@@ -150,12 +150,12 @@ pub(super) fn judge(
             say(Finding::fault(
                 Check::Temperature,
                 format!("its motor is at {degrees} °C; at most {hot} are allowed"),
-                "Let it cool; if it is cold, its sensor fails",
+                "Let it cool; if it is cold, its sensor is defective",
             ));
         } else if degrees > hot - WARM {
             say(Finding::warning(
                 Check::Temperature,
-                format!("its motor is at {degrees} °C, near the {hot} at which a run stops"),
+                format!("its motor is at {degrees} °C; a run stops above {hot}"),
                 "Let it cool",
             ));
         }
@@ -163,7 +163,7 @@ pub(super) fn judge(
             say(Finding::fault(
                 Check::MotorError,
                 format!("its motor reports the error number {:#x}", report.error),
-                "Look it up in the vendor's documentation; switch the robot off and on",
+                "Find this number in the vendor's documentation; switch the robot off and on",
             ));
         }
         if report.lost > 0 {
@@ -188,7 +188,7 @@ impl JointReport {
     }
 }
 
-/// What is wrong with the battery, if the robot's file watches it.
+/// Adds what is wrong with the battery, if the robot's file has a limit for it.
 pub(super) fn judge_battery(heard: &[Heard], robot: &Robot, simulator: bool, findings: &mut Vec<Finding>) {
     let (Some(least), Some(last)) = (robot.guard.charge, heard.last()) else { return };
     match last.state.battery {

@@ -24,13 +24,13 @@ const TICK: Duration = Duration::from_millis(2);
 /// How long to wait for a robot's first state.
 const FIRST_STATE: Duration = Duration::from_secs(15);
 
-/// When the turns of a loop are.
+/// The clock of a loop.
 pub trait Turns {
-    /// Waits for the next turn; the time since the first.
+    /// Waits for the next turn. Returns the time since the loop began.
     fn next(&mut self) -> Duration;
 }
 
-/// Turns on the clock, 500 a second; those that were missed are left out.
+/// Real time: 500 turns a second. Missed turns are left out.
 pub struct Beat {
     begin: Instant,
     due: Duration,
@@ -68,7 +68,7 @@ pub struct Listened {
 }
 
 impl Listened {
-    /// What states show, and what is wrong. `simulator`: checksum, counter and battery may be left out.
+    /// Examines states and returns what is wrong. `simulator`: checksum, counter and battery may be absent.
     pub fn new(heard: &[Heard], others: u64, robot: &Robot, simulator: bool) -> (Self, Vec<Finding>) {
         let mut findings = Vec::new();
         let network = network::network(heard, others);
@@ -88,7 +88,7 @@ impl Listened {
     }
 }
 
-/// Takes what has arrived; how many commands of other programs were seen.
+/// Takes the messages that arrived. Returns how many commands of other programs were seen.
 fn receive(
     link: &mut dyn Link,
     now: Duration,
@@ -101,10 +101,11 @@ fn heard_of(came: Duration, reading: &Reading) -> Heard {
     Heard { came, state: reading.state, seal: reading.seal }
 }
 
-/// Listens for `length` from the first state on, and sends nothing. What came, and how many commands of other programs.
+/// Listens for `length` from the first state on, and sends nothing. Returns the states, and the number of commands of other
+/// programs.
 ///
 /// # Errors
-/// A link that breaks, a reason of `stop`. Silence is none: then nothing came.
+/// A link that breaks, a reason of `stop`. Silence is no error: then there are no states.
 pub fn listen(
     link: &mut dyn Link,
     turns: &mut dyn Turns,
@@ -128,7 +129,7 @@ pub fn listen(
     }
 }
 
-/// Follows a person who tilts the robot; `ask` is told what to ask for. The turns that were made in time.
+/// Follows a person who tilts the robot. `ask` gets what the person must do next. Returns the turns.
 ///
 /// # Errors
 /// A link that breaks, a reason of `stop`, no state, a turn that nobody made within 30 s.
@@ -168,13 +169,13 @@ pub fn tilt(
     }
 }
 
-/// How long a robot is listened to before it is armed.
+/// How long the loop listens to a robot before it arms it.
 const BEFORE: Duration = Duration::from_secs(1);
 
-/// Moves a robot that hangs. `stage` is told of each new stage. What was sent and heard, whatever ended it.
+/// Moves a robot that hangs. `told` gets each new stage. Returns what was sent and heard, however the motion ended.
 ///
 /// # Errors
-/// A robot that may not be armed; nothing was sent then.
+/// A robot that must not be armed; then nothing was sent.
 pub fn fly(
     link: &mut dyn Link,
     turns: &mut dyn Turns,

@@ -12,7 +12,7 @@ use crate::state::RobotState;
 
 /// Time between rows, s: that between two commands.
 pub(super) const DT: f64 = 0.002;
-/// Longest time between two states across which rows are interpolated, s.
+/// Rows are interpolated between two states that are at most this far apart, s.
 const GAP: f64 = 0.05;
 
 /// A row: what was sent at its time, and the state then.
@@ -20,7 +20,7 @@ const GAP: f64 = 0.05;
 pub struct Row {
     /// Since the motion began, s.
     pub time: f64,
-    /// What was being done.
+    /// The stage.
     pub stage: Stage,
     /// What was sent then, and holds until the next row.
     pub command: Command,
@@ -31,7 +31,7 @@ pub struct Row {
 /// Rows at equal distances.
 #[derive(Clone, Debug, Default)]
 pub struct SampledStates {
-    /// Without rows where no state came for 50 ms.
+    /// There are no rows where no state came for 50 ms.
     pub rows: Vec<Row>,
 }
 

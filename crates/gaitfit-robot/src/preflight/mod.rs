@@ -1,10 +1,10 @@
-//! The first contact with a robot that hangs, by checklist.
+//! Checks of a robot that hangs, before its first walk.
 //!
-//! 1. [`listen`] records its states and sends nothing; [`Listened`] is what they show.
+//! 1. [`listen`] records its states and sends nothing; [`Listened`] examines them.
 //! 2. [`Tilting`] follows a person who tilts the robot by hand: axes and signs of the inertial unit.
-//! 3. [`Flight`] moves each joint alone, then all together, through the guard of a run; [`Moved`] is what that shows.
+//! 3. [`Flight`] moves each joint alone, then all together, through the guard of a run; [`Moved`] is the result.
 //!
-//! What is wrong comes as [`Finding`]s. Only [`Beat`] reads a clock: to the rest times are given.
+//! Each fault is a [`Finding`]. Only [`Beat`] reads a clock; all other code gets the time from its caller.
 
 mod finding;
 mod flight;
@@ -40,7 +40,7 @@ pub use statistics::Measured;
 pub use tilt::{Motion as TiltMotion, TiltReport, Tilted, tilted};
 pub use tilting::{Asked, Tilting};
 
-/// A message of the robot, when it came.
+/// A message of the robot, with the time at which it came.
 #[derive(Clone, Copy, Debug)]
 pub struct Heard {
     /// Since the recording began.

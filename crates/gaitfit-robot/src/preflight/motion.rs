@@ -1,4 +1,5 @@
-//! What the small motions show: does each joint move, and no other, in the commanded direction, by the commanded amount, how late.
+//! What the small motions show: whether only the commanded joint moves, in the commanded direction and by the commanded amount,
+//! and how late.
 
 use gaitfit_model::Model;
 use gaitfit_model::rotation::{Vec3, up};
@@ -15,20 +16,21 @@ use super::turned::mean_attitude;
 use super::{Check, Finding};
 use crate::robot::Robot;
 
-/// A joint that moves by less than this part of what is asked does not move; another that moves by more moves instead of it.
+/// A joint that moves by less than the first part of the commanded motion does not move. Another joint that moves by more than
+/// the second part moves instead of it.
 const HARDLY: f64 = 0.25;
 const INSTEAD: f64 = 0.5;
 /// Change of the angle over that of the target: below the first the sign is wrong, above the second it moves too far.
 const OPPOSITE: f64 = -0.3;
 const TOO_FAR: f64 = 1.4;
-/// Part of what friction lets it follow below which it moves too little.
+/// A joint moves too little if it moves by less than this part of what friction allows.
 const TOO_LITTLE: f64 = 0.5;
-/// Reported torque over commanded torque: a fault outside the first, looked at outside the second.
+/// Reported torque over commanded torque: a fault outside the first range, a warning outside the second.
 const GAIN: [[f64; 2]; 2] = [[0.5, 2.0], [0.75, 1.33]];
-/// Error of a zero that is a fault, rad, and how many of its own errors it must be.
+/// A zero is a fault if it is off by more than this, rad, and by more than so many of its standard errors.
 const ZERO: f64 = 0.1;
 const SURE: f64 = 2.5;
-/// A zero is judged if its error is below this, rad.
+/// A zero is judged if its standard error is below this, rad.
 const KNOWN: f64 = 0.08;
 /// How well the weights of a robot's file are known relative to each other, and the least error of a joint's holding torque: N·m
 /// and part of friction.
@@ -37,9 +39,9 @@ const WEIGHT: f64 = 0.04;
 const CARRIED: f64 = 0.3;
 const MASSES: [f64; 2] = [0.8, 1.25];
 const HOLDING: (f64, f64) = (0.01, 0.1);
-/// Delay to look at, and a fault, s.
+/// A delay that is a warning, and one that is a fault, s.
 const LATE: [f64; 2] = [0.008, 0.03];
-/// Least error of a delay, s: commands are sent every 2 ms.
+/// Min standard error of a delay, s: commands are sent every 2 ms.
 const LEAST_ERROR: f64 = 0.0005;
 /// A joint's delay with a larger error does not count, s.
 const WORST_ERROR: f64 = 0.003;
@@ -53,7 +55,7 @@ pub struct JointMotion {
     pub joint: String,
     /// How far it moved, rad, highest to lowest.
     pub moved: f64,
-    /// How far it was asked to.
+    /// How far it was commanded to move, rad.
     pub asked: f64,
     /// The other joint that moved most meanwhile, and how far, rad.
     pub other: Option<(String, f64)>,
@@ -132,7 +134,7 @@ pub fn moved(
     (Moved { reason, commands, changed, joints, delay, torque_delay, mass_factor }, findings)
 }
 
-/// The delay of all joints.
+/// The delay of all joints, from the delays of each.
 fn together(all: impl Iterator<Item = Measured>) -> Option<Measured> {
     let delays: Vec<f64> = all.filter(|one| one.error < WORST_ERROR).map(|one| one.value).collect();
     let Measured { value, error } = robust(&delays);
@@ -246,13 +248,16 @@ fn judge(one: &JointMotion, kp: f64, findings: &mut Vec<Finding>) {
         say(match far {
             Some((other, far)) => Finding::fault(
                 Check::Order,
-                format!("its command moves {other} by {far:.2} rad, and it itself by {:.3}", one.moved),
+                format!(
+                    "its command moves {other} by {far:.2} rad, and the joint itself by {:.3}",
+                    one.moved
+                ),
                 "Joints are in another order in commands than in states: check `slot` in the robot's file and the motors' cables",
             ),
             None => Finding::fault(
                 Check::Moves,
-                format!("it was asked to move by {:.2} rad and moved by {:.3}", one.asked, one.moved),
-                "It sticks, or its motor does not take commands: move it by hand with the power off, then check the motor's mode, \
+                format!("it was commanded to move by {:.2} rad and moved by {:.3}", one.asked, one.moved),
+                "The joint sticks, or its motor ignores commands: move it by hand with the power off, then check the motor's mode, \
                  gains and cable",
             ),
         });
@@ -271,7 +276,7 @@ fn judge(one: &JointMotion, kp: f64, findings: &mut Vec<Finding>) {
     if follows < OPPOSITE {
         say(Finding::fault(
             Check::Sign,
-            format!("it moves against its command, by {follows:.2} of it"),
+            format!("it moves against its command: by {follows:.2} times the commanded motion"),
             "The sign of its commands is not that of its angle: check the robot's file and the joint's direction in the vendor's documentation",
         ));
         return;
@@ -279,7 +284,7 @@ fn judge(one: &JointMotion, kp: f64, findings: &mut Vec<Finding>) {
     if follows > TOO_FAR || follows < TOO_LITTLE * free {
         say(Finding::fault(
             Check::Amount,
-            format!("it moves by {follows:.2} of what is asked"),
+            format!("it moves by {follows:.2} times the commanded motion"),
             format!(
                 "Check its gear and gains (kp {kp} N·m/rad here); its friction by this motion is {friction:.2} N·m"
             ),
@@ -287,7 +292,7 @@ fn judge(one: &JointMotion, kp: f64, findings: &mut Vec<Finding>) {
     }
     if let Some(gain) = one.torque_gain {
         let outside = |[low, high]: [f64; 2]| gain < low || gain > high;
-        let problem = format!("its motor reports {gain:.2} of the torque that its command gives");
+        let problem = format!("its motor reports {gain:.2} times the torque of its command");
         let remedy = "Check whether kp and kd are in N·m/rad and N·m·s/rad at the joint, and its gear ratio; a fit finds it as torque_scale";
         if outside(GAIN[0]) {
             say(Finding::fault(Check::Gains, problem, remedy));
@@ -301,7 +306,10 @@ fn judge(one: &JointMotion, kp: f64, findings: &mut Vec<Finding>) {
     if let Some(zero) = one.zero.filter(wrong) {
         say(Finding::fault(
             Check::Zero,
-            format!("by its weight it reads {:.2} ± {:.2} rad too much", zero.value, zero.error),
+            format!(
+                "by the weight that it holds, its angle reads {:.2} ± {:.2} rad too much",
+                zero.value, zero.error
+            ),
             "Calibrate its encoder's zero; if it is right, its sign or order is wrong, or the robot's file lacks a load",
         ));
     }

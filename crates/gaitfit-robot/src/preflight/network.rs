@@ -6,15 +6,15 @@ use super::statistics::{Measured, deviation, least_squares, median, span};
 use super::{Check, Finding, Heard};
 use crate::state::Seal;
 
-/// Fewest messages a second with which a policy may be run.
+/// Min messages a second for running a policy.
 const FEWEST_HZ: f64 = 100.0;
 /// A longer gap stops a run, ms.
 const LONGEST_GAP_MS: f64 = 20.0;
-/// Share of messages that may be lost: beyond the first it is looked at, beyond the second a fault.
+/// Share of lost messages: above the first it is a warning, above the second a fault.
 const LOST: [f64; 2] = [0.001, 0.01];
-/// Difference of the clocks to look at, parts per million; quartz clocks differ by less than 100.
+/// A larger difference of the clocks is a warning, parts per million; quartz clocks differ by less than 100.
 const CLOCK_PPM: f64 = 500.0;
-/// Fewest messages for any statement.
+/// With fewer messages nothing else is judged.
 pub(super) const FEWEST: usize = 20;
 
 /// How states come.
@@ -105,7 +105,7 @@ fn clock(heard: &[Heard]) -> Option<ClockReport> {
     })
 }
 
-/// What is wrong with it. `simulator`: checksum and counter may be left out.
+/// Adds what is wrong with it. `simulator`: checksum and counter may be absent.
 pub(super) fn judge(report: &NetworkReport, simulator: bool, findings: &mut Vec<Finding>) {
     if report.other_commands > 0 {
         findings.push(Finding::fault(
@@ -139,7 +139,7 @@ pub(super) fn judge(report: &NetworkReport, simulator: bool, findings: &mut Vec<
     if report.without_checksum > 0 && !simulator {
         findings.push(Finding::fault(
             Check::Messages,
-            format!("{} states have no checksum, as those of simulators", report.without_checksum),
+            format!("{} states have no checksum: they come from a simulator", report.without_checksum),
             "Stop the simulator in this domain, or give its domain with --domain",
         ));
     }
@@ -184,7 +184,7 @@ pub(super) fn judge(report: &NetworkReport, simulator: bool, findings: &mut Vec<
                     1e-4 * ppm.value.abs(),
                     if ppm.value > 0.0 { "faster" } else { "slower" }
                 ),
-                "If it does not count ms, logs are right, because their times are this computer's; else check its clock",
+                "Logs are right, because their times are this computer's. If the counter counts ms, check the robot's clock",
             ));
         }
     }

@@ -1,4 +1,4 @@
-//! What the joints are asked for, over time: a function of the time since the motion began.
+//! The targets of the joints, as a function of the time since the motion began.
 
 use std::f64::consts::{PI, TAU};
 use std::time::Duration;
@@ -9,7 +9,7 @@ use crate::command::{Command, MotorCommand};
 use crate::per_motor::PerMotor;
 use crate::robot::Robot;
 
-/// What is being done.
+/// What the robot is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Stage {
@@ -17,21 +17,21 @@ pub enum Stage {
     Idle,
     /// Targets are where the joints are; the gains grow from 0.
     Soften,
-    /// Slowly to the hanging pose.
+    /// The joints move slowly to the hanging pose.
     Approach,
-    /// At rest there.
+    /// The joints rest in the hanging pose.
     Hold,
     /// The joint of this motor moves alone.
     Joint(usize),
     /// All joints move together.
     Excite,
-    /// Slowly back to where the joints were.
+    /// The joints move slowly back to where they were.
     Return,
     /// The motors resist motion and hold nothing. It is never left.
     Damping,
 }
 
-/// Gains of all motions, in parts of the robot file's for standing up.
+/// kp of all motions, as a part of the robot file's kp for standing up.
 const SOFT: f32 = 0.5;
 /// Time in which the gains grow, s.
 const SOFTEN: f64 = 1.5;
@@ -55,7 +55,7 @@ const EXCITE_PART: f64 = 0.8;
 /// Fade at both ends, s.
 const FADE: f64 = 0.5;
 
-/// What the joints are asked for.
+/// The targets of the joints over time.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Where the joints were, rad.
@@ -122,7 +122,7 @@ impl Plan {
         &self.order
     }
 
-    /// Length of all of it, before damping.
+    /// Length of the whole motion before damping, s.
     pub fn seconds(&self) -> f64 {
         SOFTEN + 2.0 * self.travel + HOLD + self.alone() * self.order.len() as f64 + EXCITE
     }

@@ -2,7 +2,7 @@
 //!
 //! I q̈ + b q̇ + F sign(q̇) + c₀ + c₁ (q − q̄) = kp (q*(t − d) − q) − kd q̇, multiplied by a smooth bump in time and integrated by
 //! parts, so that nothing is differentiated. For each delay d the rest is linear. Bumps in which the joint is slow or reverses
-//! do not count: how friction reverses is another question, and a wrong answer looks like a delay.
+//! do not count: friction at a reversal needs a model, and errors of that model look like a delay.
 
 use std::ops::Range;
 
@@ -12,18 +12,18 @@ use super::statistics::{Measured, least_squares, mean, slope, span};
 /// Samples of a bump, and between two bumps.
 const LENGTH: usize = 15;
 const STRIDE: usize = 3;
-/// Fewest bumps for an answer.
+/// Min number of bumps.
 const FEWEST: usize = 30;
-/// Longest delay that is tried, in samples of half a row.
+/// Longest delay that is tried, in steps of half a row.
 const DELAYS: usize = 60;
 const DELAY_STEP: f64 = 0.5 * DT;
 /// Slowest motion that counts, rad/s.
 const SLOWEST: f64 = 0.1;
-/// An inertia of so many errors is seen.
+/// An inertia is identified if it is more than so many of its standard errors.
 const SEEN: f64 = 5.0;
-/// A target that is sent counts until the next one: on the mean it is late by half a row, s.
+/// A target holds until the next one is sent: on average it is late by half a row, s.
 const HELD: f64 = 0.5 * DT;
-/// A torque that is reported at all, N·m.
+/// Reported torques that vary by less are not reported at all, N·m.
 const REPORTED: f64 = 0.01;
 
 /// What a joint's own motion shows.

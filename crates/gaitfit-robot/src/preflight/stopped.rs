@@ -10,7 +10,7 @@ use crate::robot::Robot;
 
 /// A joint that was displaced by more than this moved, rad.
 const MOVED: f64 = 0.04;
-/// A commanded torque that a motor must answer, N·m, and the part of it that is an answer.
+/// If the command gives more than this torque, N·m, the motor must report at least this part of it.
 const ASKED: f64 = 0.5;
 const ANSWER: f64 = 0.2;
 /// Rows at the end that show the torque.
@@ -33,7 +33,7 @@ pub(super) fn stopped(flown: &Flown, sampled: &SampledStates, robot: &Robot, fin
         Finding::fault(
             Check::Stopped,
             format!("the motion was stopped: {reason}"),
-            "Mend this first; joints after it were not moved",
+            "Repair this first; the joints after it were not moved",
         )
     };
     findings.push(diagnosed.unwrap_or_else(stopped));
@@ -53,7 +53,7 @@ fn softened(first: &Row, last: &Row, robot: &Robot, motor: usize) -> Finding {
         let other = &robot.motors[partner].joint;
         return Finding::fault(
             Check::Order,
-            format!("it and {other} moved to each other's angles while their targets stood still: they are swapped between commands and states"),
+            format!("this joint and {other} moved to each other's angles while their targets stood still: they are swapped between commands and states"),
             "Check `slot` in the robot's file, and the cables of both motors",
         )
         .of(joint);
@@ -75,7 +75,7 @@ fn softened(first: &Row, last: &Row, robot: &Robot, motor: usize) -> Finding {
     .of(joint)
 }
 
-/// A joint did not come with its target.
+/// A joint did not follow its target.
 fn astray(sampled: &SampledStates, robot: &Robot, motor: usize) -> Finding {
     let rows = &sampled.rows;
     let joint = &robot.motors[motor].joint;
@@ -105,9 +105,7 @@ fn astray(sampled: &SampledStates, robot: &Robot, motor: usize) -> Finding {
         let other = &robot.motors[other].joint;
         Finding::fault(
             Check::Order,
-            format!(
-                "it does not follow its target, and {other} is {far:.2} rad from where it was asked to be"
-            ),
+            format!("it does not follow its target, and {other} is {far:.2} rad from its own target"),
             "Joints are in another order in commands than in states: check `slot` in the robot's file",
         )
     } else if by(motor).abs() < MOVED {
@@ -119,7 +117,10 @@ fn astray(sampled: &SampledStates, robot: &Robot, motor: usize) -> Finding {
     } else if by(motor) * wanted < 0.0 {
         Finding::fault(
             Check::Sign,
-            format!("it moves away from its target: asked for {wanted:.2} rad it moved by {:.2}", by(motor)),
+            format!(
+                "it moves away from its target: the target moved by {wanted:.2} rad and the joint by {:.2}",
+                by(motor)
+            ),
             "The sign of its commands is not that of its angle: check the robot's file",
         )
     } else {

@@ -31,7 +31,7 @@ impl Motion {
     /// All, in the order in which they are asked for.
     pub const ALL: [Self; 3] = [Self::NoseDown, Self::RollRight, Self::TurnLeft];
 
-    /// What the person is asked for.
+    /// The request to the person.
     pub fn words(self) -> &'static str {
         match self {
             Self::RollRight => "roll the robot to the right: its right side down",
@@ -50,7 +50,7 @@ impl Motion {
     }
 }
 
-/// A turn that was made: from before it to its end.
+/// A turn that a person made, with the states from just before it to its end.
 #[derive(Clone, Debug)]
 pub struct Tilted {
     /// Which one.

@@ -8,17 +8,17 @@ use super::Heard;
 use super::tilt::{Motion, Tilted};
 use super::turned::{orientation, turn_between};
 
-/// A turn this large, held still, is one, rad.
+/// A turn counts if it is at least this large and is held still, rad.
 const ENOUGH: f64 = 0.35;
-/// How still, rad/s, and how long.
+/// Still means slower than this, rad/s, for this long.
 const STILL: f64 = 0.25;
 const HELD: Duration = Duration::from_millis(400);
 /// How long a person has for each turn.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// How long what comes between two turns is waited for: the robot is brought back.
+/// Min time between two turns, in which the person brings the robot back.
 const BETWEEN: Duration = Duration::from_secs(3);
 
-/// What a person is asked for.
+/// What the person must do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
     /// To hold the robot level and still.
@@ -118,7 +118,7 @@ impl Tilting {
             Asked::Level if waited > BETWEEN && self.is_still(now) => {
                 self.ask(Asked::Turn(Motion::ALL[self.next]), now);
             }
-            // Nobody holds it still: the turn is asked for all the same.
+            // Nobody holds it still. The next turn is requested all the same.
             Asked::Level if waited > PATIENCE => self.ask(Asked::Turn(Motion::ALL[self.next]), now),
             Asked::Turn(motion) if waited > PATIENCE => self.ask(Asked::TooLate(motion), now),
             _ => {}

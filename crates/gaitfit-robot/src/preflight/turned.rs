@@ -23,7 +23,7 @@ pub(super) fn mean_orientation(all: impl IntoIterator<Item = Quat>) -> Option<Qu
     (length > 0.0).then(|| sum.map(|x| x / length))
 }
 
-/// That of what was heard.
+/// The mean orientation of these states.
 pub(super) fn mean_attitude(heard: &[Heard]) -> Option<Quat> {
     mean_orientation(heard.iter().filter_map(|one| orientation(one.state.quaternion)))
 }

@@ -1,32 +1,35 @@
-//! Whether logs are like those of robots that are simulated with the values found: a posterior predictive check (Gelman, Meng
-//! and Stern 1996).
+//! Whether the real logs are like those of robots that are simulated with the regression's values: a posterior predictive check
+//! (Gelman, Meng and Stern 1996).
 
 use gaitfit_sim::stats;
 use serde::{Deserialize, Serialize};
 
-/// Min number of robots that tell how much chance does.
+/// Min number of robots. Fewer do not show how far chance moves a robot's numbers.
 const MIN_ROBOTS: usize = 12;
-/// Part of normal numbers that are below one standard deviation above the mean.
+/// Part of a normal distribution below its mean plus one standard deviation.
 const ONE_DEVIATION: f64 = 0.84;
-/// Numbers of a log whose variance is smaller, where the robot's range is 2, are rounding.
+/// A number of a log with a smaller variance among robots does not count: this is rounding. The robot's range is 2.
 const STEADY: f64 = 1e-14;
 
-/// How far the numbers of logs are from those of simulated robots with the same values, which differ by their draws alone.
+/// How far the numbers of the real logs are from those of simulated robots. These have the same values and differ only by
+/// their random draws.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Likeness {
-    /// Mean square distance of the real logs' numbers from the robots' mean, in the robots' variances; 1 by chance.
+    /// Mean square distance of the real logs' numbers from the robots' mean, in units of the robots' variances. If the model
+    /// lacks nothing, it is about 1.
     pub distance: f64,
-    /// The same of each robot among the others: the median.
+    /// The median of the same distance of each robot from the others.
     pub typical: f64,
-    /// What chance seldom exceeds: two standard deviations of the logarithm above the median. One is between the median and the
-    /// 84th of a hundred robots, so a robot that stumbles does not count.
+    /// Chance seldom exceeds this distance. Its logarithm is two standard deviations above the median. One standard deviation is
+    /// the difference between the 84th percentile and the median, so a few robots that stumble do not change it.
     pub by_chance: f64,
     /// Robots.
     pub robots: usize,
 }
 
 impl Likeness {
-    /// Of `logs` among `robots` (`robots × numbers`). `None` of too few robots, or if all of their numbers are alike.
+    /// Compares `logs` with `robots` (`robots × numbers`). `None` if there are too few robots, or if all numbers of all robots
+    /// are equal.
     pub fn new(logs: &[f64], robots: &[Vec<f64>]) -> Option<Self> {
         if robots.len() < MIN_ROBOTS || robots.iter().any(|one| one.len() != logs.len()) {
             return None;
@@ -43,20 +46,20 @@ impl Likeness {
         (typical > 0.0).then_some(Self { distance, typical, by_chance, robots: robots.len() })
     }
 
-    /// Whether the logs are further off than chance explains.
+    /// Whether the logs are further from the robots than chance explains.
     pub fn unlike(&self) -> bool {
         self.distance > self.by_chance
     }
 
-    /// By how much errors are larger than those of simulated robots: the root of the distance in units of a typical robot's
-    /// (the ratio of Birge 1932) of logs that are unlike theirs, else 1.
+    /// The factor by which errors are larger than those of simulated robots: √(distance / typical), the ratio of Birge (1932),
+    /// if the logs are unlike the robots'; else 1.
     pub fn ratio(&self) -> f64 {
         if self.unlike() { (self.distance / self.typical).sqrt().max(1.0) } else { 1.0 }
     }
 }
 
-/// Mean square distance of `logs` from the mean of `robots`, in the variance of one more robot about this mean. `None` if all
-/// numbers of the robots are alike.
+/// Mean square distance of `logs` from the mean of `robots`, in units of the variance of one more robot about this mean. `None`
+/// if no number differs among the robots.
 fn distance(logs: &[f64], robots: &[&Vec<f64>]) -> Option<f64> {
     let count = robots.len() as f64;
     let of_number = |at: usize| {
@@ -74,7 +77,7 @@ mod tests {
     use super::*;
     use gaitfit_random::{Purpose, Stream};
 
-    /// Robots whose 200 numbers have standard deviations of 1 to 3, shifted by `shift` of them.
+    /// Robots whose 200 numbers have standard deviations of 1 to 3 and means of `shift` standard deviations.
     fn robots(count: u32, shift: f64) -> Vec<Vec<f64>> {
         let robot = |number: u32| {
             let draws = Stream::new(3, Purpose::SIMULATED_ROBOTS).environment(number).step(0);

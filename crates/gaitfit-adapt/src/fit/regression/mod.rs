@@ -1,15 +1,16 @@
 //! Values corrected by simulated robots, for costs that compare distributions: regression-adjusted approximate Bayesian
 //! computation (Beaumont, Zhang and Balding 2002) in a few rounds, each nearer to the values.
 //!
-//! A search finds the values whose walks are nearest to the logs. They are off by what the fit's step differs from the
-//! robot's, by what nobody knows of a log's start, and by how far the search was from its end. So robots are simulated as
-//! the real one makes logs, with values drawn around those found. Their values are known. A regression learns them from
-//! the distributions of their logs, and then says the values of the robot that made the real logs.
+//! A search finds the values whose walks are nearest to the logs. These values have three errors: the fit's step is not the
+//! robot's, the start of each log is unknown, and the search ended early. So robots are simulated as the real one makes
+//! logs, with values drawn around the result of the search. Their values are known. A regression learns them from the
+//! distributions of their logs. Then it predicts the values of the robot that made the real logs.
 //!
-//! What it is off by for robots that were left out one by one is what it is off by for the real one, if that is like them.
-//! It is not. So each signal of each leg is asked alone: where they disagree by more than their errors, the simulator lacks
-//! something, and their scatter is in the intervals. And robots are simulated with the values found: if none of them has
-//! logs like the real ones, the intervals are wider in proportion.
+//! Robots are left out one by one, and the regression predicts their values. Its errors for them are its errors for the
+//! real robot too, if the real robot is like them. But it is not. So each signal of each leg also predicts the values alone.
+//! If these predictions disagree by more than their errors, the simulator lacks something, and the intervals contain their
+//! scatter. Last, robots are simulated with the regression's values. If the real logs are unlike theirs, the intervals are
+//! wider in proportion.
 
 mod distributions;
 mod likeness;
@@ -49,9 +50,9 @@ const SHARED: f64 = 2.0;
 /// An end of an interval that is less than this many standard deviations from a bound is moved to the bound: no robots are
 /// drawn beyond it, so estimates of values at the bound lie within.
 const NEAR: f64 = 0.5;
-/// Deviations of so many errors of robots that were left out are the simulator's.
+/// If an entry's deviation is more than this many errors of left-out robots, its cause is the simulator.
 const UNLIKE: f64 = 3.0;
-/// Robots that are simulated with the values found, to see whether logs like the real ones are among theirs.
+/// Number of robots that are simulated with the regression's values, to see whether the real logs are like theirs.
 const WITH_VALUES: usize = 24;
 /// Max entries of a θ for a regression.
 pub const MAX_REGRESSED: usize = 50;
@@ -70,7 +71,7 @@ pub trait Walks {
     fn walk(&self, robots: &[Vec<f64>], first: u32) -> Result<Vec<Option<Vec<f64>>>, String>;
 }
 
-/// What simulated robots say of a fit.
+/// The estimate from simulated robots.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Regression {
     /// The values that the fit found.
@@ -88,8 +89,8 @@ pub struct Regression {
     pub robots: usize,
     /// The rounds.
     pub rounds: Vec<Drawn>,
-    /// Whether robots with the corrected values have such logs; `None` if too few of them walk. Of logs that are unlike
-    /// theirs `deviation` and `interval` are larger by [`Likeness::ratio`].
+    /// Whether robots with the corrected values have such logs; `None` if too few of them walk, or if their logs are all equal.
+    /// If the real logs are unlike theirs, `deviation` and `interval` are larger by [`Likeness::ratio`].
     #[serde(default)]
     pub likeness: Option<Likeness>,
 }
@@ -139,7 +140,7 @@ impl Regression {
         whole && disagreement.is_some_and(|apart| apart > 0.0)
     }
 
-    /// Most robots that are simulated with `each` a round.
+    /// Max number of robots that are simulated, with `each` a round.
     pub fn robots(each: usize) -> usize {
         MAX_ROUNDS * each + WITH_VALUES
     }
@@ -159,8 +160,8 @@ pub struct Logs {
     pub groups: Vec<Range<usize>>,
 }
 
-/// What `each` robots a round say of the robot that made `logs`, of which a search over `theta` found `found`. `Ok(Err)`: why
-/// they say nothing, in a sentence.
+/// Estimates the values of the robot that made `logs` from `each` simulated robots a round. `found`: the result of the search
+/// over `theta`. `Ok(Err)`: why there is no estimate, in a sentence.
 ///
 /// # Errors
 /// [`FitError::Cancelled`].

@@ -8,8 +8,8 @@ use nalgebra::{DMatrix, DVector};
 const INDEPENDENT: f64 = 1e-3;
 
 /// Means and standard deviations of the product of two normal densities: that of `values`, and the priors of `theta`.
-/// `deviations`: standard deviations of `values`, whose correlations are those of `left`, the leave-one-out errors
-/// (`entries × robots`). `None` without robots, or if a matrix has no inverse.
+/// `deviations`: the standard deviations of `values`. `left`: leave-one-out errors (`entries × robots`), whose correlations
+/// are those of `values`. `None` without robots, or if a matrix has no inverse.
 pub fn with_priors(
     theta: &Theta,
     values: &[f64],

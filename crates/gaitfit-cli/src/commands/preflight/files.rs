@@ -15,10 +15,10 @@ pub const RESULT: &str = "preflight.json";
 const FIT: &str = "preflight.toml";
 /// The built-in Go2, for that fit.
 const GO2: &str = "go2.xml";
-/// The motion, and what states its inertial unit beside it.
+/// The log of the motion, and the file beside it that states how its inertial unit is mounted.
 const MOTION: &str = "motion.csv";
 const SIDECAR: &str = "motion.toml";
-/// The messages while nothing was sent; in a folder of its own, because no fit can read them.
+/// The messages while nothing was sent. They have their own folder, because no fit can read them.
 const LISTENING: &str = "listening/listening.csv";
 /// Largest dry friction that is searched, in parts of the strongest motor's torque, as `gaitfit new` has it.
 const FRICTION: f32 = 0.05;
@@ -70,7 +70,7 @@ pub fn write(
     Ok(gaitfit::files::write(&args.out.join(RESULT), &text)?)
 }
 
-/// The configuration of a fit of the motion, with what is known; lines for fits of walks are comments.
+/// The configuration of a fit of the motion, with priors. Lines for fits of walks are comments.
 fn fit(args: &Preflight, robot: &Robot, document: &Document, has_log: bool) -> String {
     let mut text = format!("# By gaitfit preflight of a {}.\n", robot.title);
     if has_log {
@@ -104,7 +104,7 @@ fn groups(robot: &Robot) -> Option<[&'static str; 3]> {
     robot.motors.iter().all(|motor| covered(&motor.joint)).then_some(all)
 }
 
-/// What is fitted: what resists motion, together, and the delay.
+/// The fitted parameters: friction, armature, damping and the delay.
 fn parameters(text: &mut String, robot: &Robot) {
     let per = if groups(robot).is_some() { "group" } else { "joint" };
     let strongest = robot.motors.iter().map(|motor| motor.torque).fold(0.0, f32::max);
@@ -121,7 +121,7 @@ fn parameters(text: &mut String, robot: &Robot) {
 /// A number of a joint's own motion.
 type Number = fn(&JointMotion) -> Option<Measured>;
 
-/// What each joint's own motion showed, by the names of the fit.
+/// Priors from each joint's own motion, under the names of the fit's parameters.
 fn priors(text: &mut String, robot: &Robot, moved: &Moved) {
     text.push_str("# By each joint's own motion.\n[prior]\n");
     let mut put = |name: &str, value: f64, deviation: f64| {

@@ -59,7 +59,7 @@ enum For {
     Moving,
 }
 
-/// Listens, has the robot tilted, moves it; prints and saves what it found.
+/// Listens to the robot, follows a person who tilts it, and moves it. Prints and saves the result.
 pub fn run(args: &Preflight) -> Result<(), Failure> {
     check(args)?;
     signals::listen()?;
@@ -129,13 +129,13 @@ pub fn run(args: &Preflight) -> Result<(), Failure> {
         let faults = document.findings.iter().filter(|one| one.severity == Severity::Fault).count();
         return Err(Failure {
             exit: Exit::Check,
-            message: format!("{faults} checks failed: do not walk this robot before they are mended"),
+            message: format!("{faults} checks failed: repair these faults before the robot walks"),
         });
     }
     Ok(())
 }
 
-/// Refuses what cannot be, before anything is opened.
+/// Refuses options that contradict each other, before anything is opened.
 fn check(args: &Preflight) -> Result<(), Failure> {
     let simulated = args.robot == RobotKind::Simulated;
     if simulated && (args.interface.is_some() || args.domain != 0) {
@@ -252,7 +252,7 @@ fn over_dds<'b>(
     Err(super::run::without_dds(interface))
 }
 
-/// The small motions, after a person agreed; `None` if not.
+/// The small motions, after a person agreed; `None` if the robot is not moved.
 fn motion(
     args: &Preflight,
     robot: &Robot,
@@ -261,7 +261,7 @@ fn motion(
     findings: &[Finding],
 ) -> Result<Option<Flown>, Failure> {
     if !passed(findings) {
-        note("the robot is not moved: listening found faults, which must be mended first");
+        note("the robot is not moved: the checks before found faults. Repair these first");
         return Ok(None);
     }
     let Some(last) = heard.last() else { return Ok(None) };
@@ -310,7 +310,7 @@ fn told(robot: &Robot, stage: Stage) -> String {
         Stage::Idle => "idle".to_owned(),
         Stage::Soften => "gains grow; nothing should move".to_owned(),
         Stage::Approach => "slowly to the pose in the air".to_owned(),
-        Stage::Hold => "holds it".to_owned(),
+        Stage::Hold => "holds this pose".to_owned(),
         Stage::Excite => "all joints move together".to_owned(),
         Stage::Return => "slowly back".to_owned(),
         Stage::Damping => "damping".to_owned(),

@@ -1,7 +1,7 @@
 //! Estimates from legs in the air, corrected by simulated walks.
 //!
-//! Torque noise moves a joint in its own direction, so friction seems smaller and damping larger; and readings at 50 Hz miss
-//! when a slow joint turns. So robots with drawn values walk in the simulator under the logs' commands, and the same
+//! Torque noise moves a joint in its own direction, so friction seems smaller and damping larger. Readings at 50 Hz also miss
+//! when a slow joint reverses. So robots with drawn values walk in the simulator under the logs' commands, and the same
 //! estimator runs on their logs. A regression learns how estimates depend on true values (indirect inference: Gourieroux,
 //! Monfort and Renault 1993).
 
@@ -28,7 +28,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Rounds of simulated robots, each around the values of the last one.
 const ROUNDS: usize = 2;
-/// Robots before the first round. They show the torque noise.
+/// Robots before the first round. Their logs show how much torque noise the real robot has.
 const FIRST_ROBOTS: usize = 2;
 /// Min robots of a round; and how many more robots than numbers of each.
 const ROBOTS: usize = 14;
@@ -41,7 +41,7 @@ const MIN_ERRORS: [f64; 4] = [0.02, 0.01, 5e-4, 4e-4];
 const NOISE: f64 = 0.5;
 /// Physics step of the simulated robots if nothing states the real one's, s.
 const STEP_S: f64 = 1e-3;
-/// This part of a correction counts as one standard deviation.
+/// This part of a correction is added to its error as a standard deviation.
 const DOUBT: f64 = 0.3;
 /// A group shows torque noise if [`NOISE`] makes its mean square residual more than this many times as large.
 const SHOWN: f64 = 1.2;
@@ -51,7 +51,7 @@ const MAX_NOISE: f64 = 0.06;
 const MAX_ERROR: f64 = 1.0;
 /// Why there is no correction.
 const ALIKE: &str = "too few simulated robots walk, or their estimates hardly depend on their values";
-/// Effects that simulated joints lack. What they leave unexplained looks like torque noise.
+/// Effects that simulated joints lack. On a real robot they look like torque noise.
 const LACKING: [CauseKind; 2] = [CauseKind::Elasticity, CauseKind::Backlash];
 /// Part of a log before a fall that does not count, s.
 const BEFORE_FALL_S: f64 = 0.3;
@@ -100,7 +100,7 @@ pub fn correct(
     Ok(())
 }
 
-/// What simulated robots are like, and what is estimated of them.
+/// The simulated robots, and the settings with which their logs are estimated.
 struct World<'a> {
     robot: &'a Robot<'a>,
     recorder: Recorder,
@@ -117,10 +117,10 @@ struct World<'a> {
 }
 
 impl Robot<'_> {
-    /// `found` of `logs` at the policy's rate, corrected.
+    /// `found`, corrected by simulated `logs` at the policy's rate.
     ///
     /// # Errors
-    /// Why it is not.
+    /// Why there is no correction.
     fn corrected(&self, logs: &[Log], found: &SwingReport, watch: &Watch<'_>) -> Result<SwingReport, String> {
         let settings = SwingSettings {
             clearances_m: vec![found.clearance_m],
@@ -252,7 +252,7 @@ impl World<'_> {
         let max = MAX_NOISE * efforts.fold(f64::INFINITY, f64::min);
         if noise.sqrt() > max {
             return Err(format!(
-                "they leave more unexplained than torque noise of {max:.2} N·m would: the model lacks another effect"
+                "the logs leave more unexplained than torque noise of {max:.2} N·m would, so the model lacks an effect"
             ));
         }
         Ok((noise, slope, group))
@@ -280,7 +280,7 @@ impl World<'_> {
         (0..count).map(move |at| if at + 2 == count { -step / 2.0 } else { 0.0 })
     }
 
-    /// What is estimated of each robot; `None` of one that falls in most logs.
+    /// The estimates from each robot's logs; `None` for a robot that falls in too many of them.
     fn observe(&self, robots: &[Vec<f64>], first: usize) -> Result<Vec<Option<SwingReport>>, String> {
         let reports = Mutex::new(vec![Ok(None); robots.len()]);
         pool::for_each(
