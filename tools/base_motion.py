@@ -110,15 +110,18 @@ def main():
         sys.exit(f"error: --columns names {len(columns)} columns; it takes {len(QUANTITIES)}")
     trials = {}
     for path in args.logs:
-        row = rows_of(path)[0]
+        rows = rows_of(path)
+        if not rows or any(row.get(name) != rows[0].get(name) for row in rows for name in COMMANDS):
+            sys.exit(f"error: {path} is shorter than a second, or its command changes")
+        row = rows[0]
         trials.setdefault(tuple(number(row, column, path) for column in COMMANDS), []).append(of_log(path, columns))
     commands = sorted(trials)
     sources = {"log": relative([trials[command][0] for command in commands])}
     for more in range(1, min(map(len, trials.values()))):
         sources[f"trial {more + 1}"] = relative([trials[command][more] for command in commands])
     fits = {"robot file": None, **dict(one.split("=", 1) for one in args.theta if "=" in one)}
-    if any("=" not in one for one in args.theta):
-        sys.exit("error: --theta takes NAME=FILE")
+    if any("=" not in one for one in args.theta) or len(fits) != 1 + len(args.theta) or set(fits) & set(sources):
+        sys.exit("error: --theta takes NAME=FILE, and each name once")
     for name, theta in fits.items():
         with tempfile.TemporaryDirectory() as folder:
             sources[name] = relative(simulate(args, theta, commands, pathlib.Path(folder)))

@@ -13,10 +13,21 @@ fn logs() -> Vec<Trajectory> {
     (0..8).map(|k| log(k).unwrap()).collect()
 }
 
-fn found(model: &Model, logs: &[Trajectory]) -> Vec<Effect> {
+fn settings(model: &Model) -> SwingSettings {
     let mut groups = usual_groups(model);
     groups[2].1.retain(|&joint| model.joints[joint].name != "RR_calf_joint");
-    let settings = SwingSettings { clearances_m: vec![0.03], groups, ..SwingSettings::default() };
+    SwingSettings { clearances_m: vec![0.03], groups, ..SwingSettings::default() }
+}
+
+/// Friction of the calves, N·m, and how much of it each part of friction under load makes.
+fn friction(model: &Model, logs: &[Trajectory]) -> (f64, f64) {
+    let report = estimate(model, &logs.iter().collect::<Vec<_>>(), &settings(model)).unwrap();
+    let calf = report.groups.iter().find(|group| group.group == "calf").unwrap();
+    (calf.friction.value, calf.by_load[0])
+}
+
+fn found(model: &Model, logs: &[Trajectory]) -> Vec<Effect> {
+    let settings = settings(model);
     let logs: Vec<&Trajectory> = logs.iter().collect();
     let report = estimate(model, &logs, &settings).unwrap();
     effects(model, &logs, &report, &settings).unwrap()
@@ -42,6 +53,7 @@ fn friction_under_load_is_measured() {
     let model = gaitfit_model::builtin::go2().unwrap();
     let mut logs = logs();
     let before = effect(&found(&model, &logs), EffectKind::LoadFriction, "calf");
+    let (dry, by_load) = friction(&model, &logs);
     for log in &mut logs {
         let width = log.joints.len();
         let kp = log.gains.as_ref().unwrap().kp.clone();
@@ -61,6 +73,10 @@ fn friction_under_load_is_measured() {
     assert!((0.04..0.2).contains(&change), "{before:?} and {after:?}");
     assert!(after.sure() > 8.0 && before.sure() < 4.0, "{before:?} and {after:?}");
     assert!(after.share > 0.08 && before.share < 0.02, "{before:?} and {after:?}");
+    // Where friction under load is left out, dry friction seems larger by what `by_load` says.
+    let more = friction(&model, &logs).0 - dry;
+    let expected = by_load * change;
+    assert!(expected > 0.02 && (more - expected).abs() < 0.5 * expected, "{more} for {expected}");
 }
 
 #[test]

@@ -303,7 +303,7 @@ impl<'a> Fit<'a> {
             let run = &mut self.runs[index];
             let cost = self.costs[run.cost].as_ref();
             let price = self.options.falls.risk_price(cost, recordings);
-            reports.push((index, run.tell(cost.name(), &found[batch], price, &self.options)?));
+            reports.push((index, run.tell(cost.name(), &found[batch], price, recordings, &self.options)?));
         }
         for (index, moved, (report, simulated)) in stepped {
             self.runs[index] = moved;

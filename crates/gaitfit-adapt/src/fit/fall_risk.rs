@@ -11,6 +11,10 @@ use std::collections::VecDeque;
 
 /// How many of the last candidates are remembered.
 const REMEMBERED: usize = 512;
+/// Max entries of θ for a regression; with more, for example the weights of networks, falls count only where they are seen.
+const MAX_ENTRIES: usize = 100;
+/// A standard deviation below this part of the mean is rounding.
+const ROUNDING: f64 = 1e-9;
 /// Variance of the prior of each slope, with parameters scaled to a standard deviation of 1.
 const SLOPE_VARIANCE: f64 = 0.25;
 /// Max steps of Newton's method, and max halvings of a step.
@@ -41,6 +45,9 @@ impl FallRisk {
 
     /// Remembers the candidates of a generation that were simulated to the end.
     pub fn remember(&mut self, candidates: &[Vec<f64>], found: &[Evaluation]) {
+        if candidates.first().is_none_or(|values| values.len() > MAX_ENTRIES) {
+            return;
+        }
         let simulated = candidates.iter().zip(found).filter(|(_, found)| found.cost.is_some());
         self.seen
             .extend(simulated.map(|(values, found)| Seen { values: values.clone(), fell: found.falls > 0 }));
@@ -50,9 +57,9 @@ impl FallRisk {
         }
     }
 
-    /// The number of recordings in which each of `candidates` is expected to fall: −ln(1 − p), where p is the probability that
-    /// it falls in at least one. All are 0 if no remembered candidate fell.
-    pub fn expected_falls(&self, candidates: &[Vec<f64>]) -> Vec<f64> {
+    /// The number of `recordings` in which each of `candidates` is expected to fall: N (1 − (1 − p)^(1/N)), where p is the
+    /// probability that it falls in at least one of N. All are 0 if no remembered candidate fell.
+    pub fn expected_falls(&self, candidates: &[Vec<f64>], recordings: usize) -> Vec<f64> {
         let entries = self.seen.front().map_or(0, |one| one.values.len());
         if entries == 0 || candidates.iter().any(|values| values.len() != entries) {
             return vec![0.0; candidates.len()];
@@ -65,8 +72,13 @@ impl FallRisk {
         let rows: Vec<f64> = self.seen.iter().flat_map(|one| scaled(&one.values)).collect();
         let rows = DMatrix::from_row_slice(self.seen.len(), entries + 1, &rows);
         let slopes = self.slopes(&rows);
-        // −ln(1 − p) is ln(1 + eˣ) of the logit x.
-        candidates.iter().map(|values| softplus(DVector::from_vec(scaled(values)).dot(&slopes))).collect()
+        let recordings = recordings as f64;
+        let expected = |values: &Vec<f64>| {
+            // −ln(1 − p) is ln(1 + eˣ) of the logit x.
+            let none = softplus(DVector::from_vec(scaled(values)).dot(&slopes));
+            recordings * -(-none / recordings).exp_m1()
+        };
+        candidates.iter().map(expected).collect()
     }
 
     /// The mean of each entry, and 1 / standard deviation. The latter is 0 for an entry that does not vary.
@@ -76,7 +88,7 @@ impl FallRisk {
             let values = || self.seen.iter().map(|one| one.values[entry]);
             let mean = values().sum::<f64>() / count;
             let deviation = (values().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
-            (mean, if deviation > 0.0 { deviation.recip() } else { 0.0 })
+            (mean, if deviation > ROUNDING * mean.abs() { deviation.recip() } else { 0.0 })
         };
         (0..entries).map(each).collect()
     }
@@ -146,7 +158,7 @@ mod tests {
         for generation in 0..generations {
             let draws = Stream::new(7, Purpose::TORQUE_NOISE).environment(0).step(generation);
             let candidates: Vec<Vec<f64>> =
-                (0..32).map(|at| vec![draws.normal(3 * at), 4.0, draws.normal(3 * at + 1)]).collect();
+                (0..32).map(|at| vec![draws.normal(3 * at), 0.1, draws.normal(3 * at + 1)]).collect();
             let falls = |(at, values): (usize, &Vec<f64>)| {
                 let chance = (1.0 + (-logit(values[0])).exp()).recip();
                 found(usize::from(draws.uniform(3 * at as u32 + 2) < chance))
@@ -160,9 +172,11 @@ mod tests {
     #[test]
     fn the_risk_follows_the_parameter_that_makes_robots_fall() {
         let risk = learned(16, |value| 2.0 * value - 1.0);
-        let falls = risk.expected_falls(&[vec![-2.0, 4.0, 0.0], vec![0.0, 4.0, 0.0], vec![1.0, 4.0, 2.0]]);
+        let candidates = [vec![-2.0, 0.1, 0.0], vec![0.0, 0.1, 0.0], vec![1.0, 0.1, 2.0]];
+        let falls = risk.expected_falls(&candidates, 4);
         for (found, logit) in falls.iter().zip([-5.0_f64, -1.0, 1.0]) {
-            let expected = softplus(logit);
+            let stands = (1.0 + logit.exp()).recip();
+            let expected = 4.0 * (1.0 - stands.powf(0.25));
             assert!((found - expected).abs() < 0.25 * expected + 0.02, "{found} for {expected}");
         }
     }
@@ -171,7 +185,7 @@ mod tests {
     fn without_falls_nothing_is_remembered_and_nothing_is_paid() {
         let mut risk = learned(3, |_| -50.0);
         assert!(risk.is_empty());
-        assert_eq!(risk.expected_falls(&[vec![0.0; 3]]), [0.0]);
+        assert_eq!(risk.expected_falls(&[vec![0.0; 3]], 48), [0.0]);
         let diverged = Evaluation { cost: None, falls: 3 };
         risk.remember(&[vec![0.0; 3]], &[diverged]);
         assert!(risk.is_empty(), "a diverged simulation does not count");
@@ -182,8 +196,9 @@ mod tests {
         let mut risk = FallRisk::default();
         let candidates = vec![vec![1.0, 2.0]; 8];
         risk.remember(&candidates, &[found(40); 8]);
-        let falls = risk.expected_falls(&candidates);
-        assert!(falls.iter().all(|falls| falls.is_finite() && *falls > 3.0), "{falls:?}");
+        let falls = risk.expected_falls(&candidates, 48);
+        assert!(falls.iter().all(|falls| (3.0..48.0).contains(falls)), "{falls:?}");
+        assert!(risk.expected_falls(&candidates, 1).iter().all(|falls| *falls <= 1.0));
     }
 
     #[test]

@@ -131,12 +131,14 @@ impl Run {
     }
 
     /// Takes the costs of the candidates that [`Self::ask`] gave. Candidates that diverged are ranked last. `risk_price`: what a
-    /// candidate pays for each expected fall, see [`FallPenalty::risk_price`](super::FallPenalty).
+    /// candidate pays for each fall that is expected of it in all `recordings`, see
+    /// [`FallPenalty::risk_price`](super::FallPenalty).
     pub fn tell(
         &mut self,
         name: &str,
         found: &[Evaluation],
         risk_price: Option<f64>,
+        recordings: usize,
         options: &FitOptions,
     ) -> Result<RunGeneration, FitError> {
         let generation = self.generation() as usize;
@@ -148,7 +150,7 @@ impl Run {
         let mut costs: Vec<f64> = found.iter().map(|found| found.cost.unwrap_or(f64::INFINITY)).collect();
         if let Some(price) = risk_price {
             self.risk.remember(population.x(), found);
-            let risks = self.risk.expected_falls(population.x());
+            let risks = self.risk.expected_falls(population.x(), recordings);
             costs.iter_mut().zip(risks).for_each(|(cost, falls)| *cost += price * falls);
         }
         let finite: Vec<f64> = costs.iter().copied().filter(|cost| cost.is_finite()).collect();

@@ -311,6 +311,25 @@ fn priors_move_with_the_strength_of_the_motors() {
 }
 
 #[test]
+fn priors_move_with_friction_under_load() {
+    let rules = [JointParameter::FrictionLoss, JointParameter::LoadFriction].map(ParameterRule::new);
+    let theta = Theta::from_rules(&rules, &groups(), &joints()).unwrap();
+    let place = |name: &str| theta.entries().iter().position(|entry| entry.name == name).unwrap();
+    let (friction, load) = (place("frictionloss_calf"), place("load_friction_calf"));
+    assert_eq!(theta.load(friction), Some(load));
+    // Legs in the air show 0.4 N·m in all, at a mean torque of 2 N·m.
+    let seen = Prior { by_load: 2.0, ..Prior::new(0.4, 0.02) };
+    let known = theta.with_priors(&BTreeMap::from([("frictionloss_calf".to_owned(), seen)]), 1.0).unwrap();
+    let mut values = known.start(7);
+    (values[friction], values[load]) = (0.2, 0.1);
+    assert!(known.prior_cost(&values) < 1e-12, "0.2 and 0.1 of 2 N·m");
+    values[load] = 0.0;
+    assert!((known.prior_cost(&values) - 100.0).abs() < 1e-9, "ten standard errors too little");
+    let shifted = seen.with_load(0.1, 0.02);
+    assert!((shifted.value - 0.2).abs() < 1e-12 && (shifted.deviation - 0.02f64.hypot(0.04)).abs() < 1e-12);
+}
+
+#[test]
 fn a_prior_moves_the_start_and_charges_by_standard_errors() {
     let theta = || Theta::from_rules(&ParameterRule::fric_arm(), &groups(), &joints()).unwrap();
     let prior =

@@ -25,7 +25,7 @@ const NOT_CORRECTED: f64 = 2.0;
 pub fn numbers_of(method: &Method, findings: &SwingFindings) -> Vec<SwingNumber> {
     let found = findings.best().zip(targets_step(method));
     let mut joints = found.map_or_else(Vec::new, |(report, step)| numbers(report, step));
-    if findings.not_corrected.is_some() {
+    if findings.corrected.is_none() {
         joints.iter_mut().for_each(|one| one.estimate.error *= NOT_CORRECTED);
     }
     joints.into_iter().chain(sensor_numbers(findings, targets_step(method))).collect()

@@ -108,7 +108,8 @@ impl Flight {
     pub fn stop(&mut self, now: Duration, reason: Reason) {
         match self.stage {
             Stage::Damping => {}
-            Stage::Idle => self.refused = Some(self.refused.take().unwrap_or(reason)),
+            // A good message does not take it back, as it takes back what was wrong with a message.
+            Stage::Idle => self.flown.reason = Some(self.flown.reason.take().unwrap_or(reason)),
             _ => {
                 self.flown.reason = Some(reason);
                 (self.stage, self.damped) = (Stage::Damping, now);
@@ -121,7 +122,7 @@ impl Flight {
     /// # Errors
     /// A rule that the robot's state fails.
     pub fn arm(&mut self, now: Duration) -> Result<(), RobotError> {
-        if let Some(reason) = &self.refused {
+        if let Some(reason) = self.flown.reason.as_ref().or(self.refused.as_ref()) {
             return Err(RobotError::NotArmed(reason.clone()));
         }
         let state = self.watch.fresh(now).map_err(RobotError::NotArmed)?;

@@ -83,6 +83,21 @@ mod tests {
     }
 
     #[test]
+    fn a_prior_that_depends_on_friction_under_load_moves_with_it() {
+        let rule = |kind| ParameterRule { per: Sharing::All, ..ParameterRule::new(kind) };
+        let rules = [JointParameter::FrictionLoss, JointParameter::LoadFriction].map(rule);
+        let theta = Theta::from_rules(&rules, &[], &["calf".to_owned()]).unwrap();
+        // The sum of friction and 2 N·m times the load friction is 0.5 N·m.
+        let prior = Prior { by_load: 2.0, ..Prior::new(0.5, 1e-6) };
+        let theta = theta.with_priors(&[("frictionloss".to_owned(), prior)].into(), 0.01).unwrap();
+        let left = [vec![0.1, -0.1, 0.1, -0.1], vec![0.01, 0.01, -0.01, -0.01]];
+        let (values, errors) = with_priors(&theta, &[0.2, 0.1], &[0.1, 0.05], &left).unwrap();
+        // Both are equally sure in N·m, so each makes up for half of the 0.1 N·m that lack.
+        assert!((values[0] - 0.25).abs() < 1e-3 && (values[1] - 0.125).abs() < 1e-3, "{values:?}");
+        assert!((errors[0] - 0.1 / 2f64.sqrt()).abs() < 1e-3, "{errors:?}");
+    }
+
+    #[test]
     fn a_prior_that_depends_on_the_strength_moves_with_it() {
         // Independent errors. The prior is of a robot with full strength; this one has 0.9.
         let left = [vec![0.1, -0.1, 0.1, -0.1], vec![0.01, 0.01, -0.01, -0.01]];
