@@ -114,7 +114,7 @@ fn logs_unlike_those_of_any_robot_widen_the_intervals() {
     let unlike = found(&toy, &logs);
     assert!(!like.unlike(0) && unlike.unlike(0), "{like:?} {unlike:?}");
     assert!(unlike.deviation[0] > 2.0 * like.deviation[0]);
-    // No robot with the corrected values has such logs, so the intervals are wider than those of the rounds.
+    // The real logs are unlike those of robots with the corrected values. So the intervals are wider than those of the last round.
     let (near, far) = (like.likeness.unwrap(), unlike.likeness.unwrap());
     assert!(!near.unlike() && far.unlike() && far.ratio() > 1.5, "{near:?} {far:?}");
     let last = unlike.rounds.last().unwrap();

@@ -41,9 +41,9 @@ pub fn doubts(
     }
     if let Some(cost) = outcome.unlike {
         let text = format!(
-            "No simulated robot has logs like these: {} is {cost:.3} for the values by a regression on simulated robots, \
-             and {:.3} for those of the search. The model lacks an effect, and the values of the search \
-             compensate for it. `gaitfit explain` looks for such effects.",
+            "No simulated robot has logs like these. A search found values with a {} of {:.3}; the values by a regression \
+             on simulated robots have {cost:.3}. The model lacks an effect, and the search's values compensate for it. \
+             `gaitfit explain` looks for such effects.",
             outcome.cost, outcome.best_cost
         );
         doubts.push(Doubt::new(DoubtKind::Unexplained, text));
@@ -153,8 +153,7 @@ fn regressed(fit: &CostFit) -> Option<String> {
         )
     } else {
         format!(
-            "the values are those of the search; their intervals come from the logs of {robots} simulated robots whose \
-             values are known"
+            "the search gave the values; {robots} simulated robots, whose values are known, gave the intervals by their logs"
         )
     };
     let unlike = fit.parameters.iter().enumerate().filter(|(at, _)| regression.unlike(*at));

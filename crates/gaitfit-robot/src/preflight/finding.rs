@@ -40,7 +40,7 @@ pub enum Check {
     QuaternionOrder,
     /// The inertial unit is mounted as the base's axes are.
     Mounting,
-    /// The gyro's rates are those of the orientation.
+    /// The gyro's rates agree with how the orientation turns.
     GyroAttitude,
     /// A joint moves if it is commanded.
     Moves,
@@ -97,9 +97,9 @@ impl Finding {
         Self { severity: Severity::Warning, ..Self::fault(check, problem, remedy) }
     }
 
-    /// About this joint.
+    /// The same finding, about this joint.
     #[must_use]
-    pub(super) fn of(mut self, joint: &str) -> Self {
+    pub(super) fn at_joint(mut self, joint: &str) -> Self {
         self.joint = Some(joint.to_owned());
         self
     }

@@ -46,8 +46,8 @@ fn about(model: &Model, joint: usize, q: &[f64], up: Vec3) -> [f64; 2] {
         let lever = cross(axis, sub(frames[index].point(body.ipos), anchor));
         sums[0] += body.mass * GRAVITY * dot(up, lever);
         let principal = rotate(inverse(product(frames[index].quaternion, body.iquat)), axis);
-        let own: f64 = principal.iter().zip(&body.inertia).map(|(a, i)| a * a * i).sum();
-        sums[1] += body.mass * dot(lever, lever) + own;
+        let inertia: f64 = principal.iter().zip(&body.inertia).map(|(a, i)| a * a * i).sum();
+        sums[1] += body.mass * dot(lever, lever) + inertia;
     }
     sums
 }

@@ -53,13 +53,13 @@ pub struct JointReport {
 
 /// The joints' numbers from states, in motor order. Numbers that are not finite are left out.
 pub(super) fn joints(heard: &[Heard], robot: &Robot) -> Vec<JointReport> {
-    let of = |value: &dyn Fn(&Heard) -> f32| -> Vec<f64> {
+    let finite = |value: &dyn Fn(&Heard) -> f32| -> Vec<f64> {
         heard.iter().map(|one| f64::from(value(one))).filter(|x| x.is_finite()).collect()
     };
     let limits = robot.limits();
     let report = |motor: usize| {
-        let q = of(&|one| one.state.q[motor]);
-        let dq = of(&|one| one.state.dq[motor]);
+        let q = finite(&|one| one.state.q[motor]);
+        let dq = finite(&|one| one.state.dq[motor]);
         let angle = mean(&q);
         let room = (f64::from(limits.upper[motor]) - angle).min(angle - f64::from(limits.lower[motor]));
         let lost = |one: &Heard| one.state.lost[motor];
@@ -73,7 +73,7 @@ pub(super) fn joints(heard: &[Heard], robot: &Robot) -> Vec<JointReport> {
             step: step(&q),
             velocity: mean(&dq),
             velocity_noise: deviation(&dq),
-            torque: mean(&of(&|one| one.state.torque[motor])),
+            torque: mean(&finite(&|one| one.state.torque[motor])),
             temperature: heard.iter().map(|one| one.state.temperature[motor]).max().unwrap_or(0),
             error: heard.iter().map(|one| one.state.error[motor]).find(|error| *error != 0).unwrap_or(0),
             lost: heard.last().map_or(0, lost).wrapping_sub(heard.first().map_or(0, lost)),
@@ -92,7 +92,7 @@ pub(super) fn judge(
 ) {
     let limits = robot.limits();
     for (motor, report) in reports.iter().enumerate() {
-        let mut say = |finding: Finding| findings.push(finding.of(&report.joint));
+        let mut say = |finding: Finding| findings.push(finding.at_joint(&report.joint));
         let parts = |one: &Heard| [one.state.q[motor], one.state.dq[motor], one.state.torque[motor]];
         let names = ["angle", "velocity", "torque"];
         let wrong = (0..3).find(|part| heard.iter().any(|one| !parts(one)[*part].is_finite()));

@@ -242,7 +242,7 @@ impl Carried {
 }
 
 fn judge(one: &JointMotion, kp: f64, findings: &mut Vec<Finding>) {
-    let mut say = |finding: Finding| findings.push(finding.of(&one.joint));
+    let mut say = |finding: Finding| findings.push(finding.at_joint(&one.joint));
     let far = one.other.as_ref().filter(|(_, far)| *far > INSTEAD * one.asked);
     if one.moved < HARDLY * one.asked {
         say(match far {

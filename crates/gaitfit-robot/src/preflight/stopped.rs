@@ -56,7 +56,7 @@ fn softened(first: &Row, last: &Row, robot: &Robot, motor: usize) -> Finding {
             format!("this joint and {other} moved to each other's angles while their targets stood still: they are swapped between commands and states"),
             "Check `slot` in the robot's file, and the cables of both motors",
         )
-        .of(joint);
+        .at_joint(joint);
     }
     // A reading with the other sign goes away from 0.
     let (check, words) = if at(motor) * moved > 0.0 || at(motor).abs() < MOVED {
@@ -72,7 +72,7 @@ fn softened(first: &Row, last: &Row, robot: &Robot, motor: usize) -> Finding {
         ),
         "Check the joint's direction, zero and slot in the vendor's documentation against the robot's file",
     )
-    .of(joint)
+    .at_joint(joint)
 }
 
 /// A joint did not follow its target.
@@ -130,5 +130,5 @@ fn astray(sampled: &SampledStates, robot: &Robot, motor: usize) -> Finding {
             "It may have come to a stop or to an obstacle, or be too weak for its gains (half of kp in the robot's file)",
         )
     };
-    finding.of(joint)
+    finding.at_joint(joint)
 }

@@ -244,7 +244,10 @@ pub fn regress(
     if cancel() {
         return Err(FitError::Cancelled);
     }
-    let same: Vec<Vec<f64>> = same.into_iter().flatten().flatten().collect();
+    let same: Vec<Vec<f64>> = match same {
+        Ok(same) => same.into_iter().flatten().collect(),
+        Err(reason) => return Ok(Err(reason)),
+    };
     let likeness = Likeness::new(&logs.numbers, &same);
     let wider = likeness.map_or(1.0, |likeness| likeness.ratio());
     let deviation: Vec<f64> = last.deviation.iter().map(|one| wider * one).collect();

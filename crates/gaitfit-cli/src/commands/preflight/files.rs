@@ -59,8 +59,8 @@ pub fn write(
         document.written.push(name.to_owned());
         Ok(())
     };
-    let own = args.model.as_ref().is_none_or(|path| path.as_os_str() == gaitfit::robot::GO2);
-    if has_log && own && robot.name == "go2" {
+    let built_in = args.model.as_ref().is_none_or(|path| path.as_os_str() == gaitfit::robot::GO2);
+    if has_log && built_in && robot.name == "go2" {
         put(GO2, gaitfit_model::builtin::GO2)?;
     }
     put(FIT, &fit)?;

@@ -282,8 +282,9 @@ fn motion(
         simulator: is_simulator(args),
         ..robot.guard(CONTROL)
     };
-    let mut told = |stage: Stage| note(&told(robot, stage));
-    let flown = fly(&mut *link, &mut Beat::default(), Flight::new(robot, guard), &mut told, &signals::asked);
+    let mut announce = |stage: Stage| note(&stage_text(robot, stage));
+    let flown =
+        fly(&mut *link, &mut Beat::default(), Flight::new(robot, guard), &mut announce, &signals::asked);
     match flown {
         Ok(flown) => Ok(Some(flown)),
         Err(error) => Err(failed(error)),
@@ -302,7 +303,8 @@ fn agreed(robot: &Robot, plan: &Plan) -> bool {
     std::io::stdin().lock().read_line(&mut line).is_ok() && line.trim() == WORD
 }
 
-fn told(robot: &Robot, stage: Stage) -> String {
+/// What the robot does in this stage, for the person beside it.
+fn stage_text(robot: &Robot, stage: Stage) -> String {
     match stage {
         Stage::Joint(motor) => {
             format!("{} moves alone", robot.motors.get(motor).map_or("?", |motor| &motor.joint))

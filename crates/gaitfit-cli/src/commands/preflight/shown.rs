@@ -101,7 +101,7 @@ fn motion(text: &mut String, moved: &Moved) {
     ];
     let mut rows = table(&header, &[1, 2, 3, 4, 5, 6, 7, 8]);
     let part = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.2}"));
-    let of = |value: Option<Measured>, factor: f64, digits: usize| {
+    let cell = |value: Option<Measured>, factor: f64, digits: usize| {
         value.map_or("–".to_owned(), |value| number(value, factor, digits))
     };
     for one in &moved.joints {
@@ -121,19 +121,19 @@ fn motion(text: &mut String, moved: &Moved) {
             joint.clone(),
             format!("{moved:.3}"),
             part(*follows),
-            of(*delay, 1e3, 1),
-            of(*torque_delay, 1e3, 1),
-            of(*friction, 1.0, 2),
-            of(*inertia, 1.0, 4),
+            cell(*delay, 1e3, 1),
+            cell(*torque_delay, 1e3, 1),
+            cell(*friction, 1.0, 2),
+            cell(*inertia, 1.0, 4),
             part(*torque_gain),
-            of(*zero, 1.0, 2),
+            cell(*zero, 1.0, 2),
         ]);
     }
     let _ = writeln!(
         text,
         "\n{rows}\ndelay of all joints {} ms by the motion, {} ms by the torque; {} commands, {} changed by the guard",
-        of(moved.delay, 1e3, 1),
-        of(moved.torque_delay, 1e3, 1),
+        cell(moved.delay, 1e3, 1),
+        cell(moved.torque_delay, 1e3, 1),
         moved.commands,
         moved.changed
     );

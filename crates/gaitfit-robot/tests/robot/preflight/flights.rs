@@ -1,8 +1,13 @@
 //! Faults that motions show.
 
-use gaitfit_robot::preflight::{Check, Finding, Severity};
+use std::time::Duration;
 
-use super::bench::{Fault, flown, listened, sways};
+use gaitfit_robot::RobotError;
+use gaitfit_robot::guard::Reason;
+use gaitfit_robot::link::{Link, simulation};
+use gaitfit_robot::preflight::{Check, Finding, Flight, Severity};
+
+use super::bench::{Fault, Hung, flown, go2, hung, listened, sways};
 
 /// What is found, without what another fault brings with it.
 fn names(findings: &[Finding]) -> Vec<(Check, &str)> {
@@ -23,6 +28,30 @@ fn is_named(fault: Fault, (check, joints): (Check, &str), seed: u64) -> bool {
     let (found, findings) = flown(fault, seed).unwrap();
     println!("{fault:?} {seed}: {:?} {:?} {:?}", found.reason, names(&findings), found.delay);
     named(names(&findings))
+}
+
+/// Whether a robot can be armed that sends good messages, and does so again after `reason` came up while it was idle.
+fn arms_after(reason: Option<Reason>) -> Result<(), RobotError> {
+    let batch = simulation(hung()).unwrap();
+    let mut link = Hung::new(&batch, Fault::None, sways, 0);
+    let robot = go2();
+    let mut flight = Flight::new(&robot, robot.guard(Duration::from_millis(2)));
+    let mut now = Duration::ZERO;
+    for reason in [reason, None] {
+        for _ in 0..100 {
+            now += Duration::from_millis(2);
+            link.receive(now, &mut |age, reading| flight.read(now - age, reading)).unwrap();
+        }
+        reason.into_iter().for_each(|reason| flight.stop(now, reason));
+    }
+    flight.arm(now)
+}
+
+#[test]
+fn good_messages_do_not_take_back_a_second_controller() {
+    arms_after(None).unwrap();
+    let refused = arms_after(Some(Reason::SecondController)).unwrap_err();
+    assert!(matches!(refused, RobotError::NotArmed(Reason::SecondController)), "{refused}");
 }
 
 #[test]
