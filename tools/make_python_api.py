@@ -37,7 +37,7 @@ TYPES = """| type | what |
 | `Cost` | `"wass"`, `"matcho"`, `"matchr1"`, … |
 | `Resume` | `True`, `False` or `"auto"` |
 | `Device` | `"cpu"`, `"cuda"`, `"cuda:1"`, … or `"auto"` |
-| `Progresses` | `True`, `False`, a function of an `Event`, or several |"""
+| `Progresses` | `True`, `False`, a function of an `Event`, or a list of functions and `True` |"""
 
 PAGES = [
     Page("stages", "Python: stages", "The commands of the program as functions. [Call it from Python](../python.md) begins with examples.\n\n" + TYPES, [
@@ -67,6 +67,7 @@ PAGES = [
         ("gaitfit", "_logs.py", ["Log", "Finding"]),
         ("gaitfit", "_log_files.py", ["read_log"]),
         ("gaitfit", "_policy_file.py", ["load_policy", "LoadedPolicy"]),
+        ("gaitfit", "_observer.py", ["Observer"]),
         ("gaitfit", "_policy.py", ["Policy", "Interface", "Term"]),
         ("gaitfit", "_own_simulator.py", ["fit_simulator", "Simulator", "Parameter", "FitOutcome"]),
         ("gaitfit.mujoco", "mujoco.py", []),
