@@ -279,6 +279,8 @@ class Robots:
             on_device: ``True``: of robots on a GPU the arrays are :class:`gaitfit.DeviceArray` there, which the next call writes
                 over. It waits first for all that this process does on the GPU. Of no effect on the processor.
 
+        Returns the arrays. Raises ``RuntimeError`` if another thread uses the robots.
+
         >>> gaitfit.Robots(num_envs=3).motion().base_position.shape
         (3, 3)
         """

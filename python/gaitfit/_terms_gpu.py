@@ -32,8 +32,9 @@ class GpuTerms:
             import torch
         except ImportError as missing:
             raise ImportError(f"terms of robots on a GPU get tensors of PyTorch, which is not here ({missing}); install torch") from missing
-        self._torch, self._terms, self._robots = torch, terms, robots
-        self._shown: Any = TensorRobots(torch, robots)
+        self._torch: Any = torch
+        self._terms, self._robots = terms, robots
+        self._shown: Any = TensorRobots(self._torch, robots)
 
     def motion(self) -> Motion:
         """How the robots move, as tensors that the next call writes over."""

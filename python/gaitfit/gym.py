@@ -117,7 +117,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
             raise ValueError("copy is True; robots on a GPU hand out their own arrays: give copy=False")
         self._begin(seed)
         self.num_envs = num_envs
-        observed, self.single_action_space = _spaces(self._robots)
+        _, self.single_action_space = _spaces(self._robots)
         width = self._observed().shape[1]
         self.single_observation_space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
