@@ -106,7 +106,8 @@ fn who_is_asked_to_stop_does_so_at_the_next_control_period() {
     let scene = scene(&calm());
     let policy = constant_policy(&scene, &STILL);
     let logs = CollectOptions { count: 200, seconds: 10.0, shift: [0.0; 2], privileged: false };
-    let stages: [(&str, &dyn Fn(&Subject<'_>) -> Result<(), TaskError>); 4] = [
+    type Stage<'a> = &'a dyn Fn(&Subject<'_>) -> Result<(), TaskError>;
+    let stages: [(&str, Stage<'_>); 4] = [
         ("trials", &|subject| run_trials(subject, 600, 10.0, 1).map(drop)),
         ("drift", &|subject| drift(subject, 100, None).map(drop)),
         ("gait", &|subject| record_gait(subject, &[(10.0, [0.0; 3])]).map(drop)),

@@ -178,7 +178,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
     }
     let moved = motion(&environment, task);
     // Every third robot begins anew.
-    let chosen = |e: usize| e % 3 == 0;
+    let chosen = |e: usize| e.is_multiple_of(3);
     let begins: Vec<Ended> =
         (0..ENVIRONMENTS).map(|e| if chosen(e) { Ended::TimeOut } else { Ended::No }).collect();
     environment.begin_episodes(number, &begins);
