@@ -106,59 +106,6 @@ class ForLearners(Case):
         with self.assertRaisesRegex(ValueError, "on a GPU robots do not: give AutoresetMode.SAME_STEP"):
             GaitfitVecEnv(num_envs=2, autoreset_mode=AutoresetMode.NEXT_STEP, device="cuda")
 
-    def test_terms_as_tensors_are_those_of_arrays(self) -> None:
-        """What a GPU's robots do with terms, with tensors on the processor."""
-        try:
-            import torch
-            from gymnasium.vector import AutoresetMode
-
-            from gaitfit._terms_gpu import GpuTerms
-            from gaitfit.gym import GaitfitVecEnv, Terms
-        except ImportError as missing:
-            self.skipTest(str(missing))
-        terms = Terms(
-            reward=lambda robots, motion: robots.reward + 0.1 * motion.base_linear_velocity[:, 0],
-            terminated=lambda robots, motion: motion.base_position[:, 2] < 0.25,
-            observation=lambda robots, motion: motion.torque,
-        )
-        for mode in (AutoresetMode.SAME_STEP, AutoresetMode.DISABLED):
-            arrays, tensors = (GaitfitVecEnv(num_envs=32, seed=3, terms=terms, autoreset_mode=mode) for _ in range(2))
-            tensors._gpu_terms, tensors._copy = GpuTerms(terms, tensors.robots), False
-            ends = 0
-            for number in range(60):
-                action = np.full((32, 12), 4.0 * np.sin(number), np.float32)
-                found, wanted = tensors.step(action), arrays.step(action)
-                for one, other in zip(found[:4], wanted[:4]):
-                    self.assertIsInstance(one, torch.Tensor)
-                    np.testing.assert_array_equal(one.numpy(), other)
-                ended = wanted[2] | wanted[3]
-                ends += int(ended.sum())
-                self.assertEqual("_final_obs" in found[4], bool(ended.any()) and mode == AutoresetMode.SAME_STEP)
-                if "_final_obs" in found[4]:
-                    np.testing.assert_array_equal(found[4]["_final_obs"].numpy(), ended)
-                    for row in np.flatnonzero(ended):
-                        np.testing.assert_array_equal(found[4]["final_obs"][row].numpy(), wanted[4]["final_obs"][row])
-                elif ended.any():
-                    np.testing.assert_array_equal(
-                        tensors.reset(options={"reset_mask": torch.from_numpy(ended)})[0].numpy(),
-                        arrays.reset(options={"reset_mask": ended})[0],
-                    )
-            self.assertGreater(ends, 32)
-        wrong = (
-            ({"reward": lambda robots, motion: motion.torque}, "the reward term returned the shape"),
-            ({"reward": lambda robots, motion: "much"}, "the reward term returned what is no tensor"),
-            ({"reward": lambda robots, motion: robots.reward / 0.0}, r"needed: \(32,\) of finite"),
-            ({"terminated": lambda robots, motion: robots.reward}, "returned torch.float32"),
-            ({"observation": lambda robots, motion: motion.torque[:3]}, r"the shape \(3, 12\); needed: \(32, numbers\)"),
-        )
-        robots = gaitfit.Robots(num_envs=32, autoreset=False)
-        robots.step(np.zeros((32, 12)))
-        for given, words in wrong:
-            with self.subTest(words), self.assertRaisesRegex(ValueError, words):
-                one = GpuTerms(Terms(**given), robots)
-                motion = one.motion()
-                one.rewarded(motion), one.over(motion), one.observed(motion)
-
     def test_autoreset_modes(self) -> None:
         try:
             from gymnasium.vector import AutoresetMode

@@ -13,7 +13,7 @@ import numpy as np
 import gaitfit
 from gaitfit import _gaitfit
 
-from .common import Case
+from .common import Case, GpuCase
 
 CPU, CUDA = 1, 2
 FLOAT, INT = 2, 0
@@ -128,25 +128,7 @@ class Inputs(Case):
             gaitfit.Robots(num_envs=4, device="cuda:4000")
 
 
-class OnGpu(Case):
-    def setUp(self) -> None:
-        super().setUp()
-        try:
-            import torch
-        except ImportError as missing:
-            self.skipTest(str(missing))
-        if not torch.cuda.is_available():
-            self.skipTest("PyTorch sees no GPU here")
-        try:
-            self.robots = gaitfit.Robots(num_envs=4, device="cuda")
-        except gaitfit.GaitfitError as missing:
-            self.skipTest(str(missing))
-        self.torch = torch
-
-    def actions(self, count: int, steps: int) -> Any:
-        rng = np.random.default_rng(3)
-        return rng.normal(0.0, 0.3, size=(steps, count, 12)).astype(np.float32)
-
+class OnGpu(GpuCase):
     def test_they_are_the_processors_robots(self) -> None:
         torch, count, steps = self.torch, 300, 50
         common: dict[str, Any] = {"num_envs": count, "seed": 4, "stagger": True, "settings": {"task.episode_seconds": 0.6}}
@@ -373,66 +355,6 @@ class OnGpu(Case):
         self.assertEqual(gpu.picture(7).shape, (360, 480, 3))
         different = (gpu.picture(7) != cpu.picture(7)).mean()
         self.assertLess(different, 0.02)
-
-    def test_chosen_robots_begin_anew(self) -> None:
-        torch, count = self.torch, 300
-        common: dict[str, Any] = {"num_envs": count, "seed": 4, "settings": {"task.episode_seconds": 0.6}, "autoreset": False}
-        cpu, gpu = gaitfit.Robots(**common), gaitfit.Robots(**common, device="cuda")
-        for action in self.actions(count, 35):
-            cpu.step(action)
-            gpu.step(torch.from_numpy(action).cuda())
-        self.assertTrue(gpu.ended.numpy().all(), "nobody begins anew by itself")
-        np.testing.assert_array_equal(gpu.state().steps, cpu.state().steps)
-        motion = gpu.motion(on_device=True)
-        for name, array in vars(motion).items():
-            np.testing.assert_allclose(array.numpy(), getattr(gpu.motion(), name), atol=1e-5, err_msg=name)
-        before, mask = gpu.observation.numpy(), np.arange(count) % 3 == 0
-        cpu.reset(mask)
-        for chosen in (mask, torch.from_numpy(mask).cuda()):
-            gpu.reset(chosen)
-            self.assertTrue((gpu.state().steps[mask] == 0).all())
-            np.testing.assert_array_equal(gpu.observation.numpy()[~mask], before[~mask])
-            if chosen is mask:
-                self.assertLess(np.abs(gpu.observation.numpy() - cpu.observation)[mask].max(), 1e-5)
-                np.testing.assert_array_equal(gpu.commands.numpy(), cpu.commands)
-        gpu.step(torch.zeros(count, 12, device="cuda"))
-        np.testing.assert_array_equal(gpu.ended.numpy(), ~mask)
-        gpu.reset(gpu.ended)
-        self.assertTrue((gpu.state().steps[~mask] == 0).all())
-        with self.assertRaisesRegex(ValueError, "the mask|mask has the shape"):
-            gpu.reset(mask[:5])
-
-    def test_terms_of_the_user(self) -> None:
-        torch = self.torch
-        try:
-            from gaitfit.gym import AutoresetMode, GaitfitVecEnv, Terms
-        except ImportError as missing:
-            self.skipTest(str(missing))
-        terms = Terms(
-            reward=lambda robots, motion: robots.reward + 0.1 * motion.base_linear_velocity[:, 0],
-            terminated=lambda robots, motion: motion.base_position[:, 2] < 0.25,
-            observation=lambda robots, motion: motion.torque,
-        )
-        for mode in (AutoresetMode.SAME_STEP, AutoresetMode.DISABLED):
-            cpu, gpu = (GaitfitVecEnv(num_envs=300, seed=3, terms=terms, autoreset_mode=mode, device=d) for d in ("cpu", "cuda"))
-            self.assertEqual(gpu.single_observation_space, cpu.single_observation_space)
-            together, ends = np.ones(300, bool), 0
-            for number in range(25):
-                action = np.full((300, 12), 4.0 * np.sin(number), np.float32)
-                wanted, found = cpu.step(action), gpu.step(torch.from_numpy(action).cuda())
-                self.assertTrue(all(one.is_cuda for one in found[:4]))
-                together &= (found[2].cpu().numpy() == wanted[2]) & (found[3].cpu().numpy() == wanted[3])
-                apart = np.abs(found[1].cpu().numpy() - wanted[1])[together]
-                self.assertLess(np.median(apart), 0.02)
-                ended = found[2] | found[3]
-                ends += int(ended.sum())
-                if mode == AutoresetMode.SAME_STEP:
-                    self.assertEqual("_final_obs" in found[4], bool(ended.any()))
-                elif ended.any():
-                    gpu.reset(options={"reset_mask": ended})
-                    cpu.reset(options={"reset_mask": ended.cpu().numpy()})
-            self.assertGreater(ends, 30)
-            self.assertGreater(together.mean(), 0.5)
 
     def test_gymnasium(self) -> None:
         torch = self.torch
