@@ -37,10 +37,20 @@ TYPES = """| type | what |
 | `Cost` | `"wass"`, `"matcho"`, `"matchr1"`, … |
 | `Resume` | `True`, `False` or `"auto"` |
 | `Device` | `"cpu"`, `"cuda"`, `"cuda:1"`, … or `"auto"` |
-| `Progresses` | `True`, `False`, a function of an `Event`, or several |"""
+| `Progresses` | `True`, `False`, a function of an `Event`, or a list of functions and `True` |"""
+
+ERRORS = """| error | when |
+| --- | --- |
+| `FileNotFoundError` | a file is missing |
+| `TypeError`, `ValueError` | an argument is wrong |
+| `gaitfit.GaitfitError` | files, settings or robots cannot be used, or the work failed; the text says why and what to do |
+| `gaitfit.Stopped`, a `GaitfitError` | `progress` returned `False`. `run_folder` is the run's folder, with what is done; `None` for stages that keep nothing |
+| `KeyboardInterrupt` | Ctrl-C. It has `run_folder`, too, if the run has one |"""
+DEVICE_ARRAY = """On a GPU arrays are `gaitfit.DeviceArray`: `shape`, `dtype` (`"float32"` or `"bool"`), `device`, `numpy()`, which copies it to \
+the processor, and DLPack: `torch.from_dlpack(array)` and other libraries take it without a copy."""
 
 PAGES = [
-    Page("stages", "Python: stages", "The commands of the program as functions. [Call it from Python](../python.md) begins with examples.\n\n" + TYPES, [
+    Page("stages", "Python: stages", "The commands of the program as functions. [Call it from Python](../python.md) begins with examples.\n\n" + TYPES + "\n\n" + ERRORS, [
         ("gaitfit", "_stages.py", ["fit", "validate", "loop"]),
         ("gaitfit", "_walks.py", ["train", "finetune", "evaluate", "collect"]),
         ("gaitfit", "_fleet.py", ["fleet"]),
@@ -67,6 +77,7 @@ PAGES = [
         ("gaitfit", "_logs.py", ["Log", "Finding"]),
         ("gaitfit", "_log_files.py", ["read_log"]),
         ("gaitfit", "_policy_file.py", ["load_policy", "LoadedPolicy"]),
+        ("gaitfit", "_observer.py", ["Observer"]),
         ("gaitfit", "_policy.py", ["Policy", "Interface", "Term"]),
         ("gaitfit", "_own_simulator.py", ["fit_simulator", "Simulator", "Parameter", "FitOutcome"]),
         ("gaitfit.mujoco", "mujoco.py", []),
@@ -74,7 +85,7 @@ PAGES = [
         ("gaitfit", "_cma.py", ["CMA"]),
         ("gaitfit.costs", "costs.py", []),
     ]),
-    Page("robots", "Python: robots", "Robots at a task for a learner of your own. [Robots](../python-robots.md) begins with examples.", [
+    Page("robots", "Python: robots", "Robots at a task for a learner of your own. [Robots](../python-robots.md) begins with examples.\n\n" + DEVICE_ARRAY, [
         ("gaitfit", "_robots.py", ["Robots"]),
         ("gaitfit", "_robots_state.py", ["Motion", "RobotsState"]),
         ("gaitfit.gym", "_terms.py", ["Terms"]),

@@ -223,7 +223,7 @@ def parameter_kinds() -> list[tuple[str, str, str, str]]:
     """Name, documentation, unit and defaults of what a fit can search of a joint."""
     text = read(CRATES / "gaitfit-physics" / "src" / "joint_parameter.rs")
     kinds, docs, named = [], [], None
-    for line in text[: text.index("macro_rules! define")].splitlines():
+    for line in text[text.index("macro_rules! joint_parameters") : text.index("macro_rules! define")].splitlines():
         line = line.strip()
         row = re.match(r'\w+ (\w+)(?: of \w+)?; "([^"]*)";', line)
         search = re.match(r"Some\(\(([^)]*)\)\)", line)

@@ -3,9 +3,14 @@
 Stages: :func:`fit`, :func:`validate`, :func:`train`, :func:`finetune`, :func:`evaluate`, :func:`collect`, :func:`loop`.
 Their results: :mod:`gaitfit.results`; :func:`load` reads them from a run folder.
 Their settings as dataclasses: :mod:`gaitfit.config`; functions for ``progress=``: :mod:`gaitfit.callbacks`.
-Parts: :func:`read_log`, :func:`load_policy` (a policy that acts), :mod:`gaitfit.costs`, :class:`CMA`, :class:`Policy` (a policy of your own),
-:func:`fit_simulator` (a simulator of your own) and :mod:`gaitfit.mujoco` (official MuJoCo as one), :class:`Robots` (many
-robots at a task), :mod:`gaitfit.gym` and :mod:`gaitfit.rsl_rl` (the same as other libraries take them).
+Logs: :func:`read_log`, :class:`Log` (of arrays and tables); charts: :mod:`gaitfit.plots`.
+Policies: :func:`load_policy` (a file that acts), :class:`Observer` (its observations in a loop of your own), :class:`Policy` (a
+function of yours).
+Robots at a task: :class:`Robots`; as other libraries take them :mod:`gaitfit.gym`, :mod:`gaitfit.sb3` and :mod:`gaitfit.rsl_rl`.
+Simulators of your own: :func:`fit_simulator`; official MuJoCo as one: :mod:`gaitfit.mujoco`, :mod:`gaitfit.mujoco_warp`.
+More: :func:`fleet` (many robots of one kind), :mod:`gaitfit.ray` (many machines), :class:`CMA`, :mod:`gaitfit.costs`.
+
+``help(gaitfit.fit)`` shows arguments, results, errors and an example; so does every function and class.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -18,6 +23,7 @@ if TYPE_CHECKING:
     from ._fleet import fleet
     from ._log_files import read_log
     from ._logs import Finding, Log
+    from ._observer import Observer
     from ._own_simulator import FitOutcome, Parameter, Simulator, fit_simulator
     from ._policy import Interface, Policy, Term
     from ._policy_file import LoadedPolicy, load_policy
@@ -55,6 +61,7 @@ __all__ = [
     "Log",
     "LoopResult",
     "Motion",
+    "Observer",
     "Parameter",
     "Policy",
     "Robots",
@@ -89,6 +96,7 @@ _PARTS = {
     "_fleet": ("fleet",),
     "_log_files": ("read_log",),
     "_logs": ("Finding", "Log"),
+    "_observer": ("Observer",),
     "_own_simulator": ("FitOutcome", "Parameter", "Simulator", "fit_simulator"),
     "_policy": ("Interface", "Policy", "Term"),
     "_policy_file": ("LoadedPolicy", "load_policy"),

@@ -46,19 +46,24 @@ class Event:
 #: What takes events: ``False`` stops the stage, every other answer continues.
 Progress = Callable[[Event], object]
 #: What ``progress=`` takes.
-Progresses = bool | Progress | Sequence[Progress]
+Progresses = bool | Progress | Sequence[Progress | Literal[True]]
 #: What the native half calls: kind, text, done, total and numbers.
 Listener = Callable[[Kind | Literal["metrics"], str, int, int, Mapping[str, float]], bool]
 
 
 def listener(progress: Progresses) -> Listener | None:
-    """The function to which the native half reports: with ``True`` it prints, with ``False`` there is none."""
+    """The function to which the native half reports: ``True`` prints, also among others; with ``False`` there is none."""
     if isinstance(progress, bool):
         return _Reported([Printed()]) if progress else None
-    several = [progress] if callable(progress) else progress
-    if not isinstance(several, (list, tuple)) or not all(callable(one) for one in several):
-        raise TypeError(f"progress is {progress!r}; give True, False, or one or several functions of a gaitfit.Event")
-    return _Reported(several)
+    given = [progress] if callable(progress) else progress
+    several = [Printed() if one is True else one for one in given] if isinstance(given, (list, tuple)) else [None]
+    functions = [one for one in several if callable(one)]
+    if len(functions) < len(several):
+        raise TypeError(
+            f"progress is {progress!r}; give True, False, a function of a gaitfit.Event, or a list of functions, in which True "
+            "prints"
+        )
+    return _Reported(functions)
 
 
 class _Reported:

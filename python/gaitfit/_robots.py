@@ -99,9 +99,7 @@ class Robots:
         threads, stagger, autoreset = checked(threads), flag("stagger", stagger), flag("autoreset", autoreset)
         task = _gaitfit.Task(existing("config", file), as_sets(given), model)
         on_gpu = text("device", device) != "cpu"
-        if on_gpu and not autoreset:
-            raise ValueError("autoreset is False; robots on a GPU begin their next episode within the step: give True")
-        self._gpu = _gaitfit.CudaRobots(task, num_envs, seed, stagger, device) if on_gpu else None
+        self._gpu = _gaitfit.CudaRobots(task, num_envs, seed, stagger, autoreset, device) if on_gpu else None
         #: The robots on the processor; with a GPU copies of its robots, made when they are first needed.
         self._copies: Any = None if on_gpu else _gaitfit.Robots(task, num_envs, seed, threads, stagger, autoreset)
         self._make_copies = partial(_gaitfit.Robots, task, num_envs, seed, threads, False, True)
@@ -161,23 +159,27 @@ class Robots:
             "robots cannot be pickled: their state is the engine's own. Make them anew in each process; state() can be pickled"
         )
 
-    def reset(self, mask: NDArray[np.bool_] | None = None) -> Any:
+    def reset(self, mask: Any = None) -> Any:
         """New episodes for all robots, or for those of ``mask``, shape ``(num_envs,)``; returns what the robots observe, shape
-        ``(num_envs, observation)``. On a GPU it waits first for all that this process does there, and takes no mask.
+        ``(num_envs, observation)``. On a GPU it waits first for all that this process does there; the mask may lie there, too.
 
         Raises ``ValueError`` for a mask of another shape.
         """
+        chosen = None if mask is None else self._mask(mask)
         with self._alone():
             if self._gpu is not None:
-                if mask is not None:
-                    raise ValueError("mask is given; robots on a GPU all begin anew together: leave it out")
-                self._gpu.restart()
+                self._gpu.restart(chosen)
                 return self.observation
-            self._copies.restart(None if mask is None else self._mask(mask))
+            self._copies.restart(chosen)
             self._observe()
             return self.observation
 
     def _mask(self, mask: Any) -> NDArray[np.bool_]:
+        if isinstance(mask, _gaitfit.DeviceArray):
+            mask = mask.numpy()
+        elif hasattr(mask, "cpu"):
+            # A tensor of PyTorch, wherever it lies.
+            mask = mask.cpu()
         array = np.asarray(mask)
         if array.dtype != np.bool_ or array.shape != (self.num_envs,):
             raise ValueError(f"mask has the shape {array.shape} and {array.dtype}; needed: ({self.num_envs},) of bool")
@@ -270,13 +272,22 @@ class Robots:
             copies.set_state(state.numbers, state.steps, state.step)
             self._gpu.follow(copies)
 
-    def motion(self) -> Motion:
+    def motion(self, on_device: bool = False) -> Motion:
         """How all robots move, as copies on the processor. From a GPU all robots are copied, which takes longer than a step.
+
+        Arguments:
+            on_device: ``True``: of robots on a GPU the arrays are :class:`gaitfit.DeviceArray` there, which the next call writes
+                over. It waits first for all that this process does on the GPU. Of no effect on the processor.
+
+        Returns the arrays. Raises ``RuntimeError`` if another thread uses the robots.
 
         >>> gaitfit.Robots(num_envs=3).motion().base_position.shape
         (3, 3)
         """
+        on_device = flag("on_device", on_device)
         with self._alone():
+            if self._gpu is not None and on_device:
+                return Motion(*self._gpu.motion())
             return Motion(*self._shown().motion())
 
     def picture(self, robot: int = 0, width: int = 480, height: int = 360) -> NDArray[np.uint8]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,7 @@ class RobotsState:
 @dataclass(frozen=True, eq=False)
 class Motion:
     """How all robots move: what is true in the simulation, without the noise of observations. After an episode's end it is that
-    of the next one, unless ``autoreset`` is off.
+    of the next one, unless ``autoreset`` is off. Arrays of 32-bit floats: of NumPy, or on a GPU what :meth:`Robots.motion` says.
 
     Attributes:
         base_position: Position of the base, m, world frame, shape ``(num_envs, 3)``.
@@ -50,10 +51,10 @@ class Motion:
     ((3, 3), (3, 12))
     """
 
-    base_position: NDArray[np.float32]
-    base_quaternion: NDArray[np.float32]
-    base_linear_velocity: NDArray[np.float32]
-    base_angular_velocity: NDArray[np.float32]
-    joint_position: NDArray[np.float32]
-    joint_velocity: NDArray[np.float32]
-    torque: NDArray[np.float32]
+    base_position: Any
+    base_quaternion: Any
+    base_linear_velocity: Any
+    base_angular_velocity: Any
+    joint_position: Any
+    joint_velocity: Any
+    torque: Any

@@ -52,18 +52,20 @@ def fit(
         costs: What is minimised, one fit each; the first one's values are kept. ``"wass"`` compares distributions of whole
             walks, ``"matcho"`` a free simulation sample by sample, ``"matchr1"`` short predictions from the sensors.
         settings: Any other setting by its name in a file, for example ``{"optimizer.generations": 50}``.
-        name: Name of the run folder; by default that of the configuration.
+        name: Name of the run folder; by default that of the configuration, without one ``"fit"``. If there is such a folder
+            the next is ``"fit-2"``: :attr:`FitResult.run_folder` tells.
         runs: Folder of the run folders; by default ``"runs"``.
         resume: ``True`` continues the latest run of that name, to the same bits; ``"auto"`` does if there is one.
         device: What simulates walks.
         threads: Threads; by default one for each core.
-        progress: ``True`` prints, ``False`` does not; or functions that take a :class:`Event` (:mod:`gaitfit.callbacks`).
+        progress: ``True`` prints, ``False`` does not; or a function that takes an :class:`Event`, or a list of such functions and
+            ``True`` (:mod:`gaitfit.callbacks`).
 
     Returns the result; its files are in :attr:`FitResult.run_folder`.
 
     Raises ``FileNotFoundError`` for a file that is missing, :class:`GaitfitError` for logs, robots and settings that cannot be
-    used, :class:`Stopped` if ``progress`` returned ``False``, and ``KeyboardInterrupt`` after Ctrl-C; a run that was stopped
-    can be resumed.
+    used, :class:`Stopped` if ``progress`` returned ``False``, and ``KeyboardInterrupt`` after Ctrl-C. Both have the
+    ``run_folder`` of the run that was stopped: the same call with ``resume=True`` continues it.
 
     >>> result = gaitfit.fit("examples/go2-demo/adapt.toml", costs="matcho")      # doctest: +SKIP
     >>> result.parameters["delay"].value      # doctest: +SKIP

@@ -22,6 +22,9 @@ class Terms:
     """Functions of the user in a task's place, for :class:`gaitfit.gym.GaitfitVecEnv`. Each gets all :class:`gaitfit.Robots`, after
     their step, and their :class:`gaitfit.Motion`, and is called once a step.
 
+    Of robots on a GPU the arrays of both are tensors of PyTorch there, and so is what functions return. The tensors of ``motion``
+    and ``robots`` are written over in the next step.
+
     Attributes:
         reward: The reward instead of the task's, shape ``(num_envs,)``; ``robots.reward`` is the task's.
         terminated: Whose episode ends besides those that fell, shape ``(num_envs,)`` of bool.
@@ -42,8 +45,8 @@ class Terms:
                 raise TypeError(f"{name} is {value!r}; give a function of robots and their motion")
 
     def rewarded(self, robots: Robots, motion: Motion) -> NDArray[np.float32]:
-        """The rewards of ``robots``, whose ``motion`` is known; robots that diverged get 0. Raises ``ValueError``
-        for a term that returns another shape or numbers that are not finite."""
+        """The rewards of ``robots``, whose ``motion`` is known. A robot that diverged has begun anew: functions see its next
+        episode. Raises ``ValueError`` for a term that returns another shape or numbers that are not finite."""
         if self.reward is None:
             return robots.reward.copy()  # type: ignore[no-any-return]
         found = numbers("the reward term", self.reward(robots, motion), np.float32)

@@ -38,12 +38,14 @@ def train(
             Go2 at its task.
         robot: The robot's file, MJCF or URDF.
         seeds: One training each, one after the other.
-        settings, name, runs, resume, threads, progress: As for :func:`fit`.
+        settings, runs, resume, threads, progress: As for :func:`fit`.
+        name: Name of the run folder; by default that of the configuration or of its file, else that of the task.
         device: What computes; ``"cuda"`` trains on a GPU.
 
     Returns the result; its first policy's file is :attr:`Training.policy`.
 
-    Raises as :func:`fit`.
+    Raises as :func:`fit`. A training that was stopped has written the policy so far of each seed:
+    ``stopped.run_folder / "seed-1" / "policy.safetensors"``.
 
     >>> size = {"train.environments": 64, "train.iterations": 2}
     >>> trained = gaitfit.train(settings=size, progress=False)      # doctest: +SKIP
@@ -93,7 +95,7 @@ def finetune(
 
     Returns the result; its first policy's file is ``Training.policy``.
 
-    Raises as :func:`fit`, and ``TypeError`` for a policy that is a function: it has no weights to train.
+    Raises as :func:`train`, and ``TypeError`` for a policy that is a function: it has no weights to train.
 
     >>> trained = gaitfit.finetune("assets/go2-walk.safetensors", theta=result.theta)      # doctest: +SKIP
     """
@@ -142,7 +144,8 @@ def evaluate(
 
     Returns errors of velocity, m/s and rad/s, falls as a share, each a mean with half its 95 % interval.
 
-    Raises ``FileNotFoundError`` for a file that is missing, ``ValueError`` for wrong numbers, and :class:`GaitfitError`.
+    Raises ``FileNotFoundError`` for a file that is missing, ``ValueError`` for wrong numbers, :class:`GaitfitError`,
+    :class:`Stopped` if ``progress`` returned ``False``, and ``KeyboardInterrupt`` after Ctrl-C.
 
     >>> walked = gaitfit.evaluate("assets/go2-walk.safetensors", trajectories=4, seconds=0.2, drift=0, progress=False)
     >>> walked.trajectories, walked.fall_rate.mean

@@ -23,6 +23,7 @@ from ._arrays import numbers
 from ._robots import Robots
 from ._robots_state import RobotsState
 from ._terms import Terms
+from ._terms_gpu import GpuTerms
 from ._window import Window
 from .config import Train
 
@@ -59,12 +60,12 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         log_rewards: Whether ``infos["log"]`` has the reward terms of each step by name, means over the robots.
         terms: Reward, end of an episode and observation of your own (:class:`gaitfit.gym.Terms`).
         autoreset_mode: ``AutoresetMode.SAME_STEP``; ``NEXT_STEP``: the step after an episode's end begins the next one, without
-            an action and reward; ``DISABLED``: ``reset(options={"reset_mask": mask})`` begins it. On a GPU only the first.
+            an action and reward; not on a GPU; ``DISABLED``: ``reset(options={"reset_mask": mask})`` begins it.
 
     With ``device="cuda"`` all robots are stepped on a GPU. Actions are an array of another library there, and what comes back
     are the environment's own :class:`gaitfit.DeviceArray`, without copies: ``copy`` must be ``False``.
     ``infos["final_obs"]`` is one array of all robots' last observations, ``infos["_final_obs"]`` marks the new ones, and there is
-    no ``final_info``.
+    no ``final_info``. With ``terms`` what comes back are tensors of PyTorch instead.
 
     >>> env = GaitfitVecEnv(num_envs=8)
     >>> observation, infos = env.reset(seed=1)
@@ -91,15 +92,10 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         self._mode, self._terms = AutoresetMode(autoreset_mode), terms
         if terms is not None and not isinstance(terms, Terms):
             raise TypeError(f"terms is {terms!r}; give gaitfit.gym.Terms")
-        if terms is not None and device != "cpu":
+        if device != "cpu" and self._mode == AutoresetMode.NEXT_STEP:
             raise ValueError(
-                f"terms are functions of the processor's robots, and device is {device!r}: give device='cpu', or compute the "
-                "terms from observation and reward in your own loop"
-            )
-        if device != "cpu" and self._mode != AutoresetMode.SAME_STEP:
-            raise ValueError(
-                f"autoreset_mode is {self._mode}; robots on a GPU begin their next episode within the same step: give "
-                "AutoresetMode.SAME_STEP"
+                f"autoreset_mode is {self._mode}, in which a robot that begins anew ignores its action; on a GPU robots do not: "
+                "give AutoresetMode.SAME_STEP or AutoresetMode.DISABLED"
             )
 
         def make(seed: int) -> Robots:
@@ -121,8 +117,8 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
             raise ValueError("copy is True; robots on a GPU hand out their own arrays: give copy=False")
         self._begin(seed)
         self.num_envs = num_envs
-        observed, self.single_action_space = _spaces(self._robots)
-        width = self._observed().shape[1] if device == "cpu" else observed.shape[0]
+        _, self.single_action_space = _spaces(self._robots)
+        width = self._observed().shape[1]
         self.single_observation_space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -132,6 +128,8 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
 
     def _begin(self, seed: int) -> None:
         self._robots = self._make(seed)
+        on_gpu = self._robots.device != "cpu"
+        self._gpu_terms = GpuTerms(self._terms, self._robots) if on_gpu and self._terms is not None else None
         self._seed, self._fresh = seed, True
         self._returns = np.zeros(self._robots.num_envs)
         self._lengths = np.zeros(self._robots.num_envs, np.int64)
@@ -165,6 +163,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
             seed = next((one for one in seed if one is not None), None)
         chosen = None if seed is None else count("seed", seed, 0)
         mask = None if options is None else options.get("reset_mask")
+        mask = None if mask is None else self._robots._mask(mask)
         if mask is not None and chosen is not None:
             raise ValueError("reset_mask and seed are given; a seed makes all robots anew: give one of them")
         super().reset(seed=chosen)
@@ -175,7 +174,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         who = slice(None) if mask is None else mask
         self._returns[who], self._lengths[who], self._over[who] = 0.0, 0, False
         self._fresh = False
-        return self._out(self._observed() if self._robots.device == "cpu" else self._robots.observation), {}
+        return self._out(self._observed()), {}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """One control period under ``actions``, shape ``(num_envs, joints)``: observations, rewards, who fell, whose time is up,
@@ -186,8 +185,11 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         robots, terms = self._robots, self._terms
         ends = robots.step(actions)
         infos = {"log": robots.reward_terms()} if self._log else {}
+        if self._gpu_terms is not None:
+            return self._judged(self._gpu_terms, infos)
         if robots.device != "cpu":
-            infos |= {"final_obs": robots.last_observation, "_final_obs": robots.ended} if ends else {}
+            if ends and self._mode == AutoresetMode.SAME_STEP:
+                infos |= {"final_obs": robots.last_observation, "_final_obs": robots.ended}
             return robots.observation, robots.reward, robots.terminated, robots.truncated, infos
         observation, reward, terminated, truncated = robots.observation, robots.reward, robots.terminated, robots.truncated
         if terms is not None:
@@ -211,9 +213,23 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
                 observation = self._observed()
         return self._out(observation), self._out(reward), self._out(terminated), self._out(truncated), infos
 
+    def _judged(self, terms: GpuTerms, infos: dict[str, Any]) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """The step of robots on a GPU by the user's terms."""
+        motion = terms.motion()
+        reward, terminated, truncated = terms.rewarded(motion), terms.over(motion), terms.truncated()
+        observation = terms.observed(motion)
+        ended = terminated | truncated
+        if self._mode == AutoresetMode.SAME_STEP and bool(ended.any()):
+            infos |= {"final_obs": observation, "_final_obs": ended}
+            self._robots.reset(ended)
+            observation = terms.observed(terms.motion())
+        return observation, reward, terminated, truncated, infos
+
     def _observed(self) -> Any:
         """What the robots observe now."""
         robots = self._robots
+        if self._gpu_terms is not None:
+            return self._gpu_terms.observed(self._gpu_terms.motion())
         return robots.observation if self._terms is None else self._terms.observed(robots, robots.motion())
 
     def _final(self, ended: NDArray[np.bool_], terminated: NDArray[np.bool_], last: NDArray[np.float32]) -> dict[str, Any]:

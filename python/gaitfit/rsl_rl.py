@@ -29,7 +29,7 @@ class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
     ``extras["log"]`` has the reward terms of each step, ``"/reward/NAME"``, means over the robots.
     Observation groups are ``policy`` and, where the task has one, ``critic``. Tensors are copies on ``device``, since rsl_rl
     keeps them until its update. Robots are stepped on ``device`` too; with ``robots_device="cpu"`` they are stepped on the
-    processor, and observations and actions cross the bus. That is for tasks that a GPU does not step, such as self-contact.
+    processor, and observations and actions cross the bus.
 
     >>> env = RslRlVecEnv(num_envs=8)
     >>> env.get_observations()["policy"].shape

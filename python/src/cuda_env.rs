@@ -5,10 +5,11 @@ use crate::errors::{failed, to_py_err, value};
 use crate::task::{Task, bearable, checked};
 use crate::vec_env::Robots;
 use gaitfit::device::{Device, rollout_error};
-use gaitfit_cuda::rollout::{RolloutError, Shown, Stepper};
+use gaitfit_cuda::rollout::{Moved, RolloutError, Shown, Stepper};
 use gaitfit_cuda::runtime;
 use gaitfit_learn::task;
 use gaitfit_sim::Candidate;
+use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use std::sync::Arc;
 
@@ -77,7 +78,7 @@ impl CudaRobots {
 
 #[pymethods]
 impl CudaRobots {
-    /// Robots at a task.
+    /// Robots at a task. Without `autoreset` those whose episode ended stay as they are.
     #[new]
     fn new(
         py: Python<'_>,
@@ -85,6 +86,7 @@ impl CudaRobots {
         count: usize,
         seed: u64,
         stagger: bool,
+        autoreset: bool,
         device: &str,
     ) -> PyResult<Self> {
         checked(count)?;
@@ -97,7 +99,9 @@ impl CudaRobots {
             let _visit = gpu.visit();
             Scene::try_new(task.scene.clone(), |task| {
                 let nominal = [Candidate::nominal(task.walker.model())];
-                Stepper::new(&gpu, task, &nominal, count, seed, stagger)
+                let mut stepper = Stepper::new(&gpu, task, &nominal, count, seed, stagger)?;
+                stepper.hold(!autoreset)?;
+                Ok(stepper)
             })
         });
         let scene = made.map_err(wrong)?;
@@ -133,7 +137,25 @@ impl CudaRobots {
         Ok(DeviceArray::new(array))
     }
 
-    /// One control period. Robots whose episode ended begin a new one at once. The number of episodes that ended comes back.
+    /// How all robots move now: the arrays of a `Motion`, which the next call writes over.
+    fn motion(&mut self, py: Python<'_>) -> PyResult<Vec<DeviceArray>> {
+        self.with(py, |stepper| {
+            stepper.observe_motion()?;
+            let parts = [
+                Moved::BasePosition,
+                Moved::BaseQuaternion,
+                Moved::BaseLinear,
+                Moved::BaseAngular,
+                Moved::JointPosition,
+                Moved::JointVelocity,
+                Moved::Torque,
+            ];
+            parts.into_iter().map(|part| stepper.array(Shown::Motion(part))).collect::<Result<Vec<_>, _>>()
+        })
+        .map(|arrays| arrays.into_iter().map(DeviceArray::new).collect())
+    }
+
+    /// One control period. With `autoreset` robots whose episode ended begin a new one at once. The number of episodes that ended comes back.
     fn step(&mut self, py: Python<'_>, actions: &DeviceInput) -> PyResult<usize> {
         if (actions.shape, actions.device) != ((self.count, self.width), self.device) {
             return Err(value("the actions were checked for other robots"));
@@ -147,9 +169,14 @@ impl CudaRobots {
         Ok(stepped.ended)
     }
 
-    /// New episodes for all robots.
-    fn restart(&mut self, py: Python<'_>) -> PyResult<()> {
-        self.with(py, |stepper| Ok(stepper.restart()?))
+    /// New episodes for the robots of `mask`, or without one for all.
+    #[pyo3(signature = (mask=None))]
+    fn restart(&mut self, py: Python<'_>, mask: Option<PyReadonlyArray1<'_, bool>>) -> PyResult<()> {
+        let chosen = mask.map_or_else(|| vec![true; self.count], |mask| mask.as_array().to_vec());
+        if chosen.len() != self.count {
+            return Err(value(format!("the mask must have {} elements, one for each robot", self.count)));
+        }
+        self.with(py, |stepper| Ok(stepper.restart_those(&chosen)?))
     }
 
     /// As that of `Robots`.

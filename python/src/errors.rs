@@ -15,7 +15,9 @@ pyo3::create_exception!(
     gaitfit,
     Stopped,
     GaitfitError,
-    "The progress function returned False, so the stage stopped. A fit, a training or a loop keeps what is done."
+    "The progress function returned False, so the stage stopped. A fit, a training or a loop keeps what is done in its run \
+     folder, ``run_folder``; of a training also each seed's policy so far, ``seed-1/policy.safetensors``. Other stages keep \
+     nothing, and ``run_folder`` is ``None``."
 );
 
 /// An error of the library. One that stopped because it was asked to is Python's own `KeyboardInterrupt`, and a file that is
@@ -68,6 +70,7 @@ pub fn in_python(message: &str) -> String {
 
 fn arguments(mut rest: &str) -> String {
     let mut text = String::new();
+    let mut after_setting = false;
     while let Some(at) = rest.find("--") {
         let (before, option) = rest.split_at(at);
         let length =
@@ -86,7 +89,12 @@ fn arguments(mut rest: &str) -> String {
             rest = &behind[1..];
             continue;
         }
-        text.push_str(before);
+        // Of two settings side by side the value of the first ends here.
+        match after_setting && name == "set" && before.split_whitespace().count() == 1 {
+            true => text.push_str(&format!("{}, ", before.trim_end())),
+            false => text.push_str(before),
+        }
+        after_setting = name == "set";
         rest = behind;
         match name {
             "resume" => text.push_str("resume=True"),

@@ -162,13 +162,14 @@ impl Helper {
         };
         let act = policy.as_ref().and_then(Source::act);
         let whose = &calling;
-        let (thread, found) = watched_acting(py, None, act, move |_, caller| {
+        let opened = watched_acting(py, None, act, move |_, caller| {
             set(whose, Some(caller));
             let thread = std::thread::Builder::new().name("gaitfit-helper".to_owned()).spawn(body);
             let found = open.recv();
             set(whose, None);
-            (thread, found)
+            Ok((thread, found))
         })?;
+        let (thread, found) = opened.map_err(|error| to_py_err(&error))?;
         let thread = thread.map_err(failed)?;
         let mark = found
             .map_err(|_| failed("the fit's files could not be opened"))?
@@ -203,8 +204,9 @@ impl Helper {
                 }
             };
             set(&self.calling, None);
-            answer
+            Ok(answer)
         })?;
+        let answer = answer.map_err(|error| to_py_err(&error))?;
         answer.ok_or_else(ended)?.map_err(failed)
     }
 

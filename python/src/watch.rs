@@ -7,6 +7,7 @@
 
 use crate::errors::{Stopped, in_python};
 use crate::forked::Home;
+use gaitfit::Error;
 use gaitfit::watch::{Event, Watch};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -48,8 +49,8 @@ fn reported(py: Python<'_>, progress: &Py<PyAny>, report: &Report) -> PyResult<(
     let answer = progress.bind(py).call1((*kind, text.as_str(), *done, *total, metrics))?;
     match answer.cast::<PyBool>() {
         Ok(answer) if !answer.is_true() => Err(Stopped::new_err(
-            "stopped, because the progress function returned False. A fit, a training or a loop keeps what is done: \
-             resume=True continues it",
+            "stopped, because the progress function returned False. A fit, a training or a loop keeps what is done in its \
+             run_folder: resume=True continues it",
         )),
         _ => Ok(()),
     }
@@ -121,19 +122,19 @@ fn acted(py: Python<'_>, act: &Py<PyAny>, asked: &mut Asked) -> PyResult<Vec<f32
 pub fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
-    stage: impl FnOnce(&Watch<'_>) -> T + Send,
-) -> PyResult<T> {
+    stage: impl FnOnce(&Watch<'_>) -> Result<T, Error> + Send,
+) -> PyResult<Result<T, Error>> {
     watched_acting(py, progress, None, |watch, _| stage(watch))
 }
 
 /// As [`watched`]; the stage may have the calling thread call `act`, a policy. When that raises, the stage stops, and that
-/// exception comes back.
+/// exception comes back. Its `run_folder` is where the stage kept what was done, if it did.
 pub fn watched_acting<T: Send>(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
     act: Option<&Py<PyAny>>,
-    stage: impl FnOnce(&Watch<'_>, Caller) -> T + Send,
-) -> PyResult<T> {
+    stage: impl FnOnce(&Watch<'_>, Caller) -> Result<T, Error> + Send,
+) -> PyResult<Result<T, Error>> {
     let (stop, home) = (AtomicBool::new(false), Home::here());
     let (sender, messages) = mpsc::channel::<Message>();
     let (result, raised) = py.detach(move || {
@@ -194,6 +195,10 @@ pub fn watched_acting<T: Send>(
         })
     });
     match (result, raised) {
+        (Ok(Err(Error::Run(gaitfit::RunError::Interrupted { kept: Some(kept), .. }))), Some(raised)) => {
+            raised.value(py).setattr("run_folder", kept)?;
+            Err(raised)
+        }
         (_, Some(raised)) => Err(raised),
         (Ok(result), None) => Ok(result),
         (Err(_), None) => Err(crate::errors::failed(

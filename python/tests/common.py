@@ -6,6 +6,11 @@ import os
 import tempfile
 import unittest
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import gaitfit
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 PACKAGE = ROOT / "python"
@@ -22,3 +27,25 @@ class Case(unittest.TestCase):
         self.folder = Path(folder.name)
         self.addCleanup(os.chdir, os.getcwd())
         os.chdir(ROOT)
+
+
+class GpuCase(Case):
+    """A test that needs a GPU and PyTorch that uses it: ``self.torch``, and 4 ``self.robots``."""
+
+    def setUp(self) -> None:
+        super().setUp()
+        try:
+            import torch
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        if not torch.cuda.is_available():
+            self.skipTest("PyTorch sees no GPU here")
+        try:
+            self.robots = gaitfit.Robots(num_envs=4, device="cuda")
+        except gaitfit.GaitfitError as missing:
+            self.skipTest(str(missing))
+        self.torch = torch
+
+    def actions(self, count: int, steps: int) -> Any:
+        rng = np.random.default_rng(3)
+        return rng.normal(0.0, 0.3, size=(steps, count, 12)).astype(np.float32)

@@ -82,6 +82,17 @@ class Callbacks(Case):
         self.assertEqual(told.getvalue().splitlines()[0], "note: late stamps")
         self.assertIn("seed 2, iteration 2 of 2  reward 2", told.getvalue())
 
+    def test_lines_are_printed_beside_other_functions(self) -> None:
+        told, events = io.StringIO(), []
+        settings = {"optimizer.generations": 2, "optimizer.seeds": 1}
+        with redirect_stderr(told):
+            gaitfit.fit(DEMO / "adapt.toml", runs=self.folder, settings=settings, progress=[True, events.append])
+        self.assertIn("generation 2 of 2", told.getvalue())
+        self.assertIn("generation", {event.what for event in events})
+        for wrong in ([False], [True, None], "lines", 1):
+            with self.subTest(wrong=wrong), self.assertRaisesRegex(TypeError, "a list of functions, in which True prints"):
+                gaitfit.fit(DEMO / "adapt.toml", runs=self.folder, progress=wrong)
+
     def test_absent_packages_are_named(self) -> None:
         for make, module, package in (
             (callbacks.Tqdm, "tqdm.auto", "tqdm"),

@@ -13,7 +13,7 @@ import numpy as np
 import gaitfit
 from gaitfit import _gaitfit
 
-from .common import Case
+from .common import Case, GpuCase
 
 CPU, CUDA = 1, 2
 FLOAT, INT = 2, 0
@@ -128,25 +128,7 @@ class Inputs(Case):
             gaitfit.Robots(num_envs=4, device="cuda:4000")
 
 
-class OnGpu(Case):
-    def setUp(self) -> None:
-        super().setUp()
-        try:
-            import torch
-        except ImportError as missing:
-            self.skipTest(str(missing))
-        if not torch.cuda.is_available():
-            self.skipTest("PyTorch sees no GPU here")
-        try:
-            self.robots = gaitfit.Robots(num_envs=4, device="cuda")
-        except gaitfit.GaitfitError as missing:
-            self.skipTest(str(missing))
-        self.torch = torch
-
-    def actions(self, count: int, steps: int) -> Any:
-        rng = np.random.default_rng(3)
-        return rng.normal(0.0, 0.3, size=(steps, count, 12)).astype(np.float32)
-
+class OnGpu(GpuCase):
     def test_they_are_the_processors_robots(self) -> None:
         torch, count, steps = self.torch, 300, 50
         common: dict[str, Any] = {"num_envs": count, "seed": 4, "stagger": True, "settings": {"task.episode_seconds": 0.6}}

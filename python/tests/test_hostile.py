@@ -24,19 +24,30 @@ LONG = {"optimizer.generations": 100_000, "optimizer.tolerance": 1e-300, "optimi
 
 
 class Press:
-    """Presses Ctrl-C on this process, once, as soon as a file of a run has a line: a fixed time may be too early or too late on
-    a busy machine. A thread watches, so that the stage itself calls no Python."""
+    """Presses Ctrl-C on this process, once, as soon as ``begun``: a fixed time may be too early or too late on a busy machine. A
+    thread watches, so that the stage itself calls no Python."""
 
-    def __init__(self, folder: Path, pattern: str) -> None:
+    def __init__(self, begun: Callable[[], bool]) -> None:
         #: When it was pressed: by the clock, and by this process's processor time, s.
         self.clock, self.work = math.nan, math.nan
-        threading.Thread(target=self._watch, args=(folder, pattern), daemon=True).start()
+        threading.Thread(target=self._watch, args=(begun,), daemon=True).start()
 
-    def _watch(self, folder: Path, pattern: str) -> None:
-        while not any(file.stat().st_size for file in folder.glob(pattern)):
+    def _watch(self, begun: Callable[[], bool]) -> None:
+        while not begun():
             time.sleep(0.01)
         self.clock, self.work = time.monotonic(), time.process_time()
         os.kill(os.getpid(), signal.SIGINT)
+
+
+def written(folder: Path, pattern: str) -> Callable[[], bool]:
+    """Whether a file of a run has a line."""
+    return lambda: any(file.stat().st_size for file in folder.glob(pattern))
+
+
+def worked(seconds: float) -> Callable[[], bool]:
+    """Whether this process has worked so long from now on."""
+    begin = time.process_time()
+    return lambda: time.process_time() > begin + seconds
 
 
 def work() -> float:
@@ -46,6 +57,15 @@ def work() -> float:
     robots = gaitfit.Robots(num_envs=8, threads=2)
     robots.step(np.zeros((8, 12)))
     return search.best_cost + float(robots.reward.sum())
+
+
+def processor_time(process: int) -> float:
+    """Processor time of a process on Linux, s; of one that has ended 0."""
+    try:
+        fields = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
+    except OSError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 class Interrupts(Case):
@@ -68,7 +88,7 @@ class Interrupts(Case):
             (file,) = self.folder.glob("a*/metrics.jsonl")
             return len(file.read_text().splitlines())
 
-        self.stopped(Press(self.folder, "a*/metrics.jsonl"), lambda: fit("a"))
+        self.stopped(Press(written(self.folder, "a*/metrics.jsonl")), lambda: fit("a"))
         done = generations()
         resumed, whole = fit("a", resume=True), fit("b")
         self.assertLess(done, generations() / 2, "the fit went on after Ctrl-C")
@@ -76,8 +96,69 @@ class Interrupts(Case):
 
     def test_a_training_stops_within_a_second(self) -> None:
         settings = {"train.environments": 64, "train.iterations": 1000}
-        press = Press(self.folder, "t*/seed-*/metrics.jsonl")
+        press = Press(written(self.folder, "t*/seed-*/metrics.jsonl"))
         self.stopped(press, lambda: gaitfit.train(runs=self.folder, name="t", settings=settings, progress=False))
+
+    def test_evaluations_and_collections_stop_within_a_second(self) -> None:
+        policy, out = "assets/go2-walk.safetensors", self.folder / "logs"
+        # Each would take minutes.
+        for name, stage in (
+            ("trials", lambda: gaitfit.evaluate(policy, trajectories=20_000, seconds=100.0, progress=False)),
+            ("drift", lambda: gaitfit.evaluate(policy, trajectories=1, seconds=0.1, drift=4096, progress=False)),
+            ("crossings", lambda: gaitfit.evaluate(policy, trajectories=1, drift=0, terrain="rough", progress=False)),
+            ("logs", lambda: gaitfit.collect(policy, out, trajectories=2000, seconds=100.0, progress=False)),
+        ):
+            with self.subTest(name):
+                self.stopped(Press(worked(1.0)), stage)
+        self.assertEqual(list(out.glob("*.csv")), [])
+
+    @unittest.skipUnless(Path("/proc/self/stat").exists(), "reads processor times as Linux has them")
+    def test_the_program_stops_too_and_keeps_nothing(self) -> None:
+        for words in (
+            ["evaluate", "assets/go2-walk.safetensors", "--trajectories", "20000", "--seconds", "100"],
+            ["collect", "assets/go2-walk.safetensors", "--out", str(self.folder / "out"), "--trajectories", "2000", "--seconds", "100"],
+        ):
+            with self.subTest(words[0]):
+                program = subprocess.Popen(
+                    [sys.executable, "-m", "gaitfit", *words],
+                    cwd=ROOT,
+                    env={**os.environ, "PYTHONPATH": str(PACKAGE)},
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE,
+                    text=True,
+                )
+                before = processor_time(program.pid)
+                while program.poll() is None and processor_time(program.pid) < before + 1.0:
+                    time.sleep(0.01)
+                clock = time.monotonic()
+                program.send_signal(signal.SIGINT)
+                errors = program.communicate(timeout=60)[1]
+                print(f"Ctrl-C took {time.monotonic() - clock:.2f} s")
+                self.assertEqual(program.returncode, 130, errors)
+                self.assertIn("interrupted", errors)
+                self.assertLess(time.monotonic() - clock, 30.0)
+        self.assertEqual(list(self.folder.rglob("*.csv")), [])
+
+    def test_a_run_that_was_stopped_tells_where_it_is(self) -> None:
+        settings = {"train.environments": 32, "train.iterations": 20}
+        common: dict[str, object] = {"runs": self.folder, "settings": settings}
+
+        def second(event: gaitfit.Event) -> bool:
+            return not (event.kind == "step" and event.done == 2)
+
+        with self.assertRaises(gaitfit.Stopped) as caught:
+            gaitfit.train(name="t", progress=second, **common)
+        folder = caught.exception.run_folder
+        self.assertEqual(folder, self.folder / "t")
+        walked = gaitfit.evaluate(
+            folder / "seed-1" / "policy.safetensors", trajectories=2, seconds=0.1, drift=0, progress=False
+        )
+        self.assertEqual(walked.trajectories, 2)
+        self.assertIsNone(gaitfit.Stopped("a stage without a run folder").run_folder)
+        press = Press(written(self.folder, "u/seed-*/metrics.jsonl"))
+        with self.assertRaises(KeyboardInterrupt) as pressed:
+            gaitfit.train(name="u", progress=False, runs=self.folder, settings={**settings, "train.iterations": 1000})
+        self.assertEqual((pressed.exception.run_folder, math.isnan(press.clock)), (self.folder / "u", False))
 
     def test_a_simulator_of_ones_own_is_interrupted_itself(self) -> None:
         log = gaitfit.Log(np.eye(10)[:, :1], np.eye(10)[:, :1], joints=["a"])
@@ -87,7 +168,7 @@ class Interrupts(Case):
             time.sleep(60)
 
         parameters = [gaitfit.Parameter("p", 0.0, 1.0)]
-        press = Press(self.folder, "called")
+        press = Press(written(self.folder, "called"))
         self.stopped(press, lambda: gaitfit.fit_simulator(simulate, log, parameters, progress=False))
 
 

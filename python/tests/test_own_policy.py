@@ -15,7 +15,7 @@ import gaitfit
 from gaitfit import Interface, Policy, Term
 
 from .common import PROGRAM, ROOT, Case
-from .test_hostile import Press
+from .test_hostile import Press, written
 
 FILE = "assets/go2-walk.safetensors"
 WALKS = {"trajectories": 10, "seconds": 2.5, "seed": 3, "progress": False}
@@ -194,7 +194,7 @@ class OwnPolicy(Case):
             (self.folder / "called").write_text("now")
             time.sleep(60)
 
-        press = Press(self.folder, "called")
+        press = Press(written(self.folder, "called"))
         with self.assertRaises(KeyboardInterrupt):
             gaitfit.evaluate(Policy(sleeps, FILE), progress=False)
         # Within a second on a quiet machine.

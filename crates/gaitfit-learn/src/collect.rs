@@ -40,7 +40,7 @@ const TILE: usize = 64;
 /// says. Results do not depend on the number of threads.
 ///
 /// # Errors
-/// A robot that cannot be.
+/// A robot that cannot be, or the subject's `cancel`.
 pub fn collect(
     subject: &Subject<'_>,
     options: &CollectOptions,
@@ -55,9 +55,9 @@ fn collect_tile(
     first: u32,
     count: usize,
 ) -> Result<Vec<Collected>, TaskError> {
-    let Subject { task, policy, candidate, seed } = *subject;
+    let Subject { task, candidate, seed, .. } = *subject;
     let environment = Environment::new(task, candidate, seed, first, count)?;
-    let mut player = Player::new(task, policy, environment);
+    let mut player = Player::new(subject, environment);
     let mut recorder = Recorder::new(subject, options, first, count);
     let actions = task.walker.joints.len();
     let mut row = Vec::with_capacity(sensed_width(actions));

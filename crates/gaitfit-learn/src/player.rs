@@ -1,11 +1,12 @@
 //! A policy at work in a tile of environments: its mean actions, no learning.
 
-use crate::task::{Ended, Environment, Task, TaskError};
+use crate::evaluate::Subject;
+use crate::task::{Ended, Environment, TaskError};
 use gaitfit_policy::Policy;
 use gaitfit_policy::network::{Memory, Scratch};
 use gaitfit_policy::walker::WalkerError;
 
-/// A policy and the tile it moves. Ended episodes are left where they are.
+/// A subject's policy and the tile it moves. Ended episodes are left where they are.
 pub struct Player<'a> {
     /// The robots.
     pub environment: Environment<'a>,
@@ -16,14 +17,16 @@ pub struct Player<'a> {
     /// How each episode stands.
     pub ended: Vec<Ended>,
     policy: &'a Policy,
+    cancel: Option<&'a (dyn Fn() -> bool + Sync)>,
     observation: Vec<f32>,
     memory: Memory,
     scratch: Scratch,
 }
 
 impl<'a> Player<'a> {
-    /// `policy` in `environment`, which is of `task`.
-    pub fn new(task: &'a Task, policy: &'a Policy, environment: Environment<'a>) -> Self {
+    /// The policy of `subject` in `environment`, which is of its task.
+    pub fn new(subject: &Subject<'a>, environment: Environment<'a>) -> Self {
+        let Subject { task, policy, cancel, .. } = *subject;
         let count = environment.count();
         Self {
             environment,
@@ -31,6 +34,7 @@ impl<'a> Player<'a> {
             reward: vec![0.0; count],
             ended: vec![Ended::No; count],
             policy,
+            cancel,
             observation: vec![0.0; count * task.walker.interface.observation_width()],
             memory: policy.memory(count),
             scratch: Scratch::default(),
@@ -40,8 +44,11 @@ impl<'a> Player<'a> {
     /// One control period, numbered `step`.
     ///
     /// # Errors
-    /// A policy's function that failed.
+    /// A policy's function that failed, or the subject's `cancel`.
     pub fn step(&mut self, step: u32) -> Result<(), TaskError> {
+        if self.cancel.is_some_and(|cancel| cancel()) {
+            return Err(TaskError::Interrupted);
+        }
         let count = self.environment.count();
         self.environment.observe(step, &mut self.observation);
         let Self { policy, observation, memory, action, scratch, .. } = self;

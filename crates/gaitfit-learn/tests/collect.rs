@@ -28,7 +28,7 @@ fn reordered() -> Task {
 
 fn logs(scene: &Task, policy: &Policy, options: &CollectOptions, threads: usize) -> Vec<Trajectory> {
     let noisy = Candidate { torque_noise: 1.0, ..Candidate::nominal(scene.walker.batch.model()) };
-    let subject = Subject { task: scene, policy, candidate: Some(&noisy), seed: 5 };
+    let subject = Subject { task: scene, policy, candidate: Some(&noisy), seed: 5, cancel: None };
     let logs = collect(&subject, options, threads).unwrap();
     assert!(logs.iter().all(|log| !log.fell));
     logs.into_iter().map(|log| log.trajectory).collect()
@@ -140,7 +140,7 @@ fn threads_change_no_bit_and_falls_end_logs() {
     task.policy.kp = gaitfit_learn::task::JointNumber::All(1e-3);
     let slack = task_common::scene(&task);
     let policy = task_common::constant_policy(&slack, &[0.0; 12]);
-    let subject = Subject { task: &slack, policy: &policy, candidate: None, seed: 5 };
+    let subject = Subject { task: &slack, policy: &policy, candidate: None, seed: 5, cancel: None };
     let fallen = collect(&subject, &CollectOptions { count: 1, seconds: 2.0, ..OPTIONS }, 1).unwrap();
     let rows = fallen[0].trajectory.time.len();
     assert!(fallen[0].fell && rows > 5 && rows < 100, "{rows} rows");

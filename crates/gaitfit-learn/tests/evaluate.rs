@@ -3,17 +3,19 @@
 
 use crate::task_common;
 
+use gaitfit_learn::collect::{CollectOptions, collect};
 use gaitfit_learn::evaluate::{Subject, Trial, drift, record_gait, run_trials, summarise};
-use gaitfit_learn::task::{Task, TaskSettings};
+use gaitfit_learn::task::{Task, TaskError, TaskSettings};
 use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
 use gaitfit_sim::stats::Estimate;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use task_common::{calm, constant_policy, random_policy, scene};
 
 const STILL: [f32; 12] = [0.0; 12];
 
 fn subject<'a>(scene: &'a Task, policy: &'a Policy) -> Subject<'a> {
-    Subject { task: scene, policy, candidate: None, seed: 11 }
+    Subject { task: scene, policy, candidate: None, seed: 11, cancel: None }
 }
 
 fn mean(estimate: Option<Estimate>) -> f64 {
@@ -97,6 +99,27 @@ fn threads_change_no_bit() {
     assert!(once[..20] != run_trials(&other, 20, 0.1, 1).unwrap());
     let other = Subject { seed: 12, ..subject };
     assert!(once[0].command != run_trials(&other, 20, 0.1, 1).unwrap()[0].command);
+}
+
+#[test]
+fn who_is_asked_to_stop_does_so_at_the_next_control_period() {
+    let scene = scene(&calm());
+    let policy = constant_policy(&scene, &STILL);
+    let logs = CollectOptions { count: 200, seconds: 10.0, shift: [0.0; 2], privileged: false };
+    type Stage<'a> = &'a dyn Fn(&Subject<'_>) -> Result<(), TaskError>;
+    let stages: [(&str, Stage<'_>); 4] = [
+        ("trials", &|subject| run_trials(subject, 600, 10.0, 1).map(drop)),
+        ("drift", &|subject| drift(subject, 100, None).map(drop)),
+        ("gait", &|subject| record_gait(subject, &[(10.0, [0.0; 3])]).map(drop)),
+        ("logs", &|subject| collect(subject, &logs, 1).map(drop)),
+    ];
+    for (name, stage) in stages {
+        let asked = AtomicUsize::new(0);
+        let cancel = || asked.fetch_add(1, Ordering::Relaxed) >= 5;
+        let ended = stage(&Subject { cancel: Some(&cancel), ..subject(&scene, &policy) });
+        assert_eq!(ended, Err(TaskError::Interrupted), "{name}");
+        assert_eq!(asked.into_inner(), 6, "{name}: five periods of the first tile, and no further tile");
+    }
 }
 
 #[test]

@@ -36,7 +36,7 @@ fn at_work(name: &str) -> (Policy, Task) {
 fn mjlabs_and_unitrees_files_run_without_a_description() {
     for name in ["mjlab.onnx", "unitree/exported/policy.onnx"] {
         let (policy, task) = at_work(name);
-        let subject = Subject { task: &task, policy: &policy, candidate: None, seed: 1 };
+        let subject = Subject { task: &task, policy: &policy, candidate: None, seed: 1, cancel: None };
         let trials = run_trials(&subject, 3, 0.5, 1).unwrap();
         assert!(trials.iter().all(|trial| trial.steps > 2 && !trial.diverged), "{name}: {trials:?}");
         assert!(trials.iter().all(|trial| trial.action_rate > 0.0), "{name}");
@@ -55,7 +55,7 @@ fn mjlabs_and_unitrees_files_run_without_a_description() {
 fn a_recurrent_policy_walks_is_followed_and_trained() {
     for name in ["lstm.toml", "gru.toml"] {
         let (policy, task) = at_work(name);
-        let subject = Subject { task: &task, policy: &policy, candidate: None, seed: 5 };
+        let subject = Subject { task: &task, policy: &policy, candidate: None, seed: 5, cancel: None };
         let options = CollectOptions { count: 2, seconds: 0.5, shift: [0.0; 2], privileged: true };
         let logs = collect(&subject, &options, 1).unwrap();
         let walker = &task.walker;

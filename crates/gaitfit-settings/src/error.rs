@@ -74,7 +74,7 @@ pub enum Error {
     Walker(#[from] WalkerError),
     /// A task that does not fit the robot.
     #[error(transparent)]
-    Task(#[from] TaskError),
+    Task(TaskError),
     /// A training.
     #[error(transparent)]
     Training(#[from] TrainingError),
@@ -99,6 +99,15 @@ pub enum Error {
     /// A 3-D replay.
     #[error(transparent)]
     Replay(#[from] ReplayError),
+}
+
+impl From<TaskError> for Error {
+    fn from(error: TaskError) -> Self {
+        match error {
+            TaskError::Interrupted => Self::interrupted_with_nothing(error),
+            other => Self::Task(other),
+        }
+    }
 }
 
 impl Error {

@@ -178,7 +178,13 @@ impl World {
 
     /// Who is tested on what.
     pub fn subject(&self, seed: u64) -> Subject<'_> {
-        Subject { task: &self.scene, policy: &self.policy, candidate: Some(&self.candidate), seed }
+        Subject {
+            task: &self.scene,
+            policy: &self.policy,
+            candidate: Some(&self.candidate),
+            seed,
+            cancel: None,
+        }
     }
 
     /// The simulator in a few words.

@@ -11,6 +11,7 @@ use crate::watch::Watch;
 use crate::world::{World, WorldSettings};
 use gaitfit_learn::collect::{CollectOptions, Collected as Recording};
 use gaitfit_learn::evaluate::Subject;
+use gaitfit_learn::task::TaskError;
 use gaitfit_log::{Gains, Trajectory, csv_files};
 use gaitfit_model::shown_number;
 use gaitfit_policy::follow;
@@ -106,16 +107,17 @@ pub fn collect_in(
     let logs = match &played {
         Some(sequences) => {
             only_the_cpu_plays(settings.device, watch)?;
-            play(&world, &options, sequences, settings.world.seed, threads, watch)?
+            play(&world, &options, sequences, settings.world.seed, threads, watch)
         }
         None => {
             let subject = world.subject(settings.world.seed);
-            walks(&subject, &options, threads, settings.device, watch, &|| watch.stop())?
+            walks(&subject, &options, threads, settings.device, watch)
         }
     };
     if watch.stop() {
         return Err(Error::interrupted_with_nothing("interrupted; no log was written"));
     }
+    let logs = logs?;
     let written = write_logs(folder, &logs)?;
     for number in &written.without {
         watch.note(&format!("trajectory {number} fell before its log began; it has no file"));
@@ -124,20 +126,22 @@ pub fn collect_in(
 }
 
 /// Logs of walks under random commands, simulated on `device`, or on the CPU if `auto` found a GPU that does not simulate
-/// them. There are none if `cancel` stopped a GPU.
+/// them.
 ///
 /// # Errors
-/// A robot that cannot be; a GPU that was asked for and does not simulate them, or fails.
+/// A robot that cannot be; a GPU that was asked for and does not simulate them, or fails; an interruption.
 pub(crate) fn walks(
     subject: &Subject<'_>,
     options: &CollectOptions,
     threads: usize,
     device: Device,
     watch: &Watch<'_>,
-    cancel: &dyn Fn() -> bool,
 ) -> Result<Vec<Recording>, Error> {
+    let cancel = || watch.stop();
     if let Some(gpu) = device.open()? {
-        match device::collect(&gpu, subject, options, cancel) {
+        match device::collect(&gpu, subject, options, &cancel) {
+            // A GPU that was stopped has no logs.
+            Ok(_) if watch.stop() => return Err(TaskError::Interrupted.into()),
             Ok(logs) => return Ok(logs),
             Err(error) => match device.instead(&error) {
                 Some(note) => watch.note(&note),
@@ -145,7 +149,8 @@ pub(crate) fn walks(
             },
         }
     }
-    Ok(gaitfit_learn::collect::collect(subject, options, threads)?)
+    let subject = Subject { cancel: Some(&cancel), ..*subject };
+    Ok(gaitfit_learn::collect::collect(&subject, options, threads)?)
 }
 
 /// Refuses a GPU that was asked for, or says that the one that was found is not used.

@@ -91,11 +91,7 @@ class Parameter(Settings):
 
     Kinds, each with its unit and, by default, (lower, upper, start, deviation):
 
-    - ``frictionloss``, N·m, (0.0, 0.5, 0.0, 0.1): Hands the table to the macro ``$then``. A row: documentation, variant,
-      field; unit; smallest value with a meaning; value of joint ``j`` as the model has it; what a search takes by default
-      (lower, upper, start, deviation), if a fit may search it. Rows of ``step`` are fields of the step's parameters; rows
-      of ``factors`` multiply one of these; rows of ``links`` change the link that the joint moves. Every parameter may
-      differ from one environment to the next. Dry (Coulomb) friction torque, N·m.
+    - ``frictionloss``, N·m, (0.0, 0.5, 0.0, 0.1): Dry (Coulomb) friction torque, N·m.
     - ``stiction``, N·m, (0.0, 0.5, 0.0, 0.1): Dry friction at rest above that in motion (``frictionloss``), N·m.
     - ``stribeck_velocity``, rad/s, (0.01, 1.0, 0.1, 0.05): Velocity at which 1/e of ``stiction`` is left, rad/s (Stribeck
       velocity).

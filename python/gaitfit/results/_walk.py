@@ -212,7 +212,11 @@ class Evaluation(Result):
         return [{"quantity": name, "mean": one.mean, "ci95": one.ci95, "unit": units[name]} for name, one in values]
 
     def _headline(self) -> str:
-        return self.verdict or f"{self.policy} on {self.simulator}"
+        errors = (
+            f"{self.policy} on {self.simulator}: velocity error {self.linear_velocity_error.mean:.3f} m/s, "
+            f"yaw-rate error {self.angular_velocity_error.mean:.3f} rad/s, {self.fall_rate.mean:.1%} fall"
+        )
+        return errors if self.verdict is None else f"{errors}. {self.verdict}"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

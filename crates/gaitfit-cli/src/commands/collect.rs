@@ -3,6 +3,7 @@
 use super::folder;
 use crate::cli;
 use crate::exit::Failure;
+use crate::interrupt;
 use crate::output;
 use crate::progress::Lines;
 use crate::watcher::watched;
@@ -44,6 +45,7 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
         device: args.device.for_trajectories(args.trajectories.get()),
     };
     output::note(&settings.device.line());
+    interrupt::listen()?;
     let found = watched(Lines::Seconds(5), |watch| gaitfit::collect(&settings, &args.out, watch))?;
     let document = Document {
         simulator: found.simulator,

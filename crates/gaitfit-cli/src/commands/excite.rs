@@ -3,6 +3,7 @@
 use super::{folder, sensitivity::parameters};
 use crate::cli;
 use crate::exit::Failure;
+use crate::interrupt;
 use crate::output;
 use crate::progress::Lines;
 use crate::table::table;
@@ -45,6 +46,7 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
     files::check(&[output], inputs.chain([policy]))?;
     let asked = args.commands(policy);
     let robot = settings::load::<AdaptConfig>(Some(&args.file), &args.set)?.robot;
+    interrupt::listen()?;
     let found = watched(Lines::Seconds(2), |watch| gaitfit::excite::commands(&asked, watch))?;
     files::write(&args.out, playlist::text(&found.sequences).as_bytes())?;
     if args.json {
@@ -95,6 +97,7 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
 
 fn chirp(args: &cli::Excite) -> Result<(), Failure> {
     folder(&args.out, "the files go")?;
+    interrupt::listen()?;
     let chirp = watched(Lines::Seconds(2), |watch| gaitfit::excite::chirp(&args.chirp(), watch))?;
     let written = chirp.write(&args.out, args.force)?;
     if args.json {

@@ -32,6 +32,6 @@ pub use plan::{Home, Plan, control};
 pub use run::Rollout;
 pub use scene::{Mode, Scene, Sizes, check};
 pub use shared::Shared;
-pub use stepper::{Shown, Stepped, Stepper, before_rows};
+pub use stepper::{Moved, Shown, Stepped, Stepper, before_rows};
 pub use trainer::{Breakdown, Trainer};
 pub use trials::run_trials;

@@ -27,6 +27,25 @@ pub(super) const THREADS: u32 = 32;
 /// The same of what is recorded, a thread a number.
 const RECORDERS: u32 = 128;
 
+/// Numbers of a base in the array `motion`: position, orientation, velocity, rates.
+pub(super) const BASE_NUMBERS: usize = 13;
+/// What observations are made from, and where they go.
+const OBSERVED: [&str; 13] = [
+    "control",
+    "robot_state",
+    "robot_params",
+    "robot_memory",
+    "steps",
+    "fresh",
+    "imu",
+    "command",
+    "last_action",
+    "past",
+    "critic_past",
+    "observation",
+    "critic_observation",
+];
+
 /// What kernels are told before a rollout: number of the first step, the seed, the ranges of commands (forward, left, yaw
 /// rate), and the number of the first environment.
 pub fn control(first_step: u32, seed: u64, ranges: [Interval; 3], first_environment: u32) -> Vec<u32> {
@@ -117,6 +136,9 @@ impl Plan {
             ("ends", own, Kind::U8, only(Mode::Steps, 3 * scene.ends_apart())),
             ("last_observation", own, Kind::F32, only(Mode::Steps, environments * observation)),
             ("refused", own, Kind::U32, only(Mode::Steps, 1)),
+            ("held", own, Kind::U32, only(Mode::Steps, 1)),
+            ("chosen", own, Kind::U32, only(Mode::Steps, environments)),
+            ("motion", own, Kind::F32, only(Mode::Steps, environments * (BASE_NUMBERS + 3 * actions))),
         ] {
             arrays.push(Array { name, kind, length });
             homes.push(home);
@@ -168,29 +190,15 @@ impl Plan {
     pub fn kernels(&self) -> Vec<&'static str> {
         let record = (self.recorded > 0).then_some("record");
         let others = ["observe", "act", "disturb", "finish", "observe_end", "add_values", "total"];
-        let stepwise =
-            ["take_actions", "next_step", "restart"].into_iter().filter(|_| self.mode == Mode::Steps);
+        let stepwise = ["take_actions", "next_step", "restart", "observe_chosen", "write_motion"]
+            .into_iter()
+            .filter(|_| self.mode == Mode::Steps);
         ["begin_rollout"].into_iter().chain(record).chain(others).chain(stepwise).collect()
     }
 
     /// What actor and critic see before step `step`.
     pub fn observe(&self, step: usize) -> Launch {
-        let arrays = [
-            "control",
-            "robot_state",
-            "robot_params",
-            "robot_memory",
-            "steps",
-            "fresh",
-            "imu",
-            "command",
-            "last_action",
-            "past",
-            "critic_past",
-            "observation",
-            "critic_observation",
-        ];
-        self.columns(self.launch("observe", Some(step), &arrays), self.terms[0] + self.terms[1])
+        self.columns(self.launch("observe", Some(step), &OBSERVED), self.terms[0] + self.terms[1])
     }
 
     /// Actions and targets, after the networks.
@@ -248,6 +256,7 @@ impl Plan {
             "ways",
             "past",
             "critic_past",
+            "held",
         ];
         self.launch("finish", Some(step), &arrays)
     }
@@ -294,9 +303,10 @@ impl Plan {
         vec![self.finish(0), self.total(), self.next(), self.observe(0)]
     }
 
-    /// The same: new episodes for all environments.
+    /// The same: new episodes for the environments that the array `chosen` marks.
     pub fn restart(&self) -> Vec<Launch> {
         let arrays = [
+            "chosen",
             "control",
             "robot_state",
             "robot_report",
@@ -309,7 +319,17 @@ impl Plan {
             "returns",
             "ways",
         ];
-        vec![self.launch("restart", None, &arrays), self.next(), self.observe(0)]
+        let observe = self.launch("observe_chosen", None, &[&["chosen"], &OBSERVED[..]].concat());
+        let observe = self.columns(observe, self.terms[0] + self.terms[1]);
+        vec![self.launch("restart", None, &arrays), self.next(), observe]
+    }
+
+    /// The same: how all robots move, into the array `motion`.
+    pub fn motion(&self) -> Launch {
+        let arrays = ["robot_state", "robot_params", "robot_report", "motion"];
+        let launch = self.launch("write_motion", None, &arrays);
+        let numbers = self.environments * (BASE_NUMBERS + 3 * self.actions);
+        Launch { shape: Shape::cover(numbers, RECORDERS), ..launch }
     }
 
     fn next(&self) -> Launch {

@@ -54,7 +54,7 @@ impl<'a> Play<'a> {
         count: usize,
         last: u32,
     ) -> Result<Self, RolloutError> {
-        let Subject { task, policy, candidate, seed } = *subject;
+        let Subject { task, policy, candidate, seed, .. } = *subject;
         let refused = |error: &dyn std::fmt::Display| RolloutError::Trials(error.to_string());
         if policy.is_recurrent() {
             return Err(refused(&"a policy with a memory"));

@@ -6,6 +6,7 @@ use gaitfit_learn::task::{Environment, Snapshot, Task, TaskError};
 use gaitfit_sim::Candidate;
 
 use super::RolloutError;
+use super::plan::BASE_NUMBERS;
 use super::run::Rollout;
 use super::scene::{Mode, Sizes};
 use super::shared::Shared;
@@ -37,6 +38,43 @@ pub enum Shown {
     Ended,
     /// Commands: forward and left, m/s, and yaw rate, rad/s; N × 3.
     Commands,
+    /// How robots move, as [`Stepper::observe_motion`] wrote it.
+    Motion(Moved),
+}
+
+/// Parts of how robots move, in the order in which they are written. N: environments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moved {
+    /// Position of the base, m, world frame; N × 3.
+    BasePosition,
+    /// Its orientation, wxyz; N × 4.
+    BaseQuaternion,
+    /// Its velocity, m/s, world frame; N × 3.
+    BaseLinear,
+    /// Its angular velocity, rad/s, body frame; N × 3.
+    BaseAngular,
+    /// Positions of the policy's joints as encoders report them, rad; N × joints.
+    JointPosition,
+    /// Their velocities, rad/s; N × joints.
+    JointVelocity,
+    /// Torques on them in the last physics step, N·m; N × joints.
+    Torque,
+}
+
+impl Moved {
+    /// The first number and the width of a row of this part, of robots with so many actions.
+    fn place(self, actions: usize) -> (usize, usize) {
+        let base = BASE_NUMBERS;
+        match self {
+            Self::BasePosition => (0, 3),
+            Self::BaseQuaternion => (3, 4),
+            Self::BaseLinear => (7, 3),
+            Self::BaseAngular => (10, 3),
+            Self::JointPosition => (base, actions),
+            Self::JointVelocity => (base + actions, actions),
+            Self::Torque => (base + 2 * actions, actions),
+        }
+    }
 }
 
 /// What one step did.
@@ -96,6 +134,7 @@ impl<'a> Stepper<'a> {
         rollout.place(&stream, &Environment::among(task, candidates, seed, 0, 1)?.snapshot(0))?;
         rollout.write(&stream, "parameters", &vec![NO_EXPLORATION; task.walker.joints.len()])?;
         rollout.write(&stream, "refused", &[NONE])?;
+        rollout.write(&stream, "held", &[0u32])?;
         let ready = Arc::new(Event::new(device)?);
         let (device, terms) = (device.clone(), task.reward_names().len());
         let summed = vec![0.0; terms];
@@ -139,7 +178,7 @@ impl<'a> Stepper<'a> {
         self.stream.wait()
     }
 
-    /// Episodes that end begin anew within the step. `actions` points to N × actions 32-bit floats of this GPU, row by row;
+    /// Episodes that end begin anew within the step, unless they are [held](Self::hold). `actions` points to N × actions 32-bit floats of this GPU, row by row;
     /// they are read there. When this returns, all arrays are written.
     ///
     /// # Errors
@@ -192,12 +231,33 @@ impl<'a> Stepper<'a> {
         Ok(broken.and_then(|broken| broken.iter().position(|&count| count > 0.0)))
     }
 
+    /// Whether robots whose episode ended stay as they are, until they are [restarted](Self::restart_those). Those whose
+    /// simulation diverged begin anew all the same. At first they are not held.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn hold(&mut self, held: bool) -> Result<(), CudaError> {
+        self.rollout.write(&self.stream, "held", &[u32::from(held)])
+    }
+
     /// New episodes for all environments. Waits for all work on the GPU first, that of others who read the arrays too.
     ///
     /// # Errors
     /// A failure of the GPU.
     pub fn restart(&mut self) -> Result<(), CudaError> {
+        self.restart_those(&vec![true; self.environments])
+    }
+
+    /// New episodes for the environments that are `chosen`, one entry each; environments beyond its end are not. What the
+    /// others observe stays. Waits as [`Stepper::restart`].
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn restart_those(&mut self, chosen: &[bool]) -> Result<(), CudaError> {
+        let number = |e: usize| u32::from(chosen.get(e).copied().unwrap_or_default());
+        let chosen: Vec<u32> = (0..self.environments).map(number).collect();
         self.device.wait()?;
+        self.rollout.write(&self.stream, "chosen", &chosen)?;
         self.rollout.plan().0.restart().iter().try_for_each(|launch| self.launch(launch))?;
         self.finish()
     }
@@ -241,6 +301,16 @@ impl<'a> Stepper<'a> {
         Ok(self.finish()?)
     }
 
+    /// Writes how robots move, for [`Shown::Motion`]. Waits as [`Stepper::restart`].
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn observe_motion(&mut self) -> Result<(), CudaError> {
+        self.device.wait()?;
+        self.launch(&self.rollout.plan().0.motion())?;
+        self.finish()
+    }
+
     /// An array that steps write.
     ///
     /// # Errors
@@ -252,6 +322,7 @@ impl<'a> Stepper<'a> {
         let rows = [count, interface.observation_width()];
         let critic = [count, interface.critic_width()];
         let apart = self.rollout.scene()?.ends_apart();
+        let moved;
         let (name, first, shape) = match shown {
             Shown::Observation => ("observation", 0, &rows[..]),
             Shown::CriticObservation => ("critic_observation", 0, &critic[..]),
@@ -261,6 +332,11 @@ impl<'a> Stepper<'a> {
             Shown::Truncated => ("ends", apart, &one[..]),
             Shown::Ended => ("ends", 2 * apart, &one[..]),
             Shown::Commands => ("command", 0, &columns[..]),
+            Shown::Motion(part) => {
+                let (first, width) = part.place(interface.joints.len());
+                moved = [count, width];
+                ("motion", count * first, &moved[..])
+            }
         };
         let missing =
             || CudaError::Call { doing: format!("sharing `{name}`"), reason: "it is missing".into() };

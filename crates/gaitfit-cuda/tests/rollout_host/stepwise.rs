@@ -10,7 +10,9 @@ use gaitfit_physics::Preset;
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::Candidate;
 
-const STEPS: usize = 40;
+const STEPS: usize = 56;
+/// From this step on robots whose episode ended stay as they are.
+const HELD: usize = 40;
 /// Before this step all robots begin anew.
 const RESTART: usize = 27;
 /// The step in which a simulation comes apart, and whose.
@@ -52,8 +54,14 @@ fn shown(environment: &mut Environment<'_>, task: &Task, number: u32) -> Shown {
     Shown { observation, critic, commands: environment.commands().to_vec() }
 }
 
-/// One step of the CPU as `gaitfit.Robots` does it.
-fn advance(environment: &mut Environment<'_>, task: &Task, number: u32, action: Vec<f32>) -> Step {
+/// One step of the CPU as `gaitfit.Robots` does it; `held`: without `autoreset`.
+fn advance(
+    environment: &mut Environment<'_>,
+    task: &Task,
+    number: u32,
+    action: Vec<f32>,
+    held: bool,
+) -> Step {
     let (mut reward, mut ended) = (vec![0.0; ENVIRONMENTS], vec![Ended::No; ENVIRONMENTS]);
     environment.step(number, &action, &mut reward, &mut ended);
     let moved = snapshots(environment, &[[0.0; 2]; ENVIRONMENTS]);
@@ -64,9 +72,25 @@ fn advance(environment: &mut Environment<'_>, task: &Task, number: u32, action: 
             row.fill(0.0);
         }
     }
-    environment.begin_episodes(number, &ended);
+    let begins = |ended: &Ended| if held && *ended != Ended::Diverged { Ended::No } else { *ended };
+    environment.begin_episodes(number, &ended.iter().map(begins).collect::<Vec<_>>());
     let after = shown(environment, task, number + 1);
     Step { action, moved, reward, ended, terms: environment.take_terms(), last, after }
+}
+
+/// How all robots move, in the order of the array `motion`.
+fn motion(environment: &Environment<'_>, task: &Task) -> Vec<f32> {
+    let (motion, joints) = (environment.motion(), task.walker.default_pose.len());
+    let of_joints = [&motion.joint_position, &motion.joint_velocity, &motion.torque].map(|values| {
+        let rows = values.chunks_exact(joints);
+        rows.flat_map(|row| task.walker.joints.iter().map(|&joint| row[joint])).collect()
+    });
+    [&motion.base_position, &motion.base_quaternion, &motion.base_linear, &motion.base_angular]
+        .into_iter()
+        .cloned()
+        .chain(of_joints)
+        .collect::<Vec<Vec<f32>>>()
+        .concat()
 }
 
 /// The arrays that hold a state.
@@ -149,9 +173,16 @@ fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
         }
         let draw = |k: usize| 0.5 * noise.normal((t * ENVIRONMENTS * width + k) as u32) as f32;
         let action = (0..ENVIRONMENTS * width).map(draw).collect();
-        steps.push(advance(&mut environment, task, number, action));
+        steps.push(advance(&mut environment, task, number, action, t >= HELD));
         number += 1;
     }
+    let moved = motion(&environment, task);
+    // Every third robot begins anew.
+    let chosen = |e: usize| e.is_multiple_of(3);
+    let begins: Vec<Ended> =
+        (0..ENVIRONMENTS).map(|e| if chosen(e) { Ended::TimeOut } else { Ended::No }).collect();
+    environment.begin_episodes(number, &begins);
+    let renewed = shown(&mut environment, task, number + 1);
 
     let f = |numbers: &[f32]| bytes(numbers, f32::to_ne_bytes);
     let w = |words: &[u32]| bytes(words, u32::to_ne_bytes);
@@ -164,6 +195,10 @@ fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
         ("control", w(&control(u32::MAX, SEED, ranges, 0))),
         ("refused", w(&[u32::MAX])),
         ("refused.none", w(&[u32::MAX])),
+        ("held", w(&[0])),
+        ("held.now", w(&[1])),
+        ("chosen", w(&[1; ENVIRONMENTS])),
+        ("chosen.some", w(&(0..ENVIRONMENTS).map(|e| u32::from(chosen(e))).collect::<Vec<_>>())),
         ("steps.ages", w(&ages)),
     ] {
         files.insert(name.to_owned(), bytes);
@@ -214,11 +249,19 @@ fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
             statements.push_str(&keep(arrays, "refused", "wrong"));
             statements.push_str(&take(arrays, "refused", "none"));
         }
+        if t == HELD {
+            statements.push_str(&take(arrays, "held", "now"));
+        }
         step_once(&mut statements, &mut files, t, step);
         if t == READ {
             keep_all(&mut statements, &STATE, "read");
         }
     }
+    statements.push_str(&call(&plan.motion()));
+    statements.push_str(&keep(arrays, "motion", "out"));
+    statements.push_str(&take(arrays, "chosen", "some"));
+    statements.extend(plan.restart().iter().map(call));
+    keep_all(&mut statements, &[&rows[..], &["steps"]].concat(), "renewed");
     let folder = execute(&plan.program.text, arrays, &files, &[], &statements);
     let read =
         |name: &str, suffix: &str| std::fs::read(folder.path().join(format!("{name}.{suffix}"))).unwrap();
@@ -237,7 +280,27 @@ fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
     check(&restarted.unwrap(), "restarted");
     assert_eq!(read("refused", "wrong"), w(&[REFUSED.1 as u32]));
     let seen = task.walker.interface.observation_width();
+    same("motion", "out", &out("motion", "out"), &moved);
+    // Robots that were not chosen still observe what they did.
+    let last = format!("after{}", STEPS - 1);
+    let ages = read("steps", "renewed");
+    for e in 0..ENVIRONMENTS {
+        for (name, wanted) in [("observation", &renewed.observation), ("critic_observation", &renewed.critic)]
+        {
+            let width = wanted.len() / ENVIRONMENTS;
+            let row = |all: &[f32]| all[e * width..(e + 1) * width].to_vec();
+            let (got, before) = (row(&out(name, "renewed")), row(&out(name, &last)));
+            match chosen(e) {
+                true => same(name, "renewed", &got, &row(wanted)),
+                false => assert_eq!(got, before, "{label}: {name} of {e}"),
+            }
+        }
+        let command = |suffix: &str| [0, 1, 2].map(|k| out("command", suffix)[k * ENVIRONMENTS + e]);
+        assert_eq!(command("renewed"), renewed.commands[e], "{label}: command of {e}");
+        assert_eq!(ages[4 * e..4 * e + 4] == [0; 4], chosen(e), "{label}: age of {e}");
+    }
     let mut counts = [0; 3];
+    let mut held = 0;
     for (t, step) in steps.iter().enumerate() {
         let suffix = &format!("after{t}");
         check(&step.after, suffix);
@@ -252,7 +315,11 @@ fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
         let lists = ends.chunks_exact(scene.ends_apart()).map(|list| &list[..ENVIRONMENTS]);
         assert!(lists.eq([&fallen, &late, &any]), "{label}, step {t}: {ends:?}");
         let last = out("last_observation", suffix);
-        for (e, ended) in step.ended.iter().enumerate().filter(|(_, ended)| **ended != Ended::No) {
+        if t >= HELD {
+            held += step.ended.iter().filter(|ended| **ended != Ended::No).count();
+        }
+        let begun = step.ended.iter().enumerate().filter(|(_, ended)| t < HELD && **ended != Ended::No);
+        for (e, ended) in begun {
             let row = e * seen..(e + 1) * seen;
             same("last observation", suffix, &last[row.clone()], &step.last[row]);
             counts[match ended {
@@ -291,6 +358,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
     }
     println!("{label}: {counts:?} episodes ended by time, by divergence, by falls");
     assert!(counts[0] > 10 && counts[1] == 1 && counts[2] > 0, "{label}: {counts:?}");
+    assert!(held > 10, "{label}: {held} robots were held");
     if !again {
         return;
     }
@@ -314,6 +382,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
         ("parameters", f(&vec![-1e4; width])),
         ("control", w(&control(number, SEED, ranges, 0))),
         ("refused", w(&[u32::MAX])),
+        ("held", w(&[0])),
     ] {
         files.insert(name.to_owned(), bytes);
     }

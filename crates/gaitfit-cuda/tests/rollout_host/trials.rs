@@ -34,7 +34,13 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
     let policy = gaitfit_policy::read(
         concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors").as_ref(),
     );
-    let subject = Subject { task: &task, policy: &policy.unwrap(), candidate: Some(&candidate), seed: SEED };
+    let subject = Subject {
+        task: &task,
+        policy: &policy.unwrap(),
+        candidate: Some(&candidate),
+        seed: SEED,
+        cancel: None,
+    };
     let candidates = std::slice::from_ref(&candidate);
     let period = Scene::period(&task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();
     let sizes = Sizes {

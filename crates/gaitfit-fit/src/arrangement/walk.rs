@@ -20,15 +20,21 @@ const CLEARLY: f64 = 0.5;
 const ENOUGH: f64 = 0.35;
 
 /// What makes the policy of `world` walk; `None` if nothing that is tried does. Policies that gaitfit trained are as their
-/// files say, so they are not tried.
-pub fn of_walk(world: &World, seed: u64, threads: usize) -> Option<Diagnosis> {
+/// files say, so they are not tried. Once `cancel` is true it returns soon, with nothing.
+pub fn of_walk(
+    world: &World,
+    seed: u64,
+    threads: usize,
+    cancel: &(dyn Fn() -> bool + Sync),
+) -> Option<Diagnosis> {
     let policy = &world.policy;
     if policy.provenance.iteration > 0 {
         return None;
     }
     let joints = policy.interface.resolve(&world.model).ok()?;
     let limbs = Limbs::new(&world.model, &joints);
-    let measure = |arrangement: &Arrangement| trial(world, arrangement, seed).unwrap_or(f64::INFINITY);
+    let measure =
+        |arrangement: &Arrangement| trial(world, arrangement, seed, cancel).unwrap_or(f64::INFINITY);
     let none = |_: &Arrangement| Vec::new();
     let (best, measure) = search(&policy.interface, &limbs, [false, true], ENOUGH, threads, &measure, &none);
     let is_right = measure[1] < WALKS && measure[1] < CLEARLY * measure[0];
@@ -41,14 +47,25 @@ pub fn of_walk(world: &World, seed: u64, threads: usize) -> Option<Diagnosis> {
 }
 
 /// Falls and velocity error of a few robots; `None` for an arrangement that is no policy of this robot.
-fn trial(world: &World, arrangement: &Arrangement, seed: u64) -> Option<f64> {
+fn trial(
+    world: &World,
+    arrangement: &Arrangement,
+    seed: u64,
+    cancel: &(dyn Fn() -> bool + Sync),
+) -> Option<f64> {
     let interface = arrangement.interface.clone();
     let policy = Policy { interface: interface.clone(), ..world.policy.clone() };
     let settings = &world.scene.settings;
     let preset = world.scene.walker.batch.options().preset;
     let delay = longest_delay(&world.candidate);
     let task = Task::with_interface(&world.model, settings, interface, preset, delay).ok()?;
-    let subject = Subject { task: &task, policy: &policy, candidate: Some(&world.candidate), seed };
+    let subject = Subject {
+        task: &task,
+        policy: &policy,
+        candidate: Some(&world.candidate),
+        seed,
+        cancel: Some(cancel),
+    };
     let trials = run_trials(&subject, ROBOTS, SECONDS, 1).ok()?;
     let falls = trials.iter().filter(|trial| trial.fell).count() as f64 / trials.len() as f64;
     let errors: Vec<f64> =

@@ -52,7 +52,7 @@ pub struct CrossingSummary {
 /// on the number of threads. Nothing on flat ground.
 ///
 /// # Errors
-/// A robot that cannot be.
+/// A robot that cannot be, or the subject's `cancel`.
 pub fn crossings(
     subject: &Subject<'_>,
     robots: usize,
@@ -75,7 +75,7 @@ fn tile(
     speed: f64,
     steps: u32,
 ) -> Result<Vec<Crossing>, TaskError> {
-    let Subject { task, policy, candidate, seed } = *subject;
+    let Subject { task, candidate, seed, .. } = *subject;
     let mut environment = Environment::new(task, candidate, seed, first, count)?;
     let settings = course.settings();
     for index in 0..count {
@@ -92,7 +92,7 @@ fn tile(
     let starts: Vec<[f64; 2]> = (0..count).map(|index| place(&environment, index)).collect();
     let cells = (0..count).map(|index| environment.cell(index).unwrap_or_default());
     let mut found: Vec<Crossing> = cells.map(|cell| Crossing { cell, ..Crossing::default() }).collect();
-    let mut player = Player::new(task, policy, environment);
+    let mut player = Player::new(subject, environment);
     let half = 0.5 * course.size();
     for step in 1..=steps {
         player.step(step)?;

@@ -41,7 +41,7 @@ const COMMAND: f64 = 4.0;
 /// The wanted end of a turn is where it began; of a walk, speed times four seconds along its axis.
 ///
 /// # Errors
-/// A robot that cannot be.
+/// A robot that cannot be, or the subject's `cancel`.
 pub fn drift(
     subject: &Subject<'_>,
     robots: usize,
@@ -89,12 +89,12 @@ fn trial(
     command: [f64; 3],
     robots: usize,
 ) -> Result<DriftTrial, TaskError> {
-    let Subject { task, policy, candidate, seed } = *subject;
+    let Subject { task, candidate, seed, .. } = *subject;
     let mut environment = Environment::new(task, candidate, seed, 0, robots)?;
     for index in 0..robots {
         environment.hold_command(index, [0.0; 3]);
     }
-    let mut player = Player::new(task, policy, environment);
+    let mut player = Player::new(subject, environment);
     let periods = |seconds: f64| (seconds / task.walker.interface.control_dt).round() as u32;
     let (begin, end) = (periods(STAND), periods(STAND + COMMAND));
     let (mut fallen, mut diverged) = (vec![false; robots], vec![false; robots]);

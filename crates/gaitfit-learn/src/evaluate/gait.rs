@@ -62,7 +62,7 @@ pub struct GaitSummary {
 /// Runs one robot through `commands` (seconds, command) and records it.
 ///
 /// # Errors
-/// A robot that cannot be.
+/// A robot that cannot be, or the subject's `cancel`.
 pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Result<GaitRecord, TaskError> {
     record_gait_on(subject, None, commands)
 }
@@ -70,13 +70,13 @@ pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Resul
 /// The same on a cell of generated ground.
 ///
 /// # Errors
-/// A robot that cannot be.
+/// As [`record_gait`].
 pub fn record_gait_on(
     subject: &Subject<'_>,
     cell: Option<Cell>,
     commands: &[(f64, [f64; 3])],
 ) -> Result<GaitRecord, TaskError> {
-    let Subject { task, policy, candidate, seed } = *subject;
+    let Subject { task, candidate, seed, .. } = *subject;
     // A robot's column is its number's.
     let number = cell.map_or(0, |cell| cell.column as u32);
     let mut environment = Environment::new(task, candidate, seed, number, 1)?;
@@ -85,7 +85,7 @@ pub fn record_gait_on(
         environment.put_on_level(0, cell.level);
         environment.refresh();
     }
-    let mut player = Player::new(task, policy, environment);
+    let mut player = Player::new(subject, environment);
     let model = task.walker.batch.model();
     let mut record = GaitRecord {
         dt: task.walker.interface.control_dt,

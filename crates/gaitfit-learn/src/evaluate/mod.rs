@@ -29,4 +29,7 @@ pub struct Subject<'a> {
     pub candidate: Option<&'a Candidate>,
     /// Seed of commands, starts and noise.
     pub seed: u64,
+    /// Whether to stop, asked at each control period of a tile, from any thread; once true it must stay true. Simulations
+    /// then end with [`crate::task::TaskError::Interrupted`]. `None` never stops.
+    pub cancel: Option<&'a (dyn Fn() -> bool + Sync)>,
 }

@@ -56,7 +56,7 @@ pub struct TrialSummary {
 /// after a fall. Results do not depend on the number of threads.
 ///
 /// # Errors
-/// A robot that cannot be.
+/// A robot that cannot be, or the subject's `cancel`.
 pub fn run_trials(
     subject: &Subject<'_>,
     count: usize,
@@ -92,7 +92,7 @@ pub fn trial_environments<'a>(
 fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Result<Vec<Trial>, TaskError> {
     let environment = trial_environments(subject, first, count)?;
     let mut trials = Trials::new(environment.commands(), subject.task.walker.joints.len());
-    let mut player = Player::new(subject.task, subject.policy, environment);
+    let mut player = Player::new(subject, environment);
     for step in 1..=steps {
         player.step(step)?;
         let state = |index: usize| {

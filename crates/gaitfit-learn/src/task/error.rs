@@ -52,6 +52,9 @@ pub enum TaskError {
     /// The robot's parameters.
     #[error(transparent)]
     Physics(#[from] PhysicsError),
+    /// The caller asked to stop.
+    #[error("interrupted; nothing of it is kept")]
+    Interrupted,
 }
 
 impl From<WalkerError> for TaskError {

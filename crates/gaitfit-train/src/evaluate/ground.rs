@@ -5,7 +5,7 @@ use crate::files::read_text;
 use crate::robot_file;
 use crate::watch::Watch;
 use crate::world::{self, World, WorldSettings};
-use gaitfit_learn::evaluate::{CrossingSummary, crossings, summarise_crossings};
+use gaitfit_learn::evaluate::{CrossingSummary, Subject, crossings, summarise_crossings};
 use gaitfit_learn::task::{Cell, Kinds, TerrainKind, TerrainSettings};
 use gaitfit_model::shown;
 use gaitfit_policy::Policy;
@@ -200,11 +200,11 @@ pub(super) fn measure(
              --terrain none",
         ));
     }
-    let found = crossings(&world.subject(seed), robots, speed, threads)?;
-    if watch.stop() {
-        let message = "interrupted; this evaluation is not kept".to_owned();
-        return Err(Error::interrupted_with_nothing(message));
-    }
+    let cancel = || watch.stop();
+    let subject = Subject { cancel: Some(&cancel), ..world.subject(seed) };
+    let found = crossings(&subject, robots, speed, threads);
+    super::go_on(watch)?;
+    let found = found?;
     let results = match &world.scene.course {
         Some(course) => summarise_crossings(course, &found).into_iter().map(GroundResult::new).collect(),
         None => Vec::new(),

@@ -158,16 +158,17 @@ pub struct Measured {
 /// # Errors
 /// A robot that cannot be, or an interruption.
 pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> Result<Measured, Error> {
-    let subject = world.subject(plan.seed);
-    let go_on = || {
-        let message = "interrupted; this evaluation is not kept".to_owned();
-        if watch.stop() { Err(Error::interrupted_with_nothing(message)) } else { Ok(()) }
+    let cancel = || watch.stop();
+    let subject = Subject { cancel: Some(&cancel), ..world.subject(plan.seed) };
+    let trials = trials(&subject, plan, watch);
+    super::go_on(watch)?;
+    let trials = trials?;
+    let trials_of_drift = match plan.drift {
+        0 => Ok(Vec::new()),
+        robots => drift(&subject, robots, plan.drift_speeds),
     };
-    let trials = trials(&subject, plan, watch)?;
-    go_on()?;
-    let trials_of_drift =
-        if plan.drift == 0 { Vec::new() } else { drift(&subject, plan.drift, plan.drift_speeds)? };
-    go_on()?;
+    super::go_on(watch)?;
+    let trials_of_drift = trials_of_drift?;
     let limits = &world.scene.settings.command;
     let ahead = [0.5 * limits.x[1], 0.0, 0.0];
     let record = record_gait(&subject, &[(1.0, [0.0; 3]), (4.0, ahead)])?;

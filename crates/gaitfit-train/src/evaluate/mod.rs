@@ -114,11 +114,20 @@ pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>)
     // Robots that stand on legs in a wrong order need not fall.
     let fails = verdict.as_ref().is_some_and(|one| !one.walks);
     let diagnosis = match fails || measured.evaluation.fall_rate.mean > MANY_FALLS {
-        true => arrangement::of_walk(&world, plan.seed, plan.threads),
+        true => arrangement::of_walk(&world, plan.seed, plan.threads, &|| watch.stop()),
         false => None,
     };
+    go_on(watch)?;
     let wall_seconds = begun.elapsed().as_secs_f64();
     Ok(Evaluated { measured, verdict, world, ground, diagnosis, wall_seconds })
+}
+
+/// An error once the caller has asked to stop.
+fn go_on(watch: &Watch<'_>) -> Result<(), Error> {
+    match watch.stop() {
+        true => Err(Error::interrupted_with_nothing("interrupted; this evaluation is not kept")),
+        false => Ok(()),
+    }
 }
 
 /// Fastest command of a drift trial, m/s and rad/s.

@@ -31,7 +31,7 @@ pub fn show(setup: &Setup, policy: &Policy, title: &str) -> Result<Shown, Error>
     let delay = setup.candidate.as_ref().map_or(0.0, longest_delay);
     let scene = Task::with_interface(&setup.model, &task, interface, setup.plan.preset, delay)?;
     let seed = policy.provenance.seed;
-    let subject = Subject { task: &scene, policy, candidate: setup.candidate.as_ref(), seed };
+    let subject = Subject { task: &scene, policy, candidate: setup.candidate.as_ref(), seed, cancel: None };
     let record = record_gait(&subject, &gait::tour(&task.command))?;
     let fell = record.fell.then(|| record.steps() as f64 * record.dt);
     let ends = fell.map_or_else(String::new, |time| format!("; it fell after {time:.1} s"));

@@ -142,7 +142,7 @@ impl Simulated {
     /// Records logs into a folder.
     ///
     /// # Errors
-    /// As [`Simulated::world`], or a folder that cannot be written.
+    /// As [`Simulated::world`], a folder that cannot be written, or an interruption.
     pub fn collect(
         &self,
         policy: &PolicyFiles,
@@ -152,7 +152,7 @@ impl Simulated {
     ) -> Result<(), Error> {
         let world = self.world(policy)?.with_plain_starts();
         let subject = world.subject(seed);
-        let logs = walks(&subject, &self.options, self.threads, self.device, watch, &|| false)?;
+        let logs = walks(&subject, &self.options, self.threads, self.device, watch)?;
         for number in write_logs(folder, &logs)?.without {
             watch.note(&format!("trajectory {number} fell before its log began; it has no file"));
         }

@@ -7,7 +7,7 @@ use crate::cli;
 use crate::exit::{Exit, Failure};
 use crate::progress::Lines;
 use crate::watcher::watched;
-use crate::{output, viewer};
+use crate::{interrupt, output, viewer};
 use gaitfit::EvaluateSettings;
 use gaitfit::arrangement::Diagnosis;
 use gaitfit::evaluate::{Evaluated, Evaluation, GroundChoice, OnGround};
@@ -63,6 +63,7 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
         device: args.device.for_trajectories(args.trajectories.get()),
     };
     output::note(&settings.device.line());
+    interrupt::listen()?;
     let found = watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
     let Evaluated { measured, verdict, world, ground, diagnosis, wall_seconds } = found;
     let evaluation = &measured.evaluation;

@@ -43,12 +43,12 @@ DEVICE void start_episodes(
     }
 }
 
-// The step of environment `e`; whether a new episode begins.
+// The step of environment `e`; whether a new episode begins. `held`: whether episodes that ended stay where they are.
 DEVICE bool finish_step(
     u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
     float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
     float* tail, double* tally, float* errors, unsigned char* ends, float* last_observation, const float* memory, const float* imu,
-    float* ways, const float* past, const float* critic_past, u32 e
+    float* ways, const float* past, const float* critic_past, const u32* held, u32 e
 ) {
     u64 row = (u64)step * ENVIRONMENTS + e;
     u32 number = control[FIRST_STEP] + step, age = steps[e] + 1;
@@ -118,9 +118,12 @@ DEVICE bool finish_step(
     ends[e] = ended == FALL;
     ends[ENDS_APART + e] = ended == TIME_OUT;
     ends[2 * ENDS_APART + e] = ended != GOES_ON;
-    if (ended != GOES_ON)
+    // Held robots stay as they are, but a state that is not finite cannot be stepped further.
+    bool begins = ended != GOES_ON && (broken || !held[0]);
+    if (ended != GOES_ON && !held[0])
         write_last_row(control, state, params, memory, age, imu, command, last_action, past, broken, e, number + 1, last_observation);
 #else
+    bool begins = ended != GOES_ON;
     u32 slot = step / EPISODE_STEPS_MAX;
 #if COURSE
     // Episodes that leave the ground are cut off too: take the first free place.
@@ -140,6 +143,8 @@ DEVICE bool finish_step(
         if (ended == FALL && age < EPISODE_STEPS_MAX) TALLY(LOST_STEPS) += (double)(EPISODE_STEPS_MAX - age);
         TALLY(EPISODE_STEPS) += (double)length;
         TALLY(EPISODE_RETURN) += (double)sum;
+    }
+    if (begins) {
         sum = length = 0.0f;
         age = 0;
 #if COURSE
@@ -150,14 +155,14 @@ DEVICE bool finish_step(
     returns[e] = sum;
     returns[ENVIRONMENTS + e] = length;
     steps[e] = age;
-    return ended != GOES_ON;
+    return begins;
 }
 
 KERNEL finish(
     u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
     float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
     float* tail, double* tally, float* errors, unsigned char* ends, float* last_observation, float* memory, const float* imu,
-    float* ways, const float* past, const float* critic_past
+    float* ways, const float* past, const float* critic_past, const u32* held
 ) {
     // Which environments of the block begin anew.
     __shared__ u32 begins[THREADS];
@@ -166,7 +171,7 @@ KERNEL finish(
     bool inside = e < ENVIRONMENTS;
     begins[threadIdx.x] = inside && finish_step(
         step, control, state, params, report, action, reward, done, steps, fresh, command, last_action, feet, returns, cut,
-        tail, tally, errors, ends, last_observation, memory, imu, ways, past, critic_past, e) ? 1 : 0;
+        tail, tally, errors, ends, last_observation, memory, imu, ways, past, critic_past, held, e) ? 1 : 0;
     start_episodes(control, control[FIRST_STEP] + step + 1, begins, placing, state, report, memory, command, ways);
 }
 

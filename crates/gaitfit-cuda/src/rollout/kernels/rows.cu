@@ -30,15 +30,13 @@ DEVICE void write_last_row(
 }
 #endif
 
-// The rows of step `step` of the samples: a block column for each term of the actor, then of the critic. `fresh`: whether
+// The row of environment `e` of step `step`: a block column for each term of the actor, then of the critic. `fresh`: whether
 // each episode begins.
-KERNEL observe(
+DEVICE void observe_environment(
     u32 step, const u32* control, const float* state, const float* params, const float* memory, const u32* steps, const u32* fresh,
     const float* imu, const float* command, const float* last_action, float* past, float* critic_past, float* observation,
-    float* critic_observation
+    float* critic_observation, u32 e
 ) {
-    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
-    if (e >= ENVIRONMENTS) return;
     u64 sample = (u64)step * ENVIRONMENTS + e;
     int number = (int)blockIdx.y;
     bool actor = number < ACTOR_ROW.terms;
@@ -56,6 +54,19 @@ KERNEL observe(
             int place = term.oldest + frame * term.apart + k;
             kept[place] = out[place];
         }
+}
+
+// The rows of step `step` of the samples.
+KERNEL observe(
+    u32 step, const u32* control, const float* state, const float* params, const float* memory, const u32* steps, const u32* fresh,
+    const float* imu, const float* command, const float* last_action, float* past, float* critic_past, float* observation,
+    float* critic_observation
+) {
+    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
+    if (e >= ENVIRONMENTS) return;
+    observe_environment(
+        step, control, state, params, memory, steps, fresh, imu, command, last_action, past, critic_past, observation,
+        critic_observation, e);
 }
 
 // What the critic sees after the last step: a block column for each term.
