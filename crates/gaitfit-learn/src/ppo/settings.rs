@@ -47,9 +47,9 @@ impl MemorySettings {
 pub enum Precision {
     /// Factors, layers' outputs and derivatives rounded to 8 significant bits (bf16); losses and what networks give in
     /// `f32`.
+    #[default]
     Bf16,
     /// Factors rounded to 11 significant bits (TF32).
-    #[default]
     Tf32,
     /// Factors split into two such numbers and three products added: the error is about that of `f32`.
     F32,
