@@ -96,6 +96,7 @@ ENUMS = {
     "Cone": CRATES / "gaitfit-model" / "src" / "model.rs",
     "Cell": CRATES / "gaitfit-policy" / "src" / "network" / "cell.rs",
     "Schedule": CRATES / "gaitfit-learn" / "src" / "ppo" / "settings.rs",
+    "Precision": CRATES / "gaitfit-learn" / "src" / "ppo" / "settings.rs",
     "FrameOrder": CRATES / "gaitfit-policy" / "src" / "history.rs",
     "HistoryStart": CRATES / "gaitfit-policy" / "src" / "history.rs",
     "Quantity": CRATES / "gaitfit-policy" / "src" / "quantity.rs",

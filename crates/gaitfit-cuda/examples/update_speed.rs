@@ -27,6 +27,19 @@ fn times(
     Ok(times)
 }
 
+/// Parameters of both networks.
+fn parameters(learner: &ppo::Learner) -> Vec<f32> {
+    [&learner.actor().parameters[..], &learner.critic().parameters[..]].concat()
+}
+
+/// ‖a − b‖ / ‖b − before‖.
+fn distance(a: &[f32], b: &[f32], before: &[f32]) -> f64 {
+    let norm = |a: &[f32], b: &[f32]| -> f64 {
+        a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
+    };
+    norm(a, b) / norm(b, before)
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let environments: usize = arguments.next().map_or(Ok(4096), |text| text.parse())?;
@@ -41,16 +54,25 @@ fn main() -> Result<(), Box<dyn Error>> {
         critic_hidden: vec![width; 3],
         ..Settings::default()
     };
-    let cpu = ppo::Learner::new(settings, widths, 1)?;
+    let cpu = ppo::Learner::new(settings.clone(), widths, 1)?;
+    let before = parameters(&cpu);
     let samples = synthetic(&cpu, environments / 256, 256, 24, 2);
     let batch = Batch { steps: 24, environments: environments / 256 * 256, tile: 256 };
+    let mut by_cpu = ppo::Learner::new(settings.clone(), widths, 1)?;
+    let mut copies = samples.clone();
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let cpu_report = by_cpu.update(&mut copies, 0, threads)?;
+    let wanted = parameters(&by_cpu);
     let mut results = Vec::new();
-    for precision in [Precision::Tf32, Precision::F32] {
+    for precision in [Precision::Tf32, Precision::F32, Precision::Bf16] {
         let free = device.memory()?.0;
         let mut learner = Learner::new(&device, &cpu, batch, precision)?;
         let memory = free - device.memory()?.0;
         learner.upload(&samples)?;
         let report = learner.update(0)?;
+        let mut after = ppo::Learner::new(settings.clone(), widths, 2)?;
+        learner.store(&mut after)?;
+        let learned = distance(&parameters(&after), &wanted, &before);
         let stream = Stream::new(&device)?;
         // The learner's own stream runs the update; an event of it times it.
         let (start, end) = (Event::new(&device)?, Event::new(&device)?);
@@ -91,7 +113,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         results.push(serde_json::json!({
             "precision": precision, "update_ms": whole[whole.len() / 2], "least_ms": whole[0],
-            "memory": bytes(memory), "value_loss": report.value_loss, "kernels": kernels,
+            "memory": bytes(memory), "value_loss": report.value_loss, "cpu_value_loss": cpu_report.value_loss,
+            "learned_from_cpu": learned, "kernels": kernels,
         }));
     }
     let report = serde_json::json!({

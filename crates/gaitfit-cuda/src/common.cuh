@@ -7,8 +7,13 @@ typedef unsigned long long u64;
 #ifndef GAITFIT_HOST
 #define KERNEL extern "C" __global__ void
 #define DEVICE __device__ __forceinline__
+#define METHOD __device__ __forceinline__
 // Shared memory that the launch gives.
 #define POOL(name) extern __shared__ __align__(16) float name[]
+// Waits for `threads` threads of the block that wait at barrier `number`, 1 .. 15.
+DEVICE void group_barrier(int number, int threads) {
+    asm volatile("bar.sync %0, %1;" ::"r"(number), "r"(threads) : "memory");
+}
 #endif
 
 // Philox 4x32 with ten rounds (Salmon et al. 2011), as gaitfit-random has it.

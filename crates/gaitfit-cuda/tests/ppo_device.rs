@@ -42,7 +42,7 @@ fn gpu_gradient_is_that_of_f64() {
         Settings { epochs: 1, minibatches: 1, normalise_observations: true, ..Settings::default() };
     let (cpu, mut tiles) = problem(settings, 1);
     let device = Device::open(0).unwrap();
-    for (precision, limit) in [(Precision::F32, 3e-6), (Precision::Tf32, 3e-3)] {
+    for (precision, limit) in [(Precision::F32, 3e-6), (Precision::Tf32, 3e-3), (Precision::Bf16, 2e-2)] {
         let mut learner = Learner::new(&device, &cpu, batch(1), precision).unwrap();
         learner.upload(&tiles).unwrap();
         learner.update(9).unwrap();

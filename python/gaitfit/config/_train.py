@@ -85,6 +85,7 @@ class Ppo(Settings):
         minibatches: Gradient steps in a pass; with a memory each is over whole robots. Default: 4.
         memory: Recurrent layers before both networks, which see what these make of their observations; without it each
             network sees its observation alone.
+        precision: How exactly a GPU multiplies matrices; a CPU does so in ``f32``.
 
     >>> settings = Train(ppo=Ppo(epochs=3, desired_kl=0.015))
     """
@@ -112,6 +113,7 @@ class Ppo(Settings):
     epochs: int | None = None
     minibatches: int | None = None
     memory: Memory | None = None
+    precision: Precision | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -74,12 +74,23 @@ pub struct BenchTrain {
     /// What computes: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used)
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     pub device: Device,
-    /// GPU: compute matrix products about as exactly as f32
-    #[arg(long)]
-    pub exact: bool,
+    /// GPU: how exactly matrices are multiplied [default: as in a training]
+    #[arg(long, value_name = "PRECISION")]
+    pub precision: Option<Products>,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
+}
+
+/// How exactly a GPU multiplies matrices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Products {
+    /// 8 significant bits
+    Bf16,
+    /// 11 significant bits
+    Tf32,
+    /// About as exactly as f32
+    F32,
 }
 
 /// Self-contact of the benchmark's robots.

@@ -15,7 +15,7 @@ mod run;
 mod view;
 mod world;
 
-pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms, OwnParts};
+pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms, OwnParts, Products};
 pub use choices::{Config, ConfigOf, Preset};
 pub use excite::Excite;
 pub use export::Export;

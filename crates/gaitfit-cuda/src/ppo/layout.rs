@@ -2,8 +2,8 @@
 
 use gaitfit_policy::network::Shape;
 
-/// Columns of rows and of padded matrices are a multiple of this.
-const ALIGN: usize = 32;
+use gaitfit_learn::ppo::Precision;
+
 /// Layers that the kernels' tables have room for.
 pub(super) const MAX_LAYERS: usize = 17;
 
@@ -31,17 +31,21 @@ pub(super) struct NetLayout {
     pub widths: Vec<usize>,
     /// The same, padded.
     pub padded: Vec<usize>,
-    /// Where each layer's rows begin in shared memory.
+    /// How far apart a layer's rows lie in shared memory, numbers.
+    pub apart: Vec<usize>,
+    /// Where each layer's rows begin in shared memory, numbers of a sample.
     pub places: Vec<usize>,
-    /// Numbers of shared memory that the rows take.
+    /// Numbers of shared memory that a sample takes.
     pub end: usize,
-    /// Where each layer's matrix for the way forth begins in the copies.
+    /// Bytes of shared memory that a sample takes, with what the network gives.
+    pub bytes: usize,
+    /// Where each layer's matrix for the way forth begins in the copies, words.
     pub weights: Vec<usize>,
     /// Where each layer's bias begins in the copies.
     pub biases: Vec<usize>,
     /// Where each layer's matrix for the way back begins in the copies.
     pub backs: Vec<usize>,
-    /// Numbers of the copies.
+    /// Words of the copies.
     pub packed: usize,
     /// Where each layer's gradient begins in a block's part, of the matrix and of the bias.
     pub gradients: [Vec<usize>; 2],
@@ -49,13 +53,16 @@ pub(super) struct NetLayout {
     pub gradient: usize,
     /// Where each parameter's derivative lies in a block's part.
     pub map: Vec<u32>,
-    /// Where each parameter lies in the copies for the way forth.
+    /// Where each parameter lies in the copies for the way forth: numbers of a matrix's kind, or the word of a bias.
     pub forth: Vec<u32>,
     /// Where it lies for the way back; `u32::MAX` for a bias.
     pub back: Vec<u32>,
     /// Multiplications of a sample's way forth and back, for the share of multiprocessors.
     pub work: usize,
 }
+
+/// Where an element of a matrix with so many columns lies.
+type Place = fn(usize, usize, usize) -> usize;
 
 /// Place of element (k, n) of a factor of the matrix units with `columns` columns (PTX, mma.m16n8k8, B): 8 × 32 at a
 /// time, of which thread 4 g + t holds rows t and t + 4 of columns g, g + 8, g + 16, g + 24, in two parts of four.
@@ -73,18 +80,39 @@ fn sum(m: usize, n: usize, columns: usize) -> usize {
     (((m / 16) * (columns / 32) + n / 32) * 4 + n % 32 / 8) * 128 + thread * 4 + number
 }
 
+/// The same of bf16 (mma.m16n8k16): 16 × 16 at a time, of which thread 4 g + t holds rows 2 t, 2 t + 1, 2 t + 8 and
+/// 2 t + 9 of columns g and g + 8.
+fn factor_bf16(k: usize, n: usize, columns: usize) -> usize {
+    let (thread, pair) = (n % 8 * 4 + k % 8 / 2, n % 16 / 8 * 2 + k % 16 / 8);
+    (k / 16 * (columns / 16) + n / 16) * 256 + thread * 8 + pair * 2 + k % 2
+}
+
+/// The same of bf16: 16 × 8 at a time, first the upper 8 rows, then the lower.
+fn sum_bf16(m: usize, n: usize, columns: usize) -> usize {
+    let half = (m / 16 * (columns / 8) + n / 8) * 2 + m % 16 / 8;
+    half * 64 + m % 8 * 8 + n % 8
+}
+
 impl NetLayout {
-    /// For tiles of `rows` samples.
-    pub(super) fn new(shape: &Shape, rows: usize) -> Self {
+    /// For products of this precision.
+    pub(super) fn new(shape: &Shape, precision: Precision) -> Self {
+        let bf16 = precision == Precision::Bf16;
+        // What columns are a multiple of, what rows are further apart than they are long, numbers of a word.
+        let (align, gap, per_word) = if bf16 { (16, 8, 2) } else { (32, 0, 1) };
+        let (factor, sum): (Place, Place) = if bf16 { (factor_bf16, sum_bf16) } else { (factor, sum) };
         let layers = shape.layers();
         let widths: Vec<usize> =
             [shape.inputs].into_iter().chain(layers.iter().map(|layer| layer.outputs)).collect();
-        let padded: Vec<usize> = widths.iter().map(|width| width.next_multiple_of(ALIGN)).collect();
+        let padded: Vec<usize> = widths.iter().map(|width| width.next_multiple_of(align)).collect();
+        let apart: Vec<usize> = padded.iter().map(|width| width + gap).collect();
         let (mut places, mut end) = (Vec::new(), 0);
-        for width in &padded {
+        for width in &apart {
             places.push(end);
-            end += rows * width;
+            end += width;
         }
+        // What a network gives is in f32, and where the numbers are others, behind them.
+        let given = if bf16 { apart.last().copied().unwrap_or(0) } else { 0 };
+        let bytes = (end / per_word + given) * size_of::<f32>();
         let (mut weights, mut biases, mut backs, mut packed) = (Vec::new(), Vec::new(), Vec::new(), 0);
         let (mut gradients, mut gradient, mut work) = ([Vec::new(), Vec::new()], 0, 0);
         let size = shape.parameters();
@@ -92,30 +120,34 @@ impl NetLayout {
         for (index, layer) in layers.iter().enumerate() {
             let (inputs, outputs) = (padded[index], padded[index + 1]);
             let area = inputs * outputs;
+            let words = area / per_word;
             weights.push(packed);
-            biases.push(packed + area);
-            backs.push(packed + area + outputs);
+            biases.push(packed + words);
+            backs.push(packed + words + outputs);
             gradients[0].push(gradient);
             gradients[1].push(gradient + area);
             for (number, parameter) in layer.weight.clone().enumerate() {
                 let (row, column) = (number / layer.outputs, number % layer.outputs);
                 map[parameter] = (gradient + sum(row, column, outputs)) as u32;
-                forth[parameter] = (packed + factor(row, column, outputs)) as u32;
-                back[parameter] = (packed + area + outputs + factor(column, row, inputs)) as u32;
+                forth[parameter] = (packed * per_word + factor(row, column, outputs)) as u32;
+                back[parameter] =
+                    ((packed + words + outputs) * per_word + factor(column, row, inputs)) as u32;
             }
             for (column, parameter) in layer.bias.clone().enumerate() {
                 map[parameter] = (gradient + area + column) as u32;
-                forth[parameter] = (packed + area + column) as u32;
+                forth[parameter] = (packed + words + column) as u32;
             }
-            packed += 2 * area + outputs;
+            packed += 2 * words + outputs;
             gradient += area + outputs;
             work += area * if index == 0 { 2 } else { 3 };
         }
         Self {
             widths,
             padded,
+            apart,
             places,
             end,
+            bytes,
             weights,
             biases,
             backs,
@@ -132,7 +164,7 @@ impl NetLayout {
     /// Widths of each layer as the kernels are made for them: columns of the input that are used and that there are,
     /// columns of the output that there are and that are used.
     pub(super) fn shapes(&self) -> Vec<[usize; 4]> {
-        // Not finer, so that fewer different kernels are compiled.
+        // Not finer, so that fewer different kernels are compiled. In bf16 all padded columns are used.
         let used = |width: usize| width.next_multiple_of(16);
         (0..self.weights.len())
             .map(|l| [used(self.widths[l]), self.padded[l], self.padded[l + 1], used(self.widths[l + 1])])
@@ -148,9 +180,9 @@ mod tests {
     #[test]
     fn every_parameter_has_its_own_place() {
         let shape = Shape { inputs: 5, hidden: vec![33, 7], outputs: 2, activation: Activation::Elu };
-        let layout = NetLayout::new(&shape, 32);
+        let layout = NetLayout::new(&shape, Precision::F32);
         assert_eq!(layout.padded, [32, 64, 32, 32]);
-        assert_eq!(layout.end, 32 * (32 + 64 + 32 + 32));
+        assert_eq!((layout.end, layout.bytes), (160, 4 * 160));
         let areas = 32 * 64 + 64 * 32 + 32 * 32;
         assert_eq!((layout.packed, layout.gradient), (2 * areas + 128, areas + 128));
         let places = |places: &[u32], max: usize| {

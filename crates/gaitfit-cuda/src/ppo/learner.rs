@@ -1,6 +1,6 @@
 //! The learner in the GPU's memory.
 
-use gaitfit_learn::ppo::{self, Diagnostics, Samples, SamplesError, UpdateError};
+use gaitfit_learn::ppo::{self, Diagnostics, Precision, Samples, SamplesError, UpdateError};
 use gaitfit_policy::network::{Memory, Normaliser, RecurrentShape};
 
 use super::error::PpoError;
@@ -10,8 +10,7 @@ use super::plan::{CHECKED, Plan};
 use super::prepared::{Limits, Prepared, memories};
 use super::report::{LEARNING_RATE, STEPS};
 use super::storage::{Storage, Stored};
-use super::text::Precision;
-use crate::runtime::{Argument, CudaError, Device, Graph, Kernel, Stream};
+use crate::runtime::{Argument, CudaError, Device, Event, Graph, Kernel, Stream};
 
 /// Least compute capability: the matrix units' TF32.
 const CAPABILITY: (i32, i32) = (8, 0);
@@ -25,6 +24,9 @@ pub struct Learner {
     arrays: Vec<Storage>,
     kernels: Vec<(&'static str, Kernel)>,
     stream: Stream,
+    /// What needs not wait runs here, between these marks.
+    aside: Stream,
+    marks: [Event; 2],
     graph: Option<Graph>,
     pub(super) batch: Batch,
     pub(super) settings: ppo::Settings,
@@ -82,6 +84,8 @@ impl Learner {
             arrays,
             kernels,
             stream,
+            aside: Stream::new(device)?,
+            marks: [Event::new(device)?, Event::new(device)?],
             graph: None,
             batch,
             settings,
@@ -267,9 +271,20 @@ impl Learner {
     /// [`CudaError`].
     pub fn run(&mut self) -> Result<(), CudaError> {
         if self.graph.is_none() {
-            let graph = self
-                .stream
-                .record(|stream| self.plan.launches.iter().try_for_each(|launch| self.start(stream, launch)));
+            let Plan { launches, apart, .. } = &self.plan;
+            let [fork, join] = &self.marks;
+            let start = |stream: &Stream, part: &[Launch]| {
+                part.iter().try_for_each(|launch| self.start(stream, launch))
+            };
+            let graph = self.stream.record(|stream| {
+                fork.record(stream)?;
+                self.aside.wait_for(fork)?;
+                start(&self.aside, &launches[apart.clone()])?;
+                join.record(&self.aside)?;
+                start(stream, &launches[..apart.start])?;
+                stream.wait_for(join)?;
+                start(stream, &launches[apart.end..])
+            });
             self.graph = Some(graph?);
         }
         match &mut self.graph {

@@ -21,6 +21,7 @@ mod text;
 
 pub use error::PpoError;
 pub use flat::Flat;
+pub use gaitfit_learn::ppo::Precision;
 pub use launch::{Array, Batch, Id, Kind, Launch, Value};
 pub use layout::TooWide;
 pub use learner::Learner;
@@ -28,4 +29,3 @@ pub use plan::Plan;
 pub(crate) use prepared::check_networks;
 pub use prepared::{Limits, Prepared};
 pub(crate) use storage::{Storage, Stored};
-pub use text::Precision;

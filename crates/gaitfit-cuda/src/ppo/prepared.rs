@@ -1,11 +1,11 @@
 //! Text and plan of an update, made without a GPU.
 
-use gaitfit_learn::ppo::{self, SamplesError, UpdateError};
+use gaitfit_learn::ppo::{self, Precision, SamplesError, UpdateError};
 
 use super::error::PpoError;
 use super::launch::Batch;
 use super::plan::{Plan, Task, check_shared, turns};
-use super::text::{MAX_ACTIONS, Precision, Text};
+use super::text::{MAX_ACTIONS, Room, Text};
 use crate::runtime::Program;
 use crate::words::unknown;
 use gaitfit_policy::network::RecurrentShape;
@@ -63,7 +63,12 @@ impl Prepared {
         if let Some(memories) = &memories {
             check_shared(memories, limits.shared_memory)?;
         }
-        let text = Text::new(settings, widths, shapes, memories.is_some(), precision, limits.shared_memory)?;
+        let room = Room {
+            shared: limits.shared_memory,
+            processors: limits.processors,
+            minibatch: batch.rows() / minibatches,
+        };
+        let text = Text::new(settings, widths, shapes, memories.is_some(), precision, room)?;
         let normalised = [learner.normaliser().is_some(), learner.critic_normaliser().is_some()];
         let turn = memories.as_ref().map(turns).unwrap_or_default();
         let processors = limits.processors;

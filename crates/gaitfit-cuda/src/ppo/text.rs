@@ -2,28 +2,21 @@
 
 use std::fmt::Write;
 
-use gaitfit_learn::ppo::{Schedule, Settings, Widths};
+use gaitfit_learn::ppo::{Precision, Schedule, Settings, Widths};
 use gaitfit_policy::network::{Activation, Shape};
-use serde::{Deserialize, Serialize};
 
 use super::layout::{MAX_LAYERS, NetLayout, TooWide};
 use crate::runtime::Program;
 
-/// How matrix products are computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Precision {
-    /// Factors rounded to 11 significant bits (TF32), sums in `f32`.
-    #[default]
-    Tf32,
-    /// Factors split into two such numbers and three products added: the error is about that of `f32`.
-    F32,
-}
-
 /// Threads of a block of the large kernel.
 pub(super) const THREADS: usize = 512;
-/// Samples that a block works on together: the first number that fits is taken.
+/// Samples that a block works on together, if they fit into shared memory.
 const ROWS: [usize; 2] = [64, 32];
+const ROWS_BF16: [usize; 5] = [192, 128, 96, 64, 32];
+/// Samples of a block that only looks ahead: in a rollout there are few, for all multiprocessors.
+const FORESEEN_BF16: [usize; 2] = [64, 32];
+/// What a tile costs besides its samples, in samples.
+const TILE_COST: usize = 32;
 /// Sums that a block keeps besides gradients and the derivative by ln σ; `LOSSES` of the text.
 pub(super) const LOSSES: usize = 6;
 /// Most actions: each is a thread's in places.
@@ -39,40 +32,76 @@ pub(super) struct Text {
     pub rows: usize,
     /// Bytes of shared memory of the large kernel.
     pub shared: usize,
+    /// The same of the kernel that looks ahead.
+    pub foreseen: usize,
+    pub foreseen_shared: usize,
+}
+
+/// The sizes that a text is made for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Room {
+    /// Bytes of shared memory of a block.
+    pub shared: usize,
+    /// Multiprocessors.
+    pub processors: usize,
+    /// Samples of a minibatch.
+    pub minibatch: usize,
 }
 
 impl Text {
-    /// For a GPU with `available` bytes of shared memory a block.
+    /// For a GPU with so much room.
     pub(super) fn new(
         settings: &Settings,
         widths: Widths,
         [actor, critic]: [&Shape; 2],
         memory: bool,
         precision: Precision,
-        available: usize,
+        room: Room,
     ) -> Result<Self, TooWide> {
-        let layout = |rows: usize| {
-            let nets = [actor, critic].map(|shape| NetLayout::new(shape, rows));
-            let shared = (nets[0].end.max(nets[1].end) + rows * (LOSSES + widths.action)) * size_of::<f32>();
-            (rows, nets, shared)
+        let nets = [actor, critic].map(|shape| NetLayout::new(shape, precision));
+        let widest = nets[0].bytes.max(nets[1].bytes);
+        let losses = (LOSSES + widths.action) * size_of::<f32>();
+        let (rows, foreseen): (&[usize], &[usize]) = match precision {
+            Precision::Bf16 => (&ROWS_BF16, &FORESEEN_BF16),
+            Precision::Tf32 | Precision::F32 => (&ROWS, &ROWS),
         };
-        let candidates = ROWS.map(layout);
-        let Some((rows, [actor_net, critic_net], shared)) =
-            candidates.iter().find(|(.., shared)| *shared <= available).cloned()
-        else {
-            let (rows, nets, needed) = &candidates[ROWS.len() - 1];
-            let network = if nets[0].end > nets[1].end { actor } else { critic }.to_string();
-            return Err(TooWide { network, needed: *needed, rows: *rows, available });
+        let fits = |rows: &&usize| **rows * (widest + losses) <= room.shared;
+        // Rounds of all multiprocessors, half of which have a network.
+        let cost = |rows: &&usize| {
+            let tiles = room.minibatch.div_ceil(**rows).max(1);
+            tiles.div_ceil((room.processors / 2).max(1)) * (**rows + TILE_COST)
         };
-        let mut text =
-            defines(settings, widths, [&actor_net, &critic_net], (precision, memory), rows, actor.activation);
+        let mut candidates = rows.iter().filter(fits);
+        let chosen =
+            if precision == Precision::Bf16 { candidates.min_by_key(cost) } else { candidates.next() };
+        let (Some(&rows), Some(&foreseen)) = (chosen, foreseen.iter().find(fits)) else {
+            let rows = rows.last().copied().unwrap_or(1);
+            let network = if nets[0].bytes > nets[1].bytes { actor } else { critic }.to_string();
+            let needed = rows * (widest + losses);
+            return Err(TooWide { network, needed, rows, available: room.shared });
+        };
+        let shared = rows * (widest + losses);
+        let [actor_net, critic_net] = nets;
+        let mut text = defines(
+            settings,
+            widths,
+            [&actor_net, &critic_net],
+            (precision, memory),
+            [rows, foreseen],
+            actor.activation,
+        );
+        let layers = match precision {
+            Precision::Bf16 => include_str!("kernels/layers_bf16.cu"),
+            Precision::Tf32 | Precision::F32 => include_str!("kernels/layers.cu"),
+        };
         for part in [
             include_str!("../common.cuh"),
             include_str!("kernels/common.cu"),
             include_str!("kernels/shuffle.cu"),
             include_str!("kernels/advantages.cu"),
             include_str!("kernels/statistics.cu"),
-            include_str!("kernels/layers.cu"),
+            include_str!("kernels/activation.cu"),
+            layers,
             include_str!("kernels/network.cu"),
             include_str!("kernels/step.cu"),
             include_str!("kernels/memory.cu"),
@@ -80,7 +109,8 @@ impl Text {
             text.push_str(part);
         }
         let program = Program::new("ppo", text);
-        Ok(Self { program, actor: actor_net, critic: critic_net, rows, shared })
+        let foreseen_shared = foreseen * widest;
+        Ok(Self { program, actor: actor_net, critic: critic_net, rows, shared, foreseen, foreseen_shared })
     }
 }
 
@@ -89,7 +119,7 @@ fn defines(
     widths: Widths,
     nets: [&NetLayout; 2],
     (precision, memory): (Precision, bool),
-    rows: usize,
+    [rows, foreseen]: [usize; 2],
     activation: Activation,
 ) -> String {
     let mut text = String::new();
@@ -109,8 +139,10 @@ fn defines(
         ("MEMORY", usize::from(memory)),
         ("ACTIONS", widths.action),
         ("ROWS", rows),
+        ("FORESEEN", foreseen),
         ("THREADS", THREADS),
         ("SPLIT", usize::from(precision == Precision::F32)),
+        ("BF16", usize::from(precision == Precision::Bf16)),
         ("ACTIVATION", activation),
         ("ACTOR_PARAMETERS", parameters[0]),
         ("CRITIC_PARAMETERS", parameters[1]),
@@ -131,6 +163,10 @@ fn defines(
     ] {
         define(name, format!("{:?}f", value as f32));
     }
+    // Groups of a block of so many samples, and threads that share the addition of a loss over them.
+    let bf16 = precision == Precision::Bf16;
+    define("GROUPS_OF(rows)", if bf16 { "((rows) % 64 == 0 ? 4 : 2)" } else { "1" }.to_owned());
+    define("SHARERS", if bf16 { "8" } else { "1" }.to_owned());
     let [min, max] = settings.learning_rate_limits;
     for (name, value) in [
         ("DESIRED_KL", settings.desired_kl),
@@ -159,6 +195,7 @@ fn defines(
             &numbers,
             &net.widths,
             &net.padded,
+            &net.apart,
             &net.places,
             &net.weights,
             &net.biases,
@@ -181,7 +218,7 @@ fn defines(
         text,
         "#define SHAPES(X) {}\n#ifndef GAITFIT_HOST\n#define GAITFIT_TABLE __constant__\n#else\n\
          #define GAITFIT_TABLE static const\n#endif\nstruct Net {{\n    int layers, end, gradient, shape[{size}], \
-         width[{size}], padded[{size}], place[{size}], weight[{size}], bias[{size}], back[{size}], of_weight[{size}], \
+         width[{size}], padded[{size}], apart[{size}], place[{size}], weight[{size}], bias[{size}], back[{size}], of_weight[{size}], \
          of_bias[{size}];\n}};\nGAITFIT_TABLE Net NETS[2] = {{\n{}{}}};\n",
         cases.join(" "),
         rows[0],

@@ -14,6 +14,7 @@
 #define GAITFIT_HOST 1
 #define KERNEL extern "C" void
 #define DEVICE static inline
+#define METHOD inline
 #define POOL(name) float* name = host_pool
 #define __shared__ static
 #define __device__
@@ -45,7 +46,7 @@ struct Fiber {
 static std::vector<Fiber> fibers;
 static jmp_buf scheduler;
 static unsigned current;
-static Barrier of_block;
+static Barrier of_block, of_group[16];
 static std::vector<Barrier> of_warp;
 static std::function<void()> body;
 
@@ -71,6 +72,10 @@ static void wait_at(Barrier& barrier) {
 }
 
 static void __syncthreads() { wait_at(of_block); }
+static void group_barrier(int number, unsigned threads) {
+    of_group[number].alive = threads;
+    wait_at(of_group[number]);
+}
 static void warp_barrier() { wait_at(of_warp[current / 32]); }
 
 static void enter() {
@@ -138,6 +143,7 @@ template <class T> static T atomicAdd(T* at, T value) {
     *at = old + value;
     return old;
 }
+static void __threadfence() {}
 template <class T> static T atomicMin(T* at, T value) {
     T old = *at;
     if (value < old) *at = value;
@@ -149,6 +155,9 @@ struct float2 {
 };
 struct float4 {
     float x, y, z, w;
+};
+struct uint4 {
+    unsigned x, y, z, w;
 };
 #define __expf expf
 static inline float __shfl_xor_sync(unsigned, float x, unsigned mask) {
@@ -188,6 +197,50 @@ static inline void mma(float (&sum)[4], const float (&a)[4], const float (&b)[2]
             total += (double)all_a[warp][row % 8 * 4 + k % 4][row / 8 + 2 * (k / 4)] *
                      all_b[warp][column * 4 + k % 4][k / 4];
         sum[e] = (float)total;
+    }
+    warp_barrier();
+}
+
+// To 8 significant bits, ties to even; the first number in the lower half.
+static inline float __uint_as_float(unsigned bits) { return float_of(bits); }
+static inline unsigned round_bf16(float x) {
+    unsigned bits = bits_of(x);
+    return x == x ? (bits + 0x7FFFu + (bits >> 16 & 1u)) >> 16 : 0x7FFFu;
+}
+static inline unsigned pair_of(float low, float high) { return round_bf16(low) | round_bf16(high) << 16; }
+
+// PTX's mma.m16n8k16 of bf16.
+static inline void mma(float (&sum)[4], const unsigned (&a)[4], const unsigned (&b)[2]) {
+    static unsigned all_a[32][32][4], all_b[32][32][2];
+    unsigned warp = current / 32, lane = current % 32, g = lane / 4, t = lane % 4;
+    memcpy(all_a[warp][lane], a, sizeof a);
+    memcpy(all_b[warp][lane], b, sizeof b);
+    warp_barrier();
+    for (unsigned e = 0; e < 4; e++) {
+        unsigned row = g + 8 * (e / 2), column = 2 * t + e % 2;
+        double total = sum[e];
+        for (unsigned k = 0; k < 16; k++) {
+            unsigned of_a = all_a[warp][row % 8 * 4 + k % 8 / 2][row / 8 + 2 * (k / 8)];
+            unsigned of_b = all_b[warp][column * 4 + k % 8 / 2][k / 8];
+            unsigned shift = k % 2 * 16;
+            total += (double)float_of(of_a >> shift << 16) * float_of(of_b >> shift << 16);
+        }
+        sum[e] = (float)total;
+    }
+    warp_barrier();
+}
+
+// PTX's ldmatrix.x4.
+template <bool TURNED> static void load_squares(unsigned (&to)[4], const unsigned short* row) {
+    static const unsigned short* all[32][32];
+    unsigned warp = current / 32, lane = current % 32, g = lane / 4, t = lane % 4;
+    all[warp][lane] = row;
+    warp_barrier();
+    for (unsigned i = 0; i < 4; i++) {
+        unsigned pair[2];
+        for (unsigned e = 0; e < 2; e++)
+            pair[e] = TURNED ? all[warp][8 * i + 2 * t + e][g] : all[warp][8 * i + g][2 * t + e];
+        to[i] = pair[0] | pair[1] << 16;
     }
     warp_barrier();
 }

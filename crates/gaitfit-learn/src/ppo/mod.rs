@@ -27,5 +27,5 @@ pub use exploration::Exploration;
 pub use learner::{Learner, LearnerError};
 pub use recorder::{End, Recorder};
 pub use samples::{Samples, SamplesError, Widths};
-pub use settings::{MemorySettings, Schedule, Settings, SettingsError};
+pub use settings::{MemorySettings, Precision, Schedule, Settings, SettingsError};
 pub use state::{Scalars, StateError};

@@ -41,6 +41,20 @@ impl MemorySettings {
     }
 }
 
+/// How exactly a GPU multiplies matrices in rollouts and updates; sums are always in `f32`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Precision {
+    /// Factors, layers' outputs and derivatives rounded to 8 significant bits (bf16); losses and what networks give in
+    /// `f32`.
+    #[default]
+    Bf16,
+    /// Factors rounded to 11 significant bits (TF32).
+    Tf32,
+    /// Factors split into two such numbers and three products added: the error is about that of `f32`.
+    F32,
+}
+
 /// Settings of the networks and of proximal policy optimisation (Schulman et al. 2017).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -96,6 +110,8 @@ pub struct Settings {
     /// sees its observation alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub memory: Option<MemorySettings>,
+    /// How exactly a GPU multiplies matrices; a CPU does so in `f32`.
+    pub precision: Precision,
 }
 
 impl Default for Settings {
@@ -124,6 +140,7 @@ impl Default for Settings {
             epochs: 5,
             minibatches: 4,
             memory: None,
+            precision: Precision::default(),
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::Device;
 use crate::Error;
 use gaitfit_cuda::fit::FitError;
-use gaitfit_cuda::ppo::{PpoError, Precision};
+use gaitfit_cuda::ppo::PpoError;
 use gaitfit_cuda::rollout::{self, RolloutError};
 use gaitfit_cuda::runtime::{self, CudaError, Found};
 use gaitfit_learn::Training;
@@ -78,7 +78,8 @@ pub fn collect(
 /// # Errors
 /// What the GPU does not do, or its failure.
 pub fn start_training<'a>(gpu: &Gpu, training: &mut Training<'a>) -> Result<Trainer<'a>, Error> {
-    Trainer::new(gpu, training, Precision::default()).map_err(rollout_error)
+    let precision = training.learner().settings().precision;
+    Trainer::new(gpu, training, precision).map_err(rollout_error)
 }
 
 /// Brings the state of `trainer` back into `training`.

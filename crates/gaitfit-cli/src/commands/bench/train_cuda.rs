@@ -1,7 +1,7 @@
 //! `gaitfit bench train --device cuda`: whole iterations of PPO on a GPU.
 
 use super::train::{SEED, WARM_UP, median};
-use crate::cli::BenchTrain;
+use crate::cli::{BenchTrain, Products};
 use crate::exit::Failure;
 use crate::output;
 use gaitfit::device::{cuda_error, rollout_error};
@@ -57,7 +57,12 @@ type State = (Vec<f32>, Vec<Snapshot>);
 pub fn run(args: &BenchTrain, settings: &TrainingSettings, ordinal: usize) -> Result<(), Failure> {
     let begin = Instant::now();
     let config = TrainConfig::default();
-    let precision = if args.exact { Precision::F32 } else { Precision::Tf32 };
+    let precision = match args.precision {
+        None => config.ppo.precision,
+        Some(Products::Bf16) => Precision::Bf16,
+        Some(Products::Tf32) => Precision::Tf32,
+        Some(Products::F32) => Precision::F32,
+    };
     let device = Device::open(ordinal).map_err(|error| cuda_error(&error))?;
     let model = robot::go2()?;
     let task = Task::new(&model, &config.task.settings, config.preset).map_err(Failure::failed)?;

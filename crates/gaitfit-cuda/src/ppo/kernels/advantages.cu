@@ -1,9 +1,26 @@
 // Before the first minibatch: faulty numbers, constants of the policy, advantages.
 
-// The first number that is not finite: `first` holds the least index + 1 per array, 0xFFFFFFFF if there is none.
-KERNEL check_finite(const float* numbers, u32 count, u32 array, u32* first) {
-    for (u32 i = blockIdx.x * blockDim.x + threadIdx.x; i < count; i += gridDim.x * blockDim.x)
-        if (!is_finite(numbers[i])) atomicMin(&first[array], i);
+// The first number of each array that is not finite: `first` holds its index, 0xFFFFFFFF if there is none. The arrays are
+// the grid's second dimension; `observed` and `critic_observed` are widths.
+KERNEL check_finite(
+    u32 rows, u32 environments, u32 observed, u32 critic_observed, const float* observation, const float* critic_observation,
+    const float* action, const float* mean, const float* log_probability, const float* value, const float* reward,
+    const float* done, const float* last_value, u32* first
+) {
+    u32 array = blockIdx.y, width = array == 0 ? observed : array == 1 ? critic_observed : array < 4 ? ACTIONS : 1;
+    const float* numbers = array == 0 ? observation : array == 1 ? critic_observation : array == 2 ? action
+        : array == 3 ? mean : array == 4 ? log_probability : array == 5 ? value : array == 6 ? reward
+        : array == 7 ? done : last_value;
+    u32 count = (array == 8 ? environments : rows) * width, threads = gridDim.x * blockDim.x;
+    for (u32 i = blockIdx.x * blockDim.x + threadIdx.x; i < count; i += 8 * threads) {
+        float x[8];
+        // All loads before the first use.
+#pragma unroll
+        for (u32 k = 0; k < 8; k++) x[k] = i + k * threads < count ? numbers[i + k * threads] : 0.0f;
+#pragma unroll
+        for (u32 k = 0; k < 8; k++)
+            if (!is_finite(x[k])) atomicMin(&first[array], i + k * threads);
+    }
 }
 
 // What the losses need of ln sigma: 1/sigma of each action, then sum(ln sigma + ln(2 pi)/2), then the KL divergence of
@@ -33,11 +50,12 @@ DEVICE void policy_constants(const float* log_std, const float* old_log_std, flo
 // Starts an update: one block. `first` has `arrays` entries of check_finite.
 KERNEL begin_update(
     const u32* control, const u32* first, u32 arrays, const float* parameters, float* moments, u32 size, float* old_log_std,
-    float* constants, double* state
+    float* constants, double* state, u32* reduced
 ) {
     bool faulty = false;
     for (u32 k = 0; k < arrays; k++) faulty |= first[k] != 0xFFFFFFFFu;
     if (threadIdx.x == 0) {
+        *reduced = 0;
         state[FAULT] = faulty ? FAULT_SAMPLES : 0.0;
         for (int k = POLICY_LOSS; k < STATE_SIZE; k++) state[k] = 0.0;
     }

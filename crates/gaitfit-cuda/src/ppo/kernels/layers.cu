@@ -1,4 +1,4 @@
-// One layer at a time, forth and back, for ROWS samples in shared memory.
+// One layer at a time, forth and back, for R samples in shared memory, in f32.
 //
 // Products are done by the matrix units on numbers of 11 significant bits (TF32). With SPLIT each factor is a sum of two
 // such numbers and three products are added: the error is then about that of f32.
@@ -6,7 +6,7 @@
 // Rows in shared memory are `padded` numbers apart (a multiple of 32), and column c of row r lies at
 // c ^ swizzle(r): then neither a walk along rows nor one along columns meets a bank twice.
 
-#define WARPS (THREADS / 32)
+typedef float Number;
 
 DEVICE int swizzle(int row) { return ((row & 3) << 3) | (row & 4); }
 
@@ -46,12 +46,6 @@ DEVICE void load_rows(float (&a)[4], const float* rows, int apart, int k0) {
 }
 #endif
 
-// Sum over each four neighbouring threads.
-DEVICE float sum_of_four(float x) {
-    x += __shfl_xor_sync(0xFFFFFFFFu, x, 1);
-    return x + __shfl_xor_sync(0xFFFFFFFFu, x, 2);
-}
-
 // What a product takes: rounded already, or whole where it is split later.
 DEVICE float rounded(float x) {
 #if SPLIT
@@ -90,29 +84,8 @@ DEVICE void multiply(float (&sum)[I][J][4], const float (&a)[I][4], const float 
 #endif
 }
 
-DEVICE float activate(float x) {
-#if ACTIVATION == 0
-    return x > 0.0f ? x : (SPLIT ? expf(x) : __expf(x)) - 1.0f;
-#elif ACTIVATION == 1
-    return x < 0.0f ? 0.0f : x;
-#else
-    return tanhf(x);
-#endif
-}
-
-// Derivative by the activation's result.
-DEVICE float slope(float h) {
-#if ACTIVATION == 0
-    return h > 0.0f ? 1.0f : h + 1.0f;
-#elif ACTIVATION == 1
-    return h > 0.0f ? 1.0f : 0.0f;
-#else
-    return 1.0f - h * h;
-#endif
-}
-
 // Columns of a warp's tile of 32 rows in blocks of 8: 4 where there are enough tiles for all warps.
-#define BLOCKS_OF(columns) (ROWS / 32 * ((columns) / 32) >= WARPS ? 4 : 2)
+#define BLOCKS_OF(rows, columns) ((rows) / 32 * ((columns) / 32) >= WARPS ? 4 : 2)
 
 // Weights of STEPS blocks of 8 rows, from `fragments` on.
 template <int STEPS, int PARTS, int COLUMNS>
@@ -154,14 +127,15 @@ DEVICE void product(float (&sum)[2][J][4], const float* rows, const float4* __re
     }
 }
 
-// out = f(h W + b): K of IN columns of h are used.
-template <int K, int IN, int OUT>
+// Waits, then out = f(h W + b): K of IN columns of h are used.
+template <int R, int K, int IN, int OUT>
 DEVICE void forward(
-    const float* h, float* out, const float* __restrict__ weight, const float* __restrict__ bias, bool last
+    const float* h, float* out, float*, const float* __restrict__ weight, const float* __restrict__ bias, bool last
 ) {
-    constexpr int J = BLOCKS_OF(OUT), COUNT = OUT / (8 * J);
+    __syncthreads();
+    constexpr int J = BLOCKS_OF(R, OUT), COUNT = OUT / (8 * J);
     int lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3, s = swizzle(g);
-    for (int tile = threadIdx.x >> 5; tile < ROWS / 32 * COUNT; tile += WARPS) {
+    for (int tile = threadIdx.x >> 5; tile < R / 32 * COUNT; tile += WARPS) {
         int m0 = tile / COUNT * 32, n0 = tile % COUNT * 8 * J;
         float sum[2][J][4] = {};
         product<J, K, IN, OUT>(sum, h + m0 * IN, (const float4*)weight + n0 * 2 + lane);
@@ -180,11 +154,13 @@ DEVICE void forward(
     }
 }
 
-// h = (d W^T) f'(h), or without f' where h is no function's result: K of OUT columns of d are used.
-template <int K, int IN, int OUT, bool SLOPE> DEVICE void backward(float* h, const float* d, const float* __restrict__ weight) {
-    constexpr int J = BLOCKS_OF(IN), COUNT = IN / (8 * J);
+// Waits, then h = (d W^T) f'(h), or without f' where h is no function's result: K of OUT columns of d are used.
+template <int R, int K, int IN, int OUT, bool SLOPE>
+DEVICE void backward(float* h, const float* d, const float* __restrict__ weight) {
+    __syncthreads();
+    constexpr int J = BLOCKS_OF(R, IN), COUNT = IN / (8 * J);
     int lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3, s = swizzle(g);
-    for (int tile = threadIdx.x >> 5; tile < ROWS / 32 * COUNT; tile += WARPS) {
+    for (int tile = threadIdx.x >> 5; tile < R / 32 * COUNT; tile += WARPS) {
         int m0 = tile / COUNT * 32, n0 = tile % COUNT * 8 * J;
         float sum[2][J][4] = {};
         product<J, K, OUT, IN>(sum, d + m0 * OUT, (const float4*)weight + n0 * 2 + lane);
@@ -205,7 +181,7 @@ template <int K, int IN, int OUT, bool SLOPE> DEVICE void backward(float* h, con
 
 // Adds h^T d and the column sums of d to this block's gradient, or stores them if it is the first. A warp's tile is
 // 16 I x 32.
-template <int I, int IN, int OUT>
+template <int R, int I, int IN, int OUT>
 DEVICE void gather_tiles(const float* h, const float* d, float* of_weight, float* of_bias, bool first) {
     int lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3, s = t << 3;
     for (int tile = threadIdx.x >> 5; tile < IN / (16 * I) * (OUT / 32); tile += WARPS) {
@@ -223,7 +199,7 @@ DEVICE void gather_tiles(const float* h, const float* d, float* of_weight, float
         const float* h_row = h + t * IN + (strip * 16 & ~31);
         const float* d_row = d + t * OUT + column * 32;
 #pragma unroll 2
-        for (int r0 = 0; r0 < ROWS; r0 += 8) {
+        for (int r0 = 0; r0 < R; r0 += 8) {
             float a[I][4], b[4][2];
 #pragma unroll
             for (int i = 0; i < I; i++) {
@@ -258,50 +234,31 @@ DEVICE void gather_tiles(const float* h, const float* d, float* of_weight, float
 }
 
 // Wide tiles where there are enough of them for all warps.
-template <int IN, int OUT>
+template <int R, int IN, int OUT>
 DEVICE void gather_gradient(const float* h, const float* d, float* of_weight, float* of_bias, bool first) {
     constexpr int I = IN % 64 == 0 && IN / 64 * (OUT / 32) >= WARPS ? 4 : 2;
-    gather_tiles<I, IN, OUT>(h, d, of_weight, of_bias, first);
+    gather_tiles<R, I, IN, OUT>(h, d, of_weight, of_bias, first);
 }
 
-// One layer of one network, by its widths: SHAPES lists those of both networks once each.
-DEVICE void forward_layer(const Net& net, int layer, float* pool, const float* packed) {
-    const float* h = pool + net.place[layer];
-    float* out = pool + net.place[layer + 1];
-#define CASE(number, K_IN, IN, OUT, K_OUT) \
-    if (net.shape[layer] == number) \
-        forward<K_IN, IN, OUT>(h, out, packed + net.weight[layer], packed + net.bias[layer], layer + 1 == net.layers);
-    SHAPES(CASE)
-#undef CASE
+// Number c of row r, which begins at `row`.
+DEVICE float get(const Number* row, int r, int c) { return row[c ^ swizzle(r)]; }
+// Numbers c and c + 1, of which c is even.
+DEVICE void set_pair(Number* row, int r, int c, float x, float y) {
+    float2 pair = {rounded(x), rounded(y)};
+    *(float2*)(row + (c ^ swizzle(r))) = pair;
 }
 
-DEVICE void backward_layer(const Net& net, int layer, float* pool, const float* packed) {
-    float* h = pool + net.place[layer];
-    const float* d = pool + net.place[layer + 1];
-#define CASE(number, K_IN, IN, OUT, K_OUT) \
-    if (net.shape[layer] == number) backward<K_OUT, IN, OUT, true>(h, d, packed + net.back[layer]);
-    SHAPES(CASE)
-#undef CASE
-}
+// What a network gives, and the floats behind the layers' rows.
+template <int R> DEVICE float* outputs_begin(const Net& net, Number* pool) { return pool + R * net.place[net.layers]; }
+template <int R> DEVICE float* behind(const Net& net, Number* pool) { return pool + R * net.end; }
 
-#if MEMORY
-// Derivatives by the input of the first layer take its place.
-DEVICE void input_layer(const Net& net, float* pool, const float* packed) {
-    float* h = pool + net.place[0];
-    const float* d = pool + net.place[1];
-#define CASE(number, K_IN, IN, OUT, K_OUT) \
-    if (net.shape[0] == number) backward<K_OUT, IN, OUT, false>(h, d, packed + net.back[0]);
-    SHAPES(CASE)
-#undef CASE
-}
-#endif
-
-DEVICE void gather_layer(const Net& net, int layer, const float* pool, float* gradient, bool first) {
-    const float* h = pool + net.place[layer];
-    const float* d = pool + net.place[layer + 1];
-#define CASE(number, K_IN, IN, OUT, K_OUT) \
-    if (net.shape[layer] == number) \
-        gather_gradient<IN, OUT>(h, d, gradient + net.of_weight[layer], gradient + net.of_bias[layer], first);
-    SHAPES(CASE)
-#undef CASE
+// A row of what a network gives, and of the derivatives by it, which take its place.
+struct Outputs {
+    float* row;
+    int s;
+    METHOD float get(int c) const { return row[c ^ s]; }
+    METHOD void set(int c, float x) const { row[c ^ s] = rounded(x); }
+};
+template <int R> DEVICE Outputs outputs_of(const Net& net, Number* pool, int r) {
+    return {outputs_begin<R>(net, pool) + r * net.apart[net.layers], swizzle(r)};
 }

@@ -5,73 +5,151 @@
 // order in which the matrix units take them, which stay in the first-level cache. Each block adds its weight gradients to
 // its own part of `partial`; `reduce` adds the parts up in a fixed order, so the result has the same bits every time.
 
+// One layer of one network, by its widths, for R samples: SHAPES lists those of both networks once each.
+template <int R> DEVICE void forward_layer(const Net& net, int layer, Number* pool, const float* packed) {
+    const Number* h = pool + R * net.place[layer];
+    Number* out = pool + R * net.place[layer + 1];
+    float* floats = outputs_begin<R>(net, pool);
+    const float *weight = packed + net.weight[layer], *bias = packed + net.bias[layer];
+    bool last = layer + 1 == net.layers;
+#define CASE(number, K_IN, IN, OUT, K_OUT) \
+    if (net.shape[layer] == number) forward<R, K_IN, IN, OUT>(h, out, floats, weight, bias, last);
+    SHAPES(CASE)
+#undef CASE
+}
+
+DEVICE void backward_layer(const Net& net, int layer, Number* pool, const float* packed) {
+    Number* h = pool + ROWS * net.place[layer];
+    const Number* d = pool + ROWS * net.place[layer + 1];
+#define CASE(number, K_IN, IN, OUT, K_OUT) \
+    if (net.shape[layer] == number) backward<ROWS, K_OUT, IN, OUT, true>(h, d, packed + net.back[layer]);
+    SHAPES(CASE)
+#undef CASE
+}
+
+#if MEMORY
+// Derivatives by the input of the first layer take its place.
+DEVICE void input_layer(const Net& net, Number* pool, const float* packed) {
+    Number* h = pool + ROWS * net.place[0];
+    const Number* d = pool + ROWS * net.place[1];
+#define CASE(number, K_IN, IN, OUT, K_OUT) \
+    if (net.shape[0] == number) backward<ROWS, K_OUT, IN, OUT, false>(h, d, packed + net.back[0]);
+    SHAPES(CASE)
+#undef CASE
+}
+#endif
+
+DEVICE void gather_layer(const Net& net, int layer, const Number* pool, float* gradient, bool first) {
+    const Number* h = pool + ROWS * net.place[layer];
+    const Number* d = pool + ROWS * net.place[layer + 1];
+#define CASE(number, K_IN, IN, OUT, K_OUT) \
+    if (net.shape[layer] == number) \
+        gather_gradient<ROWS, IN, OUT>(h, d, gradient + net.of_weight[layer], gradient + net.of_bias[layer], first);
+    SHAPES(CASE)
+#undef CASE
+}
+
 // Numbers that each block sums besides gradients.
 enum { SURROGATE, VALUE, DIVERGENCE, RATIO_K1, RATIO_K3, CLIPPED, LOSSES };
 
-// Policy loss of one row, as gaitfit-learn has it: the derivative takes the place of the mean. Four threads share a row,
-// this is number `part`; the row of `action` is number `i` of the samples if it is `inside`.
+// Of the samples that a thread sees in the losses: four threads share a row, this is number `part`.
+template <int R> struct Sample {
+    static constexpr int EACH = (ACTIONS + 3) / 4;
+    bool inside;
+    int row;
+    // The actor's action and mean then, the logarithm of its probability, and the advantage; the critic's value then, and
+    // the return.
+    float action[EACH], mean[EACH], old, target;
+};
+
+// Policy loss of one row, as gaitfit-learn has it: the derivative takes the place of the mean.
+template <int R>
 DEVICE void policy_loss(
-    float* out, int s, int part, bool inside, const float* action, const float* old_mean, float old_log_probability,
-    float advantage, const float* constants, float weight, float* losses, float* pull
+    const Outputs& out, int part, const Sample<R>& sample, const float* constants, float weight, float* losses, float* pull
 ) {
-    float squares = 0.0f, shift = 0.0f;
-    for (int c = part; c < ACTIONS && inside; c += 4) {
-        float mean = out[c ^ s], z = (action[c] - mean) * constants[c], moved = (old_mean[c] - mean) * constants[c];
-        squares += z * z;
+    constexpr int EACH = Sample<R>::EACH;
+    float squares = 0.0f, shift = 0.0f, z[EACH] = {};
+#pragma unroll
+    for (int k = 0; k < EACH; k++) {
+        int c = part + 4 * k;
+        if (c >= ACTIONS || !sample.inside) continue;
+        float mean = out.get(c), moved = (sample.mean[k] - mean) * constants[c];
+        z[k] = (sample.action[k] - mean) * constants[c];
+        squares += z[k] * z[k];
         shift += moved * moved;
-        pull[c] = z;
     }
     squares = sum_of_four(squares);
     shift = sum_of_four(shift);
-    float log_ratio = -0.5f * squares - constants[ACTIONS] - old_log_probability, ratio = expf(log_ratio);
+    float log_ratio = -0.5f * squares - constants[ACTIONS] - sample.old, ratio = expf(log_ratio);
     float low = 1.0f - CLIP, high = 1.0f + CLIP;
     float clipped = ratio < low ? low : ratio;
     clipped = clipped > high ? high : clipped;
-    float plain = -advantage * ratio, bounded = -advantage * clipped;
+    float plain = -sample.target * ratio, bounded = -sample.target * clipped;
     // Written so that a NaN takes the plain branch and shows in the loss.
     bool held = bounded > plain;
     float pull_of_row = held ? 0.0f : plain * weight;
-    for (int c = part; c < ACTIONS; c += 4) {
-        float z = inside ? pull[c] : 0.0f;
-        out[c ^ s] = inside ? rounded(pull_of_row * z * constants[c]) : 0.0f;
-        pull[c] = inside ? pull_of_row * (z * z - 1.0f) : 0.0f;
+#pragma unroll
+    for (int k = 0; k < EACH; k++) {
+        int c = part + 4 * k;
+        if (c >= ACTIONS) continue;
+        out.set(c, sample.inside ? pull_of_row * z[k] * constants[c] : 0.0f);
+        pull[c] = sample.inside ? pull_of_row * (z[k] * z[k] - 1.0f) : 0.0f;
     }
-    if (part != 0 || !inside) return;
-    losses[SURROGATE * ROWS] = held ? bounded : plain;
-    losses[DIVERGENCE * ROWS] = 0.5f * shift + constants[ACTIONS + 1];
-    losses[RATIO_K1 * ROWS] = -log_ratio;
-    losses[RATIO_K3 * ROWS] = ratio - 1.0f - log_ratio;
-    losses[CLIPPED * ROWS] = ratio < low || ratio > high ? 1.0f : 0.0f;
+    if (part != 0) return;
+    bool inside = sample.inside;
+    losses[SURROGATE * R] = !inside ? 0.0f : held ? bounded : plain;
+    losses[DIVERGENCE * R] = inside ? 0.5f * shift + constants[ACTIONS + 1] : 0.0f;
+    losses[RATIO_K1 * R] = inside ? -log_ratio : 0.0f;
+    losses[RATIO_K3 * R] = inside ? ratio - 1.0f - log_ratio : 0.0f;
+    losses[CLIPPED * R] = inside && (ratio < low || ratio > high) ? 1.0f : 0.0f;
 }
 
 // Value loss of one row, likewise.
-DEVICE void value_loss(float* out, float old, float target, bool clip, float weight, float* losses) {
-    float value = *out, moved = value - old;
+template <int R>
+DEVICE void value_loss(const Outputs& out, const Sample<R>& sample, bool clip, float weight, float* losses) {
+    float value = out.get(0), old = sample.old, moved = value - old;
     float bounded = moved < -CLIP ? -CLIP : moved;
     bounded = bounded > CLIP ? CLIP : bounded;
-    float plain_error = value - target, bounded_error = old + bounded - target;
+    float plain_error = value - sample.target, bounded_error = old + bounded - sample.target;
     float plain = plain_error * plain_error, clipped = bounded_error * bounded_error;
     bool held = clip && clipped > plain;
     float pull = held ? (bounded == moved ? bounded_error : 0.0f) : plain_error;
-    losses[VALUE * ROWS] = held ? clipped : plain;
-    *out = rounded(2.0f * VALUE_COEFFICIENT * weight * pull);
+    losses[VALUE * R] = !sample.inside ? 0.0f : held ? clipped : plain;
+    out.set(0, sample.inside ? 2.0f * VALUE_COEFFICIENT * weight * pull : 0.0f);
 }
 
-// Observations of a tile's rows, normalised, into the first layer's place; zeros behind the last. Row `number` of the
+// Observations of a group's rows, normalised, into the first layer's place; zeros behind the last. Row `number` of the
 // minibatch is `places[from + number]` of the samples, or `from + number` if there are no places.
+template <int R>
 DEVICE void load_inputs(
-    const Net& net, float* pool, const float* input, const float* scale, const u32* places, u32 from, u32 tile, u32 rows
+    const Net& net, Number* pool, const float* input, const float* scale, const u32* places, u32 from, u32 tile, u32 rows
 ) {
-    int inputs = net.width[0], apart = net.padded[0];
-#pragma unroll 4
-    for (int r = threadIdx.x >> 5; r < ROWS; r += WARPS) {
-        u32 number = tile * ROWS + r;
-        bool inside = number < rows;
-        u64 place = !inside ? 0 : places ? places[from + number] : from + number;
-        const float* row = input + place * inputs;
-        for (int c = threadIdx.x & 31; c < apart; c += 32) {
-            float x = inside && c < inputs ? row[c] * scale[c] + scale[inputs + c] : 0.0f;
-            pool[net.place[0] + r * apart + (c ^ swizzle(r))] = rounded(x);
+    using G = Group<R>;
+    constexpr int EACH = G::ROWS_OF / G::WARPS_OF;
+    int inputs = net.width[0], apart = net.apart[0], first = G::first_row() + (G::thread() >> 5);
+    const float* row[EACH];
+#pragma unroll
+    for (int k = 0; k < EACH; k++) {
+        u32 number = tile * R + first + k * G::WARPS_OF;
+        row[k] = number < rows ? input + (u64)(places ? places[from + number] : from + number) * inputs : nullptr;
+    }
+    for (int c = 2 * (threadIdx.x & 31); c < net.padded[0]; c += 64) {
+        bool left = c < inputs, right = c + 1 < inputs;
+        float2 x[EACH], factor = {left ? scale[c] : 0.0f, right ? scale[c + 1] : 0.0f};
+        float2 shift = {left ? scale[inputs + c] : 0.0f, right ? scale[inputs + c + 1] : 0.0f};
+        // All loads before the first use.
+#pragma unroll
+        for (int k = 0; k < EACH; k++) {
+            x[k].x = x[k].y = 0.0f;
+            if (row[k] && inputs % 2 == 0 && left) x[k] = *(const float2*)(row[k] + c);
+            if (row[k] && inputs % 2 != 0 && left) x[k].x = row[k][c];
+            if (row[k] && inputs % 2 != 0 && right) x[k].y = row[k][c + 1];
+        }
+#pragma unroll
+        for (int k = 0; k < EACH; k++) {
+            int r = first + k * G::WARPS_OF;
+            float low = row[k] ? x[k].x * factor.x + shift.x : 0.0f, high = row[k] ? x[k].y * factor.y + shift.y : 0.0f;
+            set_pair(pool + r * apart, r, c, low, high);
         }
     }
 }
@@ -81,30 +159,29 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) foresee(
     u32 from, u32 rows, u32 actor_blocks, const float* observation, const float* critic_observation, const float* scale,
     const float* __restrict__ packed, float* mean, float* value
 ) {
-    POOL(pool);
+    POOL(room);
+    Number* pool = (Number*)room;
     bool actor = blockIdx.x < actor_blocks;
     const Net& net = NETS[actor ? 0 : 1];
     u32 block = actor ? blockIdx.x : blockIdx.x - actor_blocks, blocks = actor ? actor_blocks : gridDim.x - actor_blocks;
     const float* weights = packed + (actor ? 0 : ACTOR_PACKED);
     const float* input_scale = actor ? scale : scale + 2 * ACTOR_INPUTS;
-    int outputs = net.width[net.layers], apart = net.padded[net.layers];
+    int outputs = net.width[net.layers];
     float* out = actor ? mean : value;
-    for (u32 tile = block; tile * ROWS < rows; tile += blocks) {
+    using G = Group<FORESEEN>;
+    for (u32 tile = block; tile * FORESEEN < rows; tile += blocks) {
         // What memories give has no place in the samples.
         u32 first = MEMORY ? 0 : from;
-        load_inputs(net, pool, actor ? observation : critic_observation, input_scale, nullptr, first, tile, rows);
-        __syncthreads();
-        for (int layer = 0; layer < net.layers; layer++) {
-            forward_layer(net, layer, pool, weights);
-            __syncthreads();
-        }
-        for (int i = threadIdx.x; i < ROWS * outputs; i += THREADS) {
-            int r = i / outputs, c = i % outputs;
-            u32 number = tile * ROWS + r;
+        load_inputs<FORESEEN>(net, pool, actor ? observation : critic_observation, input_scale, nullptr, first, tile, rows);
+        for (int layer = 0; layer < net.layers; layer++) forward_layer<FORESEEN>(net, layer, pool, weights);
+        G::sync();
+        for (int i = G::thread(); i < G::ROWS_OF * outputs; i += G::THREADS_OF) {
+            int r = G::first_row() + i / outputs, c = i % outputs;
+            u32 number = tile * FORESEEN + r;
             if (number < rows)
-                out[(u64)(from + number) * outputs + c] = pool[net.place[net.layers] + r * apart + (c ^ swizzle(r))];
+                out[(u64)(from + number) * outputs + c] = outputs_of<FORESEEN>(net, pool, r).get(c);
         }
-        __syncthreads();
+        G::sync();
     }
 }
 
@@ -121,7 +198,8 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
     , float* of_actor_input, float* of_critic_input
 #endif
 ) {
-    POOL(pool);
+    POOL(room);
+    Number* pool = (Number*)room;
     bool actor = blockIdx.x < actor_blocks;
     const Net& net = NETS[actor ? 0 : 1];
     u32 block = actor ? blockIdx.x : blockIdx.x - actor_blocks, blocks = actor ? actor_blocks : gridDim.x - actor_blocks;
@@ -129,66 +207,93 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
     float* gradient = partial + (u64)(actor ? 0 : actor_blocks) * ACTOR_GRADIENT + (u64)block * net.gradient;
     const float* input = actor ? observation : critic_observation;
     const float* input_scale = actor ? scale : scale + 2 * ACTOR_INPUTS;
-    float* losses = pool + net.end;
+    float* losses = behind<ROWS>(net, pool);
     float* pulls = losses + LOSSES * ROWS;
     float weight = (float)(1.0 / (double)rows);
     bool clip_value = CLIPPED_VALUE_LOSS && !control[CRITIC_ALONE];
-    int outputs_apart = net.padded[net.layers];
-    // Which sum this thread keeps, if any.
-    int quantity = THREADS - 1 - (int)threadIdx.x;
-    double total = 0.0;
+    // Sums of which this thread keeps a part, if any: number `quantity`, and those SUMS_AT_ONCE further on.
+    constexpr int SUMS_AT_ONCE = THREADS / SHARERS, KEPT = (LOSSES + ACTIONS + SUMS_AT_ONCE - 1) / SUMS_AT_ONCE;
+    int last = THREADS - 1 - (int)threadIdx.x, quantity = last / SHARERS, part_of_sum = last % SHARERS;
+    double totals[KEPT] = {};
+    using G = Group<ROWS>;
+    constexpr int TURNS = (4 * G::ROWS_OF + G::THREADS_OF - 1) / G::THREADS_OF;
+    int part = threadIdx.x & 3;
+    for (u32 i = threadIdx.x; i < LOSSES * ROWS + ROWS * ACTIONS; i += THREADS) losses[i] = 0.0f;
+    __syncthreads();
     bool first = true;
     for (u32 tile = block; tile * ROWS < rows; tile += blocks) {
-        for (u32 i = threadIdx.x; i < LOSSES * ROWS + ROWS * ACTIONS; i += THREADS) losses[i] = 0.0f;
-        load_inputs(net, pool, input, input_scale, MEMORY ? nullptr : places, MEMORY ? 0 : from, tile, rows);
-        __syncthreads();
-        for (int layer = 0; layer < net.layers; layer++) {
-            forward_layer(net, layer, pool, weights);
-            __syncthreads();
-        }
-        for (int r = threadIdx.x >> 2; r < ROWS; r += THREADS / 4) {
-            int s = swizzle(r), part = threadIdx.x & 3;
-            u32 number = tile * ROWS + r;
-            bool inside = number < rows;
-            u64 i = inside ? places[from + number] : 0;
-            float* out = pool + net.place[net.layers] + r * outputs_apart;
-            if (actor) {
-                policy_loss(
-                    out, s, part, inside, action + i * ACTIONS, mean + i * ACTIONS, log_probability[i], advantage[i],
-                    constants, weight, losses + r, pulls + r * ACTIONS);
-            } else if (part == 0) {
-                if (inside) value_loss(out + s, value[i], returns[i], clip_value, weight, losses + r);
-                else out[s] = 0.0f;
+        load_inputs<ROWS>(net, pool, input, input_scale, MEMORY ? nullptr : places, MEMORY ? 0 : from, tile, rows);
+        for (int layer = 0; layer < net.layers; layer++) forward_layer<ROWS>(net, layer, pool, weights);
+        // Loaded before the wait.
+        Sample<ROWS> samples[TURNS];
+#pragma unroll
+        for (int turn = 0; turn < TURNS; turn++) {
+            Sample<ROWS>& sample = samples[turn];
+            int r = (G::thread() + turn * G::THREADS_OF) >> 2;
+            u32 number = tile * ROWS + G::first_row() + r;
+            sample.row = r < G::ROWS_OF ? G::first_row() + r : -1;
+            sample.inside = sample.row >= 0 && number < rows;
+            u64 i = sample.inside ? places[from + number] : 0;
+            sample.old = actor ? log_probability[i] : value[i];
+            sample.target = actor ? advantage[i] : returns[i];
+#pragma unroll
+            for (int k = 0; k < Sample<ROWS>::EACH; k++) {
+                bool there = actor && sample.inside && part + 4 * k < ACTIONS;
+                sample.action[k] = there ? action[i * ACTIONS + part + 4 * k] : 0.0f;
+                sample.mean[k] = there ? mean[i * ACTIONS + part + 4 * k] : 0.0f;
             }
+        }
+        G::sync();
+#pragma unroll
+        for (int turn = 0; turn < TURNS; turn++) {
+            const Sample<ROWS>& sample = samples[turn];
+            // All threads of a warp or none.
+            if (sample.row < 0) continue;
+            Outputs out = outputs_of<ROWS>(net, pool, sample.row);
+            if (actor)
+                policy_loss(out, part, sample, constants, weight, losses + sample.row, pulls + sample.row * ACTIONS);
+            else if (part == 0) value_loss(out, sample, clip_value, weight, losses + sample.row);
         }
         __syncthreads();
         // The last warps add up losses while the others begin with the gradients.
-        if (quantity < LOSSES + ACTIONS) {
-            bool loss = quantity < LOSSES;
-            const float* from_row = loss ? losses + quantity * ROWS : pulls + quantity - LOSSES;
-            for (int r = 0; r < ROWS; r++) total += from_row[r * (loss ? 1 : ACTIONS)];
+#pragma unroll
+        for (int k = 0; k < KEPT; k++) {
+            int q = quantity + k * SUMS_AT_ONCE;
+            if (q >= LOSSES + ACTIONS) continue;
+            bool loss = q < LOSSES;
+            const float* from_row = loss ? losses + q * ROWS : pulls + q - LOSSES;
+            for (int r = part_of_sum; r < ROWS; r += SHARERS) totals[k] += from_row[r * (loss ? 1 : ACTIONS)];
         }
         for (int layer = net.layers; layer-- > 0;) {
             gather_layer(net, layer, pool, gradient, first);
+            if (layer > 0) backward_layer(net, layer, pool, weights);
+#if MEMORY
+            else input_layer(net, pool, weights);
+#endif
             __syncthreads();
-            if (layer > 0) {
-                backward_layer(net, layer, pool, weights);
-                __syncthreads();
-            }
         }
 #if MEMORY
-        input_layer(net, pool, weights);
-        __syncthreads();
         float* of_input = actor ? of_actor_input : of_critic_input;
-        int inputs = net.width[0], apart = net.padded[0];
+        int inputs = net.width[0], apart = net.apart[0];
         for (int i = threadIdx.x; i < ROWS * inputs; i += THREADS) {
             int r = i / inputs, c = i % inputs;
             u32 number = tile * ROWS + r;
-            if (number < rows) of_input[(u64)number * inputs + c] = pool[net.place[0] + r * apart + (c ^ swizzle(r))];
+            if (number < rows) of_input[(u64)number * inputs + c] = get(pool + r * apart, r, c);
         }
         __syncthreads();
 #endif
         first = false;
     }
-    if (quantity < LOSSES + ACTIONS) sums[blockIdx.x * (LOSSES + ACTIONS) + quantity] = total;
+    double* parts = (double*)room;
+    for (int k = 0; k < KEPT; k++) {
+        parts[last] = totals[k];
+        __syncthreads();
+        int q = quantity + k * SUMS_AT_ONCE;
+        if (part_of_sum == 0 && q < LOSSES + ACTIONS) {
+            double total = parts[last];
+            for (int part = 1; part < SHARERS; part++) total += parts[last + part];
+            sums[blockIdx.x * (LOSSES + ACTIONS) + q] = total;
+        }
+        __syncthreads();
+    }
 }

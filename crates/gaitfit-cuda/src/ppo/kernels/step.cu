@@ -1,27 +1,5 @@
 // From the blocks' gradients to the next parameters.
 
-// Adds up the blocks' parts of each parameter's derivative, in order. `map`: where each parameter's part lies in
-// its network's gradient. `squares`: 2 x blocks of this launch, the sums of squares of the actor's and of the critic's part.
-KERNEL reduce(
-    u32 actor_blocks, u32 critic_blocks, const u32* control, const float* partial, const u32* map, float* gradient,
-    double* squares
-) {
-    u32 i = blockIdx.x * blockDim.x + threadIdx.x;
-    bool actor = i < ACTOR_PARAMETERS;
-    float sum = 0.0f;
-    if (i < ACTOR_PARAMETERS + CRITIC_PARAMETERS) {
-        u32 blocks = actor ? actor_blocks : critic_blocks, apart = actor ? ACTOR_GRADIENT : CRITIC_GRADIENT;
-        const float* from = partial + (actor ? 0 : (u64)actor_blocks * ACTOR_GRADIENT) + map[i];
-        if (!(actor && control[CRITIC_ALONE]))
-#pragma unroll 8
-            for (u32 b = 0; b < blocks; b++) sum += from[(u64)b * apart];
-        gradient[i] = sum;
-    }
-    double square = (double)sum * sum;
-    double of_actor = block_sum(actor ? square : 0.0), of_critic = block_sum(actor ? 0.0 : square);
-    if (threadIdx.x == 0) squares[blockIdx.x] = of_actor, squares[gridDim.x + blockIdx.x] = of_critic;
-}
-
 // One step of Adam (Kingma and Ba 2015) on one parameter.
 DEVICE float adam_step(float parameter, float gradient, float* first, float* second, const double* state) {
     float g = gradient * (float)state[FACTOR];
@@ -30,16 +8,12 @@ DEVICE float adam_step(float parameter, float gradient, float* first, float* sec
     return parameter - (float)state[RATE] * *first / (sqrtf(*second) / (float)state[CORRECTION] + 1e-8f);
 }
 
-// Looks at the minibatch's sums, moves the learning rate, limits the gradient's norm, steps ln sigma. One block.
-KERNEL finish(
-    u32 epoch, u32 minibatch, u32 rows, u32 actor_blocks, u32 critic_blocks, u32 reduce_blocks, const u32* control,
-    const double* sums, const double* squares, float* parameters, float* gradient, float* moments,
-    const float* old_log_std, float* constants, double* state
-#if MEMORY
-    , u32 memory_blocks, const double* memory_squares
-#endif
+// Looks at the minibatch's sums, moves the learning rate, limits the gradient's norm, steps ln sigma. For one block.
+DEVICE void finish(
+    u32 epoch, u32 minibatch, u32 rows, u32 reduce_blocks, const u32* control, const volatile double* squares, float* parameters, float* gradient, float* moments,
+    const float* old_log_std, float* constants, double* state, u32 memory_blocks, const double* memory_squares
 ) {
-    __shared__ double parts[8 * (LOSSES + ACTIONS)], totals[LOSSES + ACTIONS], corrections[2];
+    __shared__ double totals[LOSSES + ACTIONS], corrections[2];
     __shared__ int fault;
     if (state[FAULT] != 0.0) return;
     bool critic_alone = control[CRITIC_ALONE], learn_std = LEARN_STD && !critic_alone;
@@ -48,32 +22,18 @@ KERNEL finish(
         of_actor += squares[b];
         of_critic += squares[reduce_blocks + b];
     }
-#if MEMORY
     for (u32 b = threadIdx.x; b < memory_blocks; b += blockDim.x) {
         of_actor += memory_squares[b];
         of_critic += memory_squares[memory_blocks + b];
     }
-#endif
     of_actor = block_sum(of_actor);
     of_critic = block_sum(of_critic);
-    // Eight threads a sum: one alone would wait for memory too often.
-    for (u32 q = threadIdx.x; q < 8 * (LOSSES + ACTIONS); q += blockDim.x) {
-        double sum = 0.0;
-#pragma unroll 8
-        for (u32 b = q / (LOSSES + ACTIONS); b < actor_blocks + critic_blocks; b += 8)
-            sum += sums[b * (LOSSES + ACTIONS) + q % (LOSSES + ACTIONS)];
-        parts[q] = sum;
-    }
     // The corrections of Adam's moments, meanwhile.
     double t = state[STEPS] + 1.0;
     if (threadIdx.x == blockDim.x - 1) corrections[0] = 1.0 - pow(0.9, t);
     if (threadIdx.x == blockDim.x - 33) corrections[1] = sqrt(1.0 - pow(0.999, t));
     __syncthreads();
-    for (u32 q = threadIdx.x; q < LOSSES + ACTIONS; q += blockDim.x) {
-        double sum = 0.0;
-        for (u32 part = 0; part < 8; part++) sum += parts[part * (LOSSES + ACTIONS) + q];
-        totals[q] = sum;
-    }
+    for (u32 q = threadIdx.x; q < LOSSES + ACTIONS; q += blockDim.x) totals[q] = squares[2 * reduce_blocks + q];
     __syncthreads();
     const u32 first_std = ACTOR_PARAMETERS + CRITIC_PARAMETERS;
     float* log_std = parameters + first_std;
@@ -129,6 +89,67 @@ KERNEL finish(
     policy_constants(log_std, old_log_std, constants, state);
 }
 
+// Adds up the blocks' parts of each parameter's derivative, in order. `map`: where each parameter's part lies in
+// its network's gradient. `squares`: 2 x blocks of this launch, the sums of squares of the actor's and of the critic's part, and
+// behind them the sums of the losses.
+// The last block to be done, counted by `reduced`, finishes the step but for the networks' parameters.
+KERNEL reduce(
+    u32 epoch, u32 minibatch, u32 rows, u32 actor_blocks, u32 critic_blocks, const u32* control, const float* partial,
+    const u32* map, float* gradient, double* squares, u32* reduced, const double* sums, float* parameters, float* moments,
+    const float* old_log_std, float* constants, double* state
+#if MEMORY
+    , u32 memory_blocks, const double* memory_squares
+#endif
+) {
+    __shared__ bool last;
+    __shared__ double parts[8];
+    // Eight threads a loss: one alone would wait for memory too often.
+    for (u32 q = blockIdx.x; q < LOSSES + ACTIONS; q += gridDim.x) {
+        if (threadIdx.x < 8) {
+            double sum = 0.0;
+#pragma unroll 8
+            for (u32 b = threadIdx.x; b < actor_blocks + critic_blocks; b += 8) sum += sums[b * (LOSSES + ACTIONS) + q];
+            parts[threadIdx.x] = sum;
+        }
+        __syncthreads();
+        if (threadIdx.x == 0) {
+            double sum = 0.0;
+            for (u32 part = 0; part < 8; part++) sum += parts[part];
+            squares[2 * gridDim.x + q] = sum;
+        }
+        __syncthreads();
+    }
+    u32 i = blockIdx.x * blockDim.x + threadIdx.x;
+    bool actor = i < ACTOR_PARAMETERS;
+    float sum = 0.0f;
+    if (i < ACTOR_PARAMETERS + CRITIC_PARAMETERS) {
+        u32 blocks = actor ? actor_blocks : critic_blocks, apart = actor ? ACTOR_GRADIENT : CRITIC_GRADIENT;
+        const float* from = partial + (actor ? 0 : (u64)actor_blocks * ACTOR_GRADIENT) + map[i];
+        if (!(actor && control[CRITIC_ALONE]))
+#pragma unroll 16
+            for (u32 b = 0; b < blocks; b++) sum += from[(u64)b * apart];
+        gradient[i] = sum;
+    }
+    double square = (double)sum * sum;
+    double of_actor = block_sum(actor ? square : 0.0), of_critic = block_sum(actor ? 0.0 : square);
+    if (threadIdx.x == 0) {
+        squares[blockIdx.x] = of_actor, squares[gridDim.x + blockIdx.x] = of_critic;
+        __threadfence();
+        last = atomicAdd(reduced, 1u) + 1 == gridDim.x;
+        if (last) *reduced = 0;
+    }
+    __syncthreads();
+    if (!last) return;
+    __threadfence();
+#if !MEMORY
+    const u32 memory_blocks = 0;
+    const double* memory_squares = nullptr;
+#endif
+    finish(
+        epoch, minibatch, rows, gridDim.x, control, squares, parameters, gradient, moments, old_log_std, constants, state,
+        memory_blocks, memory_squares);
+}
+
 // Steps the networks' parameters and renews both copies of each. `forth`, `back`: where they lie; a parameter without a
 // place has none. `alone`: take no step, only copy.
 KERNEL adam(
@@ -145,6 +166,6 @@ KERNEL adam(
     // A bias is added in full precision.
     float* own = packed + (actor ? 0 : ACTOR_PACKED);
     float x = parameters[i];
-    own[forth[i]] = back[i] == 0xFFFFFFFFu ? x : rounded(x);
-    if (back[i] != 0xFFFFFFFFu) own[back[i]] = rounded(x);
+    if (back[i] == 0xFFFFFFFFu) own[forth[i]] = x;
+    else ((Number*)own)[forth[i]] = ((Number*)own)[back[i]] = rounded(x);
 }

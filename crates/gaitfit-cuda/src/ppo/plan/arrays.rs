@@ -41,8 +41,10 @@ pub(super) struct Arrays {
     pub partial: Value,
     /// Losses of the blocks.
     pub sums: Value,
-    /// Squares of the gradient's norm, by blocks of `reduce`.
+    /// Squares of the gradient's norm, by blocks of `reduce`, then the losses.
     pub squares: Value,
+    /// Blocks of `reduce` that are done.
+    pub reduced: Value,
     /// Where a weight is among the partial gradients.
     pub map: Value,
     /// Where the first copy of each weight lies among the packed ones.
@@ -114,7 +116,8 @@ impl Arrays {
                 actor_blocks * text.actor.gradient + critic_blocks * text.critic.gradient,
             ),
             sums: m.array("sums", Kind::F64, (actor_blocks + critic_blocks) * (LOSSES + actions)),
-            squares: m.array("squares", Kind::F64, 2 * reduce_blocks),
+            squares: m.array("squares", Kind::F64, 2 * reduce_blocks + LOSSES + actions),
+            reduced: m.array("reduced", Kind::U32, 1),
             map: m.array("map", Kind::U32, networks),
             forth: m.array("forth", Kind::U32, networks),
             back: m.array("back", Kind::U32, networks),

@@ -30,6 +30,8 @@ pub struct Plan {
     memory: Option<Memory>,
     /// The update.
     pub launches: Vec<Launch>,
+    /// The launches of the update that need none of those before them.
+    pub apart: std::ops::Range<usize>,
 }
 
 /// Arrays that `check_finite` looks at, in the order of `gaitfit_learn::ppo::Samples`.
@@ -103,12 +105,14 @@ impl Plan {
         let memory = task.memories.as_ref().map(|shapes| {
             Memory::new(&mut maker, shapes, (batch.steps, batch.environments), counts, &samples)
         });
-        let shared = text.shared as u32;
+        let shared = [text.shared as u32, text.foreseen_shared as u32];
         let mut update = Update { settings: task.settings, sizes, arrays, memory, maker, shared };
         let scales = update.scales(task.normalised);
         update.start();
         update.advantages();
+        let first = update.maker.launches.len();
         update.deal();
+        let apart = first..update.maker.launches.len();
         update.gradient_steps();
         if task.settings.normalise_observations {
             update.statistics();
@@ -119,14 +123,15 @@ impl Plan {
         let (a, memory) = (update.arrays, update.memory.clone());
         pack.extend(memory.as_ref().map(|memory| memory.adam(true, a.control, a.state)));
         let foresee = Some(update.foresee());
-        let sharing = (task.processors, text.rows, [text.actor.work, text.critic.work]);
+        let sharing = (task.processors, text.foreseen, [text.actor.work, text.critic.work]);
         let Maker { arrays, launches } = update.maker;
-        Self { arrays, pack, launches, foresee, sharing, memory }
+        Self { arrays, pack, launches, apart, foresee, sharing, memory }
     }
 
     /// A plan without a learner: any arrays and launches.
     pub fn from_parts(arrays: Vec<Array>, launches: Vec<Launch>) -> Self {
-        Self { arrays, pack: Vec::new(), launches, foresee: None, sharing: (1, 1, [1, 1]), memory: None }
+        let (pack, sharing) = (Vec::new(), (1, 1, [1, 1]));
+        Self { arrays, pack, launches, apart: 0..0, foresee: None, sharing, memory: None }
     }
 
     /// Means and values of rows `from .. from + rows` of the samples, from their observations; `None` in a plan without

@@ -1,6 +1,6 @@
 //! The launches of an update, part by part.
 
-use super::super::launch::{Id, Launch, Value};
+use super::super::launch::{Launch, Value};
 use super::super::text::THREADS;
 use super::{Arrays, CHECKED, CHUNK, Maker, Memory, Sizes, launch, word};
 use crate::runtime::Shape;
@@ -15,8 +15,8 @@ pub(super) struct Update<'a> {
     pub memory: Option<Memory>,
     /// Takes the launches.
     pub maker: Maker,
-    /// Shared memory of the large kernel, bytes.
-    pub shared: u32,
+    /// Shared memory of the large kernel and of the one that looks ahead, bytes.
+    pub shared: [u32; 2],
 }
 
 impl Update<'_> {
@@ -48,12 +48,12 @@ impl Update<'_> {
     pub(super) fn start(&mut self) {
         let (a, m) = (self.arrays, &mut self.maker);
         m.launch("fill", Shape::new(1, 32), &[a.first, word(CHECKED.len()), Value::U32(u32::MAX)]);
-        for (index, array) in a.checked().into_iter().enumerate() {
-            let Value::Array(Id(number)) = array else { continue };
-            let count = m.arrays[number].length;
-            let shape = Shape::new(count.div_ceil(1024).clamp(1, 1024) as u32, 256);
-            m.launch("check_finite", shape, &[array, word(count), word(index), a.first]);
-        }
+        let Sizes { rows, widths, batch, .. } = self.sizes;
+        let widest = widths.observation.max(widths.critic_observation).max(widths.action);
+        let blocks = (rows * widest).div_ceil(4096).clamp(1, 512) as u32;
+        let shape = Shape { grid: [blocks, CHECKED.len() as u32, 1], ..Shape::new(1, 256) };
+        let sizes = [rows, batch.environments, widths.observation, widths.critic_observation].map(word);
+        m.launch("check_finite", shape, &[&sizes[..], &a.checked(), &[a.first]].concat());
         let arguments = [
             a.control,
             a.first,
@@ -64,6 +64,7 @@ impl Update<'_> {
             a.old_log_std,
             a.constants,
             a.state,
+            a.reduced,
         ];
         m.launch("begin_update", Shape::new(1, 256), &arguments);
         m.launches.extend(self.memory.as_ref().map(|memory| memory.begin(a.control)));
@@ -123,7 +124,6 @@ impl Update<'_> {
         for epoch in 0..self.sizes.epochs {
             for minibatch in 0..self.sizes.minibatches {
                 self.gradient(epoch, minibatch);
-                self.step(epoch, minibatch);
             }
         }
     }
@@ -139,7 +139,8 @@ impl Update<'_> {
         }
     }
 
-    /// The gradient on one minibatch: by blocks, then their sum.
+    /// A step of the gradient on one minibatch: by blocks, then their sum with losses, the learning rate and the spread, then
+    /// the weights.
     fn gradient(&mut self, epoch: usize, minibatch: usize) {
         let (a, sizes) = (self.arrays, self.sizes);
         let [actor, critic] = sizes.blocks;
@@ -171,30 +172,24 @@ impl Update<'_> {
             a.sums,
         ];
         arguments.extend(seen.into_iter().flatten().map(|[_, derivative]| derivative));
-        self.maker.launch("network", Shape { shared: self.shared, ..blocks }, &arguments);
+        self.maker.launch("network", Shape { shared: self.shared[0], ..blocks }, &arguments);
         if let Some(memory) = &self.memory {
             self.maker.launches.extend(memory.back(a.control, epoch, first, robots));
         }
-        let arguments = [word(actor), word(critic), a.control, a.partial, a.map, a.gradient, a.squares];
-        self.maker.launch("reduce", Shape::new(sizes.reduce_blocks as u32, 256), &arguments);
-    }
-
-    /// Losses, the learning rate and the spread, then the weights.
-    fn step(&mut self, epoch: usize, minibatch: usize) {
-        let (a, sizes) = (self.arrays, self.sizes);
-        let [actor, critic] = sizes.blocks;
         let mut arguments = vec![
             word(epoch),
             word(minibatch),
             word(sizes.minibatch_rows(minibatch)),
             word(actor),
             word(critic),
-            word(sizes.reduce_blocks),
             a.control,
-            a.sums,
-            a.squares,
-            a.parameters,
+            a.partial,
+            a.map,
             a.gradient,
+            a.squares,
+            a.reduced,
+            a.sums,
+            a.parameters,
             a.moments,
             a.old_log_std,
             a.constants,
@@ -203,7 +198,7 @@ impl Update<'_> {
         if let Some((squares, blocks)) = self.memory.as_ref().map(Memory::squares) {
             arguments.extend([word(blocks), squares]);
         }
-        self.maker.launch("finish", Shape::new(1, 256), &arguments);
+        self.maker.launch("reduce", Shape::new(sizes.reduce_blocks as u32, 256), &arguments);
         let adam = self.adam(false);
         self.maker.launches.push(adam);
         let memory = self.memory.as_ref().map(|memory| memory.adam(false, a.control, a.state));
@@ -235,7 +230,7 @@ impl Update<'_> {
     /// Means and values of rows 0 .. 0, in blocks that the caller numbers.
     pub(super) fn foresee(&self) -> Launch {
         let a = &self.arrays;
-        let shape = Shape { shared: self.shared, ..Shape::new(0, THREADS as u32) };
+        let shape = Shape { shared: self.shared[1], ..Shape::new(0, THREADS as u32) };
         let (actor, critic, scale) = self.taken();
         let observed = [actor, critic, scale, a.packed, a.mean, a.value];
         launch("foresee", shape, &[[word(0); 3].as_slice(), &observed].concat())

@@ -1,0 +1,58 @@
+// What layers share, whatever numbers their products take.
+
+#define WARPS (THREADS / 32)
+
+// A block that works on R samples is made of groups of warps. Each has samples of its own, and waits for the others only
+// where a sum is over all samples.
+template <int R> struct Group {
+    static constexpr int COUNT = GROUPS_OF(R), THREADS_OF = THREADS / COUNT, WARPS_OF = WARPS / COUNT, ROWS_OF = R / COUNT;
+    METHOD static int number() { return (int)threadIdx.x / THREADS_OF; }
+    METHOD static int thread() { return (int)threadIdx.x % THREADS_OF; }
+    METHOD static int first_row() { return number() * ROWS_OF; }
+    // Waits for the group's threads.
+    METHOD static void sync() {
+        if (COUNT == 1) __syncthreads();
+        else group_barrier(number() + 1, THREADS_OF);
+    }
+};
+
+// Sum over each four neighbouring threads.
+DEVICE float sum_of_four(float x) {
+    x += __shfl_xor_sync(0xFFFFFFFFu, x, 1);
+    return x + __shfl_xor_sync(0xFFFFFFFFu, x, 2);
+}
+
+// exp as exactly as the products.
+DEVICE float exponential(float x) {
+#if SPLIT || defined(GAITFIT_HOST)
+    return expf(x);
+#elif BF16
+    // Without the care that __expf takes of numbers near 0, of which 1 is subtracted.
+    float y;
+    asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(y) : "f"(x * 1.44269504f));
+    return y;
+#else
+    return __expf(x);
+#endif
+}
+
+DEVICE float activate(float x) {
+#if ACTIVATION == 0
+    return x > 0.0f ? x : exponential(x) - 1.0f;
+#elif ACTIVATION == 1
+    return x < 0.0f ? 0.0f : x;
+#else
+    return tanhf(x);
+#endif
+}
+
+// Derivative by the activation's result.
+DEVICE float slope(float h) {
+#if ACTIVATION == 0
+    return h > 0.0f ? 1.0f : h + 1.0f;
+#elif ACTIVATION == 1
+    return h > 0.0f ? 1.0f : 0.0f;
+#else
+    return 1.0f - h * h;
+#endif
+}
