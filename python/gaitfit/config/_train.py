@@ -85,7 +85,7 @@ class Ppo(Settings):
         minibatches: Gradient steps in a pass; with a memory each is over whole robots. Default: 4.
         memory: Recurrent layers before both networks, which see what these make of their observations; without it each
             network sees its observation alone.
-        precision: How exactly a GPU multiplies matrices; a CPU does so in ``f32``.
+        precision: How exactly a GPU multiplies matrices; a CPU does so in ``f32``. Default: 'bf16'.
 
     >>> settings = Train(ppo=Ppo(epochs=3, desired_kl=0.015))
     """
