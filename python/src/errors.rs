@@ -89,7 +89,7 @@ fn arguments(mut rest: &str) -> String {
             rest = &behind[1..];
             continue;
         }
-        // Of two settings side by side the value of the first ends here.
+        // Two settings stand side by side: a comma ends the value of the first.
         match after_setting && name == "set" && before.split_whitespace().count() == 1 {
             true => text.push_str(&format!("{}, ", before.trim_end())),
             false => text.push_str(before),

@@ -64,7 +64,7 @@ mod _gaitfit {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        // Of one that a stage with a run folder raises: that folder.
+        // The class has None. An exception of a stage with a run folder has that folder.
         module.getattr("Stopped")?.setattr("run_folder", module.py().None())?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }

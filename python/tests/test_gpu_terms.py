@@ -9,6 +9,13 @@ import gaitfit
 
 from .common import Case, GpuCase
 
+#: Functions of a user, for arrays and for tensors.
+TERMS: dict[str, Any] = {
+    "reward": lambda robots, motion: robots.reward + 0.1 * motion.base_linear_velocity[:, 0],
+    "terminated": lambda robots, motion: motion.base_position[:, 2] < 0.25,
+    "observation": lambda robots, motion: motion.torque,
+}
+
 
 class Tensors(Case):
     def test_terms_as_tensors_are_those_of_arrays(self) -> None:
@@ -21,11 +28,7 @@ class Tensors(Case):
             from gaitfit.gym import GaitfitVecEnv, Terms
         except ImportError as missing:
             self.skipTest(str(missing))
-        terms = Terms(
-            reward=lambda robots, motion: robots.reward + 0.1 * motion.base_linear_velocity[:, 0],
-            terminated=lambda robots, motion: motion.base_position[:, 2] < 0.25,
-            observation=lambda robots, motion: motion.torque,
-        )
+        terms = Terms(**TERMS)
         for mode in (AutoresetMode.SAME_STEP, AutoresetMode.DISABLED):
             arrays, tensors = (GaitfitVecEnv(num_envs=32, seed=3, terms=terms, autoreset_mode=mode) for _ in range(2))
             tensors._gpu_terms, tensors._copy = GpuTerms(terms, tensors.robots), False
@@ -100,11 +103,7 @@ class OnGpu(GpuCase):
             from gaitfit.gym import AutoresetMode, GaitfitVecEnv, Terms
         except ImportError as missing:
             self.skipTest(str(missing))
-        terms = Terms(
-            reward=lambda robots, motion: robots.reward + 0.1 * motion.base_linear_velocity[:, 0],
-            terminated=lambda robots, motion: motion.base_position[:, 2] < 0.25,
-            observation=lambda robots, motion: motion.torque,
-        )
+        terms = Terms(**TERMS)
         for mode in (AutoresetMode.SAME_STEP, AutoresetMode.DISABLED):
             cpu, gpu = (GaitfitVecEnv(num_envs=300, seed=3, terms=terms, autoreset_mode=mode, device=d) for d in ("cpu", "cuda"))
             self.assertEqual(gpu.single_observation_space, cpu.single_observation_space)

@@ -1,4 +1,4 @@
-"""Observations in a loop of the user are those of the engine's robots."""
+"""An observer and the engine's robots make the same observations."""
 
 import itertools
 import unittest

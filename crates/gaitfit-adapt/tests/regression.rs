@@ -114,7 +114,7 @@ fn logs_unlike_those_of_any_robot_widen_the_intervals() {
     let unlike = found(&toy, &logs);
     assert!(!like.unlike(0) && unlike.unlike(0), "{like:?} {unlike:?}");
     assert!(unlike.deviation[0] > 2.0 * like.deviation[0]);
-    // The real logs are unlike those of robots with the corrected values. So the intervals are wider than those of the last round.
+    // Robots with the corrected values do not make such logs. So the intervals are wider than in the last round.
     let (near, far) = (like.likeness.unwrap(), unlike.likeness.unwrap());
     assert!(!near.unlike() && far.unlike() && far.ratio() > 1.5, "{near:?} {far:?}");
     let last = unlike.rounds.last().unwrap();

@@ -233,7 +233,7 @@ fn cxx_bf16_is_near() {
     compare(settings(), 3, [0, 0], Precision::Bf16, 4e-2);
 }
 
-/// The means of a rollout are those of the first gradient step, to the bit: the divergence from them is 0.
+/// Rollout and first gradient step compute the same means, to the bit. So the divergence between them is 0.
 #[test]
 #[ignore = "needs g++"]
 fn cxx_rollouts_and_updates_have_the_same_means() {
