@@ -397,7 +397,7 @@ def files() -> dict[str, str]:
         "_train.py": HEAD.format(doc="Settings of trainings.")
         + imports.replace("dataclass, field", "dataclass")
         + "from .._settings import Settings\nfrom ._fit import Preset\nfrom ._task import Task\n\n"
-        + aliases(["Cone", "Cell", "Schedule"])
+        + aliases(["Cone", "Cell", "Precision", "Schedule"])
         + "\n\n"
         + text(TRAIN),
         "_loop.py": HEAD.format(doc="Settings of loops.")

@@ -13,6 +13,7 @@ from ._task import Task
 
 Cone = Literal["pyramidal", "elliptic"]
 Cell = Literal["lstm", "gru"]
+Precision = Literal["bf16", "tf32", "f32"]
 Schedule = Literal["adaptive", "fixed"]
 
 
