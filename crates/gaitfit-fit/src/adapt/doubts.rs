@@ -42,9 +42,11 @@ pub fn doubts(
     if let Some(cost) = outcome.unlike {
         let text = format!(
             "No simulated robot has logs like these. A search found values with a {} of {:.3}; the values by a regression \
-             on simulated robots have {cost:.3}. The model lacks an effect, and the search's values compensate for it. \
-             `gaitfit explain` looks for such effects.",
-            outcome.cost, outcome.best_cost
+             on simulated robots have {cost:.3}. Either the model lacks an effect and the search's values compensate for \
+             it (`gaitfit explain` looks for such effects), or the simulated robots are too few to show {} parameters.",
+            outcome.cost,
+            outcome.best_cost,
+            outcome.parameters.len()
         );
         doubts.push(Doubt::new(DoubtKind::Unexplained, text));
     }

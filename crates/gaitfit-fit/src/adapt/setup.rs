@@ -147,7 +147,7 @@ impl Setup {
             warnings.extend(remedies.note());
             theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
         }
-        numbers.extend(feet.filter(|_| config.swings).into_iter().flat_map(sized::biped_priors));
+        numbers.extend(feet.filter(|_| config.swings).into_iter().flat_map(sized::usual_priors));
         // The folder keeps them, as it keeps the defaults.
         config.prior = known::priors(&theta, &numbers, &config.prior);
         let theta = theta.with_priors(&config.prior, config.optimizer.prior_weight).map_err(in_file)?;

@@ -12,6 +12,8 @@ const MASS_KG: f64 = 15.0;
 const TORQUE_NM: f64 = 23.7;
 /// Max share of the base's mass that a fit removes.
 const LIGHTER: f64 = 0.5;
+/// Standard deviation of a motor's position gain relative to the stated one.
+const KP_SCALE: f64 = 0.1;
 /// Standard deviation of the encoders' zeros of a biped, rad.
 const ZERO_RAD: f64 = 0.01;
 /// Standard deviation of the distance of a biped's load from the base, along each axis, m.
@@ -64,7 +66,8 @@ fn power(ratio: f64) -> f64 {
 /// same rules with every default filled in. Values of the robot's file (damping 3 N·m·s/rad, say) lie inside the bounds and are
 /// where the search starts.
 /// A biped with the default numbers gets a load with a position instead of a heavier base: the position decides whether it
-/// falls.
+/// falls. A biped with the default parameters keeps the stated gains, because its many joint groups would leave each gain
+/// unknown.
 pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet: usize) {
     let names = joint_names(model);
     let usual: AdaptConfig = crate::settings::walk_defaults();
@@ -105,6 +108,9 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
             rule.lower = rule.lower.map(|lower| lower.max(-LIGHTER * base_mass(model)));
         }
     }
+    if feet <= BIPED && usual.parameter == given.parameter {
+        config.parameter.retain(|rule| rule.kind != JointParameter::KpScale);
+    }
     let base = RobotRule::new(RobotNumber::BaseMass);
     if feet <= BIPED && usual.number == given.number && usual.number.contains(&base) {
         config.number.retain(|rule| rule.kind != base.kind);
@@ -120,25 +126,25 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
     }
 }
 
-/// Priors for a biped: its encoder zeros are right within about 0.01 rad, and its load is near the base. The logs show how the
-/// biped leans, but not why: a light load far away, a heavy load nearby, or wrong zeros of hips, knees and ankles explain it
-/// equally well. Empty for robots with more feet.
-pub fn biped_priors(feet: usize) -> Vec<SwingNumber> {
-    if feet > BIPED {
-        return Vec::new();
-    }
-    let zero = |kind: &'static str, error: f64| SwingNumber {
+/// Priors that no log gives. Position gains are those stated within about a tenth; without this prior they trade against the
+/// motors' strength and the encoders' zeros. A biped's encoder zeros are right within about 0.01 rad, and its load is near the
+/// base: the logs show how the biped leans, but not why. A light load far away, a heavy load nearby, or wrong zeros of hips,
+/// knees and ankles explain it equally well.
+pub fn usual_priors(feet: usize) -> Vec<SwingNumber> {
+    let prior = |kind: &'static str, value: f64, error: f64| SwingNumber {
         kind,
         joints: Vec::new(),
-        estimate: Estimate { value: 0.0, error },
+        estimate: Estimate { value, error },
         by_strength: 0.0,
         by_load: 0.0,
     };
-    vec![
-        zero(JointParameter::EncoderBias.name(), ZERO_RAD),
-        zero(RobotNumber::PayloadX.name(), LOAD_DISTANCE_M),
-        zero(RobotNumber::PayloadZ.name(), LOAD_DISTANCE_M),
-    ]
+    let mut priors = vec![prior(JointParameter::KpScale.name(), 1.0, KP_SCALE)];
+    if feet <= BIPED {
+        priors.push(prior(JointParameter::EncoderBias.name(), 0.0, ZERO_RAD));
+        priors.push(prior(RobotNumber::PayloadX.name(), 0.0, LOAD_DISTANCE_M));
+        priors.push(prior(RobotNumber::PayloadZ.name(), 0.0, LOAD_DISTANCE_M));
+    }
+    priors
 }
 
 /// Mass of the base itself, kg.
@@ -204,9 +210,10 @@ mod tests {
     }
 
     #[test]
-    fn a_biped_gets_a_load_with_a_place() {
+    fn a_biped_gets_a_load_with_a_place_and_keeps_the_stated_gains() {
         let given = crate::settings::walk_defaults();
         let mut config = given.clone();
+        config.parameter.iter_mut().for_each(ParameterRule::resolve);
         config.number.iter_mut().for_each(RobotRule::resolve);
         fit_to(&mut config, &given, &crate::robot::go2().unwrap(), 2);
         let kinds: Vec<RobotNumber> = config.number.iter().map(|rule| rule.kind).collect();
@@ -214,6 +221,7 @@ mod tests {
             kinds.contains(&RobotNumber::PayloadX) && !kinds.contains(&RobotNumber::BaseMass),
             "{kinds:?}"
         );
+        assert!(config.parameter.iter().all(|rule| rule.kind != JointParameter::KpScale));
     }
 
     #[test]

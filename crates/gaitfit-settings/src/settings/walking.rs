@@ -118,9 +118,12 @@ mod tests {
         assert_eq!((found.base, found.costs.as_slice()), (Base::Free, &[CostKind::Wass][..]));
         let fitted: Vec<JointParameter> = found.parameter.iter().map(|rule| rule.kind).collect();
         use JointParameter::{
-            Armature, Damping, Delay, EncoderBias, FrictionLoss, LoadFriction, TorqueScale,
+            Armature, Damping, Delay, EncoderBias, FrictionLoss, KpScale, LoadFriction, TorqueScale,
         };
-        assert_eq!(fitted, [FrictionLoss, LoadFriction, Armature, Damping, Delay, TorqueScale, EncoderBias]);
+        assert_eq!(
+            fitted,
+            [FrictionLoss, LoadFriction, Armature, Damping, Delay, TorqueScale, KpScale, EncoderBias]
+        );
         let numbers: Vec<RobotNumber> = found.number.iter().map(|rule| rule.kind).collect();
         assert_eq!(numbers, [RobotNumber::FloorFriction, RobotNumber::BaseMass, RobotNumber::TorqueNoise]);
         assert!(found.optimizer.patience > 0 && found.optimizer.population > 0);
