@@ -85,7 +85,12 @@ fn values_far_off_are_corrected_and_their_intervals_cover() {
         assert_eq!(regression.uncorrected, FOUND);
         assert!(
             (3..=6).contains(&(regression.robots / EACH))
-                && regression.robots == regression.rounds.len() * EACH + 24
+                && regression.robots == regression.rounds.len() * EACH + 48
+        );
+        assert!(
+            regression.is_nearer(),
+            "robots with the search's values are further from the logs: {:?}",
+            regression.further
         );
     }
     // 76 of 80 are due.

@@ -34,7 +34,8 @@ pub struct CostOutcome {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub redrawn: Option<Redrawn>,
     /// The cost of the values that simulated robots give ([`super::regress`]), if it is clearly larger than that of the search,
-    /// whose values are then kept: no simulated robot is like the real one.
+    /// whose values are then kept, and if robots with those values are no nearer to the logs: no simulated robot is like the
+    /// real one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unlike: Option<f64>,
 }
@@ -251,7 +252,9 @@ impl CostOutcome {
 
     /// Takes the intervals that simulated robots give ([`super::regress`]) for the search of `problem`. Takes their values
     /// too if they cost less or if θ has at most [`MAX_TAKEN`] entries. Takes nothing and returns the reason if their
-    /// simulation diverges, or if θ has more entries and the values cost more than `AS_WELL` and `AS_WELL_BY` allow.
+    /// simulation diverges. It does the same if θ has more entries, the values cost more than `AS_WELL` and `AS_WELL_BY` allow,
+    /// and the logs are no nearer to robots with these values ([`Regression::is_nearer`]). A cost alone does not decide: a fall
+    /// in one walk of a biped makes true values costly.
     ///
     /// # Errors
     /// As [`Simulator::views`].
@@ -271,7 +274,7 @@ impl CostOutcome {
         // What a search pays for going away from what was known is in its cost.
         let charged = cost + problem.theta.prior_cost(&regression.corrected);
         let max_cost = AS_WELL * self.best_cost + AS_WELL_BY;
-        if charged > max_cost && problem.theta.len() > MAX_TAKEN {
+        if charged > max_cost && problem.theta.len() > MAX_TAKEN && !regression.is_nearer() {
             self.unlike = Some(cost);
             return Ok(Some("No simulated robot is like the real one.".to_owned()));
         }

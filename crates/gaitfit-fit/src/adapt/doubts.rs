@@ -42,11 +42,9 @@ pub fn doubts(
     if let Some(cost) = outcome.unlike {
         let text = format!(
             "No simulated robot has logs like these. A search found values with a {} of {:.3}; the values by a regression \
-             on simulated robots have {cost:.3}. Either the model lacks an effect and the search's values compensate for \
-             it (`gaitfit explain` looks for such effects), or the simulated robots are too few to show {} parameters.",
-            outcome.cost,
-            outcome.best_cost,
-            outcome.parameters.len()
+             on simulated robots have {cost:.3}. Robots with the search's values are nearer to the logs. The \
+             model lacks an effect, and these values compensate for it. `gaitfit explain` looks for such effects.",
+            outcome.cost, outcome.best_cost
         );
         doubts.push(Doubt::new(DoubtKind::Unexplained, text));
     }
@@ -54,8 +52,9 @@ pub fn doubts(
     if let Some(likeness) = likeness.filter(Likeness::unlike) {
         let text = format!(
             "The logs differ by more than chance from those of {} robots that were simulated with the regression's values. The mean \
-             square difference is {:.1} times their variance; chance explains at most {:.1}. The model lacks an effect, so the \
-             intervals are {:.1} times as wide. `gaitfit explain` looks for such effects.",
+             square difference is {:.1} times their variance; chance explains at most {:.1}. The model lacks an effect, or the \
+             regression's values are not near enough. So the intervals are {:.1} times as wide. `gaitfit explain` looks for \
+             effects.",
             likeness.robots,
             likeness.distance,
             likeness.by_chance,

@@ -58,6 +58,26 @@ impl Likeness {
     }
 }
 
+/// How much further `logs` are from the robots `others` than from `robots`: the ratio of the mean square distances from their
+/// means. Each number counts in units of the mean variance of both. `None` as in [`Likeness::new`].
+pub fn further(logs: &[f64], others: &[Vec<f64>], robots: &[Vec<f64>]) -> Option<f64> {
+    let all = || others.iter().chain(robots);
+    if others.len() < MIN_ROBOTS || robots.len() < MIN_ROBOTS || all().any(|one| one.len() != logs.len()) {
+        return None;
+    }
+    let (mut to_others, mut to_robots) = (0.0, 0.0);
+    for (at, log) in logs.iter().enumerate() {
+        let column = |robots: &[Vec<f64>]| robots.iter().map(|one| one[at]).collect::<Vec<f64>>();
+        let (others, robots) = (column(others), column(robots));
+        let variance = 0.5 * (stats::deviation(&others)?.powi(2) + stats::deviation(&robots)?.powi(2));
+        if variance > STEADY {
+            to_others += (log - stats::mean(&others)?).powi(2) / variance;
+            to_robots += (log - stats::mean(&robots)?).powi(2) / variance;
+        }
+    }
+    (to_others > 0.0 && to_robots > 0.0).then(|| to_others / to_robots)
+}
+
 /// Mean square distance of `logs` from the mean of `robots`, in units of the variance of one more robot about this mean. `None`
 /// if no number differs among the robots.
 fn distance(logs: &[f64], robots: &[&Vec<f64>]) -> Option<f64> {
@@ -95,6 +115,21 @@ mod tests {
         let unlike = Likeness::new(&robots(25, 2.0)[24], &others).unwrap();
         // Its mean square distance is 1 + 2².
         assert!(unlike.unlike() && (unlike.ratio() - 5f64.sqrt()).abs() < 0.3, "{unlike:?}");
+    }
+
+    #[test]
+    fn logs_are_further_from_robots_with_other_values() {
+        let logs = &robots(25, 0.0)[24];
+        let (same, others) = (robots(24, 0.0), robots(24, 2.0));
+        let ratio = further(logs, &others, &same).unwrap();
+        // Mean square distances of 1 + 2² and 1.
+        assert!((ratio - 5.0).abs() < 1.5, "{ratio}");
+        assert!(
+            (further(logs, &same, &others).unwrap() * ratio - 1.0).abs() < 1e-9,
+            "the same the other way round"
+        );
+        assert_eq!(further(logs, &others[..11], &same), None, "few robots");
+        assert_eq!(further(&logs[1..], &others, &same), None, "numbers of another log");
     }
 
     #[test]

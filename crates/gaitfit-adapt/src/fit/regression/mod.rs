@@ -19,6 +19,7 @@ mod ridge;
 
 pub use distributions::Distributions;
 pub use likeness::Likeness;
+use likeness::further;
 use posterior::with_priors;
 use ridge::{Estimate, Robots};
 
@@ -52,7 +53,8 @@ const SHARED: f64 = 2.0;
 const NEAR: f64 = 0.5;
 /// If an entry's deviation is more than this many errors of left-out robots, its cause is the simulator.
 const UNLIKE: f64 = 3.0;
-/// Number of robots that are simulated with the regression's values, to see whether the real logs are like theirs.
+/// Number of robots that are simulated with the regression's values, to see whether the real logs are like theirs. As many have
+/// the search's values.
 const WITH_VALUES: usize = 24;
 /// Max entries of a θ for a regression.
 pub const MAX_REGRESSED: usize = 50;
@@ -93,6 +95,10 @@ pub struct Regression {
     /// If the real logs are unlike theirs, `deviation` and `interval` are larger by [`Likeness::ratio`].
     #[serde(default)]
     pub likeness: Option<Likeness>,
+    /// How much further the real logs are from robots with the search's values than from robots with the corrected values: the
+    /// ratio of the mean square distances. All robots are simulated as they make logs. `None` as [`Self::likeness`].
+    #[serde(default)]
+    pub further: Option<f64>,
 }
 
 /// Results of earlier versions have the values of the regression.
@@ -131,6 +137,11 @@ impl Estimate {
 }
 
 impl Regression {
+    /// Whether the real logs are nearer to robots with the corrected values than to robots with the search's values.
+    pub fn is_nearer(&self) -> bool {
+        self.further.is_some_and(|ratio| ratio > 1.0)
+    }
+
     /// Whether signals and legs disagree about an entry, and most of its error comes from that.
     pub fn unlike(&self, entry: usize) -> bool {
         let Some(last) = self.rounds.last() else { return false };
@@ -142,7 +153,7 @@ impl Regression {
 
     /// Max number of robots that are simulated, with `each` a round.
     pub fn robots(each: usize) -> usize {
-        MAX_ROUNDS * each + WITH_VALUES
+        MAX_ROUNDS * each + 2 * WITH_VALUES
     }
 
     /// Robots of a round for `entries` entries, if there are `each` for one, and `sets` sets of logs are asked for.
@@ -240,15 +251,21 @@ pub fn regress(
     let corrected: Vec<f64> = within.map(|(entry, value)| value.clamp(entry.lower, entry.upper)).collect();
     let drawn = each * rounds.len();
     let first = u32::try_from(drawn).unwrap_or(u32::MAX);
-    let same = world.walk(&vec![corrected.clone(); WITH_VALUES], first);
+    let both = [vec![corrected.clone(); WITH_VALUES], vec![found.to_vec(); WITH_VALUES]].concat();
+    let walked = world.walk(&both, first);
     if cancel() {
         return Err(FitError::Cancelled);
     }
-    let same: Vec<Vec<f64>> = match same {
-        Ok(same) => same.into_iter().flatten().collect(),
+    let (corrected_robots, found_robots) = match walked {
+        Ok(walked) => {
+            let (corrected, found) = walked.split_at(WITH_VALUES.min(walked.len()));
+            let standing = |robots: &[Option<Vec<f64>>]| robots.iter().flatten().cloned().collect::<Vec<_>>();
+            (standing(corrected), standing(found))
+        }
         Err(reason) => return Ok(Err(reason)),
     };
-    let likeness = Likeness::new(&logs.numbers, &same);
+    let likeness = Likeness::new(&logs.numbers, &corrected_robots);
+    let further = further(&logs.numbers, &found_robots, &corrected_robots);
     let wider = likeness.map_or(1.0, |likeness| likeness.ratio());
     let deviation: Vec<f64> = last.deviation.iter().map(|one| wider * one).collect();
     let quantile = stats::student_t_95(last.walked.saturating_sub(1));
@@ -265,9 +282,10 @@ pub fn regress(
         taken: true,
         deviation,
         interval,
-        robots: drawn + WITH_VALUES,
+        robots: drawn + 2 * WITH_VALUES,
         rounds,
         likeness,
+        further,
     }))
 }
 
