@@ -68,7 +68,7 @@ fn simulated_robots_correct_a_search_that_ended_early_and_the_same_after_a_kill(
     let regression = &found["fits"][0]["regression"];
     let rounds = regression["rounds"].as_array().unwrap().len();
     assert!((3..=6).contains(&rounds), "{rounds}");
-    // 40 robots a round, and 24 with the values found.
+    // 40 robots a round, and 24 with each of the two sets of values.
     let robots = 40 * rounds as u64 + 48;
     assert_eq!(regression["robots"].as_u64(), Some(robots));
     for parameter in found["parameters"].as_array().unwrap() {
