@@ -143,9 +143,9 @@ pub fn validate(
     policy: Option<Source>,
 ) -> PyResult<String> {
     let act = policy.as_ref().and_then(Source::act);
-    json(watched_acting(py, None, act, |_, caller| {
+    json(watched_acting(py, None, act, |watch, caller| {
         let policy = policy.as_ref().map_or(Ok(None), |policy| policy.policy(caller.asked()))?;
-        gaitfit::adapt::validate(&ValidateRequest { theta, logs, config, set: sets, threads, policy })
+        gaitfit::adapt::validate(&ValidateRequest { theta, logs, config, set: sets, threads, policy }, watch)
     })?)
 }
 

@@ -112,6 +112,16 @@ class Interrupts(Case):
                 self.stopped(Press(worked(1.0)), stage)
         self.assertEqual(list(out.glob("*.csv")), [])
 
+    def test_validations_stop_within_a_second(self) -> None:
+        policy, logs = "assets/go2-walk.safetensors", self.folder / "logs"
+        gaitfit.collect(policy, logs, trajectories=2, seconds=100.0, progress=False)
+        theta, config = self.folder / "theta.toml", self.folder / "walks.toml"
+        theta.write_text('format = 2\n[[parameter]]\nname = "delay"\nkind = "delay"\njoints = ["*"]\nvalue = 0.001\n')
+        config.write_text(f'policy = "{ROOT / policy}"\nlogs = ["{logs}"]\n')
+        # Long work, because of short physics steps.
+        slow = {"simulation.timestep": 0.00002, "simulation.robot_timestep": 0.00002}
+        self.stopped(Press(worked(1.5)), lambda: gaitfit.validate(theta, logs, config=config, settings=slow))
+
     @unittest.skipUnless(Path("/proc/self/stat").exists(), "reads processor times as Linux has them")
     def test_the_program_stops_too_and_keeps_nothing(self) -> None:
         for words in (

@@ -127,6 +127,20 @@ pub fn simulate_one(
     values: &[f64],
     resets: Resets,
 ) -> Result<Vec<Predicted>, FitError> {
+    simulate_one_until(simulator, theta, values, resets, &never)
+}
+
+/// As [`simulate_one`], until `cancel` asks to stop.
+///
+/// # Errors
+/// As there; [`FitError::Cancelled`].
+pub fn simulate_one_until(
+    simulator: &dyn Simulator,
+    theta: &Theta,
+    values: &[f64],
+    resets: Resets,
+    cancel: &Cancel<'_>,
+) -> Result<Vec<Predicted>, FitError> {
     let rollout = Rollout { values: values.to_vec(), resets, ..Rollout::default() };
     let found: Vec<Mutex<Option<Predicted>>> =
         (0..simulator.recordings()).map(|_| Mutex::new(None)).collect();
@@ -136,7 +150,7 @@ pub fn simulate_one(
                 Some(Predicted::from_signals(&signals));
         }
     };
-    simulator.simulate(theta, &[rollout], &consume, &never)?;
+    simulator.simulate(theta, &[rollout], &consume, cancel)?;
     let take = |slot: Mutex<Option<Predicted>>| {
         slot.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()).ok_or(FitError::Incomplete)
     };

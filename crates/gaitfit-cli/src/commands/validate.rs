@@ -7,19 +7,22 @@ use crate::output;
 use crate::table::table;
 use comfy_table::Table;
 use gaitfit::adapt::{HeldOut, ValidateRequest, ValidateResults, validate};
+use gaitfit::watch::Watch;
 use std::fmt::Write;
 use std::num::NonZeroUsize;
 
 /// Simulates the logs and reports the errors.
 pub fn run(args: &cli::Validate) -> Result<(), Failure> {
-    let results = validate(&ValidateRequest {
+    let request = ValidateRequest {
         theta: args.theta.clone(),
         logs: args.logs.clone(),
         config: args.config.clone(),
         set: args.set.clone(),
         threads: args.threads.map(NonZeroUsize::get),
         policy: None,
-    })?;
+    };
+    // The program ends at once on Ctrl-C.
+    let results = validate(&request, &Watch::silent())?;
     if args.json {
         output::print_json(&results)?;
     } else {

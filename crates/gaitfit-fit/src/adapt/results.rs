@@ -20,10 +20,10 @@ use crate::run::RunFolder;
 use crate::walk::explain::{self, Cause};
 use crate::walk::swing::{Beside, SwingFindings, doubt};
 use crate::watch::Watch;
-use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
     Agreement, Correction, CostOutcome, FitError, Redrawn, Regression, RunGeneration, RunOutcome, Uncertainty,
 };
+use gaitfit_adapt::{Theta, never};
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -351,5 +351,5 @@ fn beside_others(setup: &Setup, robot: Robot<'_>) -> Result<Option<HeldOut>, Err
     let Some(set) = setup.validate.first() else { return Ok(None) };
     let (theta, values): (Theta, &[f64]) = (Theta::default(), &[]);
     let before = Robot { theta: &theta, values };
-    held_out(&setup.config, &setup.method, [(set, robot), (set, before)], &setup.fit.logs)
+    held_out(&setup.config, &setup.method, [(set, robot), (set, before)], &setup.fit.logs, &never)
 }

@@ -6,8 +6,8 @@ use crate::Error;
 use crate::air::predictors;
 use crate::log::Log;
 use gaitfit_adapt::cost::{Cost, CostKind, PositionRmse, Recorded, position_rmse};
-use gaitfit_adapt::fit::{Predicted, simulate_one};
-use gaitfit_adapt::{Resets, Simulator, Theta};
+use gaitfit_adapt::fit::{FitError, Predicted, simulate_one_until};
+use gaitfit_adapt::{Cancel, Resets, Simulator, Theta, never};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
@@ -65,7 +65,23 @@ pub(super) struct Robot<'a> {
 impl Robot<'_> {
     /// Its signals, given what `resets` says.
     pub fn simulate(self, simulator: &dyn Simulator, resets: Resets) -> Result<Vec<Predicted>, Error> {
-        simulate_one(simulator, self.theta, self.values, resets).map_err(Error::failed)
+        self.simulate_until(simulator, resets, &never)
+    }
+
+    /// As [`Self::simulate`], until `cancel` asks to stop: then an error of the kind `Interrupted`.
+    pub fn simulate_until(
+        self,
+        simulator: &dyn Simulator,
+        resets: Resets,
+        cancel: &Cancel<'_>,
+    ) -> Result<Vec<Predicted>, Error> {
+        match simulate_one_until(simulator, self.theta, self.values, resets, cancel) {
+            Err(FitError::Cancelled) => {
+                let message = "stopped before the end".to_owned();
+                Err(gaitfit_run::Error::Interrupted { message, kept: None }.into())
+            }
+            found => found.map_err(Error::failed),
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use super::log_set::LogSet;
 use super::score::{Robot as Predictor, Validation, cost_of_sets, mean, validation};
 use super::setup::aligned;
 use crate::settings::{self, AdaptConfig, check};
+use crate::watch::Watch;
 use crate::{Error, log, theta};
 use gaitfit_adapt::Theta;
 use gaitfit_policy::Policy;
@@ -92,8 +93,8 @@ impl ValidateResults {
 /// Simulates logs with the robot of a finished fit and with the robot before it.
 ///
 /// # Errors
-/// A configuration or files that are not there or not usable, each by name.
-pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
+/// A configuration or files that are not there or not usable, each by name; `Interrupted` soon after `watch` asks to stop.
+pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<ValidateResults, Error> {
     let theta = theta::find(&request.theta);
     if !theta.exists() {
         return Err(Error::settings(format!("{}: there is no such file or folder", theta.display())));
@@ -125,7 +126,8 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
     let (after, before) = (simulated(&fitted)?, simulated(&base)?);
     let itself = Predictor { theta: &nothing, values: &[] };
     let kind = config.costs[0];
-    let predict = |set: &LogSet| itself.simulate(set.simulator.as_ref(), kind.given());
+    let stop = || watch.stop();
+    let predict = |set: &LogSet| itself.simulate_until(set.simulator.as_ref(), kind.given(), &stop);
     let cost = cost_of_sets(kind, &after, predict)?;
     let nominal_cost = cost_of_sets(kind, &before, predict)?;
     let nominal = |set: &LogSet| {
@@ -137,7 +139,7 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
     let nominal_rmse_rad = mean(found.iter().map(|log| log.nominal_rmse_rad));
     let held_out = match (after.first(), before.first()) {
         (Some(fitted), Some(nominal)) => {
-            held_out(&config, &method, [(fitted, itself), (nominal, itself)], &[])?
+            held_out(&config, &method, [(fitted, itself), (nominal, itself)], &[], &stop)?
         }
         _ => None,
     };

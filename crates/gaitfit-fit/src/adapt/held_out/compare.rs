@@ -8,9 +8,9 @@ use super::{Distance, Floor, HeldOut};
 use crate::Error;
 use crate::log::Log;
 use crate::settings::AdaptConfig;
-use gaitfit_adapt::Resets;
 use gaitfit_adapt::cost::{Breakdown, Cost, CostKind, Recorded, Reference, Signal};
 use gaitfit_adapt::fit::Predicted;
+use gaitfit_adapt::{Cancel, Resets};
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::stats;
 use std::sync::Arc;
@@ -30,12 +30,13 @@ const SEED: u64 = 15;
 /// which trials of the same commands are looked for.
 ///
 /// # Errors
-/// A simulation that cannot be made. Logs that cannot be compared in this way (constant joints) give none.
+/// A simulation that cannot be made; `Interrupted` if `cancel` asks to stop. Logs that cannot be compared in this way (constant joints) give none.
 pub fn held_out(
     config: &AdaptConfig,
     method: &Method,
     [fitted, nominal]: [(&LogSet, Robot<'_>); 2],
     fitted_logs: &[Log],
+    cancel: &Cancel<'_>,
 ) -> Result<Option<HeldOut>, Error> {
     if method.walking().is_none() {
         return Ok(None);
@@ -54,7 +55,9 @@ pub fn held_out(
     let recorded_blocks = cut(&recorded);
     let Some(cost) = cost_against(&recorded_blocks, &joints, set) else { return Ok(None) };
     let (reference, cost) = (&cost.0, cost.1.as_ref());
-    let walk = |(set, robot): (&LogSet, Robot<'_>)| robot.simulate(set.simulator.as_ref(), Resets::Never);
+    let walk = |(set, robot): (&LogSet, Robot<'_>)| {
+        robot.simulate_until(set.simulator.as_ref(), Resets::Never, cancel)
+    };
     let (after, before) = (walk(fitted)?, walk(nominal)?);
     let falls = |walked: &[Predicted]| walked.iter().filter(|log| log.fell_at.is_some()).count();
     let (falls, nominal_falls) = (falls(&after), falls(&before));
