@@ -74,7 +74,11 @@ def existing(name: str, file: PathLike | None) -> str | None:
 
 def given_settings(settings: Settings | None) -> dict[str, Any]:
     """Settings by name."""
-    return {} if settings is None else mapping("settings", settings, '{"optimizer.generations": 50}')
+    given = {} if settings is None else mapping("settings", settings, '{"optimizer.generations": 50}')
+    for name, value in given.items():
+        if isinstance(value, Mapping) and not value:
+            raise ValueError(f"settings has an empty dict for {name}, which changes nothing; name the settings in it, or leave it out")
+    return given
 
 
 def sets(settings: Settings | None) -> list[str]:

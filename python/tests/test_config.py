@@ -98,6 +98,7 @@ class Used(Case):
             (lambda: Fit.from_toml("optimizer = 3"), TypeError, "optimizer of Fit is 3"),
             (lambda: Fit.from_toml("\na = ="), ValueError, "line 2"),
             (lambda: Fit.read("nowhere.toml"), FileNotFoundError, "nowhere.toml"),
+            (lambda: gaitfit.Robots(settings={"noise": {}}), ValueError, "an empty dict for noise"),
             (lambda: gaitfit.fit(Train(), progress=False), TypeError, r"give a gaitfit\.config\.Fit"),
             (lambda: gaitfit.fit(3, progress=False), TypeError, r"config is 3; .*or a gaitfit\.config\.Fit"),
         ):
