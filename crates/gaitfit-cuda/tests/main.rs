@@ -13,6 +13,7 @@ mod kernels;
 mod ppo_device;
 mod ppo_host;
 mod ppo_memory;
+mod ppo_shares;
 mod reference;
 mod rollout_device;
 mod rollout_host;

@@ -3,7 +3,7 @@
 
 use crate::reference;
 
-use gaitfit_cuda::ppo::{Batch, Learner, PpoError, Precision};
+use gaitfit_cuda::ppo::{Batch, Learner, PpoError, Precision, Share};
 use gaitfit_cuda::runtime::Device;
 use gaitfit_learn::ppo::{self, MemorySettings, Samples, Settings, UpdateError, Widths, bench::synthetic};
 use gaitfit_policy::network::Cell;
@@ -19,7 +19,7 @@ fn problem(settings: Settings, tiles: usize) -> (ppo::Learner, Vec<Samples>) {
 }
 
 fn batch(tiles: usize) -> Batch {
-    Batch { steps: 24, environments: 256 * tiles, tile: 256 }
+    Batch { steps: 24, environments: 256 * tiles, tile: 256, share: Share::WHOLE }
 }
 
 fn flat(learner: &ppo::Learner) -> Vec<f64> {

@@ -73,13 +73,13 @@ pub fn collect(
     rollout::collect(gpu, subject, options, cancel).map(Option::unwrap_or_default).map_err(rollout_error)
 }
 
-/// Continues `training` on a GPU.
+/// Continues `training` on a GPU, or on several together.
 ///
 /// # Errors
-/// What the GPU does not do, or its failure.
-pub fn start_training<'a>(gpu: &Gpu, training: &mut Training<'a>) -> Result<Trainer<'a>, Error> {
+/// What a GPU does not do, or its failure.
+pub fn start_training<'a>(gpus: &[Gpu], training: &mut Training<'a>) -> Result<Trainer<'a>, Error> {
     let precision = training.learner().settings().precision;
-    Trainer::new(gpu, training, precision).map_err(rollout_error)
+    Trainer::together(gpus, training, precision).map_err(rollout_error)
 }
 
 /// Brings the state of `trainer` back into `training`.
@@ -97,17 +97,18 @@ pub fn cuda_error(error: &CudaError) -> Error {
 
 /// Why a training on a GPU cannot be, or stopped.
 pub fn rollout_error(error: RolloutError) -> Error {
-    match error {
-        RolloutError::Cuda(error) => cuda_error(&error),
+    match error.cause() {
+        RolloutError::Cuda(cause) if cause.is_missing() => Error::Missing(error.to_string()),
         RolloutError::Unsupported(_)
         | RolloutError::Trials(_)
+        | RolloutError::Uneven { .. }
         | RolloutError::Ppo(
             PpoError::Unsupported(_)
             | PpoError::TooWide(_)
             | PpoError::TooOld { .. }
             | PpoError::TooMany { .. },
         ) => Error::Refused(error.to_string()),
-        error => Error::failed(error),
+        _ => Error::failed(error),
     }
 }
 

@@ -1,6 +1,6 @@
 //! The memories' part of an update: what stands before the networks, and the way back through it.
 
-use super::super::launch::{Kind, Launch, Value};
+use super::super::launch::{Batch, Kind, Launch, Value};
 use super::{CHUNK, Maker, launch, word};
 use crate::ppo::layout::TooWide;
 use crate::runtime::Shape;
@@ -25,6 +25,9 @@ pub(super) struct Memory {
     environments: usize,
     minibatches: usize,
     chunks: usize,
+    gpus: usize,
+    /// Of several GPUs: the gradients of all.
+    shares: Value,
     /// Robots in the order of the minibatches, of every epoch.
     pub robots: Value,
     done: Value,
@@ -128,10 +131,11 @@ impl Memory {
     pub(super) fn new(
         m: &mut Maker,
         shapes: &[RecurrentShape; 2],
-        (steps, environments): (usize, usize),
+        batch: Batch,
         (minibatches, epochs): (usize, usize),
         samples: &Samples,
     ) -> Self {
+        let Batch { steps, environments, share, .. } = batch;
         let rows = (environments.div_ceil(minibatches) * steps).max(environments);
         let size: usize = shapes.iter().map(RecurrentShape::parameters).sum();
         let chunks = rows.div_ceil(ROWS);
@@ -177,6 +181,8 @@ impl Memory {
             environments,
             minibatches,
             chunks,
+            gpus: share.count,
+            shares: m.array("memory_shares", Kind::F32, if share.count > 1 { share.count * size } else { 0 }),
             robots: m.array("robots", Kind::U32, epochs * environments),
             done: samples.done,
             parameters: m.array("memory_parameters", Kind::F32, size),
@@ -364,17 +370,26 @@ impl Memory {
                 }
             }
         }
-        let arguments = [
-            word(self.chunks),
-            word(self.sizes[1]),
-            word(self.sizes[0]),
-            control,
-            self.partial,
-            self.gradient,
-            self.squares,
-        ];
-        launches.push(launch("memory_reduce", Shape::cover(self.sizes[1], THREADS), &arguments));
+        launches.push(self.reduce(self.chunks, self.partial, control));
         launches
+    }
+
+    /// The gradient as the sum of some parts, in order.
+    fn reduce(&self, parts: usize, partial: Value, control: Value) -> Launch {
+        let numbers = [parts, self.sizes[1], self.sizes[0]].map(word);
+        let arrays = [control, partial, self.gradient, self.squares];
+        let shape = Shape::cover(self.sizes[1], THREADS);
+        launch("memory_reduce", shape, &[&numbers[..], &arrays].concat())
+    }
+
+    /// Of several GPUs: this one's gradient, and those of all.
+    pub(super) fn shares(&self) -> [Value; 2] {
+        [self.gradient, self.shares]
+    }
+
+    /// The gradient of all GPUs from their gradients.
+    pub(super) fn together(&self, control: Value) -> Launch {
+        self.reduce(self.gpus, self.shares, control)
     }
 
     /// A step of Adam; `copy`: renews the transposed copy without a step.
