@@ -17,4 +17,5 @@ mod ppo_shares;
 mod reference;
 mod rollout_device;
 mod rollout_host;
+mod shares_device;
 mod stepper_device;

@@ -136,6 +136,12 @@ mod tests {
             matches!(missing, Error::Missing(_)) && missing.to_string().contains("cuda:1: "),
             "{missing}"
         );
+        let (what, gib) = ("samples".to_owned(), 1 << 30);
+        let full = CudaError::Memory { what, ordinal: 1, needed: 9 * gib, free: gib, total: 80 * gib };
+        let full = rollout_error(RolloutError::On { ordinal: 1, error: Box::new(full.into()) }).to_string();
+        assert!(full.contains("cuda:1: `samples` needs 9.0 GiB"), "{full}");
+        let uneven = rollout_error(RolloutError::Uneven { environments: 64, gpus: 3 });
+        assert!(uneven.refusal().unwrap().contains("63 or 66"), "{uneven}");
         let wide = on(FitError::TooWide { needed: 9, rows: 4, available: 8 });
         assert!(wide.refusal().unwrap().contains("cuda:1: "), "{wide}");
     }
