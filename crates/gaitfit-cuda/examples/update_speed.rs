@@ -57,8 +57,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let cpu = ppo::Learner::new(settings.clone(), widths, 1)?;
     let before = parameters(&cpu);
     let samples = synthetic(&cpu, environments / 256, 256, 24, 2);
-    let batch =
-        Batch { steps: 24, environments: environments / 256 * 256, tile: 256, share: Share::WHOLE };
+    let batch = Batch { steps: 24, environments: environments / 256 * 256, tile: 256, share: Share::WHOLE };
     let mut by_cpu = ppo::Learner::new(settings.clone(), widths, 1)?;
     let mut copies = samples.clone();
     let threads = std::thread::available_parallelism().map_or(1, usize::from);

@@ -31,11 +31,9 @@ fn pairs() -> Vec<[Device; 2]> {
 #[ignore = "needs an NVIDIA GPU"]
 fn gpu_two_halves_have_the_gradient_of_the_whole() {
     let memory = Some(MemorySettings { cell: Cell::Gru, width: 32, layers: 1 });
-    for (memory, precision, limit) in [
-        (None, Precision::F32, 1e-5),
-        (None, Precision::Bf16, 1e-5),
-        (memory, Precision::F32, 1e-5),
-    ] {
+    for (memory, precision, limit) in
+        [(None, Precision::F32, 1e-5), (None, Precision::Bf16, 1e-5), (memory, Precision::F32, 1e-5)]
+    {
         let settings = Settings {
             epochs: 1,
             minibatches: 1,
@@ -69,7 +67,8 @@ fn gpu_two_halves_have_the_gradient_of_the_whole() {
             }
             assert!(found[0] == found[1], "other bits the second time");
             let (report, arrays) = &found[0];
-            for (name, numbers) in names.iter().zip(arrays).take(2).filter(|(_, numbers)| !numbers.is_empty()) {
+            for (name, numbers) in names.iter().zip(arrays).take(2).filter(|(_, numbers)| !numbers.is_empty())
+            {
                 let wanted: Vec<f64> = read(&whole, name).into_iter().map(f64::from).collect();
                 let far = distance(numbers.iter().map(|&x| f64::from(x)), &wanted);
                 println!("{precision:?}: the {name} of two halves differs by {far:.1e}");
@@ -93,8 +92,7 @@ fn gpu_two_halves_have_the_gradient_of_the_whole() {
 #[ignore = "needs an NVIDIA GPU"]
 fn gpu_two_gpus_train_the_robots_of_one() {
     for uneven in [false, true] {
-        let task =
-            changed(|settings| settings.terrain = uneven.then(TerrainSettings::default));
+        let task = changed(|settings| settings.terrain = uneven.then(TerrainSettings::default));
         for devices in pairs() {
             let mut one = training(&task, 600, 3);
             let mut alone = Trainer::new(&devices[0], &mut one, Precision::F32).unwrap();
@@ -112,7 +110,10 @@ fn gpu_two_gpus_train_the_robots_of_one() {
             let (found, mut host) = run(1);
             assert_eq!(found[0].tally.steps, wanted.tally.steps);
             println!("{:?}\n{:?}", found[0].tally, wanted.tally);
-            assert!((found[0].tally.reward - wanted.tally.reward).abs() < 1e-2 * wanted.tally.reward.abs().max(1.0));
+            assert!(
+                (found[0].tally.reward - wanted.tally.reward).abs()
+                    < 1e-2 * wanted.tally.reward.abs().max(1.0)
+            );
             let mut errors = Vec::new();
             for (found, wanted) in host.snapshots().iter().zip(one.snapshots()) {
                 if found.steps == wanted.steps {
@@ -122,7 +123,11 @@ fn gpu_two_gpus_train_the_robots_of_one() {
                 }
             }
             errors.sort_by(f32::total_cmp);
-            println!("robots apart by {} (half), {} (99 %)", errors[errors.len() / 2], errors[errors.len() * 99 / 100]);
+            println!(
+                "robots apart by {} (half), {} (99 %)",
+                errors[errors.len() / 2],
+                errors[errors.len() * 99 / 100]
+            );
             assert!(errors.len() > 590 && errors[errors.len() * 9 / 10] < 0.1);
             // Twice, and through a checkpoint, the same bits; and on one GPU it goes on.
             let (_, mut whole) = run(3);
@@ -136,7 +141,10 @@ fn gpu_two_gpus_train_the_robots_of_one() {
                 trainer.store(&mut resumed).unwrap();
                 resumed
             };
-            assert!(state(&mut go_on(&devices, 2)) == state(&mut whole), "a training that went on has other bits");
+            assert!(
+                state(&mut go_on(&devices, 2)) == state(&mut whole),
+                "a training that went on has other bits"
+            );
             assert_eq!(go_on(&devices[..1], 2).iteration(), 3);
         }
     }

@@ -48,7 +48,11 @@ fn several_gpus_train_a_seed_together_or_a_seed_each() {
     let three: Devices = "cuda:0,1,2".parse().unwrap();
     let setup = training("seeds=[1, 2]", &three).unwrap();
     assert_eq!(setup.devices, two);
-    assert!(setup.warnings.iter().any(|one| one.contains("of 3 GPUs cuda:0,1 are used")), "{:?}", setup.warnings);
+    assert!(
+        setup.warnings.iter().any(|one| one.contains("of 3 GPUs cuda:0,1 are used")),
+        "{:?}",
+        setup.warnings
+    );
     let error = training("seeds=[1]", &three).map(drop).unwrap_err().to_string();
     assert!(error.contains("32 robots") && error.contains("30 or 33"), "{error}");
 }

@@ -29,5 +29,5 @@ pub use learner::Learner;
 pub use plan::Plan;
 pub(crate) use prepared::check_networks;
 pub use prepared::{Limits, Prepared};
-pub use together::{run_together, update_together};
 pub(crate) use storage::{Storage, Stored};
+pub use together::{run_together, update_together};

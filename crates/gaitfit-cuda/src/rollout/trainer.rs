@@ -362,7 +362,7 @@ mod tests {
 
     #[test]
     fn robots_are_shared_evenly_or_not_at_all() {
-        assert_eq!(shares(6, 1).unwrap(), [0..6]);
+        assert_eq!(shares(6, 2).unwrap(), [0..3, 3..6]);
         assert_eq!(shares(6, 3).unwrap(), [0..2, 2..4, 4..6]);
         let error = shares(4096, 3).unwrap_err().to_string();
         assert!(error.contains("4096") && error.contains("4095 or 4098"), "{error}");

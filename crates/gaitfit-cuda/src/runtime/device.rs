@@ -173,8 +173,7 @@ impl Device {
             return Ok(true);
         }
         own.enter()?;
-        let doing =
-            || format!("asking whether GPU {} reaches GPU {}", own.info.ordinal, far.info.ordinal);
+        let doing = || format!("asking whether GPU {} reaches GPU {}", own.info.ordinal, far.info.ordinal);
         let mut devices = [0; 2];
         for (device, context) in devices.iter_mut().zip([own, far]) {
             // SAFETY: the driver stores one int; the number is that of an opened GPU.

@@ -62,7 +62,8 @@ pub fn train(
     };
     let training = training.map_err(Error::settings)?;
     let (trainer, before, begun) = (None, 0.0, Instant::now());
-    let mut session = Session { setup, folder, files, seed, devices, training, trainer, before, begun, watch };
+    let mut session =
+        Session { setup, folder, files, seed, devices, training, trainer, before, begun, watch };
     session.start()?;
     session.run()
 }

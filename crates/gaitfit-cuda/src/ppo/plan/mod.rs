@@ -115,9 +115,8 @@ impl Plan {
             done: arrays.done,
         };
         let (batch, counts) = (task.batch, (task.settings.minibatches, task.settings.epochs));
-        let memory = task.memories.as_ref().map(|shapes| {
-            Memory::new(&mut maker, shapes, batch, counts, &samples)
-        });
+        let memory =
+            task.memories.as_ref().map(|shapes| Memory::new(&mut maker, shapes, batch, counts, &samples));
         let shared = [text.shared as u32, text.foreseen_shared as u32];
         let mut update = Update { settings: task.settings, sizes, arrays, memory, maker, shared };
         let scales = update.scales(task.normalised);

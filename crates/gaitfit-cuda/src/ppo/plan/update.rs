@@ -207,8 +207,7 @@ impl Update<'_> {
             self.maker.exchange(&[a.shares].into_iter().chain(memory).collect::<Vec<_>>());
             let memory = self.memory.as_ref().map(|memory| memory.together(a.control));
             self.maker.launches.extend(memory);
-            let between =
-                [word(sizes.batch.share.count), a.control, all, a.gradient, a.squares, a.reduced];
+            let between = [word(sizes.batch.share.count), a.control, all, a.gradient, a.squares, a.reduced];
             ("reduce_together", [&step[..], &between, &after].concat())
         } else {
             let between = [a.gradient, a.squares, a.reduced, a.sums];
@@ -254,8 +253,7 @@ impl Update<'_> {
         if gpus > 1 {
             self.maker.exchange(&shares);
             for ((width, _, own, _), [_, all]) in self.observations().into_iter().zip(shares) {
-                let arguments =
-                    [word(gpus * rows), word(width), count, word(gpus), all, state, own];
+                let arguments = [word(gpus * rows), word(width), count, word(gpus), all, state, own];
                 self.maker.launch("statistics_join", Shape::new(1, threads(width)), &arguments);
             }
         }
