@@ -5,7 +5,7 @@ use gaitfit_policy::network::{Memory, Normaliser, RecurrentShape};
 
 use super::error::PpoError;
 use super::flat::Flat;
-use super::launch::{Batch, Exchange, Id, Launch, Value};
+use super::launch::{Batch, Id, Launch, Value};
 use super::plan::{CHECKED, Plan};
 use super::prepared::{Limits, Prepared, memories};
 use super::report::{LEARNING_RATE, STEPS};
@@ -28,8 +28,8 @@ pub struct Learner {
     /// What needs not wait runs here, between these marks.
     aside: Stream,
     marks: [Event; 2],
-    /// Of several GPUs: when this one has said, and heard, what is exchanged.
-    exchanged: [Event; 2],
+    /// Of several GPUs: after what this one says in an exchange.
+    said: Event,
     /// The update, in parts between which GPUs tell each other numbers; empty until it is first run.
     graphs: Vec<Graph>,
     pub(super) batch: Batch,
@@ -90,7 +90,7 @@ impl Learner {
             stream,
             aside: Stream::new(device)?,
             marks: [Event::new(device)?, Event::new(device)?],
-            exchanged: [Event::new(device)?, Event::new(device)?],
+            said: Event::mark(device)?,
             graphs: Vec::new(),
             batch,
             settings,
@@ -282,21 +282,23 @@ impl Learner {
         let [fork, join] = &self.marks;
         let start =
             |stream: &Stream, part: &[Launch]| part.iter().try_for_each(|launch| self.start(stream, launch));
-        let record = |part: std::ops::Range<usize>| {
+        let record = |(number, part): (usize, std::ops::Range<usize>)| {
             self.stream.record(|stream| {
                 if part.start > apart.start {
-                    return start(stream, &launches[part.clone()]);
+                    start(stream, &launches[part])?;
+                } else {
+                    fork.record(stream)?;
+                    self.aside.wait_for(fork)?;
+                    start(&self.aside, &launches[apart.clone()])?;
+                    join.record(&self.aside)?;
+                    start(stream, &launches[part.start..apart.start])?;
+                    stream.wait_for(join)?;
+                    start(stream, &launches[apart.end..part.end])?;
                 }
-                fork.record(stream)?;
-                self.aside.wait_for(fork)?;
-                start(&self.aside, &launches[apart.clone()])?;
-                join.record(&self.aside)?;
-                start(stream, &launches[part.start..apart.start])?;
-                stream.wait_for(join)?;
-                start(stream, &launches[apart.end..part.end])
+                self.take(number, self)
             })
         };
-        self.graphs = self.plan.parts().into_iter().map(record).collect::<Result<_, _>>()?;
+        self.graphs = self.plan.parts().into_iter().enumerate().map(record).collect::<Result<_, _>>()?;
         Ok(())
     }
 
@@ -307,12 +309,7 @@ impl Learner {
 
     /// The mark after what this GPU says in an exchange.
     pub(super) fn said(&self) -> &Event {
-        &self.exchanged[0]
-    }
-
-    /// The mark after what it hears.
-    pub(super) fn heard(&self) -> &Event {
-        &self.exchanged[1]
+        &self.said
     }
 
     /// The update's numbers for the host.
@@ -320,10 +317,11 @@ impl Learner {
         self.read("state")
     }
 
-    /// Copies what another GPU says in an exchange, in this stream's order.
-    pub(super) fn take(&self, exchange: &Exchange, other: &Self) -> Result<(), CudaError> {
-        exchange.arrays.iter().try_for_each(|&[Id(own), Id(all)]| {
-            self.arrays[all].take_part(&self.stream, other.batch.share.number, &other.arrays[own])
+    /// Copies what another GPU, or this one, says in exchange number `exchange`, in this stream's order.
+    pub(super) fn take(&self, exchange: usize, from: &Self) -> Result<(), CudaError> {
+        let arrays = self.plan.exchanges.get(exchange).map_or(&[][..], |exchange| &exchange.arrays);
+        arrays.iter().try_for_each(|&[Id(own), Id(all)]| {
+            self.arrays[all].take_part(&self.stream, from.batch.share.number, &from.arrays[own])
         })
     }
 

@@ -9,7 +9,7 @@ use gaitfit_learn::ppo::Diagnostics;
 use super::error::PpoError;
 use super::learner::Learner;
 use super::report;
-use crate::runtime::{CudaError, Event};
+use crate::runtime::CudaError;
 
 /// One update of the learners of all shares of a training, in order, on the samples in their memory. Each has learned the
 /// same before.
@@ -40,26 +40,19 @@ pub fn run_together(learners: &mut [Learner]) -> Result<(), CudaError> {
     Ok(())
 }
 
-/// The exchange after a part of the update, if there is one.
+/// The exchange after a part of the update, if there is one. Each GPU takes what the others say. What it says itself is taken in
+/// the part. It says it again in the same array two exchanges later at the earliest: by then it has heard of all others what they
+/// said after they had taken it.
 fn exchange(learners: &[Learner], part: usize) -> Result<(), CudaError> {
-    let mark = |learner: &Learner, mark: fn(&Learner) -> &Event| mark(learner).record(learner.stream());
-    let meet = |marks: fn(&Learner) -> &Event| {
-        learners.iter().try_for_each(|learner| mark(learner, marks))?;
-        let pairs = learners.iter().enumerate().flat_map(|(number, learner)| {
-            let others = learners.iter().enumerate().filter(move |(other, _)| *other != number);
-            others.map(move |(_, other)| (learner, other))
-        });
-        pairs.into_iter().try_for_each(|(learner, other)| learner.stream().wait_for(marks(other)))
-    };
-    if learners.iter().all(|learner| learner.plan().exchanges.get(part).is_none()) {
+    if learners.len() < 2 || learners.iter().any(|learner| learner.plan().exchanges.get(part).is_none()) {
         return Ok(());
     }
-    // All have said what they have to say.
-    meet(Learner::said)?;
-    for learner in learners {
-        let Some(exchange) = learner.plan().exchanges.get(part) else { continue };
-        learners.iter().try_for_each(|other| learner.take(exchange, other))?;
+    learners.iter().try_for_each(|learner| learner.said().record(learner.stream()))?;
+    for (number, learner) in learners.iter().enumerate() {
+        for (_, other) in learners.iter().enumerate().filter(|(other, _)| *other != number) {
+            learner.stream().wait_for(other.said())?;
+            learner.take(part, other)?;
+        }
     }
-    // All have heard it: what was said may be written over.
-    meet(Learner::heard)
+    Ok(())
 }

@@ -214,8 +214,11 @@ impl<T: Number> Buffer<T> {
         let (own, far) = (self.context.handle, other.context.handle);
         // SAFETY: both arrays have that many bytes from there on, each in its context's memory, and live at least until the
         // driver frees them, which waits for the GPU.
-        let code = unsafe {
-            (self.context.driver.copy_across)(to, own, other.address, far, other.bytes(), stream.handle())
+        let code = if own == far {
+            unsafe { (self.context.driver.copy_within)(to, other.address, other.bytes(), stream.handle()) }
+        } else {
+            let driver = self.context.driver;
+            unsafe { (driver.copy_across)(to, own, other.address, far, other.bytes(), stream.handle()) }
         };
         self.context.driver.check(code, || format!("copying `{}` to `{}`", other.name, self.name))
     }

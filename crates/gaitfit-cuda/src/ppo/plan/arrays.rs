@@ -48,8 +48,10 @@ pub(super) struct Arrays {
     pub squares: Value,
     /// Of several GPUs: this one's means and squares of advantages, and those of all.
     pub advantage_shares: [Value; 2],
-    /// The same of losses and gradients.
-    pub shares: [Value; 2],
+    /// The same of losses and gradients; steps of the gradient take the first array and the second in turn.
+    pub own_shares: [Value; 2],
+    /// Those of all.
+    pub shares: Value,
     /// The same of the statistics of the actor's and the critic's observations.
     pub statistics_shares: [[Value; 2]; 2],
     /// Blocks of `reduce` that are done.
@@ -110,14 +112,17 @@ impl Arrays {
             [m.array(names[0], Kind::F64, length), m.array(names[1], Kind::F64, share * length)]
         };
         let advantage_shares = shares(["advantage_share", "advantage_shares"], ADVANTAGE_NUMBERS);
-        let of_gradient = shares(["share", "shares"], LOSSES + actions + networks.div_ceil(2));
+        let of_gradient = LOSSES + actions + networks.div_ceil(2);
+        let [even, of_all] = shares(["share", "shares"], of_gradient);
         let statistics_shares = [
             shares(["statistics_share", "statistics_shares"], 2 * widths.observation),
             shares(["critic_statistics_share", "critic_statistics_shares"], 2 * widths.critic_observation),
         ];
+        let odd = m.array("odd_share", Kind::F64, if share > 1 { of_gradient } else { 0 });
         Self {
             advantage_shares,
-            shares: of_gradient,
+            own_shares: [even, odd],
+            shares: of_all,
             statistics_shares,
             observation: m.array("observation", Kind::F32, rows * widths.observation),
             critic_observation: m.array("critic_observation", Kind::F32, rows * widths.critic_observation),

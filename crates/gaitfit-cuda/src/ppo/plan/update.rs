@@ -162,6 +162,8 @@ impl Update<'_> {
     /// the weights.
     fn gradient(&mut self, epoch: usize, minibatch: usize) {
         let (a, sizes) = (self.arrays, self.sizes);
+        // Of several GPUs one may still read what another has said in the step before.
+        let turn = (epoch * sizes.minibatches + minibatch) % 2;
         let [actor, critic] = sizes.blocks;
         let blocks = Shape::new((actor + critic) as u32, THREADS as u32);
         let (first, robots) = (sizes.first(minibatch), sizes.first(minibatch + 1) - sizes.first(minibatch));
@@ -194,17 +196,17 @@ impl Update<'_> {
         arguments.extend(seen.into_iter().flatten().map(|[_, derivative]| derivative));
         self.maker.launch("network", Shape { shared: self.shared[0], ..blocks }, &arguments);
         if let Some(memory) = &self.memory {
-            self.maker.launches.extend(memory.back(a.control, epoch, first, robots));
+            self.maker.launches.extend(memory.back((a.control, turn), epoch, first, robots));
         }
         let reduction = Shape::new(sizes.reduce_blocks as u32, 256);
         let step = [word(epoch), word(minibatch), word(sizes.whole_rows(minibatch))];
         let blocks = [word(actor), word(critic), a.control, a.partial, a.map];
         let after = [a.parameters, a.moments, a.old_log_std, a.constants, a.state];
         let (kernel, mut arguments) = if sizes.batch.share.count > 1 {
-            let [own, all] = a.shares;
+            let (own, all) = (a.own_shares[turn], a.shares);
             self.maker.launch("reduce_share", reduction, &[&blocks[..], &[a.sums, own]].concat());
-            let memory = self.memory.as_ref().map(Memory::shares);
-            self.maker.exchange(&[a.shares].into_iter().chain(memory).collect::<Vec<_>>());
+            let memory = self.memory.as_ref().map(|memory| memory.shares(turn));
+            self.maker.exchange(&[[own, all]].into_iter().chain(memory).collect::<Vec<_>>());
             let memory = self.memory.as_ref().map(|memory| memory.together(a.control));
             self.maker.launches.extend(memory);
             let between = [word(sizes.batch.share.count), a.control, all, a.gradient, a.squares, a.reduced];
