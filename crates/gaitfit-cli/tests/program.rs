@@ -66,6 +66,7 @@ fn a_missing_gpu_is_a_clear_error() {
     for args in [
         &["bench", "physics", "--device", "cuda", "--json"][..],
         &["bench", "train", "--device", "cuda", "--environments", "64"],
+        &["bench", "train", "--device", "cuda:0,1", "--environments", "64"],
         &["train", "--device", "cuda:0", "--set", "train.environments=64", "--set", &folder],
         &[
             "train",

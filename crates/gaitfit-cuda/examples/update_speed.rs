@@ -4,7 +4,7 @@
 
 use std::error::Error;
 
-use gaitfit_cuda::ppo::{Batch, Launch, Learner, Precision};
+use gaitfit_cuda::ppo::{Batch, Launch, Learner, Precision, Share, run_together};
 use gaitfit_cuda::runtime::{Device, Event, Graph, Stream, bytes};
 use gaitfit_learn::ppo::{self, Schedule, Settings, Widths, bench::synthetic};
 
@@ -57,7 +57,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let cpu = ppo::Learner::new(settings.clone(), widths, 1)?;
     let before = parameters(&cpu);
     let samples = synthetic(&cpu, environments / 256, 256, 24, 2);
-    let batch = Batch { steps: 24, environments: environments / 256 * 256, tile: 256 };
+    let batch = Batch { steps: 24, environments: environments / 256 * 256, tile: 256, share: Share::WHOLE };
     let mut by_cpu = ppo::Learner::new(settings.clone(), widths, 1)?;
     let mut copies = samples.clone();
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -79,7 +79,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut whole = Vec::new();
         for _ in 0..30 {
             start.record(learner.stream())?;
-            learner.run()?;
+            run_together(std::slice::from_mut(&mut learner))?;
             end.record(learner.stream())?;
             whole.push(start.seconds_until(&end)? * 1e3);
         }

@@ -3,7 +3,7 @@
 
 use crate::reference;
 
-use gaitfit_cuda::ppo::{Batch, Learner, PpoError, Precision};
+use gaitfit_cuda::ppo::{Batch, Learner, PpoError, Precision, Share};
 use gaitfit_cuda::runtime::Device;
 use gaitfit_learn::ppo::{self, MemorySettings, Samples, Settings, UpdateError, Widths, bench::synthetic};
 use gaitfit_policy::network::Cell;
@@ -11,7 +11,7 @@ use gaitfit_policy::network::Cell;
 const WIDTHS: Widths = Widths { observation: 45, critic_observation: 48, action: 12 };
 
 /// A learner that has learned once, and its samples.
-fn problem(settings: Settings, tiles: usize) -> (ppo::Learner, Vec<Samples>) {
+pub fn problem(settings: Settings, tiles: usize) -> (ppo::Learner, Vec<Samples>) {
     let mut learner = ppo::Learner::new(settings, WIDTHS, 5).unwrap();
     learner.update(&mut synthetic(&learner, 1, 256, 24, 1), 0, 8).unwrap();
     let samples = synthetic(&learner, tiles, 256, 24, 3);
@@ -19,7 +19,7 @@ fn problem(settings: Settings, tiles: usize) -> (ppo::Learner, Vec<Samples>) {
 }
 
 fn batch(tiles: usize) -> Batch {
-    Batch { steps: 24, environments: 256 * tiles, tile: 256 }
+    Batch { steps: 24, environments: 256 * tiles, tile: 256, share: Share::WHOLE }
 }
 
 fn flat(learner: &ppo::Learner) -> Vec<f64> {
@@ -30,7 +30,7 @@ fn flat(learner: &ppo::Learner) -> Vec<f64> {
 }
 
 /// ‖a − b‖ / ‖b‖.
-fn distance(a: impl IntoIterator<Item = f64>, b: &[f64]) -> f64 {
+pub fn distance(a: impl IntoIterator<Item = f64>, b: &[f64]) -> f64 {
     let norm = |numbers: &mut dyn Iterator<Item = f64>| numbers.map(|x| x * x).sum::<f64>().sqrt();
     norm(&mut a.into_iter().zip(b).map(|(a, b)| a - b)) / norm(&mut b.iter().copied())
 }

@@ -3,14 +3,14 @@
 
 use crate::host;
 
-use gaitfit_cuda::ppo::{Batch, Flat, Limits, Precision, Prepared};
+use gaitfit_cuda::ppo::{Batch, Flat, Limits, Precision, Prepared, Share};
 use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::ppo::{Learner, MemorySettings, Samples, Settings, Widths, bench::synthetic};
 use gaitfit_policy::network::{Activation, Cell, Memory};
 use host::{Arrays, bytes, doubles, floats};
 
 pub const WIDTHS: Widths = Widths { observation: 7, critic_observation: 35, action: 3 };
-pub const BATCH: Batch = Batch { steps: 20, environments: 13, tile: 8 };
+pub const BATCH: Batch = Batch { steps: 20, environments: 13, tile: 8, share: Share::WHOLE };
 pub const LIMITS: Limits = Limits { processors: 3, shared_memory: 232_448 };
 
 pub fn settings() -> Settings {
@@ -28,11 +28,15 @@ pub fn settings() -> Settings {
 
 /// A learner that has learned once, so that nothing is 0, and samples in two tiles of 8 and 5 environments.
 pub fn problem(settings: &Settings) -> (Learner, Vec<Samples>) {
+    problem_of(settings, [BATCH.tile, BATCH.environments - BATCH.tile])
+}
+
+/// As [`problem`], with other tiles.
+pub fn problem_of(settings: &Settings, environments: [usize; 2]) -> (Learner, Vec<Samples>) {
     let mut learner = Learner::new(settings.clone(), WIDTHS, 5).unwrap();
-    let tiles = |learner: &Learner, seed: u64| {
-        let mut tiles = synthetic(learner, 1, BATCH.tile, BATCH.steps, seed);
-        tiles.extend(synthetic(learner, 1, BATCH.environments - BATCH.tile, BATCH.steps, seed + 1));
-        tiles
+    let tiles = |learner: &Learner, seed: u64| -> Vec<Samples> {
+        let tile = |(number, &count)| synthetic(learner, 1, count, BATCH.steps, seed + number);
+        (0..).zip(&environments).flat_map(tile).collect()
     };
     learner.update(&mut tiles(&learner, 1), 0, 1).unwrap();
     let mut samples = tiles(&learner, 3);
@@ -304,7 +308,7 @@ fn cxx_numbers_that_are_none_stop_the_update() {
 #[ignore = "needs NVRTC: tools/setup_nvrtc.sh"]
 fn nvrtc_compiles_the_update_without_spills() {
     let widths = Widths { observation: 48, critic_observation: 48, action: 12 };
-    let batch = Batch { steps: 24, environments: 4096, tile: 256 };
+    let batch = Batch { steps: 24, environments: 4096, tile: 256, share: Share::WHOLE };
     for (memory, precision) in
         [Precision::Tf32, Precision::F32, Precision::Bf16].into_iter().flat_map(|p| [(false, p), (true, p)])
     {

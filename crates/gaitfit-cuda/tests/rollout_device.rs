@@ -28,13 +28,13 @@ fn task(name: &str) -> Task {
 }
 
 /// The velocity task with other settings.
-fn changed(change: impl FnOnce(&mut TaskSettings)) -> Task {
+pub fn changed(change: impl FnOnce(&mut TaskSettings)) -> Task {
     let mut settings: TaskSettings = toml::from_str(preset("velocity").unwrap()).unwrap();
     change(&mut settings);
     Task::new(&go2(), &settings, Preset::Fast).unwrap()
 }
 
-fn training(task: &Task, environments: usize, steps: usize) -> Training<'_> {
+pub fn training(task: &Task, environments: usize, steps: usize) -> Training<'_> {
     around(task, &Candidate::nominal(&go2()), environments, steps)
 }
 
@@ -45,12 +45,12 @@ fn around<'a>(task: &'a Task, candidate: &Candidate, environments: usize, steps:
     Training::new(task, Some(candidate), &settings, learner, SEED).unwrap()
 }
 
-fn origin() -> Origin {
+pub fn origin() -> Origin {
     Origin { robot: "go2".into(), model: String::new(), settings: String::new(), seed: SEED }
 }
 
 /// What a training has come to.
-fn state(training: &mut Training<'_>) -> (Vec<f32>, Vec<Snapshot>) {
+pub fn state(training: &mut Training<'_>) -> (Vec<f32>, Vec<Snapshot>) {
     let [actor, critic, log_std, first, second] = training.learner().tensors().map(|(_, numbers)| numbers);
     ([actor, critic, log_std, first, second].concat(), training.snapshots())
 }

@@ -7,16 +7,16 @@ use crate::settings::{self, TrainConfig};
 use crate::watch::Watch;
 use std::path::Path;
 
-fn training(seeds: &str, devices: &Devices) -> crate::train::Setup {
+fn training(seeds: &str, devices: &Devices) -> Result<crate::train::Setup, crate::Error> {
     let changes = ["train.environments=32", "train.steps=6", "train.iterations=2", seeds];
     let config: TrainConfig = settings::load(None, &changes.map(str::to_owned)).unwrap();
-    crate::train::setup(&config, "walk", None, 2, devices).unwrap()
+    crate::train::setup(&config, "walk", None, 2, devices)
 }
 
 /// What each seed of a training on `devices` ends with.
 fn policies(devices: &Devices) -> Vec<Vec<u8>> {
     let runs = tempfile::tempdir().unwrap();
-    let mut setup = training("seeds=[3, 1, 2]", &Device::Cpu.into());
+    let mut setup = training("seeds=[3, 1, 2]", &Device::Cpu.into()).unwrap();
     setup.devices = devices.clone();
     let folder = RunFolder::only(runs.path(), "walk").unwrap();
     let found = crate::train::train_in(&setup, &folder, &Watch::silent()).unwrap();
@@ -38,14 +38,23 @@ fn gpu_seeds_side_by_side_have_the_bits_of_those_trained_in_turn() {
 }
 
 #[test]
-fn of_several_gpus_those_without_a_seed_are_named() {
+fn several_gpus_train_a_seed_together_or_a_seed_each() {
     let two: Devices = "cuda:0,1".parse().unwrap();
-    let setup = training("seeds=[1]", &two);
-    assert_eq!(setup.devices, Device::Cuda(0).into());
-    assert!(setup.warnings.iter().any(|one| one.contains("of 2 GPUs cuda:0 is used for 1 seed (")));
-    let setup = training("seeds=[1, 2, 3]", &two);
+    for seeds in ["seeds=[1]", "seeds=[1, 2, 3]"] {
+        let setup = training(seeds, &two).unwrap();
+        assert_eq!(setup.devices, two);
+        assert!(!setup.warnings.iter().any(|one| one.contains("GPUs")), "{:?}", setup.warnings);
+    }
+    let three: Devices = "cuda:0,1,2".parse().unwrap();
+    let setup = training("seeds=[1, 2]", &three).unwrap();
     assert_eq!(setup.devices, two);
-    assert!(!setup.warnings.iter().any(|one| one.contains("GPUs")), "{:?}", setup.warnings);
+    assert!(
+        setup.warnings.iter().any(|one| one.contains("of 3 GPUs cuda:0,1 are used")),
+        "{:?}",
+        setup.warnings
+    );
+    let error = training("seeds=[1]", &three).map(drop).unwrap_err().to_string();
+    assert!(error.contains("32 robots") && error.contains("30 or 33"), "{error}");
 }
 
 /// A whole fit, from the settings to the results: searches of two costs and two seeds, and their intervals. The

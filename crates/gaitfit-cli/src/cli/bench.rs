@@ -1,6 +1,6 @@
 //! Arguments of `gaitfit bench`.
 
-use super::{Device, Preset};
+use super::{Device, Devices, Preset};
 use clap::{Args, Subcommand, ValueEnum};
 
 /// What to measure.
@@ -71,9 +71,10 @@ pub struct BenchTrain {
     /// Threads [default: one for each core]
     #[arg(long, value_name = "N")]
     pub threads: Option<std::num::NonZeroUsize>,
-    /// What computes: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used)
+    /// What computes: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs together), or auto (a GPU if one can be
+    /// used)
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
-    pub device: Device,
+    pub device: Devices,
     /// GPU: how exactly matrices are multiplied [default: as in a training]
     #[arg(long, value_name = "PRECISION")]
     pub precision: Option<Products>,

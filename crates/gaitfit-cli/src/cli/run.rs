@@ -119,7 +119,7 @@ pub struct Train {
     /// Number of seeds (3: the seeds 1, 2, 3), or a list (4,9) [default: the configuration's]
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
-    /// What computes: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the seeds), or auto (a GPU if
+    /// What computes: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the robots), or auto (a GPU if
     /// one can be used); a run may resume on another device [default: auto; with --resume the run's]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<super::Devices>,
@@ -159,7 +159,7 @@ pub struct Finetune {
     /// Number of seeds (3: the seeds 1, 2, 3), or a list (4,9) [default: the configuration's]
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
-    /// What computes: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the seeds), or auto (a GPU if
+    /// What computes: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the robots), or auto (a GPU if
     /// one can be used); a run may resume on another device [default: auto; with --resume the run's]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<super::Devices>,
@@ -175,7 +175,7 @@ pub struct Loop {
     /// Configuration (TOML); `gaitfit config loop` prints one with every default
     pub config: PathBuf,
     /// What fits and trains: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share a fit's candidates and
-    /// a training's seeds), or auto (a GPU if one can be used) [default: auto; with --resume the run's]
+    /// a training's robots), or auto (a GPU if one can be used) [default: auto; with --resume the run's]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<super::Devices>,
     /// How it runs.

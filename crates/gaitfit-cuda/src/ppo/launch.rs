@@ -2,20 +2,36 @@
 
 use crate::runtime::Shape;
 
+/// Which of the equal parts of a training's robots a GPU has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Share {
+    /// Its number, from 0: sums over all GPUs are in this order.
+    pub number: usize,
+    /// How many there are.
+    pub count: usize,
+}
+
+impl Share {
+    /// All robots on one GPU.
+    pub const WHOLE: Self = Self { number: 0, count: 1 };
+}
+
 /// Sizes of a rollout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Batch {
     /// Control steps.
     pub steps: usize,
-    /// Environments.
+    /// Environments, of this GPU.
     pub environments: usize,
     /// Environments of a tile of the CPU's learner, which numbers samples tile by tile: the deal of the samples is then
     /// the same. The last tile may be smaller.
     pub tile: usize,
+    /// Which environments these are of a training's.
+    pub share: Share,
 }
 
 impl Batch {
-    /// Samples in all.
+    /// Samples in all, of this GPU.
     pub fn rows(&self) -> usize {
         self.steps * self.environments
     }
@@ -65,6 +81,15 @@ impl Array {
     pub fn bytes(&self) -> u64 {
         self.length as u64 * self.kind.bytes() as u64
     }
+}
+
+/// Where the GPUs of a training tell each other numbers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Exchange {
+    /// Launches of the update before it.
+    pub before: usize,
+    /// Arrays of this GPU, each with the array that takes those of all GPUs, in order.
+    pub arrays: Vec<[Id; 2]>,
 }
 
 /// An argument of a kernel.

@@ -10,6 +10,7 @@ use super::plan::{CHECKED, Plan};
 use super::prepared::{Limits, Prepared, memories};
 use super::report::{LEARNING_RATE, STEPS};
 use super::storage::{Storage, Stored};
+use super::together::update_together;
 use crate::runtime::{Argument, CudaError, Device, Event, Graph, Kernel, Stream};
 
 /// Least compute capability: the matrix units' TF32.
@@ -27,7 +28,10 @@ pub struct Learner {
     /// What needs not wait runs here, between these marks.
     aside: Stream,
     marks: [Event; 2],
-    graph: Option<Graph>,
+    /// Of several GPUs: after what this one says in an exchange.
+    said: Event,
+    /// The update, in parts between which GPUs tell each other numbers; empty until it is first run.
+    graphs: Vec<Graph>,
     pub(super) batch: Batch,
     pub(super) settings: ppo::Settings,
     pub(super) widths: ppo::Widths,
@@ -86,7 +90,8 @@ impl Learner {
             stream,
             aside: Stream::new(device)?,
             marks: [Event::new(device)?, Event::new(device)?],
-            graph: None,
+            said: Event::mark(device)?,
+            graphs: Vec::new(),
             batch,
             settings,
             widths,
@@ -191,7 +196,7 @@ impl Learner {
     /// # Errors
     /// [`PpoError::Batch`] for samples of another size, [`PpoError::Update`] for arrays of wrong length.
     pub fn upload(&mut self, tiles: &[Samples]) -> Result<(), PpoError> {
-        let Batch { steps, environments, tile } = self.batch;
+        let Batch { steps, environments, tile, .. } = self.batch;
         let widths = environments.div_ceil(tile);
         let expected = |number: usize| tile.min(environments - number * tile);
         let fits = tiles.len() == widths
@@ -250,47 +255,74 @@ impl Learner {
         self.storage(name).map(Storage::argument)
     }
 
-    /// One update on the samples in the GPU's memory, as [`ppo::Learner::update`] does it.
+    /// One update on the samples in the GPU's memory, as [`ppo::Learner::update`] does it. Of several GPUs:
+    /// [`super::update_together`].
     ///
     /// # Errors
     /// [`PpoError::Update`] as there, or a failure of the GPU.
     pub fn update(&mut self, iteration: u32) -> Result<Diagnostics, PpoError> {
+        update_together(std::slice::from_mut(self), iteration)
+    }
+
+    /// Tells the kernels of an update what they must know.
+    pub(super) fn begin(&mut self, iteration: u32) -> Result<(), CudaError> {
         let warmup = self.settings.critic_warmup.unwrap_or(0);
         let flags = [u32::from(iteration < warmup), u32::from(warmup > 0 && iteration == warmup)];
         let [critic_alone, reset] = flags;
         let seed = [self.seed as u32, (self.seed >> 32) as u32];
-        self.write("control", &[iteration, critic_alone, reset, seed[0], seed[1]])?;
-        self.run()?;
-        let state = self.read::<f64>("state")?;
-        self.report(&state, iteration)
+        self.write("control", &[iteration, critic_alone, reset, seed[0], seed[1]])
     }
 
-    /// Starts the update's work once more without waiting, for timing; [`Learner::update`] has set what it needs.
-    ///
-    /// # Errors
-    /// [`CudaError`].
-    pub fn run(&mut self) -> Result<(), CudaError> {
-        if self.graph.is_none() {
-            let Plan { launches, apart, .. } = &self.plan;
-            let [fork, join] = &self.marks;
-            let start = |stream: &Stream, part: &[Launch]| {
-                part.iter().try_for_each(|launch| self.start(stream, launch))
-            };
-            let graph = self.stream.record(|stream| {
-                fork.record(stream)?;
-                self.aside.wait_for(fork)?;
-                start(&self.aside, &launches[apart.clone()])?;
-                join.record(&self.aside)?;
-                start(stream, &launches[..apart.start])?;
-                stream.wait_for(join)?;
-                start(stream, &launches[apart.end..])
-            });
-            self.graph = Some(graph?);
+    /// Records the update, unless it is recorded.
+    pub(super) fn record(&mut self) -> Result<(), CudaError> {
+        if !self.graphs.is_empty() {
+            return Ok(());
         }
-        match &mut self.graph {
-            Some(graph) => graph.launch(&self.stream),
-            None => Ok(()),
-        }
+        let Plan { launches, apart, .. } = &self.plan;
+        let [fork, join] = &self.marks;
+        let start =
+            |stream: &Stream, part: &[Launch]| part.iter().try_for_each(|launch| self.start(stream, launch));
+        let record = |(number, part): (usize, std::ops::Range<usize>)| {
+            self.stream.record(|stream| {
+                if part.start > apart.start {
+                    start(stream, &launches[part])?;
+                } else {
+                    fork.record(stream)?;
+                    self.aside.wait_for(fork)?;
+                    start(&self.aside, &launches[apart.clone()])?;
+                    join.record(&self.aside)?;
+                    start(stream, &launches[part.start..apart.start])?;
+                    stream.wait_for(join)?;
+                    start(stream, &launches[apart.end..part.end])?;
+                }
+                self.take(number, self)
+            })
+        };
+        self.graphs = self.plan.parts().into_iter().enumerate().map(record).collect::<Result<_, _>>()?;
+        Ok(())
+    }
+
+    /// Starts part `number` of the recorded update.
+    pub(super) fn launch(&mut self, number: usize) -> Result<(), CudaError> {
+        self.graphs.get_mut(number).map_or(Ok(()), |graph| graph.launch(&self.stream))
+    }
+
+    /// The mark after what this GPU says in an exchange.
+    pub(super) fn said(&self) -> &Event {
+        &self.said
+    }
+
+    /// The update's numbers for the host.
+    pub(super) fn state(&self) -> Result<Vec<f64>, CudaError> {
+        self.read("state")
+    }
+
+    /// Copies what another GPU, or this one, says in exchange number `exchange`, in this stream's order.
+    pub(super) fn take(&self, exchange: usize, from: &Self) -> Result<(), CudaError> {
+        let arrays = self.plan.exchanges.get(exchange).map_or(&[][..], |exchange| &exchange.arrays);
+        arrays.iter().try_for_each(|&[Id(own), Id(all)]| {
+            self.arrays[all].take_part(&self.stream, from.batch.share.number, &from.arrays[own])
+        })
     }
 
     /// The stream that the update runs on.

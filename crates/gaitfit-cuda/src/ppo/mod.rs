@@ -18,14 +18,16 @@ mod prepared;
 mod report;
 mod storage;
 mod text;
+mod together;
 
 pub use error::PpoError;
 pub use flat::Flat;
 pub use gaitfit_learn::ppo::Precision;
-pub use launch::{Array, Batch, Id, Kind, Launch, Value};
+pub use launch::{Array, Batch, Exchange, Id, Kind, Launch, Share, Value};
 pub use layout::TooWide;
 pub use learner::Learner;
 pub use plan::Plan;
 pub(crate) use prepared::check_networks;
 pub use prepared::{Limits, Prepared};
 pub(crate) use storage::{Storage, Stored};
+pub use together::{run_together, update_together};

@@ -14,13 +14,33 @@ pub(super) const STEPS: usize = 1;
 const FAULT: usize = 5;
 const FAULT_SAMPLES: f64 = 100.0;
 
+/// What an update says of itself: the same on all GPUs, but for numbers of samples that are none.
+pub(super) fn together(
+    learners: &[Learner],
+    states: &[Vec<f64>],
+    iteration: u32,
+) -> Result<Diagnostics, PpoError> {
+    let Some((learner, state)) = learners.iter().zip(states).next() else {
+        let (expected, found) = ("at least one GPU".to_owned(), "0".to_owned());
+        return Err(PpoError::Batch { expected, found });
+    };
+    if state[FAULT] == FAULT_SAMPLES {
+        for learner in learners {
+            if let Some(error) = learner.faulty_sample()? {
+                return Err(error.into());
+            }
+        }
+        let what = Culprit::PolicyLoss;
+        let error = UpdateError::NotFinite { culprit: what, iteration, epoch: 0, minibatch: 0 };
+        return Err(error.into());
+    }
+    learner.report(state, iteration)
+}
+
 impl Learner {
     /// The update's numbers, or what was not finite.
-    pub(super) fn report(&self, state: &[f64], iteration: u32) -> Result<Diagnostics, PpoError> {
+    fn report(&self, state: &[f64], iteration: u32) -> Result<Diagnostics, PpoError> {
         let fault = state[FAULT];
-        if fault == FAULT_SAMPLES {
-            return Err(self.faulty_sample()?.into());
-        }
         let culprits = [
             Culprit::PolicyLoss,
             Culprit::ValueLoss,
@@ -52,26 +72,25 @@ impl Learner {
     }
 
     /// Which number of the samples is not finite.
-    fn faulty_sample(&self) -> Result<UpdateError, CudaError> {
-        let Batch { environments, tile, .. } = self.batch;
+    fn faulty_sample(&self) -> Result<Option<UpdateError>, CudaError> {
+        let Batch { environments, tile, share, .. } = self.batch;
         for name in CHECKED {
             let numbers = self.read_f32(name)?;
             let rows = if name == "last_value" { environments } else { self.batch.rows() };
             let width = (numbers.len() / rows.max(1)).max(1);
             if let Some(place) = numbers.iter().position(|number| !number.is_finite()) {
                 let (row, element) = (place / width, place % width);
-                let environment = row % environments;
-                return Ok(UpdateError::from(SamplesError::NotFinite {
+                let environment = share.number * environments + row % environments;
+                return Ok(Some(UpdateError::from(SamplesError::NotFinite {
                     tile: environment / tile,
                     array: name,
                     step: row / environments,
                     environment: environment % tile,
                     element,
                     value: numbers[place],
-                }));
+                })));
             }
         }
-        let what = Culprit::PolicyLoss;
-        Ok(UpdateError::NotFinite { culprit: what, iteration: 0, epoch: 0, minibatch: 0 })
+        Ok(None)
     }
 }

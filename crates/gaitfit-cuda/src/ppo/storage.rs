@@ -52,6 +52,21 @@ impl Storage {
         }
     }
 
+    /// Copies another array of such numbers, of this GPU or another, to the places from its length times `number` on; what has
+    /// other numbers stays as it is.
+    ///
+    /// # Errors
+    /// A failure of the GPU; an array that does not fit.
+    pub(crate) fn take_part(&self, stream: &Stream, number: usize, other: &Self) -> Result<(), CudaError> {
+        match (self, other) {
+            (Self::F32(to), Self::F32(from)) => to.take_part(stream, number * from.len(), from),
+            (Self::F64(to), Self::F64(from)) => to.take_part(stream, number * from.len(), from),
+            (Self::U32(to), Self::U32(from)) => to.take_part(stream, number * from.len(), from),
+            (Self::U8(to), Self::U8(from)) => to.take_part(stream, number * from.len(), from),
+            _ => Ok(()),
+        }
+    }
+
     /// Fills it; what has other numbers stays as it is.
     ///
     /// # Errors

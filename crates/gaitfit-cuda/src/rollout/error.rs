@@ -5,7 +5,7 @@ use gaitfit_learn::task::TaskError;
 
 use crate::physics::DeviceError;
 use crate::ppo::PpoError;
-use crate::runtime::CudaError;
+use crate::runtime::{CudaError, Device};
 
 /// Why a GPU cannot train, or could not.
 #[derive(Debug, thiserror::Error)]
@@ -42,4 +42,53 @@ pub enum RolloutError {
     /// Something that only the CPU does.
     #[error("a training with {0} does not run on a GPU yet; use the CPU (--device cpu)")]
     Unsupported(String),
+    /// Robots that several GPUs cannot share.
+    #[error(
+        "{environments} robots cannot be shared evenly among {gpus} GPUs: take {} or {}, or another number of GPUs",
+        .environments / .gpus.max(&1) * .gpus, (.environments / .gpus.max(&1) + 1) * .gpus
+    )]
+    Uneven {
+        /// Robots of the training.
+        environments: usize,
+        /// GPUs.
+        gpus: usize,
+    },
+    /// GPUs that were to learn the same and did not.
+    #[error(
+        "cuda:{ordinal} has other weights than the first GPU: are the GPUs of one kind? Train on one GPU, or on GPUs of \
+         one kind"
+    )]
+    Apart {
+        /// The GPU's number.
+        ordinal: usize,
+    },
+    /// A failure of one GPU of several.
+    #[error("cuda:{ordinal}: {error}")]
+    On {
+        /// The GPU's number.
+        ordinal: usize,
+        /// What failed there.
+        error: Box<Self>,
+    },
+}
+
+impl RolloutError {
+    /// What failed, on whichever GPU.
+    pub fn cause(&self) -> &Self {
+        match self {
+            Self::On { error, .. } => error.cause(),
+            cause => cause,
+        }
+    }
+
+    /// Names the GPU, one of `gpus`, if it is the GPU's failure and there are several.
+    pub(super) fn on(self, device: &Device, gpus: usize) -> Self {
+        let ordinal = device.info().ordinal;
+        match self {
+            Self::Cuda(_) | Self::Physics(_) | Self::Ppo(_) if gpus > 1 => {
+                Self::On { ordinal, error: Box::new(self) }
+            }
+            error => error,
+        }
+    }
 }

@@ -1,5 +1,7 @@
 //! Environments of the CPU as the kernels' arrays, and back.
 
+use std::ops::Range;
+
 use gaitfit_learn::task::{Foot, Snapshot};
 use gaitfit_policy::observation::Layout;
 use gaitfit_sim::{Candidate, IMU_NUMBERS, Imu, RobotState};
@@ -135,9 +137,10 @@ impl Packed {
 }
 
 /// Errors of the environments' inertial units, with `candidates` in turn, as kernels read them: one row for each number.
-pub fn imu_rows(candidates: &[Candidate], environments: usize) -> Vec<f32> {
+pub fn imu_rows(candidates: &[Candidate], environments: Range<usize>) -> Vec<f32> {
     let numbers = |candidate: &Candidate| Imu::numbers(candidate.sensors.imu().as_ref());
     let units: Vec<[f32; IMU_NUMBERS]> = candidates.iter().map(numbers).collect();
-    let row = |k: usize| units.iter().map(move |unit| unit[k]).cycle().take(environments);
+    let first = environments.start % units.len().max(1);
+    let row = |k: usize| units.iter().map(move |unit| unit[k]).cycle().skip(first).take(environments.len());
     (0..IMU_NUMBERS).flat_map(row).collect()
 }

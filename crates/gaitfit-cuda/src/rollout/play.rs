@@ -9,7 +9,7 @@ use gaitfit_sim::Candidate;
 use super::run::Rollout;
 use super::scene::{Mode, Sizes};
 use super::{RolloutError, check};
-use crate::ppo::{Batch, Learner, PpoError, Precision};
+use crate::ppo::{Batch, Learner, PpoError, Precision, Share};
 use crate::runtime::{Device, Graph};
 
 /// Environments at once: the kernels of few are hardly faster, and many take memory.
@@ -71,12 +71,12 @@ impl<'a> Play<'a> {
         check(task, &candidates, &host).map_err(unsupported)?;
         let environments = count.clamp(ENVIRONMENTS.0, ENVIRONMENTS.1);
         let steps = STEPS.min(last as usize);
-        let batch = Batch { steps, environments, tile: Training::TILE };
+        let batch = Batch { steps, environments, tile: Training::TILE, share: Share::WHOLE };
         let mut learner = Learner::new(device, &host, batch, Precision::F32)?;
         learner.quiet()?;
         let networks = host.actor().parameters.len() + host.critic().parameters.len();
         let sizes = Sizes { steps, environments, networks, gamma: 1.0, remembered: 0, mode };
-        let rollout = Rollout::new(device, learner.stream(), task, &candidates, sizes, seed)?;
+        let rollout = Rollout::new(device, learner.stream(), task, &candidates, sizes, (seed, 0))?;
         let graph = learner.stream().record(|stream| rollout.start(stream, &learner))?;
         Ok(Self { graph, rollout, learner, subject: *subject, candidates, environments, steps, first: 0 })
     }

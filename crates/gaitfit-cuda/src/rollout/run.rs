@@ -26,7 +26,8 @@ pub struct Rollout<'a> {
 }
 
 impl<'a> Rollout<'a> {
-    /// Environments of `task` around `candidates` in turn, randomised by `seed`; [`Rollout::load`] says where they are. Refused
+    /// Environments of `task` around `candidates` in turn, randomised by `seed` as those from number `first` on;
+    /// [`Rollout::load`] says where they are. Refused
     /// before anything is allocated if the arrays do not fit into the GPU's free memory.
     ///
     /// # Errors
@@ -37,7 +38,7 @@ impl<'a> Rollout<'a> {
         task: &'a Task,
         candidates: &[Candidate],
         sizes: Sizes,
-        seed: u64,
+        (seed, first): (u64, u32),
     ) -> Result<Self, RolloutError> {
         let processors = usize::try_from(device.info().processors).unwrap_or(1);
         let period = Arc::new(Scene::period(task, candidates, sizes.environments, processors)?);
@@ -68,11 +69,12 @@ impl<'a> Rollout<'a> {
             })
             .collect::<Result<_, CudaError>>()?;
         let mut rollout = Self { task, period, sizes, batch, plan, own, kernels };
-        rollout.randomise(stream, candidates, seed, 0)?;
+        rollout.randomise(stream, candidates, seed, first)?;
+        let environments = first as usize..first as usize + sizes.environments;
         let deviation = |environment: usize| candidates[environment % candidates.len()].torque_noise;
-        let deviations: Vec<f64> = (0..sizes.environments).map(deviation).collect();
+        let deviations: Vec<f64> = environments.clone().map(deviation).collect();
         rollout.write(stream, "deviation", &deviations)?;
-        rollout.write(stream, "imu", &imu_rows(candidates, sizes.environments))?;
+        rollout.write(stream, "imu", &imu_rows(candidates, environments))?;
         Ok(rollout)
     }
 

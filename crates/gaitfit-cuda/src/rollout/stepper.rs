@@ -130,7 +130,7 @@ impl<'a> Stepper<'a> {
             Sizes { steps: 1, environments, networks: 0, gamma: 1.0, remembered: 0, mode: Mode::Steps };
         let stream = Stream::new(device)?;
         let mut rollout =
-            Rollout::new(device, &stream, task, candidates, sizes, seed).map_err(unsupported)?;
+            Rollout::new(device, &stream, task, candidates, sizes, (seed, 0)).map_err(unsupported)?;
         rollout.place(&stream, &Environment::among(task, candidates, seed, 0, 1)?.snapshot(0))?;
         rollout.write(&stream, "parameters", &vec![NO_EXPLORATION; task.walker.joints.len()])?;
         rollout.write(&stream, "refused", &[NONE])?;

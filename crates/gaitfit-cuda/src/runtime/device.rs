@@ -38,6 +38,8 @@ const CACHE: c_int = 38;
 const CAPABILITY_MAJOR: c_int = 75;
 const CAPABILITY_MINOR: c_int = 76;
 const SHARED_MEMORY: c_int = 97;
+/// `CUDA_ERROR_PEER_ACCESS_ALREADY_ENABLED`.
+const ALREADY_REACHED: c_int = 704;
 
 /// Number of GPUs that the driver shows.
 pub(super) fn count(driver: &Driver) -> Result<usize, CudaError> {
@@ -158,6 +160,40 @@ impl Device {
     /// GPU, and calls of this crate change it.
     pub fn visit(&self) -> Visit {
         self.context.visit()
+    }
+
+    /// Lets this GPU read the other's memory directly, if both can; whether they can. Copies between GPUs that cannot go
+    /// through the host's memory.
+    ///
+    /// # Errors
+    /// [`CudaError::Call`].
+    pub fn reach(&self, other: &Self) -> Result<bool, CudaError> {
+        let (own, far) = (&self.context, &other.context);
+        if own.info.ordinal == far.info.ordinal {
+            return Ok(true);
+        }
+        own.enter()?;
+        let doing = || format!("asking whether GPU {} reaches GPU {}", own.info.ordinal, far.info.ordinal);
+        let mut devices = [0; 2];
+        for (device, context) in devices.iter_mut().zip([own, far]) {
+            // SAFETY: the driver stores one int; the number is that of an opened GPU.
+            let code = unsafe { (own.driver.device_get)(device, context.info.ordinal as c_int) };
+            own.driver.check(code, doing)?;
+        }
+        let mut reached = 0;
+        // SAFETY: the driver stores one int.
+        let code = unsafe { (own.driver.can_reach)(&raw mut reached, devices[0], devices[1]) };
+        own.driver.check(code, doing)?;
+        if reached == 0 {
+            return Ok(false);
+        }
+        // SAFETY: both contexts are retained; the only flags are 0.
+        let code = unsafe { (own.driver.reach)(far.handle, 0) };
+        if code == ALREADY_REACHED {
+            return Ok(true);
+        }
+        let doing = || format!("letting GPU {} read from GPU {}", own.info.ordinal, far.info.ordinal);
+        own.driver.check(code, doing).map(|()| true)
     }
 
     /// Waits until all work on it is done, that of other libraries of this process too.

@@ -36,6 +36,9 @@ functions! {
         free = "cuMemFree_v2"(Address);
         copy_in = "cuMemcpyHtoDAsync_v2"(Address, *const c_void, usize, Handle);
         copy_out = "cuMemcpyDtoHAsync_v2"(*mut c_void, Address, usize, Handle);
+        copy_across = "cuMemcpyPeerAsync"(Address, Handle, Address, Handle, usize, Handle);
+        can_reach = "cuDeviceCanAccessPeer"(*mut c_int, c_int, c_int);
+        reach = "cuCtxEnablePeerAccess"(Handle, c_uint);
         copy_within = "cuMemcpyDtoDAsync_v2"(Address, Address, usize, Handle);
         fill_bytes = "cuMemsetD8Async"(Address, u8, usize, Handle);
         module_load = "cuModuleLoadData"(*mut Handle, *const c_void);

@@ -195,6 +195,33 @@ impl<T: Number> Buffer<T> {
         };
         self.context.driver.check(code, || format!("copying `{}` to `{}`", other.name, self.name))
     }
+
+    /// Copies another array, of this GPU or another, to the places from `first` on, in the order of this GPU's `stream`. Whoever
+    /// writes the other array waits for that by its own means.
+    ///
+    /// # Errors
+    /// [`CudaError::Length`] if it does not fit, [`CudaError::Call`].
+    pub fn take_part(&self, stream: &Stream, first: usize, other: &Self) -> Result<(), CudaError> {
+        let end = first.saturating_add(other.length);
+        if end > self.length {
+            return Err(CudaError::Length { buffer: self.name.clone(), expected: self.length, found: end });
+        }
+        if other.length == 0 {
+            return Ok(());
+        }
+        self.context.enter()?;
+        let to = self.address + (first * size_of::<T>()) as u64;
+        let (own, far) = (self.context.handle, other.context.handle);
+        // SAFETY: both arrays have that many bytes from there on, each in its context's memory, and live at least until the
+        // driver frees them, which waits for the GPU.
+        let code = if own == far {
+            unsafe { (self.context.driver.copy_within)(to, other.address, other.bytes(), stream.handle()) }
+        } else {
+            let driver = self.context.driver;
+            unsafe { (driver.copy_across)(to, own, other.address, far, other.bytes(), stream.handle()) }
+        };
+        self.context.driver.check(code, || format!("copying `{}` to `{}`", other.name, self.name))
+    }
 }
 
 impl<T> Drop for Buffer<T> {

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::fmt::Write;
 use std::process::Command;
 
-use gaitfit_cuda::ppo::{Array, Launch, Plan, Value};
+use gaitfit_cuda::ppo::{Array, Id, Launch, Plan, Value};
 use gaitfit_cuda::runtime::Program;
 
 /// Arrays by name, as bytes.
@@ -46,6 +46,61 @@ pub fn run(text: &str, plan: &Plan, arrays: &Arrays, zeros: &[&str]) -> Arrays {
     let folder = execute(text, &plan.arrays, &files.collect(), zeros, &statements);
     let read = |name: &str| std::fs::read(folder.path().join(format!("{name}.out"))).unwrap();
     plan.arrays.iter().map(|array| (array.name, read(array.name))).collect()
+}
+
+/// As [`run`], the plans of all GPUs of a training, in order: between their parts each takes what the others say. The plans have
+/// the same text.
+pub fn run_together(text: &str, plans: &[&Plan], arrays: &[Arrays], zeros: &[&str]) -> Vec<Arrays> {
+    let name = |name: &str, number: usize| -> &'static str { format!("{name}.{number}").leak() };
+    let (mut all, mut files, mut statements) = (Vec::new(), HashMap::new(), String::new());
+    let mut firsts = Vec::new();
+    for (number, (plan, arrays)) in plans.iter().zip(arrays).enumerate() {
+        firsts.push(all.len());
+        all.extend(plan.arrays.iter().map(|array| Array { name: name(array.name, number), ..array.clone() }));
+        files.extend(arrays.iter().map(|(array, bytes)| (name(array, number).to_owned(), bytes.clone())));
+    }
+    let moved = |launch: &Launch, first: usize| {
+        let value = |value: &Value| match *value {
+            Value::Array(Id(number)) => Value::Array(Id(first + number)),
+            other => other,
+        };
+        call(&Launch { arguments: launch.arguments.iter().map(value).collect(), ..launch.clone() })
+    };
+    for (plan, &first) in plans.iter().zip(&firsts) {
+        plan.pack.iter().for_each(|launch| statements.push_str(&moved(launch, first)));
+    }
+    for part in 0..plans[0].parts().len() {
+        for (plan, &first) in plans.iter().zip(&firsts) {
+            let launches = &plan.launches[plan.parts()[part].clone()];
+            launches.iter().for_each(|launch| statements.push_str(&moved(launch, first)));
+        }
+        let Some(exchange) = plans[0].exchanges.get(part) else { continue };
+        for &[Id(own), Id(of_all)] in &exchange.arrays {
+            let bytes = plans[0].arrays[own].bytes();
+            assert_eq!(plans[0].arrays[of_all].bytes(), plans.len() as u64 * bytes);
+            for to in &firsts {
+                for (number, from) in firsts.iter().enumerate() {
+                    let (to, from) = (to + of_all, from + own);
+                    writeln!(
+                        statements,
+                        "    memcpy(all[{to}].data() + {number} * {bytes}, all[{from}].data(), {bytes});"
+                    )
+                    .unwrap();
+                }
+            }
+        }
+    }
+    for array in &all {
+        writeln!(statements, "    {}", keep(&all, array.name, "out")).unwrap();
+    }
+    let zeros: Vec<&str> =
+        (0..plans.len()).flat_map(|number| zeros.iter().map(move |zero| name(zero, number))).collect();
+    let folder = execute(text, &all, &files, &zeros, &statements);
+    let read = |name: &str| std::fs::read(folder.path().join(format!("{name}.out"))).unwrap();
+    let of = |(number, plan): (usize, &&Plan)| {
+        plan.arrays.iter().map(|array| (array.name, read(name(array.name, number)))).collect()
+    };
+    plans.iter().enumerate().map(of).collect()
 }
 
 /// The C++ statement that writes an array into the file `name.suffix`.

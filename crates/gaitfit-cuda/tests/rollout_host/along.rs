@@ -231,7 +231,7 @@ pub fn inputs(start: &Packed, params: &[f32], candidate: &Candidate) -> HashMap<
         ("robot_memory", f(&start.memory)),
         ("robot_params", f(params)),
         ("deviation", bytes(&[candidate.torque_noise; ENVIRONMENTS], f64::to_ne_bytes)),
-        ("imu", f(&imu_rows(std::slice::from_ref(candidate), ENVIRONMENTS))),
+        ("imu", f(&imu_rows(std::slice::from_ref(candidate), 0..ENVIRONMENTS))),
         ("steps", w(&start.steps)),
         ("fresh", w(&start.fresh)),
         ("command", f(&start.command)),

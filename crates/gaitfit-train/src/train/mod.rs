@@ -35,18 +35,19 @@ pub fn train_in(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<
     })
 }
 
-/// Trains the seeds one after the other, or as many at a time as there are GPUs.
+/// Trains the seeds one after the other, or as many at a time as there are groups of GPUs.
 fn seeds(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<(), Error> {
-    let (seeds, devices) = (&setup.plan.seeds, &setup.devices);
-    if devices.all().len() == 1 {
-        return seeds.iter().try_for_each(|&seed| seed::train(setup, folder, seed, devices.first(), watch));
+    let seeds = &setup.plan.seeds;
+    let groups = setup.devices.groups(seeds.len());
+    if let [all] = &groups[..] {
+        return seeds.iter().try_for_each(|&seed| seed::train(setup, folder, seed, all, watch));
     }
     let names: Vec<String> = seeds.iter().map(|seed| format!("seed {seed}")).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let train = |number: usize, worker: usize, watch: &Watch<'_>| {
-        seed::train(setup, folder, seeds[number], devices.device(worker), watch)
+        seed::train(setup, folder, seeds[number], &groups[worker % groups.len()], watch)
     };
-    together(&names, devices.all().len(), watch, &train).map(drop)
+    together(&names, groups.len(), watch, &train).map(drop)
 }
 
 /// The learning curves of a finished run.

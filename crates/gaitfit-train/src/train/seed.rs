@@ -3,7 +3,7 @@
 use super::metrics::{self, Metric};
 use super::setup::Setup;
 use crate::Error;
-use crate::device::{Device, Trainer, start_training, store_training};
+use crate::device::{Devices, Trainer, start_training, store_training};
 use crate::run::RunFolder;
 use crate::tensorboard::EventFile;
 use crate::watch::{Watch, Work};
@@ -43,12 +43,12 @@ impl Files {
     }
 }
 
-/// Trains a seed to its end on `device`, from its checkpoint if it has one.
+/// Trains a seed to its end on `devices`, of which several GPUs share the robots, from its checkpoint if it has one.
 pub fn train(
     setup: &Setup,
     folder: &RunFolder,
     seed: u64,
-    device: Device,
+    devices: &Devices,
     watch: &Watch<'_>,
 ) -> Result<(), Error> {
     let files = Files::new(seed);
@@ -62,7 +62,8 @@ pub fn train(
     };
     let training = training.map_err(Error::settings)?;
     let (trainer, before, begun) = (None, 0.0, Instant::now());
-    let mut session = Session { setup, folder, files, seed, device, training, trainer, before, begun, watch };
+    let mut session =
+        Session { setup, folder, files, seed, devices, training, trainer, before, begun, watch };
     session.start()?;
     session.run()
 }
@@ -73,7 +74,7 @@ struct Session<'a> {
     folder: &'a RunFolder,
     files: Files,
     seed: u64,
-    device: Device,
+    devices: &'a Devices,
     training: Training<'a>,
     /// The training on a GPU; then `training` is what was last saved.
     trainer: Option<Trainer<'a>>,
@@ -108,10 +109,11 @@ impl Session<'_> {
             }
             None => self.save()?,
         }
-        if let Some(device) = self.device.open()? {
-            match start_training(&device, &mut self.training) {
+        let gpus = self.devices.open()?;
+        if !gpus.is_empty() {
+            match start_training(&gpus, &mut self.training) {
                 Ok(trainer) => self.trainer = Some(trainer),
-                Err(error) => match self.device.instead(&error) {
+                Err(error) => match self.devices.instead(&error) {
                     Some(note) => self.watch.note(&note),
                     None => return Err(error),
                 },

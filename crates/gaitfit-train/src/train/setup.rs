@@ -179,10 +179,10 @@ impl Setup {
     }
 
     /// Takes the processor where `auto` found a GPU that does not train what is asked for, and of several GPUs those that
-    /// have a seed to train.
+    /// have a seed to train, alone or with others.
     ///
     /// # Errors
-    /// A GPU that was asked for and does not.
+    /// A GPU that was asked for and does not; robots that GPUs cannot share evenly.
     pub(crate) fn settle_device(&mut self, learner: &Learner) -> Result<(), Error> {
         let candidates = if self.drawn.is_empty() { self.candidate.as_slice() } else { &self.drawn };
         let (device, note) = self.devices.first().for_training(&self.scene, candidates, learner)?;
@@ -192,13 +192,24 @@ impl Setup {
             return Ok(());
         }
         let (asked, seeds) = (self.devices.all().len(), self.plan.seeds.len());
-        if asked > seeds {
-            self.devices = self.devices.for_tasks(seeds);
-            let (plural, verb) = if seeds == 1 { ("", "is") } else { ("s", "are") };
+        self.devices = self.devices.in_groups(seeds);
+        let used = self.devices.all().len();
+        if used < asked {
             self.warnings.push(format!(
-                "a seed is trained on one GPU: of {asked} GPUs {} {verb} used for {seeds} seed{plural} (--seeds trains more)",
+                "each of the {seeds} seeds is trained on equally many GPUs: of {asked} GPUs {} are used",
                 self.devices
             ));
+        }
+        let (each, robots) = (used / self.devices.groups(seeds).len(), self.plan.train.environments);
+        if !robots.is_multiple_of(each) {
+            let fewer = robots / each * each;
+            let fewer = if fewer > 0 { format!("{fewer} or ") } else { String::new() };
+            return Err(Error::settings(format!(
+                "train.environments = {robots} robots cannot be shared evenly among {each} GPUs ({}); take {fewer}{}, or \
+                 name other GPUs with --device",
+                self.devices,
+                robots / each * each + each
+            )));
         }
         Ok(())
     }

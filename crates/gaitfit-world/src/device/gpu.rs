@@ -73,13 +73,13 @@ pub fn collect(
     rollout::collect(gpu, subject, options, cancel).map(Option::unwrap_or_default).map_err(rollout_error)
 }
 
-/// Continues `training` on a GPU.
+/// Continues `training` on a GPU, or on several together.
 ///
 /// # Errors
-/// What the GPU does not do, or its failure.
-pub fn start_training<'a>(gpu: &Gpu, training: &mut Training<'a>) -> Result<Trainer<'a>, Error> {
+/// What a GPU does not do, or its failure.
+pub fn start_training<'a>(gpus: &[Gpu], training: &mut Training<'a>) -> Result<Trainer<'a>, Error> {
     let precision = training.learner().settings().precision;
-    Trainer::new(gpu, training, precision).map_err(rollout_error)
+    Trainer::together(gpus, training, precision).map_err(rollout_error)
 }
 
 /// Brings the state of `trainer` back into `training`.
@@ -97,17 +97,18 @@ pub fn cuda_error(error: &CudaError) -> Error {
 
 /// Why a training on a GPU cannot be, or stopped.
 pub fn rollout_error(error: RolloutError) -> Error {
-    match error {
-        RolloutError::Cuda(error) => cuda_error(&error),
+    match error.cause() {
+        RolloutError::Cuda(cause) if cause.is_missing() => Error::Missing(error.to_string()),
         RolloutError::Unsupported(_)
         | RolloutError::Trials(_)
+        | RolloutError::Uneven { .. }
         | RolloutError::Ppo(
             PpoError::Unsupported(_)
             | PpoError::TooWide(_)
             | PpoError::TooOld { .. }
             | PpoError::TooMany { .. },
         ) => Error::Refused(error.to_string()),
-        error => Error::failed(error),
+        _ => Error::failed(error),
     }
 }
 
@@ -135,6 +136,12 @@ mod tests {
             matches!(missing, Error::Missing(_)) && missing.to_string().contains("cuda:1: "),
             "{missing}"
         );
+        let (what, gib) = ("samples".to_owned(), 1 << 30);
+        let full = CudaError::Memory { what, ordinal: 1, needed: 9 * gib, free: gib, total: 80 * gib };
+        let full = rollout_error(RolloutError::On { ordinal: 1, error: Box::new(full.into()) }).to_string();
+        assert!(full.contains("cuda:1: `samples` needs 9.0 GiB"), "{full}");
+        let uneven = rollout_error(RolloutError::Uneven { environments: 64, gpus: 3 });
+        assert!(uneven.refusal().unwrap().contains("63 or 66"), "{uneven}");
         let wide = on(FitError::TooWide { needed: 9, rows: 4, available: 8 });
         assert!(wide.refusal().unwrap().contains("cuda:1: "), "{wide}");
     }

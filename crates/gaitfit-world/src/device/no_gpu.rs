@@ -94,8 +94,11 @@ pub fn collect(
 ///
 /// # Errors
 /// None.
-pub fn start_training<'a>(gpu: &Gpu, _training: &mut Training<'a>) -> Result<Trainer<'a>, Error> {
-    match gpu.never {}
+pub fn start_training<'a>(gpus: &[Gpu], _training: &mut Training<'a>) -> Result<Trainer<'a>, Error> {
+    match gpus.first() {
+        Some(gpu) => match gpu.never {},
+        None => Err(absent(Device::Cuda(0))),
+    }
 }
 
 /// Brings the state of a trainer back.

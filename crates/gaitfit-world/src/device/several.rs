@@ -67,10 +67,28 @@ impl Devices {
         self.0.get(worker % self.0.len().max(1)).copied().unwrap_or_default()
     }
 
-    /// Those that `tasks` tasks keep busy, one each: the first ones.
+    /// What trains each of `seeds` seeds: groups of equally many, as many seeds at a time as there are groups. Several GPUs
+    /// of a group train one seed together.
+    pub fn groups(&self, seeds: usize) -> Vec<Self> {
+        let groups = seeds.clamp(1, self.0.len().max(1));
+        let each = (self.0.len() / groups).max(1);
+        self.0.chunks_exact(each).take(groups).map(|group| Self(group.to_vec())).collect()
+    }
+
+    /// Those that are in a group.
     #[must_use]
-    pub fn for_tasks(&self, tasks: usize) -> Self {
-        Self(self.0.iter().copied().take(tasks.max(1)).collect())
+    pub fn in_groups(&self, seeds: usize) -> Self {
+        Self(self.groups(seeds).into_iter().flat_map(|group| group.0).collect())
+    }
+
+    /// As many of them, from the first on, as can share `robots` evenly in each group.
+    #[must_use]
+    pub fn sharing(&self, seeds: usize, robots: usize) -> Self {
+        let even = |count: &usize| {
+            let some = Self(self.0.iter().copied().take(*count).collect()).in_groups(seeds);
+            (some.groups(seeds).iter().all(|group| robots.is_multiple_of(group.0.len()))).then_some(some)
+        };
+        (1..=self.0.len()).rev().find_map(|count| even(&count)).unwrap_or_else(|| self.first().into())
     }
 
     /// Whether GPUs compute.
@@ -149,7 +167,15 @@ mod tests {
     fn several_gpus_are_a_list() {
         let two: Devices = "cuda:2,0".parse().unwrap();
         assert_eq!(two.to_string(), "cuda:2,0");
-        assert_eq!((two.for_tasks(1).to_string(), two.for_tasks(9)), ("cuda:2".to_owned(), two.clone()));
+        let names = |all: Vec<Devices>| all.iter().map(ToString::to_string).collect::<Vec<_>>();
+        assert_eq!(names(two.groups(1)), ["cuda:2,0"]);
+        assert_eq!(names(two.groups(9)), ["cuda:2", "cuda:0"]);
+        let five: Devices = "cuda:0,1,2,3,4".parse().unwrap();
+        assert_eq!(names(five.groups(2)), ["cuda:0,1", "cuda:2,3"]);
+        assert_eq!(five.in_groups(2).to_string(), "cuda:0,1,2,3");
+        assert_eq!(five.sharing(1, 4096).to_string(), "cuda:0,1,2,3");
+        assert_eq!(five.sharing(2, 4095).to_string(), "cuda:0,1");
+        assert_eq!(names(Devices::from(Device::Cpu).groups(3)), ["cpu"]);
         assert_eq!([0, 1, 2].map(|worker| two.device(worker)), [2, 0, 2].map(Device::Cuda));
         assert_eq!("cuda".parse::<Devices>().unwrap().all(), [Device::Cuda(0)]);
         assert_eq!("cpu".parse::<Devices>().unwrap().device(3), Device::Cpu);

@@ -220,7 +220,7 @@ impl<'a> Stages<'a> {
             files: finetune::Files::default(),
             task: None,
             threads: std::num::NonZeroUsize::new(self.setup.threads),
-            devices: self.setup.devices.for_tasks(config.seeds.len()),
+            devices: self.setup.devices.sharing(config.seeds.len(), config.train.environments),
         })?;
         self.announce(&format!(
             "{stage}: {} is trained further for {} iterations with {} robots",

@@ -41,8 +41,8 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
         iterations: args.iterations.get().saturating_add(WARM_UP),
     };
     settings.check().map_err(Failure::usage)?;
-    if let Some(ordinal) = args.device.gpu() {
-        return super::train_cuda::run(args, &settings, ordinal);
+    if args.device.are_gpus() {
+        return super::train_cuda::run(args, &settings);
     }
     let model = robot::go2()?;
     let scene = Task::new(&model, &config.task.settings, config.preset).map_err(Failure::failed)?;

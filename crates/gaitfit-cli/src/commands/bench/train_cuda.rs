@@ -53,8 +53,19 @@ struct Parts {
 /// What a training has come to.
 type State = (Vec<f32>, Vec<Snapshot>);
 
+/// What the GPUs are.
+fn names(devices: &[Device]) -> String {
+    let names: Vec<&str> = devices.iter().map(|device| &device.info().name[..]).collect();
+    match names.first() {
+        Some(first) if names.len() > 1 && names.iter().all(|name| name == first) => {
+            format!("{} × {first}", names.len())
+        }
+        _ => names.join(", "),
+    }
+}
+
 /// Trains from nothing and prints medians over the measured iterations.
-pub fn run(args: &BenchTrain, settings: &TrainingSettings, ordinal: usize) -> Result<(), Failure> {
+pub fn run(args: &BenchTrain, settings: &TrainingSettings) -> Result<(), Failure> {
     let begin = Instant::now();
     let config = TrainConfig::default();
     let precision = match args.precision {
@@ -63,7 +74,7 @@ pub fn run(args: &BenchTrain, settings: &TrainingSettings, ordinal: usize) -> Re
         Some(Products::Tf32) => Precision::Tf32,
         Some(Products::F32) => Precision::F32,
     };
-    let device = Device::open(ordinal).map_err(|error| cuda_error(&error))?;
+    let devices = args.device.open()?;
     let model = robot::go2()?;
     let task = Task::new(&model, &config.task.settings, config.preset).map_err(Failure::failed)?;
     let training = || -> Result<Training<'_>, Failure> {
@@ -72,7 +83,7 @@ pub fn run(args: &BenchTrain, settings: &TrainingSettings, ordinal: usize) -> Re
     };
     let (mut measured, mut start_seconds): (Vec<Iteration>, f64) = (Vec::new(), 0.0);
     let mut train = |host: &mut Training<'_>| -> Result<State, RolloutError> {
-        let mut trainer = Trainer::new(&device, host, precision)?;
+        let mut trainer = Trainer::together(&devices, host, precision)?;
         start_seconds =
             start_seconds.max(if measured.is_empty() { begin.elapsed().as_secs_f64() } else { 0.0 });
         while !trainer.finished() {
@@ -87,7 +98,7 @@ pub fn run(args: &BenchTrain, settings: &TrainingSettings, ordinal: usize) -> Re
     let mut host = training()?;
     let first = train(&mut host).map_err(rollout_error)?;
     let same_bits = train(&mut training()?).map_err(rollout_error)? == first;
-    let mut trainer = Trainer::new(&device, &mut host, precision).map_err(rollout_error)?;
+    let mut trainer = Trainer::together(&devices, &mut host, precision).map_err(rollout_error)?;
     let parts = trainer.breakdown().map_err(rollout_error)?;
     let iteration_seconds = median(&measured, |it| it.rollout_seconds + it.update_seconds);
     let kernels = trainer.rollout().resources().map_err(|error| cuda_error(&error))?;
@@ -96,7 +107,7 @@ pub fn run(args: &BenchTrain, settings: &TrainingSettings, ordinal: usize) -> Re
         rollout_seconds: median(&measured, |it| it.rollout_seconds),
         update_seconds: median(&measured, |it| it.update_seconds),
         samples_per_second: (args.environments * args.steps) as f64 / iteration_seconds,
-        device: device.info().name.clone(),
+        device: names(&devices),
         precision,
         breakdown: Parts {
             observe: parts.observe,
@@ -127,7 +138,7 @@ pub fn run(args: &BenchTrain, settings: &TrainingSettings, ordinal: usize) -> Re
         "{:.2} ms an iteration (median of {}): rollout {:.2} ms, update {:.2} ms; {:.2} M samples/s\n\
          GPU alone: observations {:.2} ms, networks {:.2} ms, exploration {:.2} ms, physics {:.2} ms, rewards and new \
          episodes {:.2} ms; rollout {:.2} ms, update {:.2} ms\n\
-         {} environments × {} steps × {} substeps, {} epochs × {} minibatches; {}, {} of its memory, started in {:.1} s, \
+         {} environments × {} steps × {} substeps, {} epochs × {} minibatches; {}, {} of the first one's memory, started in {:.1} s, \
          {}\n",
         1e3 * document.iteration_seconds,
         document.iterations,

@@ -88,6 +88,61 @@ KERNEL gae(
     }
 }
 
+// Numbers of a GPU that all GPUs need before they can normalise: three means, three sums of squared differences, and
+// whether its samples are faulty.
+enum { MEANS, SQUARES = 3, FAULTY = 6, ADVANTAGE_NUMBERS };
+
+// Means of advantages, returns and the values' errors over this GPU's rows, and sums of squares about them: one block of
+// 1024 threads.
+KERNEL advantages_share(
+    u32 rows, const float* advantage, const float* returns, const float* value, const double* state, double* share
+) {
+    double sums[3] = {}, squares[3] = {}, means[3];
+#pragma unroll 8
+    for (u32 i = threadIdx.x; i < rows; i += blockDim.x) {
+        sums[0] += advantage[i];
+        sums[1] += returns[i];
+        sums[2] += (double)returns[i] - (double)value[i];
+    }
+    for (int k = 0; k < 3; k++) means[k] = block_sum(sums[k]) / (double)rows;
+#pragma unroll 8
+    for (u32 i = threadIdx.x; i < rows; i += blockDim.x) {
+        double a = advantage[i] - means[0], r = returns[i] - means[1];
+        double e = (double)returns[i] - (double)value[i] - means[2];
+        squares[0] += a * a;
+        squares[1] += r * r;
+        squares[2] += e * e;
+    }
+    for (int k = 0; k < 3; k++) squares[k] = block_sum(squares[k]);
+    if (threadIdx.x != 0) return;
+    for (int k = 0; k < 3; k++) share[MEANS + k] = means[k], share[SQUARES + k] = squares[k];
+    share[FAULTY] = state[FAULT];
+}
+
+// As `advantages`, for this GPU's rows, from the numbers of all `count` GPUs, which have `rows` rows each.
+KERNEL advantages_together(u32 rows, u32 normalise, u32 count, const double* shares, float* advantage, double* state) {
+    double means[3] = {}, squares[3] = {}, faulty = 0.0;
+    for (u32 c = 0; c < count; c++) {
+        for (int k = 0; k < 3; k++) means[k] += shares[c * ADVANTAGE_NUMBERS + MEANS + k];
+        faulty = fmax(faulty, shares[c * ADVANTAGE_NUMBERS + FAULTY]);
+    }
+    for (int k = 0; k < 3; k++) means[k] /= (double)count;
+    for (u32 c = 0; c < count; c++)
+        for (int k = 0; k < 3; k++) {
+            double apart = shares[c * ADVANTAGE_NUMBERS + MEANS + k] - means[k];
+            squares[k] += shares[c * ADVANTAGE_NUMBERS + SQUARES + k] + (double)rows * apart * apart;
+        }
+    if (blockIdx.x == 0 && threadIdx.x == 0) {
+        state[FAULT] = faulty;
+        state[EXPLAINED_VARIANCE] = squares[1] > 0.0 ? 1.0 - squares[2] / squares[1] : 0.0;
+    }
+    if (!normalise) return;
+    double all = (double)count * (double)rows;
+    double factor = 1.0 / (sqrt(squares[0] / (all > 1.0 ? all - 1.0 : 1.0)) + 1e-8);
+    for (u32 i = blockIdx.x * blockDim.x + threadIdx.x; i < rows; i += gridDim.x * blockDim.x)
+        advantage[i] = (float)((advantage[i] - means[0]) * factor);
+}
+
 // Explained variance, and advantages of mean 0 and deviation 1 if `normalise`: one block of 1024 threads.
 KERNEL advantages(u32 rows, u32 normalise, float* advantage, const float* returns, const float* value, double* state) {
     double sum_a = 0.0, sum_r = 0.0, sum_e = 0.0;

@@ -26,6 +26,27 @@ KERNEL statistics_of(u32 rows, u32 width, u32 chunk, const float* observation, d
     }
 }
 
+// Joins the statistics of column `c` of parts of `chunk` rows, in order.
+DEVICE void join_parts(
+    u32 rows, u32 width, u32 chunk, u32 blocks, const double* parts, u32 c, double& mean, double& squares, double& count
+) {
+    mean = 0.0, squares = 0.0, count = 0.0;
+    for (u32 b = 0; b < blocks; b++) {
+        double other = b + 1 < blocks ? chunk : rows - (blocks - 1) * chunk, total = count + other;
+        double delta = parts[(u64)b * 2 * width + c] - mean;
+        mean += delta * (other / total);
+        squares += parts[((u64)b * 2 + 1) * width + c] + delta * delta * count * (other / total);
+        count = total;
+    }
+}
+
+// The same of all columns, for the other GPUs: `share` is 2 x width. One block.
+KERNEL statistics_share(u32 rows, u32 width, u32 chunk, u32 blocks, const double* parts, double* share) {
+    double count;
+    for (u32 c = threadIdx.x; c < width; c += blockDim.x)
+        join_parts(rows, width, chunk, blocks, parts, c, share[c], share[width + c], count);
+}
+
 // Joins the blocks' statistics in order, then joins them to the running ones (Chan, Golub, LeVeque 1979). One block.
 KERNEL statistics_join(
     u32 rows, u32 width, u32 chunk, u32 blocks, const double* parts, const double* state, double* statistics
@@ -35,14 +56,8 @@ KERNEL statistics_join(
     __syncthreads();
     if (state[FAULT] != 0.0) return;
     for (u32 c = threadIdx.x; c < width; c += blockDim.x) {
-        double mean = 0.0, squares = 0.0, count = 0.0;
-        for (u32 b = 0; b < blocks; b++) {
-            double other = b + 1 < blocks ? chunk : rows - (blocks - 1) * chunk, total = count + other;
-            double delta = parts[(u64)b * 2 * width + c] - mean;
-            mean += delta * (other / total);
-            squares += parts[((u64)b * 2 + 1) * width + c] + delta * delta * count * (other / total);
-            count = total;
-        }
+        double mean, squares, count;
+        join_parts(rows, width, chunk, blocks, parts, c, mean, squares, count);
         double total = old_count + count, share = old_count / total, other_share = count / total;
         double delta = mean - statistics[c];
         statistics[c] += delta * other_share;

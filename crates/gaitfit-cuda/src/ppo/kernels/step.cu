@@ -89,47 +89,51 @@ DEVICE void finish(
     policy_constants(log_std, old_log_std, constants, state);
 }
 
-// Adds up the blocks' parts of each parameter's derivative, in order. `map`: where each parameter's part lies in
-// its network's gradient. `squares`: 2 x blocks of this launch, the sums of squares of the actor's and of the critic's part, and
-// behind them the sums of the losses.
-// The last block to be done, counted by `reduced`, finishes the step but for the networks' parameters.
-KERNEL reduce(
-    u32 epoch, u32 minibatch, u32 rows, u32 actor_blocks, u32 critic_blocks, const u32* control, const float* partial,
-    const u32* map, float* gradient, double* squares, u32* reduced, const double* sums, float* parameters, float* moments,
-    const float* old_log_std, float* constants, double* state
-#if MEMORY
-    , u32 memory_blocks, const double* memory_squares
-#endif
-) {
-    __shared__ bool last;
+// Adds up the blocks' sums of each loss, in order, into `totals`.
+DEVICE void add_losses(u32 blocks, const double* sums, double* totals) {
     __shared__ double parts[8];
     // Eight threads a loss: one alone would wait for memory too often.
     for (u32 q = blockIdx.x; q < LOSSES + ACTIONS; q += gridDim.x) {
         if (threadIdx.x < 8) {
             double sum = 0.0;
 #pragma unroll 8
-            for (u32 b = threadIdx.x; b < actor_blocks + critic_blocks; b += 8) sum += sums[b * (LOSSES + ACTIONS) + q];
+            for (u32 b = threadIdx.x; b < blocks; b += 8) sum += sums[b * (LOSSES + ACTIONS) + q];
             parts[threadIdx.x] = sum;
         }
         __syncthreads();
         if (threadIdx.x == 0) {
             double sum = 0.0;
             for (u32 part = 0; part < 8; part++) sum += parts[part];
-            squares[2 * gridDim.x + q] = sum;
+            totals[q] = sum;
         }
         __syncthreads();
     }
-    u32 i = blockIdx.x * blockDim.x + threadIdx.x;
+}
+
+// Adds up the blocks' parts of the derivative by parameter `i`, in order. `map`: where it lies in its network's gradient.
+DEVICE float add_parts(
+    u32 i, u32 actor_blocks, u32 critic_blocks, const u32* control, const float* partial, const u32* map
+) {
     bool actor = i < ACTOR_PARAMETERS;
+    u32 blocks = actor ? actor_blocks : critic_blocks, apart = actor ? ACTOR_GRADIENT : CRITIC_GRADIENT;
+    const float* from = partial + (actor ? 0 : (u64)actor_blocks * ACTOR_GRADIENT) + map[i];
     float sum = 0.0f;
-    if (i < ACTOR_PARAMETERS + CRITIC_PARAMETERS) {
-        u32 blocks = actor ? actor_blocks : critic_blocks, apart = actor ? ACTOR_GRADIENT : CRITIC_GRADIENT;
-        const float* from = partial + (actor ? 0 : (u64)actor_blocks * ACTOR_GRADIENT) + map[i];
-        if (!(actor && control[CRITIC_ALONE]))
+    if (!(actor && control[CRITIC_ALONE]))
 #pragma unroll 16
-            for (u32 b = 0; b < blocks; b++) sum += from[(u64)b * apart];
-        gradient[i] = sum;
-    }
+        for (u32 b = 0; b < blocks; b++) sum += from[(u64)b * apart];
+    return sum;
+}
+
+// Adds up the squares of the gradient, of which this thread has `sum`. `squares`: 2 x blocks of this launch, the sums of
+// squares of the actor's and of the critic's part, and behind them the sums of the losses.
+// The last block to be done, counted by `reduced`, finishes the step but for the networks' parameters.
+DEVICE void finish_last(
+    float sum, u32 epoch, u32 minibatch, u32 rows, const u32* control, float* gradient, double* squares, u32* reduced,
+    float* parameters, float* moments, const float* old_log_std, float* constants, double* state, u32 memory_blocks,
+    const double* memory_squares
+) {
+    __shared__ bool last;
+    bool actor = blockIdx.x * blockDim.x + threadIdx.x < ACTOR_PARAMETERS;
     double square = (double)sum * sum;
     double of_actor = block_sum(actor ? square : 0.0), of_critic = block_sum(actor ? 0.0 : square);
     if (threadIdx.x == 0) {
@@ -141,12 +145,77 @@ KERNEL reduce(
     __syncthreads();
     if (!last) return;
     __threadfence();
+    finish(
+        epoch, minibatch, rows, gridDim.x, control, squares, parameters, gradient, moments, old_log_std, constants, state,
+        memory_blocks, memory_squares);
+}
+
+// The gradient of a minibatch on one GPU, and the rest of the step but for the networks' parameters.
+KERNEL reduce(
+    u32 epoch, u32 minibatch, u32 rows, u32 actor_blocks, u32 critic_blocks, const u32* control, const float* partial,
+    const u32* map, float* gradient, double* squares, u32* reduced, const double* sums, float* parameters, float* moments,
+    const float* old_log_std, float* constants, double* state
+#if MEMORY
+    , u32 memory_blocks, const double* memory_squares
+#endif
+) {
 #if !MEMORY
     const u32 memory_blocks = 0;
     const double* memory_squares = nullptr;
 #endif
-    finish(
-        epoch, minibatch, rows, gridDim.x, control, squares, parameters, gradient, moments, old_log_std, constants, state,
+    add_losses(actor_blocks + critic_blocks, sums, squares + 2 * gridDim.x);
+    u32 i = blockIdx.x * blockDim.x + threadIdx.x;
+    float sum = 0.0f;
+    if (i < ACTOR_PARAMETERS + CRITIC_PARAMETERS)
+        gradient[i] = sum = add_parts(i, actor_blocks, critic_blocks, control, partial, map);
+    finish_last(
+        sum, epoch, minibatch, rows, control, gradient, squares, reduced, parameters, moments, old_log_std, constants, state,
+        memory_blocks, memory_squares);
+}
+
+// Where a GPU's gradient begins behind its losses, and how many doubles both take.
+#define SHARE_SIZE (LOSSES + ACTIONS + (ACTOR_PARAMETERS + CRITIC_PARAMETERS + 1) / 2)
+#define GRADIENT_OF(share) ((float*)((share) + LOSSES + ACTIONS))
+
+// Of several GPUs: this one's part of the losses and of the gradient.
+KERNEL reduce_share(
+    u32 actor_blocks, u32 critic_blocks, const u32* control, const float* partial, const u32* map, const double* sums,
+    double* share
+) {
+    add_losses(actor_blocks + critic_blocks, sums, share);
+    u32 i = blockIdx.x * blockDim.x + threadIdx.x;
+    if (i < ACTOR_PARAMETERS + CRITIC_PARAMETERS)
+        GRADIENT_OF(share)[i] = add_parts(i, actor_blocks, critic_blocks, control, partial, map);
+}
+
+// As `reduce`, from the parts of all `count` GPUs, in their order.
+KERNEL reduce_together(
+    u32 epoch, u32 minibatch, u32 rows, u32 count, const u32* control, const double* shares, float* gradient,
+    double* squares, u32* reduced, float* parameters, float* moments, const float* old_log_std, float* constants,
+    double* state
+#if MEMORY
+    , u32 memory_blocks, const double* memory_squares
+#endif
+) {
+#if !MEMORY
+    const u32 memory_blocks = 0;
+    const double* memory_squares = nullptr;
+#endif
+    if (blockIdx.x == 0)
+        for (u32 q = threadIdx.x; q < LOSSES + ACTIONS; q += blockDim.x) {
+            double total = 0.0;
+            for (u32 c = 0; c < count; c++) total += shares[(u64)c * SHARE_SIZE + q];
+            squares[2 * gridDim.x + q] = total;
+        }
+    __syncthreads();
+    u32 i = blockIdx.x * blockDim.x + threadIdx.x;
+    float sum = 0.0f;
+    if (i < ACTOR_PARAMETERS + CRITIC_PARAMETERS) {
+        for (u32 c = 0; c < count; c++) sum += GRADIENT_OF(shares + (u64)c * SHARE_SIZE)[i];
+        gradient[i] = sum;
+    }
+    finish_last(
+        sum, epoch, minibatch, rows, control, gradient, squares, reduced, parameters, moments, old_log_std, constants, state,
         memory_blocks, memory_squares);
 }
 

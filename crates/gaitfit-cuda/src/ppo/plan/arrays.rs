@@ -4,6 +4,9 @@ use super::super::launch::{Kind, Value};
 use super::super::text::{LOSSES, Text};
 use super::{CHECKED, CONTROL_SIZE, Maker, STATE_SIZE, Sizes};
 
+/// `ADVANTAGE_NUMBERS` of the text.
+const ADVANTAGE_NUMBERS: usize = 7;
+
 /// All arrays of an update, as arguments of kernels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arrays {
@@ -43,6 +46,14 @@ pub(super) struct Arrays {
     pub sums: Value,
     /// Squares of the gradient's norm, by blocks of `reduce`, then the losses.
     pub squares: Value,
+    /// Of several GPUs: this one's means and squares of advantages, and those of all.
+    pub advantage_shares: [Value; 2],
+    /// The same of losses and gradients; steps of the gradient take the first array and the second in turn.
+    pub own_shares: [Value; 2],
+    /// Those of all.
+    pub shares: Value,
+    /// The same of the statistics of the actor's and the critic's observations.
+    pub statistics_shares: [[Value; 2]; 2],
     /// Blocks of `reduce` that are done.
     pub reduced: Value,
     /// Where a weight is among the partial gradients.
@@ -94,7 +105,25 @@ impl Arrays {
         let Sizes { epochs, minibatches, parameters: size, blocks: [actor_blocks, critic_blocks], .. } =
             *sizes;
         let widest = widths.observation.max(widths.critic_observation);
+        let share = batch.share.count;
+        // Of one GPU there are none.
+        let mut shares = |names: [&'static str; 2], length: usize| {
+            let length = if share > 1 { length } else { 0 };
+            [m.array(names[0], Kind::F64, length), m.array(names[1], Kind::F64, share * length)]
+        };
+        let advantage_shares = shares(["advantage_share", "advantage_shares"], ADVANTAGE_NUMBERS);
+        let of_gradient = LOSSES + actions + networks.div_ceil(2);
+        let [even, of_all] = shares(["share", "shares"], of_gradient);
+        let statistics_shares = [
+            shares(["statistics_share", "statistics_shares"], 2 * widths.observation),
+            shares(["critic_statistics_share", "critic_statistics_shares"], 2 * widths.critic_observation),
+        ];
+        let odd = m.array("odd_share", Kind::F64, if share > 1 { of_gradient } else { 0 });
         Self {
+            advantage_shares,
+            own_shares: [even, odd],
+            shares: of_all,
+            statistics_shares,
             observation: m.array("observation", Kind::F32, rows * widths.observation),
             critic_observation: m.array("critic_observation", Kind::F32, rows * widths.critic_observation),
             action: m.array("action", Kind::F32, rows * actions),

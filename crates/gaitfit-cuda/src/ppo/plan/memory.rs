@@ -1,6 +1,6 @@
 //! The memories' part of an update: what stands before the networks, and the way back through it.
 
-use super::super::launch::{Kind, Launch, Value};
+use super::super::launch::{Batch, Kind, Launch, Value};
 use super::{CHUNK, Maker, launch, word};
 use crate::ppo::layout::TooWide;
 use crate::runtime::Shape;
@@ -25,6 +25,10 @@ pub(super) struct Memory {
     environments: usize,
     minibatches: usize,
     chunks: usize,
+    gpus: usize,
+    /// Of several GPUs: this one's gradient, in turn, and the gradients of all.
+    own_shares: [Value; 2],
+    shares: Value,
     /// Robots in the order of the minibatches, of every epoch.
     pub robots: Value,
     done: Value,
@@ -128,13 +132,15 @@ impl Memory {
     pub(super) fn new(
         m: &mut Maker,
         shapes: &[RecurrentShape; 2],
-        (steps, environments): (usize, usize),
+        batch: Batch,
         (minibatches, epochs): (usize, usize),
         samples: &Samples,
     ) -> Self {
+        let Batch { steps, environments, share, .. } = batch;
         let rows = (environments.div_ceil(minibatches) * steps).max(environments);
         let size: usize = shapes.iter().map(RecurrentShape::parameters).sum();
         let chunks = rows.div_ceil(ROWS);
+        let shared = if share.count > 1 { size } else { 0 };
         let outputs: usize = shapes.iter().map(RecurrentShape::outputs).sum();
         let names = [
             ["actor_memory", "actor_start", "actor_taken"],
@@ -177,6 +183,9 @@ impl Memory {
             environments,
             minibatches,
             chunks,
+            gpus: share.count,
+            own_shares: ["memory_share", "odd_memory_share"].map(|name| m.array(name, Kind::F32, shared)),
+            shares: m.array("memory_shares", Kind::F32, share.count * shared),
             robots: m.array("robots", Kind::U32, epochs * environments),
             done: samples.done,
             parameters: m.array("memory_parameters", Kind::F32, size),
@@ -312,8 +321,14 @@ impl Memory {
         launches
     }
 
-    /// The way back of a minibatch, to the gradient of the memories.
-    pub(super) fn back(&self, control: Value, epoch: usize, begin: usize, robots: usize) -> Vec<Launch> {
+    /// The way back of a minibatch, to the gradient of the memories; `turn`: which of this GPU's arrays takes it, of several GPUs.
+    pub(super) fn back(
+        &self,
+        (control, turn): (Value, usize),
+        epoch: usize,
+        begin: usize,
+        robots: usize,
+    ) -> Vec<Launch> {
         let rows = self.steps * robots;
         let from = epoch * self.environments + begin;
         let mut launches = Vec::new();
@@ -364,17 +379,27 @@ impl Memory {
                 }
             }
         }
-        let arguments = [
-            word(self.chunks),
-            word(self.sizes[1]),
-            word(self.sizes[0]),
-            control,
-            self.partial,
-            self.gradient,
-            self.squares,
-        ];
-        launches.push(launch("memory_reduce", Shape::cover(self.sizes[1], THREADS), &arguments));
+        let to = if self.gpus > 1 { self.own_shares[turn] } else { self.gradient };
+        launches.push(self.reduce(self.chunks, self.partial, control, to));
         launches
+    }
+
+    /// The gradient as the sum of some parts, in order.
+    fn reduce(&self, parts: usize, partial: Value, control: Value, to: Value) -> Launch {
+        let numbers = [parts, self.sizes[1], self.sizes[0]].map(word);
+        let arrays = [control, partial, to, self.squares];
+        let shape = Shape::cover(self.sizes[1], THREADS);
+        launch("memory_reduce", shape, &[&numbers[..], &arrays].concat())
+    }
+
+    /// Of several GPUs: this one's gradient, and those of all.
+    pub(super) fn shares(&self, turn: usize) -> [Value; 2] {
+        [self.own_shares[turn], self.shares]
+    }
+
+    /// The gradient of all GPUs from their gradients.
+    pub(super) fn together(&self, control: Value) -> Launch {
+        self.reduce(self.gpus, self.shares, control, self.gradient)
     }
 
     /// A step of Adam; `copy`: renews the transposed copy without a step.

@@ -5,7 +5,7 @@ mod memory;
 mod sizes;
 mod update;
 
-use super::launch::{Array, Batch, Id, Kind, Launch, Value};
+use super::launch::{Array, Batch, Exchange, Id, Kind, Launch, Value};
 use super::text::Text;
 use crate::runtime::Shape;
 use arrays::Arrays;
@@ -30,8 +30,10 @@ pub struct Plan {
     memory: Option<Memory>,
     /// The update.
     pub launches: Vec<Launch>,
-    /// The launches of the update that need none of those before them.
+    /// The launches of the update that need none of those before them. They come before the first exchange.
     pub apart: std::ops::Range<usize>,
+    /// Of several GPUs: what they tell each other, in order; none of one.
+    pub exchanges: Vec<Exchange>,
 }
 
 /// Arrays that `check_finite` looks at, in the order of `gaitfit_learn::ppo::Samples`.
@@ -56,6 +58,7 @@ pub(in crate::ppo) const CONTROL_SIZE: usize = 5;
 struct Maker {
     arrays: Vec<Array>,
     launches: Vec<Launch>,
+    exchanges: Vec<Exchange>,
 }
 
 impl Maker {
@@ -66,6 +69,16 @@ impl Maker {
 
     fn launch(&mut self, kernel: &'static str, shape: Shape, arguments: &[Value]) {
         self.launches.push(launch(kernel, shape, arguments));
+    }
+
+    /// After the present launches: each GPU's array goes to all others.
+    fn exchange(&mut self, arrays: &[[Value; 2]]) {
+        let id = |value: Value| match value {
+            Value::Array(id) => Some(id),
+            _ => None,
+        };
+        let arrays = arrays.iter().filter_map(|&[own, all]| Some([id(own)?, id(all)?])).collect();
+        self.exchanges.push(Exchange { before: self.launches.len(), arrays });
     }
 }
 
@@ -94,7 +107,7 @@ impl Plan {
     /// The update of one learner.
     pub(in crate::ppo) fn new(task: &Task<'_>, text: &Text) -> Self {
         let sizes = Sizes::new(task, text);
-        let mut maker = Maker { arrays: Vec::new(), launches: Vec::new() };
+        let mut maker = Maker { arrays: Vec::new(), launches: Vec::new(), exchanges: Vec::new() };
         let arrays = Arrays::new(&mut maker, &sizes, text);
         let samples = Samples {
             observations: [arrays.observation, arrays.critic_observation],
@@ -102,9 +115,8 @@ impl Plan {
             done: arrays.done,
         };
         let (batch, counts) = (task.batch, (task.settings.minibatches, task.settings.epochs));
-        let memory = task.memories.as_ref().map(|shapes| {
-            Memory::new(&mut maker, shapes, (batch.steps, batch.environments), counts, &samples)
-        });
+        let memory =
+            task.memories.as_ref().map(|shapes| Memory::new(&mut maker, shapes, batch, counts, &samples));
         let shared = [text.shared as u32, text.foreseen_shared as u32];
         let mut update = Update { settings: task.settings, sizes, arrays, memory, maker, shared };
         let scales = update.scales(task.normalised);
@@ -113,6 +125,7 @@ impl Plan {
         let first = update.maker.launches.len();
         update.deal();
         let apart = first..update.maker.launches.len();
+        update.normalise_together();
         update.gradient_steps();
         if task.settings.normalise_observations {
             update.statistics();
@@ -124,14 +137,23 @@ impl Plan {
         pack.extend(memory.as_ref().map(|memory| memory.adam(true, a.control, a.state)));
         let foresee = Some(update.foresee());
         let sharing = (task.processors, text.foreseen, [text.actor.work, text.critic.work]);
-        let Maker { arrays, launches } = update.maker;
-        Self { arrays, pack, launches, apart, foresee, sharing, memory }
+        let Maker { arrays, launches, exchanges } = update.maker;
+        Self { arrays, pack, launches, apart, exchanges, foresee, sharing, memory }
     }
 
     /// A plan without a learner: any arrays and launches.
     pub fn from_parts(arrays: Vec<Array>, launches: Vec<Launch>) -> Self {
         let (pack, sharing) = (Vec::new(), (1, 1, [1, 1]));
-        Self { arrays, pack, launches, apart: 0..0, foresee: None, sharing, memory: None }
+        let exchanges = Vec::new();
+        Self { arrays, pack, launches, apart: 0..0, exchanges, foresee: None, sharing, memory: None }
+    }
+
+    /// The launches up to each exchange, and those after the last one.
+    pub fn parts(&self) -> Vec<std::ops::Range<usize>> {
+        let ends = self.exchanges.iter().map(|exchange| exchange.before);
+        let ends: Vec<usize> = ends.chain([self.launches.len()]).collect();
+        let begins = [0].into_iter().chain(ends.iter().copied());
+        begins.zip(&ends).map(|(begin, &end)| begin..end).collect()
     }
 
     /// Means and values of rows `from .. from + rows` of the samples, from their observations; `None` in a plan without

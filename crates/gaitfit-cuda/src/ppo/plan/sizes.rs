@@ -73,7 +73,12 @@ impl Sizes {
         self.first(minibatch) * self.unit_rows
     }
 
-    /// Rows of a minibatch.
+    /// Rows of a minibatch on all GPUs.
+    pub(super) fn whole_rows(&self, minibatch: usize) -> usize {
+        self.minibatch_rows(minibatch) * self.batch.share.count
+    }
+
+    /// Rows of a minibatch, of this GPU.
     pub(super) fn minibatch_rows(&self, minibatch: usize) -> usize {
         self.begin(minibatch + 1) - self.begin(minibatch)
     }

@@ -87,9 +87,28 @@ impl Update<'_> {
             a.returns,
         ];
         self.maker.launch("gae", Shape::cover(batch.environments, 64), &arguments);
+        if batch.share.count > 1 {
+            let arguments =
+                [word(self.sizes.rows), a.advantage, a.returns, a.value, a.state, a.advantage_shares[0]];
+            self.maker.launch("advantages_share", Shape::new(1, 1024), &arguments);
+            return;
+        }
         let normalise = word(usize::from(settings.normalise_advantage));
         let arguments = [word(self.sizes.rows), normalise, a.advantage, a.returns, a.value, a.state];
         self.maker.launch("advantages", Shape::new(1, 1024), &arguments);
+    }
+
+    /// Of several GPUs: normalises the advantages of all.
+    pub(super) fn normalise_together(&mut self) {
+        let (a, count, rows) = (self.arrays, self.sizes.batch.share.count, self.sizes.rows);
+        if count > 1 {
+            self.maker.exchange(&[a.advantage_shares]);
+            let normalise = word(usize::from(self.settings.normalise_advantage));
+            let [_, all] = a.advantage_shares;
+            let arguments = [word(rows), normalise, word(count), all, a.advantage, a.state];
+            let shape = Shape::new(rows.div_ceil(1024).clamp(1, 256) as u32, 256);
+            self.maker.launch("advantages_together", shape, &arguments);
+        }
     }
 
     /// Deals the samples to the minibatches of all epochs.
@@ -143,6 +162,8 @@ impl Update<'_> {
     /// the weights.
     fn gradient(&mut self, epoch: usize, minibatch: usize) {
         let (a, sizes) = (self.arrays, self.sizes);
+        // Of several GPUs one may still read what another has said in the step before.
+        let turn = (epoch * sizes.minibatches + minibatch) % 2;
         let [actor, critic] = sizes.blocks;
         let blocks = Shape::new((actor + critic) as u32, THREADS as u32);
         let (first, robots) = (sizes.first(minibatch), sizes.first(minibatch + 1) - sizes.first(minibatch));
@@ -154,6 +175,7 @@ impl Update<'_> {
         let mut arguments = vec![
             word(epoch * sizes.rows + sizes.begin(minibatch)),
             word(sizes.minibatch_rows(minibatch)),
+            word(sizes.whole_rows(minibatch)),
             word(actor),
             a.control,
             a.places,
@@ -174,31 +196,29 @@ impl Update<'_> {
         arguments.extend(seen.into_iter().flatten().map(|[_, derivative]| derivative));
         self.maker.launch("network", Shape { shared: self.shared[0], ..blocks }, &arguments);
         if let Some(memory) = &self.memory {
-            self.maker.launches.extend(memory.back(a.control, epoch, first, robots));
+            self.maker.launches.extend(memory.back((a.control, turn), epoch, first, robots));
         }
-        let mut arguments = vec![
-            word(epoch),
-            word(minibatch),
-            word(sizes.minibatch_rows(minibatch)),
-            word(actor),
-            word(critic),
-            a.control,
-            a.partial,
-            a.map,
-            a.gradient,
-            a.squares,
-            a.reduced,
-            a.sums,
-            a.parameters,
-            a.moments,
-            a.old_log_std,
-            a.constants,
-            a.state,
-        ];
+        let reduction = Shape::new(sizes.reduce_blocks as u32, 256);
+        let step = [word(epoch), word(minibatch), word(sizes.whole_rows(minibatch))];
+        let blocks = [word(actor), word(critic), a.control, a.partial, a.map];
+        let after = [a.parameters, a.moments, a.old_log_std, a.constants, a.state];
+        let (kernel, mut arguments) = if sizes.batch.share.count > 1 {
+            let (own, all) = (a.own_shares[turn], a.shares);
+            self.maker.launch("reduce_share", reduction, &[&blocks[..], &[a.sums, own]].concat());
+            let memory = self.memory.as_ref().map(|memory| memory.shares(turn));
+            self.maker.exchange(&[[own, all]].into_iter().chain(memory).collect::<Vec<_>>());
+            let memory = self.memory.as_ref().map(|memory| memory.together(a.control));
+            self.maker.launches.extend(memory);
+            let between = [word(sizes.batch.share.count), a.control, all, a.gradient, a.squares, a.reduced];
+            ("reduce_together", [&step[..], &between, &after].concat())
+        } else {
+            let between = [a.gradient, a.squares, a.reduced, a.sums];
+            ("reduce", [&step[..], &blocks, &between, &after].concat())
+        };
         if let Some((squares, blocks)) = self.memory.as_ref().map(Memory::squares) {
             arguments.extend([word(blocks), squares]);
         }
-        self.maker.launch("reduce", Shape::new(sizes.reduce_blocks as u32, 256), &arguments);
+        self.maker.launch(kernel, reduction, &arguments);
         let adam = self.adam(false);
         self.maker.launches.push(adam);
         let memory = self.memory.as_ref().map(|memory| memory.adam(false, a.control, a.state));
@@ -217,13 +237,27 @@ impl Update<'_> {
     /// Renews the statistics of observations.
     pub(super) fn statistics(&mut self) {
         let (parts, state, chunks) = (self.arrays.parts, self.arrays.state, self.sizes.chunks);
-        let (count, chunk) = (word(self.sizes.rows), word(CHUNK));
-        for (width, numbers, own, _) in self.observations() {
-            let threads = width.clamp(32, 1024) as u32;
+        let (rows, gpus) = (self.sizes.rows, self.sizes.batch.share.count);
+        let (count, chunk) = (word(rows), word(CHUNK));
+        let shares = self.arrays.statistics_shares;
+        let threads = |width: usize| width.clamp(32, 1024) as u32;
+        for ((width, numbers, own, _), [share, _]) in self.observations().into_iter().zip(shares) {
             let arguments = [count, word(width), chunk, numbers, parts];
-            self.maker.launch("statistics_of", Shape::new(chunks as u32, threads), &arguments);
-            let arguments = [count, word(width), chunk, word(chunks), parts, state, own];
-            self.maker.launch("statistics_join", Shape::new(1, threads), &arguments);
+            self.maker.launch("statistics_of", Shape::new(chunks as u32, threads(width)), &arguments);
+            let joined = [count, word(width), chunk, word(chunks), parts];
+            let one = Shape::new(1, threads(width));
+            if gpus > 1 {
+                self.maker.launch("statistics_share", one, &[&joined[..], &[share]].concat());
+            } else {
+                self.maker.launch("statistics_join", one, &[&joined[..], &[state, own]].concat());
+            }
+        }
+        if gpus > 1 {
+            self.maker.exchange(&shares);
+            for ((width, _, own, _), [_, all]) in self.observations().into_iter().zip(shares) {
+                let arguments = [word(gpus * rows), word(width), count, word(gpus), all, state, own];
+                self.maker.launch("statistics_join", Shape::new(1, threads(width)), &arguments);
+            }
         }
     }
 
