@@ -57,7 +57,8 @@ def configured(
     if isinstance(config, TypedSettings):
         if not isinstance(config, kind):
             raise TypeError(f"config is a gaitfit.config.{type(config).__name__}; give a gaitfit.config.{kind.__name__}")
-        return None, {**config.to_dict(), **given_settings(settings)}
+        chosen = {name: value for name, value in config.to_dict().items() if value != {}}
+        return None, {**chosen, **given_settings(settings)}
     file = None if config is None else path("config", config, f", or a gaitfit.config.{kind.__name__}")
     return file, given_settings(settings)
 

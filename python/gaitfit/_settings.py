@@ -43,9 +43,9 @@ class Settings:
                 raise kind(f"{one.name} of {type(self).__name__} is {value!r}; it must be {must}")
 
     def to_dict(self) -> dict[str, Any]:
-        """The settings that are not ``None`` or an empty table, with the names of a configuration file."""
+        """The settings that are not ``None``, with the names of a configuration file."""
         given = {KEYS.get(one.name, one.name): _plain(getattr(self, one.name)) for one in fields(self)}
-        return {name: value for name, value in given.items() if value is not None and value != {}}
+        return {name: value for name, value in given.items() if value is not None}
 
     def to_toml(self) -> str:
         """The settings that are not ``None``, as a configuration file for the program."""

@@ -32,7 +32,8 @@ class Generated(Case):
             self.assertEqual(tomllib.loads(known.to_toml()), resolved, stage)
             if stage != "loop":
                 # A loop decides some settings of its fit and refuses them.
-                self.assertEqual(tomllib.loads(_gaitfit.resolve_settings(stage, sets(known.to_dict()))), resolved, stage)
+                chosen = {name: value for name, value in known.to_dict().items() if value != {}}
+                self.assertEqual(tomllib.loads(_gaitfit.resolve_settings(stage, sets(chosen))), resolved, stage)
 
     def test_every_choice_is_one_of_the_program(self) -> None:
         for name, values, template in (
