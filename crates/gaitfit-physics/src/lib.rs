@@ -59,10 +59,10 @@ pub use kept::Kept;
 pub use lanes::*;
 pub use modify::{
     ActionDelta, Engaged, Gears, JointModification, JointNetwork, Modify, NETWORK_WEIGHTS, NetworkScales,
-    ResidAct, VelocityFilter, memory_of, settle,
+    Parts, ResidAct, SensorPlaces, VelocityFilter, memory_of, settle,
 };
 pub use outline::LinkOutline;
-pub use params::{JointParams, LinkInertia, PairInvweight, Params};
+pub use params::{JointParams, LinkInertia, PairInvweight, Params, RobotParams};
 pub use real::Real;
 pub use robot::{BodyChange, Robot};
 pub use separate::Part;

@@ -5,7 +5,7 @@ use gaitfit_physics::trace::{Input, Report, Traced};
 use gaitfit_physics::{Kept, Params, PhysicsError};
 use gaitfit_policy::Policy;
 use gaitfit_policy::walker::Walker;
-use gaitfit_sim::{Candidate, Extras, NetworkKind, Replay, modifications};
+use gaitfit_sim::{Candidate, NetworkKind, Replay, modifications};
 
 use super::FitError;
 use crate::emit::EmitOptions;
@@ -96,7 +96,7 @@ impl Subject<'_> {
         };
         let model = self.model();
         let options = PeriodOptions { substeps, taps, lanes: LANES, emit: EmitOptions::default() };
-        let networks = modifications::<Traced>(model, &candidate.networks, Extras::beyond(structure.kept))?;
+        let networks = modifications::<Traced>(model, &candidate.networks, structure.kept.parts)?;
         let forces = matches!(self, Self::Walk(..));
         let fixed = structure.kept.numbers(&self.params(candidate)?);
         let report = Report { disturbed: structure.disturbed, forces, tracked: Vec::new(), fixed };

@@ -10,11 +10,9 @@ DEVICE float read_velocity(const float* state, const float* memory, u32 e, int j
     return velocity;
 }
 
-// A robot that is put somewhere: its sensors read the velocities it has there.
-DEVICE void begin_filter(float* memory, u32 e, int j) {
-#if HAS_FILTER
-    REMEMBERED(FILTER_AT + j) = 0.0f;
-#endif
+// A robot that is put somewhere: its sensors read the state it has there. `thread` of `threads`.
+DEVICE void begin_sensors(float* memory, u32 e, int thread, int threads) {
+    for (int k = SENSORS_AT + thread; k < MEMORY; k += threads) REMEMBERED(k) = 0.0f;
 }
 
 // The inertial unit, as `gaitfit_sim::Imu` has it.
