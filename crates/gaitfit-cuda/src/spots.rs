@@ -74,6 +74,8 @@ impl Words {
             ("SENSORS_AT", sensors.begin),
             ("HAS_FILTER", usize::from(sensors.velocities.is_some())),
             ("FILTER_AT", sensors.velocities.unwrap_or_default()),
+            ("HAS_LATE_IMU", usize::from(sensors.imu.is_some())),
+            ("LATE_IMU_AT", sensors.imu.unwrap_or_default()),
         ] {
             self.define(name, value);
         }

@@ -36,6 +36,10 @@ const REMARKS: &[(&[&str], &str)] = &[
          terms",
     ),
     (
+        &["imu_delay"],
+        "imu_delay: drive.LateImu reads projected_gravity and base_ang_vel so; put it into their observation terms",
+    ),
+    (
         &["velocity_lag"],
         "velocity_lag: drive.Velocities reads joint_vel so; put it into its observation term",
     ),

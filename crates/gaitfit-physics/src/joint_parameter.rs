@@ -133,6 +133,10 @@ macro_rules! joint_parameters {
                 /// Time constant of the filter through which sensors read joint velocities, s; 0 for none. The motion does
                 /// not depend on it. See [`VelocityFilter`](crate::VelocityFilter).
                 velocity_lag; Some(0.0); 0.0
+
+                /// Age of the inertial unit's readings, s; 0 if they arrive at once. The motion does not depend on it. See
+                /// [`LateImu`](crate::LateImu).
+                imu_delay; Some(0.0); 0.0
             }
         }
     };

@@ -144,6 +144,10 @@ robot_numbers! {
     /// Time constant of the filter of the sensors of joint velocity, s; clamped robots show it, too.
     VelocityLag velocity_lag; "s"; 0.0;
     (0.0, 0.02, 0.0, 0.002); { robot.velocity_lag };
+
+    /// Age of the inertial unit's readings, s: orientation and rates; at most two control periods.
+    ImuDelay imu_delay; "s"; 0.0;
+    (0.0, 0.02, 0.0, 0.002); { robot.imu_delay };
 }
 
 /// A rule: a number, and what it takes instead of its defaults.

@@ -123,6 +123,11 @@ impl<'a> Scene<'a> {
         };
         let report = Report { disturbed, forces: true, tracked: batch.tracked().to_vec(), fixed };
         let parts = kept.map(|kept| kept.parts).unwrap_or_default();
+        if parts.late_imu {
+            let robots = candidates.iter().map(|candidate| task.walker.robot(candidate).params(model));
+            let robots = robots.collect::<Result<Vec<_>, _>>().map_err(TaskError::from)?;
+            batch.check_imu_delay(&robots).map_err(TaskError::from)?;
+        }
         let networks = modifications::<Traced>(model, networks, parts).map_err(TaskError::from)?;
         let period =
             Period::for_environments(model, settings, options, &networks, &report, environments, processors)?;

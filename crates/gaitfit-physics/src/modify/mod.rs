@@ -6,12 +6,14 @@
 
 mod action_delta;
 mod gears;
+mod late_imu;
 mod network;
 mod resid_act;
 mod velocity_filter;
 
 pub use action_delta::ActionDelta;
 pub use gears::{Engaged, Gears};
+pub use late_imu::{IMU_PERIODS, IMU_READING, LateImu};
 pub use network::{JointNetwork, NETWORK_WEIGHTS, NetworkScales};
 pub use resid_act::ResidAct;
 pub use velocity_filter::VelocityFilter;
@@ -38,10 +40,12 @@ pub trait Modify<K: Copy> {
     /// Writes the memory of a robot that has been in this state for long.
     fn settle<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>, memory: &mut [T]);
 
-    /// May change the position targets about to be sent (rad, one a joint); once a control period.
+    /// May change the position targets about to be sent (rad, one a joint); once a control period, which has `_substeps`
+    /// physics steps.
     #[inline(always)]
     fn targets<T: Real<K = K>>(
         &self,
+        _substeps: usize,
         _params: &Params<T>,
         _state: &State<T>,
         _memory: &mut [T],
@@ -136,13 +140,14 @@ macro_rules! modifications {
             #[inline(always)]
             fn targets<T: Real<K = K>>(
                 &self,
+                substeps: usize,
                 params: &Params<T>,
                 state: &State<T>,
                 memory: &mut [T],
                 targets: &mut [T],
             ) {
                 match self {
-                    $(Self::$variant(one) => one.targets(params, state, memory, targets),)*
+                    $(Self::$variant(one) => one.targets(substeps, params, state, memory, targets),)*
                 }
             }
 
@@ -242,6 +247,9 @@ modifications! {
 
     /// Joint velocities as slow sensors read them.
     VelocityFilter(VelocityFilter) if filter: ["velocity_lag"], |joints| VelocityFilter { joints };
+
+    /// What a late inertial unit reads.
+    LateImu(LateImu) if late_imu: ["imu_delay"], |_| LateImu;
 }
 
 impl Parts {
@@ -272,16 +280,20 @@ pub struct SensorPlaces {
     /// What sensors read beyond the true velocity of the first joint; those of the other joints follow. Absent if sensors read
     /// true velocities.
     pub velocities: Option<usize>,
+    /// What the inertial unit reads beyond the true orientation, followed by what it reads beyond the true angular velocity
+    /// ([`IMU_READING`] numbers). Absent if it reads the present.
+    pub imu: Option<usize>,
 }
 
 impl SensorPlaces {
     /// Those of `modifications`.
     pub fn new<K: Copy>(modifications: &[JointModification<K>]) -> Self {
-        let mut places = Self { begin: memory_of(modifications), velocities: None };
+        let mut places = Self { begin: memory_of(modifications), velocities: None, imu: None };
         let mut place = 0;
         for one in modifications {
             let sensor = match one {
                 JointModification::VelocityFilter(_) => Some(&mut places.velocities),
+                JointModification::LateImu(_) => Some(&mut places.imu),
                 _ => None,
             };
             if let Some(sensor) = sensor {

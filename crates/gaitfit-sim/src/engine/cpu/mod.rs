@@ -65,6 +65,7 @@ impl Engine for Cpu {
             let must = "at most the batch's max_delay";
             return Err(SimError::Option { option: "a robot's delay", value: delay.to_string(), must });
         }
+        batch.check_imu_delay(robots)?;
         let modifications = modifications::<f32>(batch.model(), networks, Parts::from_params(robots))?;
         let shared = Shared {
             tree: &batch.tree,

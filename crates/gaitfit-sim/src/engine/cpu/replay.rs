@@ -164,7 +164,8 @@ impl<T: Lanes> Block<T> {
             }
         }
         seed(&mut self.state);
-        let modifications = parts.modifications(n);
+        // Clamped robots do not show when their inertial unit is late.
+        let modifications = Parts { late_imu: false, ..parts }.modifications(n);
         self.memory.clear();
         self.memory.resize(memory_of(&modifications), T::zero());
         let beyond = self.memory.len() - if parts.filter { n } else { 0 };

@@ -1,8 +1,8 @@
 //! The robots of a tile, in blocks of lanes.
 
 use gaitfit_physics::{
-    Drive, JointModification, Lanes, Params, Period, SensorPlaces, State, Tree, WIDEST, Work, memory_of,
-    settle,
+    Drive, IMU_READING, JointModification, Lanes, Params, Period, SensorPlaces, State, Tree, WIDEST, Work,
+    memory_of, settle,
 };
 
 use crate::motion::{Motion, Start};
@@ -113,6 +113,14 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
         }
         for k in 0..4 {
             self.scatter(state.base_quaternion[k], &mut motion.base_quaternion, first, 4, k);
+        }
+        if let Some(place) = self.sensors.imu {
+            let readings = motion.late_imu.get_or_insert_default();
+            readings.resize(self.environments * IMU_READING, 0.0);
+            let angular: [T; 3] = std::array::from_fn(|k| state.base_angular[k] + base[0][k]);
+            for (k, truth) in state.base_quaternion.into_iter().chain(angular).enumerate() {
+                self.scatter(truth + block.memory[place + k], readings, first, IMU_READING, k);
+            }
         }
         for j in 0..joints {
             let reading = state.qpos[j] + block.params.joints[j].encoder_bias;
