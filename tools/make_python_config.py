@@ -202,6 +202,10 @@ def choices(name: str) -> list[str]:
     table = re.search(r"^quantities! \{$(.*)", text, re.M | re.S)
     if table:
         return re.findall(r'^    [A-Z]\w+ "(\w+)" \{$', table.group(1), re.M)
+    # Numbers of the robot are rows of one, too.
+    table = re.search(r"^robot_numbers! \{$(.*?)^\}", text, re.M | re.S)
+    if table:
+        return re.findall(r'^    [A-Z]\w+ (\w+); "', table.group(1), re.M)
     style = re.search(rf'#\[serde\(rename_all = "([^"]+)"\)\]\n(?:#\[.*\]\n)*pub enum {name} ', text)
     _, lines = body(text, "enum", name)
     found, renamed = [], None
@@ -220,22 +224,62 @@ def literal(values: list[str]) -> str:
     return "Literal[" + ", ".join(f'"{value}"' for value in values) + "]"
 
 
-def parameter_kinds() -> list[tuple[str, str, str, str]]:
-    """Name, documentation, unit and defaults of what a fit can search of a joint."""
-    text = read(CRATES / "gaitfit-physics" / "src" / "joint_parameter.rs")
-    kinds, docs, named = [], [], None
-    for line in text[text.index("macro_rules! joint_parameters") : text.index("macro_rules! define")].splitlines():
+def kinds(file: Path, begin: str, end: str) -> list[tuple[str, list[str], str, str]]:
+    """Name, lines of documentation, unit and defaults of what a fit can search, from a table of Rust."""
+    text = read(file)
+    found, docs, named = [], [], None
+    start = text.index(begin)
+    for line in text[start : text.index(end, start)].splitlines():
         line = line.strip()
         row = re.match(r'\w+ (\w+)(?: of \w+)?; "([^"]*)";', line)
-        search = re.match(r"Some\(\(([^)]*)\)\)", line)
+        search = re.match(r"(?:Some\()?\(([^)]*)\)\)?(?:;|$)", line)
         if line.startswith("///"):
             docs.append(line)
         elif row:
-            named = (row.group(1), documentation(docs), row.group(2))
+            named = (row.group(1), docs, row.group(2))
             docs = []
         elif search and named:
-            kinds.append((*named, search.group(1)))
-    return kinds
+            found.append((*named, search.group(1)))
+            named = None
+    return found
+
+
+def joint_kinds() -> list[tuple[str, list[str], str, str]]:
+    file = CRATES / "gaitfit-physics" / "src" / "joint_parameter.rs"
+    return kinds(file, "macro_rules! joint_parameters", "macro_rules! define")
+
+
+def robot_kinds() -> list[tuple[str, list[str], str, str]]:
+    return kinds(ENUMS["RobotNumber"], "\nrobot_numbers! {", "\n}\n")
+
+
+def parameter_kinds() -> list[tuple[str, str, str, str]]:
+    """Name, documentation, unit and defaults of what a fit can search of a joint."""
+    return [(name, documentation(docs), unit, search) for name, docs, unit, search in joint_kinds()]
+
+
+def kinds_table(found: list[tuple[str, list[str], str, str]]) -> str:
+    """Lines of adapt.toml: name, unit, bounds, start, deviation, and the first sentence of the documentation."""
+    lines = []
+    for name, docs, unit, search in found:
+        words = " ".join(line.removeprefix("///").strip() for line in docs).split(". ")[0].rstrip(".").replace("`", "")
+        words = re.sub(rf", {re.escape(unit)}(?=[,;:]|$| [(])", "", words, count=1)
+        lower, upper, start, deviation = (f"{float(number):g}" for number in search.split(","))
+        head = f"#   {name:17} {unit:9} {f'[{lower}, {upper}]':13} {start:4} {deviation:6}"
+        lines += textwrap.wrap(words, width=120, initial_indent=f"{head} ", subsequent_indent=f"#{' ' * len(head)}")
+    return "".join(f"{line}\n" for line in lines)
+
+
+def settings_with_kinds() -> str:
+    """adapt.toml with the present kinds of parameters."""
+    text = read(SETTINGS / "adapt.toml")
+    for after, found, before in (
+        ("start, initial deviation:\n", joint_kinds(), "# per = "),
+        ("with these numbers:\n", robot_kinds(), "\n[prior]"),
+    ):
+        begin = text.index(after) + len(after)
+        text = text[:begin] + kinds_table(found) + text[text.index(before, begin) :]
+    return text
 
 
 def python_type(rust: str, owner: Class, field: str, classes: dict[str, str]) -> str:
@@ -414,10 +458,14 @@ def main() -> None:
     parser.add_argument("--check", action="store_true")
     check = parser.parse_args().check
     stale = [name for name, text in files().items() if not (OUT / name).exists() or read(OUT / name) != text]
+    settings = SETTINGS / "adapt.toml"
+    if read(settings) != settings_with_kinds():
+        stale.append(str(settings))
     if check and stale:
         sys.exit(f"not current: {', '.join(stale)}; run tools/make_python_config.py")
     for name, text in files().items():
         (OUT / name).write_text(text, encoding="utf-8")
+    settings.write_text(settings_with_kinds(), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -210,7 +210,7 @@ fn offsets_of_encoders_and_masses_of_links_are_found_in_walks() {
     assert!(json(&told)["parameters"].as_array().unwrap().iter().all(|one| one["told"] == true));
 }
 
-/// A tilted unit with a biased gyro and slow sensors of velocity change what the policy does, so whole walks show
+/// A tilted, late unit with a biased gyro, and slow sensors of velocity change what the policy does, so whole walks show
 /// them. The logs alone show them too; with `swings = true` those estimates are priors.
 #[test]
 fn errors_of_sensors_are_found_in_walks() {
@@ -222,6 +222,7 @@ fn errors_of_sensors_are_found_in_walks() {
         ("gyro_bias_y", -0.04, 0.03),
         ("gyro_bias_z", 0.03, 0.03),
         ("velocity_lag", 0.006, 0.002),
+        ("imu_delay", 0.012, 0.004),
     ];
     let (mut theta, mut fitted) = ("format = 2\n".to_owned(), String::new());
     for (kind, value, _) in truths {

@@ -56,7 +56,7 @@ impl Spots {
 impl Words {
     /// Sizes of the physics' tiles, and the places of the numbers in them.
     pub fn physics(&mut self, period: &Period, spots: &Spots) {
-        let layout = period.layout();
+        let (layout, sensors) = (period.layout(), period.sensors());
         for (name, value) in [
             ("PER_TILE", layout.environments()),
             ("STATE_SIZE", layout.size(Class::State)),
@@ -71,8 +71,11 @@ impl Words {
             ("MEMORY", spots.memory.len()),
             ("DISTURBED", spots.disturbance.len()),
             // Slow sensors' readings among the numbers that modifications remember.
-            ("HAS_FILTER", usize::from(period.filter().is_some())),
-            ("FILTER_AT", period.filter().unwrap_or_default()),
+            ("SENSORS_AT", sensors.begin),
+            ("HAS_FILTER", usize::from(sensors.velocities.is_some())),
+            ("FILTER_AT", sensors.velocities.unwrap_or_default()),
+            ("HAS_LATE_IMU", usize::from(sensors.imu.is_some())),
+            ("LATE_IMU_AT", sensors.imu.unwrap_or_default()),
         ] {
             self.define(name, value);
         }

@@ -245,7 +245,7 @@ fn compare(
                 assert_eq!(of(&period, Class::State, &kept("robot_state"), e), want, "{label}: start of {e}");
                 let memory = of(&period, Class::Memory, &kept("robot_memory"), e);
                 for (place, &found) in memory.iter().enumerate() {
-                    // Gears begin in the middle of their play, filters with the velocity.
+                    // Gears begin in the middle of their play, sensors with the truth.
                     let Some(joint) = period_memory(&period)[place] else {
                         assert_eq!(found, 0.0, "{label}: memory {place} of environment {e}");
                         continue;
@@ -287,9 +287,8 @@ fn compare(
 /// The joint of each number that networks remember, and nothing for those of gears.
 fn period_memory(period: &Period) -> Vec<Option<usize>> {
     let joints = period.inputs().filter_map(|input| match input {
-        Input::Memory { owner: gaitfit_physics::Owner::Joint(joint), zero, .. } => {
-            Some((!zero).then_some(*joint))
-        }
+        Input::Memory { zero: true, .. } => Some(None),
+        Input::Memory { owner: gaitfit_physics::Owner::Joint(joint), .. } => Some(Some(*joint)),
         _ => None,
     });
     joints.collect()
@@ -339,6 +338,7 @@ fn cxx_walks_of_fitted_robots_are_the_cpus() {
             candidate.robot.encoder_bias[j] = 0.01 * j as f64 - 0.05;
         }
         candidate.robot.velocity_lag = 0.002 + 0.02 * amount;
+        candidate.robot.imu_delay = 0.001 + 0.1 * amount;
         candidate.sensors = Sensors { imu_tilt: [0.3 * amount, -0.05], gyro_bias: [0.1, amount, -0.07] };
         Job { candidate, reset_every, seed }
     };
@@ -448,6 +448,7 @@ fn nvrtc_compiles_fits() {
     with.torque_noise = 1.0;
     let mut slow = Candidate::nominal(&go2());
     slow.robot.velocity_lag = 0.004;
+    slow.robot.imu_delay = 0.01;
     for (label, candidate) in
         [("plain", Candidate::nominal(&go2())), ("networks", with), ("slow sensors", slow)]
     {

@@ -1,7 +1,8 @@
 //! Python code that says what robot files cannot.
 
 use super::joint::JointNumbers;
-use gaitfit_model::shown_number;
+use super::remarks::remarks;
+use gaitfit_model::{Model, shown_number};
 use gaitfit_sim::Candidate;
 use std::fmt::Write;
 
@@ -54,7 +55,13 @@ fn lag(joints: &[JointNumbers], step: f64) -> usize {
 }
 
 /// Isaac Lab's actuators with the fitted numbers.
-pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candidate: &Candidate) -> String {
+pub(super) fn isaac_lab(
+    joints: &[JointNumbers],
+    gains: bool,
+    step: f64,
+    model: &Model,
+    candidate: &Candidate,
+) -> String {
     let names: Vec<String> = joints.iter().map(|joint| format!("{:?}", joint.name)).collect();
     let (lag, rounded) = (lag(joints, step), lag_note(joints, step));
     let gain = |of: fn(&JointNumbers) -> f64| if gains { table(joints, of) } else { "None".to_owned() };
@@ -84,84 +91,10 @@ pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candida
     let _ = writeln!(text, "        dynamic_friction={},", table(joints, |joint| joint.frictionloss));
     let _ = writeln!(text, "        viscous_friction={},", table(joints, |joint| joint.damping));
     let _ = writeln!(text, "        min_delay={lag},\n        max_delay={lag},\n    ),\n}}");
-    let robot = &candidate.robot;
-    let linked = robot.link_mass.iter().any(|one| *one != 1.0)
-        || [&robot.link_com_x, &robot.link_com_y, &robot.link_com_z]
-            .into_iter()
-            .flatten()
-            .any(|one| *one != 0.0);
-    let mut rest = Vec::new();
-    let mut say = |is: bool, what: &str| {
-        if is {
-            rest.push(what.to_owned());
-        }
-    };
-    say(
-        joints.iter().any(|joint| joint.encoder_bias != 0.0),
-        "encoder_bias: subtract it from position targets",
-    );
-    say(
-        joints.iter().any(|joint| joint.torque_offset != 0.0),
-        "torque_offset: add it as a joint effort target",
-    );
-    say(
-        joints.iter().any(|joint| joint.stiction != 0.0),
-        "stribeck_velocity: friction falls from `friction` to `dynamic_friction` there at once",
-    );
-    say(
-        joints.iter().any(|joint| joint.load_friction != 0.0),
-        "load_friction: add it times the absolute joint effort to `friction` and `dynamic_friction` at every physics step",
-    );
-    say(
-        joints.iter().any(|joint| joint.play != 0.0 || joint.compliance != 0.0),
-        "play, compliance: a second joint between motor and link, with a spring of stiffness 1 / compliance in a gap of that \
-         width",
-    );
-    say(
-        joints.iter().any(|joint| joint.no_load_speed.is_finite()),
-        "no_load_speed, stall_torque: DCMotorCfg's velocity_limit and saturation_effort; it has no delay",
-    );
-    say(
-        joints.iter().any(|joint| joint.sprung),
-        "stiffness, spring_torque: add spring_torque - stiffness * q as an effort",
-    );
-    say(
-        candidate.torque_noise > 0.0,
-        "torque_noise: add normal numbers to the joint efforts at every physics step",
-    );
-    say(
-        candidate.sensors.imu().is_some(),
-        "imu_roll, imu_pitch, gyro_bias: drive.imu reads projected_gravity and base_ang_vel so; put it into their observation \
-         terms",
-    );
-    say(
-        candidate.robot.velocity_lag != 0.0,
-        "velocity_lag: drive.Velocities reads joint_vel so; put it into its observation term",
-    );
-    say(
-        candidate.robot.ground_softness != 0.0,
-        "ground_softness: softer contacts (compliant_contact_stiffness and _damping of the ground's material)",
-    );
-    say(
-        candidate.robot.friction_scale != 1.0,
-        "friction_factor: multiply the friction of the ground's material",
-    );
-    say(
-        robot.base_mass != 0.0 || robot.payload_mass != 0.0,
-        "base: an event term randomize_rigid_body_mass with a constant",
-    );
-    say(
-        robot.base_com != [0.0; 3],
-        "base: shift the centre of mass of the base by com, an event term randomize_rigid_body_com with a constant",
-    );
-    say(
-        linked,
-        "links: scale mass and inertia of these bodies by mass_factor and shift their centres of mass",
-    );
-    say(!candidate.networks.is_empty(), "networks: drive.py evaluates them");
+    let rest = remarks(model, candidate);
     if !rest.is_empty() {
         text.push_str("\n# Not among an actuator's settings; the numbers are in theta.json:\n");
-        rest.iter().for_each(|line| text.push_str(&format!("# - {line}\n")));
+        rest.into_iter().for_each(|line| text.push_str(&format!("# - {line}\n")));
     }
     text
 }

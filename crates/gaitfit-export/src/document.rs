@@ -1,7 +1,7 @@
 //! theta.json: every number with its interval, and what they make of each joint.
 
 use super::joint::JointNumbers;
-use gaitfit_adapt::ThetaFile;
+use gaitfit_adapt::{JointParameter, RobotNumber, ThetaFile};
 use gaitfit_model::Model;
 use gaitfit_settings::Error;
 use gaitfit_sim::Candidate;
@@ -25,23 +25,30 @@ pub(super) fn document(
             })
         })
         .collect();
-    let mut by_joint = Map::new();
-    for joint in joints {
-        let finite = |number: f64| number.is_finite().then_some(number);
-        by_joint.insert(
-            joint.name.clone(),
-            json!({
-                "armature": joint.armature, "damping": joint.damping, "frictionloss": joint.frictionloss,
-                "stiffness": joint.stiffness, "spring_torque": joint.spring_torque, "kp_factor": joint.kp_factor,
-                "kd_factor": joint.kd_factor, "encoder_bias": joint.encoder_bias, "torque_offset": joint.torque_offset,
-                "torque_limit": finite(joint.torque_limit), "delay": joint.delay, "stiction": joint.stiction,
-                "stribeck_velocity": joint.stribeck_velocity, "load_friction": joint.load_friction,
-                "play": joint.play, "compliance": joint.compliance, "no_load_speed": finite(joint.no_load_speed),
-                "stall_torque": finite(joint.stall_torque),
-            }),
-        );
-    }
     let robot = &candidate.robot;
+    let finite = |number: f64| number.is_finite().then_some(number);
+    let mut by_joint = Map::new();
+    for (index, joint) in joints.iter().enumerate() {
+        // Every parameter of the step but gains, which are the controller's; then what the robot's file has a part in.
+        let gains =
+            [JointParameter::Kp, JointParameter::Kd, JointParameter::KpScale, JointParameter::KdScale];
+        let own = JointParameter::ALL.iter().filter(|&one| {
+            !(gains.contains(one)
+                || JointParameter::LINKS.contains(one)
+                || *one == JointParameter::TorqueScale)
+        });
+        let mut numbers: Map<String, Value> =
+            own.map(|&one| (one.name().to_owned(), json!(finite(robot.joints(one)[index])))).collect();
+        for (name, number) in [
+            ("stiffness", joint.stiffness),
+            ("spring_torque", joint.spring_torque),
+            ("kp_factor", joint.kp_factor),
+            ("kd_factor", joint.kd_factor),
+        ] {
+            numbers.insert(name.to_owned(), json!(number));
+        }
+        by_joint.insert(joint.name.clone(), Value::Object(numbers));
+    }
     let mut links = Map::new();
     for (body, change) in
         model.bodies.iter().zip(robot.body_changes(model)).filter(|(_, change)| change.changed())
@@ -59,6 +66,8 @@ pub(super) fn document(
             })
         })
         .collect();
+    let numbers: Map<String, Value> =
+        RobotNumber::ALL.iter().map(|one| (one.name().to_owned(), json!(one.value(candidate)))).collect();
     let whole = json!({
         "robot": file.robot, "cost_name": file.cost_name, "cost": file.cost, "physics_step": file.physics_step,
         "parameters": parameters, "joints": by_joint,
@@ -67,7 +76,8 @@ pub(super) fn document(
             "payload_position": robot.payload_position,
         },
         "links": links,
-        "friction_factor": robot.friction_scale, "ground_softness": robot.ground_softness, "torque_noise": candidate.torque_noise, "networks": networks,
+        "friction_factor": robot.friction_scale, "ground_softness": robot.ground_softness, "torque_noise": candidate.torque_noise, "numbers": numbers,
+        "networks": networks,
         "sensors": {"imu_tilt": candidate.sensors.imu_tilt, "gyro_bias": candidate.sensors.gyro_bias, "velocity_lag": robot.velocity_lag},
     });
     serde_json::to_string_pretty(&whole)

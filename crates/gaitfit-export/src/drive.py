@@ -5,6 +5,8 @@ speed, noise, networks; and what sensors with errors read.
     drive.send(target, q, dq)           # at every control period; targets and angles in the order of drive.joints
     data.ctrl[:] = drive.torque(q, dq)  # at every physics step, of motors without gains of their own
     gravity, rates = imu(load(), gravity, rates)  # what the policy observes
+    late = LateImu(load(), model.opt.timestep)
+    gravity, rates = late(gravity, rates)  # at every physics step, before `imu`; what the policy observes is the last one
     velocities = Velocities(load(), model.opt.timestep)
     dq_read = velocities(dq)            # at every physics step; what the policy observes is the last one
 """
@@ -22,6 +24,22 @@ def imu(theta, gravity, rates):
     sr, cr, sp, cp = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch)
     turn = np.array([[cp, sp * sr, sp * cr], [0.0, cr, -sr], [-sp, cp * sr, cp * cr]])
     return np.asarray(gravity) @ turn, np.asarray(rates) @ turn + theta["sensors"]["gyro_bias"]
+
+
+class LateImu:
+    """What a late inertial unit reads of the base's direction of gravity and angular velocity; its other errors: `imu`."""
+
+    def __init__(self, theta, step):
+        late, whole = math.modf(theta["numbers"]["imu_delay"] / step)
+        self.part, self.past = late, collections.deque(maxlen=int(whole) + 2)
+
+    def __call__(self, gravity, rates):
+        self.past.append((np.asarray(gravity, dtype=float), np.asarray(rates, dtype=float)))
+        last = len(self.past) - 1
+        older = self.past[0]
+        newer = self.past[min(1, last)] if last + 1 == self.past.maxlen else older
+        gravity, rates = (new + self.part * (old - new) for old, new in zip(older, newer))
+        return gravity / np.linalg.norm(gravity, axis=-1, keepdims=True), rates
 
 
 class Velocities:

@@ -16,14 +16,8 @@ pub(super) struct JointNumbers {
     pub frictionloss: f64,
     /// Friction at rest above that, N·m.
     pub stiction: f64,
-    /// rad/s
-    pub stribeck_velocity: f64,
     /// Friction for each N·m of the motor's torque.
     pub load_friction: f64,
-    /// Between motor and link, whole width, rad.
-    pub play: f64,
-    /// Between motor and link, rad/(N·m).
-    pub compliance: f64,
     /// Of all springs on the joint, N·m/rad.
     pub stiffness: f64,
     /// Their torque at angle 0, N·m.
@@ -72,10 +66,7 @@ pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains
             damping: robot.damping[j],
             frictionloss: robot.frictionloss[j],
             stiction: robot.stiction[j],
-            stribeck_velocity: robot.stribeck_velocity[j],
             load_friction: robot.load_friction[j],
-            play: robot.play[j],
-            compliance: robot.compliance[j],
             stiffness: own + robot.stiffness[j],
             spring_torque: own * rest + robot.spring_torque[j],
             kp,

@@ -8,6 +8,7 @@ mod fit;
 mod joint;
 mod mjcf;
 mod networks;
+mod remarks;
 mod urdf;
 mod xml;
 
@@ -194,7 +195,7 @@ fn files_of(
         ("theta.json".to_owned(), document(file, &joints, model, candidate)?),
         ("load_theta.py".to_owned(), code::LOADER.to_owned()),
         ("drive.py".to_owned(), code::DRIVE.to_owned()),
-        ("isaac_lab.py".to_owned(), code::isaac_lab(&joints, gains.is_some(), step, candidate)),
+        ("isaac_lab.py".to_owned(), code::isaac_lab(&joints, gains.is_some(), step, model, candidate)),
         ("mjlab_robot.py".to_owned(), code::mjlab(&joints, gains.is_some(), step)),
     ];
     let mut files: Vec<_> = texts.into_iter().map(|(name, text)| (name, text.into_bytes())).collect();

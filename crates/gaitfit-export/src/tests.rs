@@ -75,6 +75,7 @@ fn theta_of(model: &Model, delay: f64) -> ThetaFile {
         ("imu_pitch", -0.03),
         ("gyro_bias_z", 0.01),
         ("velocity_lag", 0.004),
+        ("imu_delay", 0.006),
     ] {
         text.push_str(&format!("[[parameter]]\nname = \"{kind}\"\nkind = \"{kind}\"\nvalue = {value:?}\n"));
     }
@@ -154,6 +155,7 @@ fn an_exported_mjcf_is_the_fitted_robot() {
         assert_eq!(document["sensors"]["imu_tilt"], serde_json::json!([0.02, -0.03]));
         assert_eq!(document["sensors"]["gyro_bias"], serde_json::json!([0.0, 0.0, 0.01]));
         assert_eq!(document["sensors"]["velocity_lag"], 0.004);
+        assert_eq!(document["numbers"]["imu_delay"], 0.006);
         assert!(content(&exported, "isaac_lab.py").contains("velocity_lag"));
         assert!(content(&exported, "isaac_lab.py").contains("imu_roll") && !said.contains(&"imu_roll"));
     }

@@ -1,7 +1,6 @@
 //! Logs of a policy in a simulator, as a robot would record them.
 
 use gaitfit_log::{BaseState, Gains, Trajectory};
-use gaitfit_model::rotation::{quat_of, vec_of};
 use gaitfit_random::{Purpose, Stream};
 
 use crate::evaluate::Subject;
@@ -93,8 +92,7 @@ pub fn sensed(task: &Task, environment: &Environment<'_>, index: usize, row: &mu
     row.extend(joints.iter().map(|&joint| position[joint]));
     row.extend(joints.iter().map(|&joint| velocity[joint]));
     row.extend(environment.commands()[index]);
-    let (attitude, rates) =
-        (quat_of(&motion.base_quaternion[4 * index..]), vec_of(&motion.base_angular[3 * index..]));
+    let (attitude, rates) = motion.imu_reading(index);
     let imu = environment.imu(index);
     row.extend(&motion.base_position[range(&motion.base_position)]);
     row.extend(imu.map_or(attitude, |imu| imu.attitude(attitude)));

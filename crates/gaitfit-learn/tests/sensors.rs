@@ -8,7 +8,7 @@ use gaitfit_learn::collect::{CollectOptions, collect, sensed};
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::task::{Ended, Environment, Task};
 use gaitfit_log::Trajectory;
-use gaitfit_model::rotation::{from_rpy, product, quat_of, rotate_back, vec_of};
+use gaitfit_model::rotation::{from_rpy, product, quat_of, rotate_back, up, vec_of};
 use gaitfit_physics::Preset;
 use gaitfit_policy::Policy;
 use gaitfit_policy::follow::{Job, Script, Track, follow};
@@ -97,6 +97,43 @@ fn policies_and_logs_read_sensors_and_critics_the_robot() {
             assert!((f64::from(log[10 + k]) - rate).abs() < 1e-6, "logged rate {k}");
         }
     }
+}
+
+/// Policies and logs have what a late unit reads; critics, rewards and falls have the robot.
+#[test]
+fn policies_and_logs_read_a_late_unit() {
+    let scene = scene();
+    let mut candidate = Candidate::nominal(scene.walker.model());
+    candidate.robot.imu_delay = 0.015;
+    let environment = |candidate: &Candidate| {
+        let mut environment = Environment::new(&scene, Some(candidate), 5, 0, 1).unwrap();
+        let (mut reward, mut ended) = ([0.0], [Ended::No]);
+        for number in 1..=3 {
+            let actions: Vec<f32> = (0..12).map(|k| 0.1 * k as f32 - 0.3).collect();
+            environment.step(number, &actions, &mut reward, &mut ended);
+        }
+        (environment, reward)
+    };
+    let [(late, reward), (plain, same)] =
+        [candidate, Candidate::nominal(scene.walker.model())].map(|one| environment(&one));
+    assert_eq!(reward, same);
+    assert_eq!(&Motion { late_imu: None, ..late.motion().clone() }, plain.motion());
+    let (attitude, rates) = late.motion().imu_reading(0);
+    assert!((rates[1] - plain.motion().base_angular[1]).abs() > 0.01, "{rates:?}");
+    let width = scene.walker.interface.observation_width();
+    let rows = |environment: &Environment<'_>| {
+        let (mut actor, mut critic) = (vec![0.0; width], vec![0.0; width]);
+        environment.observe(4, &mut actor);
+        environment.observe_critic(&mut critic);
+        (actor, critic)
+    };
+    let ((read, critic), (plain_read, plain_critic)) = (rows(&late), rows(&plain));
+    assert_eq!((critic, &read[6..]), (plain_critic, &plain_read[6..]));
+    let gravity = up(attitude).map(|x| -x);
+    assert_eq!(read[..6], [rates.map(|rate| 0.25 * rate), gravity].concat());
+    let mut log = Vec::new();
+    sensed(&scene, &late, 0, &mut log);
+    assert_eq!((&log[30..34], &log[37..40]), (&attitude[..], &rates[..]));
 }
 
 /// A policy that walks, and its task.

@@ -80,12 +80,12 @@ separate! {
                 continue;
             }
             for k in 0..(pair.condim - 1).max(1) {
-                let mu = params.friction_scale * T::k(pair.friction[k]);
+                let mu = params.robot.friction_scale * T::k(pair.friction[k]);
                 work.pairs[index].friction[k] = mu.max(T::lit(MIN_FRICTION));
             }
             let friction = work.pairs[index].friction[0];
             let weight = params.pairs[index].translation;
-            let rows = Softness::new(pair, params.ground_softness);
+            let rows = Softness::new(pair, params.robot.ground_softness);
             let inverse_scale = row_scale(tree, pair.condim, friction, weight) * rows.gain;
             let points = &mut work.points[pair.points.clone()];
             match pair.touched {

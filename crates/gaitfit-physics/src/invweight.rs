@@ -10,7 +10,7 @@ use gaitfit_model::Model;
 
 use crate::compile::compile_with;
 use crate::dense::{bodies, carries, mass_matrix, subspaces};
-use crate::params::{JointParams, LinkInertia, PairInvweight};
+use crate::params::{JointParams, LinkInertia, PairInvweight, RobotParams};
 use crate::seat::seats;
 use crate::state::{Motion, State};
 use crate::tree::TINY;
@@ -43,9 +43,7 @@ pub(crate) fn invweights(
         joints: armature.iter().map(joint).collect(),
         pairs: vec![PairInvweight { translation: 1.0, rotation: 1.0 }; tree.pairs.len()],
         free: vec![1.0; tree.free_weights()],
-        friction_scale: 1.0,
-        ground_softness: 0.0,
-        velocity_lag: 0.0,
+        robot: RobotParams::nominal(),
     };
     let mut state = State::<f64>::new(&tree);
     if tree.floating {

@@ -1,5 +1,6 @@
-//! The one table of joint parameters. [`Robot`](crate::Robot), [`JointParams`](crate::JointParams) and what a fit may
-//! search are made from it: a new parameter is a row here, and its use in the step.
+//! The one table of the step's parameters: those of joints, and numbers of the robot as a whole. [`Robot`](crate::Robot),
+//! [`JointParams`](crate::JointParams), [`RobotParams`](crate::RobotParams) and what a fit may search of joints are made from
+//! it: a new parameter is a row here, and its use in the step.
 
 use gaitfit_model::Model;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -7,7 +8,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 /// Hands the table to the macro `$then`. A row: documentation, variant, field; unit; smallest value with a meaning;
 /// value of joint `j` as the model has it; what a search takes by default (lower, upper, start, deviation), if a fit
 /// may search it. Rows of `step` are fields of the step's parameters; rows of `factors` multiply one of these;
-/// rows of `links` change the link that the joint moves.
+/// rows of `links` change the link that the joint moves. Rows of `robot` are numbers of the whole robot that the step
+/// takes: documentation, field; smallest value, if others are refused; value of the model.
 /// Every parameter may differ from one environment to the next.
 macro_rules! joint_parameters {
     ($then:ident) => {
@@ -120,6 +122,22 @@ macro_rules! joint_parameters {
                 LinkComZ link_com_z; "m"; f64::NEG_INFINITY; |_, _| 0.0;
                 Some((-0.05, 0.05, 0.0, 0.01))
             }
+            robot {
+                /// Factor on all contact friction coefficients.
+                friction_scale; None; 1.0
+
+                /// By which part the time constant of the ground's contacts (MuJoCo's `solref`) is longer than the model's: 1
+                /// for twice as long, which lets feet sink in four times as deep.
+                ground_softness; None; 0.0
+
+                /// Time constant of the filter through which sensors read joint velocities, s; 0 for none. The motion does
+                /// not depend on it. See [`VelocityFilter`](crate::VelocityFilter).
+                velocity_lag; Some(0.0); 0.0
+
+                /// Age of the inertial unit's readings, s; 0 if they arrive at once. The motion does not depend on it. See
+                /// [`LateImu`](crate::LateImu).
+                imu_delay; Some(0.0); 0.0
+            }
         }
     };
 }
@@ -143,6 +161,7 @@ macro_rules! define {
         step { $($(#[doc = $doc:literal])* $variant:ident $field:ident; $unit:expr; $least:expr; $nominal:expr; $search:expr)* }
         factors { $($(#[doc = $fdoc:literal])* $fvariant:ident $ffield:ident of $of:ident; $funit:expr; $fleast:expr; $fnominal:expr; $fsearch:expr)* }
         links { $($(#[doc = $ldoc:literal])* $lvariant:ident $lfield:ident; $lunit:expr; $lleast:expr; $lnominal:expr; $lsearch:expr)* }
+        robot { $($robot:tt)* }
     ) => {
         /// A parameter of a joint or of the PD controller that drives it.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

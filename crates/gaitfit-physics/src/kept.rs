@@ -2,75 +2,74 @@
 
 use crate::robot::MAX_SPEED;
 use crate::visit::{Owner, Slot};
-use crate::{Params, Robot};
+use crate::{Params, Parts, Robot};
 
-/// Which of the parameters that seldom change a robot keeps as its model has them. A program for such robots has them
-/// as constants: a link's inertia takes ten numbers a robot less, and what a robot lacks no operation at all.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Kept {
+/// Makes [`Kept`] of its table. A row: documentation, field; its numbers among the parameters; whether a
+/// robot keeps it.
+macro_rules! kept {
+    ($($(#[doc = $doc:literal])* $field:ident: $numbers:pat => $keeps:expr;)*) => {
+        /// Which of the parameters that seldom change a robot keeps as its model has them. A program for such robots has
+        /// them as constants: a link's inertia takes ten numbers a robot less, and what a robot lacks no operation at all.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub struct Kept {
+            $($(#[doc = $doc])* pub $field: bool,)*
+            /// The parts that it has, unlike its model: rigid gears, sensors that read at once.
+            pub parts: Parts,
+        }
+
+        impl Kept {
+            /// What `robot` keeps.
+            pub fn from_robot(robot: &Robot) -> Self {
+                $(let $field: fn(&Robot) -> bool = $keeps;)*
+                Self { $($field: $field(robot),)* parts: Parts::from_robot(robot) }
+            }
+
+            /// What two robots keep.
+            pub fn both(self, other: Self) -> Self {
+                Self { $($field: self.$field && other.$field,)* parts: self.parts.or(other.parts) }
+            }
+
+            /// Whether the number `slot` of the parameters is kept.
+            fn keeps(self, slot: Slot) -> bool {
+                match (slot.owner, slot.name) {
+                    $($numbers => self.$field,)*
+                    (_, name) => self.parts.lack(name),
+                }
+            }
+        }
+    };
+}
+
+/// Whether all joints have the model's number.
+fn all(numbers: &[f64], model: f64) -> bool {
+    numbers.iter().all(|&number| number == model)
+}
+
+kept! {
     /// Masses, centres of mass and inertias of all links but the root's.
-    pub links: bool,
+    links: (Owner::Link(1..), _) => |robot| {
+        let shifts = [&robot.link_com_x, &robot.link_com_y, &robot.link_com_z];
+        all(&robot.link_mass, 1.0) && shifts.into_iter().all(|shift| all(shift, 0.0))
+    };
     /// Whether friction at rest is that in motion, on all joints.
-    pub stiction: bool,
+    stiction: (_, "stiction") => |robot| all(&robot.stiction, 0.0);
     /// Whether friction does not grow with load, on all joints.
-    pub load_friction: bool,
-    /// Whether gears are rigid and without play, on all joints.
-    pub gears: bool,
+    load_friction: (_, "load_friction") => |robot| all(&robot.load_friction, 0.0);
     /// Whether the ground is as hard as the model's.
-    pub ground: bool,
-    /// Whether sensors read joint velocities without lag.
-    pub velocities: bool,
+    ground: (_, "ground_softness") => |robot| robot.ground_softness == 0.0;
     /// Whether the largest torque of every motor is the same at any speed.
-    pub motors: bool,
+    motors: (_, "no_load_speed") => |robot| robot.no_load_speed.iter().all(|&speed| speed >= MAX_SPEED);
 }
 
 impl Kept {
-    /// What `robot` keeps.
-    pub fn from_robot(robot: &Robot) -> Self {
-        let all = |numbers: &[f64], model: f64| numbers.iter().all(|&number| number == model);
-        let shifts = [&robot.link_com_x, &robot.link_com_y, &robot.link_com_z];
-        Self {
-            links: all(&robot.link_mass, 1.0) && shifts.into_iter().all(|shift| all(shift, 0.0)),
-            stiction: all(&robot.stiction, 0.0),
-            load_friction: all(&robot.load_friction, 0.0),
-            gears: all(&robot.play, 0.0) && all(&robot.compliance, 0.0),
-            ground: robot.ground_softness == 0.0,
-            velocities: robot.velocity_lag == 0.0,
-            motors: robot.no_load_speed.iter().all(|&speed| speed >= MAX_SPEED),
-        }
-    }
-
-    /// What two robots keep.
-    pub fn both(self, other: Self) -> Self {
-        Self {
-            links: self.links && other.links,
-            stiction: self.stiction && other.stiction,
-            load_friction: self.load_friction && other.load_friction,
-            gears: self.gears && other.gears,
-            ground: self.ground && other.ground,
-            velocities: self.velocities && other.velocities,
-            motors: self.motors && other.motors,
-        }
-    }
-
     /// The numbers kept, from the parameters of any robot that keeps them; the same of every one.
     pub fn numbers(self, params: &Params<f64>) -> Vec<(Slot, f64)> {
-        let mut found = Vec::new();
+        let mut numbers = Vec::new();
         params.visit(|slot, &number| {
-            let kept = match (slot.owner, slot.name) {
-                (Owner::Link(link), _) => self.links && link > 0,
-                (_, "stiction") => self.stiction,
-                (_, "load_friction") => self.load_friction,
-                (_, "play" | "compliance") => self.gears,
-                (_, "ground_softness") => self.ground,
-                (_, "velocity_lag") => self.velocities,
-                (_, "no_load_speed") => self.motors,
-                _ => false,
-            };
-            if kept {
-                found.push((slot, number));
+            if self.keeps(slot) {
+                numbers.push((slot, number));
             }
         });
-        found
+        numbers
     }
 }

@@ -58,11 +58,11 @@ pub use joint_parameter::{JointParameter, SearchDefaults};
 pub use kept::Kept;
 pub use lanes::*;
 pub use modify::{
-    ActionDelta, Engaged, Gears, JointModification, JointNetwork, Modify, NETWORK_WEIGHTS, NetworkScales,
-    ResidAct, VelocityFilter, memory_of, settle,
+    ActionDelta, Engaged, Gears, IMU_PERIODS, IMU_READING, JointModification, JointNetwork, LateImu, Modify,
+    NETWORK_WEIGHTS, NetworkScales, Parts, ResidAct, SensorPlaces, VelocityFilter, memory_of, settle,
 };
 pub use outline::LinkOutline;
-pub use params::{JointParams, LinkInertia, PairInvweight, Params};
+pub use params::{JointParams, LinkInertia, PairInvweight, Params, RobotParams};
 pub use real::Real;
 pub use robot::{BodyChange, Robot};
 pub use separate::Part;

@@ -21,6 +21,7 @@ macro_rules! define {
         step { $($(#[doc = $doc:literal])* $variant:ident $field:ident; $unit:expr; $least:expr; $nominal:expr; $search:expr)* }
         factors { $($factors:tt)* }
         links { $($links:tt)* }
+        robot { $($(#[doc = $rdoc:literal])* $rfield:ident; $rleast:expr; $rnominal:expr)* }
     ) => {
         /// Parameters of one joint and of the PD controller that drives it.
         #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,6 +45,36 @@ macro_rules! define {
 
             fn numbers_mut(&mut self) -> impl Iterator<Item = (&'static str, &mut T)> {
                 [$((stringify!($field), &mut self.$field),)* ("weight", &mut self.weight)].into_iter()
+            }
+        }
+
+        /// Numbers of the robot as a whole.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct RobotParams<T> {
+            $($(#[doc = $rdoc])* pub $rfield: T,)*
+        }
+
+        impl<T: Copy> RobotParams<T> {
+            /// Every number `value`.
+            fn uniform(value: T) -> Self {
+                Self { $($rfield: value),* }
+            }
+        }
+
+        impl RobotParams<f64> {
+            /// Those of the model.
+            pub(crate) fn nominal() -> Self {
+                Self { $($rfield: $rnominal),* }
+            }
+        }
+
+        impl<T> RobotParams<T> {
+            fn numbers(&self) -> impl Iterator<Item = (&'static str, &T)> {
+                [$((stringify!($rfield), &self.$rfield)),*].into_iter()
+            }
+
+            fn numbers_mut(&mut self) -> impl Iterator<Item = (&'static str, &mut T)> {
+                [$((stringify!($rfield), &mut self.$rfield)),*].into_iter()
             }
         }
     };
@@ -71,13 +102,8 @@ pub struct Params<T> {
     /// Inertia that a free joint sees at the reference pose, kg and kg·m²: translation and rotation, each a mean over three
     /// axes (the reciprocals of MuJoCo's `dof_invweight0`); empty where nothing but inertia resists the base.
     pub free: Vec<T>,
-    /// Factor on all contact friction coefficients.
-    pub friction_scale: T,
-    /// By which part the time constant of the ground's contacts is longer than the model's.
-    pub ground_softness: T,
-    /// Time constant of the filter through which sensors read joint velocities, s; see
-    /// [`VelocityFilter`](crate::VelocityFilter).
-    pub velocity_lag: T,
+    /// Numbers of the robot as a whole.
+    pub robot: RobotParams<T>,
 }
 
 macro_rules! params_numbers {
@@ -98,9 +124,9 @@ macro_rules! params_numbers {
             $visit(Slot::new(Owner::Pair(p), "rotation"), $($reference)+ pair.rotation);
         }
         all(&mut $visit, Slot::new(Owner::Base, "free_weight"), $($reference)+ $params.free);
-        $visit(Slot::new(Owner::Base, "friction_scale"), $($reference)+ $params.friction_scale);
-        $visit(Slot::new(Owner::Base, "ground_softness"), $($reference)+ $params.ground_softness);
-        $visit(Slot::new(Owner::Base, "velocity_lag"), $($reference)+ $params.velocity_lag);
+        for (name, number) in $params.robot.$numbers() {
+            $visit(Slot::new(Owner::Base, name), number);
+        }
     };
 }
 
@@ -117,9 +143,7 @@ impl<T: Real> Params<T> {
             joints: vec![JointParams::uniform(z); joints],
             pairs: vec![PairInvweight { translation: z, rotation: z }; pairs],
             free: Vec::new(),
-            friction_scale: z,
-            ground_softness: z,
-            velocity_lag: z,
+            robot: RobotParams::uniform(z),
         }
     }
 

@@ -15,7 +15,7 @@ use crate::{Owner, Period, Real, State, Tree, Work, solver, step};
 pub fn begin<T: Real>(p: &mut Period<'_, T>) {
     let n = p.drives.len();
     for_each(p.modifications, p.memory, |one, memory| {
-        one.targets(p.params, p.state, memory, &mut p.targets[..n]);
+        one.targets(p.substeps, p.params, p.state, memory, &mut p.targets[..n]);
     });
 }
 

@@ -3,7 +3,7 @@
 use gaitfit_model::{Model, Root};
 
 use crate::joint_parameter::{JointParameter, joint_parameters};
-use crate::params::{JointParams, LinkInertia, PairInvweight};
+use crate::params::{JointParams, LinkInertia, PairInvweight, RobotParams};
 use crate::seat::{Seat, body_inertia, seats, sides};
 use crate::vec3::*;
 use crate::{Params, PhysicsError, invweight};
@@ -39,6 +39,7 @@ macro_rules! define {
         step { $($(#[doc = $doc:literal])* $variant:ident $field:ident; $unit:expr; $least:expr; $nominal:expr; $search:expr)* }
         factors { $($(#[doc = $fdoc:literal])* $fvariant:ident $ffield:ident of $of:ident; $funit:expr; $fleast:expr; $fnominal:expr; $fsearch:expr)* }
         links { $($(#[doc = $ldoc:literal])* $lvariant:ident $lfield:ident; $lunit:expr; $lleast:expr; $lnominal:expr; $lsearch:expr)* }
+        robot { $($(#[doc = $rdoc:literal])* $rfield:ident; $rleast:expr; $rnominal:expr)* }
     ) => {
         /// A robot as a person would describe it: the model's own numbers, changed joint by joint. Vectors hold one
         /// number a joint, in the model's order.
@@ -55,14 +56,7 @@ macro_rules! define {
             pub payload_mass: f64,
             /// Where the load is, m, body frame.
             pub payload_position: [f64; 3],
-            /// Factor on all contact friction coefficients.
-            pub friction_scale: f64,
-            /// By which part the time constant of the ground's contacts (MuJoCo's `solref`) is longer than the model's: 1
-            /// for twice as long, which lets feet sink in four times as deep.
-            pub ground_softness: f64,
-            /// Time constant of the filter through which sensors read joint velocities, s; 0 for none. The motion does
-            /// not depend on it.
-            pub velocity_lag: f64,
+            $($(#[doc = $rdoc])* pub $rfield: f64,)*
         }
 
         impl Robot {
@@ -77,9 +71,7 @@ macro_rules! define {
                     base_com: [0.0; 3],
                     payload_mass: 0.0,
                     payload_position: [0.0; 3],
-                    friction_scale: 1.0,
-                    ground_softness: 0.0,
-                    velocity_lag: 0.0,
+                    $($rfield: $rnominal,)*
                 }
             }
 
@@ -99,6 +91,28 @@ macro_rules! define {
                     $(JointParameter::$fvariant => &mut self.$ffield,)*
                     $(JointParameter::$lvariant => &mut self.$lfield,)*
                 }
+            }
+
+            /// The numbers of the step's parameter of this name: of all joints, or one of the robot as a whole. None if there is
+            /// no such parameter.
+            pub(crate) fn named(&self, name: &str) -> &[f64] {
+                $(if name == stringify!($field) { return &self.$field; })*
+                $(if name == stringify!($rfield) { return std::slice::from_ref(&self.$rfield); })*
+                &[]
+            }
+
+            /// What the step takes of the robot as a whole.
+            fn robot_params(&self) -> RobotParams<f64> {
+                RobotParams { $($rfield: self.$rfield),* }
+            }
+
+            /// A number of the robot as a whole that is smaller than it may be, or not finite, by name.
+            fn wrong_number(&self) -> Option<(&'static str, f64)> {
+                let numbers = [$((stringify!($rfield), self.$rfield, $rleast)),*];
+                let wrong = |(name, value, least): (&'static str, f64, Option<f64>)| {
+                    least.filter(|&least| !(value >= least && value.is_finite())).map(|_| (name, value))
+                };
+                numbers.into_iter().find_map(wrong)
             }
 
             /// What the step takes of joint `j`.
@@ -160,13 +174,9 @@ impl Robot {
                 });
             }
         }
-        if !(self.velocity_lag >= 0.0 && self.velocity_lag.is_finite()) {
-            return Err(PhysicsError::Value {
-                object: format!("robot `{}`", model.name),
-                quantity: "the lag of its joint velocities",
-                value: self.velocity_lag,
-                must: "zero or positive",
-            });
+        if let Some((quantity, value)) = self.wrong_number() {
+            let (object, must) = (format!("robot `{}`", model.name), "zero or positive");
+            return Err(PhysicsError::Value { object, quantity, value, must });
         }
         let mass = model.bodies[0].mass + self.base_mass;
         if !(mass >= 0.0 || model.root == Root::Fixed) {
@@ -216,15 +226,7 @@ impl Robot {
             Some(_) if floating => weights.free.map(|weight| 1.0 / weight).to_vec(),
             _ => Vec::new(),
         };
-        Ok(Params {
-            links,
-            joints,
-            pairs,
-            free,
-            friction_scale: self.friction_scale,
-            ground_softness: self.ground_softness,
-            velocity_lag: self.velocity_lag,
-        })
+        Ok(Params { links, joints, pairs, free, robot: self.robot_params() })
     }
 
     /// How each body of the model differs from its file, by the link that it is part of. Whatever the numbers, a body is

@@ -3,7 +3,6 @@
 use std::sync::Mutex;
 use std::sync::PoisonError;
 
-use gaitfit_model::rotation::{quat_of, vec_of};
 use gaitfit_physics::Params;
 use gaitfit_sim::{Candidate, Imu, Motion, Start, Tile, pool};
 
@@ -305,8 +304,7 @@ impl Track {
         self.velocity.extend(walker.joints.iter().map(|&joint| velocity[joint]));
         self.base_position.extend_from_slice(&motion.base_position[3 * index..3 * index + 3]);
         self.base_velocity.extend_from_slice(&motion.base_linear[3 * index..3 * index + 3]);
-        let attitude = quat_of(&motion.base_quaternion[4 * index..]);
-        let rates = vec_of(&motion.base_angular[3 * index..]);
+        let (attitude, rates) = motion.imu_reading(index);
         self.base_quaternion.extend(imu.map_or(attitude, |imu| imu.attitude(attitude)));
         self.base_rates.extend(imu.map_or(rates, |imu| imu.rates(rates)));
         // A diverged robot's numbers fail every comparison: it counts as fallen by name.

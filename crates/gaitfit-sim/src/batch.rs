@@ -2,7 +2,7 @@
 
 use gaitfit_isa::selected;
 use gaitfit_model::Model;
-use gaitfit_physics::{Damping, Isa, Preset, Settings, Tree, compile, delay_taps};
+use gaitfit_physics::{Damping, IMU_PERIODS, Isa, Params, Preset, Settings, Tree, compile, delay_taps};
 
 use crate::SimError;
 use crate::motion::Motion;
@@ -101,6 +101,19 @@ impl Batch {
         }
         let taps = delay_taps(options.max_delay, options.control_dt, settings.emulated_step.is_some());
         Ok(Self { model: model.clone(), tree, isa, options, taps, tracked, geoms })
+    }
+
+    /// Refuses robots whose inertial units are later than the batch can have them: two control periods.
+    ///
+    /// # Errors
+    /// Such a robot.
+    pub fn check_imu_delay(&self, robots: &[Params<f64>]) -> Result<(), SimError> {
+        let delay = robots.iter().fold(0.0f64, |max, robot| max.max(robot.robot.imu_delay));
+        if delay <= IMU_PERIODS as f64 * self.options.control_dt * (1.0 + 1e-9) {
+            return Ok(());
+        }
+        let must = "at most two control periods; lower the value, or the upper bound of `imu_delay` in a fit";
+        Err(SimError::Option { option: "a robot's imu_delay (s)", value: delay.to_string(), must })
     }
 
     /// The robot.

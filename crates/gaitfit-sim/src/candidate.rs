@@ -2,8 +2,8 @@
 
 use gaitfit_model::Model;
 use gaitfit_physics::{
-    ActionDelta, Gears, JointModification, JointNetwork, Kept, NETWORK_WEIGHTS, NetworkScales, Params, Real,
-    ResidAct, Robot, VelocityFilter,
+    ActionDelta, JointModification, JointNetwork, NETWORK_WEIGHTS, NetworkScales, Parts, Real, ResidAct,
+    Robot,
 };
 
 use crate::{Sensors, SimError};
@@ -66,54 +66,18 @@ impl JointNetworks {
     }
 }
 
-/// Optional parts of a robot's step: gears with play or compliance, and a filter of the joint velocities that sensors read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Extras {
-    /// Whether a robot has such gears.
-    pub gears: bool,
-    /// Whether a robot has such a filter.
-    pub filter: bool,
-}
-
-impl Extras {
-    /// The parts that at least one of these robots needs.
-    pub fn from_robots<'a>(robots: impl IntoIterator<Item = &'a Params<f64>>) -> Self {
-        robots.into_iter().fold(Self::default(), |all, robot| Self {
-            gears: all.gears || has_gears(robot),
-            filter: all.filter || robot.velocity_lag != 0.0,
-        })
-    }
-
-    /// Those of robots that keep this of their model.
-    pub fn beyond(kept: Kept) -> Self {
-        Self { gears: !kept.gears, filter: !kept.velocities }
-    }
-}
-
 /// The modifications of the drives of robots with these networks, as the step of `model` takes them: first the networks, then
-/// the gears, then the filter of velocities, if there are any.
+/// the other parts.
 ///
 /// # Errors
 /// Networks that do not fit the robot.
 pub fn modifications<T: Real>(
     model: &Model,
     networks: &[JointNetworks],
-    extras: Extras,
+    parts: Parts,
 ) -> Result<Vec<JointModification<T::K>>, SimError> {
-    let others = drives(model.joints.len(), extras).into_iter().map(Ok);
+    let others = parts.modifications(model.joints.len()).into_iter().map(Ok);
     networks.iter().map(|one| one.compile::<T>(model)).chain(others).collect()
-}
-
-/// The same without networks, of a robot of `joints` joints.
-pub(crate) fn drives<K: Copy>(joints: usize, extras: Extras) -> Vec<JointModification<K>> {
-    let gears = extras.gears.then_some(JointModification::Gears(Gears { joints }));
-    let filter = extras.filter.then_some(JointModification::VelocityFilter(VelocityFilter { joints }));
-    gears.into_iter().chain(filter).collect()
-}
-
-/// Whether a robot with these parameters has gears with play or compliance.
-pub fn has_gears(params: &Params<f64>) -> bool {
-    params.joints.iter().any(|joint| joint.play != 0.0 || joint.compliance != 0.0)
 }
 
 /// Everything in which a simulated robot may differ from its file.

@@ -14,7 +14,7 @@ pub mod pool;
 pub mod stats;
 
 pub use batch::{Batch, BatchOptions};
-pub use candidate::{Candidate, Extras, JointNetworks, NetworkKind, has_gears, modifications};
+pub use candidate::{Candidate, JointNetworks, NetworkKind, modifications};
 pub use engine::{Cpu, Engine};
 pub use error::SimError;
 pub use motion::{Motion, Start};

@@ -1,6 +1,7 @@
 //! What a batch of robots shows after a control period.
 
-use gaitfit_physics::State;
+use gaitfit_model::rotation::{quat_of, vec_of};
+use gaitfit_physics::{IMU_READING, State};
 
 /// Motion of some environments; every array holds one row an environment, row-major.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,6 +20,9 @@ pub struct Motion {
     pub joint_velocity: Vec<f32>,
     /// The same as sensors read them; empty where they read them at once. See [`Motion::velocity_readings`].
     pub filtered_velocity: Vec<f32>,
+    /// Orientation and angular velocity of the base as a late inertial unit reads them: a mean of quaternions (wxyz, nearly
+    /// unit) and rad/s, body frame; `× 7`. Absent if it reads the present. See [`Motion::imu_reading`].
+    pub late_imu: Option<Vec<f32>>,
     /// Joint accelerations of the last physics step, rad/s²; `× joints`.
     pub joint_acceleration: Vec<f32>,
     /// Torques on the joints in the last physics step, N·m: the motors', with modifications and disturbances;
@@ -43,6 +47,7 @@ impl Motion {
             joint_position: rows(joints),
             joint_velocity: rows(joints),
             filtered_velocity: Vec::new(),
+            late_imu: None,
             joint_acceleration: rows(joints),
             torque: rows(joints),
             normal_force: rows(geoms),
@@ -53,6 +58,21 @@ impl Motion {
     /// Joint velocities as sensors read them, rad/s; `× joints`.
     pub fn velocity_readings(&self) -> &[f32] {
         if self.filtered_velocity.is_empty() { &self.joint_velocity } else { &self.filtered_velocity }
+    }
+
+    /// Orientation (wxyz) and angular velocity (rad/s, body frame) of the base of environment `index` that its inertial unit
+    /// reads, before errors of the unit itself ([`Imu`](crate::Imu)): those of the moment that the unit is late by.
+    ///
+    /// # Panics
+    /// If there is no such environment: an error of the caller.
+    pub fn imu_reading(&self, index: usize) -> ([f32; 4], [f32; 3]) {
+        let Some(readings) = &self.late_imu else {
+            return (quat_of(&self.base_quaternion[4 * index..]), vec_of(&self.base_angular[3 * index..]));
+        };
+        let reading = &readings[IMU_READING * index..];
+        let mean: [f32; 4] = quat_of(reading);
+        let length = mean.iter().map(|x| x * x).sum::<f32>().sqrt();
+        (mean.map(|x| x / length), vec_of(&reading[4..]))
     }
 }
 

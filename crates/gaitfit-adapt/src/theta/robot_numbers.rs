@@ -6,155 +6,148 @@ use super::{Defaults, Entry, Modification, ReadContext, SavedParameter, ThetaErr
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
 
-/// A number of the robot as a whole.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RobotNumber {
-    /// Standard deviation of a Gaussian torque on every joint at every physics step, N·m.
-    TorqueNoise,
-    /// Mass added to the base, kg.
-    BaseMass,
-    /// Shift of the base's centre of mass forward, m, body frame.
-    BaseComX,
-    /// Shift of the base's centre of mass to the left, m, body frame.
-    BaseComY,
-    /// Shift of the base's centre of mass upward, m, body frame.
-    BaseComZ,
-    /// Mass of a load fixed to the base, a point, kg.
-    PayloadMass,
-    /// Where the load is, forward, m, body frame.
-    PayloadX,
-    /// Where the load is, to the left, m, body frame.
-    PayloadY,
-    /// Where the load is, upward, m, body frame.
-    PayloadZ,
-    /// Sliding friction of the floor over the model's.
-    FloorFriction,
-    /// By which part the time constant of the ground's contacts is longer than the model's.
-    GroundSoftness,
-    /// Roll of the inertial unit's mounting error, rad; see [`gaitfit_sim::Sensors`].
-    ImuRoll,
-    /// Pitch of the inertial unit's mounting error, rad.
-    ImuPitch,
-    /// Reading of the gyro at rest about the unit's x axis, rad/s.
-    GyroBiasX,
-    /// Reading of the gyro at rest about the unit's y axis, rad/s.
-    GyroBiasY,
-    /// Reading of the gyro at rest about the unit's z axis, rad/s.
-    GyroBiasZ,
-    /// Time constant of the filter of the sensors of joint velocity, s.
-    VelocityLag,
+/// Makes [`RobotNumber`] of its table. A row: documentation, variant, name in files; unit; smallest value with a meaning; what
+/// a search takes where a rule is silent (lower, upper, start, deviation); where the number stands in a candidate.
+macro_rules! robot_numbers {
+    ($($(#[doc = $doc:literal])* $variant:ident $name:ident; $unit:literal; $least:expr; $search:expr; { $($place:tt)+ };)*) => {
+        /// A number of the robot as a whole.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        pub enum RobotNumber {
+            $($(#[doc = $doc])* $variant,)*
+        }
+
+        impl RobotNumber {
+            /// Every one.
+            pub const ALL: &[Self] = &[$(Self::$variant),*];
+
+            /// Name in files and tables.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => stringify!($name),)*
+                }
+            }
+
+            /// Unit; `-` for a ratio.
+            pub fn unit(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $unit,)*
+                }
+            }
+
+            /// What it is, in words.
+            pub fn description(self) -> &'static str {
+                match self {
+                    $(Self::$variant => concat!($($doc),*).trim_ascii(),)*
+                }
+            }
+
+            /// Bounds, start and deviation of a rule that does not give them.
+            pub fn defaults(self) -> Defaults {
+                let (lower, upper, start, deviation) = match self {
+                    $(Self::$variant => $search,)*
+                };
+                Defaults { lower, upper, start, deviation }
+            }
+
+            /// Smallest value with a meaning.
+            fn lower_limit(self) -> f64 {
+                match self {
+                    $(Self::$variant => $least,)*
+                }
+            }
+
+            /// The number of `candidate`.
+            pub fn value(self, candidate: &Candidate) -> f64 {
+                match self {
+                    $(Self::$variant => candidate.$($place)+,)*
+                }
+            }
+
+            fn value_mut(self, candidate: &mut Candidate) -> &mut f64 {
+                match self {
+                    $(Self::$variant => &mut candidate.$($place)+,)*
+                }
+            }
+        }
+    };
 }
 
-impl RobotNumber {
-    /// Every one.
-    pub const ALL: [Self; 17] = [
-        Self::TorqueNoise,
-        Self::BaseMass,
-        Self::BaseComX,
-        Self::BaseComY,
-        Self::BaseComZ,
-        Self::PayloadMass,
-        Self::PayloadX,
-        Self::PayloadY,
-        Self::PayloadZ,
-        Self::FloorFriction,
-        Self::GroundSoftness,
-        Self::ImuRoll,
-        Self::ImuPitch,
-        Self::GyroBiasX,
-        Self::GyroBiasY,
-        Self::GyroBiasZ,
-        Self::VelocityLag,
-    ];
+robot_numbers! {
+    /// Standard deviation of a Gaussian torque on every joint at every physics step, N·m.
+    TorqueNoise torque_noise; "N·m"; 0.0;
+    // Costs do not mind noise near 0, so a search that begins there can stay there.
+    (0.0, 10.0, 1.0, 0.5); { torque_noise };
 
-    /// Name in files and tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::TorqueNoise => "torque_noise",
-            Self::BaseMass => "base_mass",
-            Self::BaseComX => "base_com_x",
-            Self::BaseComY => "base_com_y",
-            Self::BaseComZ => "base_com_z",
-            Self::PayloadMass => "payload_mass",
-            Self::PayloadX => "payload_x",
-            Self::PayloadY => "payload_y",
-            Self::PayloadZ => "payload_z",
-            Self::FloorFriction => "floor_friction",
-            Self::GroundSoftness => "ground_softness",
-            Self::ImuRoll => "imu_roll",
-            Self::ImuPitch => "imu_pitch",
-            Self::GyroBiasX => "gyro_bias_x",
-            Self::GyroBiasY => "gyro_bias_y",
-            Self::GyroBiasZ => "gyro_bias_z",
-            Self::VelocityLag => "velocity_lag",
-        }
-    }
+    /// Mass added to the base, kg.
+    BaseMass base_mass; "kg"; f64::NEG_INFINITY;
+    (-2.0, 5.0, 0.0, 0.5); { robot.base_mass };
 
-    /// Unit.
-    pub fn unit(self) -> &'static str {
-        match self {
-            Self::TorqueNoise => "N·m",
-            Self::BaseMass | Self::PayloadMass => "kg",
-            Self::BaseComX | Self::BaseComY | Self::BaseComZ => "m",
-            Self::PayloadX | Self::PayloadY | Self::PayloadZ => "m",
-            Self::FloorFriction | Self::GroundSoftness => "-",
-            Self::ImuRoll | Self::ImuPitch => "rad",
-            Self::GyroBiasX | Self::GyroBiasY | Self::GyroBiasZ => "rad/s",
-            Self::VelocityLag => "s",
-        }
-    }
+    /// Shift of the base's centre of mass forward, m, body frame.
+    BaseComX base_com_x; "m"; f64::NEG_INFINITY;
+    (-0.1, 0.1, 0.0, 0.01); { robot.base_com[0] };
 
-    /// Bounds, start and deviation of a rule that does not give them.
-    pub fn defaults(self) -> Defaults {
-        let (lower, upper, start, deviation) = match self {
-            // Costs do not mind noise near 0, so a search that begins there can stay there.
-            Self::TorqueNoise => (0.0, 10.0, 1.0, 0.5),
-            Self::BaseMass => (-2.0, 5.0, 0.0, 0.5),
-            Self::BaseComX | Self::BaseComY | Self::BaseComZ => (-0.1, 0.1, 0.0, 0.01),
-            // A load of nothing has no place, and least squares does not come away from it: the search begins with some.
-            Self::PayloadMass => (0.0, 10.0, 2.0, 0.5),
-            Self::PayloadX | Self::PayloadY | Self::PayloadZ => (-0.5, 0.5, 0.0, 0.05),
-            Self::FloorFriction => (0.1, 3.0, 1.0, 0.1),
-            Self::GroundSoftness => (0.0, 5.0, 0.0, 0.3),
-            Self::ImuRoll | Self::ImuPitch => (-0.1, 0.1, 0.0, 0.01),
-            Self::GyroBiasX | Self::GyroBiasY | Self::GyroBiasZ => (-0.2, 0.2, 0.0, 0.02),
-            Self::VelocityLag => (0.0, 0.02, 0.0, 0.002),
-        };
-        Defaults { lower, upper, start, deviation }
-    }
+    /// Shift of the base's centre of mass to the left, m, body frame.
+    BaseComY base_com_y; "m"; f64::NEG_INFINITY;
+    (-0.1, 0.1, 0.0, 0.01); { robot.base_com[1] };
 
-    /// Smallest value with a meaning.
-    fn lower_limit(self) -> f64 {
-        match self {
-            Self::TorqueNoise | Self::PayloadMass | Self::GroundSoftness | Self::VelocityLag => 0.0,
-            // Contacts without any friction are another kind, which a fit cannot reach.
-            Self::FloorFriction => 1e-3,
-            _ => f64::NEG_INFINITY,
-        }
-    }
+    /// Shift of the base's centre of mass upward, m, body frame.
+    BaseComZ base_com_z; "m"; f64::NEG_INFINITY;
+    (-0.1, 0.1, 0.0, 0.01); { robot.base_com[2] };
 
-    fn value_mut(self, candidate: &mut Candidate) -> &mut f64 {
-        match self {
-            Self::TorqueNoise => &mut candidate.torque_noise,
-            Self::BaseMass => &mut candidate.robot.base_mass,
-            Self::BaseComX => &mut candidate.robot.base_com[0],
-            Self::BaseComY => &mut candidate.robot.base_com[1],
-            Self::BaseComZ => &mut candidate.robot.base_com[2],
-            Self::PayloadMass => &mut candidate.robot.payload_mass,
-            Self::PayloadX => &mut candidate.robot.payload_position[0],
-            Self::PayloadY => &mut candidate.robot.payload_position[1],
-            Self::PayloadZ => &mut candidate.robot.payload_position[2],
-            Self::FloorFriction => &mut candidate.robot.friction_scale,
-            Self::GroundSoftness => &mut candidate.robot.ground_softness,
-            Self::ImuRoll => &mut candidate.sensors.imu_tilt[0],
-            Self::ImuPitch => &mut candidate.sensors.imu_tilt[1],
-            Self::GyroBiasX => &mut candidate.sensors.gyro_bias[0],
-            Self::GyroBiasY => &mut candidate.sensors.gyro_bias[1],
-            Self::GyroBiasZ => &mut candidate.sensors.gyro_bias[2],
-            Self::VelocityLag => &mut candidate.robot.velocity_lag,
-        }
-    }
+    /// Mass of a load fixed to the base, a point, kg.
+    PayloadMass payload_mass; "kg"; 0.0;
+    // A load of nothing has no place, and least squares does not come away from it: the search begins with some.
+    (0.0, 10.0, 2.0, 0.5); { robot.payload_mass };
+
+    /// Where the load is, forward, m, body frame.
+    PayloadX payload_x; "m"; f64::NEG_INFINITY;
+    (-0.5, 0.5, 0.0, 0.05); { robot.payload_position[0] };
+
+    /// Where the load is, to the left, m, body frame.
+    PayloadY payload_y; "m"; f64::NEG_INFINITY;
+    (-0.5, 0.5, 0.0, 0.05); { robot.payload_position[1] };
+
+    /// Where the load is, upward, m, body frame.
+    PayloadZ payload_z; "m"; f64::NEG_INFINITY;
+    (-0.5, 0.5, 0.0, 0.05); { robot.payload_position[2] };
+
+    /// Sliding friction of the floor over the model's.
+    FloorFriction floor_friction; "-"; 1e-3;
+    // Contacts without any friction are another kind, which a fit cannot reach.
+    (0.1, 3.0, 1.0, 0.1); { robot.friction_scale };
+
+    /// By which part the time constant of the ground's contacts is longer than the model's.
+    GroundSoftness ground_softness; "-"; 0.0;
+    (0.0, 5.0, 0.0, 0.3); { robot.ground_softness };
+
+    /// Roll of the inertial unit's mounting error, rad.
+    ImuRoll imu_roll; "rad"; f64::NEG_INFINITY;
+    (-0.1, 0.1, 0.0, 0.01); { sensors.imu_tilt[0] };
+
+    /// Pitch of the inertial unit's mounting error, rad.
+    ImuPitch imu_pitch; "rad"; f64::NEG_INFINITY;
+    (-0.1, 0.1, 0.0, 0.01); { sensors.imu_tilt[1] };
+
+    /// Reading of the gyro at rest about the unit's x axis, rad/s.
+    GyroBiasX gyro_bias_x; "rad/s"; f64::NEG_INFINITY;
+    (-0.2, 0.2, 0.0, 0.02); { sensors.gyro_bias[0] };
+
+    /// Reading of the gyro at rest about the unit's y axis, rad/s.
+    GyroBiasY gyro_bias_y; "rad/s"; f64::NEG_INFINITY;
+    (-0.2, 0.2, 0.0, 0.02); { sensors.gyro_bias[1] };
+
+    /// Reading of the gyro at rest about the unit's z axis, rad/s.
+    GyroBiasZ gyro_bias_z; "rad/s"; f64::NEG_INFINITY;
+    (-0.2, 0.2, 0.0, 0.02); { sensors.gyro_bias[2] };
+
+    /// Time constant of the filter of the sensors of joint velocity, s; clamped robots show it, too.
+    VelocityLag velocity_lag; "s"; 0.0;
+    (0.0, 0.02, 0.0, 0.002); { robot.velocity_lag };
+
+    /// Age of the inertial unit's readings, s: orientation and rates; at most two control periods.
+    ImuDelay imu_delay; "s"; 0.0;
+    (0.0, 0.02, 0.0, 0.002); { robot.imu_delay };
 }
 
 /// A rule: a number, and what it takes instead of its defaults.
@@ -245,7 +238,7 @@ pub(super) fn read(
     context: &ReadContext<'_>,
     candidate: &mut Candidate,
 ) -> Option<Result<(), ThetaFileError>> {
-    let number = RobotNumber::ALL.into_iter().find(|number| number.name() == parameter.kind)?;
+    let number = RobotNumber::ALL.iter().copied().find(|number| number.name() == parameter.kind)?;
     let checked = context.check(parameter, number.lower_limit(), MAX_VALUE);
     Some(checked.map(|()| *number.value_mut(candidate) = parameter.value))
 }

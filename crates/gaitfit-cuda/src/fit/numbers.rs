@@ -70,6 +70,9 @@ fn robot(subject: Subject<'_>, job: &Job) -> Result<(Vec<f32>, Vec<f64>), FitErr
         return Err(SimError::Option { option: "a candidate's delay", value: delay.to_string(), must }.into());
     }
     let robot = subject.params(candidate)?;
+    if let Subject::Walk(walker, _) = subject {
+        walker.batch.check_imu_delay(std::slice::from_ref(&robot))?;
+    }
     let mut params = Vec::new();
     robot.visit(|_, &number| params.push(number as f32));
     Ok((params, physics::weights(model, &candidate.networks)?))

@@ -2,10 +2,10 @@
 
 use gaitfit_model::Model;
 use gaitfit_physics::trace::{Input, Report, Traced};
-use gaitfit_physics::{Kept, Params, PhysicsError};
+use gaitfit_physics::{Kept, Params, Parts, PhysicsError};
 use gaitfit_policy::Policy;
 use gaitfit_policy::walker::Walker;
-use gaitfit_sim::{Candidate, Extras, NetworkKind, Replay, modifications};
+use gaitfit_sim::{Candidate, NetworkKind, Replay, modifications};
 
 use super::FitError;
 use crate::emit::EmitOptions;
@@ -96,8 +96,10 @@ impl Subject<'_> {
         };
         let model = self.model();
         let options = PeriodOptions { substeps, taps, lanes: LANES, emit: EmitOptions::default() };
-        let networks = modifications::<Traced>(model, &candidate.networks, Extras::beyond(structure.kept))?;
         let forces = matches!(self, Self::Walk(..));
+        // Clamped robots do not show when their inertial unit is late.
+        let parts = Parts { late_imu: forces && structure.kept.parts.late_imu, ..structure.kept.parts };
+        let networks = modifications::<Traced>(model, &candidate.networks, parts)?;
         let fixed = structure.kept.numbers(&self.params(candidate)?);
         let report = Report { disturbed: structure.disturbed, forces, tracked: Vec::new(), fixed };
         Ok(Period::reporting(model, settings, options, &networks, &report)?)

@@ -48,12 +48,11 @@ impl Shared {
                 JointModification::ActionDelta(ActionDelta(asked)) => {
                     JointModification::ActionDelta(ActionDelta([asked.as_slice(), &further].concat()))
                 }
-                // On all joints already.
-                JointModification::Gears(gears) => JointModification::Gears(*gears),
-                JointModification::VelocityFilter(filter) => JointModification::VelocityFilter(*filter),
                 JointModification::ResidAct(ResidAct(asked)) => {
                     JointModification::ResidAct(ResidAct([asked.as_slice(), &further].concat()))
                 }
+                // On all joints already.
+                other => other.clone(),
             };
             shared.memory.extend((0..Modify::<Known>::memory(&whole)).map(|place| place < count));
             shared.modifications.push(whole);

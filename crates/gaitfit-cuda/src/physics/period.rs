@@ -2,7 +2,7 @@
 
 use gaitfit_model::Model;
 use gaitfit_physics::trace::{Input, Known, PeriodGraph, Report, Traced, record_period_with};
-use gaitfit_physics::{JointModification, Settings, Slot, compile};
+use gaitfit_physics::{JointModification, SensorPlaces, Settings, Slot, compile};
 
 use super::{DeviceError, Shared};
 use crate::emit::{EmitOptions, KERNEL, Layout, PeriodProgram, Seating, cuda, has_two_texts, tables};
@@ -45,8 +45,7 @@ pub struct Period {
     joints: usize,
     taps: usize,
     substeps: usize,
-    /// Whether sensors read velocities through a filter; see [`Period::filter`].
-    filtered: bool,
+    sensors: SensorPlaces,
     text: String,
 }
 
@@ -77,13 +76,13 @@ impl Period {
         report: &Report,
     ) -> Result<Self, DeviceError> {
         let tree = compile::<Traced>(model, settings)?;
-        let filtered = matches!(modifications.last(), Some(JointModification::VelocityFilter(_)));
         let outline = tree.outline();
         let alone = Seating::alone(&outline);
         let lanes = [4, 2].into_iter().filter(|&lanes| lanes <= options.lanes);
         let seatings: Vec<Seating> = lanes.filter_map(|lanes| Seating::shared(&outline, lanes)).collect();
         let whole = Shared::new(modifications, seatings.first().unwrap_or(&alone), tree.joints());
         let Shared { modifications, memory, weights } = whole;
+        let sensors = SensorPlaces::new(&modifications);
         let graph = record_period_with(&tree, options.taps, options.substeps, &modifications, report)?;
         let program = |seating: &Seating| PeriodProgram::new(&graph, seating, options.emit);
         let shared = match seatings.iter().find_map(|seating| program(seating).ok()) {
@@ -102,7 +101,7 @@ impl Period {
             joints: tree.joints(),
             taps: options.taps,
             substeps: options.substeps,
-            filtered,
+            sensors,
             text,
         })
     }
@@ -156,10 +155,9 @@ impl Period {
         self.substeps
     }
 
-    /// Modifications remember, for each joint, how much a sensor's reading differs from the true velocity. This is the place
-    /// of the first joint's; the other joints follow. Absent if sensors read the true velocities.
-    pub(crate) fn filter(&self) -> Option<usize> {
-        self.filtered.then(|| self.memory.len() - self.joints)
+    /// Where sensors are among the numbers that modifications remember.
+    pub(crate) fn sensors(&self) -> SensorPlaces {
+        self.sensors
     }
 
     /// What the program takes, in the recording's order.

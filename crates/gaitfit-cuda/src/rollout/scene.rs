@@ -5,7 +5,7 @@ use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::{Task, TaskError, reward};
 use gaitfit_physics::Kept;
 use gaitfit_physics::trace::{Report, Traced};
-use gaitfit_sim::{Candidate, Extras, modifications};
+use gaitfit_sim::{Candidate, modifications};
 
 use super::RolloutError;
 use super::sums::Sum;
@@ -122,8 +122,13 @@ impl<'a> Scene<'a> {
             _ => Vec::new(),
         };
         let report = Report { disturbed, forces: true, tracked: batch.tracked().to_vec(), fixed };
-        let extras = kept.map(Extras::beyond).unwrap_or_default();
-        let networks = modifications::<Traced>(model, networks, extras).map_err(TaskError::from)?;
+        let parts = kept.map(|kept| kept.parts).unwrap_or_default();
+        if parts.late_imu {
+            let robots = candidates.iter().map(|candidate| task.walker.robot(candidate).params(model));
+            let robots = robots.collect::<Result<Vec<_>, _>>().map_err(TaskError::from)?;
+            batch.check_imu_delay(&robots).map_err(TaskError::from)?;
+        }
+        let networks = modifications::<Traced>(model, networks, parts).map_err(TaskError::from)?;
         let period =
             Period::for_environments(model, settings, options, &networks, &report, environments, processors)?;
         Ok(period)

@@ -9,7 +9,7 @@ use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, control, imu_rows}
 use gaitfit_learn::ppo::Exploration;
 use gaitfit_learn::task::{Ended, Environment, Snapshot, Task, TaskSettings, preset, reward};
 use gaitfit_model::Model;
-use gaitfit_physics::Params;
+use gaitfit_physics::{Params, Parts, memory_of};
 use gaitfit_policy::walker::TorqueNoise;
 use gaitfit_policy::{Quantity, Term};
 use gaitfit_random::{Purpose, Stream};
@@ -204,8 +204,8 @@ pub fn flat(snapshot: &Snapshot) -> Vec<f32> {
         .collect()
 }
 
-/// What a robot's networks remember before a control period: where its joints are, if it is new; then, if it has one, what its
-/// filter of velocities does.
+/// What a robot's networks remember before a control period: where its joints are, if it is new; the zeros of
+/// its other parts, if it has some.
 pub fn remembered(candidate: &Candidate, was: &Snapshot) -> Vec<f32> {
     if !was.robot.fresh {
         return was.robot.memory.clone();
@@ -216,8 +216,8 @@ pub fn remembered(candidate: &Candidate, was: &Snapshot) -> Vec<f32> {
         [was.robot.state[13 + joint] + bias, was.robot.state[13 + 12 + joint]]
     };
     let networks = joints.flat_map(|joint| [motion(joint), motion(joint)].concat());
-    let filter = if candidate.robot.velocity_lag > 0.0 { 12 } else { 0 };
-    networks.chain(std::iter::repeat_n(0.0, filter)).collect()
+    let parts = Parts::from_robot(&candidate.robot).modifications::<f32>(12);
+    networks.chain(std::iter::repeat_n(0.0, memory_of(&parts))).collect()
 }
 
 /// The arrays of environments around `candidate` as they start, by their names on the device.

@@ -33,6 +33,7 @@ fn cxx_logs_are_the_cpus() {
     let mut candidate = Candidate { torque_noise: 0.4, ..Candidate::nominal(&model) };
     candidate.robot.encoder_bias = (0..12).map(|j| 0.01 * f64::from(j) - 0.05).collect();
     candidate.robot.velocity_lag = 0.004;
+    candidate.robot.imu_delay = 0.007;
     candidate.sensors = Sensors { imu_tilt: [0.06, -0.04], gyro_bias: [0.1, -0.15, 0.05] };
     let candidates = std::slice::from_ref(&candidate);
     let policy = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");

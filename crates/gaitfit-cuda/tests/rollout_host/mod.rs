@@ -64,6 +64,7 @@ fn fitted() -> (Task, Candidate) {
         candidate.robot.encoder_bias[j] = 0.01 * j as f64 - 0.05;
     }
     candidate.robot.velocity_lag = 0.004;
+    candidate.robot.imu_delay = 0.027;
     candidate.sensors = Sensors { imu_tilt: [0.06, -0.04], gyro_bias: [0.1, -0.15, 0.05] };
     (task, candidate)
 }
@@ -321,6 +322,7 @@ fn nvrtc_compiles_rollouts() {
     let nominal = Candidate::nominal(&model);
     let mut slow = nominal.clone();
     slow.robot.velocity_lag = 0.004;
+    slow.robot.imu_delay = 0.01;
     for (label, name, candidate) in [
         ("slow sensors", "velocity", slow),
         ("velocity", "velocity", nominal.clone()),

@@ -34,6 +34,7 @@ impl<K: Copy> Modify<K> for ActionDelta<K> {
     #[inline(always)]
     fn targets<T: Real<K = K>>(
         &self,
+        _substeps: usize,
         params: &Params<T>,
         state: &State<T>,
         memory: &mut [T],

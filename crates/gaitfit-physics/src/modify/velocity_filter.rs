@@ -3,7 +3,7 @@
 use super::Modify;
 use crate::{Drive, Owner, Params, Real, Settings, Slot, State};
 
-/// A first-order low-pass filter of all joint velocities, with the time constant [`Params::velocity_lag`], advanced at every
+/// A first-order low-pass filter of all joint velocities, with the time constant [`RobotParams::velocity_lag`](crate::RobotParams), advanced at every
 /// physics step by backward Euler: f' = f + h / (lag + h) · (v' − f). Slow motions are read late by the time constant, whatever
 /// the step h. It does not change the motion, because the PD controller has the true velocities. It remembers f − v, the
 /// sensor's reading minus the true velocity, rad/s.
@@ -68,7 +68,7 @@ impl<K: Copy> Modify<K> for VelocityFilter {
         memory: &mut [T],
         _drives: &mut [Drive<T>],
     ) {
-        let lag = params.velocity_lag;
+        let lag = params.robot.velocity_lag;
         let kept = lag.div(lag + T::lit(settings.timestep));
         for (j, reading) in memory.iter_mut().enumerate() {
             *reading = kept * (*reading - velocity(settings, state, j));

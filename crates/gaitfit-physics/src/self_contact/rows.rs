@@ -43,7 +43,7 @@ separate! {
                 continue;
             }
             for k in 0..5 {
-                let mu = params.friction_scale * T::k(pair.friction[k]);
+                let mu = params.robot.friction_scale * T::k(pair.friction[k]);
                 work.self_contact.pairs[index].friction[k] = mu.max(T::lit(MIN_FRICTION));
             }
             let friction = work.self_contact.pairs[index].friction[0];

@@ -186,6 +186,11 @@ impl Walker {
     /// If `motion` has no such environment, or `sensed` is of another number of joints: errors of the caller.
     pub fn sense(&self, motion: &Motion, index: usize, imu: Option<&Imu>, sensed: &mut Sensed) {
         self.sense_motion(motion, index, motion.velocity_readings(), sensed);
+        if motion.late_imu.is_some() {
+            let (attitude, rates) = motion.imu_reading(index);
+            sensed.orient(attitude);
+            sensed.base_angular_velocity = rates;
+        }
         if let Some(imu) = imu {
             sensed.base_angular_velocity = imu.rates(sensed.base_angular_velocity);
             sensed.projected_gravity = imu.direction(sensed.projected_gravity);

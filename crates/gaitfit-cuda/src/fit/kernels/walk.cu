@@ -57,7 +57,7 @@ KERNEL walk(
     if (sample == 0) {
         for (int i = thread; i < rows * STATE_COUNT; i += threads)
             place_number(state, imu[i / STATE_COUNT], logged[i / STATE_COUNT], from + i / STATE_COUNT, i % STATE_COUNT);
-        for (int i = thread; i < rows * JOINTS; i += threads) begin_filter(memory, from + i / JOINTS, i % JOINTS);
+        for (int r = 0; r < rows; r++) begin_sensors(memory, from + r, thread, threads);
         for (int i = thread; i < rows * ACTIONS; i += threads) last_action[(u64)from * ACTIONS + i] = 0.0f;
         if (thread < rows && from + thread < count) ends[from + thread] = length[thread];
         __syncthreads();
@@ -86,8 +86,8 @@ KERNEL walk(
         for (int i = thread; i < rows * STATE_COUNT; i += threads)
             if (placed[i / STATE_COUNT])
                 place_number(state, imu[i / STATE_COUNT], logged[i / STATE_COUNT], from + i / STATE_COUNT, i % STATE_COUNT);
-        for (int i = thread; i < rows * JOINTS; i += threads)
-            if (placed[i / JOINTS]) begin_filter(memory, from + i / JOINTS, i % JOINTS);
+        for (int r = 0; r < rows; r++)
+            if (placed[r]) begin_sensors(memory, from + r, thread, threads);
         for (int i = thread; i < rows * ACTIONS; i += threads) {
             int r = i / ACTIONS;
             u64 before = (u64)recording[r] * samples + sample - 1;

@@ -130,8 +130,8 @@ DEVICE void start_episode(
         STATE(QPOS + j) = (float)placing.angles[j];
         STATE(QVEL + j) = (float)EITHER(8 + JOINTS + j, START_JOINT_VELOCITY);
         TORQUE(j) = 0.0f;
-        begin_filter(memory, e, j);
     }
+    begin_sensors(memory, e, thread, threads);
     for (int k = thread; k < GEOMS; k += threads) FORCE(k) = 0.0f;
     for (int k = thread; k < FEET; k += threads)
         for (int axis = 0; axis < 3; axis++) CENTRE(k, axis) = 0.0f;

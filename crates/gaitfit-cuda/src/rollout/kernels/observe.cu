@@ -15,12 +15,12 @@ DEVICE void write_term(
     // The base is looked at where a term is of the base.
     switch (term.quantity) {
         case BASE_ANGULAR_VELOCITY:
-            base = base_of(state, e);
+            base = read_base(state, memory, e);
             for (int k = 0; k < 3; k++) vector[k] = base.angular[k];
             read_rates(imu, apart, vector);
             break;
         case PROJECTED_GRAVITY:
-            base = base_of(state, e);
+            base = read_base(state, memory, e);
             up_of(base.quaternion, vector);
             for (int k = 0; k < 3; k++) vector[k] = -vector[k];
             read_direction(imu, apart, vector);

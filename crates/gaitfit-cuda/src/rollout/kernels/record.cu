@@ -19,7 +19,7 @@ KERNEL record(u32 step, const float* state, const float* params, const float* me
         value = command[(k - 2 * ACTIONS) * ENVIRONMENTS + e];
     else {
         int number = k - 2 * ACTIONS - 3;
-        Base base = base_of(state, e);
+        Base base = read_base(state, memory, e);
         read_rates(imu + e, ENVIRONMENTS, base.angular);
         value = number < 3    ? base.position[number]
                 : number < 7  ? attitude_number(imu + e, ENVIRONMENTS, base.quaternion, number - 3)

@@ -10,11 +10,28 @@ DEVICE float read_velocity(const float* state, const float* memory, u32 e, int j
     return velocity;
 }
 
-// A robot that is put somewhere: its sensors read the velocities it has there.
-DEVICE void begin_filter(float* memory, u32 e, int j) {
-#if HAS_FILTER
-    REMEMBERED(FILTER_AT + j) = 0.0f;
+// The base as its inertial unit reads it, before errors of the unit itself: orientation and rates are late, of which the
+// physics remembers what they are beyond the true ones. Who observes without errors has no `memory`.
+DEVICE Base read_base(const float* state, const float* memory, u32 e) {
+    Base base = base_of(state, e);
+#if HAS_LATE_IMU
+    if (memory) {
+        float square = 0.0f;
+        for (int k = 0; k < 4; k++) {
+            base.quaternion[k] = base.quaternion[k] + REMEMBERED(LATE_IMU_AT + k);
+            square = square + base.quaternion[k] * base.quaternion[k];
+        }
+        float length = sqrtf(square);
+        for (int k = 0; k < 4; k++) base.quaternion[k] = base.quaternion[k] / length;
+        for (int k = 0; k < 3; k++) base.angular[k] = base.angular[k] + REMEMBERED(LATE_IMU_AT + 4 + k);
+    }
 #endif
+    return base;
+}
+
+// A robot that is put somewhere: its sensors read the state it has there. `thread` of `threads`.
+DEVICE void begin_sensors(float* memory, u32 e, int thread, int threads) {
+    for (int k = SENSORS_AT + thread; k < MEMORY; k += threads) REMEMBERED(k) = 0.0f;
 }
 
 // The inertial unit, as `gaitfit_sim::Imu` has it.

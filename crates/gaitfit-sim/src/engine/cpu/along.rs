@@ -1,9 +1,8 @@
 //! The derivatives of a replay, in blocks of lanes over threads: each lane takes a direction of its own.
 
-use gaitfit_physics::{Dual, Lanes, Params, Portable, Robot, State};
+use gaitfit_physics::{Dual, Lanes, Params, Parts, Portable, Robot, State};
 
 use super::replay::{Block, Lane, Recorder, full, jobs, params};
-use crate::candidate::Extras;
 use crate::engine::{Cancel, ConsumeSignals};
 use crate::replay::{Direction, Replay};
 use crate::{SimError, pool};
@@ -57,11 +56,11 @@ pub(super) fn run(
                 let numbers = |j: usize| [state.qpos[j], state.qvel[j], state.qacc[j]];
                 recorder.record(sample, &beyond, |j| numbers(j).map(|number| number.tangent));
             };
-            let extras_in = |lanes: &[Lane]| Extras::from_robots(lanes.iter().map(|lane| &lane.params));
+            let parts_of = |lanes: &[Lane]| Parts::from_params(lanes.iter().map(|lane| &lane.params));
             // A direction may change a lag of 0, so the filter is there too. Gears are there only if the robot has them.
-            let extras =
-                Extras { filter: extras_in(&lanes).filter || extras_in(&rates).filter, ..extras_in(&lanes) };
-            if !block.run(replay, &lanes, (&packed, extras), seed, record, cancel) {
+            let parts =
+                Parts { filter: parts_of(&lanes).filter || parts_of(&rates).filter, ..parts_of(&lanes) };
+            if !block.run(replay, &lanes, (&packed, parts), seed, record, cancel) {
                 return;
             }
             for (slopes, &(direction, recording)) in recorder.signals.iter().zip(blocks[index]) {

@@ -4,15 +4,15 @@ mod along;
 mod replay;
 mod tile;
 
-use gaitfit_physics::{Params, Robot, with_lanes};
+use gaitfit_physics::{Params, Parts, Robot, with_lanes};
 
 use super::{Cancel, ConsumeSignals, Engine};
 use crate::SimError;
 use crate::batch::Batch;
-use crate::candidate::{Extras, JointNetworks, modifications};
+use crate::candidate::{JointNetworks, modifications};
 use crate::replay::{Direction, Replay};
 use crate::tile::Tile;
-use tile::{LaneRobots, Parts};
+use tile::{LaneRobots, Shared};
 
 /// This machine's processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,14 +65,15 @@ impl Engine for Cpu {
             let must = "at most the batch's max_delay";
             return Err(SimError::Option { option: "a robot's delay", value: delay.to_string(), must });
         }
-        let modifications = modifications::<f32>(batch.model(), networks, Extras::from_robots(robots))?;
-        let parts = Parts {
+        batch.check_imu_delay(robots)?;
+        let modifications = modifications::<f32>(batch.model(), networks, Parts::from_params(robots))?;
+        let shared = Shared {
             tree: &batch.tree,
             taps: batch.taps,
             substeps: batch.options().substeps,
             tracked: &batch.tracked,
             modifications,
         };
-        Ok(with_lanes!(batch.isa(), T => Tile::new(Box::new(LaneRobots::<T>::new(robots, parts)))))
+        Ok(with_lanes!(batch.isa(), T => Tile::new(Box::new(LaneRobots::<T>::new(robots, shared)))))
     }
 }

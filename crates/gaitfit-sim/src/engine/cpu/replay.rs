@@ -1,8 +1,7 @@
 //! A replay in blocks of lanes over threads.
 
-use gaitfit_physics::{Drive, Lanes, Params, Period, Robot, State, Tree, WIDEST, Work, memory_of};
+use gaitfit_physics::{Drive, Lanes, Params, Parts, Period, Robot, State, Tree, WIDEST, Work, memory_of};
 
-use crate::candidate::{Extras, drives};
 use crate::engine::Cancel;
 use crate::replay::{JointSignals, Replay};
 use crate::{SimError, pool};
@@ -33,8 +32,8 @@ pub(super) fn run<T: Lanes>(
             let record = |sample: usize, state: &State<T>, beyond: &[T]| {
                 recorder.record(sample, beyond, |j| [state.qpos[j], state.qvel[j], state.qacc[j]]);
             };
-            let extras = Extras::from_robots(lanes.iter().map(|lane| &lane.params));
-            if !block.run(replay, &lanes, (&packed, extras), |_| {}, record, cancel) {
+            let parts = Parts::from_params(lanes.iter().map(|lane| &lane.params));
+            if !block.run(replay, &lanes, (&packed, parts), |_| {}, record, cancel) {
                 return;
             }
             for (signals, &(candidate, recording)) in recorder.signals.iter().zip(blocks[index]) {
@@ -138,7 +137,7 @@ impl<T: Lanes> Block<T> {
         &mut self,
         replay: &Replay,
         lanes: &[Lane],
-        (params, extras): (&Params<T>, Extras),
+        (params, parts): (&Params<T>, Parts),
         seed: impl FnOnce(&mut State<T>),
         mut record: impl FnMut(usize, &State<T>, &[T]),
         cancel: &Cancel<'_>,
@@ -165,10 +164,11 @@ impl<T: Lanes> Block<T> {
             }
         }
         seed(&mut self.state);
-        let modifications = drives(n, extras);
+        // Clamped robots do not show when their inertial unit is late.
+        let modifications = Parts { late_imu: false, ..parts }.modifications(n);
         self.memory.clear();
         self.memory.resize(memory_of(&modifications), T::zero());
-        let beyond = self.memory.len() - if extras.filter { n } else { 0 };
+        let beyond = self.memory.len() - if parts.filter { n } else { 0 };
         let longest = lanes.iter().map(|lane| recordings[lane.recording].target.len() / n).max().unwrap_or(0);
         for sample in 0..longest {
             if sample.is_multiple_of(ASK) && cancel() {

@@ -1,7 +1,8 @@
 //! The robots of a tile, in blocks of lanes.
 
 use gaitfit_physics::{
-    Drive, JointModification, Lanes, Params, Period, State, Tree, WIDEST, Work, memory_of, settle,
+    Drive, IMU_READING, JointModification, Lanes, Params, Period, SensorPlaces, State, Tree, WIDEST, Work,
+    memory_of, settle,
 };
 
 use crate::motion::{Motion, Start};
@@ -23,7 +24,7 @@ struct Block<T> {
 }
 
 /// What all robots of a tile share.
-pub(crate) struct Parts<'a> {
+pub(crate) struct Shared<'a> {
     pub tree: &'a Tree<f32>,
     /// Control periods of sent targets that are kept.
     pub taps: usize,
@@ -33,31 +34,21 @@ pub(crate) struct Parts<'a> {
     pub modifications: Vec<JointModification<f32>>,
 }
 
-impl Parts<'_> {
-    /// Where the filter of velocities remembers what sensors read beyond them: at the end.
-    fn filter(&self) -> Option<usize> {
-        let last = self.modifications.last()?;
-        let filter = matches!(last, JointModification::VelocityFilter(_));
-        filter.then(|| memory_of(&self.modifications) - self.tree.joints())
-    }
-}
-
 pub(crate) struct LaneRobots<'a, T: Lanes> {
-    parts: Parts<'a>,
+    shared: Shared<'a>,
     environments: usize,
     blocks: Vec<Block<T>>,
     work: Work<T>,
     drives: Vec<Drive<T>>,
     disturbance: Vec<T>,
     settled: Vec<T>,
-    /// See [`Parts::filter`].
-    filter: Option<usize>,
+    sensors: SensorPlaces,
 }
 
 impl<'a, T: Lanes> LaneRobots<'a, T> {
-    pub fn new(robots: &[Params<f64>], parts: Parts<'a>) -> Self {
-        let tree = parts.tree;
-        let memory = memory_of(&parts.modifications);
+    pub fn new(robots: &[Params<f64>], shared: Shared<'a>) -> Self {
+        let tree = shared.tree;
+        let memory = memory_of(&shared.modifications);
         let joints = tree.joints();
         let block = |robots: &[Params<f64>]| {
             // Lanes beyond the last robot repeat it.
@@ -66,9 +57,9 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
             Block {
                 params: Params::in_lanes(&sets),
                 state: State::new(tree),
-                history: vec![T::zero(); parts.taps * joints],
+                history: vec![T::zero(); shared.taps * joints],
                 normal_force: vec![T::zero(); tree.model_pairs().len()],
-                tracked: vec![[T::zero(); 3]; parts.tracked.len()],
+                tracked: vec![[T::zero(); 3]; shared.tracked.len()],
                 torque: vec![T::zero(); joints],
                 memory: vec![T::zero(); memory],
                 fresh: [true; WIDEST],
@@ -76,8 +67,8 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
         };
         let blocks = robots.chunks(T::LANES).map(block).collect();
         Self {
-            filter: parts.filter(),
-            parts,
+            sensors: SensorPlaces::new(&shared.modifications),
+            shared,
             environments: robots.len(),
             blocks,
             work: Work::new(tree),
@@ -108,12 +99,12 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
 
     fn report(&self, index: usize, motion: &mut Motion) {
         let block = &self.blocks[index];
-        let (state, first, joints) = (&block.state, index * T::LANES, self.parts.tree.joints());
-        if self.filter.is_some() {
+        let (state, first, joints) = (&block.state, index * T::LANES, self.shared.tree.joints());
+        if self.sensors.velocities.is_some() {
             motion.filtered_velocity.resize(self.environments * joints, 0.0);
         }
         // A diverged robot's acceleration times 0 is no 0.
-        let lead = Some(self.parts.tree.settings().lead()).filter(|&lead| lead != 0.0).map(T::lit);
+        let lead = Some(self.shared.tree.settings().lead()).filter(|&lead| lead != 0.0).map(T::lit);
         let base = lead.map_or([[T::zero(); 3]; 2], |lead| velocity_change(state, lead));
         for k in 0..3 {
             self.scatter(state.base_position[k], &mut motion.base_position, first, 3, k);
@@ -123,13 +114,21 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
         for k in 0..4 {
             self.scatter(state.base_quaternion[k], &mut motion.base_quaternion, first, 4, k);
         }
+        if let Some(place) = self.sensors.imu {
+            let readings = motion.late_imu.get_or_insert_default();
+            readings.resize(self.environments * IMU_READING, 0.0);
+            let angular: [T; 3] = std::array::from_fn(|k| state.base_angular[k] + base[0][k]);
+            for (k, truth) in state.base_quaternion.into_iter().chain(angular).enumerate() {
+                self.scatter(truth + block.memory[place + k], readings, first, IMU_READING, k);
+            }
+        }
         for j in 0..joints {
             let reading = state.qpos[j] + block.params.joints[j].encoder_bias;
             self.scatter(reading, &mut motion.joint_position, first, joints, j);
             let velocity = lead.map_or(state.qvel[j], |lead| lead.fma(state.qacc[j], state.qvel[j]));
             self.scatter(velocity, &mut motion.joint_velocity, first, joints, j);
-            if let Some(filter) = self.filter {
-                let reading = velocity + block.memory[filter + j];
+            if let Some(place) = self.sensors.velocities {
+                let reading = velocity + block.memory[place + j];
                 self.scatter(reading, &mut motion.filtered_velocity, first, joints, j);
             }
             self.scatter(state.qacc[j], &mut motion.joint_acceleration, first, joints, j);
@@ -196,17 +195,13 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
         }
         block.tracked.iter_mut().flatten().for_each(|number| set_lane(number, lane, 0.0));
         // What sensors read before the first step is the start's too.
-        block
-            .memory
-            .iter_mut()
-            .skip(self.filter.unwrap_or(usize::MAX))
-            .for_each(|number| set_lane(number, lane, 0.0));
+        block.memory.iter_mut().skip(self.sensors.begin).for_each(|number| set_lane(number, lane, 0.0));
         block.fresh[lane] = true;
     }
 
     fn correct(&mut self, environment: usize, reading: &Start) {
         let lane = environment % T::LANES;
-        let lead = self.parts.tree.settings().lead();
+        let lead = self.shared.tree.settings().lead();
         let state = &mut self.blocks[environment / T::LANES].state;
         let [angular, linear] = velocity_change(state, T::lit(lead));
         let joints = reading.joint_velocity.len();
@@ -242,7 +237,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
     }
 
     fn step(&mut self, targets: &[f32], disturbance: &[f32], motion: &mut Motion) {
-        let (tree, joints) = (self.parts.tree, self.parts.tree.joints());
+        let (tree, joints) = (self.shared.tree, self.shared.tree.joints());
         for index in 0..self.blocks.len() {
             let first = index * T::LANES;
             let kept = self.blocks[index].history.len() - joints;
@@ -260,7 +255,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
             }
             let block = &mut self.blocks[index];
             if !block.memory.is_empty() && block.fresh.contains(&true) {
-                settle(&self.parts.modifications, &block.params, &block.state, &mut self.settled);
+                settle(&self.shared.modifications, &block.params, &block.state, &mut self.settled);
             }
             for lane in 0..T::LANES {
                 if std::mem::take(&mut block.fresh[lane]) {
@@ -282,9 +277,9 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
                 params: &block.params,
                 targets: &mut block.history,
                 disturbance: &self.disturbance,
-                modifications: &self.parts.modifications,
+                modifications: &self.shared.modifications,
                 memory: &mut block.memory,
-                substeps: self.parts.substeps,
+                substeps: self.shared.substeps,
                 state: &mut block.state,
                 work: &mut self.work,
                 drives: &mut self.drives,
@@ -297,7 +292,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
             }
             // Places are about the base's origin at the start of the last step, a physics step ago.
             let h = T::lit(tree.settings().timestep);
-            for (place, &pair) in block.tracked.iter_mut().zip(self.parts.tracked) {
+            for (place, &pair) in block.tracked.iter_mut().zip(self.shared.tracked) {
                 let center = self.work.pair_center(tree, pair);
                 for k in 0..3 {
                     let origin = h.fnma(block.state.base_linear[k], block.state.base_position[k]);
