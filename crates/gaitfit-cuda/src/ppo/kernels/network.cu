@@ -185,13 +185,13 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) foresee(
     }
 }
 
-// Blocks 0 .. actor_blocks are the actor's. `places`: rows of the samples, from `from` on `rows` of this minibatch, which
-// has `whole` rows on all GPUs.
+// Blocks 0 .. actor_blocks are the actor's. `places`: rows of the samples, from `from` on `rows` of this minibatch.
+// `weight`: 1 by the minibatch's rows on all GPUs.
 // `scale`: of the actor's observations, then of the critic's. `sums`: blocks x (LOSSES + ACTIONS), the latter the
 // derivative by ln sigma. Behind memories both observations are what these give, rows of the minibatch, and the derivatives
 // by them are asked for.
 extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
-    u32 from, u32 rows, u32 whole, u32 actor_blocks, const u32* control, const u32* places, const float* observation,
+    u32 from, u32 rows, float weight, u32 actor_blocks, const u32* control, const u32* places, const float* observation,
     const float* critic_observation, const float* action, const float* mean, const float* log_probability,
     const float* advantage, const float* value, const float* returns, const float* scale, const float* __restrict__ packed,
     const float* constants, float* partial, double* sums
@@ -210,7 +210,6 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
     const float* input_scale = actor ? scale : scale + 2 * ACTOR_INPUTS;
     float* losses = behind<ROWS>(net, pool);
     float* pulls = losses + LOSSES * ROWS;
-    float weight = (float)(1.0 / (double)whole);
     bool clip_value = CLIPPED_VALUE_LOSS && !control[CRITIC_ALONE];
     // Sums of which this thread keeps a part, if any: number `quantity`, and those SUMS_AT_ONCE further on.
     constexpr int SUMS_AT_ONCE = THREADS / SHARERS, KEPT = (LOSSES + ACTIONS + SUMS_AT_ONCE - 1) / SUMS_AT_ONCE;

@@ -175,7 +175,7 @@ impl Update<'_> {
         let mut arguments = vec![
             word(epoch * sizes.rows + sizes.begin(minibatch)),
             word(sizes.minibatch_rows(minibatch)),
-            word(sizes.whole_rows(minibatch)),
+            Value::F32((1.0 / sizes.whole_rows(minibatch) as f64) as f32),
             word(actor),
             a.control,
             a.places,
