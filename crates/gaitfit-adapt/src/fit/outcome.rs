@@ -289,7 +289,8 @@ impl CostOutcome {
             found.reach(entry, parameter.value);
             parameter.identification = Some(found);
         }
-        self.regression = Some(Regression { taken, ..regression.clone() });
+        let worth_trying = (!taken && charged > max_cost).then_some(cost);
+        self.regression = Some(Regression { taken, worth_trying, ..regression.clone() });
         Ok(None)
     }
 

@@ -1,5 +1,6 @@
 //! Why a fit must not be used without checking, and what else a reader must know of it.
 
+use super::files::ROBOTS;
 use super::parameter::Parameter;
 use super::results::CostFit;
 use super::standing::stopped_by_bound;
@@ -157,6 +158,13 @@ fn regressed(fit: &CostFit) -> Option<String> {
             "the search gave the values; {robots} simulated robots, whose values are known, gave the intervals by their logs"
         )
     };
+    if let Some(cost) = regression.worth_trying {
+        text.push_str(&format!(
+            ". Robots with the regression's values are nearer to the logs, although these values have a {} of {cost:.3} in the \
+             fit's simulation: train with {ROBOTS} too (finetune --theta), and keep the policy that walks better",
+            fit.cost_name
+        ));
+    }
     let unlike = fit.parameters.iter().enumerate().filter(|(at, _)| regression.unlike(*at));
     let unlike: Vec<&str> = unlike.map(|(_, one)| one.found.name.as_str()).collect();
     if !unlike.is_empty() {

@@ -15,6 +15,8 @@ use std::path::PathBuf;
 
 pub use crate::run::protocol::CONFIG;
 
+/// The values that robots simulated with a regression's values give, if a training with them is worth a try.
+pub const ROBOTS: &str = "theta-robots.toml";
 /// Draws of θ from the joint interval.
 pub const DRAWS: &str = "draws.csv";
 
@@ -77,10 +79,15 @@ pub fn write(
     results: &AdaptResults,
     metrics: &[RunGeneration],
 ) -> Result<(), Error> {
-    let theta = theta(setup, results)
-        .to_toml()
-        .map_err(|error| Error::failed(format!("cannot write theta.toml: {error}")))?;
-    folder.write("theta.toml", theta.as_bytes())?;
+    let write = |name: &str, theta: ThetaFile| -> Result<(), Error> {
+        let text = theta.to_toml().map_err(|error| Error::failed(format!("cannot write {name}: {error}")))?;
+        Ok(folder.write(name, text.as_bytes())?)
+    };
+    write("theta.toml", theta(setup, results))?;
+    let regression = results.fits.first().and_then(|fit| fit.regression.as_ref());
+    if let Some((regression, cost)) = regression.and_then(|one| Some((one, one.worth_trying?))) {
+        write(ROBOTS, with_values(theta(setup, results), &results.parameters, &regression.corrected, cost))?;
+    }
     if let Some(uncertainty) = results.fits.first().and_then(|fit| fit.uncertainty.as_ref()) {
         folder.write(DRAWS, draws(results, uncertainty).as_bytes())?;
     }
@@ -95,6 +102,18 @@ fn draws(results: &AdaptResults, uncertainty: &Uncertainty) -> String {
     let row = |draw: &Vec<f64>| draw.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
     let rows: Vec<String> = uncertainty.draws.iter().map(row).collect();
     format!("{}\n{}\n", names.join(","), rows.join("\n"))
+}
+
+/// `file` with `values` of the parameters, in their order, whose cost is `cost`.
+fn with_values(mut file: ThetaFile, parameters: &[Parameter], values: &[f64], cost: f64) -> ThetaFile {
+    file.cost = Some(cost);
+    for (parameter, &value) in parameters.iter().zip(values) {
+        for saved in file.parameter.iter_mut().filter(|saved| saved.name == parameter.found.name) {
+            saved.value = value;
+            saved.at_bound = Some(saved.lower == Some(value) || saved.upper == Some(value));
+        }
+    }
+    file
 }
 
 fn theta(setup: &Setup, results: &AdaptResults) -> ThetaFile {
@@ -114,4 +133,26 @@ fn theta(setup: &Setup, results: &AdaptResults) -> ThetaFile {
         }
     }
     file
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::super::parameter::example;
+    use super::*;
+
+    #[test]
+    fn a_file_takes_the_values_of_simulated_robots() {
+        let text = "format = 2\ncost = 0.1\n[[parameter]]\nname = \"delay\"\nkind = \"delay\"\nvalue = 0.005\nupper = 0.02\n\
+                    [[parameter]]\nname = \"damping\"\nkind = \"damping\"\njoints = [\"*\"]\nvalue = 0.3\n";
+        let file = ThetaFile::parse(text).unwrap();
+        let parameters = [
+            example("damping", 0.3, [0.0, 1.0], [0.1, 0.5]),
+            example("delay", 0.005, [0.0, 0.02], [0.0, 0.01]),
+        ];
+        let found = with_values(file, &parameters, &[0.4, 0.02], 0.2);
+        let values: Vec<f64> = found.parameter.iter().map(|saved| saved.value).collect();
+        assert_eq!((values, found.cost), (vec![0.02, 0.4], Some(0.2)));
+        assert_eq!((found.parameter[0].at_bound, found.parameter[1].at_bound), (Some(true), Some(false)));
+    }
 }

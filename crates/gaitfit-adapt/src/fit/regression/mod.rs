@@ -83,6 +83,10 @@ pub struct Regression {
     /// Whether the fit takes these values. If not, it keeps the search's values, which cost less, and takes the intervals.
     #[serde(default = "yes")]
     pub taken: bool,
+    /// The cost of these values in the fit's simulation, if it is clearly larger than that of the search's values although
+    /// robots with these values are nearer to the logs: then a training with them is worth a try.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub worth_trying: Option<f64>,
     /// Standard deviation of their errors.
     pub deviation: Vec<f64>,
     /// 95 % interval of each entry, not limited to its bounds.
@@ -280,6 +284,7 @@ pub fn regress(
         uncorrected: found.to_vec(),
         corrected,
         taken: true,
+        worth_trying: None,
         deviation,
         interval,
         robots: drawn + 2 * WITH_VALUES,
