@@ -46,21 +46,21 @@ impl<'a> Pieces<'a> {
     }
 }
 
-/// The cost of distances: (1 − m) W₁ + m · [`LOST`] with m the share of samples lost, scaled; the mean over a signal's
-/// dimensions.
+/// The cost of distances: (1 − m) W₁ + m · [`LOST`] with m the share of samples lost beyond what the robot itself loses to falls,
+/// scaled; the mean over a signal's dimensions.
 pub(super) fn distances(
     reference: &Reference,
     weights: &Weights,
     [lost, kept]: [usize; 2],
     mut distance: impl FnMut(Signal, usize) -> f64,
 ) -> Breakdown {
-    let share = lost as f64 / (lost + kept) as f64;
+    let share = (lost as f64 / (lost + kept) as f64 - reference.lost_by_robot()).max(0.0);
     let mut number = |signal: Signal, column: usize, scale: f64| {
         if kept == 0 {
             return LOST;
         }
         let distance = scale * distance(signal, column);
-        if lost == 0 { distance } else { (1.0 - share) * distance + share * LOST }
+        if share == 0.0 { distance } else { (1.0 - share) * distance + share * LOST }
     };
     let groups = weights.signals().map(|signal| {
         let dimensions = reference.dimensions(signal).unwrap_or_default().iter().enumerate();

@@ -114,6 +114,8 @@ pub struct Reference {
     skip: usize,
     /// In the order of [`Signal::ALL`].
     signals: [Option<ReferenceSignal>; Signal::ALL.len()],
+    /// Falls of the robot for each recording.
+    fall_rate: f64,
 }
 
 impl Reference {
@@ -131,7 +133,24 @@ impl Reference {
         for (slot, signal) in signals.iter_mut().zip(Signal::ALL) {
             *slot = ReferenceSignal::new(signal, &joints, recordings, skip)?;
         }
-        Ok(Self { joints, skip, signals })
+        Ok(Self { joints, skip, signals, fall_rate: 0.0 })
+    }
+
+    /// The same recordings of a robot that fell `fall_rate` times for each of them, 0 to 1. Recordings are cut before falls, so
+    /// they do not show these.
+    pub fn with_fall_rate(self, fall_rate: f64) -> Self {
+        Self { fall_rate, ..self }
+    }
+
+    /// Falls of the robot for each recording.
+    pub fn fall_rate(&self) -> f64 {
+        self.fall_rate
+    }
+
+    /// Share of the samples that a simulated robot may lose to falls without a charge: a robot that falls in a recording, at a
+    /// time by chance, loses half of it.
+    pub(crate) fn lost_by_robot(&self) -> f64 {
+        0.5 * self.fall_rate
     }
 
     /// The same recordings in the scaling of `other`, which is of the same joints: ranges of two sets of logs differ by
@@ -155,6 +174,9 @@ impl Reference {
             let scales = recorded.dimensions.iter().map(|one| one.scale.unwrap_or(f64::NAN));
             sum.numbers(&scales.collect::<Vec<_>>());
             recorded.recordings.iter().for_each(|matrix| sum.numbers(matrix));
+            if self.fall_rate > 0.0 {
+                sum.numbers(&[self.fall_rate]);
+            }
         }
         sum.digits()
     }
@@ -270,7 +292,7 @@ impl Reference {
             ReferenceSignal { dimensions: dimensions.collect(), recordings: chosen }
         };
         let signals = std::array::from_fn(|index| self.signals[index].as_ref().map(subset));
-        Self { joints: self.joints.clone(), skip: self.skip, signals }
+        Self { joints: self.joints.clone(), signals, ..*self }
     }
 }
 

@@ -13,7 +13,8 @@ use std::sync::Arc;
 ///
 /// Samples after a fall are not pooled: they would resemble whatever the log has of standing still or lying. The
 /// share m of samples lost counts as off by the robot's whole range, (1 − m)·W₁ + m·2, so that falling earlier
-/// costs more.
+/// costs more. Samples that the robot itself would lose to its falls ([`Reference::with_fall_rate`]) are free: true values must
+/// not cost more than those of a robot that is too steady.
 ///
 /// W₁ is homogeneous and blind to a common shift, so samples are sorted unscaled and the distance is multiplied by
 /// the scale.

@@ -6,8 +6,11 @@ use super::{CostOutcome, MAX_SCANNED, ParameterOutcome, Stop};
 const PROGRESS: f64 = 0.01;
 /// Seeds whose values differ by more than this part of the bounds (one standard deviation) found different ones.
 const APART: f64 = 0.05;
-/// Min generations of a search that its time limit did not end; with fewer it has shown nothing.
+/// Min generations of a search that its time limit did not end; with fewer it has shown nothing. CMA-ES also needs
+/// [`GENERATIONS_PER_ENTRY`].
 const MIN_GENERATIONS: usize = 4;
+/// Min generations for each entry of θ. With fewer CMA-ES has hardly left its start.
+const GENERATIONS_PER_ENTRY: usize = 2;
 /// Min generations of a search that its time limit ended; with fewer it has shown nothing.
 const MIN_GENERATIONS_IN_TIME: usize = 30;
 /// Parameters named in a reason.
@@ -50,7 +53,9 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     }
     let generations = best.map_or(0, |run| run.generations);
     let settled = reasons.len();
-    let min = if ended.is_none() { MIN_GENERATIONS_IN_TIME } else { MIN_GENERATIONS };
+    let few = outcome.parameters.len().min(MAX_SCANNED) * GENERATIONS_PER_ENTRY;
+    let least = if ended.is_none() { MIN_GENERATIONS_IN_TIME } else { MIN_GENERATIONS };
+    let min = if outcome.uncertainty.is_none() { least.max(few) } else { least };
     if generations < min && !course.is_empty() {
         let plural = if generations == 1 { "" } else { "s" };
         reasons.push(format!("It was cut short after {generations} generation{plural}."));

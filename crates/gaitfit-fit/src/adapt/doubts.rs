@@ -1,6 +1,5 @@
 //! Why a fit must not be used without checking, and what else a reader must know of it.
 
-use super::files::ROBOTS;
 use super::parameter::Parameter;
 use super::results::CostFit;
 use super::standing::stopped_by_bound;
@@ -158,10 +157,10 @@ fn regressed(fit: &CostFit) -> Option<String> {
             "the search gave the values; {robots} simulated robots, whose values are known, gave the intervals by their logs"
         )
     };
-    if let Some(cost) = regression.worth_trying {
+    if let Some(cost) = regression.costly.filter(|_| regression.taken) {
         text.push_str(&format!(
-            ". Robots with the regression's values are nearer to the logs, although these values have a {} of {cost:.3} in the \
-             fit's simulation: train with {ROBOTS} too (finetune --theta), and keep the policy that walks better",
+            ". In the fit's own simulation these values have a {} of {cost:.3}. But the logs are nearer to robots that are \
+             simulated as they make logs, with these values. So such robots give all costs and falls that are reported here",
             fit.cost_name
         ));
     }

@@ -8,15 +8,13 @@ use super::setup::Setup;
 use super::standing::Standing;
 use crate::Error;
 use crate::run::{Inputs, Protocol, RunFolder};
-use gaitfit_adapt::fit::{RunGeneration, Uncertainty};
+use gaitfit_adapt::fit::{Regression, RunGeneration, Uncertainty};
 use gaitfit_adapt::{Found, ThetaFile};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 pub use crate::run::protocol::CONFIG;
 
-/// The values that robots simulated with a regression's values give, if a training with them is worth a try.
-pub const ROBOTS: &str = "theta-robots.toml";
 /// Draws of θ from the joint interval.
 pub const DRAWS: &str = "draws.csv";
 
@@ -79,15 +77,9 @@ pub fn write(
     results: &AdaptResults,
     metrics: &[RunGeneration],
 ) -> Result<(), Error> {
-    let write = |name: &str, theta: ThetaFile| -> Result<(), Error> {
-        let text = theta.to_toml().map_err(|error| Error::failed(format!("cannot write {name}: {error}")))?;
-        Ok(folder.write(name, text.as_bytes())?)
-    };
-    write("theta.toml", theta(setup, results))?;
-    let regression = results.fits.first().and_then(|fit| fit.regression.as_ref());
-    if let Some((regression, cost)) = regression.and_then(|one| Some((one, one.worth_trying?))) {
-        write(ROBOTS, with_values(theta(setup, results), &results.parameters, &regression.corrected, cost))?;
-    }
+    let text = theta(setup, results).to_toml();
+    let text = text.map_err(|error| Error::failed(format!("cannot write theta.toml: {error}")))?;
+    folder.write("theta.toml", text.as_bytes())?;
     if let Some(uncertainty) = results.fits.first().and_then(|fit| fit.uncertainty.as_ref()) {
         folder.write(DRAWS, draws(results, uncertainty).as_bytes())?;
     }
@@ -104,26 +96,16 @@ fn draws(results: &AdaptResults, uncertainty: &Uncertainty) -> String {
     format!("{}\n{}\n", names.join(","), rows.join("\n"))
 }
 
-/// `file` with `values` of the parameters, in their order, whose cost is `cost`.
-fn with_values(mut file: ThetaFile, parameters: &[Parameter], values: &[f64], cost: f64) -> ThetaFile {
-    file.cost = Some(cost);
-    for (parameter, &value) in parameters.iter().zip(values) {
-        for saved in file.parameter.iter_mut().filter(|saved| saved.name == parameter.found.name) {
-            saved.value = value;
-            saved.at_bound = Some(saved.lower == Some(value) || saved.upper == Some(value));
-        }
-    }
-    file
-}
-
 fn theta(setup: &Setup, results: &AdaptResults) -> ThetaFile {
     let found =
         |parameter: &Parameter| Found { value: parameter.found.value, spread: parameter.found.spread };
     let found: Vec<Found> = results.parameters.iter().map(found).collect();
     let held = results.held_out.as_ref().filter(|_| results.standing == Standing::Contradicted);
+    let regression = results.fits.first().and_then(|fit| fit.regression.as_ref());
     let mut file = ThetaFile {
         physics_step: setup.method.physics_step(),
         contradicted: held.map(super::held_out::HeldOut::sentence),
+        judged_as_logged: regression.is_some_and(Regression::judged_as_logged),
         ..ThetaFile::new(&setup.theta, &found, &results.robot, &results.cost_name, results.cost)
     };
     for saved in &mut file.parameter {
@@ -133,26 +115,4 @@ fn theta(setup: &Setup, results: &AdaptResults) -> ThetaFile {
         }
     }
     file
-}
-
-#[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-mod tests {
-    use super::super::parameter::example;
-    use super::*;
-
-    #[test]
-    fn a_file_takes_the_values_of_simulated_robots() {
-        let text = "format = 2\ncost = 0.1\n[[parameter]]\nname = \"delay\"\nkind = \"delay\"\nvalue = 0.005\nupper = 0.02\n\
-                    [[parameter]]\nname = \"damping\"\nkind = \"damping\"\njoints = [\"*\"]\nvalue = 0.3\n";
-        let file = ThetaFile::parse(text).unwrap();
-        let parameters = [
-            example("damping", 0.3, [0.0, 1.0], [0.1, 0.5]),
-            example("delay", 0.005, [0.0, 0.02], [0.0, 0.01]),
-        ];
-        let found = with_values(file, &parameters, &[0.4, 0.02], 0.2);
-        let values: Vec<f64> = found.parameter.iter().map(|saved| saved.value).collect();
-        assert_eq!((values, found.cost), (vec![0.02, 0.4], Some(0.2)));
-        assert_eq!((found.parameter[0].at_bound, found.parameter[1].at_bound), (Some(true), Some(false)));
-    }
 }

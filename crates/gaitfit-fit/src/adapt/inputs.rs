@@ -125,7 +125,7 @@ impl Logs {
                 (notes.logs.clone(), Some(notes.clone()), notes.warnings)
             }
         };
-        let (validate, doubts) = if config.validate.is_empty() {
+        let (validate, doubts, _) = if config.validate.is_empty() {
             Default::default()
         } else {
             validation(&config.validate, config, config_path, method)?
@@ -152,23 +152,25 @@ impl Logs {
     }
 }
 
-/// The logs `named` for validation, in sets that are compared together, and doubts about them.
+/// The logs `named` for validation, in sets that are compared together, doubts about them, and the part of the log files in which
+/// the robot fell.
 pub fn validation(
     named: &[String],
     config: &AdaptConfig,
     config_path: &Path,
     method: &Method,
-) -> Result<(Vec<Vec<Log>>, Vec<String>), Error> {
+) -> Result<(Vec<Vec<Log>>, Vec<String>, f64), Error> {
     match method {
         Method::Replay(clamped) => {
             let (logs, doubts) = clamped_logs(named, true, config, config_path, clamped)?;
-            Ok((logs.into_iter().map(|log| vec![log]).collect(), doubts))
+            Ok((logs.into_iter().map(|log| vec![log]).collect(), doubts, 0.0))
         }
         Method::Walk(walking) => {
             let (policy, task) = (&walking.policy, &walking.task);
             let notes = walk_logs::read(named, Purpose::Validation, config, config_path, policy, task)?;
+            let fall_rate = notes.fall_rate();
             let doubts = notes.warnings.into_iter().map(|doubt| format!("validation: {doubt}")).collect();
-            Ok((vec![notes.logs], doubts))
+            Ok((vec![notes.logs], doubts, fall_rate))
         }
     }
 }

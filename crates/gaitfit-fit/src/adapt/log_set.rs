@@ -74,9 +74,16 @@ impl LogSet {
         Ok(Self { logs, simulator, reference: Arc::new(reference) })
     }
 
-    /// The same logs, compared in the scaling of `other`.
+    /// The same logs, compared in the scaling of `other` and with the falls of its robot.
     pub fn scaled_as(self, other: &Self) -> Self {
         let reference = Reference::clone(&self.reference).scaled_as(&other.reference);
+        let reference = reference.with_fall_rate(other.reference.fall_rate());
+        Self { reference: Arc::new(reference), ..self }
+    }
+
+    /// The same logs of a robot that fell in this part of its logs; see [`Reference::with_fall_rate`].
+    pub fn with_fall_rate(self, fall_rate: f64) -> Self {
+        let reference = Reference::clone(&self.reference).with_fall_rate(fall_rate);
         Self { reference: Arc::new(reference), ..self }
     }
 

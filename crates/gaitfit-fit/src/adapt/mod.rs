@@ -31,6 +31,7 @@ mod sensitivity;
 mod setup;
 mod share;
 mod signals;
+mod simulation;
 mod springs;
 mod standing;
 mod swing;

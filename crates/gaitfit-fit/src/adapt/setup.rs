@@ -154,8 +154,10 @@ impl Setup {
         let named =
             if config.odd_joints { with_springs(&config, &method, &method.joints())? } else { theta.clone() };
         warnings.extend(unused(&config, &named, &logs.validate)?);
-        let several = LogSet::from_several_starts(&config, &method, &base, &logs.fit)?;
-        let fit = LogSet::new(&config, &method, &base, logs.fit)?;
+        let fall_rate = logs.notes.as_ref().map_or(0.0, LogNotes::fall_rate);
+        let several = LogSet::from_several_starts(&config, &method, &base, &logs.fit)?
+            .map(|set| set.with_fall_rate(fall_rate));
+        let fit = LogSet::new(&config, &method, &base, logs.fit)?.with_fall_rate(fall_rate);
         let other = |config: &AdaptConfig| {
             inputs::method(config, walker.clone(), robot.clone(), &theta, &base, threads)
                 .map(|method| method.on(gpus.clone()))
@@ -171,8 +173,8 @@ impl Setup {
         let validate = logs
             .validate
             .into_iter()
-            .map(|logs| LogSet::new(&config, &method, &base, logs))
-            .collect::<Result<Vec<_>, _>>()?;
+            .map(|logs| Ok(LogSet::new(&config, &method, &base, logs)?.with_fall_rate(fall_rate)))
+            .collect::<Result<Vec<_>, Error>>()?;
         for (signal, column) in fit.reference.constant() {
             warnings.push(format!("{signal} of {column} is constant in the logs and left out of the costs"));
         }

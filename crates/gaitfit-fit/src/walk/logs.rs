@@ -41,6 +41,8 @@ pub enum Purpose {
 /// The logs, and what to know about them.
 #[derive(Clone, Debug)]
 pub struct LogNotes {
+    /// Log files that were read.
+    pub files: usize,
     /// The data that count.
     pub logs: Vec<Log>,
     /// Doubts, each one sentence.
@@ -58,6 +60,11 @@ impl LogNotes {
     pub fn falls(&self) -> usize {
         let fallen = self.cuts.iter().filter(|cut| cut.fall).map(|cut| cut.log.as_str());
         fallen.collect::<BTreeSet<&str>>().len()
+    }
+
+    /// Part of the log files in which the robot fell.
+    pub fn fall_rate(&self) -> f64 {
+        self.falls() as f64 / self.files.max(1) as f64
     }
 
     /// Seconds of data that do not count.
@@ -217,7 +224,7 @@ pub fn read(
     for log in &mut logs {
         drop_broken_base(&mut log.trajectory);
     }
-    Ok(LogNotes { logs, warnings, cuts: removed, coverage, policy_match })
+    Ok(LogNotes { files: reads.len(), logs, warnings, cuts: removed, coverage, policy_match })
 }
 
 fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error> {

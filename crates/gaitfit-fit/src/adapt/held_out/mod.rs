@@ -15,6 +15,7 @@ pub(super) use compare::held_out;
 pub use trials::Trials;
 
 use gaitfit_adapt::cost::Signal;
+use gaitfit_adapt::fit::FallPenalty;
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 
@@ -45,6 +46,9 @@ pub struct HeldOut {
     pub falls: usize,
     /// The same before the fit.
     pub nominal_falls: usize,
+    /// Part of the logs that a fall of the robot itself ends.
+    #[serde(default)]
+    pub robot_fall_rate: f64,
     /// Joint by joint, signal by signal.
     pub distances: Vec<Distance>,
 }
@@ -101,7 +105,7 @@ impl HeldOut {
         if self.nominal_cost.is_some_and(|nominal| cost > nominal) {
             return Verdict::WorseThanNominal;
         }
-        if self.falls > self.nominal_falls && self.falls as f64 > CHANCE * self.logs as f64 {
+        if self.falls > self.nominal_falls && self.falls > self.explained_falls() {
             return Verdict::Falls;
         }
         if self.trials.as_ref().is_some_and(Trials::explained) {
@@ -118,6 +122,13 @@ impl HeldOut {
             Some(cost) if cost <= FAR * upper && !left(cost) => Verdict::Worse,
             _ => Verdict::Misfit,
         }
+    }
+
+    /// Falls that are no doubt: 2 % of the logs, or those that a robot has by chance which falls as often as the real one.
+    fn explained_falls(&self) -> usize {
+        let robot = self.robot_fall_rate * self.logs as f64;
+        let robot = FallPenalty { robot: robot.round() as usize, ..FallPenalty::default() };
+        robot.explained().max((CHANCE * self.logs as f64) as usize)
     }
 
     /// Whether whole walks contradict the fit: no policy is to be trained in it.
@@ -202,6 +213,7 @@ mod tests {
             trials: None,
             falls: 0,
             nominal_falls: 0,
+            robot_fall_rate: 0.0,
             distances: Vec::new(),
         }
     }
