@@ -112,3 +112,27 @@ fn costs_from_pieces_are_the_costs() {
         assert!(fallen.0 > whole.0 && all, "{}: {nothing:?}", cost.name());
     }
 }
+
+#[test]
+fn samples_that_the_robot_loses_too_are_free() {
+    let steady = reference();
+    let weights = Weights::from_reference(&steady);
+    let cost = |fall_rate: f64| {
+        let reference = Reference::clone(&steady).with_fall_rate(fall_rate);
+        Wass::new(Arc::new(reference), weights).unwrap()
+    };
+    // A robot that falls in half of its recordings loses a quarter of its samples. Here fewer are lost, then more.
+    for (falls, free) in [([Some(LENGTHS[0] - 2), None, None], true), ([None, Some(SKIP), Some(SKIP)], false)]
+    {
+        let (charged, rare) = (both(&cost(0.0), falls), both(&cost(0.5), falls));
+        assert_eq!((charged.0, rare.0), (charged.1, rare.1), "the same from pieces");
+        assert!(rare.0 < charged.0);
+        let all = both(&cost(1.0), falls);
+        assert_eq!(rare.0 == all.0, free, "all losses are free: {rare:?} {all:?}");
+    }
+    // Nothing else changes, and nothing left to compare still costs the most.
+    assert_eq!(both(&cost(0.5), [None; 3]), both(&cost(0.0), [None; 3]));
+    let nothing = both(&cost(0.5), [Some(0); 3]);
+    assert!((nothing.0 - cost(0.5).lost()).abs() < 1e-12, "{nothing:?}");
+    assert_ne!(cost(0.5).pieces().unwrap().compared().reference.fingerprint(), steady.fingerprint());
+}

@@ -188,6 +188,10 @@ mod tests {
         let mut long = outcome(None, 0.01);
         long.runs[0].generations = 40;
         assert!(unsettled(&long, &flat).is_empty(), "it had settled when its time ended");
+        let mut many = outcome(Some(Stop::Generations), 0.01);
+        many.parameters = vec![many.parameters[0].clone(); 5];
+        let few = unsettled(&many, &flat);
+        assert!(few.len() == 1 && few[0].contains("cut short after 8"), "five parameters want ten: {few:?}");
     }
 
     #[test]

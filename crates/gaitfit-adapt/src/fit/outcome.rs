@@ -251,10 +251,10 @@ impl CostOutcome {
     }
 
     /// Takes the intervals that simulated robots give ([`super::regress`]) for the search of `problem`. Takes their values
-    /// too if they cost less, or if θ has at most [`MAX_TAKEN`] entries. If they cost more than `AS_WELL` and `AS_WELL_BY` allow,
-    /// the logs decide: it takes the values if the logs are nearer to robots with them ([`Regression::is_nearer`]). A cost alone
-    /// does not decide: a fall in one walk of a biped makes true values costly. If the logs are no nearer, it takes nothing and
-    /// returns the reason. It also returns a reason if the simulation of the values diverges.
+    /// too if they cost less or if θ has at most [`MAX_TAKEN`] entries. Takes nothing and returns the reason if their
+    /// simulation diverges. It does the same if θ has more entries, the values cost more than `AS_WELL` and `AS_WELL_BY` allow,
+    /// and the logs are no nearer to robots with these values ([`Regression::is_nearer`]). A cost alone does not decide: a fall
+    /// in one walk of a biped makes true values costly.
     ///
     /// # Errors
     /// As [`Simulator::views`].
@@ -274,15 +274,13 @@ impl CostOutcome {
         // What a search pays for going away from what was known is in its cost.
         let charged = cost + problem.theta.prior_cost(&regression.corrected);
         let max_cost = AS_WELL * self.best_cost + AS_WELL_BY;
-        let (many, nearer) = (problem.theta.len() > MAX_TAKEN, regression.is_nearer());
-        if charged > max_cost && many && !nearer {
+        if charged > max_cost && problem.theta.len() > MAX_TAKEN && !regression.is_nearer() {
             self.unlike = Some(cost);
             return Ok(Some("No simulated robot is like the real one.".to_owned()));
         }
-        let taken = charged <= self.best_cost || charged > max_cost || !many;
+        let taken = charged <= self.best_cost || problem.theta.len() <= MAX_TAKEN;
         if taken {
             self.best_cost = cost;
-            self.redrawn = None;
             self.take(problem.theta, &regression.corrected);
         }
         let entries = problem.theta.entries().iter().zip(&regression.interval);
@@ -291,8 +289,7 @@ impl CostOutcome {
             found.reach(entry, parameter.value);
             parameter.identification = Some(found);
         }
-        let costly = (charged > max_cost && nearer).then_some(cost);
-        self.regression = Some(Regression { taken, costly, ..regression.clone() });
+        self.regression = Some(Regression { taken, ..regression.clone() });
         Ok(None)
     }
 

@@ -34,10 +34,6 @@ pub struct ThetaFile {
     /// Why walks that were not fitted contradict the fit, in words; absent if they do not, or there were none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contradicted: Option<String>,
-    /// Whether robots that are simulated as they make logs judged the values. If so, the fit's own simulation does not judge them:
-    /// there such a robot falls in single walks.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub judged_as_logged: bool,
     /// Single numbers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parameter: Vec<SavedParameter>,
@@ -319,7 +315,6 @@ impl ThetaFile {
             cost: None,
             physics_step: None,
             contradicted: None,
-            judged_as_logged: false,
             parameter: Vec::new(),
             network: Vec::new(),
         }

@@ -7,7 +7,6 @@ use super::parameter::Parameter;
 use super::results::CostFit;
 use super::score::{Robot, mean, validation};
 use super::setup::Setup;
-use super::simulation::Simulation;
 use super::standing::widening;
 use crate::Error;
 use gaitfit_adapt::fit::{
@@ -20,17 +19,14 @@ use gaitfit_view::DoubtKind;
 /// One evaluation of a robot by cost number `cost`, without a charge for falls.
 fn evaluated(
     setup: &Setup,
-    simulation: Simulation<'_>,
     cost: usize,
-    robot: Robot<'_>,
+    theta: &Theta,
+    values: Vec<f64>,
 ) -> Result<Option<Evaluation>, Error> {
-    if let Some(found) = simulation.evaluate_as_logged(setup, robot, &never)? {
-        return Ok(Some(found));
-    }
-    let jobs = [Job { cost, values: robot.values.to_vec(), draw: 0 }];
+    let jobs = [Job { cost, values, draw: 0 }];
     let simulator = setup.searched().simulator.as_ref();
-    let found = evaluate(simulator, robot.theta, &setup.costs, &FallPenalty::NONE, &jobs, &never)
-        .map_err(Error::failed)?;
+    let found =
+        evaluate(simulator, theta, &setup.costs, &FallPenalty::NONE, &jobs, &never).map_err(Error::failed)?;
     Ok(found.into_iter().next())
 }
 
@@ -47,12 +43,8 @@ pub(super) fn fit(
 ) -> Result<CostFit, Error> {
     let config = &setup.config;
     let values = outcome.values();
-    let theta = Theta::default();
-    let (robot, before) =
-        (Robot { theta: &setup.theta, values: &values }, Robot { theta: &theta, values: &[] });
-    let simulation = Simulation::new(setup, outcome.regression.as_ref());
-    let fitted = evaluated(setup, simulation, cost, robot)?;
-    let nominal = evaluated(setup, simulation, cost, before)?;
+    let fitted = evaluated(setup, cost, &setup.theta, values.clone())?;
+    let nominal = evaluated(setup, cost, &Theta::default(), Vec::new())?;
     let (nominal_cost, nominal_falls) = nominal.map_or((None, 0), |nominal| (nominal.cost, nominal.falls));
     let mut doubts = doubts::doubts(outcome, nominal_cost, nominal_falls, course);
     let audit = audited(setup, cost, &values)?;
@@ -111,7 +103,9 @@ pub(super) fn fit(
         Some(100.0 * (parameter.found.value / truth - 1.0).abs())
     };
     let errors = parameters.iter().filter_map(error).map(Some);
-    let given = config.costs[cost].given();
+    let theta = Theta::default();
+    let (robot, before) =
+        (Robot { theta: &setup.theta, values: &values }, Robot { theta: &theta, values: &[] });
     Ok(CostFit {
         cost_name: outcome.cost.clone(),
         cost: outcome.best_cost,
@@ -126,8 +120,8 @@ pub(super) fn fit(
             config.costs[cost],
             &setup.validate,
             setup.aligned(),
-            |set| simulation.predict(set, robot, given, &never),
-            |set| simulation.predict(set, before, given, &never),
+            |set| robot.simulate(set.simulator.as_ref(), config.costs[cost].given()),
+            |set| before.simulate(set.simulator.as_ref(), config.costs[cost].given()),
         )?,
         parameters,
         runs: outcome.runs.clone(),

@@ -157,13 +157,6 @@ fn regressed(fit: &CostFit) -> Option<String> {
             "the search gave the values; {robots} simulated robots, whose values are known, gave the intervals by their logs"
         )
     };
-    if let Some(cost) = regression.costly.filter(|_| regression.taken) {
-        text.push_str(&format!(
-            ". In the fit's own simulation these values have a {} of {cost:.3}. But the logs are nearer to robots that are \
-             simulated as they make logs, with these values. So such robots give all costs and falls that are reported here",
-            fit.cost_name
-        ));
-    }
     let unlike = fit.parameters.iter().enumerate().filter(|(at, _)| regression.unlike(*at));
     let unlike: Vec<&str> = unlike.map(|(_, one)| one.found.name.as_str()).collect();
     if !unlike.is_empty() {

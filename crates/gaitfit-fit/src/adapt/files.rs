@@ -8,7 +8,7 @@ use super::setup::Setup;
 use super::standing::Standing;
 use crate::Error;
 use crate::run::{Inputs, Protocol, RunFolder};
-use gaitfit_adapt::fit::{Regression, RunGeneration, Uncertainty};
+use gaitfit_adapt::fit::{RunGeneration, Uncertainty};
 use gaitfit_adapt::{Found, ThetaFile};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -101,11 +101,9 @@ fn theta(setup: &Setup, results: &AdaptResults) -> ThetaFile {
         |parameter: &Parameter| Found { value: parameter.found.value, spread: parameter.found.spread };
     let found: Vec<Found> = results.parameters.iter().map(found).collect();
     let held = results.held_out.as_ref().filter(|_| results.standing == Standing::Contradicted);
-    let regression = results.fits.first().and_then(|fit| fit.regression.as_ref());
     let mut file = ThetaFile {
         physics_step: setup.method.physics_step(),
         contradicted: held.map(super::held_out::HeldOut::sentence),
-        judged_as_logged: regression.is_some_and(Regression::judged_as_logged),
         ..ThetaFile::new(&setup.theta, &found, &results.robot, &results.cost_name, results.cost)
     };
     for saved in &mut file.parameter {

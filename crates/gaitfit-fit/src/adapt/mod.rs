@@ -31,7 +31,6 @@ mod sensitivity;
 mod setup;
 mod share;
 mod signals;
-mod simulation;
 mod springs;
 mod standing;
 mod swing;

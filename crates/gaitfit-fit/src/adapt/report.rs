@@ -1,19 +1,17 @@
 //! From results to the page's plain data.
 
 use super::held_out::{Distance, HeldOut, Verdict};
-use super::log_set::LogSet;
 use super::parameter::Parameter;
 use super::results::{AdaptResults, CostFit, MAX_SHOWN};
 use super::score::{self, Robot};
 use super::setup::Setup;
 use super::signals;
-use super::simulation::Simulation;
 use crate::Error;
 use crate::machine::now;
 use crate::pieces;
 use gaitfit_adapt::cost::Signal;
 use gaitfit_adapt::fit::{Predicted, RunGeneration, RunOutcome};
-use gaitfit_adapt::{Resets, Theta, never};
+use gaitfit_adapt::{Resets, Theta};
 use gaitfit_view::fit::{
     Bound, Comparison, ComparisonEntry, Fit, LogSummary, OptimizerRun, Parameter as Shown, PublishedRange,
     Score, Signal as ShownSignal, Validation,
@@ -27,7 +25,7 @@ const MAX_COMMANDS: usize = 5000;
 /// The page of a finished fit; `course`: the generations of its runs.
 pub(super) fn page(setup: &Setup, results: &AdaptResults, course: &[RunGeneration]) -> Result<String, Error> {
     let shown = setup.validate.first().unwrap_or(&setup.fit);
-    let (nominal, fitted) = predicted(setup, results, shown)?;
+    let (nominal, fitted) = predicted(setup, results, shown.simulator.as_ref())?;
     let robot = match setup.config.robot.as_str() {
         "" => results.robot.clone(),
         file => format!("{} ({file})", results.robot),
@@ -67,7 +65,7 @@ pub(super) fn page(setup: &Setup, results: &AdaptResults, course: &[RunGeneratio
 /// # Errors
 /// A simulation that fails.
 pub fn round(setup: &Setup, results: &AdaptResults, course: &[RunGeneration]) -> Result<Round, Error> {
-    let (nominal, fitted) = predicted(setup, results, &setup.fit)?;
+    let (nominal, fitted) = predicted(setup, results, setup.fit.simulator.as_ref())?;
     Ok(Round {
         wall_seconds: results.wall_seconds,
         log: log(setup, results),
@@ -77,19 +75,16 @@ pub fn round(setup: &Setup, results: &AdaptResults, course: &[RunGeneration]) ->
     })
 }
 
-/// The signals of the robot before and after the fit under the commands of `set`.
+/// The signals of the robot before and after the fit.
 fn predicted(
     setup: &Setup,
     results: &AdaptResults,
-    set: &LogSet,
+    simulator: &dyn gaitfit_adapt::Simulator,
 ) -> Result<(Vec<Predicted>, Vec<Predicted>), Error> {
     let values: Vec<f64> = results.parameters.iter().map(|parameter| parameter.found.value).collect();
-    let regression = results.fits.first().and_then(|fit| fit.regression.as_ref());
-    let simulation = Simulation::new(setup, regression);
-    let predict = |theta: &Theta, values: &[f64]| {
-        simulation.predict(set, Robot { theta, values }, Resets::Never, &never)
-    };
-    Ok((predict(&Theta::default(), &[])?, predict(&setup.theta, &values)?))
+    let nominal = Robot { theta: &Theta::default(), values: &[] }.simulate(simulator, Resets::Never)?;
+    let fitted = Robot { theta: &setup.theta, values: &values }.simulate(simulator, Resets::Never)?;
+    Ok((nominal, fitted))
 }
 
 /// Held-out logs as the page shows them.

@@ -11,7 +11,6 @@ use super::outliers;
 use super::parameter::Parameter;
 use super::score::{Robot, Score, Validation, baselines, joint_errors, score};
 use super::setup::Setup;
-use super::simulation::Simulation;
 use super::springs::FoundSpring;
 use super::standing::{self, CONTRADICTED, Evidence, Standing, standing};
 use super::swing;
@@ -247,19 +246,14 @@ pub(super) fn results(
             // What the search paid for going away from what was known is no distance from the logs.
             outcome.best_cost -= setup.theta.prior_cost(&outcome.values());
         }
-        let values = outcome.values();
-        let robot = Robot { theta: &setup.theta, values: &values };
-        let judged =
-            Simulation::new(setup, outcome.regression.as_ref())
-                .evaluate_as_logged(setup, robot, &|| watch.stop());
-        // Robots as they make logs judge such a fit; its own simulation does not.
-        if let Some(cost) = resumable(judged, folder, watch)?.and_then(|found| found.cost) {
-            outcome.best_cost = cost;
-        }
         uncorrected.extend(refused.map(|reason| doubts::uncorrected(&outcome, &reason)));
         let noise_alone = outcome.uncertainty.is_some();
-        let left = leftover(setup, cost, &values, outcome.best_cost, noise_alone, &|| watch.stop());
-        let left = resumable(left, folder, watch)?;
+        let left = leftover(setup, cost, &outcome.values(), outcome.best_cost, noise_alone, &|| watch.stop());
+        // What was cut short is no failure.
+        let left = left.map_err(|error| match watch.stop() {
+            true => stopped(FitError::Cancelled, folder),
+            false => error,
+        })?;
         let mut fit = fit(setup, cost, &outcome, course, left)?;
         if let Some(first) = found.first().filter(|_| setup.theta.len() <= MAX_SHOWN) {
             fit.comparison = beside(setup, first, &outcome)?;
@@ -283,17 +277,15 @@ pub(super) fn results(
     };
     let robot = Robot { theta: &setup.theta, values: &first.values() };
     let given = setup.config.costs[0].given();
-    let simulation = Simulation::new(setup, first.regression.as_ref());
     let fitted = score("fitted simulator", setup, Some(first.cost), |set| {
-        simulation.predict(set, robot, given, &never)
+        robot.simulate(set.simulator.as_ref(), given)
     })?;
     let mut warnings = setup.warnings.clone();
     warnings.extend(uncorrected);
     for fit in &fits {
         warnings.extend(doubts::warnings(fit, fits.len() > 1));
     }
-    let (baselines, held) =
-        (baselines(setup, simulation, first.nominal_cost)?, beside_others(setup, simulation, robot)?);
+    let (baselines, held) = (baselines(setup, first.nominal_cost)?, beside_others(setup, robot)?);
     let efforts =
         (0..setup.method.model().joints.len()).filter_map(|joint| setup.method.model().effort(joint));
     let evidence = Evidence {
@@ -354,20 +346,10 @@ pub(super) fn results(
     })
 }
 
-/// What was cut short is no failure: `folder` can be resumed.
-fn resumable<T>(found: Result<T, Error>, folder: &RunFolder, watch: &Watch<'_>) -> Result<T, Error> {
-    found.map_err(|error| if watch.stop() { stopped(FitError::Cancelled, folder) } else { error })
-}
-
 /// Walks under the commands of the logs that were not fitted, beside them.
-fn beside_others(
-    setup: &Setup,
-    simulation: Simulation<'_>,
-    robot: Robot<'_>,
-) -> Result<Option<HeldOut>, Error> {
+fn beside_others(setup: &Setup, robot: Robot<'_>) -> Result<Option<HeldOut>, Error> {
     let Some(set) = setup.validate.first() else { return Ok(None) };
     let (theta, values): (Theta, &[f64]) = (Theta::default(), &[]);
     let before = Robot { theta: &theta, values };
-    let walking = [(set, robot, simulation), (set, before, simulation)];
-    held_out(&setup.config, &setup.method, walking, &setup.fit.logs, &never)
+    held_out(&setup.config, &setup.method, [(set, robot), (set, before)], &setup.fit.logs, &never)
 }

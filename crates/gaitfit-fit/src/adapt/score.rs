@@ -2,7 +2,6 @@
 
 use super::log_set::LogSet;
 use super::setup::Setup;
-use super::simulation::Simulation;
 use crate::Error;
 use crate::air::predictors;
 use crate::log::Log;
@@ -93,7 +92,7 @@ pub(super) fn mean(values: impl IntoIterator<Item = Option<f64>>) -> Option<f64>
 }
 
 /// What `cost` makes of the predictions of all of its recordings; `None` if one diverged.
-pub(super) fn cost_of(cost: &dyn Cost, predicted: &[Predicted]) -> Option<f64> {
+fn cost_of(cost: &dyn Cost, predicted: &[Predicted]) -> Option<f64> {
     let mut accumulator = cost.begin();
     for (number, log) in predicted.iter().enumerate() {
         accumulator.add(number, log.signals()).ok()?;
@@ -231,16 +230,12 @@ fn last_value(log: &Log, joints: &[String], horizon: usize) -> Option<Predicted>
 /// The predictors that a fit has to beat, the robot before the fit first. Those that need no simulator repeat the log's
 /// targets, which means something where the simulator is given the targets too: in a replay; or the last reading, where it
 /// is given readings.
-pub(super) fn baselines(
-    setup: &Setup,
-    simulation: Simulation<'_>,
-    nominal_cost: Option<f64>,
-) -> Result<Vec<Score>, Error> {
+pub(super) fn baselines(setup: &Setup, nominal_cost: Option<f64>) -> Result<Vec<Score>, Error> {
     let theta = Theta::default();
     let nominal = Robot { theta: &theta, values: &[] };
     let given = setup.config.costs[0].given();
     let mut found = vec![score("nominal model", setup, nominal_cost, |set| {
-        simulation.predict(set, nominal, given, &never)
+        nominal.simulate(set.simulator.as_ref(), given)
     })?];
     if setup.method.walking().is_some() {
         if let Resets::Sensors(horizon) = given {

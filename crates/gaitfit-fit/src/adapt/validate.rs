@@ -5,10 +5,8 @@ use super::files::CONFIG;
 use super::held_out::{HeldOut, Verdict, held_out};
 use super::inputs::{Robot, method, validation as read_logs};
 use super::log_set::LogSet;
-use super::replicas::Replicas;
 use super::score::{Robot as Predictor, Validation, cost_of_sets, mean, validation};
 use super::setup::aligned;
-use super::simulation::Simulation;
 use crate::log::Log;
 use crate::settings::{self, AdaptConfig, check};
 use crate::watch::Watch;
@@ -113,7 +111,6 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
     check::check(&config, &path)?;
     let Robot { model, policy, base, .. } = Robot::read(&config, &path, request.policy.as_ref())?;
     let file = theta::read(&request.theta)?;
-    let walker = policy.clone().filter(|_| file.judged_as_logged).map(|policy| (policy, model.clone()));
     let fitted = theta::on(base.clone(), &file, &request.theta, &model)?;
     let nothing = Theta::default();
     let longest = if largest_delay(&fitted) > largest_delay(&base) { &fitted } else { &base };
@@ -132,31 +129,19 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
     let itself = Predictor { theta: &nothing, values: &[] };
     let kind = config.costs[0];
     let stop = || watch.stop();
-    let threads = method.walking().map_or(1, |walking| walking.threads);
-    let as_logged = |robot: &Candidate| -> Result<Option<Replicas>, Error> {
-        let Some((policy, model)) = &walker else { return Ok(None) };
-        let logs = sets.first().map_or(&[][..], Vec::as_slice);
-        Replicas::new(&config, policy.clone(), model, &nothing, robot, threads, logs).map(Some)
-    };
-    let (fitted, nominal) = (as_logged(&fitted)?, as_logged(&base)?);
-    let seed = config.optimizer.seed;
-    let (fitted, nominal) =
-        (Simulation::with(fitted.as_ref(), seed), Simulation::with(nominal.as_ref(), seed));
-    let walk = |set: &LogSet| fitted.predict(set, itself, kind.given(), &stop);
-    let walk_before = |set: &LogSet| nominal.predict(set, itself, kind.given(), &stop);
-    let cost = cost_of_sets(kind, &after, walk)?;
-    let nominal_cost = cost_of_sets(kind, &before, walk_before)?;
-    let beside = |set: &LogSet| {
+    let predict = |set: &LogSet| itself.simulate_until(set.simulator.as_ref(), kind.given(), &stop);
+    let cost = cost_of_sets(kind, &after, predict)?;
+    let nominal_cost = cost_of_sets(kind, &before, predict)?;
+    let nominal = |set: &LogSet| {
         let number = after.iter().position(|other| std::ptr::eq(other, set)).unwrap_or_default();
-        walk_before(&before[number])
+        predict(&before[number])
     };
-    let found = validation(kind, &after, aligned(&config), walk, beside)?;
+    let found = validation(kind, &after, aligned(&config), predict, nominal)?;
     let rmse_rad = mean(found.iter().map(|log| log.rmse_rad));
     let nominal_rmse_rad = mean(found.iter().map(|log| log.nominal_rmse_rad));
     let held_out = match (after.first(), before.first()) {
-        (Some(set), Some(set_before)) => {
-            let walking = [(set, itself, fitted), (set_before, itself, nominal)];
-            held_out(&config, &method, walking, &[], &stop)?
+        (Some(fitted), Some(nominal)) => {
+            held_out(&config, &method, [(fitted, itself), (nominal, itself)], &[], &stop)?
         }
         _ => None,
     };

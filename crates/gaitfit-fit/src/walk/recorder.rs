@@ -45,11 +45,6 @@ impl Recorder {
         }
     }
 
-    /// A recorder of the same robot for other logs.
-    pub fn under(&self, logs: &[&Trajectory]) -> Self {
-        Self::new(self.walking.clone(), self.base.clone(), logs)
-    }
-
     /// Physics step of the robot, s.
     pub fn physics_step(&self) -> f64 {
         self.walking.task.walker.physics_step()

@@ -83,11 +83,6 @@ pub struct Regression {
     /// Whether the fit takes these values. If not, it keeps the search's values, which cost less, and takes the intervals.
     #[serde(default = "yes")]
     pub taken: bool,
-    /// The cost of these values in the fit's simulation, if it is clearly larger than that of the search's values although
-    /// robots with these values are nearer to the logs. The fit takes them all the same, and it is judged by robots that are
-    /// simulated as they make logs ([`Self::judged_as_logged`]).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub costly: Option<f64>,
     /// Standard deviation of their errors.
     pub deviation: Vec<f64>,
     /// 95 % interval of each entry, not limited to its bounds.
@@ -145,12 +140,6 @@ impl Regression {
     /// Whether the real logs are nearer to robots with the corrected values than to robots with the search's values.
     pub fn is_nearer(&self) -> bool {
         self.further.is_some_and(|ratio| ratio > 1.0)
-    }
-
-    /// Whether the fit took values that only robots simulated as they make logs support. Then costs in the fit's own simulation
-    /// do not judge it: there such a robot falls in single walks.
-    pub fn judged_as_logged(&self) -> bool {
-        self.taken && self.costly.is_some()
     }
 
     /// Whether signals and legs disagree about an entry, and most of its error comes from that.
@@ -291,7 +280,6 @@ pub fn regress(
         uncorrected: found.to_vec(),
         corrected,
         taken: true,
-        costly: None,
         deviation,
         interval,
         robots: drawn + 2 * WITH_VALUES,

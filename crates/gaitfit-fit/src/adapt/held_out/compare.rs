@@ -3,7 +3,6 @@
 use super::super::Method;
 use super::super::log_set::LogSet;
 use super::super::score::Robot;
-use super::super::simulation::Simulation;
 use super::trials::{Trials, pairs, tail};
 use super::{Distance, Floor, HeldOut};
 use crate::Error;
@@ -27,7 +26,7 @@ const RANGE: f64 = 1.96;
 const SEED: u64 = 15;
 
 /// Compares walks under the commands of held-out logs with them. Each of `sets` has these logs and the simulator of the
-/// robot after and before the fit; beside it stand what θ changes of it, and what walks. `fitted_logs`: other logs of the robot, among
+/// robot after and before the fit; beside it stands what θ changes of it. `fitted_logs`: other logs of the robot, among
 /// which trials of the same commands are looked for.
 ///
 /// # Errors
@@ -35,7 +34,7 @@ const SEED: u64 = 15;
 pub fn held_out(
     config: &AdaptConfig,
     method: &Method,
-    [fitted, nominal]: [(&LogSet, Robot<'_>, Simulation<'_>); 2],
+    [fitted, nominal]: [(&LogSet, Robot<'_>); 2],
     fitted_logs: &[Log],
     cancel: &Cancel<'_>,
 ) -> Result<Option<HeldOut>, Error> {
@@ -56,8 +55,8 @@ pub fn held_out(
     let recorded_blocks = cut(&recorded);
     let Some(cost) = cost_against(&recorded_blocks, &joints, set) else { return Ok(None) };
     let (reference, cost) = (&cost.0, cost.1.as_ref());
-    let walk = |(set, robot, simulation): (&LogSet, Robot<'_>, Simulation<'_>)| {
-        simulation.predict(set, robot, Resets::Never, cancel)
+    let walk = |(set, robot): (&LogSet, Robot<'_>)| {
+        robot.simulate_until(set.simulator.as_ref(), Resets::Never, cancel)
     };
     let (after, before) = (walk(fitted)?, walk(nominal)?);
     let falls = |walked: &[Predicted]| walked.iter().filter(|log| log.fell_at.is_some()).count();

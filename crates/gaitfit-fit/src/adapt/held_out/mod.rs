@@ -250,6 +250,9 @@ mod tests {
         assert!(verdict == Verdict::Falls && doubt == Some(DoubtKind::Falls) && falls(1, 0).contradicts());
         assert!(text.contains("falls in 1 of 16 held-out logs"), "{text}");
         assert_eq!(falls(1, 3).verdict(), Verdict::Explained, "the robot before the fit falls more often");
+        // A robot that falls in a quarter of its logs falls in 4 of 16, or by chance in up to 8.
+        let falling = |falls| HeldOut { falls, robot_fall_rate: 0.25, ..found(0.0121, 0.2, floor) };
+        assert_eq!((falling(8).verdict(), falling(9).verdict()), (Verdict::Explained, Verdict::Falls));
         let trials = Trials { pairs: 12, itself: [0.04, 0.29], fitted: [0.035, 0.2] };
         let (verdict, text, _) = said(HeldOut { trials: Some(trials), ..found(0.1, 0.2, floor) });
         assert!(
