@@ -6,7 +6,8 @@ use gaitfit::watch::{Watch, Work};
 use gaitfit_adapt::cost::{Cost, CostKind, Recorded, Reference, Signal};
 use gaitfit_adapt::fit::{Checkpoint, CostOutcome, Fit, FitError, FitOptions};
 use gaitfit_adapt::{
-    Cancel, Consume, Entry, Modification, Resets, Rollout, Signals, Simulator, SimulatorError, Theta,
+    Cancel, Consume, Entry, Identity, Modification, Resets, Rollout, Signals, Simulator, SimulatorError,
+    Theta,
 };
 use gaitfit_sim::{Candidate, pool};
 use numpy::{PyArray2, PyReadonlyArray2, PyReadonlyArray3};
@@ -63,9 +64,8 @@ impl Modification for Numbers {
 
 /// The user's function, and the exception that it raised.
 struct Own {
-    joints: Vec<String>,
+    identity: Identity,
     samples: Vec<usize>,
-    actions: bool,
     simulate: Py<PyAny>,
     raised: Mutex<Option<PyErr>>,
 }
@@ -88,7 +88,7 @@ impl Own {
             let (found, needed) = (all.len(), self.samples.len());
             return Err(value(format!("simulate returned {found} recordings; there are {needed} logs")));
         }
-        let width = self.joints.len();
+        let width = self.identity.joints.len();
         for (recording, (simulated, &samples)) in all.iter().zip(&self.samples).enumerate() {
             let check = |what: &str, array: &PyReadonlyArray3<'_, f32>| -> PyResult<Vec<f32>> {
                 let array = array.as_array();
@@ -104,7 +104,7 @@ impl Own {
             };
             let position = check("position", &simulated.position)?;
             let velocity = check("velocity", &simulated.velocity)?;
-            let action = match (&simulated.action, self.actions) {
+            let action = match (&simulated.action, self.provides(Signal::Action)) {
                 (Some(action), true) => Some(check("action", action)?),
                 (None, true) => {
                     return Err(value(format!(
@@ -132,16 +132,8 @@ impl Own {
 }
 
 impl Simulator for Own {
-    fn joints(&self) -> &[String] {
-        &self.joints
-    }
-
-    fn recordings(&self) -> usize {
-        self.samples.len()
-    }
-
-    fn provides(&self, signal: Signal) -> bool {
-        matches!(signal, Signal::Position | Signal::Velocity) || (signal == Signal::Action && self.actions)
+    fn identity(&self) -> &Identity {
+        &self.identity
     }
 
     fn simulate(
@@ -213,10 +205,13 @@ pub fn fit_simulator(
     });
     let theta = Theta::new(vec![Box::new(Numbers(entries.collect()))]).map_err(value)?;
     let recordings: Vec<Recorded> = logs.iter().map(recorded).collect();
+    let mut identity = Identity::new(joints.clone(), logs.len());
+    if !logs.is_empty() && logs.iter().all(|log| log.action.is_some()) {
+        identity.signals.push(Signal::Action);
+    }
     let own = Own {
+        identity,
         samples: logs.iter().map(|log| log.position.as_array().nrows()).collect(),
-        actions: !logs.is_empty() && logs.iter().all(|log| log.action.is_some()),
-        joints: joints.clone(),
         simulate,
         raised: Mutex::new(None),
     };

@@ -1,6 +1,6 @@
 //! The project's own engine behind [`Simulator`]: logs replayed on a clamped robot.
 
-use crate::{Cancel, Consume, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
+use crate::{Cancel, Consume, Identity, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_model::Model;
 use gaitfit_physics::{Preset, Robot};
 use gaitfit_sim::{Candidate, Cpu, Direction, Engine, JointSignals, Recording, Replay, ReplayOptions};
@@ -11,12 +11,11 @@ const APART: f64 = 1e-5;
 
 /// Replays recordings on a [`gaitfit_sim::Engine`].
 pub struct ReplaySimulator {
+    identity: Identity,
     replay: Replay,
     base: Candidate,
     /// How long after the samples the recordings' targets were sent, s.
     lead: f64,
-    joints: Vec<String>,
-    recordings: usize,
     engine: Box<dyn Engine>,
 }
 
@@ -28,14 +27,14 @@ impl ReplaySimulator {
         options: ReplayOptions,
         threads: usize,
     ) -> Result<Self, SimulatorError> {
-        let count = recordings.len();
+        let joints = model.joints.iter().map(|joint| joint.name.clone()).collect();
+        let identity = Identity::new(joints, recordings.len());
         let replay = Replay::new(model, recordings, options).map_err(SimulatorError::failed)?;
         Ok(Self {
+            identity,
             replay,
             base: Candidate::nominal(model),
             lead: 0.0,
-            joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
-            recordings: count,
             engine: Box::new(Cpu { threads }),
         })
     }
@@ -65,7 +64,7 @@ impl ReplaySimulator {
     /// The robot with the values of θ; what θ does not name stays as it is.
     pub fn candidate(&self, theta: &Theta, values: &[f64]) -> Candidate {
         let mut candidate = self.base.clone();
-        theta.apply(values, &self.joints, &mut candidate);
+        theta.apply(values, &self.identity.joints, &mut candidate);
         if self.lead != 0.0 {
             let max = self.replay.options().max_delay;
             let late = |delay: &mut f64| *delay = (*delay + self.lead).clamp(0.0, max);
@@ -115,12 +114,8 @@ impl ReplaySimulator {
 }
 
 impl Simulator for ReplaySimulator {
-    fn joints(&self) -> &[String] {
-        &self.joints
-    }
-
-    fn recordings(&self) -> usize {
-        self.recordings
+    fn identity(&self) -> &Identity {
+        &self.identity
     }
 
     fn simulate(

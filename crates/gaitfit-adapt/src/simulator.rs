@@ -33,7 +33,7 @@ pub struct Rollout {
 }
 
 /// Simulated signals of one candidate on one recording. Joint matrices are `samples × joints`, row-major, joints in
-/// the order of [`Simulator::joints`]; base matrices `samples × 3`. Row 0 is the initial state.
+/// the order of [`Identity::joints`]; base matrices `samples × 3`. Row 0 is the initial state.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Signals<'a> {
     /// Joint positions as the encoders report them, rad.
@@ -80,23 +80,56 @@ pub fn never() -> bool {
     false
 }
 
-/// Simulates a fixed set of recordings with candidate robots.
-pub trait Simulator {
+/// What a [`Simulator`] simulates, wherever and however it is computed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Identity {
     /// Joint names, in the order of all signals.
-    fn joints(&self) -> &[String];
-
+    pub joints: Vec<String>,
     /// Number of recordings; samples of each are those of the recording.
-    fn recordings(&self) -> usize;
+    pub recordings: usize,
+    /// Number of logs that were recorded: recording `r` is a simulation of log `r % logs`, from another start than the
+    /// ones before.
+    pub logs: usize,
+    /// What [`Signals`] holds.
+    pub signals: Vec<Signal>,
+}
 
-    /// Number of logs that the recordings are of: recording `r` is a simulation of log `r % logs`, from another start than
-    /// the ones before. By default each recording is a log of its own.
-    fn logs(&self) -> usize {
-        self.recordings()
+impl Identity {
+    /// Recordings of a log each, with the positions and velocities of `joints`.
+    pub fn new(joints: Vec<String>, recordings: usize) -> Self {
+        Self { joints, recordings, logs: recordings, signals: vec![Signal::Position, Signal::Velocity] }
     }
 
-    /// Whether [`Signals`] holds `signal`. By default the joints' positions and velocities only.
+    /// The same with these signals.
+    #[must_use]
+    pub fn with_signals(self, signals: &[Signal]) -> Self {
+        Self { signals: signals.to_vec(), ..self }
+    }
+}
+
+/// Simulates a fixed set of recordings with candidate robots.
+pub trait Simulator {
+    /// What is simulated. Who passes simulations on to another simulator returns the other's.
+    fn identity(&self) -> &Identity;
+
+    /// [`Identity::joints`].
+    fn joints(&self) -> &[String] {
+        &self.identity().joints
+    }
+
+    /// [`Identity::recordings`].
+    fn recordings(&self) -> usize {
+        self.identity().recordings
+    }
+
+    /// [`Identity::logs`].
+    fn logs(&self) -> usize {
+        self.identity().logs
+    }
+
+    /// Whether [`Signals`] holds `signal`.
     fn provides(&self, signal: Signal) -> bool {
-        matches!(signal, Signal::Position | Signal::Velocity)
+        self.identity().signals.contains(&signal)
     }
 
     /// Simulates every candidate on every recording as one batch. A diverging candidate shows as non-finite

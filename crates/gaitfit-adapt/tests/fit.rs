@@ -9,7 +9,7 @@ use gaitfit_adapt::fit::{
     RandomNumbers, RunOutcome, Stop, compare, evaluate, simulate_one,
 };
 use gaitfit_adapt::{
-    Cancel, Consume, JointParameter, ParameterRule, Resets, Rollout, Sharing, Signals, Simulator,
+    Cancel, Consume, Identity, JointParameter, ParameterRule, Resets, Rollout, Sharing, Signals, Simulator,
     SimulatorError, Theta, never,
 };
 use gaitfit_random::{Purpose, Stream};
@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 /// q = damping · sin(ω t) + bias, one frequency a recording: each value leaves its own mark.
 struct Sines {
-    joints: Vec<String>,
+    identity: Identity,
     /// Damping above which the "simulation" is not a number.
     limit: f64,
     /// Damping with which a recording ends in a fall as often as not, by its draw.
@@ -30,12 +30,8 @@ const STEEP: f64 = 0.02;
 const SAMPLES: usize = 400;
 
 impl Simulator for Sines {
-    fn joints(&self) -> &[String] {
-        &self.joints
-    }
-
-    fn recordings(&self) -> usize {
-        2
+    fn identity(&self) -> &Identity {
+        &self.identity
     }
 
     fn simulate(
@@ -46,10 +42,10 @@ impl Simulator for Sines {
         _cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
         for (candidate, rollout) in candidates.iter().enumerate() {
-            let mut size = vec![1.0; self.joints.len()];
-            let mut bias = vec![0.0; self.joints.len()];
+            let mut size = vec![1.0; self.identity.joints.len()];
+            let mut bias = vec![0.0; self.identity.joints.len()];
             for (entry, &value) in theta.entries().iter().zip(&rollout.values) {
-                for (joint, name) in self.joints.iter().enumerate() {
+                for (joint, name) in self.identity.joints.iter().enumerate() {
                     match entry.kind {
                         _ if !entry.joints.contains(name) => {}
                         "damping" => size[joint] = if value > self.limit { f64::NAN } else { value },
@@ -64,7 +60,7 @@ impl Simulator for Sines {
                 let mut velocity = Vec::new();
                 for sample in 0..SAMPLES {
                     let t = sample as f64 * 0.01;
-                    for joint in 0..self.joints.len() {
+                    for joint in 0..self.identity.joints.len() {
                         position.push((size[joint] * (omega * t).sin() + bias[joint]) as f32);
                         velocity.push((size[joint] * omega * (omega * t).cos()) as f32);
                     }
@@ -83,13 +79,17 @@ impl Simulator for Sines {
 const TRUTH: [f64; 3] = [0.8, 0.02, -0.03];
 
 fn sines(limit: f64) -> Sines {
-    Sines { joints: ["FL_hip", "FR_hip"].map(String::from).to_vec(), limit, edge: f64::INFINITY }
+    Sines {
+        identity: Identity::new(["FL_hip", "FR_hip"].map(String::from).to_vec(), 2),
+        limit,
+        edge: f64::INFINITY,
+    }
 }
 
 fn theta() -> Theta {
     let damping = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Damping) };
     let bias = ParameterRule { per: Sharing::Joint, ..ParameterRule::new(JointParameter::EncoderBias) };
-    Theta::from_rules(&[damping, bias], &[], &sines(9.0).joints).unwrap()
+    Theta::from_rules(&[damping, bias], &[], &sines(9.0).joints()).unwrap()
 }
 
 fn costs(simulator: &Sines) -> Vec<Box<dyn Cost>> {
@@ -108,7 +108,7 @@ fn costs_at(simulator: &Sines, truth: &[f64]) -> Vec<Box<dyn Cost>> {
             ..Recorded::default()
         })
         .collect();
-    let target = Arc::new(Reference::new(simulator.joints.clone(), &recorded, 0).unwrap());
+    let target = Arc::new(Reference::new(simulator.identity.joints.clone(), &recorded, 0).unwrap());
     let weights = Weights::from_reference(&target);
     vec![
         Box::new(MatchO::new(Arc::clone(&target), weights).unwrap()),

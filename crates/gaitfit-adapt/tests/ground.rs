@@ -13,8 +13,8 @@ use gaitfit_adapt::fit::{
     identify, simulate_one,
 };
 use gaitfit_adapt::{
-    Cancel, Consume, Entry, Modification, NetworkName, NetworkRule, NetworkStart, Resets, Rollout, Signals,
-    Simulator, SimulatorError, Theta, never,
+    Cancel, Consume, Entry, Identity, Modification, NetworkName, NetworkRule, NetworkStart, Resets, Rollout,
+    Signals, Simulator, SimulatorError, Theta, never,
 };
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::Candidate;
@@ -50,7 +50,7 @@ fn theta(names: &[&str], start: f64) -> Theta {
 /// A driven pendulum with friction on a base it pushes: x'' = −4 x − a x' + sin(ω t), base velocity = b x. Value 0 is
 /// a, value 1 is b, further ones do nothing. Falls where |x| exceeds `reach`.
 struct Pendulum {
-    joints: Vec<String>,
+    identity: Identity,
     /// What the robot did: the states to be reset to; `samples × (x, x', base position, base velocity)`.
     logs: Vec<Vec<[f64; 4]>>,
     reach: f64,
@@ -58,13 +58,14 @@ struct Pendulum {
     draws: Mutex<Vec<u64>>,
 }
 
+const SIGNALS: [Signal; 4] = [Signal::Position, Signal::Velocity, Signal::BasePosition, Signal::BaseVelocity];
 const SAMPLES: usize = 150;
 const STEP: f64 = 0.02;
 
 impl Pendulum {
     fn new(recordings: usize, noise: f64) -> Self {
         let mut pendulum = Self {
-            joints: vec!["hip".into()],
+            identity: Identity::new(vec!["hip".into()], recordings).with_signals(&SIGNALS),
             logs: Vec::new(),
             reach: f64::INFINITY,
             noise,
@@ -116,7 +117,7 @@ impl Pendulum {
                 }
             })
             .collect();
-        Arc::new(Reference::new(self.joints.clone(), &recorded, 0).unwrap())
+        Arc::new(Reference::new(self.identity.joints.clone(), &recorded, 0).unwrap())
     }
 
     fn cost(&self, name: &str) -> Box<dyn Cost> {
@@ -127,16 +128,8 @@ impl Pendulum {
 const TRUTH: [f64; 2] = [0.5, 0.8];
 
 impl Simulator for Pendulum {
-    fn joints(&self) -> &[String] {
-        &self.joints
-    }
-
-    fn recordings(&self) -> usize {
-        self.logs.len()
-    }
-
-    fn provides(&self, signal: Signal) -> bool {
-        signal != Signal::Action
+    fn identity(&self) -> &Identity {
+        &self.identity
     }
 
     fn simulate(

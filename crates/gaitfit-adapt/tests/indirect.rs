@@ -5,8 +5,8 @@
 use gaitfit_adapt::cost::{Cost, CostKind, Recorded, Reference};
 use gaitfit_adapt::fit::{Correction, CostOutcome, Fit, FitOptions, Method, Problem, Replicate, World};
 use gaitfit_adapt::{
-    Cancel, Consume, JointParameter, ParameterRule, Rollout, Sharing, Signals, Simulator, SimulatorError,
-    Theta, never,
+    Cancel, Consume, Identity, JointParameter, ParameterRule, Rollout, Sharing, Signals, Simulator,
+    SimulatorError, Theta, never,
 };
 use gaitfit_random::{Purpose, Stream};
 use std::sync::Arc;
@@ -19,7 +19,7 @@ const RECORDINGS: usize = 24;
 
 /// Readings of x' = 2a x + 10b u + noise, with a known drive u, and the predictions from each to the next.
 struct Process {
-    joints: Vec<String>,
+    identity: Identity,
     readings: Vec<Vec<f64>>,
 }
 
@@ -41,7 +41,10 @@ impl Process {
             };
             (0..SAMPLES).map(reading).collect()
         };
-        Self { joints: vec!["FL_hip".to_owned()], readings: (0..RECORDINGS).map(one).collect() }
+        Self {
+            identity: Identity::new(vec!["FL_hip".to_owned()], RECORDINGS),
+            readings: (0..RECORDINGS).map(one).collect(),
+        }
     }
 
     fn cost(&self) -> Box<dyn Cost> {
@@ -51,18 +54,14 @@ impl Process {
             ..Recorded::default()
         };
         let recorded: Vec<Recorded> = self.readings.iter().map(recorded).collect();
-        let reference = Arc::new(Reference::new(self.joints.clone(), &recorded, 0).unwrap());
+        let reference = Arc::new(Reference::new(self.identity.joints.clone(), &recorded, 0).unwrap());
         "matchr1".parse::<CostKind>().unwrap().build(&reference, self).unwrap()
     }
 }
 
 impl Simulator for Process {
-    fn joints(&self) -> &[String] {
-        &self.joints
-    }
-
-    fn recordings(&self) -> usize {
-        RECORDINGS
+    fn identity(&self) -> &Identity {
+        &self.identity
     }
 
     fn simulate(

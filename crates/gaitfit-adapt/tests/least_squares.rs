@@ -6,8 +6,8 @@ use gaitfit_adapt::fit::{
     Alternative, Fit, FitError, FitOptions, Method, NoiseSource, Problem, Stop, uncertainty,
 };
 use gaitfit_adapt::{
-    Cancel, Consume, JointParameter, ParameterRule, Rollout, Sharing, Signals, Simulator, SimulatorError,
-    Theta, never,
+    Cancel, Consume, Identity, JointParameter, ParameterRule, Rollout, Sharing, Signals, Simulator,
+    SimulatorError, Theta, never,
 };
 use gaitfit_random::{Purpose, Stream};
 use std::sync::Arc;
@@ -24,7 +24,7 @@ const RECORDINGS: usize = 32;
 
 /// q = a sin(t/9 + k) + 4 b cos(t/5) + c, and its derivative, in recording k. `shift` is c.
 struct Waves {
-    joints: Vec<String>,
+    identity: Identity,
     shift: f64,
 }
 
@@ -38,12 +38,8 @@ fn waves(values: &[f64], recording: usize, shift: f64) -> (Vec<f64>, Vec<f64>) {
 }
 
 impl Simulator for Waves {
-    fn joints(&self) -> &[String] {
-        &self.joints
-    }
-
-    fn recordings(&self) -> usize {
-        RECORDINGS
+    fn identity(&self) -> &Identity {
+        &self.identity
     }
 
     fn simulate(
@@ -68,13 +64,13 @@ impl Simulator for Waves {
 }
 
 fn simulator(shift: f64) -> Waves {
-    Waves { joints: vec!["FL_hip".to_owned()], shift }
+    Waves { identity: Identity::new(vec!["FL_hip".to_owned()], RECORDINGS), shift }
 }
 
 fn theta(upper: f64) -> Theta {
     let rule = |kind| ParameterRule { per: Sharing::All, ..ParameterRule::new(kind) };
     let friction = ParameterRule { upper: Some(upper), ..rule(JointParameter::FrictionLoss) };
-    Theta::from_rules(&[friction, rule(JointParameter::Armature)], &[], &simulator(0.0).joints).unwrap()
+    Theta::from_rules(&[friction, rule(JointParameter::Armature)], &[], &simulator(0.0).joints()).unwrap()
 }
 
 /// Recordings of the truth with normal noise; one sample in `wild` is off by much more, if that is not 0.
@@ -92,7 +88,7 @@ fn reference(noise: f64, wild: u32, seed: u64) -> Arc<Reference> {
         Recorded { position, velocity, ..Recorded::default() }
     };
     let recorded: Vec<Recorded> = (0..RECORDINGS).map(recorded).collect();
-    Arc::new(Reference::new(simulator(0.0).joints, &recorded, 0).unwrap())
+    Arc::new(Reference::new(simulator(0.0).identity.joints, &recorded, 0).unwrap())
 }
 
 fn costs(kind: &str, reference: &Arc<Reference>) -> Vec<Box<dyn Cost>> {
@@ -236,7 +232,7 @@ fn what_the_logs_do_not_show_is_not_identified_and_what_rests_on_a_bound_stays_t
         rule(JointParameter::Armature),
         rule(JointParameter::Damping),
     ];
-    let theta = Theta::from_rules(&rules, &[], &simulator(0.0).joints).unwrap();
+    let theta = Theta::from_rules(&rules, &[], &simulator(0.0).joints()).unwrap();
     let reference = reference(1e-3, 0, 7);
     let (simulator, costs) = (simulator(0.0), costs("matchr1", &reference));
     let mut search = Fit::new(&simulator, &theta, &costs, options(Method::Auto)).unwrap();

@@ -5,8 +5,8 @@ use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::{Cost, CostKind, Recorded, Reference};
 use gaitfit_adapt::fit::{Evaluation, FallPenalty, Fit, FitError, FitOptions, Job, Method, RandomNumbers};
 use gaitfit_adapt::{
-    Cancel, Consume, JointParameter, ParameterRule, Rollout, Sharing, Signals, Simulator, SimulatorError,
-    Theta, never,
+    Cancel, Consume, Identity, JointParameter, ParameterRule, Rollout, Sharing, Signals, Simulator,
+    SimulatorError, Theta, never,
 };
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -15,17 +15,13 @@ const TRUTH: f64 = 0.3;
 
 /// q = damping · t. `device`: costs are evaluated without signals, as an engine on a GPU would.
 struct Line {
-    joints: Vec<String>,
+    identity: Identity,
     device: bool,
 }
 
 impl Simulator for Line {
-    fn joints(&self) -> &[String] {
-        &self.joints
-    }
-
-    fn recordings(&self) -> usize {
-        1
+    fn identity(&self) -> &Identity {
+        &self.identity
     }
 
     fn simulate(
@@ -62,18 +58,18 @@ impl Simulator for Line {
 }
 
 fn line(device: bool) -> Line {
-    Line { joints: vec!["FL_hip".to_owned()], device }
+    Line { identity: Identity::new(vec!["FL_hip".to_owned()], 1), device }
 }
 
 fn theta() -> Theta {
     let damping = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Damping) };
-    Theta::from_rules(&[damping], &[], &line(false).joints).unwrap()
+    Theta::from_rules(&[damping], &[], &line(false).joints()).unwrap()
 }
 
 fn costs(simulator: &Line) -> Vec<Box<dyn Cost>> {
     let line: Vec<f64> = (0..50).map(|t| TRUTH * f64::from(t)).collect();
     let recorded = Recorded { position: line.clone(), velocity: line, ..Recorded::default() };
-    let reference = Arc::new(Reference::new(simulator.joints.clone(), &[recorded], 0).unwrap());
+    let reference = Arc::new(Reference::new(simulator.identity.joints.clone(), &[recorded], 0).unwrap());
     vec![CostKind::MatchO.build(&reference, simulator).unwrap()]
 }
 

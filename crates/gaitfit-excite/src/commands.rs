@@ -8,7 +8,7 @@ use super::pool::Pool;
 use gaitfit_adapt::cost::CostKind;
 use gaitfit_adapt::fit::Sensitivity;
 use gaitfit_adapt::{ParameterRule, RobotNumber, RobotRule, Theta};
-use gaitfit_fit::adapt::{Robot, identifies, known_values, simulated};
+use gaitfit_fit::adapt::{LogSet, Robot, identifies, known_values, simulated};
 use gaitfit_fit::walk::walking::{Walking, rest_angles};
 use gaitfit_model::patterns::covered;
 use gaitfit_model::shown_number;
@@ -127,13 +127,8 @@ impl CommandSettings {
     }
 }
 
-/// Draws sequences as the task does, and slow, fast and changing ones, lets the policy walk under each in simulation, and
-/// chooses those whose logs, with the configuration's own, tell the parameters best. Then it tries variants of them.
-///
-/// # Errors
-/// Settings out of range; files that cannot be read or do not fit each other; a policy that falls under too many.
-pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Commands, Error> {
-    settings.check()?;
+/// The configuration of the fit as it is used here, and its first cost if another one stands in for it.
+fn configuration(settings: &CommandSettings) -> Result<(AdaptConfig, Option<CostKind>), Error> {
     let mut config: AdaptConfig = settings::load(Some(&settings.config), &settings.set)?;
     config.policy = Some(settings.policy.display().to_string());
     config.base = Base::Free;
@@ -146,6 +141,119 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     }
     config.parameter.iter_mut().for_each(ParameterRule::resolve);
     config.number.iter_mut().for_each(RobotRule::resolve);
+    Ok((config, distributions))
+}
+
+/// Refuses more samples than fit in memory.
+fn check_size(settings: &CommandSettings, control_dt: f64) -> Result<(), Error> {
+    let rows = settings.pool as f64 * settings.seconds / control_dt;
+    if rows > MAX_ROWS {
+        return Err(Error::settings(format!(
+            "`pool` (--pool) sequences of `seconds` (--seconds) have {rows:.0} samples together; at most {MAX_ROWS:.0} are \
+             simulated: give fewer or shorter ones"
+        )));
+    }
+    Ok(())
+}
+
+/// What the first walks show.
+struct FirstWalks {
+    choice: Choice,
+    /// Information of the sequences that are drawn as the task draws them.
+    usual: Vec<Information>,
+    /// Mean variance of these walks' residuals.
+    variance: f64,
+    /// The logs of these walks.
+    logs: LogSet,
+}
+
+impl FirstWalks {
+    /// Walks under sequences of `source`, the first half of which are drawn as the task draws them.
+    fn new(
+        settings: &CommandSettings,
+        source: &Pool,
+        look: &Look<'_>,
+        watch: &Watch<'_>,
+    ) -> Result<Self, Error> {
+        let usual = settings.pool.div_ceil(2);
+        let drawn = source.draw(settings.pool, usual);
+        let logs = look.record(&drawn, 0, watch)?;
+        let few = |fell: usize| {
+            Error::failed(format!(
+                "the policy falls under {fell} of {} command sequences in simulation, and too few are left; take a theta.toml \
+                 nearer to the robot (--theta), or a policy that walks",
+                settings.pool
+            ))
+        };
+        let fell = logs.iter().filter(|one| one.is_none()).count();
+        let whole: Vec<_> = logs[..usual].iter().flatten().cloned().collect();
+        if whole.len() < settings.trajectories || settings.pool - fell < 2 * settings.trajectories {
+            return Err(few(fell));
+        }
+        let whole = look.together(whole)?;
+        let sensitivities = look.sensitivities(logs, &whole, watch)?;
+        let usual: Vec<&Sensitivity> = sensitivities[..usual].iter().flatten().collect();
+        let variances: f64 = usual.iter().map(|one| variance(one)).sum();
+        let mut choice = Choice::default();
+        choice.take(drawn, &sensitivities);
+        let usual: Vec<Information> = usual.iter().map(|one| Information::new(one, variance(one))).collect();
+        if usual.len() < settings.trajectories || choice.information.len() < 2 * settings.trajectories {
+            return Err(few(choice.failed));
+        }
+        Ok(Self { variance: variances / usual.len() as f64, choice, usual, logs: whole })
+    }
+}
+
+/// Expected deviations with all of `parts` beside what is known.
+fn together<'a>(known: &Information, parts: impl Iterator<Item = &'a Information>) -> Vec<f64> {
+    let mut sum = known.clone();
+    parts.for_each(|one| sum.add(one, 1.0));
+    sum.deviations()
+}
+
+/// Refuses sequences that say nothing of any entry `wanted`; `deviations` are those with all sequences.
+fn check_identified(theta: &Theta, wanted: &[usize], deviations: &[f64]) -> Result<(), Error> {
+    if wanted.iter().any(|&entry| deviations[entry].is_finite()) {
+        return Ok(());
+    }
+    let names: Vec<&str> = wanted.iter().map(|&entry| theta.entries()[entry].name.as_str()).collect();
+    Err(Error::failed(format!(
+        "no command sequence identifies {}: the simulated walks are the same with all their values; check what they act on \
+         (docs/fit.md), and give values near the robot's (--theta)",
+        names.join(", ")
+    )))
+}
+
+/// Geometric mean of the deviations `wanted`, chosen over usual ones, where both are finite; `notes` gain the others.
+fn mean_ratio(
+    theta: &Theta,
+    wanted: &[usize],
+    usual: &[f64],
+    chosen: &[f64],
+    notes: &mut Vec<String>,
+) -> Option<f64> {
+    let both = |entry: &usize| usual[*entry].is_finite() && chosen[*entry].is_finite();
+    let (compared, apart): (Vec<usize>, Vec<usize>) = wanted.iter().partition(|entry| both(entry));
+    notes.extend(apart.into_iter().map(|entry| {
+        let which = match (usual[entry].is_finite(), chosen[entry].is_finite()) {
+            (_, true) => "random commands may not identify it",
+            (true, _) => "the chosen commands do not identify it",
+            (false, false) => "no commands identify it here",
+        };
+        format!("`{}` is not in the mean: {which}", theta.entries()[entry].name)
+    }));
+    let logs: f64 = compared.iter().map(|&entry| (chosen[entry] / usual[entry]).ln()).sum();
+    (!compared.is_empty()).then(|| (logs / compared.len() as f64).exp())
+}
+
+/// Draws sequences as the task does, and slow, fast and changing ones, lets the policy walk under each in simulation, and
+/// chooses those whose logs, with the configuration's own, tell the parameters best. Then it tries variants of them.
+///
+/// # Errors
+/// Settings out of range; files that cannot be read or do not fit each other; a policy that falls under too many.
+pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Commands, Error> {
+    settings.check()?;
+    let (config, distributions) = configuration(settings)?;
     let threads = settings.threads.map_or_else(machine::threads, NonZeroUsize::get);
     let Robot { model, policy, base, .. } = Robot::read(&config, &settings.config, None)?;
     let policy = policy.ok_or_else(|| Error::settings("`policy` names no policy"))?;
@@ -156,14 +264,7 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     let asked = asked(&settings.parameters, &theta)?;
     let method = simulated(&config, Some(policy.clone()), model.clone(), &theta, &base, Some(threads))?;
     let robot = Arc::new(Walking::robot(&config, policy, &model, &theta, &base, threads)?);
-    let rows = settings.pool as f64 * settings.seconds / robot.task.walker.interface.control_dt;
-    if rows > MAX_ROWS {
-        return Err(Error::settings(format!(
-            "`pool` (--pool) sequences of `seconds` (--seconds) have {rows:.0} samples together; at most {MAX_ROWS:.0} are \
-             simulated: give fewer or shorter ones"
-        )));
-    }
-    let usual = settings.pool.div_ceil(2);
+    check_size(settings, robot.task.walker.interface.control_dt)?;
     let command = robot.task.settings.command.clone();
     let source = Pool::new(&command, settings.reach, settings.seconds, settings.seed);
     let look = Look {
@@ -179,33 +280,8 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
         seed: settings.seed,
     };
 
-    let drawn = source.draw(settings.pool, usual);
-    let logs = look.record(&drawn, 0, watch)?;
-    let few = |fell: usize| {
-        Error::failed(format!(
-            "the policy falls under {fell} of {} command sequences in simulation, and too few are left; take a theta.toml \
-             nearer to the robot (--theta), or a policy that walks",
-            settings.pool
-        ))
-    };
-    let fell = logs.iter().filter(|one| one.is_none()).count();
-    let whole: Vec<_> = logs[..usual].iter().flatten().cloned().collect();
-    if whole.len() < settings.trajectories || settings.pool - fell < 2 * settings.trajectories {
-        return Err(few(fell));
-    }
-    let whole = look.together(whole)?;
-    let found = look.sensitivities(logs, &whole, watch)?;
-    let usual_found: Vec<&Sensitivity> = found[..usual].iter().flatten().collect();
-    let variances: f64 = usual_found.iter().map(|one| variance(one)).sum();
-    let mut choice = Choice::default();
-    choice.take(drawn, &found);
-    let random: Vec<Information> =
-        usual_found.iter().map(|one| Information::new(one, variance(one))).collect();
-    if random.len() < settings.trajectories || choice.information.len() < 2 * settings.trajectories {
-        return Err(few(choice.failed));
-    }
-
-    let recorded = look.recorded(&whole, variances / random.len() as f64)?;
+    let FirstWalks { mut choice, usual, variance, logs } = FirstWalks::new(settings, &source, &look, watch)?;
+    let recorded = look.recorded(&logs, variance)?;
     let mut notes = gaitfit_settings::robot::remarks(&model);
     notes.extend(distributions.map(|cost| {
         format!(
@@ -220,47 +296,24 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
         Some(wanted) => wanted,
         None => unidentified(&theta, &before, recorded.is_some(), &mut notes),
     };
-    let together = |parts: &mut dyn Iterator<Item = &Information>| {
-        let mut sum = known.clone();
-        parts.for_each(|one| sum.add(one, 1.0));
-        sum.deviations()
-    };
-    let deviations = together(&mut choice.information.iter());
-    if !wanted.iter().any(|&entry| deviations[entry].is_finite()) {
-        let names: Vec<&str> = wanted.iter().map(|&entry| theta.entries()[entry].name.as_str()).collect();
-        return Err(Error::failed(format!(
-            "no command sequence identifies {}: the simulated walks are the same with all their values; check what they act on \
-             (docs/fit.md), and give values near the robot's (--theta)",
-            names.join(", ")
-        )));
-    }
+    check_identified(&theta, &wanted, &together(known, choice.information.iter()))?;
     let stop = || watch.stop();
     let mut chosen = choose(known, &choice.information, settings.trajectories, &wanted, &stop);
     for round in 1..=ROUNDS {
         let best: Vec<&Sequence> = chosen.iter().map(|&one| &choice.sequences[one]).collect();
         let first = settings.pool * (1 + round as usize);
         let variants = source.variants(&best, first, settings.pool / VARIANTS);
-        let found = look.sensitivities(look.record(&variants, round, watch)?, &whole, watch)?;
-        choice.take(variants, &found);
+        let sensitivities = look.sensitivities(look.record(&variants, round, watch)?, &logs, watch)?;
+        choice.take(variants, &sensitivities);
         chosen = choose(known, &choice.information, settings.trajectories, &wanted, &stop);
     }
     if watch.stop() {
         return Err(interrupted());
     }
 
-    let after = together(&mut chosen.iter().map(|&one| &choice.information[one]));
-    let usual = usual_spread(settings, known, &random, theta.len());
-    let both = |entry: &usize| usual[*entry].is_finite() && after[*entry].is_finite();
-    let (compared, apart): (Vec<usize>, Vec<usize>) = wanted.iter().partition(|entry| both(entry));
-    notes.extend(apart.into_iter().map(|entry| {
-        let which = match (usual[entry].is_finite(), after[entry].is_finite()) {
-            (_, true) => "random commands may not identify it",
-            (true, _) => "the chosen commands do not identify it",
-            (false, false) => "no commands identify it here",
-        };
-        format!("`{}` is not in the mean: {which}", theta.entries()[entry].name)
-    }));
-    let logs: f64 = compared.iter().map(|&entry| (after[entry] / usual[entry]).ln()).sum();
+    let after = together(known, chosen.iter().map(|&one| &choice.information[one]));
+    let usual = usual_spread(settings, known, &usual, theta.len());
+    let ratio = mean_ratio(&theta, &wanted, &usual, &after, &mut notes);
     let finite = |value: f64| Some(value).filter(|value| value.is_finite());
     let parameters = theta.entries().iter().enumerate().map(|(at, entry)| Expected {
         name: entry.name.clone(),
@@ -279,7 +332,7 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
         fell: choice.failed,
         recorded_seconds,
         parameters,
-        ratio: (!compared.is_empty()).then(|| (logs / compared.len() as f64).exp()),
+        ratio,
         notes,
         sequences: chosen.into_iter().map(|one| choice.sequences[one].clone()).collect(),
     })

@@ -42,7 +42,7 @@ pub(super) struct JointNumbers {
     /// s
     pub delay: f64,
     /// Whether springs differ from the robot file's.
-    pub sprung: bool,
+    pub has_spring: bool,
 }
 
 impl JointNumbers {
@@ -79,7 +79,7 @@ pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains
             no_load_speed: robot.no_load_speed[j],
             stall_torque: robot.stall_torque[j],
             delay: robot.delay[j],
-            sprung: robot.stiffness[j] != 0.0 || robot.spring_torque[j] != 0.0,
+            has_spring: robot.stiffness[j] != 0.0 || robot.spring_torque[j] != 0.0,
         }
     };
     model.joints.iter().enumerate().map(numbers).collect()

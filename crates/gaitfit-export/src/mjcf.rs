@@ -99,7 +99,7 @@ pub(super) fn patched(
         &["frictionloss"],
         joints.iter().any(|joint| joint.frictionloss + joint.stiction + joint.load_friction != 0.0),
     );
-    let passive = joints.iter().any(|joint| joint.damping != 0.0 || joint.sprung);
+    let passive = joints.iter().any(|joint| joint.damping != 0.0 || joint.has_spring);
     let passive = switch(&["passive", "damper", "spring"], passive);
     for (joint, own) in joints.iter().zip(&model.joints) {
         let node = document.descendants().find(|node| {
@@ -124,7 +124,7 @@ pub(super) fn patched(
                 edits.set(text, node, name, &number(value));
             }
         }
-        if joint.sprung || passive {
+        if joint.has_spring || passive {
             edits.set(text, node, "stiffness", &number(joint.stiffness));
             if let Some(rest) = joint.springref() {
                 edits.set(text, node, "springref", &number(if degrees { rest.to_degrees() } else { rest }));

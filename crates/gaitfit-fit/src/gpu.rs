@@ -4,7 +4,7 @@ use crate::walk::simulator::WalkSimulator;
 use gaitfit_adapt::cost::{Cost, Pieces, Reference, Signal};
 use gaitfit_adapt::fit::{Evaluation, FitError, Job, accumulate};
 use gaitfit_adapt::{
-    Cancel, Consume, ReplaySimulator, Resets, Rollout, Signals, Simulator, SimulatorError, Theta,
+    Cancel, Consume, Identity, ReplaySimulator, Resets, Rollout, Signals, Simulator, SimulatorError, Theta,
 };
 use gaitfit_cuda::fit::{Compared, FitError as GpuError, Measured, MultiGpu, Parts, Subject, Tables, Tracks};
 use gaitfit_cuda::runtime::Device;
@@ -199,20 +199,8 @@ fn evaluation(pieces: &Pieces<'_>, parts: &Parts) -> Evaluation {
 }
 
 impl<S: OnGpu> Simulator for GpuSimulator<S> {
-    fn joints(&self) -> &[String] {
-        self.host.joints()
-    }
-
-    fn recordings(&self) -> usize {
-        self.host.recordings()
-    }
-
-    fn logs(&self) -> usize {
-        self.host.logs()
-    }
-
-    fn provides(&self, signal: Signal) -> bool {
-        self.host.provides(signal)
+    fn identity(&self) -> &Identity {
+        self.host.identity()
     }
 
     fn simulate(

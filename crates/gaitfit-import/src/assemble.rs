@@ -16,6 +16,92 @@ use indexmap::IndexMap;
 const BASE_POSITION: [&str; 3] = ["base_pos_x", "base_pos_y", "base_pos_z"];
 const BASE_VELOCITY: [&str; 3] = ["base_vel_x", "base_vel_y", "base_vel_z"];
 
+/// Joined columns as matrices.
+struct Columns<'a> {
+    joints: &'a [String],
+    columns: &'a IndexMap<String, Vec<f64>>,
+    samples: usize,
+}
+
+impl Columns<'_> {
+    /// A column `prefix` of every joint; `left_out` gains those that only some have.
+    fn of_joints(&self, prefix: &str, left_out: &mut Vec<String>) -> Option<Vec<f64>> {
+        let present: Vec<&Vec<f64>> =
+            self.joints.iter().filter_map(|joint| self.columns.get(&format!("{prefix}{joint}"))).collect();
+        if present.len() == self.joints.len() {
+            return Some(interleave(&present, self.samples));
+        }
+        if !present.is_empty() {
+            left_out.push(format!(
+                "{prefix}: only {} of {} joints have it",
+                present.len(),
+                self.joints.len()
+            ));
+        }
+        None
+    }
+
+    /// The columns `names`, if all are there.
+    fn group(&self, names: &[&str]) -> Option<Vec<f64>> {
+        let present: Option<Vec<&Vec<f64>>> = names.iter().map(|name| self.columns.get(*name)).collect();
+        present.map(|present| interleave(&present, self.samples))
+    }
+
+    /// The base at the times `time`.
+    fn base(&self, time: &[f64]) -> BaseState {
+        let quaternion = self.group(&QUATERNION).map(|mut values| {
+            // Blended quaternions are shorter.
+            for quaternion in values.chunks_exact_mut(4) {
+                let length = quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
+                if length > 0.5 && length < 2.0 {
+                    quaternion.iter_mut().for_each(|part| *part /= length);
+                }
+            }
+            values
+        });
+        let from_angles = || {
+            let angles = self.group(&ROLL_PITCH_YAW)?;
+            Some(angles.chunks_exact(3).flat_map(|rpy| from_rpy(rpy[0], rpy[1], rpy[2])).collect())
+        };
+        let rates = self.group(&RATES);
+        let from_gravity = || {
+            let gravity = self.group(&GRAVITY)?;
+            Some(orientation_of_gravity(time, &gravity, rates.as_deref()))
+        };
+        BaseState {
+            position: self.group(&BASE_POSITION),
+            quaternion: quaternion.or_else(from_angles).or_else(from_gravity),
+            linear_velocity: self.group(&BASE_VELOCITY),
+            angular_velocity: rates.clone(),
+        }
+    }
+
+    /// What motors were given besides targets.
+    fn motors(&self) -> MotorColumns {
+        let of_motors = |prefix: &str| of_all(prefix, self.joints, self.columns, self.samples);
+        MotorColumns {
+            kp: of_motors("kp_"),
+            kd: of_motors("kd_"),
+            target_velocity: of_motors("dqdes_"),
+            feed_forward: of_motors("tauff_"),
+        }
+    }
+}
+
+/// Samples a second: as measured, or as stated where there are no times.
+fn rate(time: &[f64], stated: Option<f64>) -> Result<f64, ImportError> {
+    let measured = measured_rate(time);
+    let problem = match (stated, measured) {
+        (Some(stated), Some(measured)) if (stated / measured - 1.0).abs() > 0.01 => format!(
+            "its times say {measured:.1} samples a second, not {stated}; a rate (`--rate`, `rate_hz`) is for recordings \
+             without times: leave it out"
+        ),
+        (None, None) => "one sample says no rate; give `rate_hz` in a mapping file".to_owned(),
+        (Some(rate), _) | (None, Some(rate)) => return Ok(rate),
+    };
+    Err(ImportError::Clock { stream: "the joined log".into(), problem })
+}
+
 /// The trajectory of joined columns. Joints are those with positions; `assumed` and `left_out` gain what it took.
 pub(crate) fn trajectory(
     joined: Joined,
@@ -29,23 +115,12 @@ pub(crate) fn trajectory(
     let joints: Vec<String> =
         columns.keys().filter_map(|name| name.strip_prefix("q_")).map(str::to_owned).collect();
     without_position(&joints, &columns, sources, left_out)?;
-    let samples = stamps.len();
     let start = stamps.first().copied().unwrap_or(0.0);
     // A stream that begins elsewhere than at 0 begins at 0 here.
     let time: Vec<f64> = stamps.iter().map(|time| time - start).collect();
-    let of_joints = |prefix: &str, left_out: &mut Vec<String>| {
-        let found: Vec<&Vec<f64>> =
-            joints.iter().filter_map(|joint| columns.get(&format!("{prefix}{joint}"))).collect();
-        if found.len() == joints.len() {
-            return Some(interleave(&found, samples));
-        }
-        if !found.is_empty() {
-            left_out.push(format!("{prefix}: only {} of {} joints have it", found.len(), joints.len()));
-        }
-        None
-    };
-    let position = of_joints("q_", left_out).unwrap_or_default();
-    let velocity = match of_joints("dq_", left_out) {
+    let all = Columns { joints: &joints, columns: &columns, samples: stamps.len() };
+    let position = all.of_joints("q_", left_out).unwrap_or_default();
+    let velocity = match all.of_joints("dq_", left_out) {
         Some(velocity) => velocity,
         None => {
             assumed.push(
@@ -54,63 +129,17 @@ pub(crate) fn trajectory(
             derivative(&time, &position, joints.len())
         }
     };
-    let mut target = of_joints("qdes_", left_out);
-    let action = of_joints("act_", left_out);
-    let group = |names: &[&str]| -> Option<Vec<f64>> {
-        let found: Option<Vec<&Vec<f64>>> = names.iter().map(|name| columns.get(*name)).collect();
-        found.map(|found| interleave(&found, samples))
-    };
-    let quaternion = group(&QUATERNION).map(|mut values| {
-        // Blended quaternions are shorter.
-        for quaternion in values.chunks_exact_mut(4) {
-            let length = quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
-            if length > 0.5 && length < 2.0 {
-                quaternion.iter_mut().for_each(|part| *part /= length);
-            }
-        }
-        values
-    });
-    let angles = || {
-        let angles = group(&ROLL_PITCH_YAW)?;
-        Some(angles.chunks_exact(3).flat_map(|rpy| from_rpy(rpy[0], rpy[1], rpy[2])).collect())
-    };
-    let has_angles = quaternion.is_none();
-    let rates = group(&RATES);
-    let of_gravity =
-        || group(&GRAVITY).map(|gravity| orientation_of_gravity(&time, &gravity, rates.as_deref()));
-    let base = BaseState {
-        position: group(&BASE_POSITION),
-        quaternion: quaternion.or_else(angles).or_else(of_gravity),
-        linear_velocity: group(&BASE_VELOCITY),
-        angular_velocity: rates.clone(),
-    };
-    let measured = measured_rate(&time);
-    if let (Some(said), Some(measured)) = (mapping.rate_hz, measured)
-        && (said / measured - 1.0).abs() > 0.01
-    {
-        let problem = format!(
-            "its times say {measured:.1} samples a second, not {said}; a rate (`--rate`, `rate_hz`) is for recordings \
-             without times: leave it out"
-        );
-        return Err(ImportError::Clock { stream: "the joined log".into(), problem });
-    }
-    let rate_hz = match mapping.rate_hz.or(measured) {
-        Some(rate) => rate,
-        None => {
-            let problem = "one sample says no rate; give `rate_hz` in a mapping file".to_owned();
-            return Err(ImportError::Clock { stream: "the joined log".into(), problem });
-        }
-    };
+    let mut target = all.of_joints("qdes_", left_out);
+    let action = all.of_joints("act_", left_out);
+    let base = all.base(&time);
+    let rate_hz = rate(&time, mapping.rate_hz)?;
     let mut gains = gains(&joints, sources, mapping)?;
-    let of_motors = |prefix: &str| of_all(prefix, &joints, &columns, samples);
-    let motors = MotorColumns {
-        kp: of_motors("kp_"),
-        kd: of_motors("kd_"),
-        target_velocity: of_motors("dqdes_"),
-        feed_forward: of_motors("tauff_"),
-    };
+    let motors = all.motors();
     noticed.extend(gains_of_columns(&motors, &time, &joints, &mut gains, &mut None));
     noticed.extend(fold(&motors, &joints, gains.as_ref(), target.as_mut()));
+    let command = all.group(&COMMAND);
+    let has_quaternion = QUATERNION.iter().all(|name| columns.contains_key(*name));
+    let angles = all.group(&ROLL_PITCH_YAW).filter(|_| !has_quaternion && mapping.imu.mounting.is_none());
     let mut trajectory = Trajectory {
         source: None,
         robot: mapping.robot.clone().or_else(|| sources.iter().find_map(|source| source.robot.clone())),
@@ -121,7 +150,7 @@ pub(crate) fn trajectory(
         velocity,
         target,
         action,
-        command: group(&COMMAND),
+        command,
         base: (base != BaseState::default()).then_some(base),
         gains,
         lead,
@@ -129,7 +158,7 @@ pub(crate) fn trajectory(
         fell: sources.iter().any(|source| source.fell),
     };
     trajectory.validate()?;
-    if let Some(angles) = group(&ROLL_PITCH_YAW).filter(|_| has_angles && mapping.imu.mounting.is_none()) {
+    if let Some(angles) = angles {
         noticed.extend(settle_angles(&mut trajectory, &angles));
     }
     noticed.extend(settle_imu(&mut trajectory, &mapping.imu));

@@ -3,7 +3,7 @@
 use crate::ImportError;
 use crate::known::PER_JOINT;
 use crate::table::Table;
-use gaitfit_log::{EvenRows, Lost, Stamps, look_at_stamps, rate_of_velocities, spacing};
+use gaitfit_log::{EvenRows, Lost, Spacing, Stamps, look_at_stamps, rate_of_velocities, spacing};
 use gaitfit_model::shown_number;
 use serde::Serialize;
 
@@ -101,19 +101,14 @@ pub struct StreamReport {
     pub findings: Vec<ClockFinding>,
 }
 
-/// Puts a table's rows into the order of time, each row at a time of its own, and says what was wrong. `rate_hz`: the rate
-/// that is stated for the rows of the positions, if one is.
-pub(crate) fn clean(table: &mut Table, rate_hz: Option<f64>) -> Result<StreamReport, ImportError> {
-    let name = table.name.clone();
-    let refuse = |problem: String| Err(ImportError::Clock { stream: name.clone(), problem });
+/// A clock that cannot be used.
+fn refused(table: &Table, problem: String) -> ImportError {
+    ImportError::Clock { stream: table.name.clone(), problem }
+}
+
+/// Puts a table's rows into the order of time; samples that were earlier than one before them.
+fn sort(table: &mut Table) -> Result<usize, ImportError> {
     let samples = table.time.len();
-    if samples == 0 {
-        return refuse("no samples".into());
-    }
-    if let Some(bad) = table.time.iter().position(|time| !time.is_finite()) {
-        return refuse(format!("sample {bad} has no time"));
-    }
-    let mut findings = Vec::new();
     let mut latest = f64::NEG_INFINITY;
     let disorder = table
         .time
@@ -125,84 +120,85 @@ pub(crate) fn clean(table: &mut Table, rate_hz: Option<f64>) -> Result<StreamRep
         })
         .count();
     if disorder as f64 > DISORDER * samples as f64 {
-        return refuse(format!(
-            "{disorder} of {samples} samples are earlier than one before them: that is no clock; cut the recording where it \
-             jumps, or name another time column"
+        return Err(refused(
+            table,
+            format!(
+                "{disorder} of {samples} samples are earlier than one before them: that is no clock; cut the recording where \
+                 it jumps, or name another time column"
+            ),
         ));
     }
     if disorder > 0 {
         let mut latest = f64::NEG_INFINITY;
         for (row, &time) in table.time.iter().enumerate() {
             if latest - time > FAR_BACK_S {
-                return refuse(format!(
+                let problem = format!(
                     "sample {} is at {:.3} s, after one at {:.3} s: its time is damaged; correct it or delete the row, or cut the \
                      recording where its clock jumps",
                     row + 1,
                     time,
                     latest
-                ));
+                );
+                return Err(refused(table, problem));
             }
             latest = latest.max(time);
         }
         let mut order: Vec<usize> = (0..samples).collect();
         order.sort_by(|a, b| table.time[*a].total_cmp(&table.time[*b]));
         table.pick(&order);
-        findings.push(ClockFinding::Disorder { samples: disorder });
     }
+    Ok(disorder)
+}
+
+/// Spaces rows evenly whose stamps are too coarse; whether it could.
+fn space(table: &mut Table, rate_hz: Option<f64>) -> Result<Option<ClockFinding>, ImportError> {
     // The stated rate is that of the joints' positions; other streams may have it too.
     let is_state = table.columns.keys().any(|name| name.starts_with("q_"));
     let look = |rate_hz| look_at_stamps(&table.time, rate_hz, |row| is_new(table, row));
     let stamps = match look(rate_hz.filter(|_| is_state)) {
         Stamps::Lost(..) if !is_state => look(rate_hz),
-        found => found,
+        other => other,
     };
     match stamps {
-        Stamps::Fine => {}
+        Stamps::Fine => Ok(None),
         Stamps::Even(times, even) => {
             table.time = times;
-            findings.push(ClockFinding::Coarse { even });
+            Ok(Some(ClockFinding::Coarse { even }))
         }
         Stamps::Lost(coarse, why) if is_sampled(table) => {
             let hint = velocity_rate(table).map_or(String::new(), |rate| {
                 format!("; the velocities fit about {} rows a second", shown_number(rate))
             });
-            return refuse(format!(
+            let problem = format!(
                 "{coarse}. {why}{hint}. Give the rate at which the rows were sampled (`--rate 200`, `rate_hz` in a mapping \
                  file): they are then spaced evenly"
-            ));
+            );
+            Err(refused(table, problem))
         }
-        Stamps::Lost(..) => {}
+        Stamps::Lost(..) => Ok(None),
     }
-    let new: Vec<usize> = (0..table.time.len())
-        .filter(|row| *row == 0 || table.time[*row] != table.time[row - 1] || is_new(table, *row))
-        .collect();
-    if new.len() < table.time.len() {
-        findings.push(ClockFinding::Repeated { samples: table.time.len() - new.len() });
-        table.pick(&new);
+}
+
+/// What is odd about the spacing of rows at `time`.
+fn spacing_findings(time: &[f64], spacing: &Spacing) -> Vec<ClockFinding> {
+    let mut findings = Vec::new();
+    let length = |lost: &&Lost| time[lost.after + 1] - time[lost.after];
+    if let Some(longest) = spacing.lost.iter().max_by(|a, b| length(a).total_cmp(&length(b))) {
+        findings.push(ClockFinding::Gaps {
+            gaps: spacing.lost.len(),
+            lost: spacing.count(),
+            longest_s: length(&longest),
+            at_s: time[longest.after],
+        });
     }
-    if table.time.len() < 2 && samples > 1 {
-        return refuse("all samples have one time; name another time column".into());
+    if spacing.jitter > JITTER * spacing.step {
+        findings.push(ClockFinding::Jitter { rms_s: spacing.jitter });
     }
-    let placed = place_between(&mut table.time);
-    if placed > 0 {
-        findings.push(ClockFinding::Late { samples: placed });
-    }
-    let spacing = spacing(&table.time);
-    if let Some(spacing) = &spacing {
-        let length = |lost: &&Lost| table.time[lost.after + 1] - table.time[lost.after];
-        if let Some(longest) = spacing.lost.iter().max_by(|a, b| length(a).total_cmp(&length(b))) {
-            findings.push(ClockFinding::Gaps {
-                gaps: spacing.lost.len(),
-                lost: spacing.count(),
-                longest_s: length(&longest),
-                at_s: table.time[longest.after],
-            });
-        }
-        if spacing.jitter > JITTER * spacing.step {
-            findings.push(ClockFinding::Jitter { rms_s: spacing.jitter });
-        }
-    }
-    let typical = spacing.map(|spacing| spacing.step);
+    findings
+}
+
+/// What a table holds; the columns of all joints together are one quantity.
+fn quantities(table: &Table) -> Vec<String> {
     let mut quantities: Vec<String> = Vec::new();
     for name in table.columns.keys() {
         let quantity = match name.split_once('_') {
@@ -213,13 +209,50 @@ pub(crate) fn clean(table: &mut Table, rate_hz: Option<f64>) -> Result<StreamRep
             quantities.push(quantity);
         }
     }
+    quantities
+}
+
+/// Puts a table's rows into the order of time, each row at a time of its own, and says what was wrong. `rate_hz`: the rate
+/// that is stated for the rows of the positions, if one is.
+pub(crate) fn clean(table: &mut Table, rate_hz: Option<f64>) -> Result<StreamReport, ImportError> {
+    let samples = table.time.len();
+    if samples == 0 {
+        return Err(refused(table, "no samples".into()));
+    }
+    if let Some(bad) = table.time.iter().position(|time| !time.is_finite()) {
+        return Err(refused(table, format!("sample {bad} has no time")));
+    }
+    let mut findings = Vec::new();
+    let disorder = sort(table)?;
+    if disorder > 0 {
+        findings.push(ClockFinding::Disorder { samples: disorder });
+    }
+    findings.extend(space(table, rate_hz)?);
+    let new: Vec<usize> = (0..table.time.len())
+        .filter(|row| *row == 0 || table.time[*row] != table.time[row - 1] || is_new(table, *row))
+        .collect();
+    if new.len() < table.time.len() {
+        findings.push(ClockFinding::Repeated { samples: table.time.len() - new.len() });
+        table.pick(&new);
+    }
+    if table.time.len() < 2 && samples > 1 {
+        return Err(refused(table, "all samples have one time; name another time column".into()));
+    }
+    let placed = place_between(&mut table.time);
+    if placed > 0 {
+        findings.push(ClockFinding::Late { samples: placed });
+    }
+    let spacing = spacing(&table.time);
+    if let Some(spacing) = &spacing {
+        findings.extend(spacing_findings(&table.time, spacing));
+    }
     Ok(StreamReport {
         name: table.name.clone(),
         clock: table.clock,
         samples: table.time.len(),
-        rate_hz: typical.map_or(0.0, |step| 1.0 / step),
+        rate_hz: spacing.map_or(0.0, |spacing| 1.0 / spacing.step),
         span_s: [table.time[0], table.time[table.time.len() - 1]],
-        quantities,
+        quantities: quantities(table),
         findings,
     })
 }

@@ -23,12 +23,22 @@ pub(crate) struct Joined {
     pub dropped: [usize; 2],
 }
 
-/// Joins tables in the order of time. What a controller sets (targets, actions, commands) holds until its next sample; what
-/// is measured is blended between samples. A target or action is in the row of the state that it answers ([`place`]).
-/// Samples before the first target or action, or a period after the last, are left out.
-pub(crate) fn join(tables: Vec<Table>) -> Result<Joined, ImportError> {
+/// The table with the positions, whose samples the log has.
+fn table_of_positions(tables: &[Table]) -> Result<usize, ImportError> {
+    let positions = |table: &Table| table.columns.keys().filter(|name| name.starts_with("q_")).count();
+    let base = (0..tables.len()).max_by_key(|i| (positions(&tables[*i]), std::cmp::Reverse(*i)));
+    base.filter(|i| positions(&tables[*i]) > 0).ok_or_else(|| {
+        let names: Vec<String> =
+            tables.iter().map(|table| format!("{} ({})", table.name, some_names(table))).collect();
+        let found = if names.is_empty() { "no column of a known name".to_owned() } else { names.join("; ") };
+        ImportError::NoPositions { found }
+    })
+}
+
+/// Refuses two tables with the same column.
+fn check_unique(tables: &[Table]) -> Result<(), ImportError> {
     let mut owner: IndexMap<&str, &str> = IndexMap::new();
-    for table in &tables {
+    for table in tables {
         for name in table.columns.keys() {
             if let Some(first) = owner.insert(name, &table.name) {
                 let (first, second) = (first.to_owned(), table.name.clone());
@@ -36,57 +46,107 @@ pub(crate) fn join(tables: Vec<Table>) -> Result<Joined, ImportError> {
             }
         }
     }
-    let positions = |table: &Table| table.columns.keys().filter(|name| name.starts_with("q_")).count();
-    let base = (0..tables.len()).max_by_key(|i| (positions(&tables[*i]), std::cmp::Reverse(*i)));
-    let Some(base) = base.filter(|i| positions(&tables[*i]) > 0) else {
-        let found: Vec<String> =
-            tables.iter().map(|table| format!("{} ({})", table.name, some_names(table))).collect();
-        let found = if found.is_empty() { "no column of a known name".to_owned() } else { found.join("; ") };
-        return Err(ImportError::NoPositions { found });
-    };
-    let state = &tables[base];
-    let mut from = f64::NEG_INFINITY;
-    let mut to = f64::INFINITY;
-    let mut joined = Joined::default();
-    let has_targets = tables.iter().any(|table| table.columns.keys().any(|name| name.starts_with("qdes_")));
-    let mut placed: Vec<Option<Placed>> = tables.iter().map(|_| None).collect();
-    for (i, table) in tables.iter().enumerate() {
-        let (Some(first), Some(last)) = (table.time.first(), table.time.last()) else { continue };
-        let bounds = |table: &Table| [table.time[0], table.time[table.time.len() - 1]];
-        if i == base {
-            continue;
-        }
-        let mut steps: Vec<f64> = table.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let period = typical(&mut steps).unwrap_or(0.0);
-        let [state_first, state_last] = bounds(state);
-        if *first > state_last || last + period < state_first {
-            return Err(ImportError::NoOverlap {
-                first: state.name.clone(),
-                first_s: [state_first, state_last],
-                second: table.name.clone(),
-                second_s: [*first, *last],
-            });
-        }
-        if table.columns.keys().all(|name| COMMAND.contains(&name.as_str())) {
-            if *first > state_first {
-                joined.assumed.push(format!("{}: the command before its first message is 0", table.name));
+    Ok(())
+}
+
+/// Which samples of the positions' table all other tables have something for.
+struct Common {
+    /// First and last time, s.
+    from: f64,
+    to: f64,
+    /// Rows of targets and actions, one entry a table.
+    placed: Vec<Option<Placed>>,
+}
+
+impl Common {
+    fn new(tables: &[Table], base: usize, joined: &mut Joined) -> Result<Self, ImportError> {
+        let state = &tables[base];
+        let placed = tables.iter().map(|_| None).collect();
+        let mut common = Self { from: f64::NEG_INFINITY, to: f64::INFINITY, placed };
+        let has_targets =
+            tables.iter().any(|table| table.columns.keys().any(|name| name.starts_with("qdes_")));
+        for (i, table) in tables.iter().enumerate() {
+            let (Some(first), Some(last)) = (table.time.first(), table.time.last()) else { continue };
+            let bounds = |table: &Table| [table.time[0], table.time[table.time.len() - 1]];
+            if i == base {
+                continue;
             }
-            continue;
-        }
-        let answers = |name: &str| is_held(name) && !COMMAND.contains(&name);
-        if table.columns.keys().any(|name| answers(name)) {
-            let found = place(&state.time, table, is_held);
-            if let Some(row) = found.rows.iter().position(Option::is_some) {
-                from = from.max(state.time[row]);
+            let mut steps: Vec<f64> = table.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+            let period = typical(&mut steps).unwrap_or(0.0);
+            let [state_first, state_last] = bounds(state);
+            if *first > state_last || last + period < state_first {
+                return Err(ImportError::NoOverlap {
+                    first: state.name.clone(),
+                    first_s: [state_first, state_last],
+                    second: table.name.clone(),
+                    second_s: [*first, *last],
+                });
             }
-            note(&mut joined, table, &found, has_targets);
-            placed[i] = Some(found);
-        } else {
-            from = from.max(*first - table.slack);
+            if table.columns.keys().all(|name| COMMAND.contains(&name.as_str())) {
+                if *first > state_first {
+                    joined.assumed.push(format!("{}: the command before its first message is 0", table.name));
+                }
+                continue;
+            }
+            let answers = |name: &str| is_held(name) && !COMMAND.contains(&name);
+            if table.columns.keys().any(|name| answers(name)) {
+                let placed = place(&state.time, table, is_held);
+                if let Some(row) = placed.rows.iter().position(Option::is_some) {
+                    common.from = common.from.max(state.time[row]);
+                }
+                note(joined, table, &placed, has_targets);
+                common.placed[i] = Some(placed);
+            } else {
+                common.from = common.from.max(*first - table.slack);
+            }
+            let blended = table.columns.keys().any(|name| !is_held(name));
+            common.to = common.to.min(if blended { *last } else { last + period });
         }
-        let blended = table.columns.keys().any(|name| !is_held(name));
-        to = to.min(if blended { *last } else { last + period });
+        Ok(common)
     }
+}
+
+/// The columns of `table` at the times of the log; `placed`: the row of each sample for targets and actions, if they have rows
+/// of their own.
+fn columns_at(time: &[f64], table: &Table, placed: Option<&[Option<usize>]>) -> Vec<(String, Vec<f64>)> {
+    // For each sample the row at or before it, if there is one.
+    let places: Vec<Option<usize>> = time
+        .iter()
+        .map(|at| table.time.partition_point(|time| *time <= at + SAME + table.slack).checked_sub(1))
+        .collect();
+    let column = |(name, values): (&String, &Vec<f64>)| {
+        let at = |sample: usize| {
+            if let Some(placed) = placed.filter(|_| is_held(name)) {
+                return placed[sample].map_or(0.0, |row| values[row]);
+            }
+            let Some(row) = places[sample] else { return 0.0 };
+            if is_held(name) {
+                return values[row];
+            }
+            match (values.get(row + 1), table.time.get(row + 1)) {
+                (Some(next), Some(later)) => {
+                    let fraction =
+                        ((time[sample] - table.time[row]) / (later - table.time[row])).clamp(0.0, 1.0);
+                    // Not 0 × next, which may be NaN.
+                    if fraction == 0.0 { values[row] } else { values[row] + fraction * (next - values[row]) }
+                }
+                _ => values[row],
+            }
+        };
+        (name.clone(), (0..time.len()).map(at).collect())
+    };
+    table.columns.iter().map(column).collect()
+}
+
+/// Joins tables in the order of time. What a controller sets (targets, actions, commands) holds until its next sample; what
+/// is measured is blended between samples. A target or action is in the row of the state that it answers ([`place`]).
+/// Samples before the first target or action, or a period after the last, are left out.
+pub(crate) fn join(tables: Vec<Table>) -> Result<Joined, ImportError> {
+    check_unique(&tables)?;
+    let base = table_of_positions(&tables)?;
+    let state = &tables[base];
+    let mut joined = Joined::default();
+    let Common { from, to, placed } = Common::new(&tables, base, &mut joined)?;
     let begin = state.time.partition_point(|time| *time < from - SAME);
     let end = state.time.partition_point(|time| *time <= to + SAME);
     if begin >= end {
@@ -99,46 +159,10 @@ pub(crate) fn join(tables: Vec<Table>) -> Result<Joined, ImportError> {
     for (name, values) in &state.columns {
         joined.columns.insert(name.clone(), values[begin..end].to_vec());
     }
-    for (i, table) in tables.iter().enumerate() {
-        if i == base {
-            continue;
-        }
-        // For each sample the row at or before it, if there is one.
-        let held: Vec<Option<usize>> = match &placed[i] {
-            Some(placed) => placed.rows[begin..end].to_vec(),
-            None => Vec::new(),
-        };
-        let places: Vec<Option<usize>> = joined
-            .time
-            .iter()
-            .map(|at| table.time.partition_point(|time| *time <= at + SAME + table.slack).checked_sub(1))
-            .collect();
-        for (name, values) in &table.columns {
-            let at = |sample: usize| {
-                if is_held(name) && !held.is_empty() {
-                    return held[sample].map_or(0.0, |row| values[row]);
-                }
-                let Some(row) = places[sample] else { return 0.0 };
-                if is_held(name) {
-                    return values[row];
-                }
-                match (values.get(row + 1), table.time.get(row + 1)) {
-                    (Some(next), Some(later)) => {
-                        let fraction = ((joined.time[sample] - table.time[row]) / (later - table.time[row]))
-                            .clamp(0.0, 1.0);
-                        // Not 0 × next, which may be NaN.
-                        if fraction == 0.0 {
-                            values[row]
-                        } else {
-                            values[row] + fraction * (next - values[row])
-                        }
-                    }
-                    _ => values[row],
-                }
-            };
-            let column: Vec<f64> = (0..joined.time.len()).map(at).collect();
-            joined.columns.insert(name.clone(), column);
-        }
+    let others = tables.iter().zip(&placed).enumerate().filter(|(i, _)| *i != base);
+    for (_, (table, placed)) in others {
+        let placed = placed.as_ref().map(|placed| &placed.rows[begin..end]);
+        joined.columns.extend(columns_at(&joined.time, table, placed));
     }
     Ok(joined)
 }

@@ -66,8 +66,24 @@ pub(crate) struct Layout {
 const IMPORT: &str = "Or import the file: `gaitfit import FILE --mapping MAP.toml --out LOG.csv`, where the mapping names \
                       columns and units (`gaitfit new` takes --mapping too)";
 
-/// Sorts out a header. `path` and `line` are for messages.
-pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layout, LogError> {
+/// A header while its columns are sorted.
+struct Header<'a> {
+    path: &'a Path,
+    line: u64,
+    names: &'a [String],
+    /// Column of each quantity.
+    index: HashMap<&'a str, usize>,
+    joints: &'a [String],
+    /// The same, to look them up.
+    known: HashSet<&'a str>,
+    /// Columns that have their place.
+    used: Vec<bool>,
+    /// Columns that belong to something that is not there, with the reason.
+    orphans: Vec<(usize, String)>,
+}
+
+/// Column of each quantity.
+fn index<'a>(path: &Path, line: u64, names: &'a [String]) -> Result<HashMap<&'a str, usize>, LogError> {
     let mut index: HashMap<&str, usize> = HashMap::with_capacity(names.len());
     for (column, name) in names.iter().enumerate() {
         let quantity = match COMMAND_ALIAS.iter().position(|alias| alias == name) {
@@ -84,57 +100,37 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
             });
         }
     }
-    let missing = |name: &str, remedy: String| LogError::MissingColumn {
-        path: path.to_owned(),
-        line,
-        name: name.to_owned(),
-        remedy,
-    };
+    Ok(index)
+}
 
-    let named = || TimeUnit::ALL.into_iter().find_map(|unit| Some((*index.get(unit.column())?, Some(unit))));
-    let (time, time_unit) = index
-        .get("time")
-        .map(|&column| (column, None))
-        .or_else(named)
-        .ok_or_else(|| missing("time", time_remedy(&names)))?;
-    let (position, joints): (Vec<usize>, Vec<String>) = names
-        .iter()
-        .enumerate()
-        .filter_map(|(column, name)| Some((column, name.strip_prefix("q_")?.to_owned())))
-        .filter(|(_, joint)| !joint.is_empty())
-        .unzip();
-    if joints.is_empty() {
-        return Err(missing("q_<joint>", position_remedy(&names)));
+/// A column that a log needs.
+fn missing(path: &Path, line: u64, name: &str, remedy: String) -> LogError {
+    LogError::MissingColumn { path: path.to_owned(), line, name: name.to_owned(), remedy }
+}
+
+impl Header<'_> {
+    fn take(&mut self, columns: &[usize]) {
+        columns.iter().for_each(|&column| self.used[column] = true);
     }
-    let mut used = vec![false; names.len()];
-    used[time] = true;
-    let mut take = |columns: &[usize]| columns.iter().for_each(|&column| used[column] = true);
-    take(&position);
 
-    let mut orphans: Vec<(usize, String)> = TimeUnit::ALL
-        .into_iter()
-        .filter_map(|unit| index.get(unit.column()).copied())
-        .filter(|&column| column != time)
-        .map(|column| (column, format!("`{}` says it already", names[time])))
-        .collect();
-    let known: HashSet<&str> = joints.iter().map(String::as_str).collect();
-    let mut per_joint = |prefix: &str, needed: bool| -> Result<Option<Vec<usize>>, LogError> {
-        let columns: Vec<Option<usize>> =
-            joints.iter().map(|joint| index.get(format!("{prefix}{joint}").as_str()).copied()).collect();
-        for (column, name) in names.iter().enumerate() {
+    /// A column `prefix` of every joint; `None` if there is none and they are not needed.
+    fn per_joint(&mut self, prefix: &str, needed: bool) -> Result<Option<Vec<usize>>, LogError> {
+        let column_of = |joint: &String| self.index.get(format!("{prefix}{joint}").as_str()).copied();
+        let columns: Vec<Option<usize>> = self.joints.iter().map(column_of).collect();
+        for (column, name) in self.names.iter().enumerate() {
             if let Some(joint) = name.strip_prefix(prefix)
                 && !joint.is_empty()
-                && !known.contains(joint)
+                && !self.known.contains(joint)
             {
-                orphans.push((column, format!("there is no `q_{joint}`")));
+                self.orphans.push((column, format!("there is no `q_{joint}`")));
             }
         }
         if !needed && columns.iter().all(Option::is_none) {
             return Ok(None);
         }
-        let found = columns.iter().flatten().count();
+        let present = columns.iter().flatten().count();
         if let Some(lacking) = columns.iter().position(Option::is_none) {
-            let joint = &joints[lacking];
+            let joint = &self.joints[lacking];
             let remedy = if needed {
                 format!(
                     "`q_{}` needs its velocity; log the encoder's velocity, rad/s, under that name",
@@ -142,66 +138,112 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
                 )
             } else {
                 format!(
-                    "{found} of {} joints have a `{prefix}` column; log all of them or none",
-                    joints.len()
+                    "{present} of {} joints have a `{prefix}` column; log all of them or none",
+                    self.joints.len()
                 )
             };
-            return Err(missing(&format!("{prefix}{joint}"), remedy));
+            return Err(missing(self.path, self.line, &format!("{prefix}{joint}"), remedy));
         }
         let columns: Vec<usize> = columns.into_iter().flatten().collect();
-        take(&columns);
+        self.take(&columns);
         Ok(Some(columns))
-    };
-    let velocity = per_joint("dq_", true)?.unwrap_or_default();
-    let target = per_joint("qdes_", false)?;
-    let action = per_joint("act_", false)?;
-    let (kp, kd) = (per_joint("kp_", false)?, per_joint("kd_", false)?);
-    let target_velocity = per_joint("dqdes_", false)?;
-    let feed_forward = per_joint("tauff_", false)?;
+    }
 
-    let mut group = |wanted: &[&str]| -> Option<Vec<usize>> {
-        let columns: Vec<usize> = wanted.iter().filter_map(|name| index.get(name).copied()).collect();
+    /// The columns `wanted`, which belong together.
+    fn group(&mut self, wanted: &[&str]) -> Option<Vec<usize>> {
+        let columns: Vec<usize> = wanted.iter().filter_map(|name| self.index.get(name).copied()).collect();
         if columns.len() == wanted.len() {
-            take(&columns);
+            self.take(&columns);
             return Some(columns);
         }
         for &column in &columns {
-            orphans.push((column, format!("incomplete: {} belong together", wanted.join(", "))));
+            self.orphans.push((column, format!("incomplete: {} belong together", wanted.join(", "))));
         }
         None
-    };
-    let command = group(&COMMAND);
-    let base_position = group(&BASE_POSITION);
-    let base_quaternion = group(&BASE_QUATERNION);
-    let mut roll_pitch_yaw = group(&ROLL_PITCH_YAW);
-    let base_velocity = group(&BASE_VELOCITY);
-    let base_rates = group(&BASE_RATES);
-    let of_axis =
-        |axis: usize| names.iter().find(|name| gravity_axis(name) == Some(axis)).map(String::as_str);
-    let named_gravity: Option<Vec<&str>> = (0..3).map(of_axis).collect();
-    let mut gravity = named_gravity.and_then(|names| group(&names));
-    if (base_quaternion.is_some() || roll_pitch_yaw.is_some())
-        && let Some(columns) = gravity.take()
-    {
-        let why = "the orientation has it already";
-        orphans.extend(columns.into_iter().map(|column| (column, why.to_owned())));
-    }
-    if base_quaternion.is_some()
-        && let Some(columns) = roll_pitch_yaw.take()
-    {
-        orphans.extend(columns.into_iter().map(|column| (column, "base_quat_ says it already".to_owned())));
     }
 
-    let mut ignored: Vec<(usize, String)> = orphans;
-    ignored.iter().for_each(|(column, _)| used[*column] = true);
-    ignored.extend(
-        (0..used.len()).filter(|&column| !used[column]).map(|column| (column, "unknown name".to_owned())),
-    );
-    ignored.sort();
-    let ignored = ignored
+    /// The direction of gravity, whose columns have several names.
+    fn gravity(&mut self) -> Option<Vec<usize>> {
+        let names = self.names;
+        let name_of_axis =
+            |axis: usize| names.iter().find(|name| gravity_axis(name) == Some(axis)).map(String::as_str);
+        let names: Option<Vec<&str>> = (0..3).map(name_of_axis).collect();
+        self.group(&names?)
+    }
+
+    /// Gives up columns that say what others say.
+    fn drop_repeated(&mut self, columns: &mut Option<Vec<usize>>, why: &str) {
+        let repeated = columns.take().into_iter().flatten();
+        self.orphans.extend(repeated.map(|column| (column, why.to_owned())));
+    }
+
+    /// Every column without a place, in the order of columns.
+    fn ignored(mut self) -> Vec<IgnoredColumn> {
+        let mut ignored = self.orphans;
+        ignored.iter().for_each(|(column, _)| self.used[*column] = true);
+        let unknown = (0..self.used.len()).filter(|&column| !self.used[column]);
+        ignored.extend(unknown.map(|column| (column, "unknown name".to_owned())));
+        ignored.sort();
+        let column = |(column, reason): (usize, String)| IgnoredColumn {
+            column: column + 1,
+            name: self.names[column].clone(),
+            reason,
+        };
+        ignored.into_iter().map(column).collect()
+    }
+}
+
+/// Sorts out a header. `path` and `line` are for messages.
+pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layout, LogError> {
+    let index = index(path, line, &names)?;
+    let named = || TimeUnit::ALL.into_iter().find_map(|unit| Some((*index.get(unit.column())?, Some(unit))));
+    let (time, time_unit) = index
+        .get("time")
+        .map(|&column| (column, None))
+        .or_else(named)
+        .ok_or_else(|| missing(path, line, "time", time_remedy(&names)))?;
+    let (position, joints): (Vec<usize>, Vec<String>) = names
+        .iter()
+        .enumerate()
+        .filter_map(|(column, name)| Some((column, name.strip_prefix("q_")?.to_owned())))
+        .filter(|(_, joint)| !joint.is_empty())
+        .unzip();
+    if joints.is_empty() {
+        return Err(missing(path, line, "q_<joint>", position_remedy(&names)));
+    }
+    let orphans = TimeUnit::ALL
         .into_iter()
-        .map(|(column, reason)| IgnoredColumn { column: column + 1, name: names[column].clone(), reason })
+        .filter_map(|unit| index.get(unit.column()).copied())
+        .filter(|&column| column != time)
+        .map(|column| (column, format!("`{}` says it already", names[time])))
         .collect();
+    let used = vec![false; names.len()];
+    let known = joints.iter().map(String::as_str).collect();
+    let mut header = Header { path, line, names: &names, index, joints: &joints, known, used, orphans };
+    header.take(&[time]);
+    header.take(&position);
+
+    let velocity = header.per_joint("dq_", true)?.unwrap_or_default();
+    let target = header.per_joint("qdes_", false)?;
+    let action = header.per_joint("act_", false)?;
+    let (kp, kd) = (header.per_joint("kp_", false)?, header.per_joint("kd_", false)?);
+    let target_velocity = header.per_joint("dqdes_", false)?;
+    let feed_forward = header.per_joint("tauff_", false)?;
+
+    let command = header.group(&COMMAND);
+    let base_position = header.group(&BASE_POSITION);
+    let base_quaternion = header.group(&BASE_QUATERNION);
+    let mut roll_pitch_yaw = header.group(&ROLL_PITCH_YAW);
+    let base_velocity = header.group(&BASE_VELOCITY);
+    let base_rates = header.group(&BASE_RATES);
+    let mut gravity = header.gravity();
+    if base_quaternion.is_some() || roll_pitch_yaw.is_some() {
+        header.drop_repeated(&mut gravity, "the orientation has it already");
+    }
+    if base_quaternion.is_some() {
+        header.drop_repeated(&mut roll_pitch_yaw, "base_quat_ says it already");
+    }
+    let ignored = header.ignored();
     Ok(Layout {
         time,
         time_unit,

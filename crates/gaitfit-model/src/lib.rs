@@ -33,6 +33,7 @@ mod actuator;
 mod attributes;
 mod bodies;
 pub mod builtin;
+mod cholesky;
 mod compile;
 mod contact;
 mod defaults;
@@ -73,6 +74,7 @@ mod urdf;
 mod write;
 mod xml;
 
+pub use cholesky::Cholesky;
 pub use error::{ModelError, Place};
 pub use listing::LeftOut;
 pub use model::*;

@@ -3,6 +3,7 @@
 //! MuJoCo 4.0 turns the ratio ζ into a velocity gain once, at the reference pose: kv = 2 ζ √(kp m / gear²),
 //! where 1 / m is the joint's diagonal entry of the inverse mass matrix (`dof_invweight0`).
 
+use crate::cholesky::Cholesky;
 use crate::inertia::rotated;
 use crate::kinematics::{Frame, rest_frames};
 use crate::model::{Joint, Model, Root};
@@ -14,12 +15,12 @@ pub(crate) fn resolve_damping_ratios(model: &mut Model) {
     if !model.actuators.iter().any(|a| is_ratio(a.gain, a.bias)) {
         return;
     }
-    let factor = cholesky(mass_matrix(model));
+    let factor = factored_mass_matrix(model);
     let first_joint = model.nv() - model.joints.len();
     for actuator in &mut model.actuators {
         if is_ratio(actuator.gain, actuator.bias) {
             let gear2 = actuator.gear * actuator.gear;
-            let inverse = inverse_diagonal(&factor, first_joint + actuator.joint);
+            let inverse = factor.inverse_diagonal(first_joint + actuator.joint);
             // A transmission without leverage feels no inertia (MuJoCo's `mjMINVAL`).
             let inertia = if gear2 > 1e-15 { 1.0 / (inverse.max(1e-15) * gear2) } else { 0.0 };
             actuator.bias[2] *= -2.0 * (actuator.gain.abs() * inertia).sqrt();
@@ -34,10 +35,10 @@ pub(crate) fn resolve_springs(model: &mut Model) {
     if !model.joints.iter().any(given) {
         return;
     }
-    let factor = cholesky(mass_matrix(model));
+    let factor = factored_mass_matrix(model);
     let first_joint = model.nv() - model.joints.len();
     for (index, joint) in model.joints.iter_mut().enumerate().filter(|(_, joint)| given(joint)) {
-        let inertia = 1.0 / inverse_diagonal(&factor, first_joint + index).max(1e-15);
+        let inertia = 1.0 / factor.inverse_diagonal(first_joint + index).max(1e-15);
         let (time, ratio) = (-joint.stiffness, -joint.damping);
         (joint.stiffness, joint.damping) =
             (inertia / (time * time * ratio * ratio).max(1e-15), 2.0 * inertia / time.max(1e-15));
@@ -52,12 +53,13 @@ struct Dof {
     armature: f64,
 }
 
-/// Dense mass matrix (nv × nv) with every joint at its reference: M = Σ m JvᵀJv + JωᵀIJω over the bodies
+/// Factor of the dense mass matrix (nv × nv) with every joint at its reference: M = Σ m JvᵀJv + JωᵀIJω over the bodies
 /// (Featherstone, Rigid Body Dynamics Algorithms, 2008, section 6.1), and armature on the diagonal.
-fn mass_matrix(model: &Model) -> Vec<Vec<f64>> {
+fn factored_mass_matrix(model: &Model) -> Cholesky {
     let frames = rest_frames(model);
     let dofs = degrees_of_freedom(model, &frames);
-    let mut m = vec![vec![0.0; dofs.len()]; dofs.len()];
+    let count = dofs.len();
+    let mut m = vec![0.0; count * count];
     for (index, body) in model.bodies.iter().enumerate() {
         let frame = &frames[index];
         let centre = frame.point(body.ipos);
@@ -73,14 +75,14 @@ fn mass_matrix(model: &Model) -> Vec<Vec<f64>> {
             let momentum: Vec3 =
                 [dot([xx, xy, xz], spin_i), dot([xy, yy, yz], spin_i), dot([xz, yz, zz], spin_i)];
             for &(j, velocity_j, spin_j) in &columns {
-                m[i][j] += body.mass * dot(velocity_i, velocity_j) + dot(momentum, spin_j);
+                m[i * count + j] += body.mass * dot(velocity_i, velocity_j) + dot(momentum, spin_j);
             }
         }
     }
     for (k, dof) in dofs.iter().enumerate() {
-        m[k][k] += dof.armature;
+        m[k * count + k] += dof.armature;
     }
-    m
+    Cholesky::new(m, count)
 }
 
 fn degrees_of_freedom(model: &Model, frames: &[Frame]) -> Vec<Dof> {
@@ -112,25 +114,4 @@ fn is_ancestor(model: &Model, ancestor: usize, mut body: usize) -> bool {
         }
     }
     body == ancestor
-}
-
-/// Lower triangular L with L Lᵀ = M; pivots are kept positive, so that hopeless inertias stay finite.
-fn cholesky(mut m: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
-    for i in 0..m.len() {
-        for j in 0..=i {
-            let sum: f64 = m[i][j] - (0..j).map(|k| m[i][k] * m[j][k]).sum::<f64>();
-            m[i][j] = if i == j { sum.max(1e-15).sqrt() } else { sum / m[j][j] };
-        }
-    }
-    m
-}
-
-/// (M⁻¹)ₖₖ = |L⁻¹ eₖ|².
-fn inverse_diagonal(factor: &[Vec<f64>], k: usize) -> f64 {
-    let mut x = vec![0.0; factor.len()];
-    for i in k..factor.len() {
-        let sum: f64 = (k..i).map(|j| factor[i][j] * x[j]).sum();
-        x[i] = (if i == k { 1.0 } else { 0.0 } - sum) / factor[i][i];
-    }
-    x.iter().map(|v| v * v).sum()
 }

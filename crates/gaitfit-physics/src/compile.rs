@@ -1,9 +1,11 @@
 //! From a [`Model`] to a [`Tree`].
 
+use std::ops::Range;
+
 use gaitfit_model::{ContactPair, Ground, Joint, Model, Root, Shape};
 
 use crate::obstacles::Obstacles;
-use crate::seat::{IDENTITY, Seat, mat_mul, seats, unit};
+use crate::seat::{Hinge, IDENTITY, Seat, mat_mul, seats, unit};
 use crate::self_contact;
 use crate::tree::*;
 use crate::vec3::*;
@@ -100,24 +102,7 @@ pub(crate) fn compile_with<T: Real>(
     settings: &Settings,
     on_ground: bool,
 ) -> Result<Tree<T::K>, PhysicsError> {
-    if !(settings.timestep.is_finite() && settings.timestep > 0.0) {
-        return Err(PhysicsError::Value {
-            object: "settings".to_owned(),
-            quantity: "the timestep",
-            value: settings.timestep,
-            must: "positive and finite",
-        });
-    }
-    if let Some(step) = settings.emulated_step
-        && !(0.0..=MAX_EMULATED * settings.timestep).contains(&step)
-    {
-        return Err(PhysicsError::Value {
-            object: "settings".to_owned(),
-            quantity: "the emulated step",
-            value: step,
-            must: "from 0 to twice the timestep",
-        });
-    }
+    check_steps(settings)?;
     let k = |x: f64| T::constant(x);
     let k3 = |v: V3<f64>| [k(v[0]), k(v[1]), k(v[2])];
     let (seats, hinges) = seats(model);
@@ -145,56 +130,15 @@ pub(crate) fn compile_with<T: Real>(
 
     let mut links: Vec<Link<T::K>> = Vec::with_capacity(hinges.len() + 1);
     links.push(root_link::<T>());
-    for (index, ((parent, anchor, turn, axis), joint)) in hinges.iter().zip(&model.joints).enumerate() {
-        let identity = turn.iter().flatten().zip(IDENTITY.iter().flatten()).all(|(a, b)| a == b);
-        links.push(Link {
-            parent: *parent,
-            offset: k3(*anchor),
-            turn: if identity { None } else { Some([k3(turn[0]), k3(turn[1]), k3(turn[2])]) },
-            axis: *axis,
-            reference_angle: k(joint.reference),
-            limit: compile_limit::<T>(joint, settings)?,
-            friction_weight: {
-                let d = impedance_at_zero(&joint.solimp_friction);
-                k(d / (1.0 - d) * reference(&joint.solref_friction, joint.solimp_friction[1], settings).2)
-            },
-            friction_b: k(reference(&joint.solref_friction, joint.solimp_friction[1], settings).1),
-            stiffness: k(joint.stiffness),
-            springref: k(joint.springref),
-            sprung: joint.stiffness != 0.0,
-            pairs: ranges[index + 1].clone(),
-            touching: None,
-        });
+    for (number, (hinge, joint)) in hinges.iter().zip(&model.joints).enumerate() {
+        links.push(compile_link::<T>(hinge, joint, settings, ranges[number + 1].clone())?);
     }
     links[0].pairs = ranges[0].clone();
     let (segments, nodes) = segment(&links);
-    let mut touching = Vec::new();
-    let mut spins = 0;
-    for (index, link) in links.iter_mut().enumerate().filter(|(_, link)| !link.pairs.is_empty()) {
-        let home = segments.iter().position(|s| (s.first..s.first + s.len).contains(&index));
-        link.touching = Some(touching.len());
-        touching.push((index, home));
-        for pair in &mut pairs[link.pairs.clone()] {
-            pair.member = home.map_or(0, |home| index - segments[home].first);
-            if pair.condim > 3 {
-                pair.spin = spins;
-                spins += pair.points.len();
-            }
-        }
-    }
+    let (mut touching, spins) = touching(&mut links, &segments, &mut pairs);
     let self_contact =
         self_contact::compile::<T>(model, settings, &seats, &mut links, &segments, &mut touching)?;
-    let free = model.free_joint.filter(|_| floating).map(|free| {
-        let d = impedance_at_zero(&free.solimp_friction);
-        let (_, b, gain) = reference(&free.solref_friction, free.solimp_friction[1], settings);
-        FreeJoint {
-            armature: k(free.armature),
-            damping: k(free.damping),
-            frictionloss: k(free.frictionloss),
-            friction_weight: k(d / (1.0 - d) * gain),
-            friction_b: k(b),
-        }
-    });
+    let free = model.free_joint.filter(|_| floating).map(|free| compile_free::<T>(&free, settings));
     Ok(Tree {
         floating,
         free,
@@ -221,6 +165,95 @@ pub(crate) fn compile_with<T: Real>(
         elliptic: settings.cone == gaitfit_model::Cone::Elliptic,
         settings: *settings,
     })
+}
+
+/// Refuses steps that cannot be simulated.
+fn check_steps(settings: &Settings) -> Result<(), PhysicsError> {
+    if !(settings.timestep.is_finite() && settings.timestep > 0.0) {
+        return Err(PhysicsError::Value {
+            object: "settings".to_owned(),
+            quantity: "the timestep",
+            value: settings.timestep,
+            must: "positive and finite",
+        });
+    }
+    if let Some(step) = settings.emulated_step
+        && !(0.0..=MAX_EMULATED * settings.timestep).contains(&step)
+    {
+        return Err(PhysicsError::Value {
+            object: "settings".to_owned(),
+            quantity: "the emulated step",
+            value: step,
+            must: "from 0 to twice the timestep",
+        });
+    }
+    Ok(())
+}
+
+/// The link below one hinge; `pairs` are its contacts.
+fn compile_link<T: Real>(
+    (parent, anchor, turn, axis): &Hinge,
+    joint: &Joint,
+    settings: &Settings,
+    pairs: Range<usize>,
+) -> Result<Link<T::K>, PhysicsError> {
+    let k = |x: f64| T::constant(x);
+    let k3 = |v: V3<f64>| [k(v[0]), k(v[1]), k(v[2])];
+    let identity = turn.iter().flatten().zip(IDENTITY.iter().flatten()).all(|(a, b)| a == b);
+    let friction_impedance = impedance_at_zero(&joint.solimp_friction);
+    let (_, friction_b, gain) = reference(&joint.solref_friction, joint.solimp_friction[1], settings);
+    Ok(Link {
+        parent: *parent,
+        offset: k3(*anchor),
+        turn: if identity { None } else { Some([k3(turn[0]), k3(turn[1]), k3(turn[2])]) },
+        axis: *axis,
+        reference_angle: k(joint.reference),
+        limit: compile_limit::<T>(joint, settings)?,
+        friction_weight: k(friction_impedance / (1.0 - friction_impedance) * gain),
+        friction_b: k(friction_b),
+        stiffness: k(joint.stiffness),
+        springref: k(joint.springref),
+        has_spring: joint.stiffness != 0.0,
+        pairs,
+        touching: None,
+    })
+}
+
+/// Dry friction, damping and rotor inertia of a floating base.
+fn compile_free<T: Real>(free: &gaitfit_model::FreeJoint, settings: &Settings) -> FreeJoint<T::K> {
+    let k = |x: f64| T::constant(x);
+    let impedance = impedance_at_zero(&free.solimp_friction);
+    let (_, friction_b, gain) = reference(&free.solref_friction, free.solimp_friction[1], settings);
+    FreeJoint {
+        armature: k(free.armature),
+        damping: k(free.damping),
+        frictionloss: k(free.frictionloss),
+        friction_weight: k(impedance / (1.0 - impedance) * gain),
+        friction_b: k(friction_b),
+    }
+}
+
+/// Numbers the links that may touch something, each with its segment, and the points whose friction also turns.
+fn touching<K>(
+    links: &mut [Link<K>],
+    segments: &[Segment],
+    pairs: &mut [Pair<K>],
+) -> (Vec<(usize, Option<usize>)>, usize) {
+    let mut touching = Vec::new();
+    let mut spins = 0;
+    for (index, link) in links.iter_mut().enumerate().filter(|(_, link)| !link.pairs.is_empty()) {
+        let home = segments.iter().position(|s| (s.first..s.first + s.len).contains(&index));
+        link.touching = Some(touching.len());
+        touching.push((index, home));
+        for pair in &mut pairs[link.pairs.clone()] {
+            pair.member = home.map_or(0, |home| index - segments[home].first);
+            if pair.condim > 3 {
+                pair.spin = spins;
+                spins += pair.points.len();
+            }
+        }
+    }
+    (touching, spins)
 }
 
 /// Segments, parents first, and the link of each node.
@@ -267,7 +300,7 @@ fn root_link<T: Real>() -> Link<T::K> {
         friction_b: zero,
         stiffness: zero,
         springref: zero,
-        sprung: false,
+        has_spring: false,
         pairs: 0..0,
         touching: None,
     }

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use gaitfit_model::Model;
+use gaitfit_model::{Cholesky, Model};
 
 use crate::compile::compile_with;
 use crate::dense::{bodies, carries, mass_matrix, subspaces};
@@ -55,7 +55,7 @@ pub(crate) fn invweights(
     }
     let mass = mass_matrix(&tree, &params, &state);
     let n = tree.nv();
-    let factor = cholesky(mass, n);
+    let factor = Cholesky::new(mass, n);
     let links = bodies(&tree, &params, &state);
     let axes = subspaces(&tree, &links);
     let (seats, _) = seats(model);
@@ -84,7 +84,7 @@ pub(crate) fn invweights(
                             }
                         })
                         .collect();
-                    *sum += inverse_form(&factor, n, &row);
+                    *sum += factor.inverse_form(&row);
                 }
             }
             // MuJoCo leaves bodies that nothing moves at zero; here they never touch.
@@ -92,45 +92,9 @@ pub(crate) fn invweights(
         })
         .collect();
     let first = n - tree.joints();
-    let weight = |dof: usize| {
-        let mut e = vec![0.0; n];
-        e[dof] = 1.0;
-        inverse_form(&factor, n, &e)
-    };
+    let weight = |dof: usize| factor.inverse_diagonal(dof);
     let joints = (0..tree.joints()).map(|j| weight(first + j)).collect();
     let mean = |dofs: Range<usize>| dofs.map(weight).sum::<f64>() / 3.0;
     let free = if tree.floating { [mean(0..3), mean(3..6)] } else { [1.0; 2] };
     Ok(Invweights { bodies, joints, free })
-}
-
-/// Lower Cholesky factor, row-major.
-fn cholesky(mut m: Vec<f64>, n: usize) -> Vec<f64> {
-    for j in 0..n {
-        let mut d = m[j * n + j];
-        for k in 0..j {
-            d -= m[j * n + k] * m[j * n + k];
-        }
-        let d = d.max(TINY).sqrt();
-        m[j * n + j] = d;
-        for i in j + 1..n {
-            let mut x = m[i * n + j];
-            for k in 0..j {
-                x -= m[i * n + k] * m[j * n + k];
-            }
-            m[i * n + j] = x / d;
-        }
-    }
-    m
-}
-
-/// `vᵀ M⁻¹ v` from the Cholesky factor of M.
-fn inverse_form(l: &[f64], n: usize, v: &[f64]) -> f64 {
-    let mut y = v.to_vec();
-    for i in 0..n {
-        for k in 0..i {
-            y[i] -= l[i * n + k] * y[k];
-        }
-        y[i] /= l[i * n + i];
-    }
-    y.iter().map(|x| x * x).sum()
 }

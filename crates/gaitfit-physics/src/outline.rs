@@ -22,7 +22,8 @@ impl<K> Tree<K> {
     pub fn outline(&self) -> Vec<LinkOutline> {
         let outline = |number: usize| {
             let link = &self.links[number];
-            let mut kind = format!("{:?} turned {} sprung {}", link.axis, link.turn.is_some(), link.sprung);
+            let mut kind =
+                format!("{:?} turned {} sprung {}", link.axis, link.turn.is_some(), link.has_spring);
             let _ = match &link.limit {
                 Some(limit) => write!(kind, " limit {}", powers(&limit.impedance)),
                 None => write!(kind, " free"),

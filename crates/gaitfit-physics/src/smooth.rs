@@ -314,7 +314,7 @@ fn joint_rows<T: Real>(
         None => p.damping.fnma(qd, drive.torque),
     };
     out.tau = pull + p.stiffness.fnma(q, p.spring_torque);
-    if link.sprung {
+    if link.has_spring {
         out.tau = T::k(link.stiffness).fnma(q - T::k(link.springref), out.tau);
     }
     let implicit = match tree.settings.damping {

@@ -74,7 +74,7 @@ pub(crate) struct Link<K> {
     pub stiffness: K,
     pub springref: K,
     /// Whether the joint has a spring.
-    pub sprung: bool,
+    pub has_spring: bool,
     /// Contact pairs of this link, and its place in `Tree::touching` if it has any.
     pub pairs: Range<usize>,
     pub touching: Option<usize>,

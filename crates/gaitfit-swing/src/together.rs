@@ -47,7 +47,12 @@ struct Row<'a> {
 impl Row<'_> {
     /// The motor's torque, N·m.
     fn motor(&self, values: &DVector<f64>) -> f64 {
-        self.window.motor + self.window.driven_at(values[values.len() - 1])
+        self.window.motor + self.driven(values)
+    }
+
+    /// The part of the motor's torque that follows the targets, N·m.
+    fn driven(&self, values: &DVector<f64>) -> f64 {
+        self.window.driven_at(values[values.len() - 1])
     }
 
     /// Residual and the row of all unknowns, at these values.
@@ -65,49 +70,73 @@ impl Row<'_> {
     }
 }
 
-/// Solves all groups, from the solutions of each alone at `delay` (in steps), and gives covariances by `clusters`. The
-/// unknowns `held` are 0.
-pub(crate) fn together(
-    groups: &[Group<'_>],
-    solutions: &[Solution],
-    delay: f64,
-    clusters: &[&dyn Fn(&Window) -> u64],
-    held: &[usize],
-) -> Option<Together> {
-    let columns: usize = groups.iter().map(Group::columns).sum::<usize>() + 1;
-    let mut values = DVector::zeros(columns);
-    values[columns - 1] = delay;
-    let mut moments: BTreeMap<(usize, u64), Vec<Row<'_>>> = BTreeMap::new();
-    let mut first = 0;
-    for (group, (of, solution)) in groups.iter().zip(solutions).enumerate() {
-        values.rows_mut(first, of.columns()).copy_from(&solution.values);
-        for (window, weight) in of.windows.iter().zip(&solution.weights) {
-            let mut own = of.row(window);
-            held.iter().filter_map(|place| place.checked_sub(first)).for_each(|place| {
-                own.get_mut(place).into_iter().for_each(|value| *value = 0.0);
-            });
-            let row = Row { window, group, first, own, weight: *weight, left: 0.0 };
-            moments.entry((window.log, (window.at * 1e4).round() as u64)).or_default().push(row);
+/// All groups' equations, and what is known of their unknowns so far.
+struct Equations<'a> {
+    groups: &'a [Group<'a>],
+    /// The rows of each log and time.
+    moments: BTreeMap<(usize, u64), Vec<Row<'a>>>,
+    /// All unknowns, the delay last.
+    values: DVector<f64>,
+    /// Unknowns that are 0.
+    held: &'a [usize],
+    /// Of what is left in each group.
+    variances: Vec<f64>,
+    /// Of the base's acceleration.
+    shaking: Vector3<f64>,
+}
+
+/// Sums over all rows in one round.
+struct Sums {
+    normal: DMatrix<f64>,
+    right: DVector<f64>,
+    /// Weighted squares and weights of each group.
+    squares: Vec<[f64; 2]>,
+    /// Squares of the base's acceleration.
+    shakes: Vector3<f64>,
+    /// Sizes of what is left in each group.
+    sizes: Vec<Vec<f64>>,
+}
+
+impl<'a> Equations<'a> {
+    /// From the solutions of each group alone at `delay` (in steps).
+    fn new(groups: &'a [Group<'a>], solutions: &[Solution], delay: f64, held: &'a [usize]) -> Self {
+        let columns: usize = groups.iter().map(Group::columns).sum::<usize>() + 1;
+        let mut values = DVector::zeros(columns);
+        values[columns - 1] = delay;
+        let mut moments: BTreeMap<(usize, u64), Vec<Row<'_>>> = BTreeMap::new();
+        let mut first = 0;
+        for (number, (group, solution)) in groups.iter().zip(solutions).enumerate() {
+            values.rows_mut(first, group.columns()).copy_from(&solution.values);
+            for (window, weight) in group.windows.iter().zip(&solution.weights) {
+                let mut own = group.row(window);
+                held.iter().filter_map(|place| place.checked_sub(first)).for_each(|place| {
+                    own.get_mut(place).into_iter().for_each(|value| *value = 0.0);
+                });
+                let row = Row { window, group: number, first, own, weight: *weight, left: 0.0 };
+                moments.entry((window.log, (window.at * 1e4).round() as u64)).or_default().push(row);
+            }
+            first += group.columns();
         }
-        first += of.columns();
+        held.iter().for_each(|&place| values[place] = 0.0);
+        let variances = solutions.iter().map(|solution| solution.scale.powi(2)).collect();
+        Self { groups, moments, values, held, variances, shaking: Vector3::repeat(FIRST * FIRST) }
     }
-    held.iter().for_each(|&place| values[place] = 0.0);
-    let mut variances: Vec<f64> = solutions.iter().map(|solution| solution.scale.powi(2)).collect();
-    let mut shaking = Vector3::repeat(FIRST * FIRST);
-    let mut normal = DMatrix::zeros(columns, columns);
-    for round in 0..=ROUNDS {
-        normal.fill(0.0);
+
+    /// One pass over all rows at the present values, which keeps what is left of each row in it.
+    fn sums(&mut self) -> Option<Sums> {
+        let columns = self.values.len();
+        let mut normal = DMatrix::zeros(columns, columns);
         let mut right = DVector::zeros(columns);
-        let mut sums = vec![[0.0; 2]; groups.len()];
+        let mut squares = vec![[0.0; 2]; self.groups.len()];
         let mut shakes = Vector3::zeros();
-        let mut sizes: Vec<Vec<f64>> = vec![Vec::new(); groups.len()];
-        for rows in moments.values_mut() {
-            let seen: Vec<(f64, DVector<f64>)> = rows.iter().map(|row| row.at(&values)).collect();
-            let Common { answer, spread } = Common::new(rows, &seen, &variances, &shaking)?;
+        let mut sizes: Vec<Vec<f64>> = vec![Vec::new(); self.groups.len()];
+        for rows in self.moments.values_mut() {
+            let seen: Vec<(f64, DVector<f64>)> = rows.iter().map(|row| row.at(&self.values)).collect();
+            let Common { answer, spread } = Common::new(rows, &seen, &self.variances, &self.shaking)?;
             let mean = spread * answer.1;
             // (Xᵀ D⁻¹ X − Xᵀ D⁻¹ Λ C Λᵀ D⁻¹ X), and the same with residuals.
             for (row, (residual, unknowns)) in rows.iter().zip(&seen) {
-                let precision = row.weight / variances[row.group];
+                let precision = row.weight / self.variances[row.group];
                 normal.ger(precision, unknowns, unknowns, 1.0);
                 right.axpy(precision * residual, unknowns, 1.0);
             }
@@ -119,86 +148,103 @@ pub(crate) fn together(
                 let lever = Vector3::from(row.window.lever);
                 let left = residual - lever.dot(&mean);
                 let square = left * left + (lever.transpose() * spread * lever)[0];
-                sums[row.group][0] += row.weight * square;
-                sums[row.group][1] += row.weight;
+                squares[row.group][0] += row.weight * square;
+                squares[row.group][1] += row.weight;
                 sizes[row.group].push(left.abs());
                 row.left = left.abs();
             }
         }
-        held.iter().for_each(|&place| normal[(place, place)] = 1.0);
-        if round == ROUNDS {
-            break;
-        }
+        self.held.iter().for_each(|&place| normal[(place, place)] = 1.0);
+        Some(Sums { normal, right, squares, shakes, sizes })
+    }
+
+    /// Moves values, weights and variances to those that the sums of a round ask for.
+    fn improve(&mut self, mut sums: Sums) -> Option<()> {
         // A spread that single large residuals do not move.
         let spread = |sizes: &mut Vec<f64>| {
             let middle = sizes.len() / 2;
             1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
         };
-        let spreads: Vec<f64> = sizes.iter_mut().map(spread).collect();
-        for row in moments.values_mut().flatten() {
+        let spreads: Vec<f64> = sums.sizes.iter_mut().map(spread).collect();
+        for row in self.moments.values_mut().flatten() {
             row.weight = (HUBER * spreads[row.group] / row.left.max(1e-300)).min(1.0);
         }
-        values += normal.clone().cholesky()?.solve(&right);
-        variances = sums.iter().map(|[square, weight]| square / weight).collect();
-        shaking = shakes / moments.len() as f64;
+        self.values += sums.normal.cholesky()?.solve(&sums.right);
+        self.variances = sums.squares.iter().map(|[square, weight]| square / weight).collect();
+        self.shaking = sums.shakes / self.moments.len() as f64;
+        Some(())
     }
-    let bread = normal.try_inverse()?;
-    // The values that explain only this part of the torque.
-    let explained = |part: &dyn Fn(&Row<'_>) -> f64| -> Option<DVector<f64>> {
-        let mut right = DVector::zeros(columns);
-        for rows in moments.values() {
-            let seen: Vec<(f64, DVector<f64>)> =
-                rows.iter().map(|row| (part(row), row.at(&values).1)).collect();
-            let Common { answer, spread } = Common::new(rows, &seen, &variances, &shaking)?;
-            for (row, (part, unknowns)) in rows.iter().zip(&seen) {
-                right.axpy(row.weight / variances[row.group] * part, unknowns, 1.0);
-            }
-            right -= &answer.0 * (spread * answer.1);
+
+    /// What all rows of a moment say if `part` stands for the residual of each.
+    fn score(
+        &self,
+        rows: &[Row<'_>],
+        part: &dyn Fn(&Row<'_>, f64) -> f64,
+        sum: &mut DVector<f64>,
+    ) -> Option<()> {
+        let one = |row: &Row<'_>| {
+            let (residual, unknowns) = row.at(&self.values);
+            (part(row, residual), unknowns)
+        };
+        let seen: Vec<(f64, DVector<f64>)> = rows.iter().map(one).collect();
+        let Common { answer, spread } = Common::new(rows, &seen, &self.variances, &self.shaking)?;
+        for (row, (part, unknowns)) in rows.iter().zip(&seen) {
+            sum.axpy(row.weight / self.variances[row.group] * part, unknowns, 1.0);
         }
-        held.iter().for_each(|&place| right[place] = 0.0);
-        Some(&bread * right)
-    };
-    let motor = |row: &Row<'_>| row.motor(&values);
-    let driven = |row: &Row<'_>| row.window.driven_at(values[columns - 1]);
-    let (by_strength, by_target) = (explained(&motor)?, explained(&driven)?);
-    let load = |group: usize| {
-        explained(&|row| {
-            let sign = row.window.signs[groups[row.group].law];
-            if row.group == group { sign * motor(row).abs() } else { 0.0 }
-        })
-    };
-    let by_load = (0..groups.len()).map(load).collect::<Option<Vec<_>>>()?;
-    // Noise moves the joint, and the motor's torque then acts against the noise, so least squares estimate too low a strength.
-    // The targets do not follow the noise, so they are an instrument (Söderström & Stoica 1983, "Instrumental Variable
-    // Methods for System Identification"), but on simulated robots this estimate is too high. The two bracket the strength.
-    let by = |instrument: &dyn Fn(&Row<'_>, &DVector<f64>) -> f64| {
-        let mut sums: BTreeMap<u64, [f64; 2]> = BTreeMap::new();
-        for rows in moments.values() {
-            let sums = sums.entry(clusters[clusters.len() - 1](rows[0].window)).or_default();
-            for row in rows {
-                let (residual, unknowns) = row.at(&values);
-                let weight = row.weight / variances[row.group] * instrument(row, &unknowns);
-                sums[0] -= weight * residual;
-                sums[1] += weight * (motor(row) - unknowns.dot(&by_strength));
-            }
+        *sum -= &answer.0 * (spread * answer.1);
+        Some(())
+    }
+
+    /// The values that explain only this part of the torque.
+    fn explained(&self, bread: &DMatrix<f64>, part: &dyn Fn(&Row<'_>) -> f64) -> Option<DVector<f64>> {
+        let mut right = DVector::zeros(self.values.len());
+        for rows in self.moments.values() {
+            self.score(rows, &|row, _| part(row), &mut right)?;
         }
-        ratio(&sums)
-    };
-    let [low, _] = by(&|row, unknowns| motor(row) - unknowns.dot(&by_strength));
-    let [high, error] = by(&|row, unknowns| driven(row) - unknowns.dot(&by_target));
-    let strength = Some([0.5 * (low + high), error.hypot(0.5 * (high - low))]);
-    // Logs whose targets stand still do not show the strength.
-    let strength = strength.filter(|one| one.iter().all(|part| part.is_finite())).unwrap_or([0.0, 1.0]);
-    let covariance = |cluster: &&dyn Fn(&Window) -> u64| -> Option<DMatrix<f64>> {
+        self.held.iter().for_each(|&place| right[place] = 0.0);
+        Some(bread * right)
+    }
+
+    /// The motors' strength with its error: `by_strength` and `by_target` are the values that explain the motors' torque and
+    /// its part that follows the targets.
+    ///
+    /// Noise moves the joint, and the motor's torque then acts against the noise, so least squares estimate too low a
+    /// strength. The targets do not follow the noise, so they are an instrument (Söderström & Stoica 1983, "Instrumental
+    /// Variable Methods for System Identification"), but on simulated robots this estimate is too high. The two bracket the
+    /// strength.
+    fn strength(
+        &self,
+        cluster: &dyn Fn(&Window) -> u64,
+        by_strength: &DVector<f64>,
+        by_target: &DVector<f64>,
+    ) -> [f64; 2] {
+        let by = |instrument: &dyn Fn(&Row<'_>, &DVector<f64>) -> f64| {
+            let mut sums: BTreeMap<u64, [f64; 2]> = BTreeMap::new();
+            for rows in self.moments.values() {
+                let sums = sums.entry(cluster(rows[0].window)).or_default();
+                for row in rows {
+                    let (residual, unknowns) = row.at(&self.values);
+                    let weight = row.weight / self.variances[row.group] * instrument(row, &unknowns);
+                    sums[0] -= weight * residual;
+                    sums[1] += weight * (row.motor(&self.values) - unknowns.dot(by_strength));
+                }
+            }
+            ratio(&sums)
+        };
+        let [low, _] = by(&|row, unknowns| row.motor(&self.values) - unknowns.dot(by_strength));
+        let [high, error] = by(&|row, unknowns| row.driven(&self.values) - unknowns.dot(by_target));
+        let strength = Some([0.5 * (low + high), error.hypot(0.5 * (high - low))]);
+        // Logs whose targets stand still do not show the strength.
+        strength.filter(|one| one.iter().all(|part| part.is_finite())).unwrap_or([0.0, 1.0])
+    }
+
+    /// Covariance of the values if rows of one cluster may err together; `None` of few clusters.
+    fn covariance(&self, bread: &DMatrix<f64>, cluster: &dyn Fn(&Window) -> u64) -> Option<DMatrix<f64>> {
+        let columns = self.values.len();
         let mut scores: BTreeMap<u64, DVector<f64>> = BTreeMap::new();
-        for rows in moments.values() {
-            let seen: Vec<(f64, DVector<f64>)> = rows.iter().map(|row| row.at(&values)).collect();
-            let Common { answer, spread } = Common::new(rows, &seen, &variances, &shaking)?;
+        for rows in self.moments.values() {
             let score = scores.entry(cluster(rows[0].window)).or_insert_with(|| DVector::zeros(columns));
-            for (row, (residual, unknowns)) in rows.iter().zip(&seen) {
-                score.axpy(row.weight / variances[row.group] * residual, unknowns, 1.0);
-            }
-            *score -= &answer.0 * (spread * answer.1);
+            self.score(rows, &|_, residual| residual, score)?;
         }
         let count = scores.len() as f64;
         if count < 4.0 {
@@ -206,15 +252,43 @@ pub(crate) fn together(
         }
         let mut meat = DMatrix::zeros(columns, columns);
         scores.values().for_each(|score| meat.ger(1.0, score, score, 1.0));
-        Some((&bread * meat * &bread) * (count / (count - 1.0)))
+        Some((bread * meat * bread) * (count / (count - 1.0)))
+    }
+}
+
+/// Solves all groups, from the solutions of each alone at `delay` (in steps), and gives covariances by `clusters`. The
+/// unknowns `held` are 0.
+pub(crate) fn together(
+    groups: &[Group<'_>],
+    solutions: &[Solution],
+    delay: f64,
+    clusters: &[&dyn Fn(&Window) -> u64],
+    held: &[usize],
+) -> Option<Together> {
+    let mut equations = Equations::new(groups, solutions, delay, held);
+    for _ in 0..ROUNDS {
+        let sums = equations.sums()?;
+        equations.improve(sums)?;
+    }
+    let bread = equations.sums()?.normal.try_inverse()?;
+    let values = &equations.values;
+    let by_strength = equations.explained(&bread, &|row| row.motor(values))?;
+    let by_target = equations.explained(&bread, &|row| row.driven(values))?;
+    let load = |group: usize| {
+        equations.explained(&bread, &|row| {
+            let sign = row.window.signs[groups[row.group].law];
+            if row.group == group { sign * row.motor(values).abs() } else { 0.0 }
+        })
     };
+    let by_load = (0..groups.len()).map(load).collect::<Option<Vec<_>>>()?;
+    let strength = equations.strength(clusters[clusters.len() - 1], &by_strength, &by_target);
     Some(Together {
-        covariances: clusters.iter().map(covariance).collect(),
+        covariances: clusters.iter().map(|cluster| equations.covariance(&bread, cluster)).collect(),
         by_strength,
         by_load,
         strength,
-        scales: variances.iter().map(|variance| variance.sqrt()).collect(),
-        values,
+        scales: equations.variances.iter().map(|variance| variance.sqrt()).collect(),
+        values: equations.values,
     })
     .filter(|found| found.values.iter().all(|value| value.is_finite()))
 }

@@ -6,15 +6,11 @@ use gaitfit_adapt::*;
 use gaitfit_physics::JointParameter::{Damping, FrictionLoss};
 use std::sync::Arc;
 
-struct Pendulum(Vec<String>);
+struct Pendulum(Identity);
 
 impl Simulator for Pendulum {
-    fn joints(&self) -> &[String] {
+    fn identity(&self) -> &Identity {
         &self.0
-    }
-
-    fn recordings(&self) -> usize {
-        1
     }
 
     fn simulate(
@@ -41,14 +37,14 @@ impl Simulator for Pendulum {
 
 /// Fits the pendulum and holds the result against the truth.
 pub fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let pendulum = Pendulum(vec!["swing".to_owned()]);
+    let pendulum = Pendulum(Identity::new(vec!["swing".to_owned()], 1));
     let groups = [("arm".to_owned(), vec!["swing".to_owned()])];
     let theta =
         Theta::from_rules(&[Damping, FrictionLoss].map(ParameterRule::new), &groups, pendulum.joints())?;
     let truth = [0.3, 0.12];
     let log = simulate_one(&pendulum, &theta, &truth, Resets::Never)?.remove(0);
     let recorded = Recorded::of_joints(&log.position, &log.velocity);
-    let reference = Arc::new(Reference::new(pendulum.0.clone(), &[recorded], 0)?);
+    let reference = Arc::new(Reference::new(pendulum.0.joints.clone(), &[recorded], 0)?);
     let costs = [CostKind::Wass.build(&reference, &pendulum)?];
     let mut fit = Fit::new(&pendulum, &theta, &costs, FitOptions::default())?;
     while fit.step(&never)?.is_some() {}

@@ -75,16 +75,8 @@ struct Mean {
 }
 
 impl Simulator for Mean {
-    fn joints(&self) -> &[String] {
-        self.pendulum.joints()
-    }
-
-    fn recordings(&self) -> usize {
-        self.pendulum.recordings()
-    }
-
-    fn provides(&self, signal: Signal) -> bool {
-        self.pendulum.provides(signal)
+    fn identity(&self) -> &Identity {
+        self.pendulum.identity()
     }
 
     fn simulate(
@@ -142,7 +134,7 @@ fn intervals_hold_what_other_simulators_would_find() {
 }
 
 /// One network with the last three angles and velocities: evaluated as documented, it learns tanh of the velocity.
-struct OneNetwork(Vec<String>);
+struct OneNetwork(Identity);
 
 fn network_output(weights: &[f64], inputs: &[f64]) -> f64 {
     let mut x = inputs.to_vec();
@@ -176,12 +168,8 @@ impl OneNetwork {
 }
 
 impl Simulator for OneNetwork {
-    fn joints(&self) -> &[String] {
+    fn identity(&self) -> &Identity {
         &self.0
-    }
-
-    fn recordings(&self) -> usize {
-        1
     }
 
     fn simulate(
@@ -201,15 +189,15 @@ impl Simulator for OneNetwork {
 
 #[test]
 fn networks_are_fitted_from_either_start_by_the_separable_form() {
-    let simulator = OneNetwork(vec!["hip".into()]);
+    let simulator = OneNetwork(Identity::new(vec!["hip".into()], 1));
     let (position, velocity) = OneNetwork::signals(|inputs| 0.8 * (0.9 * inputs[1]).tanh());
     let wide = |values: &[f32]| values.iter().map(|value| f64::from(*value)).collect();
     let recorded = Recorded { position: wide(&position), velocity: wide(&velocity), ..Recorded::default() };
-    let target = Arc::new(Reference::new(simulator.0.clone(), &[recorded], 0).unwrap());
+    let target = Arc::new(Reference::new(simulator.0.joints.clone(), &[recorded], 0).unwrap());
     let costs = [CostKind::MatchO.build(&target, &simulator).unwrap()];
     for start in [NetworkStart::Zero, NetworkStart::Random] {
         let rule = NetworkRule { start, regularisation: 1e-4, ..NetworkRule::new(NetworkName::ResidAct) };
-        let theta = Theta::new(vec![rule.modification(&[], &simulator.0, &[0.0]).unwrap()]).unwrap();
+        let theta = Theta::new(vec![rule.modification(&[], simulator.joints(), &[0.0]).unwrap()]).unwrap();
         let options = FitOptions { covariance: CovarianceKind::Separable, ..options(300) };
         let before = simulate_one(&simulator, &theta, &theta.start(1), Resets::Never).unwrap();
         assert_eq!(before[0].position, OneNetwork::signals(|_| 0.0).0, "starts at no correction");

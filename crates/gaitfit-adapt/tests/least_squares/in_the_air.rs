@@ -170,7 +170,7 @@ fn promised_deviations_are_those_of_many_fits() {
     }
     let rule = |kind| ParameterRule { per: Sharing::All, ..ParameterRule::new(kind) };
     let rules = [JointParameter::FrictionLoss, JointParameter::Armature, JointParameter::Damping].map(rule);
-    let more = Theta::from_rules(&rules, &[], &simulator.joints).unwrap();
+    let more = Theta::from_rules(&rules, &[], simulator.joints()).unwrap();
     let found = sensitivity(problem(&simulator, &more, costs_of[0].as_ref()), &[0.2, 0.07, 0.1], None);
     let found = found.unwrap().unwrap();
     assert!(found.deviation[0].is_some() && found.deviation[2].is_none(), "the damping has no effect");

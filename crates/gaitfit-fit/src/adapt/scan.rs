@@ -1,9 +1,8 @@
 //! The simulations after a search, which measure how well the logs identify each parameter, shown as they go on.
 
 use crate::watch::{Counting, Watch, Work};
-use gaitfit_adapt::cost::Signal;
 use gaitfit_adapt::fit::{Costs, FitError, Views};
-use gaitfit_adapt::{Cancel, Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
+use gaitfit_adapt::{Cancel, Consume, Identity, Rollout, Signals, Simulator, SimulatorError, Theta};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Batches of fewer candidates are not shown.
@@ -29,20 +28,8 @@ impl<'a> Scan<'a> {
 }
 
 impl Simulator for Scan<'_> {
-    fn joints(&self) -> &[String] {
-        self.simulator.joints()
-    }
-
-    fn recordings(&self) -> usize {
-        self.simulator.recordings()
-    }
-
-    fn logs(&self) -> usize {
-        self.simulator.logs()
-    }
-
-    fn provides(&self, signal: Signal) -> bool {
-        self.simulator.provides(signal)
+    fn identity(&self) -> &Identity {
+        self.simulator.identity()
     }
 
     fn simulate(

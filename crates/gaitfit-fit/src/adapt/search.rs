@@ -203,9 +203,9 @@ mod tests {
     use crate::run::RunFolder;
     use crate::settings;
     use crate::watch::Watch;
-    use gaitfit_adapt::cost::{Cost, Signal};
+    use gaitfit_adapt::cost::Cost;
     use gaitfit_adapt::fit::{Evaluation, FitError, Job};
-    use gaitfit_adapt::{Cancel, Consume, Rollout, Simulator, SimulatorError, Theta};
+    use gaitfit_adapt::{Cancel, Consume, Identity, Rollout, Simulator, SimulatorError, Theta};
     use std::path::Path;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -216,16 +216,8 @@ mod tests {
     }
 
     impl Simulator for Failing {
-        fn joints(&self) -> &[String] {
-            self.inner.joints()
-        }
-
-        fn recordings(&self) -> usize {
-            self.inner.recordings()
-        }
-
-        fn provides(&self, signal: Signal) -> bool {
-            self.inner.provides(signal)
+        fn identity(&self) -> &Identity {
+            self.inner.identity()
         }
 
         fn simulate(

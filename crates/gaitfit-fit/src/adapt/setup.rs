@@ -126,18 +126,7 @@ impl Setup {
         let logs = Logs::read(&config, config_path, &method)?;
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
-        let without_simulation = config.swings || config.effects;
-        let mut swings = if without_simulation { swing::findings(&method, &logs.fit) } else { None };
-        let asked = config.swings && config.optimizer.replicates > 0;
-        if let (true, Some(found), Some(policy)) = (asked, &mut swings, &walker) {
-            let known = known::priors(&theta, &swing::numbers_of(&method, found), &config.prior);
-            if known.len() > config.prior.len() {
-                let threads = method.walking().map_or(1, |walking| walking.threads);
-                let robot =
-                    swing_correction::Robot { config: &config, policy, model: &robot, base: &base, threads };
-                swing_correction::correct(found, &robot, &logs.fit, watch)?;
-            }
-        }
+        let swings = swings(&config, &method, walker.as_ref(), &robot, &theta, &base, &logs.fit, watch)?;
         let priors = swings.as_ref().filter(|_| config.swings);
         let mut numbers = priors.map_or_else(Vec::new, |found| swing::numbers_of(&method, found));
         if let Some(found) = swings.as_ref().filter(|_| config.effects) {
@@ -170,11 +159,8 @@ impl Setup {
             }
             _ => None,
         };
-        let validate = logs
-            .validate
-            .into_iter()
-            .map(|logs| Ok(LogSet::new(&config, &method, &base, logs)?.with_fall_rate(fall_rate)))
-            .collect::<Result<Vec<_>, Error>>()?;
+        let set = |logs| Ok(LogSet::new(&config, &method, &base, logs)?.with_fall_rate(fall_rate));
+        let validate = logs.validate.into_iter().map(set).collect::<Result<Vec<_>, Error>>()?;
         for (signal, column) in fit.reference.constant() {
             warnings.push(format!("{signal} of {column} is constant in the logs and left out of the costs"));
         }
@@ -201,18 +187,22 @@ impl Setup {
         };
         setup.options.falls.random = setup.has_draws();
         setup.warnings.extend(ignored(&setup));
-        if setup.config.odd_joints {
-            let (cost, search) = (setup.costs[0].as_ref(), setup.options.method);
-            if !search.least_squares(cost, &named).map_err(Error::settings)? {
-                return Err(Error::settings(format!(
-                    "{}: `odd_joints` compares joints by least squares, which {} is not for: take \"matchr1\", or \
-                     \"matcho\" with optimizer.method = \"least-squares\"",
-                    config_path.display(),
-                    cost.name()
-                )));
-            }
-        }
+        setup.check_odd_joints(&named)?;
         Ok(setup)
+    }
+
+    /// Refuses a comparison of joints by costs that least squares are not for; `named`: θ with a spring on every joint.
+    fn check_odd_joints(&self, named: &Theta) -> Result<(), Error> {
+        let (cost, search) = (self.costs[0].as_ref(), self.options.method);
+        if !self.config.odd_joints || search.least_squares(cost, named).map_err(Error::settings)? {
+            return Ok(());
+        }
+        Err(Error::settings(format!(
+            "{}: `odd_joints` compares joints by least squares, which {} is not for: take \"matchr1\", or \
+             \"matcho\" with optimizer.method = \"least-squares\"",
+            self.config_path.display(),
+            cost.name()
+        )))
     }
 
     /// What the costs compare.
@@ -237,6 +227,35 @@ impl Setup {
     pub fn aligned(&self) -> bool {
         aligned(&self.config)
     }
+}
+
+/// What `logs` show without a simulation, if priors or further parameters come from it; corrected by simulated robots if
+/// priors of `theta` do.
+#[allow(clippy::too_many_arguments, reason = "all that a fit has read")]
+fn swings(
+    config: &AdaptConfig,
+    method: &Method,
+    policy: Option<&Policy>,
+    model: &Model,
+    theta: &Theta,
+    base: &Candidate,
+    logs: &[Log],
+    watch: &Watch<'_>,
+) -> Result<Option<SwingFindings>, Error> {
+    if !config.swings && !config.effects {
+        return Ok(None);
+    }
+    let mut swings = swing::findings(method, logs);
+    let is_corrected = config.swings && config.optimizer.replicates > 0;
+    if let (true, Some(findings), Some(policy)) = (is_corrected, &mut swings, policy) {
+        let known = known::priors(theta, &swing::numbers_of(method, findings), &config.prior);
+        if known.len() > config.prior.len() {
+            let threads = method.walking().map_or(1, |walking| walking.threads);
+            let robot = swing_correction::Robot { config, policy, model, base, threads };
+            swing_correction::correct(findings, &robot, logs, watch)?;
+        }
+    }
+    Ok(swings)
 }
 
 /// See [`Setup::with_springs`].

@@ -3,7 +3,7 @@
 use super::walking::Walking;
 use crate::log::Log;
 use gaitfit_adapt::cost::Signal;
-use gaitfit_adapt::{Cancel, Consume, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
+use gaitfit_adapt::{Cancel, Consume, Identity, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_log::Trajectory;
 use gaitfit_model::rotation;
 use gaitfit_policy::follow::{self, Script, Track};
@@ -15,20 +15,18 @@ use std::sync::Arc;
 
 /// Runs a policy on candidate robots with the command sequences of some logs.
 pub struct WalkSimulator {
+    /// Joints of the signals are the policy's.
+    identity: Identity,
     walking: Arc<Walking>,
     /// What θ changes.
     base: Candidate,
     scripts: Vec<Script>,
-    /// Logs that the scripts are of, see [`Simulator::logs`].
-    logs: usize,
     /// Rows that logs lost, one entry a log; none where no log lost some.
     filled: Vec<Filled>,
     /// What the logs' sensors read; empty if a log lacks what an IMU measures.
     courses: Vec<Course>,
     /// How far standing feet say how the base moves, see [`predict::Job::feet_trust`].
     feet_trust: f64,
-    /// Joints of the signals: the policy's.
-    joints: Vec<String>,
     /// Joints of the model, which θ names.
     model_joints: Vec<String>,
 }
@@ -39,13 +37,12 @@ impl WalkSimulator {
     pub fn new(walking: Arc<Walking>, base: Candidate, logs: &[&Trajectory]) -> Self {
         let joints = &walking.task.walker.batch.model().joints;
         Self {
+            identity: Identity::new(walking.joints(), logs.len()).with_signals(&Signal::ALL),
             base,
             filled: Vec::new(),
-            logs: logs.len(),
             scripts: logs.iter().map(|log| script(&walking.task.walker, log)).collect(),
             courses: logs.iter().map_while(|log| course(&walking.task.walker, log)).collect(),
             feet_trust: predict::FEET_TRUST,
-            joints: walking.joints(),
             model_joints: joints.iter().map(|joint| joint.name.clone()).collect(),
             walking,
         }
@@ -72,7 +69,7 @@ impl WalkSimulator {
     /// chooses one. The start hardly changes how a robot walks after a second. If the robot is close to a fall, the start
     /// decides whether it falls.
     pub fn with_starts_near(mut self, once: usize) -> Self {
-        self.logs = once;
+        self.identity.logs = once;
         let walker = &self.walking.task.walker;
         for (number, script) in self.scripts.iter_mut().enumerate().skip(once) {
             let stream =
@@ -100,20 +97,8 @@ impl WalkSimulator {
 }
 
 impl Simulator for WalkSimulator {
-    fn joints(&self) -> &[String] {
-        &self.joints
-    }
-
-    fn recordings(&self) -> usize {
-        self.scripts.len()
-    }
-
-    fn logs(&self) -> usize {
-        self.logs
-    }
-
-    fn provides(&self, _signal: Signal) -> bool {
-        true
+    fn identity(&self) -> &Identity {
+        &self.identity
     }
 
     fn simulate(

@@ -74,121 +74,124 @@ impl<'a> Machine<'a> {
     /// One instruction; gives the object that was saved at the last.
     fn step(&mut self, budget: &mut Budget) -> Result<Option<Id>, Problem> {
         let op = self.byte()?;
+        if let Some(number) = self.number(op)? {
+            self.push(Node::Number(number))?;
+        } else if let Some(text) = self.text_operand(op)? {
+            self.text(text, budget)?;
+        } else if let Some(size) = self.size_of_bytes(op)? {
+            self.bytes(size, budget)?;
+        } else if let Some(made) = self.collection(op)? {
+            self.push(made)?;
+        } else if let Some(key) = self.stored_key(op)? {
+            self.put(key)?;
+        } else if let Some(key) = self.remembered_key(op)? {
+            self.get(key)?;
+        } else if op == b'.' {
+            return Ok(Some(self.pop()?));
+        } else if !self.arrange(op)? {
+            self.object(op, budget)?;
+        }
+        Ok(None)
+    }
+
+    /// The number that an instruction pushes.
+    fn number(&mut self, op: u8) -> Result<Option<f64>, PickleError> {
+        Ok(Some(match op {
+            0x88 => 1.0,
+            0x89 => 0.0,
+            b'I' => match self.line()? {
+                "01" => 1.0,
+                "00" => 0.0,
+                line => parse(line)?,
+            },
+            b'J' => f64::from(i32::from_le_bytes(self.array()?)),
+            b'K' => f64::from(self.byte()?),
+            b'M' => f64::from(u16::from_le_bytes(self.array()?)),
+            b'L' => parse(self.line()?.trim_end_matches('L'))?,
+            0x8a => {
+                let size = usize::from(self.byte()?);
+                long(self.take(size)?)?
+            }
+            0x8b => {
+                let size = self.size4()?;
+                long(self.take(size)?)?
+            }
+            b'F' => parse(self.line()?)?,
+            b'G' => f64::from_be_bytes(self.array()?),
+            _ => return Ok(None),
+        }))
+    }
+
+    /// The text that an instruction pushes.
+    fn text_operand(&mut self, op: u8) -> Result<Option<&'a [u8]>, PickleError> {
+        let size = match op {
+            b'S' => return Ok(Some(self.line()?.trim_matches(['\'', '"']).as_bytes())),
+            b'V' => return Ok(Some(self.line()?.as_bytes())),
+            b'T' | b'X' => self.size4()?,
+            b'U' | 0x8c => usize::from(self.byte()?),
+            0x8d => self.size8()?,
+            _ => return Ok(None),
+        };
+        self.take(size).map(Some)
+    }
+
+    /// The number of bytes that an instruction pushes.
+    fn size_of_bytes(&mut self, op: u8) -> Result<Option<usize>, PickleError> {
+        Ok(Some(match op {
+            b'B' => self.size4()?,
+            b'C' => usize::from(self.byte()?),
+            0x8e | 0x96 => self.size8()?,
+            _ => return Ok(None),
+        }))
+    }
+
+    /// The list or dictionary that an instruction makes of what lies on the stack.
+    fn collection(&mut self, op: u8) -> Result<Option<Node>, PickleError> {
+        Ok(Some(match op {
+            b')' | b']' | 0x8f => Node::List(Vec::new()),
+            b'}' => Node::Dict(Vec::new()),
+            b'l' | b't' | 0x91 => Node::List(self.pop_mark()?),
+            0x85..=0x87 => Node::List(self.pop_many(usize::from(op - 0x84))?),
+            b'd' => Node::Dict(pairs(&self.pop_mark()?)?),
+            _ => return Ok(None),
+        }))
+    }
+
+    /// Where an instruction keeps the top of the stack.
+    fn stored_key(&mut self, op: u8) -> Result<Option<u64>, PickleError> {
+        Ok(Some(match op {
+            b'p' => self.line()?.parse().map_err(|_| PickleError::MemoNumber)?,
+            b'q' => u64::from(self.byte()?),
+            b'r' => self.size4()? as u64,
+            0x94 => self.memo.len() as u64,
+            _ => return Ok(None),
+        }))
+    }
+
+    /// Where an instruction finds what was kept.
+    fn remembered_key(&mut self, op: u8) -> Result<Option<u64>, PickleError> {
+        Ok(Some(match op {
+            b'g' => self.line()?.parse().map_err(|_| PickleError::MemoNumber)?,
+            b'h' => u64::from(self.byte()?),
+            b'j' => self.size4()? as u64,
+            _ => return Ok(None),
+        }))
+    }
+
+    /// Instructions that order the stack and put items into what lies on it; `false` for others.
+    fn arrange(&mut self, op: u8) -> Result<bool, PickleError> {
         match op {
             // PROTO, FRAME: nothing to do.
             0x80 => drop(self.take(1)?),
             0x95 => drop(self.take(8)?),
-            b'.' => return Ok(Some(self.pop()?)),
             b'(' => self.marks.push(self.stack.len()),
-            b'0' => {
-                // POP drops a mark if nothing lies on it.
-                if self.marks.last() == Some(&self.stack.len()) {
-                    self.marks.pop();
-                } else {
-                    self.pop()?;
-                }
-            }
+            // POP drops a mark if nothing lies on it.
+            b'0' if self.marks.last() == Some(&self.stack.len()) => drop(self.marks.pop()),
+            b'0' => drop(self.pop()?),
             b'1' => drop(self.pop_mark()?),
             b'2' => {
                 let top = self.top()?;
                 self.stack.push(top);
-            }
-            b'N' => self.push(Node::None)?,
-            0x88 => self.push(Node::Number(1.0))?,
-            0x89 => self.push(Node::Number(0.0))?,
-            b'I' => {
-                let line = self.line()?;
-                let number = match line {
-                    "01" => 1.0,
-                    "00" => 0.0,
-                    _ => parse(line)?,
-                };
-                self.push(Node::Number(number))?;
-            }
-            b'J' => {
-                let number = i32::from_le_bytes(self.array()?);
-                self.push(Node::Number(f64::from(number)))?;
-            }
-            b'K' => {
-                let number = self.byte()?;
-                self.push(Node::Number(f64::from(number)))?;
-            }
-            b'M' => {
-                let number = u16::from_le_bytes(self.array()?);
-                self.push(Node::Number(f64::from(number)))?;
-            }
-            b'L' => {
-                let number = parse(self.line()?.trim_end_matches('L'))?;
-                self.push(Node::Number(number))?;
-            }
-            0x8a => {
-                let size = usize::from(self.byte()?);
-                let number = long(self.take(size)?)?;
-                self.push(Node::Number(number))?;
-            }
-            0x8b => {
-                let size = self.size4()?;
-                let number = long(self.take(size)?)?;
-                self.push(Node::Number(number))?;
-            }
-            b'F' => {
-                let number = parse(self.line()?)?;
-                self.push(Node::Number(number))?;
-            }
-            b'G' => {
-                let number = f64::from_be_bytes(self.array()?);
-                self.push(Node::Number(number))?;
-            }
-            b'S' => {
-                let line = self.line()?;
-                let text = line.trim_matches(['\'', '"']);
-                self.text(text.as_bytes(), budget)?;
-            }
-            b'V' => {
-                let text = self.line()?;
-                self.text(text.as_bytes(), budget)?;
-            }
-            b'T' | b'X' => {
-                let size = self.size4()?;
-                let text = self.take(size)?;
-                self.text(text, budget)?;
-            }
-            b'U' | 0x8c => {
-                let size = usize::from(self.byte()?);
-                let text = self.take(size)?;
-                self.text(text, budget)?;
-            }
-            0x8d => {
-                let size = self.size8()?;
-                let text = self.take(size)?;
-                self.text(text, budget)?;
-            }
-            b'B' => {
-                let size = self.size4()?;
-                self.bytes(size, budget)?;
-            }
-            b'C' => {
-                let size = usize::from(self.byte()?);
-                self.bytes(size, budget)?;
-            }
-            0x8e | 0x96 => {
-                let size = self.size8()?;
-                self.bytes(size, budget)?;
-            }
-            b')' | b']' | 0x8f => self.push(Node::List(Vec::new()))?,
-            b'}' => self.push(Node::Dict(Vec::new()))?,
-            b'l' | b't' | 0x91 => {
-                let items = self.pop_mark()?;
-                self.push(Node::List(items))?;
-            }
-            0x85..=0x87 => {
-                let count = usize::from(op - 0x84);
-                let items = self.pop_many(count)?;
-                self.push(Node::List(items))?;
-            }
-            b'd' => {
-                let items = self.pop_mark()?;
-                self.push(Node::Dict(pairs(&items)?))?;
             }
             b'a' => {
                 let items = self.pop_many(1)?;
@@ -206,31 +209,15 @@ impl<'a> Machine<'a> {
                 let items = self.pop_mark()?;
                 self.set_items(&items)?;
             }
-            b'p' => {
-                let key = self.line()?.parse().map_err(|_| PickleError::MemoNumber)?;
-                self.put(key)?;
-            }
-            b'q' => {
-                let key = self.byte()?;
-                self.put(u64::from(key))?;
-            }
-            b'r' => {
-                let key = self.size4()?;
-                self.put(key as u64)?;
-            }
-            0x94 => self.put(self.memo.len() as u64)?,
-            b'g' => {
-                let key = self.line()?.parse().map_err(|_| PickleError::MemoNumber)?;
-                self.get(key)?;
-            }
-            b'h' => {
-                let key = self.byte()?;
-                self.get(u64::from(key))?;
-            }
-            b'j' => {
-                let key = self.size4()?;
-                self.get(key as u64)?;
-            }
+            _ => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    /// Instructions that name classes and functions, or make objects of them.
+    fn object(&mut self, op: u8, budget: &mut Budget) -> Result<(), Problem> {
+        match op {
+            b'N' => self.push(Node::None)?,
             b'c' => {
                 let (module, name) = (self.line()?, self.line()?);
                 self.global(module, name, budget)?;
@@ -262,11 +249,9 @@ impl<'a> Machine<'a> {
                 }
             }
             // INST, OBJ, NEWOBJ_EX, EXT1-4, PERSID, buffers of other files.
-            _ => {
-                return Err(PickleError::Instruction(op).into());
-            }
+            _ => return Err(PickleError::Instruction(op).into()),
         }
-        Ok(None)
+        Ok(())
     }
 
     fn take(&mut self, count: usize) -> Result<&'a [u8], PickleError> {

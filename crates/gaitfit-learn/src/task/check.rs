@@ -131,6 +131,39 @@ fn check_curriculum(command: &CommandSettings) -> Result<(), TaskError> {
 
 /// Refuses numbers out of range, by setting.
 pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
+    check_positive(settings)?;
+    check_joint_numbers(settings)?;
+    check_steps(settings)?;
+    check_from_zero(settings)?;
+    check_places(settings)?;
+    check_intervals(settings)?;
+    check_curriculum(&settings.command)?;
+    let longest = settings.randomisation.delay[1];
+    if longest > LONGEST_DELAY {
+        let what = format!("reaches {} s; it may be at most {LONGEST_DELAY} s", shown_number(longest));
+        return refuse("randomisation.delay", what);
+    }
+    if !(0.0..=1.0).contains(&settings.command.standing) {
+        return refuse(
+            "command.standing",
+            format!("is {}; it must be from 0 to 1", shown_number(settings.command.standing)),
+        );
+    }
+    if let Some(terrain) = &settings.terrain {
+        terrain.check()?;
+    }
+    let norm = settings.posture.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if (norm - 1.0).abs() > 1e-3 || norm.is_nan() {
+        return refuse("posture", "is not a direction of length 1".to_owned());
+    }
+    if settings.feet.is_empty() || settings.feet.len() > MAX_FEET {
+        return refuse("feet", format!("has {} names; give 1 to {MAX_FEET}", settings.feet.len()));
+    }
+    Ok(())
+}
+
+/// Numbers above 0.
+fn check_positive(settings: &TaskSettings) -> Result<(), TaskError> {
     let positive = [
         ("episode_seconds", settings.episode_seconds, 1e4),
         ("control_dt", settings.control_dt, 1.0),
@@ -149,7 +182,11 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
             );
         }
     }
-    check_joint_numbers(settings)?;
+    Ok(())
+}
+
+/// The physics steps, and the control period.
+fn check_steps(settings: &TaskSettings) -> Result<(), TaskError> {
     if let Some(step) = settings.robot_timestep {
         let max = 2.0 * settings.control_dt / settings.substeps.max(1) as f64;
         if !(0.0..=max).contains(&step) {
@@ -164,6 +201,11 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
             format!("is {} s; it must be at least {MIN_CONTROL_DT} s", shown_number(settings.control_dt)),
         );
     }
+    Ok(())
+}
+
+/// Numbers from 0: sizes of what is drawn.
+fn check_from_zero(settings: &TaskSettings) -> Result<(), TaskError> {
     let ranges = [
         ("start.joint_position", settings.start.joint_position),
         ("start.joint_velocity", settings.start.joint_velocity),
@@ -189,6 +231,11 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
             return refuse(&setting, format!("is {}; it must be from 0 to 10000", shown_number(half_range)));
         }
     }
+    Ok(())
+}
+
+/// Heights and tilts, which may be below 0.
+fn check_places(settings: &TaskSettings) -> Result<(), TaskError> {
     // A base's origin may lie below the floor; a robot that stands is above where it counts as fallen.
     let below_floor = settings.height < 0.0 && settings.height > settings.fall.height;
     if !(below_floor || (0.0..=1e4).contains(&settings.height)) {
@@ -199,6 +246,11 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
             return refuse(setting, format!("is {}; it must be from -10000 to 10000", shown_number(value)));
         }
     }
+    Ok(())
+}
+
+/// Intervals that are drawn from.
+fn check_intervals(settings: &TaskSettings) -> Result<(), TaskError> {
     let r = &settings.randomisation;
     let c = &settings.command;
     let intervals = [
@@ -224,27 +276,6 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
                 ),
             );
         }
-    }
-    check_curriculum(c)?;
-    if r.delay[1] > LONGEST_DELAY {
-        let what = format!("reaches {} s; it may be at most {LONGEST_DELAY} s", shown_number(r.delay[1]));
-        return refuse("randomisation.delay", what);
-    }
-    if !(0.0..=1.0).contains(&c.standing) {
-        return refuse(
-            "command.standing",
-            format!("is {}; it must be from 0 to 1", shown_number(c.standing)),
-        );
-    }
-    if let Some(terrain) = &settings.terrain {
-        terrain.check()?;
-    }
-    let norm = settings.posture.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if (norm - 1.0).abs() > 1e-3 || norm.is_nan() {
-        return refuse("posture", "is not a direction of length 1".to_owned());
-    }
-    if settings.feet.is_empty() || settings.feet.len() > MAX_FEET {
-        return refuse("feet", format!("has {} names; give 1 to {MAX_FEET}", settings.feet.len()));
     }
     Ok(())
 }

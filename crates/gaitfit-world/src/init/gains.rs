@@ -74,6 +74,124 @@ pub fn servo(model: &Model, joint: usize) -> Option<[f64; 2]> {
     position.then(|| [gear * actuator.gain, gear * (-actuator.bias[2]).max(0.0) + 0.0])
 }
 
+/// What gains are chosen by.
+struct Chooser<'a> {
+    model: &'a Model,
+    anatomy: &'a Anatomy,
+    /// kp over m g l.
+    stiffness: f64,
+    /// m g l of the robot, N·m.
+    unit: f64,
+    /// What each joint feels in the air, kg·m².
+    inertia: Vec<f64>,
+    /// Torque of a usual motor, N·m.
+    usual_effort: Option<f64>,
+    /// Gains of the file's position actuators.
+    servos: Vec<Option<[f64; 2]>>,
+    /// Gains that hold each joint in the pose.
+    held: Vec<f64>,
+}
+
+impl<'a> Chooser<'a> {
+    fn new(
+        model: &'a Model,
+        anatomy: &'a Anatomy,
+        angles: &[f64],
+        sizes: &Sizes,
+        source: Source,
+    ) -> Result<Self, InitError> {
+        let stiffness = match source {
+            Source::Size(factor) => STIFFNESS * factor,
+            _ => STIFFNESS,
+        };
+        let params = Robot::nominal(model).params(model);
+        let params = params.map_err(|error| InitError::Robot(error.to_string()))?;
+        let efforts: Vec<f64> = anatomy.moved.iter().filter_map(|&joint| model.effort(joint)).collect();
+        Ok(Self {
+            model,
+            anatomy,
+            stiffness,
+            unit: sizes.mass * sizes.gravity * sizes.leg,
+            inertia: params.joints.iter().map(|joint| joint.weight).collect(),
+            usual_effort: median(efforts),
+            servos: (0..model.joints.len()).map(|joint| servo(model, joint)).collect(),
+            held: held(model, angles, sizes.gravity),
+        })
+    }
+
+    /// kp by the robot's size; less for joints with weaker motors.
+    fn by_size(&self, joint: usize) -> f64 {
+        let weak = match (self.model.effort(joint), self.usual_effort) {
+            (Some(effort), Some(usual)) if usual > 0.0 => (effort / usual).min(1.0),
+            _ => 1.0,
+        };
+        self.stiffness * self.unit * weak
+    }
+
+    /// kp of the file's position actuators over that by size; `None` if a joint of the legs has none.
+    fn ratio(&self) -> Option<f64> {
+        let moved = || self.anatomy.moved.iter();
+        let ratios: Vec<f64> =
+            moved().filter_map(|&joint| Some(self.servos[joint]?[0] / self.by_size(joint))).collect();
+        median(ratios).filter(|_| moved().all(|&joint| self.servos[joint].is_some()))
+    }
+
+    /// kp, kd and the scale of actions of a joint; whether the robot's inertia bounds its gains. `takes_servos`: legs have the
+    /// gains of the file.
+    fn choose(&self, joint: usize, takes_servos: bool) -> ([f64; 3], bool) {
+        if self.anatomy.passive.contains(&joint) {
+            return ([0.0, 0.0, SCALE], false);
+        }
+        let (model, inertia) = (self.model, self.inertia[joint]);
+        let moved = self.anatomy.moved.contains(&joint);
+        let [stiff, thick] = if moved { [STIFFEST, THICKEST] } else { [HELD_STIFFEST, HELD_THICKEST] };
+        let (stiffest, thickest) = (stiff * inertia / (STEP * STEP), thick * inertia / STEP);
+        // A braked wheel carries the robot as a foot does.
+        let moved = moved || self.anatomy.wheels.contains(&joint);
+        let [p, d] = match (moved, self.servos[joint]) {
+            (true, Some([p, d])) if takes_servos && d > 0.0 => [p, d],
+            (true, Some([p, _])) if takes_servos => [p, (DAMPING * p - model.joints[joint].damping).max(0.0)],
+            (true, _) => [self.by_size(joint), DAMPING * self.by_size(joint)],
+            (false, _) => {
+                let weakest = model.effort(joint).unwrap_or(f64::INFINITY) / SAG;
+                let p = self.held[joint].min(weakest).min(stiffest);
+                [p, 1.4 * (p * inertia).sqrt()]
+            }
+        };
+        let kp = tidy(p.min(stiffest)).max(1e-3);
+        // A unit of action is a torque of at most half of what the motor has.
+        let torque = model.effort(joint).map_or(SCALE, |effort| 0.5 * effort / kp);
+        let scale = digits(SCALE.min(torque).max(0.1), 2);
+        ([kp, tidy(d.min(thickest)), scale], moved && (p > stiffest || d > thickest))
+    }
+
+    /// Where the gains are from, in words; `ratio` as of [`Self::ratio`].
+    fn how(&self, source: Source, takes_servos: bool, ratio: Option<f64>) -> String {
+        let lacks_kv = |&joint: &usize| self.servos[joint].is_some_and(|[_, d]| d == 0.0);
+        if takes_servos && self.anatomy.moved.iter().any(lacks_kv) {
+            return format!(
+                "kp of the file's position actuators, which state no kv: kd = {DAMPING} s · kp less the joint's damping (a guess)"
+            );
+        }
+        if takes_servos {
+            return "kp and kd of the file's position actuators".to_owned();
+        }
+        let stiffness = self.stiffness;
+        let mut how = format!(
+            "kp = {stiffness:?} m g l = {:?} N·m/rad, less for joints with weaker motors; kd = {DAMPING} s · kp (a guess)",
+            tidy(stiffness * self.unit)
+        );
+        if let Some(ratio) = ratio.filter(|_| source == Source::Likely) {
+            let times = if ratio > 1.0 { tidy(ratio) } else { tidy(1.0 / ratio) };
+            let than = if ratio > 1.0 { "stiffer" } else { "softer" };
+            how.push_str(&format!(
+                "; the file's position actuators are {times:?} times {than}, which trains badly"
+            ));
+        }
+        how
+    }
+}
+
 impl Gains {
     /// In the pose `angles` (rad, model order).
     pub fn new(
@@ -83,94 +201,24 @@ impl Gains {
         sizes: &Sizes,
         source: Source,
     ) -> Result<Self, InitError> {
-        let stiffness = match source {
-            Source::Size(factor) => STIFFNESS * factor,
-            _ => STIFFNESS,
-        };
-        let unit = sizes.mass * sizes.gravity * sizes.leg;
-        let inertia: Vec<f64> = Robot::nominal(model)
-            .params(model)
-            .map_err(|error| InitError::Robot(error.to_string()))?
-            .joints
-            .iter()
-            .map(|joint| joint.weight)
-            .collect();
-        let efforts: Vec<f64> = anatomy.moved.iter().filter_map(|&joint| model.effort(joint)).collect();
-        let usual = median(efforts.clone());
-        let by_size = |joint: usize| {
-            let weak = match (model.effort(joint), usual) {
-                (Some(effort), Some(usual)) if usual > 0.0 => (effort / usual).min(1.0),
-                _ => 1.0,
-            };
-            stiffness * unit * weak
-        };
-        let servos: Vec<Option<[f64; 2]>> =
-            (0..model.joints.len()).map(|joint| servo(model, joint)).collect();
-        let ratios: Vec<f64> =
-            anatomy.moved.iter().filter_map(|&joint| Some(servos[joint]?[0] / by_size(joint))).collect();
-        let ratio = median(ratios).filter(|_| anatomy.moved.iter().all(|&joint| servos[joint].is_some()));
-        let likely = match source {
+        let chooser = Chooser::new(model, anatomy, angles, sizes, source)?;
+        let ratio = chooser.ratio();
+        let takes_servos = match source {
             Source::Likely => ratio.is_some_and(|ratio| (1.0 / LIKELY..=LIKELY).contains(&ratio)),
             Source::Servos => ratio.is_some(),
             Source::Size(_) => false,
         };
-        let held = held(model, angles, sizes.gravity);
         let (mut kp, mut kd, mut scale) = (Vec::new(), Vec::new(), Vec::new());
         let mut bounded = Vec::new();
         for joint in 0..model.joints.len() {
-            let moved = anatomy.moved.contains(&joint);
-            let [stiff, thick] = if moved { [STIFFEST, THICKEST] } else { [HELD_STIFFEST, HELD_THICKEST] };
-            let damping = model.joints[joint].damping;
-            let (stiffest, thickest) =
-                (stiff * inertia[joint] / (STEP * STEP), thick * inertia[joint] / STEP);
-            if anatomy.passive.contains(&joint) {
-                kp.push(0.0);
-                kd.push(0.0);
-                scale.push(SCALE);
-                continue;
-            }
-            // A braked wheel carries the robot as a foot does.
-            let moved = moved || anatomy.wheels.contains(&joint);
-            let [p, d] = match (moved, servos[joint]) {
-                (true, Some([p, d])) if likely && d > 0.0 => [p, d],
-                (true, Some([p, _])) if likely => [p, (DAMPING * p - damping).max(0.0)],
-                (true, _) => [by_size(joint), DAMPING * by_size(joint)],
-                (false, _) => {
-                    let p = held[joint].min(model.effort(joint).unwrap_or(f64::INFINITY) / SAG).min(stiffest);
-                    [p, 1.4 * (p * inertia[joint]).sqrt()]
-                }
-            };
-            if moved && (p > stiffest || d > thickest) {
+            let ([stiffness, damping, unit], is_bounded) = chooser.choose(joint, takes_servos);
+            if is_bounded {
                 bounded.push(model.joints[joint].name.clone());
             }
-            let p = tidy(p.min(stiffest)).max(1e-3);
-            kp.push(p);
-            kd.push(tidy(d.min(thickest)));
-            // A unit of action is a torque of at most half of what the motor has.
-            let torque = model.effort(joint).map_or(SCALE, |effort| 0.5 * effort / p);
-            scale.push(digits(SCALE.min(torque).max(0.1), 2));
+            kp.push(stiffness);
+            kd.push(damping);
+            scale.push(unit);
         }
-        let without_kv = || anatomy.moved.iter().any(|&joint| servos[joint].is_some_and(|[_, d]| d == 0.0));
-        let how = if likely && without_kv() {
-            format!(
-                "kp of the file's position actuators, which state no kv: kd = {DAMPING} s · kp less the joint's damping (a guess)"
-            )
-        } else if likely {
-            "kp and kd of the file's position actuators".to_owned()
-        } else {
-            let mut how = format!(
-                "kp = {stiffness:?} m g l = {:?} N·m/rad, less for joints with weaker motors; kd = {DAMPING} s · kp (a guess)",
-                tidy(stiffness * unit)
-            );
-            if let Some(ratio) = ratio.filter(|_| source == Source::Likely) {
-                let times = if ratio > 1.0 { tidy(ratio) } else { tidy(1.0 / ratio) };
-                let than = if ratio > 1.0 { "stiffer" } else { "softer" };
-                how.push_str(&format!(
-                    "; the file's position actuators are {times:?} times {than}, which trains badly"
-                ));
-            }
-            how
-        };
         let mut doubts = Vec::new();
         if !bounded.is_empty() {
             doubts.push(format!(
@@ -179,7 +227,7 @@ impl Gains {
                 listed(&bounded)
             ));
         }
-        let substeps = substeps(model, &kp, &kd, &inertia);
+        let substeps = substeps(model, &kp, &kd, &chooser.inertia);
         if substeps > 4 {
             doubts.push(format!(
                 "{substeps} physics steps of {:?} s in a control period: gains and damping need short ones",
@@ -197,7 +245,7 @@ impl Gains {
                  {max:?} kg·m² in training (a guess)"
             ));
         }
-        Ok(Self { kp, kd, scale, substeps, armature, how, doubts })
+        Ok(Self { kp, kd, scale, substeps, armature, how: chooser.how(source, takes_servos, ratio), doubts })
     }
 }
 

@@ -15,7 +15,7 @@ use std::sync::{Mutex, PoisonError};
 pub struct Helper {
     setup: Setup,
     /// θ with springs on some joints besides, which were asked for last.
-    sprung: Mutex<Option<(Vec<String>, Theta)>>,
+    with_springs: Mutex<Option<(Vec<String>, Theta)>>,
 }
 
 /// The bits of what the robot costs where the search begins, with every cost.
@@ -49,7 +49,7 @@ impl Helper {
         let config = parcel::unpack(parcel, folder.path())?;
         let path = folder.path().join("config.toml");
         let setup = Opening::new(&config, &path).threads(threads).devices(devices).policy(policy).open()?;
-        Ok(Self { setup, sprung: Mutex::new(None) })
+        Ok(Self { setup, with_springs: Mutex::new(None) })
     }
 
     /// As [`Setup::mark`].
@@ -66,12 +66,12 @@ impl Helper {
     /// A task of another fit or version, a simulation that fails, [`FitError::Cancelled`].
     pub fn work(&self, task: &[u8], cancel: &Cancel<'_>) -> Result<Vec<u8>, FitError> {
         let Task { simulator, values, work } = read(task)?;
-        let mut sprung = self.sprung.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut with_springs = self.with_springs.lock().unwrap_or_else(PoisonError::into_inner);
         let nothing = Theta::default();
         let theta = match values {
             Values::None => &nothing,
             Values::Fitted { springs } if springs.is_empty() => &self.setup.theta,
-            Values::Fitted { springs } => match &mut *sprung {
+            Values::Fitted { springs } => match &mut *with_springs {
                 Some((known, theta)) if *known == springs => theta,
                 other => {
                     let theta = self.setup.with_springs(&springs).map_err(SimulatorError::failed)?;

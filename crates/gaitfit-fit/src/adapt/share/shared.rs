@@ -3,9 +3,9 @@
 use super::Shares;
 use super::signals;
 use super::task::{Task, Values, Work, read};
-use gaitfit_adapt::cost::{Cost, Signal};
+use gaitfit_adapt::cost::Cost;
 use gaitfit_adapt::fit::{Costs, Evaluation, FitError, Job, Views};
-use gaitfit_adapt::{Cancel, Consume, Rollout, Simulator, SimulatorError, Theta};
+use gaitfit_adapt::{Cancel, Consume, Identity, Rollout, Simulator, SimulatorError, Theta};
 use std::ops::Range;
 
 /// Robots that are simulated together: fewer in a task would leave lanes empty.
@@ -79,20 +79,8 @@ fn all<T>(found: Vec<Option<T>>) -> Result<Vec<T>, FitError> {
 }
 
 impl Simulator for Shared {
-    fn joints(&self) -> &[String] {
-        self.local.joints()
-    }
-
-    fn recordings(&self) -> usize {
-        self.local.recordings()
-    }
-
-    fn logs(&self) -> usize {
-        self.local.logs()
-    }
-
-    fn provides(&self, signal: Signal) -> bool {
-        self.local.provides(signal)
+    fn identity(&self) -> &Identity {
+        self.local.identity()
     }
 
     fn simulate(

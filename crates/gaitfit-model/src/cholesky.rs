@@ -1,0 +1,72 @@
+//! The factor of a mass matrix.
+
+/// Smallest pivot, so that hopeless inertias stay finite (MuJoCo's `mjMINVAL`).
+const MIN_PIVOT: f64 = 1e-15;
+
+/// Lower triangular L with L Lᵀ = M, row-major.
+pub struct Cholesky {
+    factor: Vec<f64>,
+    size: usize,
+}
+
+impl Cholesky {
+    /// Of the symmetric matrix `m`, `size × size`, row-major, of which the lower triangle is read.
+    pub fn new(mut m: Vec<f64>, size: usize) -> Self {
+        for j in 0..size {
+            let mut pivot = m[j * size + j];
+            for k in 0..j {
+                pivot -= m[j * size + k] * m[j * size + k];
+            }
+            let pivot = pivot.max(MIN_PIVOT).sqrt();
+            m[j * size + j] = pivot;
+            for i in j + 1..size {
+                let mut x = m[i * size + j];
+                for k in 0..j {
+                    x -= m[i * size + k] * m[j * size + k];
+                }
+                m[i * size + j] = x / pivot;
+            }
+        }
+        Self { factor: m, size }
+    }
+
+    /// `vᵀ M⁻¹ v`
+    pub fn inverse_form(&self, v: &[f64]) -> f64 {
+        let (l, n) = (&self.factor, self.size);
+        let mut y = v.to_vec();
+        for i in 0..n {
+            for k in 0..i {
+                y[i] -= l[i * n + k] * y[k];
+            }
+            y[i] /= l[i * n + i];
+        }
+        y.iter().map(|x| x * x).sum()
+    }
+
+    /// `(M⁻¹)ᵢᵢ`
+    pub fn inverse_diagonal(&self, i: usize) -> f64 {
+        let mut unit = vec![0.0; self.size];
+        unit[i] = 1.0;
+        self.inverse_form(&unit)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// M = [[4, 2], [2, 3]] has the inverse [[3, −2], [−2, 4]] / 8.
+    #[test]
+    fn inverses_are_those_worked_by_hand() {
+        let factor = Cholesky::new(vec![4.0, 2.0, 2.0, 3.0], 2);
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a}, not {b}");
+        near(factor.inverse_diagonal(0), 0.375);
+        near(factor.inverse_diagonal(1), 0.5);
+        near(factor.inverse_form(&[1.0, 2.0]), (3.0 - 8.0 + 16.0) / 8.0);
+    }
+
+    #[test]
+    fn a_matrix_without_inertia_stays_finite() {
+        assert!(Cholesky::new(vec![0.0; 4], 2).inverse_diagonal(1).is_finite());
+    }
+}
