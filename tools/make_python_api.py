@@ -51,8 +51,9 @@ the processor, and DLPack: `torch.from_dlpack(array)` and other libraries take i
 
 PAGES = [
     Page("stages", "Python: stages", "The commands of the program as functions. [Call it from Python](../python.md) begins with examples.\n\n" + TYPES + "\n\n" + ERRORS, [
-        ("gaitfit", "_stages.py", ["fit", "validate", "loop"]),
+        ("gaitfit", "_stages.py", ["fit", "validate", "explain", "loop"]),
         ("gaitfit", "_walks.py", ["train", "finetune", "evaluate", "collect"]),
+        ("gaitfit", "_stages.py", ["compare"]),
         ("gaitfit", "_fleet.py", ["fleet"]),
         ("gaitfit", "results/_read.py", ["load"]),
         ("gaitfit", "_progress.py", ["Event"]),

@@ -289,7 +289,9 @@ def python_type(rust: str, owner: Class, field: str, classes: dict[str, str]) ->
         return python_type(option.group(1), owner, field, classes)
     several = re.fullmatch(r"Vec<(.*)>", rust)
     if several:
-        return f"Sequence[{python_type(several.group(1), owner, field, classes)}]"
+        inner = python_type(several.group(1), owner, field, classes)
+        # One cost may stand for a list of one.
+        return f"{inner} | Sequence[{inner}]" if inner == "Cost" else f"Sequence[{inner}]"
     table = re.fullmatch(r"(?:BTreeMap|IndexMap)<String, (.*)>", rust)
     if table:
         return f"Mapping[str, {python_type(table.group(1), owner, field, classes)}]"
@@ -362,6 +364,30 @@ def default_text(owner: Class, field: str, tables: dict[str, dict]) -> str:
     return f" Default: {', '.join(texts)}." if texts else ""
 
 
+def named_choices(kind: str) -> str:
+    """The choices of a field's type, where it has some."""
+    found = {"ParameterKind": [name for name, *_ in parameter_kinds()], "Cost": COSTS}
+    for name in dict.fromkeys(re.findall(r"\b[A-Z]\w+", kind)):
+        values = found.get(name) or (choices(name) if name in ENUMS else [])
+        if values:
+            return f" One of {', '.join(f'``{value}``' for value in values)}."
+    return ""
+
+
+def expressions() -> list[str]:
+    """What expressions of ``Task.terms`` may name, and their operators, from the page on tasks."""
+    text = read(ROOT / "docs" / "tasks.md")
+    start = text.index("| name | elements | content |")
+    part = text[start : text.index("\n\nA wrong expression", start)].replace("`", "``")
+    lines = ["", "    Names in expressions of ``terms``, with their elements where they are rows:", ""]
+    for line in part.splitlines()[2:]:
+        if line.startswith("|"):
+            name, elements, content = (one.strip() for one in line.strip("|").split("|"))
+            line = f"- {name}{f' ({elements})' if elements else ''}: {content}"
+        lines += textwrap.wrap(line, WIDTH, initial_indent="    ", subsequent_indent="      ") or [""]
+    return lines
+
+
 def written(owner: Class, classes: dict[str, str], tables: dict[str, dict]) -> str:
     whole, fields = fields_of(owner, classes)
     whole = re.sub(r"``(\w+)``", lambda name: f"``{classes.get(name[1], name[1])}``", whole)
@@ -370,8 +396,11 @@ def written(owner: Class, classes: dict[str, str], tables: dict[str, dict]) -> s
     head = f"@dataclass(frozen=True, kw_only=True)\nclass {owner.name}(Settings):"
     lines = [head, *textwrap.wrap(f'"""{whole}', WIDTH, initial_indent="    ", subsequent_indent="    ")]
     lines += ["", "    Attributes:"]
-    for name, _, docs in fields:
+    for name, kind, docs in fields:
         docs = docs if docs.endswith((".", ":")) else f"{docs}."
+        # Kinds of parameters are explained one by one below.
+        docs += "" if (owner.name, name) == ("Parameter", "kind") else named_choices(kind)
+        docs += f" In a file: ``{name}``." if name in NAMES else ""
         text = f"{NAMES.get(name, name)}: {docs}{default_text(owner, name, tables)}"
         lines += textwrap.wrap(
             text, WIDTH, initial_indent="        ", subsequent_indent="            ", break_long_words=False,
@@ -382,6 +411,8 @@ def written(owner: Class, classes: dict[str, str], tables: dict[str, dict]) -> s
         for name, docs, unit, search in parameter_kinds():
             text = f"- ``{name}``, {unit}, ({search}): {docs}"
             lines += textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="      ", break_long_words=False)
+    if owner.name == "Task":
+        lines += expressions()
     lines += ["", f"    >>> settings = {EXAMPLES[owner.name]}"]
     lines += ['    """', ""]
     for name, kind, _ in fields:

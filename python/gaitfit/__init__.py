@@ -1,6 +1,7 @@
 """Fits a legged robot's simulator to logs of the real robot, and trains its policy there.
 
-Stages: :func:`fit`, :func:`validate`, :func:`train`, :func:`finetune`, :func:`evaluate`, :func:`collect`, :func:`loop`.
+Stages: :func:`fit`, :func:`validate`, :func:`train`, :func:`finetune`, :func:`evaluate`, :func:`collect`, :func:`loop`; beside them
+:func:`explain` (what a model lacks, from logs) and :func:`compare` (two evaluations).
 Their results: :mod:`gaitfit.results`; :func:`load` reads them from a run folder.
 Their settings as dataclasses: :mod:`gaitfit.config`; functions for ``progress=``: :mod:`gaitfit.callbacks`.
 Logs: :func:`read_log`, :class:`Log` (of arrays and tables); charts: :mod:`gaitfit.plots`.
@@ -19,6 +20,9 @@ from ._gaitfit import DeviceArray, GaitfitError, Stopped, __version__
 
 if TYPE_CHECKING:
     from . import callbacks, config, costs, results
+    from . import gym as gym
+    from . import mujoco as mujoco
+    from . import plots as plots
     from ._cma import CMA
     from ._fleet import fleet
     from ._log_files import read_log
@@ -30,7 +34,7 @@ if TYPE_CHECKING:
     from ._progress import Event
     from ._robots import Robots
     from ._robots_state import Motion, RobotsState
-    from ._stages import fit, loop, validate
+    from ._stages import compare, explain, fit, loop, validate
     from ._walks import collect, evaluate, finetune, train
     from .results import (
         Collection,
@@ -74,9 +78,11 @@ __all__ = [
     "__version__",
     "callbacks",
     "collect",
+    "compare",
     "config",
     "costs",
     "evaluate",
+    "explain",
     "finetune",
     "fit",
     "fit_simulator",
@@ -103,11 +109,13 @@ _PARTS = {
     "_progress": ("Event",),
     "_robots": ("Robots",),
     "_robots_state": ("Motion", "RobotsState"),
-    "_stages": ("fit", "loop", "validate"),
+    "_stages": ("compare", "explain", "fit", "loop", "validate"),
     "_walks": ("collect", "evaluate", "finetune", "train"),
     "callbacks": ("callbacks",),
     "config": ("config",),
     "costs": ("costs",),
+    # These need other packages, and say so.
+    **{name: (name,) for name in ("gym", "mujoco", "mujoco_warp", "plots", "ray", "rsl_rl", "sb3")},
     "results": (
         "results",
         "Collection",

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import os
+import re
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Union
 
 from ._arguments import count, flag, items, mapping, maybe, path, real, text
 from ._arguments import threads as checked_threads
@@ -14,11 +17,18 @@ from ._log_files import kept
 from ._logs import Log
 from ._policy import Policy
 from ._toml import toml
+from ._settings import KEYS
 from ._settings import Settings as TypedSettings
+
+if TYPE_CHECKING:
+    from .config import TrueNumber, TrueParameter
+    from .results import FitResult
 
 PathLike = str | os.PathLike[str]
 #: Settings by their names in a file, with dots between tables.
 Settings = Mapping[str, Any]
+#: What a robot is beside its file.
+Theta = Union[PathLike, "FitResult", Sequence[Union["TrueParameter", "TrueNumber"]]]
 #: What computes. ``"cuda:0,1"`` are several GPUs; other numbers of GPUs are right, too, where these are not enough.
 Device = Literal[
     "cpu", "auto", "cuda", "cuda:0", "cuda:1", "cuda:2", "cuda:3", "cuda:4", "cuda:5", "cuda:6", "cuda:7",
@@ -73,13 +83,24 @@ def existing(name: str, file: PathLike | None) -> str | None:
     return found
 
 
+def robot_of(robot: PathLike | None) -> str | None:
+    """A robot's file, which must be there; names of built-in robots are no files."""
+    found: str | None = maybe(path, "robot", robot)
+    return existing("robot", found) if found is not None and Path(found).suffix else found
+
+
 def given_settings(settings: Settings | None) -> dict[str, Any]:
     """Settings by name."""
     given = {} if settings is None else mapping("settings", settings, '{"optimizer.generations": 50}')
     for name, value in given.items():
         if isinstance(value, Mapping) and not value:
             raise ValueError(f"settings has an empty dict for {name}, which changes nothing; name the settings in it, or leave it out")
-    return given
+    return {in_file(name): value for name, value in given.items()}
+
+
+def in_file(name: str) -> str:
+    """A setting's name as files have it: ``parameters`` of :class:`gaitfit.config.Fit` is ``parameter`` there."""
+    return ".".join(KEYS.get(part, part) for part in name.split("."))
 
 
 def sets(settings: Settings | None) -> list[str]:
@@ -95,7 +116,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, TypedSettings):
         return value.to_dict()
     if isinstance(value, Mapping):
-        return {name: _plain(one) for name, one in value.items()}
+        return {KEYS.get(name, name): _plain(one) for name, one in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(one) for one in value]
     return value
@@ -112,13 +133,24 @@ def fit_settings(
     """The settings of a fit that are arguments too."""
     given = {
         "logs": None if logs is None else log_files(logs, runs),
-        "robot": maybe(path, "robot", robot),
-        "policy": policy,
+        "robot": robot_of(robot),
+        "policy": policy if policy is None or str(policy).startswith("the function ") else existing("policy", policy),
         "base": None if policy is None else "free",
-        "costs": [costs] if isinstance(costs, str) else maybe(names, "costs", costs),
+        "costs": None if costs is None else costs_of(costs),
         "runs": maybe(path, "runs", runs),
     }
     return {**{name: value for name, value in given.items() if value is not None}, **given_settings(settings)}
+
+
+def costs_of(costs: Any) -> list[str]:
+    """Names of costs."""
+    found = names("costs", [costs] if isinstance(costs, str) else costs)
+    wrong = next((one for one in found if not re.fullmatch(r"wass|matcho|matchr[0-9]+|matchs[0-9]*", one)), None)
+    if wrong is not None:
+        near = difflib.get_close_matches(wrong, ["wass", "matcho", "matchr1", "matchs"], 1)
+        meant = f"; did you mean {near[0]!r}?" if near else "; it must be 'wass', 'matcho', 'matchr1' or another"
+        raise ValueError(f"costs has {wrong!r}{meant} Costs are wass, matcho, and matchr and matchs with a number of samples")
+    return found
 
 
 def log_files(logs: Any, runs: PathLike | None) -> list[str]:
@@ -129,8 +161,13 @@ def log_files(logs: Any, runs: PathLike | None) -> list[str]:
     for one in several:
         log = Log.from_dataframe(one) if _is_table(one) else one
         otherwise = ", a gaitfit.Log or a DataFrame"
-        files.append(str(kept(log, folder)) if isinstance(log, Log) else path("an element of logs", log, otherwise))
+        files.append(str(kept(log, folder)) if isinstance(log, Log) else there(path("an element of logs", log, otherwise)))
     return files
+
+
+def there(file: str) -> str:
+    """A log's file or folder, or a pattern of some; what is no pattern must be there."""
+    return file if any(mark in file for mark in "*?[") else str(existing("logs", file))
 
 
 def _is_table(value: object) -> bool:
@@ -143,7 +180,7 @@ def world(
     robot: PathLike | None,
     lenient: bool,
     task: str | None,
-    theta: PathLike | None,
+    theta: Any,
     spring: Sequence[str],
     torque_noise: float,
     randomised: bool = False,
@@ -153,11 +190,11 @@ def world(
 ) -> dict[str, Any]:
     """A policy and the simulator that it walks in."""
     return {
-        "policy": own(policy) or path("policy", named_policy(policy)),
-        "robot": maybe(path, "robot", robot),
+        "policy": own(policy) or existing("policy", named_policy(policy)),
+        "robot": robot_of(robot),
         "lenient": flag("lenient", lenient),
         "task": maybe(text, "task", task),
-        "theta": existing("theta", theta),
+        "theta": theta_file(theta),
         "spring": [spring] if isinstance(spring, str) else names("spring", spring),
         "torque_noise": real("torque_noise", torque_noise),
         "randomised": flag("randomised", randomised),
@@ -165,6 +202,51 @@ def world(
         "seed": count("seed", seed, 0),
         "threads": checked_threads(threads),
     }
+
+
+def theta_file(theta: Any) -> str | None:
+    """A file of a robot's values: values of a list are written into one, where the same ones have the same name."""
+    from .config import TrueNumber, TrueParameter
+    from .results import FitResult
+
+    if isinstance(theta, FitResult):
+        return existing("theta", theta.theta)
+    if theta is None or isinstance(theta, (str, os.PathLike)):
+        return existing("theta", theta)
+    if isinstance(theta, (TrueParameter, TrueNumber)):
+        theta = [theta]
+    needed = "a path, a gaitfit.FitResult, or a list of gaitfit.config.TrueParameter and TrueNumber"
+    if isinstance(theta, (bytes, Mapping)) or not isinstance(theta, Iterable):
+        raise TypeError(f"theta is {theta!r}; give {needed}")
+    lines = ["format = 1\n"]
+    for one in theta:
+        if not isinstance(one, (TrueParameter, TrueNumber)):
+            raise TypeError(f"theta has {one!r}; give {needed}")
+        if one.value is None:
+            raise ValueError(f"theta has a {one.kind} without a value")
+        joints = one.joints or ["*"] if isinstance(one, TrueParameter) else None
+        values = {"name": one.kind, "kind": one.kind, "joints": joints, "value": float(one.value)}
+        lines += ["\n[[parameter]]\n", *(f"{name} = {toml(value)}\n" for name, value in values.items() if value is not None)]
+    text = "".join(lines)
+    folder = Path(tempfile.gettempdir()) / f"gaitfit-theta-{os.getuid() if hasattr(os, 'getuid') else 0}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.toml"
+    file.write_text(text, encoding="utf-8")
+    return str(file)
+
+
+def policy_of(config: Any, others: Settings) -> str:
+    """The policy that the configuration of a fine-tuning names."""
+    from .config import Finetune
+
+    found = others.get("policy")
+    if found is None and isinstance(config, Finetune):
+        found = config.policy
+    elif found is None and config is not None:
+        found = Finetune.read(config).policy
+    if found is None:
+        raise TypeError("the policy is missing: give finetune(policy, ...), or a configuration that names it")
+    return path("policy", found)
 
 
 def own(policy: PathLike | Policy | None) -> dict[str, Any] | None:

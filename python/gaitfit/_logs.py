@@ -230,7 +230,8 @@ class Log:
         def matrix(columns: Sequence[str], needed: bool) -> Any:
             missing = [name for name in columns if name not in names]
             if missing and (needed or len(missing) < len(columns)):
-                raise ValueError(f"the table has no column {missing[0]}; a log needs it beside {columns[0]}")
+                beside = next((name for name in columns if name in names), f"q_{joints[0]}")
+                raise ValueError(f"the table has no column {missing[0]}; a log needs it beside {beside}")
             return None if missing else np.column_stack([numbers(name, table[name], np.float64) for name in columns])
 
         arrays = {

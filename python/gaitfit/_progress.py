@@ -22,7 +22,7 @@ class Event:
             a loop runs. ``"begin"``, ``"step"`` and ``"end"``: countable work.
         text: The note, the stage, the line, or for a step how good the result is so far, in words.
         what: What is counted, for example ``"generation"`` or ``"seed 1, iteration"``.
-        done: How many are done.
+        done: How many are done; of ``"begin"`` those before this run, where it continues one, of ``"end"`` the last step's.
         total: How many there are.
         metrics: Numbers of a step by name. Of a fit, for each cost and seed: ``"wass/seed-1/best_so_far"``, ``best``, ``mean``,
             ``sigma``, ``diverged`` and ``fallen``. Of a training: ``"train/reward"``, ``train/episode_return``,
@@ -71,7 +71,7 @@ class _Reported:
 
     def __init__(self, listeners: Sequence[Progress]) -> None:
         self._listeners = listeners
-        self._what, self._total = "", 0
+        self._what, self._done, self._total = "", 0, 0
         self._metrics: Mapping[str, float] = {}
 
     def __call__(
@@ -84,11 +84,12 @@ class _Reported:
         if kind == "begin":
             self._what, self._total = text, total
         counted = kind in ("begin", "step", "end")
+        self._done = self._done if kind not in ("begin", "step") else done
         event = Event(
             kind,
             "" if kind == "begin" else text,
             self._what if counted else "",
-            done,
+            self._done if counted else 0,
             self._total if counted else 0,
             self._metrics if kind == "step" else {},
         )

@@ -15,15 +15,16 @@ from numpy.typing import NDArray
 
 from . import _gaitfit
 from ._arguments import count as whole
-from ._arguments import flag, maybe, path, text
+from ._arguments import flag, text
 from ._arguments import threads as checked
 from ._arrays import numbers
-from ._given import configured, existing
+from ._given import configured, existing, robot_of
 from ._given import sets as as_sets
 from ._policy import Interface, interface_of
 from ._robots_state import Motion, RobotsState
 
 if TYPE_CHECKING:
+    from ._policy_file import LoadedPolicy
     from .config import Train
 
 
@@ -35,13 +36,14 @@ class Robots:
             :class:`gaitfit.config.Train`; without it the robot is the built-in Go2 at its task.
         num_envs: How many robots.
         robot: The robot's file, MJCF or URDF.
+        policy: A policy's file or a :class:`gaitfit.LoadedPolicy`: its own task, in the place of ``config``.
         settings: Single settings by name, for example ``{"task.noise.joint_position": 0.0}``.
         seed: Draws depend on it and on an environment's number alone, not on ``threads``.
         threads: Threads; by default one for each core. Of no effect on a GPU.
         stagger: Spread the first episodes' ages, so that time-outs do not come in waves.
         autoreset: Whether robots whose episode ended begin the next one within the step. ``False``: they stay as they are until
             :meth:`reset` with their mask; those that diverged begin anew all the same.
-        device: ``"cpu"`` or ``"cuda"`` (``"cuda:1"``: the second GPU). On a GPU all robots are stepped there, and the arrays are
+        device: ``"cpu"``, ``"cuda"`` (``"cuda:1"``: the second GPU), or ``"auto"``: a GPU if one is there. On a GPU all robots are stepped there, and the arrays are
             :class:`gaitfit.DeviceArray` in its memory: ``torch.from_dlpack(robots.observation)`` takes one without a copy.
             Robots, commands, starts and noise are the processor's; motions differ by rounding.
 
@@ -61,6 +63,16 @@ class Robots:
         max_episode_length: Steps of an episode.
         reward_names: Names of the reward terms.
         interface, task: What a :class:`gaitfit.Policy` trained on the robots needs.
+
+    A loop with a policy and a command of yours:
+
+    >>> policy = gaitfit.load_policy("assets/go2-walk.safetensors")
+    >>> robots = gaitfit.Robots(policy=policy, num_envs=2, settings={"task.terms.low": "height < 0.2", "task.rewards.low": -1.0})
+    >>> for _ in range(3):
+    ...     robots.commands = [0.5, 0.0, 0.0]
+    ...     _ = robots.step(policy(robots.observation))
+    >>> robots.reward_terms()["low"]
+    0.0
 
     Two threads must not use the same robots at once: that is a ``RuntimeError``.
 
@@ -84,6 +96,7 @@ class Robots:
         *,
         num_envs: int = 1024,
         robot: str | os.PathLike[str] | None = None,
+        policy: str | os.PathLike[str] | LoadedPolicy | None = None,
         settings: Mapping[str, Any] | None = None,
         seed: int = 0,
         threads: int | None = None,
@@ -92,13 +105,18 @@ class Robots:
         device: str = "cpu",
     ) -> None:
         num_envs, seed = whole("num_envs", num_envs, 1), whole("seed", seed, 0)
-        model: str | None = maybe(path, "robot", robot)
+        model = robot_of(robot)
         from .config import Train
 
+        if policy is not None:
+            if config is not None:
+                raise ValueError("config and policy are given, and each states a task: give one of them, and changes as settings")
+            config = _task_of(policy)
         file, given = configured(config, Train, settings)
         threads, stagger, autoreset = checked(threads), flag("stagger", stagger), flag("autoreset", autoreset)
         task = _gaitfit.Task(existing("config", file), as_sets(given), model)
-        on_gpu = text("device", device) != "cpu"
+        device = _gaitfit.robots_device(text("device", device))
+        on_gpu = device != "cpu"
         self._gpu = _gaitfit.CudaRobots(task, num_envs, seed, stagger, autoreset, device) if on_gpu else None
         #: The robots on the processor; with a GPU copies of its robots, made when they are first needed.
         self._copies: Any = None if on_gpu else _gaitfit.Robots(task, num_envs, seed, threads, stagger, autoreset)
@@ -173,6 +191,17 @@ class Robots:
             self._copies.restart(chosen)
             self._observe()
             return self.observation
+
+    def _reset_after_end(self, mask: NDArray[np.bool_]) -> None:
+        """New episodes for the robots of ``mask``, whose last step pays and ends nothing."""
+        with self._alone():
+            if self._gpu is not None:
+                self._gpu.restart(mask, True)
+                return
+            self._copies.restart(mask)
+            self._observe()
+            for values in (self.reward, self.terminated, self.truncated):
+                values[mask] = 0
 
     def _mask(self, mask: Any) -> NDArray[np.bool_]:
         if isinstance(mask, _gaitfit.DeviceArray):
@@ -327,8 +356,39 @@ class Robots:
     def commands(self) -> Any:
         """What the robots are asked to do: ahead and to the side, m/s, and turning, rad/s; shape ``(num_envs, 3)``.
 
+        They can be set: ``robots.commands = [0.5, 0.0, 0.0]`` is for all robots, and :attr:`observation` has it at once. The task
+        draws others at an episode's beginning and each ``command.seconds``; set them before each step to hold them. The array
+        itself is a copy and read-only; on a GPU it is the robots' own, and setting copies all robots.
+
         Ahead is where the base heads; :attr:`Motion.base_linear_velocity` is in the world's frame instead. :func:`evaluate`
         measures how well a policy follows commands."""
         if self._gpu is not None:
             return self._gpu.array("commands")
-        return np.asarray(self._copies.commands(), np.float32)
+        found = np.asarray(self._copies.commands(), np.float32)
+        # Writing into a copy would change nothing.
+        found.flags.writeable = False
+        return found
+
+    @commands.setter
+    def commands(self, commands: Any) -> None:
+        array = numbers("commands", commands, np.float32)
+        if array.shape not in ((3,), (self.num_envs, 3)) or not np.isfinite(array).all():
+            raise ValueError(f"commands have the shape {array.shape}; needed: (3,) or ({self.num_envs}, 3), all finite")
+        rows = np.broadcast_to(array, (self.num_envs, 3)).tolist()
+        with self._alone():
+            if self._gpu is not None:
+                self._gpu.set_commands(rows)
+                return
+            self._copies.set_commands(rows)
+            self._observe()
+
+
+def _task_of(policy: Any) -> Train:
+    """A training at the task of a policy's file."""
+    from ._policy_file import LoadedPolicy, load_policy
+    from .config import Task, Train
+
+    loaded = policy if isinstance(policy, LoadedPolicy) else load_policy(policy)
+    if not loaded.task:
+        raise ValueError("the policy's file states no task, as those of other programs do not: give config or settings")
+    return Train(task=Task.from_toml(loaded.task))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import json
 import os
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -37,6 +38,10 @@ class Settings:
         hints = get_type_hints(type(self))
         for one in fields(self):
             value = getattr(self, one.name)
+            if isinstance(value, str) and one.name == "costs":
+                # One cost is a list of one, as in gaitfit.fit.
+                value = [value]
+                object.__setattr__(self, one.name, value)
             wrong = None if value is None else _wrong(hints[one.name], value)
             if wrong is not None:
                 kind, must = wrong
@@ -74,6 +79,27 @@ class Settings:
             return cls.from_toml(file.read_text(encoding="utf-8"))
         except ValueError as wrong:
             raise ValueError(f"{file}: {wrong}") from wrong
+
+
+def helpful(kind: type[Settings]) -> None:
+    """Has a class of settings name what was meant where there is no such setting."""
+    made: Callable[..., None] = kind.__init__
+    names = [one.name for one in fields(kind)]
+
+    @functools.wraps(made)
+    def init(self: Settings, *arguments: Any, **given: Any) -> None:
+        unknown = next((name for name in given if name not in names), None)
+        if unknown is not None:
+            raise TypeError(f"{kind.__name__} has no setting {unknown!r}{_meant(unknown, names)}")
+        made(self, *arguments, **given)
+
+    setattr(kind, "__init__", init)
+
+
+def _meant(name: object, names: Iterable[str]) -> str:
+    """What is near to a name, for the end of a message."""
+    near = difflib.get_close_matches(str(name), names, 1)
+    return f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join(names)}"
 
 
 def _wrong(hint: Any, value: Any) -> tuple[type[TypeError] | type[ValueError], str] | None:
@@ -167,9 +193,7 @@ def _decoded(kind: Any, document: Mapping[str, Any], place: str) -> Any:
     names = {KEYS.get(one.name, one.name): one.name for one in fields(kind)}
     for name, value in document.items():
         if name not in names:
-            near = difflib.get_close_matches(str(name), names, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join(names)}"
-            raise ValueError(f"there is no setting {place}{name}{hint}")
+            raise ValueError(f"there is no setting {place}{name}{_meant(name, names)}")
         values[names[name]] = _value(hints[names[name]], value, f"{place}{name}.")
     missing = [one.name for one in fields(kind) if one.kw_only is False and one.name not in values]
     if missing:

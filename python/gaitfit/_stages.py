@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from . import _gaitfit
 from . import _given as given
-from ._arguments import maybe, path
+from ._arguments import flag, maybe, path
 from ._arguments import threads as checked_threads
+from ._decode import decoded
 from ._given import Device, PathLike, Resume, Settings
 from ._logs import Log
 from ._policy import Policy
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from .config import Cost, Fit, Loop
-    from .results import FitResult, LoopResult, ValidationResult
+    from .results import Comparison, Evaluation, Explanation, FitResult, LoopResult, ValidationResult
 
 
 def fit(
@@ -46,7 +47,8 @@ def fit(
         logs: Logs to fit: CSV files or folders, :class:`Log`, or tables with columns as in a CSV log. Logs that are not files
             are written into ``runs/python-logs``. A table has no PD gains: ``Log.from_dataframe(table, kp=20.0, kd=0.5)`` states
             them, or ``settings={"gains.kp": 20.0, "gains.kd": 0.5}``.
-        robot: The robot's file, MJCF or URDF.
+        robot: The robot's file, MJCF or URDF. (A ``robot.toml`` describes a robot that ``gaitfit mujoco-sim`` simulates; it is
+            not one.)
         policy: The policy that walked: a file, or a :class:`Policy` of your own. Without one the robot's base was held and
             its legs hung in the air.
         costs: What is minimised, one fit each; the first one's values are kept. ``"wass"`` compares distributions of whole
@@ -159,3 +161,52 @@ def loop(
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
     run = given.run(config, Loop, others, name, resume, threads, device)
     return _read.loop_result(json.loads(_gaitfit.run_loop(run, listener(progress))))
+
+
+def explain(logs: PathLike | Log | pd.DataFrame, robot: PathLike = "unitree-go2", *, lenient: bool = False) -> Explanation:
+    """What a robot has and its model lacks, read from walks without a simulation, as ``gaitfit explain``: play and twist of gears,
+    friction that grows with load, a joint unlike its siblings, soft ground, late or tilted sensors.
+
+    Arguments:
+        logs: A log of a walk, or a folder of some; as for :func:`fit`.
+        robot: The robot's file, MJCF or URDF; by default the built-in Go2.
+        lenient: Leave out what the engine cannot simulate in the robot's file.
+
+    Returns the causes, the weightiest first.
+
+    Raises ``FileNotFoundError`` for a file that is missing, and :class:`GaitfitError` for logs that cannot be explained, such as those
+    of legs in the air: :func:`fit` names what these show.
+
+    >>> [cause.text for cause in gaitfit.explain("walks", "go2.xml").causes]      # doctest: +SKIP
+    ['the calf joints have 0.8° of play (fit it with kind = "play")']
+    """
+    from .results import _read
+
+    one = given.log_files(logs, None)
+    if len(one) != 1:
+        raise TypeError(f"logs has {len(one)} elements; give one log, or a folder of some")
+    file = given.robot_of(path("robot", robot))
+    found = _gaitfit.explain(str(file), one[0], flag("lenient", lenient))
+    return _read.explanation_result(json.loads(found))
+
+
+def compare(policy: Evaluation, against: Evaluation) -> Comparison:
+    """The difference of two evaluations, one minus the other, with 95 % intervals. With the same ``seed``, ``trajectories`` and
+    ``seconds`` it is that of the same trajectories one by one, whose intervals are narrower: whether a robot with other numbers, or
+    another policy, walks better is told from fewer trajectories.
+
+    Arguments:
+        policy, against: What :func:`evaluate` returned, for two policies or on two robots.
+
+    Returns the differences. Errors that are negative are smaller than those of ``against``.
+
+    >>> gaitfit.compare(walked, walked).tracking_error.mean
+    0.0
+    """
+    from .results import Comparison, Evaluation
+
+    for name, one in (("policy", policy), ("against", against)):
+        if not isinstance(one, Evaluation):
+            raise TypeError(f"{name} is {one!r}; give what gaitfit.evaluate returned")
+    on = policy.simulator if policy.simulator == against.simulator else f"{policy.simulator} / {against.simulator}"
+    return decoded(Comparison, json.loads(_gaitfit.compare(policy.to_json(), against.to_json(), on)))

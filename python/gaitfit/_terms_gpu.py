@@ -60,6 +60,10 @@ class GpuTerms:
         """Whose time is up."""
         return self._shown.truncated.clone()
 
+    def clear(self, values: Any, mask: Any) -> None:
+        """Makes the ``values`` of the robots of ``mask`` zeros."""
+        values[self._torch.as_tensor(mask, device=values.device)] = 0
+
     def observed(self, motion: Motion) -> Any:
         """As :meth:`Terms.observed`."""
         if self._terms.observation is None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from . import _gaitfit
 from . import _given as given
 from ._arguments import count, flag, maybe, path, real, text
-from ._given import Device, PathLike, Preset, Resume, Settings
+from ._given import Device, PathLike, Preset, Resume, Settings, Theta
 from ._policy import Policy
 from ._progress import Progresses, listener
 
@@ -38,7 +38,10 @@ def train(
             Go2 at its task.
         robot: The robot's file, MJCF or URDF.
         seeds: One training each, one after the other.
-        settings, runs, resume, threads, progress: As for :func:`fit`.
+        settings, runs, threads, progress: As for :func:`fit`.
+        resume: ``True`` continues the latest run of that name, to the same bits; ``"auto"`` does if there is one. More
+            ``train.iterations`` than the run has train on, also after its end; other settings must be those it began with, and a
+            change that would train something else is refused.
         name: Name of the run folder; by default that of the configuration or of its file, else that of the task.
         device: What computes; ``"cuda"`` trains on a GPU.
 
@@ -57,14 +60,14 @@ def train(
 
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
     run = given.run(config, Train, others, name, resume, threads, device)
-    found = _gaitfit.train(run, maybe(path, "robot", robot), given.seeds_of(seeds), listener(progress))
+    found = _gaitfit.train(run, given.robot_of(robot), given.seeds_of(seeds), listener(progress))
     return _read.training_result(json.loads(found))
 
 
 def finetune(
-    policy: PathLike,
+    policy: PathLike | None = None,
     *,
-    theta: PathLike | None = None,
+    theta: Theta | None = None,
     robot: PathLike | None = None,
     task: str | None = None,
     spring: Sequence[str] = (),
@@ -83,14 +86,18 @@ def finetune(
     """Trains a policy further in a fitted simulator, as ``gaitfit finetune``.
 
     Arguments:
-        policy: The policy's file: ``.safetensors``, ``.onnx`` or a ``.toml``.
-        theta: The fit's ``theta.toml`` (:attr:`FitResult.theta`); by default the robot of the file.
-        robot: The robot's file; by default that of the policy.
+        policy: The policy's file: ``.safetensors``, ``.onnx`` or a ``.toml``. Without one ``config`` names it.
+        theta: What the robot is: the fit's result or its ``theta.toml`` (:attr:`FitResult.theta`), or values of your own, a list of
+            :class:`gaitfit.config.TrueParameter` and :class:`gaitfit.config.TrueNumber`. A value replaces that of the robot's
+            file: ``TrueParameter("frictionloss", joints=["*_calf*"], value=0.3)`` is all of these joints' dry friction, 0.3 N·m.
+            Quantities without unit whose start is 1 are factors. By default the robot of the file.
+        robot: The robot's file, MJCF or URDF; by default that of the policy.
         task: Another task: a built-in one, or a file.
         spring: Springs on joints, ``"JOINT=STIFFNESS"`` or ``"JOINT=STIFFNESS@REST"``, N·m/rad and rad.
         torque_noise: Standard deviation of random torques at every joint and physics step, N·m.
         lenient: Leave out what the engine cannot simulate in the robot's file.
-        config: A TOML file (``gaitfit config finetune`` prints one), or a :class:`gaitfit.config.Finetune`.
+        config: A TOML file (``gaitfit config finetune`` prints one), or a :class:`gaitfit.config.Finetune`. The other arguments
+            win over it.
         seeds, settings, name, runs, resume, device, threads, progress: As for :func:`train`.
 
     Returns the result; its first policy's file is ``Training.policy``.
@@ -104,6 +111,8 @@ def finetune(
 
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
     run = given.run(config, Finetune, others, name, resume, threads, device)
+    if policy is None:
+        policy = given.policy_of(config, others)
     world = given.world(given.file_of(policy), robot, lenient, task, theta, spring, torque_noise)
     return _read.training_result(json.loads(_gaitfit.finetune(run, world, given.seeds_of(seeds), listener(progress))))
 
@@ -112,7 +121,7 @@ def evaluate(
     policy: PathLike | Policy,
     *,
     robot: PathLike | None = None,
-    theta: PathLike | None = None,
+    theta: Theta | None = None,
     task: str | None = None,
     trajectories: int = 10_000,
     seconds: float = 4.0,
@@ -142,7 +151,8 @@ def evaluate(
         seed: Of commands, starts and noise.
         device, threads, progress: As for :func:`fit`.
 
-    Returns errors of velocity, m/s and rad/s, falls as a share, each a mean with half its 95 % interval.
+    Returns errors of velocity, m/s and rad/s, falls as a share, each a mean with half its 95 % interval. :func:`compare` has the
+    difference of two evaluations, with one ``seed`` trajectory by trajectory.
 
     Raises ``FileNotFoundError`` for a file that is missing, ``ValueError`` for wrong numbers, :class:`GaitfitError`,
     :class:`Stopped` if ``progress`` returned ``False``, and ``KeyboardInterrupt`` after Ctrl-C.
@@ -165,7 +175,7 @@ def collect(
     out: PathLike,
     *,
     robot: PathLike | None = None,
-    theta: PathLike | None = None,
+    theta: Theta | None = None,
     task: str | None = None,
     trajectories: int = 64,
     seconds: float = 4.0,

@@ -10,7 +10,10 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
-import gymnasium
+try:
+    import gymnasium
+except ImportError as missing:
+    raise ImportError(f'gaitfit.gym needs a package that is not here ({missing}): pip install "gaitfit[gym]"') from missing
 import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ClosedEnvironmentError
@@ -60,7 +63,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         log_rewards: Whether ``infos["log"]`` has the reward terms of each step by name, means over the robots.
         terms: Reward, end of an episode and observation of your own (:class:`gaitfit.gym.Terms`).
         autoreset_mode: ``AutoresetMode.SAME_STEP``; ``NEXT_STEP``: the step after an episode's end begins the next one, without
-            an action and reward; not on a GPU; ``DISABLED``: ``reset(options={"reset_mask": mask})`` begins it.
+            an action and reward; ``DISABLED``: ``reset(options={"reset_mask": mask})`` begins it.
 
     With ``device="cuda"`` all robots are stepped on a GPU. Actions are an array of another library there, and what comes back
     are the environment's own :class:`gaitfit.DeviceArray`, without copies: ``copy`` must be ``False``.
@@ -92,11 +95,6 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         self._mode, self._terms = AutoresetMode(autoreset_mode), terms
         if terms is not None and not isinstance(terms, Terms):
             raise TypeError(f"terms is {terms!r}; give gaitfit.gym.Terms")
-        if device != "cpu" and self._mode == AutoresetMode.NEXT_STEP:
-            raise ValueError(
-                f"autoreset_mode is {self._mode}, in which a robot that begins anew ignores its action; on a GPU robots do not: "
-                "give AutoresetMode.SAME_STEP or AutoresetMode.DISABLED"
-            )
 
         def make(seed: int) -> Robots:
             return Robots(
@@ -190,6 +188,10 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         if robots.device != "cpu":
             if ends and self._mode == AutoresetMode.SAME_STEP:
                 infos |= {"final_obs": robots.last_observation, "_final_obs": robots.ended}
+            if self._mode == AutoresetMode.NEXT_STEP:
+                if self._over.any():
+                    robots._reset_after_end(self._over)
+                self._over = robots.ended.numpy() if ends else np.zeros(self.num_envs, np.bool_)
             return robots.observation, robots.reward, robots.terminated, robots.truncated, infos
         observation, reward, terminated, truncated = robots.observation, robots.reward, robots.terminated, robots.truncated
         if terms is not None:
@@ -218,6 +220,14 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         motion = terms.motion()
         reward, terminated, truncated = terms.rewarded(motion), terms.over(motion), terms.truncated()
         observation = terms.observed(motion)
+        if self._mode == AutoresetMode.NEXT_STEP:
+            if self._over.any():
+                self._robots._reset_after_end(self._over)
+                for values in (reward, terminated, truncated):
+                    terms.clear(values, self._over)
+                observation = terms.observed(terms.motion())
+            self._over = (terminated | truncated).cpu().numpy()
+            return observation, reward, terminated, truncated, infos
         ended = terminated | truncated
         if self._mode == AutoresetMode.SAME_STEP and bool(ended.any()):
             infos |= {"final_obs": observation, "_final_obs": ended}

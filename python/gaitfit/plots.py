@@ -11,9 +11,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import matplotlib.pyplot as plt
+try:
+    import matplotlib.pyplot as plt
+except ImportError as missing:
+    raise ImportError(f'gaitfit.plots needs a package that is not here ({missing}): pip install "gaitfit[plot]"') from missing
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from ._arguments import items
 from ._logs import Log
@@ -50,9 +55,9 @@ def plot(results: Shown) -> Figure:
     raise ValueError(f"there is no chart of results with {', '.join(results)}: plot its rows with matplotlib")
 
 
-def parameters(found: Shown | FitOutcome) -> Figure:
-    """Each parameter of ``found``, a fit's result, between its bounds: the estimate, its interval, and the truth where it is
-    known.
+def parameters(found: Shown | FitOutcome, axes: Axes | None = None) -> Figure:
+    """Each parameter of ``found``, a fit's result, between its bounds, with its numbers: the estimate, its 95 % interval, and the
+    truth where it is known. ``axes`` are drawn in where they are given, else a new figure.
 
     Returns the figure. Raises ``ValueError`` for results without parameters.
 
@@ -66,7 +71,7 @@ def parameters(found: Shown | FitOutcome) -> Figure:
         rows = _parameters(found)
     else:
         raise TypeError(f"found is a {type(found).__name__}; give what a fit returned, or its document as a dict")
-    figure, axes = plt.subplots(figsize=(7.0, 0.6 + 0.34 * len(rows)), layout="constrained")
+    figure, axes = _drawn(axes, (8.0, 0.6 + 0.34 * len(rows)))
     for at, row in enumerate(rows):
         lower, upper = row["lower"], row["upper"]
         width = (upper - lower) or 1.0
@@ -78,9 +83,11 @@ def parameters(found: Shown | FitOutcome) -> Figure:
             axes.plot((row["truth"] - lower) / width, at, "|", color="black", markersize=14, zorder=3)
         axes.plot((row["value"] - lower) / width, at, "o", color="tab:blue", zorder=4)
         unit = "" if row["unit"] in ("", "-") else f" {row['unit']}"
-        axes.annotate(f"{row['value']:.4g}{unit}", (1.02, at), va="center", fontsize=9)
+        ends = row.get("interval")
+        interval = f" ({ends[0]:.3g} … {ends[1]:.3g})" if ends else ""
+        axes.annotate(f"{row['value']:.4g}{interval}{unit}", (1.02, at), va="center", fontsize=9)
     axes.set_yticks(range(len(rows)), [row["name"] for row in rows])
-    axes.set_xlim(-0.02, 1.25)
+    axes.set_xlim(-0.02, 1.5)
     axes.set_xticks([0, 1], ["lower bound", "upper bound"])
     axes.invert_yaxis()
     axes.spines[["top", "right", "left"]].set_visible(False)
@@ -114,31 +121,40 @@ def fleet(found: Fleet) -> Figure:
     return figure
 
 
-def convergence(results: Shown) -> Figure:
-    """The smallest cost so far of each seed, generation by generation; ``results`` are of a fit with a run folder.
+def convergence(results: Shown, axes: Axes | None = None) -> Figure:
+    """The smallest cost so far of each seed, generation by generation; ``results`` are of a fit with a run folder, and ``axes`` are
+    drawn in where they are given.
 
     Returns the figure. Raises ``ValueError`` for results without a run folder.
 
     >>> figure = convergence(result)
     """
     lines = _metrics(results)
-    figure, axes = plt.subplots(figsize=(7.0, 3.5), layout="constrained")
+    figure, axes = _drawn(axes, (7.0, 3.5))
     for cost, seed in sorted({(line["cost"], line["seed"]) for line in lines}):
         run = [line for line in lines if (line["cost"], line["seed"]) == (cost, seed)]
         axes.plot([line["generation"] for line in run], [line["best_so_far"] for line in run], label=f"{cost}, seed {seed}")
     axes.set(xlabel="generation", ylabel="smallest cost so far", yscale="log")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.legend()
     return figure
 
 
-def training(results: Shown) -> Figure:
-    """Reward and velocity errors of each seed, iteration by iteration; ``results`` are of a training.
+def training(results: Shown, axes: Sequence[Axes] | None = None) -> Figure:
+    """Reward and velocity errors of each seed, iteration by iteration; ``results`` are of a training. Two ``axes``, for rewards and
+    errors, are drawn in where they are given.
 
     Returns the figure. Raises ``ValueError`` for results of something else.
 
     >>> figure = training(trained)
     """
-    figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.5), layout="constrained")
+    if axes is None:
+        figure, both = plt.subplots(1, 2, figsize=(9.0, 3.5), layout="constrained")
+        axes = list(both)
+    elif len(axes) != 2:
+        raise ValueError(f"there are {len(axes)} axes; give two, for rewards and errors")
+    else:
+        figure = _figure(axes[0])
     for seed in _rows(results, "seeds", "of a training", ("seed", "policy")):
         lines = _lines(Path(seed["policy"]).parent / "metrics.jsonl")
         iterations = [line["iteration"] for line in lines]
@@ -148,6 +164,7 @@ def training(results: Shown) -> Figure:
     axes[0].set(xlabel="iteration", ylabel="reward of a control step")
     axes[1].set(xlabel="iteration")
     for one in axes:
+        one.xaxis.set_major_locator(MaxNLocator(integer=True))
         one.legend()
     return figure
 
@@ -197,6 +214,24 @@ def log(log: Log, joints: Sequence[str] | None = None) -> Figure:
     axes[0, 0].legend(loc="upper right", fontsize=8)
     axes[-1, 0].set_xlabel("time, s" if log.time is not None or log.dt else "sample")
     return figure
+
+
+def _drawn(axes: Axes | None, size: tuple[float, float]) -> tuple[Figure, Axes]:
+    """The user's axes and their figure, or new ones."""
+    if axes is None:
+        figure, axes = plt.subplots(figsize=size, layout="constrained")
+        return figure, axes
+    return _figure(axes), axes
+
+
+def _figure(axes: Axes) -> Figure:
+    found: Any = getattr(axes, "figure", None)
+    while hasattr(found, "figure") and not isinstance(found, Figure):
+        # Of a part of a figure.
+        found = found.figure
+    if not isinstance(found, Figure):
+        raise TypeError(f"axes is {axes!r}; give axes of matplotlib, for example of plt.subplots")
+    return found
 
 
 def _document(results: object) -> Mapping[str, Any]:

@@ -51,6 +51,16 @@ impl Drop for CudaRobots {
     }
 }
 
+fn named(device: &str) -> PyResult<Device> {
+    device.parse().map_err(|wrong| value(format!("device is {device:?}; {wrong}")))
+}
+
+/// The device that `auto` means here, for robots; another device's own name.
+#[pyfunction]
+pub fn robots_device(device: &str) -> PyResult<String> {
+    Ok(named(device)?.to_string())
+}
+
 fn wrong(error: RolloutError) -> PyErr {
     match error {
         RolloutError::Action { .. } => value(error),
@@ -90,9 +100,7 @@ impl CudaRobots {
         device: &str,
     ) -> PyResult<Self> {
         checked(count)?;
-        let named: Device =
-            device.parse().map_err(|wrong| value(format!("device is {device:?}; {wrong}")))?;
-        let Some(gpu) = named.open().map_err(|error| to_py_err(&error))? else {
+        let Some(gpu) = named(device)?.open().map_err(|error| to_py_err(&error))? else {
             return Err(value(format!("device is {device:?}; it must be a GPU")));
         };
         let made = py.detach(|| {
@@ -169,14 +177,22 @@ impl CudaRobots {
         Ok(stepped.ended)
     }
 
-    /// New episodes for the robots of `mask`, or without one for all.
-    #[pyo3(signature = (mask=None))]
-    fn restart(&mut self, py: Python<'_>, mask: Option<PyReadonlyArray1<'_, bool>>) -> PyResult<()> {
+    /// New episodes for the robots of `mask`, or without one for all. With `clear` the last step of these robots pays and ends nothing.
+    #[pyo3(signature = (mask=None, clear=false))]
+    fn restart(
+        &mut self,
+        py: Python<'_>,
+        mask: Option<PyReadonlyArray1<'_, bool>>,
+        clear: bool,
+    ) -> PyResult<()> {
         let chosen = mask.map_or_else(|| vec![true; self.count], |mask| mask.as_array().to_vec());
         if chosen.len() != self.count {
             return Err(value(format!("the mask must have {} elements, one for each robot", self.count)));
         }
-        self.with(py, |stepper| Ok(stepper.restart_those(&chosen)?))
+        self.with(py, |stepper| match clear {
+            true => Ok(stepper.restart_without_step(&chosen)?),
+            false => Ok(stepper.restart_those(&chosen)?),
+        })
     }
 
     /// As that of `Robots`.
@@ -184,6 +200,15 @@ impl CudaRobots {
         let steps = std::mem::take(&mut self.summed).max(1);
         let sums = self.with(py, |stepper| Ok(stepper.take_terms()))?;
         Ok(sums.into_iter().map(|sum| sum / (steps * self.count) as f64).collect())
+    }
+
+    /// As that of `Robots`.
+    fn set_commands(&mut self, py: Python<'_>, commands: Vec<[f32; 3]>) -> PyResult<()> {
+        self.with(py, |stepper| {
+            let (mut all, step) = stepper.state()?;
+            all.iter_mut().zip(commands).for_each(|(one, command)| one.command = command);
+            stepper.set_state(&all, step)
+        })
     }
 
     /// Makes robots of the same task and number on the processor what these are now.

@@ -52,6 +52,12 @@ const NO_GAINS: &str = "the log does not state its PD gains";
 
 fn text(message: impl ToString) -> String {
     let mut text = in_python(&brief(&message.to_string()));
+    // Without a configuration's file errors begin with "settings"; logs are none.
+    if let Some(rest) =
+        text.strip_prefix("settings: ").filter(|rest| rest.starts_with("the log") || rest.starts_with("log "))
+    {
+        text = rest.to_owned();
+    }
     if text.contains(NO_GAINS) {
         text.push_str(" A table gets them by `Log.from_dataframe(table, kp=25.0, kd=0.5)`.");
     }

@@ -8,6 +8,7 @@ mod dlpack;
 mod errors;
 mod forked;
 mod logs;
+mod observer;
 mod own_policy;
 mod own_simulator;
 mod policy_file;
@@ -32,7 +33,7 @@ mod _gaitfit {
     #[pymodule_export]
     use super::costs::wasserstein;
     #[pymodule_export]
-    use super::cuda_env::CudaRobots;
+    use super::cuda_env::{CudaRobots, robots_device};
     #[pymodule_export]
     use super::dlpack::{DeviceArray, DeviceInput};
     #[pymodule_export]
@@ -40,20 +41,23 @@ mod _gaitfit {
     #[pymodule_export]
     use super::logs::{check_log, read_log, write_log};
     #[pymodule_export]
+    use super::observer::Observer;
+    #[pymodule_export]
     use super::own_policy::{interface_of, observation_width};
     #[pymodule_export]
     use super::own_simulator::fit_simulator;
     #[pymodule_export]
     use super::policy_file::PolicyFile;
     #[pymodule_export]
-    use super::program::program;
+    use super::program::{explain, program};
     #[pymodule_export]
     use super::settings::{read_toml, resolve_settings};
     #[pymodule_export]
     use super::share::Helper;
     #[pymodule_export]
     use super::stages::{
-        adapt, adapt_plan, collect, evaluate, finetune, finetune_plan, run_loop, train, train_plan, validate,
+        adapt, adapt_plan, collect, compare, evaluate, finetune, finetune_plan, run_loop, train, train_plan,
+        validate,
     };
     #[pymodule_export]
     use super::tables::{reproduce, reproduce_part, reproduce_plan};

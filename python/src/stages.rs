@@ -6,7 +6,7 @@ use crate::share::OwnCrew;
 use crate::watch::{Caller, watched, watched_acting};
 use gaitfit::adapt::{Opening, ValidateRequest};
 use gaitfit::device::{Device, Devices};
-use gaitfit::evaluate::GroundChoice;
+use gaitfit::evaluate::{Evaluation, GroundChoice};
 use gaitfit::finetune::{Files, Request};
 use gaitfit::run::RunFolder;
 use gaitfit::settings::{self, AdaptConfig, FinetuneConfig, LoopConfig, Preset, TrainConfig};
@@ -57,7 +57,7 @@ impl Run {
     }
 
     fn devices(&self) -> PyResult<Devices> {
-        self.device.parse().map_err(|wrong: String| value(format!("device: {wrong}")))
+        self.device.parse().map_err(|wrong: String| value(format!("device is {:?}; {wrong}", self.device)))
     }
 
     /// Whether to continue the run `name` in the folder `runs`.
@@ -83,7 +83,7 @@ impl Run {
 }
 
 fn device_of(text: &str) -> PyResult<Device> {
-    text.parse().map_err(|wrong: String| value(format!("device: {wrong}")))
+    text.parse().map_err(|wrong: String| value(format!("device is {text:?}; {wrong}")))
 }
 
 fn json<T: Serialize>(found: Result<T, Error>) -> PyResult<String> {
@@ -368,6 +368,14 @@ pub fn evaluate(
         fields.insert("wall_seconds".to_owned(), found.wall_seconds.into());
     }
     serde_json::to_string(&document).map_err(failed)
+}
+
+/// One evaluation minus another, both as JSON.
+#[pyfunction]
+pub fn compare(policy: &str, against: &str, on: &str) -> PyResult<String> {
+    let read = |text: &str| serde_json::from_str::<Evaluation>(text).map_err(value);
+    let found = gaitfit::evaluate::compare(on, &read(policy)?, &read(against)?);
+    serde_json::to_string(&found).map_err(failed)
 }
 
 /// Logs of a policy in a simulator: what simulated, the files, and how many robots fell.

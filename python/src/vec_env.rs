@@ -357,6 +357,16 @@ impl Robots {
         }))
     }
 
+    /// Has the robots follow these commands, until the task draws others.
+    fn set_commands(&mut self, commands: Vec<[f32; 3]>) {
+        self.scene.with_dependent(|_, tiles| {
+            for (tile, commands) in tiles.iter().zip(commands.chunks(TILE)) {
+                let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
+                commands.iter().enumerate().for_each(|(index, command)| tile.set_command(index, *command));
+            }
+        });
+    }
+
     /// The commands that the robots follow: ahead and to the side, m/s, and turning, rad/s.
     fn commands(&self) -> Vec<[f32; 3]> {
         self.scene.with_dependent(|_, tiles| {

@@ -22,6 +22,9 @@ use std::time::Duration;
 /// How often signals are looked for, also while nothing happens.
 const PATIENCE: Duration = Duration::from_millis(50);
 
+/// What a panic is to users.
+const BROKEN: &str = "gaitfit stopped where it never should; please report it with what was printed above";
+
 /// An event that outlives its texts: what it is, a text, two counts, and numbers by name.
 type Report = (&'static str, String, usize, usize, Vec<(String, f64)>);
 
@@ -58,8 +61,9 @@ fn reported(py: Python<'_>, progress: &Py<PyAny>, report: &Report) -> PyResult<(
 
 /// What the stage's threads have for the calling one.
 enum Message {
-    /// It happened.
-    Reported(Report),
+    /// It happened. Who reports a step waits for what `progress` answers, so that nothing is done after a step at which it
+    /// stops.
+    Reported(Report, Option<SyncSender<()>>),
     /// A policy is to act.
     Asked(Asked),
     /// The stage has ended.
@@ -144,8 +148,13 @@ pub fn watched_acting<T: Send>(
                 let ending = Ending(sender);
                 let callback = |event: Event<'_>| {
                     if let Some(reported) = report(event) {
-                        // As at the end.
-                        let _ = ending.0.send(Message::Reported(reported));
+                        let (heard, answer) = match reported.0 {
+                            "step" => Some(mpsc::sync_channel(1)).unzip(),
+                            _ => (None, None),
+                        };
+                        // As at the end. After an error nobody answers, and `stop` is set.
+                        let sent = ending.0.send(Message::Reported(reported, heard));
+                        let _ = answer.filter(|_| sent.is_ok()).map(|answer| answer.recv());
                     }
                     if stop.load(Ordering::Acquire) {
                         ControlFlow::Break(())
@@ -169,7 +178,7 @@ pub fn watched_acting<T: Send>(
                 let mut call = |py: Python<'_>| {
                     py.check_signals()?;
                     match (&mut message, progress, act) {
-                        (Some(Message::Reported(report)), Some(progress), _) => {
+                        (Some(Message::Reported(report, _)), Some(progress), _) => {
                             reported(py, progress, report)?
                         }
                         (Some(Message::Asked(asked)), _, Some(act)) => {
@@ -190,6 +199,10 @@ pub fn watched_acting<T: Send>(
                     stop.store(true, Ordering::Release);
                     raised = Some(error);
                 }
+                if let Some(Message::Reported(_, Some(heard))) = &message {
+                    // Who reported waits.
+                    let _ = heard.send(());
+                }
             }
             (worker.join(), raised)
         })
@@ -201,10 +214,24 @@ pub fn watched_acting<T: Send>(
         }
         (_, Some(raised)) => Err(raised),
         (Ok(result), None) => Ok(result),
-        (Err(_), None) => Err(crate::errors::failed(
-            "gaitfit stopped where it never should; please report it with what was printed above",
-        )),
+        (Err(_), None) => Err(crate::errors::failed(BROKEN)),
     }
+}
+
+/// Runs `work`, which listens to nothing, on a thread of its own. A signal ends the waiting: the thread ends later, by itself.
+pub fn waited<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
+    let (sender, result) = mpsc::sync_channel(1);
+    // Nobody listens any more only after a signal.
+    std::thread::spawn(move || drop(sender.send(work())));
+    py.detach(move || {
+        loop {
+            match result.recv_timeout(PATIENCE) {
+                Ok(found) => return Ok(found),
+                Err(RecvTimeoutError::Timeout) => Python::attach(|py| py.check_signals())?,
+                Err(RecvTimeoutError::Disconnected) => return Err(crate::errors::failed(BROKEN)),
+            }
+        }
+    })
 }
 
 /// Runs `stage` on the calling thread, for stages that call Python themselves. Otherwise as [`watched`].

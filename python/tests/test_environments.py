@@ -103,8 +103,6 @@ class ForLearners(Case):
             Terms(reward=3)
         with self.assertRaisesRegex(TypeError, "give gaitfit.gym.Terms"):
             GaitfitVecEnv(num_envs=2, terms=3)
-        with self.assertRaisesRegex(ValueError, "on a GPU robots do not: give AutoresetMode.SAME_STEP"):
-            GaitfitVecEnv(num_envs=2, autoreset_mode=AutoresetMode.NEXT_STEP, device="cuda")
 
     def test_autoreset_modes(self) -> None:
         try:

@@ -29,7 +29,7 @@ class Tensors(Case):
         except ImportError as missing:
             self.skipTest(str(missing))
         terms = Terms(**TERMS)
-        for mode in (AutoresetMode.SAME_STEP, AutoresetMode.DISABLED):
+        for mode in AutoresetMode:
             arrays, tensors = (GaitfitVecEnv(num_envs=32, seed=3, terms=terms, autoreset_mode=mode) for _ in range(2))
             tensors._gpu_terms, tensors._copy = GpuTerms(terms, tensors.robots), False
             ends = 0
@@ -46,7 +46,7 @@ class Tensors(Case):
                     np.testing.assert_array_equal(found[4]["_final_obs"].numpy(), ended)
                     for row in np.flatnonzero(ended):
                         np.testing.assert_array_equal(found[4]["final_obs"][row].numpy(), wanted[4]["final_obs"][row])
-                elif ended.any():
+                elif ended.any() and mode == AutoresetMode.DISABLED:
                     np.testing.assert_array_equal(
                         tensors.reset(options={"reset_mask": torch.from_numpy(ended)})[0].numpy(),
                         arrays.reset(options={"reset_mask": ended})[0],
@@ -97,6 +97,31 @@ class OnGpu(GpuCase):
         with self.assertRaisesRegex(ValueError, "the mask|mask has the shape"):
             gpu.reset(mask[:5])
 
+    def test_the_step_after_an_end_begins_the_next_episode(self) -> None:
+        torch, count = self.torch, 300
+        try:
+            from gaitfit.gym import AutoresetMode, GaitfitVecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        common: dict[str, Any] = {"num_envs": count, "seed": 3, "autoreset_mode": AutoresetMode.NEXT_STEP}
+        cpu, gpu = (GaitfitVecEnv(**common, device=device) for device in ("cpu", "cuda"))
+        together, ended, ends = np.ones(count, bool), np.zeros(count, bool), 0
+        for number in range(40):
+            action = np.full((count, 12), 4.0 * np.sin(number), np.float32)
+            wanted, found = cpu.step(action), [one.numpy() for one in gpu.step(torch.from_numpy(action).cuda())[:4]]
+            begun, ended = ended, found[2] | found[3]
+            np.testing.assert_array_equal(found[1][begun], 0.0)
+            self.assertFalse(ended[begun].any(), "a step that begins an episode ends none")
+            self.assertTrue((gpu.robots.state().steps[begun] == 0).all())
+            np.testing.assert_array_equal(gpu.robots.ended.numpy(), ended)
+            together &= (found[2] == wanted[2]) & (found[3] == wanted[3])
+            self.assertLess(np.median(np.abs(found[1] - wanted[1])[together]), 0.02)
+            if (together & begun).any():
+                self.assertLess(np.median(np.abs(found[0] - wanted[0])[together & begun].max(1)), 1e-4)
+            ends += int(ended.sum())
+        self.assertGreater(ends, 30)
+        self.assertGreater(together.mean(), 0.5)
+
     def test_terms_of_the_user(self) -> None:
         torch = self.torch
         try:
@@ -104,7 +129,7 @@ class OnGpu(GpuCase):
         except ImportError as missing:
             self.skipTest(str(missing))
         terms = Terms(**TERMS)
-        for mode in (AutoresetMode.SAME_STEP, AutoresetMode.DISABLED):
+        for mode in AutoresetMode:
             cpu, gpu = (GaitfitVecEnv(num_envs=300, seed=3, terms=terms, autoreset_mode=mode, device=d) for d in ("cpu", "cuda"))
             self.assertEqual(gpu.single_observation_space, cpu.single_observation_space)
             together, ends = np.ones(300, bool), 0
@@ -119,7 +144,7 @@ class OnGpu(GpuCase):
                 ends += int(ended.sum())
                 if mode == AutoresetMode.SAME_STEP:
                     self.assertEqual("_final_obs" in found[4], bool(ended.any()))
-                elif ended.any():
+                elif ended.any() and mode == AutoresetMode.DISABLED:
                     gpu.reset(options={"reset_mask": ended})
                     cpu.reset(options={"reset_mask": ended.cpu().numpy()})
             self.assertGreater(ends, 30)

@@ -19,7 +19,7 @@ use cli::{Cli, Command};
 use exit::{Exit, Failure};
 use std::ffi::OsString;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 /// What starts this program again.
@@ -43,6 +43,14 @@ pub fn program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             failure.exit as u8
         }
     }
+}
+
+/// What logs of walks show that the robot has and its model lacks: the document of `gaitfit explain --json`.
+///
+/// # Errors
+/// Files that cannot be used, in a sentence.
+pub fn explain(robot: &Path, logs: &Path, lenient: bool) -> Result<String, String> {
+    commands::explain::document(robot, logs, lenient).map_err(|failure| failure.message)
 }
 
 /// Prints help that was asked for, or what is wrong with the command line.

@@ -181,7 +181,17 @@ impl Loader<'_> {
             ParsingOptions { allow_dtd: false, nodes_limit: 2 * MAX_NODES as u32 + 8, ..Default::default() };
         let document = Document::parse_with_options(&text, options).map_err(|error| {
             let pos = error.pos();
+            let is_toml = name.ends_with(".toml");
             let place = Place { file: name, line: pos.row, column: pos.col };
+            if is_toml {
+                return ModelError::Syntax {
+                    place,
+                    message: "this is TOML, and a robot's file is XML".into(),
+                    remedy:
+                        "give the MJCF or URDF file; the robot.toml of a simulated robot names it as `model`"
+                            .into(),
+                };
+            }
             ModelError::Syntax {
                 place,
                 // The parser's own message may hold names of the file.

@@ -33,6 +33,6 @@ pub use graph::Graph;
 pub use held::{ActionClip, Held};
 pub use history::{FrameOrder, History, HistoryStart};
 pub use interface::{Interface, InterfaceError, Term};
-pub use pilot::{Pilot, target};
+pub use pilot::{Pilot, clock, target};
 pub use policy::{Policy, Provenance, RobotFile};
 pub use quantity::{BaseSample, OfBase, Quantity, Source, Width};

@@ -94,7 +94,7 @@ impl<'a> Pilot<'a> {
 }
 
 /// Phase of the gait clock, 0 to 1, `steps` control periods after an episode's start; 0 without a clock.
-pub(crate) fn clock(interface: &Interface, steps: u32) -> f32 {
+pub fn clock(interface: &Interface, steps: u32) -> f32 {
     let Some(frequency) = interface.gait_frequency else { return 0.0 };
     (f64::from(steps) * interface.control_dt * frequency).fract() as f32
 }

@@ -363,6 +363,28 @@ impl Sensed {
         }
     }
 
+    /// Sets the numbers of a quantity that is read; false for one that is not, or of another number of numbers. Joint positions
+    /// are the encoders'.
+    pub fn set(&mut self, quantity: Quantity, numbers: &[f32]) -> bool {
+        let height = std::slice::from_mut(&mut self.base_height);
+        let into: &mut [f32] = match quantity {
+            Quantity::BaseAngularVelocity => &mut self.base_angular_velocity,
+            Quantity::ProjectedGravity => &mut self.projected_gravity,
+            Quantity::BaseLinearVelocity => &mut self.base_linear_velocity,
+            Quantity::BaseHeight => height,
+            Quantity::Command => &mut self.command,
+            Quantity::JointPosition => &mut self.joint_position,
+            Quantity::JointVelocity => &mut self.joint_velocity,
+            Quantity::LastAction => &mut self.last_action,
+            _ => return false,
+        };
+        let fits = into.len() == numbers.len();
+        if fits {
+            into.copy_from_slice(numbers);
+        }
+        fits
+    }
+
     /// Sets where gravity is for a base with this orientation, wxyz, unit.
     pub fn orient(&mut self, quaternion: [f32; 4]) {
         self.projected_gravity = frames::up(quaternion).map(|x| -x);

@@ -30,7 +30,7 @@ True
 :func:`gaitfit.loop` a :class:`Loop`. A setting that is ``None`` has gaitfit's default, which may depend on other settings.
 """
 
-from .._settings import Settings
+from .._settings import Settings, helpful
 from ._fit import (
     Check,
     Cost,
@@ -99,3 +99,7 @@ __all__ = [
     "Truth",
     "ValidateGains",
 ]
+
+for _one in list(globals().values()):
+    if isinstance(_one, type) and issubclass(_one, Settings):
+        helpful(_one)

@@ -81,7 +81,7 @@ class Parameter(Settings):
 
     Attributes:
         kind: Parameter.
-        per: How many joints share a value.
+        per: How many joints share a value. One of ``group``, ``joint``, ``all``.
         joints: Patterns over joint names, with or without a final ``_joint``; a joint is covered when any matches.
         name: Name of the entry, or its first part where there are several.
         lower: Lower bound.
@@ -144,12 +144,13 @@ class Network(Settings):
     """A rule: networks (6 inputs, hidden 8 and 4, tanh, one output) of the joints it covers.
 
     Attributes:
-        kind: What they correct.
-        per: How many joints share weights. A network sees its own joint alone either way.
+        kind: What they correct. One of ``action_delta``, ``resid_act``.
+        per: How many joints share weights. A network sees its own joint alone either way. One of ``group``, ``joint``,
+            ``all``.
         joints: Patterns over joint names, with or without a final ``_joint``; a joint is covered when any matches.
         lower: Lower bound of every weight that is searched.
         upper: Upper bound of every weight that is searched.
-        start: Where the search begins.
+        start: Where the search begins. One of ``zero``, ``random``, ``features``.
         deviation: First standard deviation of every weight that is searched.
         position_scale: Factor on the joint's angle less its rest angle, 1/rad.
         velocity_scale: Factor on the joint's velocity, s/rad.
@@ -179,7 +180,10 @@ class Number(Settings):
     """A rule: a number, and what it takes instead of its defaults.
 
     Attributes:
-        kind: Which number.
+        kind: Which number. One of ``torque_noise``, ``base_mass``, ``base_com_x``, ``base_com_y``, ``base_com_z``,
+            ``payload_mass``, ``payload_x``, ``payload_y``, ``payload_z``, ``floor_friction``, ``ground_softness``,
+            ``imu_roll``, ``imu_pitch``, ``gyro_bias_x``, ``gyro_bias_y``, ``gyro_bias_z``, ``velocity_lag``,
+            ``imu_delay``.
         lower: Lower bound.
         upper: Upper bound.
         start: First mean.
@@ -230,7 +234,7 @@ class Simulation(Settings):
             motor boards, s. Absent: the fit's own step. Default: of walks 0.001.
         self_contact: Which of the robot's own parts touch each other; absent: as the policy's task says, and none of a
             clamped robot.
-        preset: Solver effort. Default: 'accurate', of walks 'fast'.
+        preset: Solver effort. One of ``fast``, ``accurate``, ``converged``. Default: 'accurate', of walks 'fast'.
         skip_seconds: Seconds at the start of each log that do not count in costs and errors.
         starts: Walking logs compared by distributions (``wass``) alone: how often a candidate walks each log, from the
             start that the sensors show and from starts near it. Default: 1, of walks 4.
@@ -273,16 +277,17 @@ class Optimizer(Settings):
 
     Attributes:
         method: How seeds search: ``least-squares`` for costs that compare single samples, ``cma-es`` for any, or
-            ``auto``. Default: 'auto'.
+            ``auto``. One of ``auto``, ``cma-es``, ``least-squares``. Default: 'auto'.
         population: Candidates a generation; 0 takes 4 + ⌊3 ln n⌋. Default: 0, of walks 32.
         generations: Generations of every start. Default: 200, of walks 300.
         restarts: Starts after the first, each with twice the population of the one before. Default: 0.
         seeds: Independent fits; the spread of a parameter is its standard deviation over them. With 0 ``seed_count``
             chooses their number for the device. Default: 5, of walks 0.
         seed: First seed; the others follow it. Default: 1.
-        covariance: Covariance model. Default: 'full'.
-        bounds: What happens to draws outside the bounds. Default: 'reflect'.
-        random_numbers: Which candidates see the same random numbers (torque noise). Default: 'generation'.
+        covariance: Covariance model. One of ``full``, ``separable``. Default: 'full'.
+        bounds: What happens to draws outside the bounds. One of ``resample``, ``reflect``. Default: 'reflect'.
+        random_numbers: Which candidates see the same random numbers (torque noise). One of ``generation``, ``run``,
+            ``candidate``. Default: 'generation'.
         replicates: Sets of simulated logs a round, which correct fits of walking logs by least squares, and a twentieth
             of the simulated robots a round, which correct those by distributions; 0: no correction. Default: 4.
         patience: A seed of CMA-ES stops once the smallest costs of so many generations hardly change: the means of their
@@ -291,7 +296,8 @@ class Optimizer(Settings):
         tolerance: A seed stops once its search distribution is this small: largest standard deviation of any parameter,
             relative to its initial deviation. 0 never stops early. Default: 0.0001.
         max_seconds: Wall time after which the search stops with what it has, s; 0 has no limit. Intervals are measured
-            after it. Default: 0.0.
+            after it, which takes as long again or longer; estimates of a search that was cut off are not corrected by
+            simulated logs, and the result has the doubt ``not_converged``. Default: 0.0.
 
     >>> settings = Fit(optimizer=Optimizer(generations=50, seeds=3))
     """
@@ -344,13 +350,23 @@ class Fit(Settings):
         name: Name of the run and of its folder; the configuration file's stem when absent.
         robot: Robot file (MJCF or URDF); for walking logs the built-in Go2 when empty.
         lenient: Drop what the engine cannot simulate in the robot file instead of refusing it. Default: False.
-        base: How the robot's base was held while recording. Default: 'fixed', of walks 'free'.
+        base: How the robot's base was held while recording. One of ``fixed``, ``free``. Default: 'fixed', of walks
+            'free'.
         policy: Walking logs: the policy that walked.
         known: Parameters already known, a theta.toml; what is fitted comes on top.
         logs: Logs to fit.
         validate: Logs to validate on, not used in the fit.
-        allow: Findings of ``gaitfit inspect`` that do not forbid using a log.
-        costs: Costs to fit, one independent fit each. Default: ['matcho'], of walks ['wass'].
+        allow: Findings of ``gaitfit inspect`` that do not forbid using a log. One of ``malformed``, ``missing-joint``,
+            ``extra-joint``, ``joint-order``, ``too-short``, ``non-monotonic-time``, ``time-gap``, ``irregular-time``,
+            ``coarse-time``, ``time-unit``, ``rate-mismatch``, ``repeated-rows``, ``not-finite``,
+            ``beyond-position-limit``, ``beyond-velocity-limit``, ``suspect-unit``, ``constant-signal``,
+            ``frozen-target``, ``velocity-mismatch``, ``velocity-lag``, ``saturated``, ``joint-not-following``, ``stuck``,
+            ``lying``, ``fallen``, ``hanging``, ``target-is-position``, ``jumps-to-zero``, ``gains-change``,
+            ``feed-forward``, ``quaternion-order``, ``imu-frame``, ``imu-unit``, ``imu-sign``, ``imu-mounting``,
+            ``imu-mismatch``, ``gyro-bias``, ``gyro-lag``, ``joint-sign``.
+        costs: Costs to fit, one independent fit each. One of ``wass``, ``matcho``, ``matchr1``, ``matchr2``, ``matchr5``,
+            ``matchr10``, ``matchr20``, ``matchs``, ``matchs1``, ``matchs5``, ``matchs10``, ``matchs20``, ``matchs50``.
+            Default: ['matcho'], of walks ['wass'].
         odd_joints: Whether to look for joints that differ from the same joint of other legs, and to fit a spring on
             those. Default: False.
         swings: Whether what legs in the air show of friction, damping, armature and delay becomes a prior of a walk's
@@ -362,10 +378,12 @@ class Fit(Settings):
         joint_names: Joint names of the logs → joint names of the robot, where they differ.
         gains: PD gains of logs that do not state their own.
         validate_gains: PD gains of single validation logs; they win over the log's own.
-        groups: Joint groups by name: patterns over the robot's joint names.
-        parameters: What to fit.
-        networks: Networks to fit.
-        numbers: Numbers of the whole robot to fit.
+        groups: Joint groups by name: patterns over the robot's joint names. By default ``hip`` (``*_hip*``), ``thigh``
+            and ``calf``; if these do not have all joints, joints whose names differ only in the leg are a group, named as
+            what is left of their names.
+        parameters: What to fit. In a file: ``parameter``.
+        networks: Networks to fit. In a file: ``network``.
+        numbers: Numbers of the whole robot to fit. In a file: ``number``.
         prior: What is known of entries before the fit, by their names: the search begins there and pays for going away.
         simulation: How logs are replayed.
         falls: Walking logs: falls.
@@ -386,7 +404,7 @@ class Fit(Settings):
     logs: Sequence[str | os.PathLike[str]] | None = None
     validate: Sequence[str | os.PathLike[str]] | None = None
     allow: Sequence[FindingKind] | None = None
-    costs: Sequence[Cost] | None = None
+    costs: Cost | Sequence[Cost] | None = None
     odd_joints: bool | None = None
     swings: bool | None = None
     effects: bool | None = None

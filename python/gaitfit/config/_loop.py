@@ -64,7 +64,10 @@ class TrueParameter(Settings):
     """A value of some joints of a simulated target.
 
     Attributes:
-        kind: Quantity.
+        kind: Quantity. One of ``frictionloss``, ``stiction``, ``stribeck_velocity``, ``load_friction``, ``play``,
+            ``compliance``, ``armature``, ``damping``, ``delay``, ``encoder_bias``, ``torque_scale``, ``torque_offset``,
+            ``stiffness``, ``spring_torque``, ``no_load_speed``, ``stall_torque``, ``kp_scale``, ``kd_scale``,
+            ``link_mass``, ``link_com_x``, ``link_com_y``, ``link_com_z``.
         joints: Patterns over joint names.
         value: Its value on these joints, in the quantity's unit.
 
@@ -81,7 +84,10 @@ class TrueNumber(Settings):
     """A number of a simulated target.
 
     Attributes:
-        kind: Which number.
+        kind: Which number. One of ``torque_noise``, ``base_mass``, ``base_com_x``, ``base_com_y``, ``base_com_z``,
+            ``payload_mass``, ``payload_x``, ``payload_y``, ``payload_z``, ``floor_friction``, ``ground_softness``,
+            ``imu_roll``, ``imu_pitch``, ``gyro_bias_x``, ``gyro_bias_y``, ``gyro_bias_z``, ``velocity_lag``,
+            ``imu_delay``.
         value: Its value.
 
     >>> settings = Target("simulated", numbers=[TrueNumber("payload_mass", value=2.0)])
@@ -96,7 +102,7 @@ class Target(Settings):
     """A robot that can be run from here.
 
     Attributes:
-        kind: How it is run.
+        kind: How it is run. One of ``simulated``, ``command``, ``unitree-go2``, ``simulated-go2``.
         trajectories: Trajectories recorded each round.
         seconds: Length of each, s.
         seed: Seed of the first round's commands and noise; later rounds take the next ones.
@@ -104,7 +110,7 @@ class Target(Settings):
         spring: Simulated: springs, written ``JOINT=STIFFNESS`` or ``JOINT=STIFFNESS@REST``, N·m/rad and rad.
         torque_noise: Simulated: standard deviation of Gaussian torques at every joint and physics step, N·m.
         log_shift: Simulated: each log begins this long after the robot, drawn between the two, s.
-        preset: Simulated: solver effort.
+        preset: Simulated: solver effort. One of ``fast``, ``accurate``, ``converged``.
         timeout_seconds: Command: how long each call of a program may take, s; then it is stopped.
         probe: Command: a program that ends well if the robot is there, and its arguments; if it is not, the loop goes on
             without a target. Without one the robot must be there.
@@ -116,8 +122,8 @@ class Target(Settings):
         patience: Robot: how old a state and how late a loop may be, ms; a real one has 20.
         yes: Robot: nobody is asked before it moves; for simulators only.
         last_walk: Robot: whether the last policy walks too, under the commands of the first round.
-        parameters: Simulated: true values of joints.
-        numbers: Simulated: true values of the robot as a whole.
+        parameters: Simulated: true values of joints. In a file: ``parameter``.
+        numbers: Simulated: true values of the robot as a whole. In a file: ``number``.
 
     >>> settings = Loop(target=Target("simulated"))
     """
@@ -147,7 +153,7 @@ class Target(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluate(Settings):
-    """What is measured of every policy.
+    """What a loop measures of every policy. ``gaitfit.evaluate`` takes the same numbers as arguments.
 
     Attributes:
         trajectories: Trajectories with random commands. Default: 2000.
@@ -156,7 +162,7 @@ class Evaluate(Settings):
         drift_speeds: Speeds of these: ahead and to the side, m/s, and turning, rad/s; half of the task's greatest
             commands when absent.
         seed: Seed of commands, starts and noise. Default: 0.
-        preset: Solver effort in the fitted simulator. Default: 'accurate'.
+        preset: Solver effort in the fitted simulator. One of ``fast``, ``accurate``, ``converged``. Default: 'accurate'.
 
     >>> settings = Loop(evaluate=Evaluate(trajectories=300))
     """

@@ -22,7 +22,9 @@ class Term(Settings):
     """One part of an observation.
 
     Attributes:
-        quantity: What is observed.
+        quantity: What is observed. One of ``base_angular_velocity``, ``projected_gravity``, ``command``,
+            ``joint_position``, ``joint_velocity``, ``last_action``, ``base_linear_velocity``, ``base_height``,
+            ``gait_phase``, ``gait_sine``, ``constant``, ``earlier_action``.
         scale: Factor on it: one number for all its elements, or one an element; none means 1.
         history: Frames: the present one and those of the control periods before it. 1, the default, is the present alone.
 
@@ -39,8 +41,8 @@ class History(Settings):
     """How the frames of terms with a history lie in a row, and what stands for frames before an episode's start.
 
     Attributes:
-        order: Which number follows which.
-        start: What the frames before an episode's first observation hold.
+        order: Which number follows which. One of ``terms``, ``frames``, ``newest_first``.
+        start: What the frames before an episode's first observation hold. One of ``first``, ``zeros``.
 
     >>> settings = TaskPolicy(history=History(order="frames", start="zeros"))
     """
@@ -265,7 +267,7 @@ class Task(Settings):
     """What the robot is asked to do, how it starts and ends, what is randomised, and what it is paid for.
 
     Attributes:
-        base: The built-in task that it begins with; other settings change it.
+        base: The built-in task that it begins with; other settings change it. One of ``velocity``, ``biped``.
         episode_seconds: Longest episode, s. Default: 20.0.
         control_dt: Time between actions, s. Default: 0.02.
         substeps: Physics steps between actions. Default: 4.
@@ -285,12 +287,55 @@ class Task(Settings):
         command: Commands.
         fall: When an episode ends as a fall.
         start: How an episode starts.
-        noise: Half range of the uniform noise on the actor's observation.
+        noise: Half range of the uniform noise on the actor's observation. One of ``base_angular_velocity``,
+            ``projected_gravity``, ``command``, ``joint_position``, ``joint_velocity``, ``last_action``,
+            ``base_linear_velocity``, ``base_height``, ``gait_phase``, ``gait_sine``, ``constant``, ``earlier_action``.
         randomisation: What differs between the robots.
         push: Pushes.
-        terms: Reward terms of one's own: expressions.
+        terms: Reward terms of one's own by name: expressions; their weights are in ``rewards``.
         terrain: Uneven ground in the place of the robot file's planes; absent: the robot file's ground.
         rewards: Weight of each reward term; a step pays the weight times the term times ``control_dt``.
+
+    Names in expressions of ``terms``, with their elements where they are rows:
+
+    - ``command`` (``x``, ``y``, ``yaw``): commanded velocity: forward, left, m/s; yaw rate, rad/s
+    - ``velocity`` (``x``, ``y``, ``z``): velocity of the base: forward, left, up, m/s
+    - ``angular_velocity`` (``x``, ``y``, ``z``): of the base, in its own frame, rad/s
+    - ``yaw_rate``: angular velocity about the vertical, rad/s
+    - ``gravity`` (``x``, ``y``, ``z``): direction of gravity in the base's frame, length 1
+    - ``uprightness``: cosine of the angle between actual and wanted posture
+    - ``height``: height of the base's origin above the ground under it, m
+    - ``qpos``, ``default_pose``, ``target`` (joints): joint positions; positions at action 0; position targets of this
+      step, rad
+    - ``qvel``, ``qacc`` (joints): joint velocities, rad/s, and accelerations, rad/s²
+    - ``tau`` (joints): motor torques, N·m
+    - ``action``, ``last_action`` (joints of the policy): this step's action and the previous one, as the policy gives
+      them
+    - ``contact``, ``landed`` (feet): 1 on the ground; 1 in the step in which the foot comes down
+    - ``foot_height``, ``foot_speed`` (feet): height of the foot's centre above the ground under it, m; its horizontal
+      speed, m/s
+    - ``air_time``, ``contact_time``, ``last_air_time`` (feet): time in the air so far, on the ground so far, and in the
+      last flight, s
+    - ``body_contacts``: parts on the ground, other than feet and parts that end the episode
+    - ``walking``, ``fallen``: 1 if the command asks for movement; 1 in the step of a fall
+    - ``clock``: phase of the gait clock, 0 to 1
+    - ``dt``: time between actions, s
+    - ``gait_group`` (feet): number of the foot's group in the task's ``gait``, from 0; −1 outside the gait
+    - ``wanted_height``, ``swing_height``, ``swing_seconds``, ``tracking_width``, ``yaw_tracking_width``: the task's
+      settings (``wanted_height`` is ``height``)
+
+    - A quantity with elements is a row of numbers. ``tau["*_calf"]`` picks elements by name or pattern, ``tau["FL_*",
+      "RR_hip"]`` by several; they stay in the robot's order. One element is a number.
+    - Operators and functions go element by element: ``+ - * / ^``, ``< <= > >= == !=`` (1 or 0), ``and or not``, ``abs
+      sqrt square exp ln sin cos tanh floor``, ``min(a, b)``, ``max(a, b)``, ``clamp(x, low, high)``, ``select(condition,
+      yes, no)``. Rows in one operation must have the same length.
+    - ``first(row)`` and ``second(row)`` are rows with one element of each pair: ``sum(first(contact) ==
+      second(contact))`` counts the pairs of feet that are both down or both up. The row has at most 32 elements.
+    - ``sum``, ``mean``, ``norm``, ``min`` and ``max`` of a row are numbers. The whole expression must be a number.
+    - ``-2^2`` is −4. ``not`` binds less than comparisons, so put ``not contact`` in brackets as a factor: ``x * (not
+      contact)``.
+    - An expression has at most 1000 characters, 256 operators, numbers and quantities, 32 sums or other folds, and 32
+      nested brackets, signs and functions.
 
     >>> settings = Task(episode_seconds=10.0, tracking_width=0.25)
     """

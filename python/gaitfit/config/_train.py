@@ -39,7 +39,7 @@ class Memory(Settings):
     """Recurrent layers before the actor, and as many of their own before the critic.
 
     Attributes:
-        cell: Kind of the layers, ``gru`` or ``lstm``; a GRU if absent.
+        cell: Kind of the layers, ``gru`` or ``lstm``; a GRU if absent. One of ``lstm``, ``gru``.
         width: Units of every layer; 64 if absent.
         layers: Layers, one behind the other; one if absent.
 
@@ -68,13 +68,13 @@ class Ppo(Settings):
         normalise_advantage: Whether advantages are shifted and scaled to mean 0 and deviation 1 over the whole rollout.
             Default: True.
         gamma: γ, a control step. Default: 0.99.
-        lambda_: λ of generalised advantage estimation. Default: 0.95.
+        lambda_: λ of generalised advantage estimation. In a file: ``lambda``. Default: 0.95.
         clip: ε: the probability ratio is clipped to 1 ± ε, and the value's change to ± ε. Default: 0.2.
         clipped_value_loss: Whether the value loss is the greater of the clipped and the plain one. Default: True.
         value_coefficient: Factor on the value loss. Default: 1.0.
         entropy_coefficient: Factor on the entropy bonus. Default: 0.005, of finetune 0.0.
         learning_rate: Learning rate of Adam, at the start or always. Default: 0.001, of finetune 0.0003.
-        schedule: How it moves. Default: 'adaptive'.
+        schedule: How it moves. One of ``adaptive``, ``fixed``. Default: 'adaptive'.
         desired_kl: KL divergence that the adaptive schedule aims for, nats. Default: 0.01.
         learning_rate_limits: Min and max learning rate of the adaptive schedule. Default: [1e-05, 0.01], of finetune
             [1e-05, 0.001].
@@ -86,7 +86,8 @@ class Ppo(Settings):
         minibatches: Gradient steps in a pass; with a memory each is over whole robots. Default: 4.
         memory: Recurrent layers before both networks, which see what these make of their observations; without it each
             network sees its observation alone.
-        precision: How exactly a GPU multiplies matrices; a CPU does so in ``f32``. Default: 'bf16'.
+        precision: How exactly a GPU multiplies matrices; a CPU does so in ``f32``. One of ``bf16``, ``tf32``, ``f32``.
+            Default: 'bf16'.
 
     >>> settings = Train(ppo=Ppo(epochs=3, desired_kl=0.015))
     """
@@ -128,8 +129,8 @@ class Train(Settings):
         runs: Folder that holds the run folders. Default: 'runs'.
         seeds: One training each, one after the other. Default: [1].
         checkpoint_seconds: Seconds between checkpoints. Default: 30.0.
-        preset: Solver effort of the physics. Default: 'fast'.
-        cone: Friction cones of the physics; those of the robot file when absent.
+        preset: Solver effort of the physics. One of ``fast``, ``accurate``, ``converged``. Default: 'fast'.
+        cone: Friction cones of the physics; those of the robot file when absent. One of ``pyramidal``, ``elliptic``.
         train: How much is trained.
         ppo: Networks and optimisation.
         task: What is trained.
@@ -168,7 +169,7 @@ class Finetune(Settings):
         runs: Folder that holds the run folders. Default: 'runs'.
         seeds: One training each, one after the other. Default: [1].
         checkpoint_seconds: Seconds between checkpoints. Default: 30.0.
-        preset: Solver effort of the physics. Default: 'fast'.
+        preset: Solver effort of the physics. One of ``fast``, ``accurate``, ``converged``. Default: 'fast'.
         train: How much is trained.
         ppo: Optimisation.
         task: What differs from the policy's own task; all of the task in the file of a run folder.

@@ -2,7 +2,8 @@
 
 Every stage has its own: :func:`gaitfit.fit` a :class:`FitResult`, :func:`gaitfit.validate` a :class:`ValidationResult`,
 :func:`gaitfit.train` and :func:`gaitfit.finetune` a :class:`Training`, :func:`gaitfit.evaluate` an :class:`Evaluation`,
-:func:`gaitfit.collect` a :class:`Collection`, :func:`gaitfit.loop` a :class:`LoopResult`, :func:`gaitfit.fleet` a :class:`Fleet`, and
+:func:`gaitfit.collect` a :class:`Collection`, :func:`gaitfit.explain` an :class:`Explanation`, :func:`gaitfit.compare` a
+:class:`Comparison`, :func:`gaitfit.loop` a :class:`LoopResult`, :func:`gaitfit.fleet` a :class:`Fleet`, and
 :func:`gaitfit.ray.reproduce` a :class:`Table`. :func:`load` reads them again from a run folder.
 
 Files are :class:`pathlib.Path`. A number that could not be measured is NaN where it is a mean, and ``None`` where the field's
@@ -12,13 +13,27 @@ fields.
 
 from .._decode import Named
 from ._base import Check, Doubt, Estimate, Result
-from ._fit import CostFit, FitResult, FittedParameter, HeldOut, Prior, Score, Sharing, Spring, ValidatedLog, ValidationResult
+from ._fit import (
+    Cause,
+    CostFit,
+    Explanation,
+    FitResult,
+    FittedParameter,
+    HeldOut,
+    Prior,
+    Score,
+    Sharing,
+    Spring,
+    ValidatedLog,
+    ValidationResult,
+)
 from ._fleet import Fleet, FleetEstimate, FleetNumber
 from ._loop import Comparison, LoopResult, Measurement, Round, Table, TableRow
 from ._read import load
 from ._walk import Collection, Drift, Evaluation, Gait, SeedResult, Training
 
 __all__ = [
+    "Cause",
     "Check",
     "Collection",
     "Comparison",
@@ -27,6 +42,7 @@ __all__ = [
     "Drift",
     "Estimate",
     "Evaluation",
+    "Explanation",
     "FitResult",
     "FittedParameter",
     "Fleet",

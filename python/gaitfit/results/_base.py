@@ -153,3 +153,10 @@ def flat(row: Mapping[str, Any], before: str = "") -> dict[str, Any]:
         elif not isinstance(value, list):
             cells[before + key] = value
     return cells
+
+
+def lines(file: Path) -> list[dict[str, Any]]:
+    """The lines of a run's metrics."""
+    if not file.exists():
+        raise FileNotFoundError(f"there is no {file}: the run folder was moved or removed")
+    return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]

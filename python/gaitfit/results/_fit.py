@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from .._decode import Named
-from ._base import Check, Doubt, Interval, Result, flat
+from ._base import Check, Doubt, Estimate, Interval, Result, flat, lines
 
 Verdict = Literal["explained", "worse", "misfit", "worse_than_nominal", "falls", "unknown"]
 
@@ -40,7 +40,8 @@ class FittedParameter:
         start: Where the search began.
         at_bound: Whether the estimate is at a bound: the true value may be beyond.
         interval: The 95 % interval, ``(lower, upper)``, or ``None`` if it was not measured.
-        identified: Whether the logs determine it, or ``None`` if that was not measured.
+        identified: Whether the logs determine it: the interval is narrower than half of the search's bounds. ``None`` if that was not
+            measured.
         spread: Standard deviation of the estimates of several seeds, or ``None`` with one.
         uncorrected: The estimate before simulated logs corrected it, or ``None`` without correction.
         truth: The true value, from the settings' ``truth``.
@@ -291,6 +292,17 @@ class FitResult(Result):
         """The file of the fitted parameters, for :func:`gaitfit.validate`, :func:`gaitfit.finetune` and others."""
         return self.run_folder / "theta.toml"
 
+    def history(self) -> list[dict[str, Any]]:
+        """One row a generation of the search, of all costs and seeds, from the run folder's ``metrics.jsonl``: ``cost``, ``seed``,
+        ``generation``, ``best``, ``best_so_far``, ``mean``, ``sigma`` and more; ``pandas.DataFrame`` takes it.
+
+        Raises ``FileNotFoundError`` if the run folder was moved or removed.
+
+        >>> result.history()[0]["generation"]
+        1
+        """
+        return [flat(row) for row in lines(self.run_folder / "metrics.jsonl")]
+
     def rows(self) -> list[dict[str, Any]]:
         """One row a parameter: ``name``, ``value``, ``unit``, ``interval_lower`` and ``interval_upper`` (the 95 % interval),
         ``identified``, ``spread``, ``lower`` and ``upper`` (bounds of the search), ``start``, ``at_bound``, ``uncorrected`` and
@@ -341,6 +353,56 @@ class ValidationResult(Result):
     def rows(self) -> list[dict[str, Any]]:
         """One row a log."""
         return [flat(row) for row in self.document["validation"]]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Something that a robot has and its model lacks.
+
+    Attributes:
+        kind: What it is, in kebab case.
+        of: The joint group or joint that has it; empty where it is of the whole robot.
+        size: Its size, in ``unit``.
+        unit: Unit of the size.
+        weight: The size over the smallest one that changes how a robot walks.
+        text: All of it in a sentence, with its remedy.
+
+    >>> Cause("play", "calf", Estimate(0.014, 0.002), "rad", 3.0, "the calf joints have play").of
+    'calf'
+    """
+
+    kind: str
+    of: str
+    size: Estimate
+    unit: str
+    weight: float
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Explanation(Result):
+    """The result of :func:`gaitfit.explain`.
+
+    Attributes:
+        logs: The log or the folder.
+        robot: The robot's file.
+        causes: What the robot has and its model lacks, the weightiest first.
+
+    >>> explained = gaitfit.explain("walks", "go2.xml")      # doctest: +SKIP
+    >>> explained.causes[0].kind      # doctest: +SKIP
+    'play'
+    """
+
+    logs: str
+    robot: str
+    causes: tuple[Cause, ...]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a cause."""
+        return [flat(row) for row in self.document["causes"]]
+
+    def _headline(self) -> str:
+        return "; ".join(one.text for one in self.causes) or "nothing that the model lacks shows in these logs"
 
 
 def _row(one: FittedParameter) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from .._arguments import path as named
 from .._decode import decoded
-from ._fit import FitResult, ValidationResult
+from ._fit import Explanation, FitResult, ValidationResult
 from ._fleet import Fleet, fleet_result
 from ._loop import LoopResult, Measurement, Round, Table, TableRow
 from ._walk import Collection, Evaluation, Training
@@ -58,6 +58,11 @@ def load(run: str | os.PathLike[str]) -> Loaded:
 def fit_result(document: Mapping[str, Any]) -> FitResult:
     """A fit's document as a result."""
     return decoded(FitResult, document, document=dict(document))
+
+
+def explanation_result(document: Mapping[str, Any]) -> Explanation:
+    """An explanation's document as a result."""
+    return decoded(Explanation, document, document=dict(document))
 
 
 def validation_result(document: Mapping[str, Any]) -> ValidationResult:

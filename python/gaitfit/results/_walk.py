@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ._base import Doubt, Estimate, Result, Triple, flat
+from ._base import Doubt, Estimate, Result, Triple, flat, lines
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,7 @@ class Gait:
         foot_lift: Mean height of a swing, m.
         action_rate: Root-mean-square change of an action a step, per joint.
         torque: Root-mean-square torque, N·m.
+        torque_power_above_10_hz: Share of the torques' power (their mean left out) above 10 Hz; ``None`` where it was not measured.
 
     >>> 0.0 <= trained.seeds[0].gait.duty_factor <= 1.0
     True
@@ -32,6 +33,7 @@ class Gait:
     foot_lift: float
     action_rate: float
     torque: float
+    torque_power_above_10_hz: float | None = None
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ class Drift:
 
 @dataclass(frozen=True)
 class SeedResult:
-    """One seed of a training: means over its last iterations.
+    """One seed of a training: means over its last 20 iterations, or over all of fewer. :meth:`Training.history` has each.
 
     Attributes:
         seed: The seed.
@@ -145,6 +147,17 @@ class Training(Result):
     def rows(self) -> list[dict[str, Any]]:
         """One row a seed."""
         return [flat(row) for row in self.document["seeds"]]
+
+    def history(self) -> list[dict[str, Any]]:
+        """One row an iteration, of all seeds one after the other, from the run folder's ``metrics.jsonl``: ``seed``, ``iteration``,
+        ``samples``, ``reward``, ``episode_return``, ``fall_rate``, ``linear_velocity_error`` and more; ``pandas.DataFrame`` takes it.
+
+        Raises ``FileNotFoundError`` if the run folder was moved or removed.
+
+        >>> [row["iteration"] for row in trained.history()]
+        [1, 2]
+        """
+        return [{"seed": seed.seed, **flat(row)} for seed in self.seeds for row in lines(seed.policy.parent / "metrics.jsonl")]
 
     def _headline(self) -> str:
         first = self.seeds[0]

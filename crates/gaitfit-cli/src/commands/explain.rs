@@ -28,38 +28,59 @@ struct Document<'a> {
     without_simulation: &'a SwingFindings,
 }
 
-/// Prints the causes that the logs show, the weightiest first. A log that must not be used is refused, and left out of a
-/// folder.
-pub fn run(args: &Explain) -> Result<(), Failure> {
-    let path = Some(args.robot.as_path());
-    let model = robot::named(&args.robot, args.lenient)?;
-    let found = if args.logs.is_dir() {
+/// What logs show of a robot without a simulation, or why that cannot be told.
+fn findings(robot: &Path, logs: &Path, lenient: bool) -> Result<SwingFindings, Failure> {
+    let path = Some(robot);
+    let model = robot::named(robot, lenient)?;
+    let found = if logs.is_dir() {
         let spec = |log: &Trajectory| CheckSpec::of_robot(&model, &log.joints);
         let mut progress = |_, _| ControlFlow::Continue(());
-        let summary = summarise_folder(&args.logs, &ReadOptions::default(), &spec, &mut progress)
-            .map_err(Failure::failed)?;
-        look::of_folder(path, args.lenient, &summary)?
+        let summary =
+            summarise_folder(logs, &ReadOptions::default(), &spec, &mut progress).map_err(Failure::failed)?;
+        look::of_folder(path, lenient, &summary)?
     } else {
-        let (log, report) = read_csv_report(&args.logs, &ReadOptions::default()).map_err(Failure::failed)?;
+        let (log, report) = read_csv_report(logs, &ReadOptions::default()).map_err(Failure::failed)?;
         let findings = log::findings(&log, &report, Some(&model));
         if let Some(error) = findings.iter().find(|finding| finding.severity == Severity::Error) {
             return Err(Failure::failed(format!(
                 "{}: {error}. `gaitfit inspect` shows the log",
-                args.logs.display()
+                logs.display()
             )));
         }
-        look::look(path, args.lenient, &[&log])?
+        look::look(path, lenient, &[&log])?
     };
     let found = found.ok_or_else(|| {
         Failure::failed(format!(
             "{}: none of the logs can be explained: {}",
-            args.logs.display(),
-            look::lacks(&model, first_log(&args.logs).as_ref(), &args.robot)
+            logs.display(),
+            look::lacks(&model, first_log(logs).as_ref(), robot)
         ))
     })?;
-    if let (None, Some(why)) = (&found.swings, &found.why_not) {
-        return Err(Failure::failed(format!("{}: {why}", args.logs.display())));
+    match (&found.swings, &found.why_not) {
+        (None, Some(why)) => Err(Failure::failed(format!("{}: {why}", logs.display()))),
+        _ => Ok(found),
     }
+}
+
+/// The document that `--json` prints.
+///
+/// # Errors
+/// Files that cannot be used, in a sentence.
+pub fn document(robot: &Path, logs: &Path, lenient: bool) -> Result<String, Failure> {
+    let found = findings(robot, logs, lenient)?;
+    serde_json::to_string(&Document {
+        logs: logs.display().to_string(),
+        robot: robot.display().to_string(),
+        causes: &causes(&found),
+        without_simulation: &found,
+    })
+    .map_err(Failure::failed)
+}
+
+/// Prints the causes that the logs show, the weightiest first. A log that must not be used is refused, and left out of a
+/// folder.
+pub fn run(args: &Explain) -> Result<(), Failure> {
+    let found = findings(&args.robot, &args.logs, args.lenient)?;
     let causes = causes(&found);
     if args.json {
         return output::print_json(&Document {

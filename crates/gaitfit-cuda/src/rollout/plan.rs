@@ -190,9 +190,10 @@ impl Plan {
     pub fn kernels(&self) -> Vec<&'static str> {
         let record = (self.recorded > 0).then_some("record");
         let others = ["observe", "act", "disturb", "finish", "observe_end", "add_values", "total"];
-        let stepwise = ["take_actions", "next_step", "restart", "observe_chosen", "write_motion"]
-            .into_iter()
-            .filter(|_| self.mode == Mode::Steps);
+        let stepwise =
+            ["take_actions", "next_step", "restart", "observe_chosen", "clear_step", "write_motion"]
+                .into_iter()
+                .filter(|_| self.mode == Mode::Steps);
         ["begin_rollout"].into_iter().chain(record).chain(others).chain(stepwise).collect()
     }
 
@@ -322,6 +323,11 @@ impl Plan {
         let observe = self.launch("observe_chosen", None, &[&["chosen"], &OBSERVED[..]].concat());
         let observe = self.columns(observe, self.terms[0] + self.terms[1]);
         vec![self.launch("restart", None, &arrays), self.next(), observe]
+    }
+
+    /// The same: the step of the environments that the array `chosen` marks belongs to no episode.
+    pub fn clear(&self) -> Launch {
+        self.launch("clear_step", None, &["chosen", "reward", "ends"])
     }
 
     /// The same: how all robots move, into the array `motion`.

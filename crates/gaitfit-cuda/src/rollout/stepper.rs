@@ -262,6 +262,16 @@ impl<'a> Stepper<'a> {
         self.finish()
     }
 
+    /// As [`Stepper::restart_those`], and the last step of the `chosen` belongs to no episode: it pays nothing and ends nothing.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn restart_without_step(&mut self, chosen: &[bool]) -> Result<(), CudaError> {
+        self.restart_those(chosen)?;
+        self.launch(&self.rollout.plan().0.clear())?;
+        self.finish()
+    }
+
     /// Sums of the weighted reward terms over all environments since the last call, in the order of
     /// [`Task::reward_names`]. A step in which an environment's simulation diverged has none of it.
     pub fn take_terms(&mut self) -> Vec<f64> {

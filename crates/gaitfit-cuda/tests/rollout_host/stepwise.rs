@@ -261,7 +261,9 @@ fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
     statements.push_str(&keep(arrays, "motion", "out"));
     statements.push_str(&take(arrays, "chosen", "some"));
     statements.extend(plan.restart().iter().map(call));
-    keep_all(&mut statements, &[&rows[..], &["steps"]].concat(), "renewed");
+    keep_all(&mut statements, &[&rows[..], &["steps", "reward", "ends"]].concat(), "renewed");
+    statements.push_str(&call(&plan.clear()));
+    keep_all(&mut statements, &["reward", "ends"], "cleared");
     let folder = execute(&plan.program.text, arrays, &files, &[], &statements);
     let read =
         |name: &str, suffix: &str| std::fs::read(folder.path().join(format!("{name}.{suffix}"))).unwrap();
@@ -298,6 +300,21 @@ fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
         let command = |suffix: &str| [0, 1, 2].map(|k| out("command", suffix)[k * ENVIRONMENTS + e]);
         assert_eq!(command("renewed"), renewed.commands[e], "{label}: command of {e}");
         assert_eq!(ages[4 * e..4 * e + 4] == [0; 4], chosen(e), "{label}: age of {e}");
+    }
+    // Their last step pays and ends nothing any more; that of others does what it did.
+    let (paid, cleared) = (out("reward", "renewed"), out("reward", "cleared"));
+    let (ends, without) = (read("ends", "renewed"), read("ends", "cleared"));
+    assert_eq!(
+        (&paid, &ends),
+        (&out("reward", &last), &read("ends", &last)),
+        "{label}: beginning anew keeps the step"
+    );
+    for e in 0..ENVIRONMENTS {
+        assert_eq!(cleared[e], if chosen(e) { 0.0 } else { paid[e] }, "{label}: reward of {e}");
+        for list in 0..3 {
+            let place = list * scene.ends_apart() + e;
+            assert_eq!(without[place], if chosen(e) { 0 } else { ends[place] }, "{label}: end {list} of {e}");
+        }
     }
     let mut counts = [0; 3];
     let mut held = 0;

@@ -162,6 +162,11 @@ impl<'a> Environment<'a> {
         &self.targets
     }
 
+    /// Sets the command of environment `index`, until the next one is drawn.
+    pub fn set_command(&mut self, index: usize, command: [f32; 3]) {
+        self.command[index] = command;
+    }
+
     /// Sets the command of environment `index` and stops drawing commands in this tile.
     pub fn hold_command(&mut self, index: usize, command: [f32; 3]) {
         self.command[index] = command;

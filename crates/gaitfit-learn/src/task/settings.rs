@@ -64,7 +64,7 @@ pub struct TaskSettings {
     pub randomisation: RandomisationSettings,
     /// Pushes.
     pub push: PushSettings,
-    /// Reward terms of one's own: expressions, as [`crate::task::expression`] says.
+    /// Reward terms of one's own by name: expressions, as [`crate::task::expression`] says; their weights are in `rewards`.
     #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
     pub terms: IndexMap<String, String>,
     /// Uneven ground in the place of the robot file's planes; absent: the robot file's ground.

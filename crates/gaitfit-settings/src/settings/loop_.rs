@@ -74,7 +74,7 @@ impl<'de> Deserialize<'de> for Decided {
     }
 }
 
-/// What is measured of every policy.
+/// What a loop measures of every policy. `gaitfit.evaluate` takes the same numbers as arguments.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EvaluateConfig {

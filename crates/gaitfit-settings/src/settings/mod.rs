@@ -85,7 +85,8 @@ pub struct AdaptConfig {
     /// PD gains of single validation logs; they win over the log's own.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub validate_gains: Vec<FileGains>,
-    /// Joint groups by name: patterns over the robot's joint names.
+    /// Joint groups by name: patterns over the robot's joint names. By default `hip` (`*_hip*`), `thigh` and `calf`; if these do
+    /// not have all joints, joints whose names differ only in the leg are a group, named as what is left of their names.
     pub groups: BTreeMap<String, Vec<String>>,
     /// What to fit.
     pub parameter: Vec<ParameterRule>,
@@ -232,7 +233,9 @@ pub struct OptimizerConfig {
     /// A seed stops once its search distribution is this small: largest standard deviation of any
     /// parameter, relative to its initial deviation. 0 never stops early.
     pub tolerance: f64,
-    /// Wall time after which the search stops with what it has, s; 0 has no limit. Intervals are measured after it.
+    /// Wall time after which the search stops with what it has, s; 0 has no limit. Intervals are measured after it, which takes
+    /// as long again or longer; estimates of a search that was cut off are not corrected by simulated logs, and the result has
+    /// the doubt `not_converged`.
     pub max_seconds: f64,
 }
 

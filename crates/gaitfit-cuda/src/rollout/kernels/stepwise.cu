@@ -56,6 +56,14 @@ KERNEL observe_chosen(
         critic_observation, e);
 }
 
+// The present step of those that are `chosen` belongs to no episode: it pays nothing and ends nothing.
+KERNEL clear_step(const u32* chosen, float* reward, unsigned char* ends) {
+    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
+    if (e >= ENVIRONMENTS || !chosen[e]) return;
+    reward[e] = 0.0f;
+    ends[e] = ends[ENDS_APART + e] = ends[2 * ENDS_APART + e] = 0;
+}
+
 // How all robots move: one array after another, a row an environment. Position of the base, m, its orientation, wxyz, its
 // velocity in the world, m/s, its rates in the body's frame, rad/s, then positions (rad), velocities (rad/s) and torques (N m)
 // of the joints that the policy moves. A thread a number.
