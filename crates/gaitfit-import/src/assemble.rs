@@ -122,6 +122,7 @@ pub(crate) fn trajectory(
         target,
         action,
         command: group(&COMMAND),
+        motion: None,
         base: (base != BaseState::default()).then_some(base),
         gains,
         lead,
