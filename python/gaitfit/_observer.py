@@ -23,6 +23,8 @@ _WIDTHS = {
     "gait_phase": 2,
     "gait_sine": 1,
     "constant": 1,
+    "reference_orientation": 6,
+    "reference_phase": 1,
 }
 #: Quantities that the observer knows itself.
 _KNOWN = {"gait_phase", "gait_sine", "constant", "earlier_action"}

@@ -238,7 +238,7 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
              three columns now."
         )));
     }
-    let motion = reference::settle(&mut trajectory, &scene.walker, &file.name)
+    let motion = reference::settle(&mut trajectory, &scene.walker.interface, &file.name)
         .map_err(|what| Error::failed(format!("{shown}: {what}")))?;
     if trajectory.action.is_none() {
         let Some(target) = &trajectory.target else {

@@ -1,9 +1,8 @@
 //! Where a log is in the motion that its policy follows.
 
 use gaitfit_log::Trajectory;
-use gaitfit_policy::observation::Sensed;
-use gaitfit_policy::walker::Walker;
-use gaitfit_policy::{MotionPlace, Quantity};
+use gaitfit_policy::observation::{Layout, Sensed};
+use gaitfit_policy::{Interface, MotionPlace, Quantity};
 
 /// The place of sample `row`; the beginning of a log that states none.
 pub fn place(log: &Trajectory, row: usize) -> MotionPlace {
@@ -12,12 +11,11 @@ pub fn place(log: &Trajectory, row: usize) -> MotionPlace {
 }
 
 /// Makes sure that a log of a policy with a motion states its place in it: without the columns the motion begins with the log,
-/// turned as the robot then is. What was assumed, in words.
+/// turned as the robot then is. Joints are in the policy's order. What was assumed, in words.
 ///
 /// # Errors
 /// A log without orientations, if the policy observes its own; a sentence.
-pub fn settle(log: &mut Trajectory, walker: &Walker, name: &str) -> Result<Option<String>, String> {
-    let interface = &walker.interface;
+pub fn settle(log: &mut Trajectory, interface: &Interface, name: &str) -> Result<Option<String>, String> {
     if interface.reference.is_none() {
         return Ok(None);
     }
@@ -33,14 +31,14 @@ pub fn settle(log: &mut Trajectory, walker: &Walker, name: &str) -> Result<Optio
     if log.motion.is_some() {
         return Ok(None);
     }
-    let mut sensed = Sensed::new(walker.joints.len());
+    let mut sensed = Sensed::new(interface.joints.len());
     if let Some(quaternion) = quaternion {
         sensed.orientation = quaternion.map(|x| x as f32);
     }
     for (own, &value) in sensed.joint_position.iter_mut().zip(&log.position) {
         *own = value as f32;
     }
-    let heading = walker.observation.motion_heading(&sensed);
+    let heading = Layout::new(interface, &interface.observation).motion_heading(&sensed);
     let Some(&first) = log.time.first() else { return Ok(None) };
     log.motion = Some(log.time.iter().flat_map(|time| [time - first, heading]).collect());
     Ok(Some(format!(
