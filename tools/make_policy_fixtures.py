@@ -183,6 +183,45 @@ def mjlab_onnx(out, rng):
     save_rows(out, "mjlab", rows, np.concatenate([session.run(None, {"obs": row[None]})[0] for row in rows]))
 
 
+def motion_onnx(out, rng):
+    """As mjlab's tracking task would be exported: the motion is in the graph, `time_step` chooses a row of it."""
+    width, samples = 69, 5
+    nodes, initializers = perceptron([layer(rng, width, 16), layer(rng, 16, JOINTS)], "obs")
+    listed = lambda values: ",".join(value if isinstance(value, str) else f"{value:.3f}" for value in values)
+    legs = [f"{leg}_{kind}_joint" for leg in ("FR", "FL", "RR", "RL") for kind in ("hip", "thigh", "calf")]
+    ends = [("actions", [1, JOINTS])]
+    nodes += [
+        helper.make_node("Cast", ["time_step"], ["whole"], to=TensorProto.INT64),
+        helper.make_node("Squeeze", ["whole", "last"], ["flat"]),
+        helper.make_node("Min", ["flat", "end"], ["step"]),
+    ]
+    initializers += [numpy_helper.from_array(np.array(value), name) for name, value in (("last", [-1]), ("end", [samples - 1]))]
+    for name in ("joint_pos", "joint_vel"):
+        table = rng.normal(0, 1, (samples, JOINTS)).astype(np.float32)
+        initializers.append(numpy_helper.from_array(table, f"{name}_table"))
+        nodes.append(helper.make_node("Gather", [f"{name}_table", "step"], [name], axis=0))
+        ends.append((name, [1, JOINTS]))
+    metadata = [
+        ("run_path", "local"),
+        ("joint_names", listed(legs)),
+        ("joint_stiffness", listed([20.0] * JOINTS)),
+        ("joint_damping", listed([1.0] * JOINTS)),
+        ("default_joint_pos", listed([0.1, 0.9, -1.8, -0.1, 0.9, -1.8] * 2)),
+        ("command_names", "motion"),
+        ("observation_names", "command,motion_anchor_ori_b,base_ang_vel,joint_pos,joint_vel,actions"),
+        ("observation_terms_scale", ";".join(["0.5"] * JOINTS + ["2.0"] * JOINTS) + ",1.0,1.0,1.0,1.0,1.0"),
+        ("observation_terms_history_length", "0,0,0,0,0,0"),
+        ("action_scale", listed([0.25] * JOINTS)),
+        ("anchor_body_name", "base"),
+        ("body_names", "base,FL_calf"),
+    ]
+    session = save_graph(out / "mjlab_motion.onnx", nodes, initializers, [("obs", [1, width]), ("time_step", [1, 1])], ends, metadata)
+    rows = rng.normal(0, 1, (ROWS, width)).astype(np.float32)
+    step = np.zeros((1, 1), np.float32)
+    actions = [session.run(["actions"], {"obs": row[None], "time_step": step})[0] for row in rows]
+    save_rows(out, "mjlab_motion", rows, np.concatenate(actions))
+
+
 def unitree_folders(out, rng):
     """As unitree_rl_lab leaves a Go2's velocity task: exported/policy.onnx and params/deploy.yaml."""
     width = 5 * WIDTH
@@ -318,6 +357,7 @@ def main():
     foreign_onnx(out, rng)
     trainer_safetensors(out, rng)
     mjlab_onnx(out, np.random.default_rng(48))
+    motion_onnx(out, np.random.default_rng(69))
     unitree_folders(out, np.random.default_rng(225))
     functions_onnx(out, np.random.default_rng(17))
     recurrent_onnx(out, np.random.default_rng(4), "LSTM")

@@ -144,7 +144,8 @@ def record(job):
             commands = np.stack([draw_command(policy.command, rng) for rng in draws])
         pairs = list(zip(group.feelings, group.data))
         seen = [np.concatenate([feelings.positions(data), feelings.velocities(data)]) for feelings, data in pairs]
-        bases = [BASE[base][1](data, feelings) for feelings, data in pairs]
+        of_base = [BASE[base][1](data, feelings) for feelings, data in pairs]
+        bases = [np.concatenate([values, group.place(index)]) for index, values in enumerate(of_base)]
         for index in group.step(commands):
             if begins[index] <= step < begins[index] + steps:
                 sent = group.sent[0][index], group.actions[index], commands[index], bases[index]
@@ -182,7 +183,8 @@ def collect(args, world):
     jobs = [(world, numbers, args.seconds, (low, high), args.base, played) for numbers in groups(args.trajectories)]
     logs = parallel(record, jobs, args.processes, "logs")
     columns = [f"{prefix}_{joint}" for prefix in ("q", "dq", "qdes", "act") for joint in policy.joints]
-    header = ",".join(["time", *columns, "vx_cmd", "vy_cmd", "wz_cmd", *BASE[args.base][0]])
+    motion = ["motion_time", "motion_heading"] if policy.motion else []
+    header = ",".join(["time", *columns, "vx_cmd", "vy_cmd", "wz_cmd", *BASE[args.base][0], *motion])
     digits, files = max(2, len(str(args.trajectories - 1))), []
     for number, log in enumerate(logs):
         if not log["rows"]:

@@ -22,6 +22,7 @@ import numpy as np
 import onnxruntime
 
 from mujoco_effects import Effects, Feelings
+from mujoco_motion import Motion
 
 GO2 = pathlib.Path(__file__).parent.parent / "assets/go2.xml"
 DIVERGED = [mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC]
@@ -92,6 +93,7 @@ class Policy:
             self.joints, self.dt = interface["joints"], float(interface["control_dt"])
             # Joints that the policy does not move: [{joint, position, kp, kd}].
             self.held = interface.get("held", [])
+            self.motion = Motion(interface) if "reference" in interface else None
             self.clip = np.array(interface.get("action_clip") or math.inf)
             task = tomllib.loads(document.get("provenance", {}).get("task") or "")
         except (KeyError, TypeError, ValueError) as error:
@@ -279,8 +281,9 @@ class Robot:
         data = mujoco.MjData(self.model)
         data.qpos[:] = self.model.qpos0
         data.qpos[:7] = 0, 0, 1, math.cos(policy.pitch / 2), 0, math.sin(policy.pitch / 2), 0
+        begins = policy.pose if policy.motion is None else policy.motion.joints(0.0)
         spread = stream(world.seed, START, number).uniform(-world.joint_noise, world.joint_noise, len(policy.pose))
-        data.qpos[self.position] = policy.pose + spread
+        data.qpos[self.position] = begins + spread
         data.qpos[self.held_position] = self.held_pose
         mujoco.mj_kinematics(self.model, data)
         gaps = [mujoco.mj_geomDistance(self.model, data, self.floor, g, 5.0, None) for g in self.solid]
@@ -322,6 +325,8 @@ class Group:
         periods = 1 + math.ceil(self.robot.delay / self.robot.substeps)
         self.sent = [np.tile(self.policy.pose, (len(numbers), 1)) for _ in range(periods)]
         self.periods = 0
+        # Angle by which each robot's motion is turned, rad.
+        self.turned = {}
         # Earlier frames of the observation, the oldest first.
         self.past = []
         self._check_width()
@@ -339,6 +344,12 @@ class Group:
         """The present frame: rows of the interface's terms, scaled, term by term."""
         rows = [self._observe(*each) for each in zip(self.data, commands, self.actions, self.earlier, self.feelings)]
         return [np.stack(column).astype(np.float32) for column in zip(*rows)]
+
+    def place(self, index):
+        """Time in the motion (s) and its heading (rad) of a robot, before its step; nothing of policies without a motion."""
+        if self.policy.motion is None:
+            return np.zeros(0)
+        return np.array([self.periods * self.policy.dt, self.turned[id(self.data[index])]])
 
     def _with_past(self, frame):
         """Rows of the present frame and those before it, as the interface's history orders them."""
@@ -373,7 +384,24 @@ class Group:
             "constant": lambda: (1.0,),
             "earlier_action": lambda: earlier,
         }
-        terms = [(quantities[term["quantity"]](), term.get("scale") or [1.0]) for term in interface["observation"]]
+        if motion := self.policy.motion:
+            joints = feelings.positions(data)
+            turned = self.turned.setdefault(id(data), motion.turned(imu[:4], joints))
+
+            def later(term):
+                return (self.periods + term.get("ahead", 0)) * self.policy.dt
+
+            followed = {
+                "reference_joint_position": motion.joints,
+                "reference_joint_velocity": motion.speeds,
+                "reference_phase": motion.phase,
+                "reference_orientation": lambda time: motion.difference(time, turned, imu[:4], joints),
+            }
+            at = {name: lambda term, of=of: of(later(term)) for name, of in followed.items()}
+        else:
+            at = {}
+        value = lambda term: at[term["quantity"]](term) if term["quantity"] in at else quantities[term["quantity"]]()
+        terms = [(value(term), term.get("scale") or [1.0]) for term in interface["observation"]]
         return [np.asarray(value) * np.array(scale) for value, scale in terms]
 
     def step(self, commands):

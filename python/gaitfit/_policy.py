@@ -36,7 +36,8 @@ class Term:
     ``joint_velocity`` (joints, rad/s), ``last_action`` (joints), ``base_linear_velocity`` (3, m/s, body frame),
     ``base_height`` (1, m above the ground, of simulators alone), ``gait_phase`` (2: sine and cosine of
     the gait clock), ``gait_sine`` (1), ``constant`` (1: the number 1, before its scale) and ``earlier_action``
-    (joints: the action before the last, beside ``last_action``).
+    (joints: the action before the last, beside ``last_action``). Policies from files may also observe a motion that they follow:
+    ``reference_joint_position``, ``reference_joint_velocity``, ``reference_orientation``, ``reference_phase``.
 
     >>> Term("base_angular_velocity", 0.25).history
     1

@@ -18,6 +18,7 @@ mod inspect;
 mod link;
 mod loop_robot;
 mod memory;
+mod motion;
 mod odd_joints;
 mod pages;
 mod preflight;

@@ -52,8 +52,9 @@ pub(crate) fn unknown(activation: Activation) -> Option<String> {
 
 /// What to say of an observation that the kernels do not write.
 pub(crate) fn unobserved(layout: &Layout) -> Option<String> {
-    let unknown = layout.slots().iter().any(|slot| slot.quantity == Quantity::EarlierAction);
-    unknown.then(|| format!("a policy that observes {}", Quantity::EarlierAction.name()))
+    let unknown = |quantity: Quantity| quantity == Quantity::EarlierAction || quantity.is_of_reference();
+    let found = layout.slots().iter().map(|slot| slot.quantity).find(|&quantity| unknown(quantity))?;
+    Some(format!("a policy that observes {}", found.name()))
 }
 
 pub(crate) fn single(value: f32) -> String {

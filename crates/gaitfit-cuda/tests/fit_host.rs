@@ -56,6 +56,8 @@ fn scripts(task: &Task, policy: &Policy, lengths: &[usize]) -> Vec<Script> {
             others: (0..if number == 1 { 0 } else { 2 })
                 .map(|other| walker.start_from_joints(&angles, &vec![0.5 - f64::from(other); joints]))
                 .collect(),
+            motion: Vec::new(),
+            turned_back: 0.0,
             states: Vec::new(),
             actions: Vec::new(),
         })

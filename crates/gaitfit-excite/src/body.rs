@@ -140,6 +140,7 @@ impl Body {
             target: Some(targets.to_vec()),
             action: None,
             command: None,
+            motion: None,
             base: None,
             gains: Some(self.gains.clone()),
             lead: None,

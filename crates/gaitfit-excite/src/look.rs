@@ -142,6 +142,7 @@ impl Look<'_> {
             target: None,
             action: None,
             command: Some((0..samples).flat_map(|sample| sequence.at(sample as f64 * dt)).collect()),
+            motion: None,
             base: None,
             gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
             lead: None,

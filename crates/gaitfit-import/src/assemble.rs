@@ -151,6 +151,7 @@ pub(crate) fn trajectory(
         target,
         action,
         command,
+        motion: None,
         base: (base != BaseState::default()).then_some(base),
         gains,
         lead,

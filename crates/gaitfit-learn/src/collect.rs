@@ -1,6 +1,7 @@
 //! Logs of a policy in a simulator, as a robot would record them.
 
 use gaitfit_log::{BaseState, Gains, Trajectory};
+use gaitfit_policy::MotionPlace;
 use gaitfit_random::{Purpose, Stream};
 
 use crate::evaluate::Subject;
@@ -65,6 +66,7 @@ fn collect_tile(
             if recorder.records(index, step) {
                 sensed(task, &player.environment, index, &mut row);
                 recorder.sense(index, &row);
+                recorder.follow(index, player.environment.motion_place(index));
             }
         }
         player.step(step)?;
@@ -140,6 +142,7 @@ impl Recorder {
             target: Some(Vec::new()),
             action: Some(Vec::new()),
             command: Some(Vec::new()),
+            motion: interface.reference.is_some().then(Vec::new),
             base: Some(BaseState {
                 position: options.privileged.then(Vec::new),
                 quaternion: Some(Vec::new()),
@@ -201,6 +204,13 @@ impl Recorder {
                     part.extend(values);
                 }
             }
+        }
+    }
+
+    /// Adds where a robot is in the motion that its policy follows, after [`Recorder::sense`]; nothing for other policies.
+    pub fn follow(&mut self, index: usize, place: MotionPlace) {
+        if let Some(motion) = self.logs.get_mut(index).and_then(|log| log.trajectory.motion.as_mut()) {
+            motion.extend([place.time, place.heading]);
         }
     }
 

@@ -62,6 +62,8 @@ fn script(scene: &Task, log: &Trajectory) -> Script {
         commands: (0..log.len()).map(|sample| row(&log.command, sample)).collect(),
         start: scene.walker.start_from_joints(&log.position[..joints], &log.velocity[..joints]),
         others: Vec::new(),
+        motion: Vec::new(),
+        turned_back: 0.0,
         states: states.collect(),
         actions: single(log.action.as_ref().unwrap()),
     }

@@ -95,6 +95,8 @@ fn a_recurrent_policy_walks_is_followed_and_trained() {
                         .collect(),
                     start,
                     others: Vec::new(),
+                    motion: Vec::new(),
+                    turned_back: 0.0,
                     states,
                     actions: single(log.action.as_ref().unwrap()),
                 }

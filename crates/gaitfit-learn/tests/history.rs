@@ -147,6 +147,8 @@ fn followed_it_repeats_its_log_and_after_a_reset_it_remembers_the_log() {
             commands: (0..log.len()).map(|sample| row(&log.command, sample)).collect(),
             start: scene.walker.start_from_joints(&log.position[..12], &log.velocity[..12]),
             others: Vec::new(),
+            motion: Vec::new(),
+            turned_back: 0.0,
             states: states.collect(),
             actions: single(log.action.as_ref().unwrap()),
         };

@@ -8,6 +8,7 @@ mod foreign;
 mod history;
 mod joints_and_feet;
 mod memory;
+mod motion;
 mod own_simulator;
 mod ppo_gae;
 mod ppo_learner;

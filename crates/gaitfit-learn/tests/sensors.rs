@@ -175,6 +175,8 @@ fn script(log: &Trajectory) -> Script {
         commands: (0..log.len()).map(|sample| row(&log.command, sample)).collect(),
         start: states[0].clone(),
         others: Vec::new(),
+        motion: Vec::new(),
+        turned_back: 0.0,
         states,
         actions: single(log.action.as_ref().unwrap()),
     }

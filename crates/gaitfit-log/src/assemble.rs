@@ -67,6 +67,7 @@ pub(crate) fn assemble(
     let mut channels = samples.channels.into_iter();
     let mut next = || channels.next().unwrap_or_default();
     let (position, velocity, target, action, command) = (next(), next(), next(), next(), next());
+    let motion = next();
     let mut base_channel = |name: &'static str, columns: Option<Vec<usize>>| {
         let values = next();
         if values.iter().all(|value| value.is_nan()) {
@@ -114,6 +115,7 @@ pub(crate) fn assemble(
         target,
         action: layout.action.map(|_| action),
         command: layout.command.map(|_| command),
+        motion: layout.motion.map(|_| motion),
         base: (base != BaseState::default()).then_some(base),
         gains,
         lead,

@@ -7,6 +7,7 @@ use std::path::Path;
 
 pub(crate) const COMMAND: [&str; 3] = ["vx_cmd", "vy_cmd", "wz_cmd"];
 const COMMAND_ALIAS: [&str; 3] = ["cmd_vx", "cmd_vy", "cmd_wz"];
+pub(crate) const MOTION: [&str; 2] = ["motion_time", "motion_heading"];
 pub(crate) const BASE_POSITION: [&str; 3] = ["base_pos_x", "base_pos_y", "base_pos_z"];
 pub(crate) const BASE_QUATERNION: [&str; 4] = ["base_quat_w", "base_quat_x", "base_quat_y", "base_quat_z"];
 const ROLL_PITCH_YAW: [&str; 3] = ["roll", "pitch", "yaw"];
@@ -46,6 +47,7 @@ pub(crate) struct Layout {
     pub target: Option<Vec<usize>>,
     pub action: Option<Vec<usize>>,
     pub command: Option<Vec<usize>>,
+    pub motion: Option<Vec<usize>>,
     pub base_position: Option<Vec<usize>>,
     pub base_quaternion: Option<Vec<usize>>,
     pub roll_pitch_yaw: Option<Vec<usize>>,
@@ -231,6 +233,7 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
     let feed_forward = header.per_joint("tauff_", false)?;
 
     let command = header.group(&COMMAND);
+    let motion = header.group(&MOTION);
     let base_position = header.group(&BASE_POSITION);
     let base_quaternion = header.group(&BASE_QUATERNION);
     let mut roll_pitch_yaw = header.group(&ROLL_PITCH_YAW);
@@ -253,6 +256,7 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
         target,
         action,
         command,
+        motion,
         base_position,
         base_quaternion,
         roll_pitch_yaw,

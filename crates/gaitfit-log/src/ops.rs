@@ -120,6 +120,7 @@ impl Trajectory {
             ("target", self.target.as_ref(), joints),
             ("action", self.action.as_ref(), joints),
             ("command", self.command.as_ref(), 3),
+            ("motion", self.motion.as_ref(), 2),
             ("base.position", base.position.as_ref(), 3),
             ("base.quaternion", base.quaternion.as_ref(), 4),
             ("base.linear_velocity", base.linear_velocity.as_ref(), 3),

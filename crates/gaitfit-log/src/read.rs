@@ -194,7 +194,7 @@ struct Channel<'a> {
 /// The first cell of a row that cannot be, and why.
 type Refuse = fn(&[f64]) -> Option<(usize, &'static str)>;
 
-fn channels(layout: &Layout) -> [Channel<'_>; 15] {
+fn channels(layout: &Layout) -> [Channel<'_>; 16] {
     fn some(columns: &Option<Vec<usize>>) -> &[usize] {
         columns.as_deref().unwrap_or_default()
     }
@@ -207,6 +207,7 @@ fn channels(layout: &Layout) -> [Channel<'_>; 15] {
         needed(some(&layout.target)),
         needed(some(&layout.action)),
         needed(some(&layout.command)),
+        needed(some(&layout.motion)),
         base(&layout.base_position),
         sensed(&layout.base_quaternion, imu::orientation as Refuse),
         sensed(&layout.roll_pitch_yaw, imu::angles),
@@ -221,8 +222,8 @@ fn channels(layout: &Layout) -> [Channel<'_>; 15] {
 }
 
 /// Places of roll, pitch, yaw and of the body rates among the channels.
-const ANGLES: usize = 7;
-const RATES: usize = 9;
+const ANGLES: usize = 8;
+const RATES: usize = 10;
 
 /// What the rows of a file hold.
 struct Rows {

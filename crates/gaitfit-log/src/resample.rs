@@ -104,6 +104,7 @@ impl Trajectory {
             target: self.target.as_deref().map(|values| hold(values, joints)),
             action: self.action.as_deref().map(|values| hold(values, joints)),
             command: self.command.as_deref().map(|values| hold(values, 3)),
+            motion: self.motion.as_deref().map(|values| blend(values, 2)),
             base: self.base.as_ref().map(|base| BaseState {
                 position: base.position.as_deref().map(|values| blend(values, 3)),
                 quaternion: base
@@ -161,6 +162,7 @@ impl Trajectory {
             target: optional(&self.target, width),
             action: optional(&self.action, width),
             command: optional(&self.command, 3),
+            motion: optional(&self.motion, 2),
             base: self.base.as_ref().map(|base| BaseState {
                 position: optional(&base.position, 3),
                 quaternion: optional(&base.quaternion, 4),

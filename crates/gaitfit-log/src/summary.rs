@@ -92,6 +92,7 @@ pub fn summary_with_report(log: &Trajectory, reading: ReadReport) -> LogSummary 
         ("target", log.target.is_some()),
         ("action", log.action.is_some()),
         ("command", log.command.is_some()),
+        ("motion", log.motion.is_some()),
         ("base position", base.position.is_some()),
         ("base orientation", base.quaternion.is_some()),
         ("base velocity", base.linear_velocity.is_some()),

@@ -28,6 +28,9 @@ pub struct Trajectory {
     pub action: Option<Vec<f64>>,
     /// Commands: vx (m/s), vy (m/s), yaw rate (rad/s); `len × 3`; may be absent.
     pub command: Option<Vec<f64>>,
+    /// Where the robot is in the motion that its policy follows: time since the motion's beginning (s), and the angle about
+    /// the vertical by which the motion was turned to face as the robot did (rad); `len × 2`; may be absent.
+    pub motion: Option<Vec<f64>>,
     /// Base state, where a log has it (simulated robots, motion capture); may be absent.
     pub base: Option<BaseState>,
     /// PD gains in force while recording, one a joint; may be absent.
@@ -94,6 +97,7 @@ impl Trajectory {
             target: None,
             action: None,
             command: None,
+            motion: None,
             base: None,
             gains: None,
             lead: None,

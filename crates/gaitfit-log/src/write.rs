@@ -1,6 +1,6 @@
 //! The CSV writer: exact numbers, atomic replacement.
 
-use crate::columns::{BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND};
+use crate::columns::{BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND, MOTION};
 use crate::{LogError, Trajectory};
 use gaitfit_model::shown;
 use std::io::{BufWriter, Write};
@@ -111,6 +111,7 @@ fn write_to(out: &mut impl Write, trajectory: &Trajectory) -> std::io::Result<()
         (named("qdes_"), trajectory.target.as_ref()),
         (named("act_"), trajectory.action.as_ref()),
         (fixed(&COMMAND), trajectory.command.as_ref()),
+        (fixed(&MOTION), trajectory.motion.as_ref()),
         (fixed(&BASE_POSITION), base.and_then(|base| base.position.as_ref())),
         (fixed(&BASE_QUATERNION), base.and_then(|base| base.quaternion.as_ref())),
         (fixed(&BASE_VELOCITY), base.and_then(|base| base.linear_velocity.as_ref())),

@@ -43,6 +43,7 @@ fn full_trajectory() -> Trajectory {
         target: Some(take(2, 6)),
         action: Some(take(3, 6)),
         command: Some(take(4, 9)),
+        motion: Some(take(2, 6)),
         base: Some(BaseState {
             position: Some(take(5, 9)),
             quaternion: Some([0.1 + 0.2, -0.0, 0.91_f64.sqrt(), 5e-324].repeat(3)),
@@ -75,6 +76,7 @@ fn what_is_written_reads_back_to_the_same_bits() {
         target: None,
         action: None,
         command: None,
+        motion: None,
         base: None,
         gains: None,
         lead: None,

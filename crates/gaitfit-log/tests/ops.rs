@@ -18,6 +18,7 @@ fn log() -> Trajectory {
         target: Some(rows(2.0)),
         action: Some(rows(3.0)),
         command: Some((0..12).map(f64::from).collect()),
+        motion: Some((0..8).map(f64::from).collect()),
         base: Some(BaseState {
             position: Some((0..12).map(f64::from).collect()),
             // 0°, 90° about z, then the same 90° with the other sign, then 180°.
@@ -65,6 +66,7 @@ fn slices_keep_times() {
     assert_eq!(part.time, [1.1, 1.2]);
     assert_eq!(part.position, [1.0, 10.0, 2.0, 20.0]);
     assert_eq!(part.command.clone().unwrap()[..3], [3.0, 4.0, 5.0]);
+    assert_eq!(part.motion.clone().unwrap(), [2.0, 3.0, 4.0, 5.0]);
     assert_eq!(part.base.clone().unwrap().quaternion.unwrap().len(), 8);
     assert_eq!(log().slice_time(1.05, 1.25).unwrap(), part);
     assert!(log().slice(3..5).is_err());

@@ -6,7 +6,7 @@ use std::sync::PoisonError;
 use gaitfit_physics::Params;
 use gaitfit_sim::{Candidate, Imu, Motion, Start, Tile, pool};
 
-use crate::Policy;
+use crate::{MotionPlace, Policy};
 use crate::network::Scratch;
 use crate::observation::{LastAction, Past, Sensed};
 use crate::walker::{TorqueNoise, Walker, WalkerError};
@@ -27,6 +27,10 @@ pub struct Script {
     /// The logged actions, policy order, `samples × joints`: after a reset the policy's last action is the log's, and so
     /// are the past frames of what it observes.
     pub actions: Vec<f32>,
+    /// Where the robot is at each sample in the motion that the policy follows; empty for policies without one.
+    pub motion: Vec<MotionPlace>,
+    /// Angle by which `start` and `others` are turned back from where the log has them, rad. The motion turns with them.
+    pub turned_back: f64,
 }
 
 /// One robot's signals; a row a sample. Row `i` holds the state in which action `i` was chosen, and that action.
@@ -210,6 +214,7 @@ impl Worker {
                 sensed.command = commands.get(sample.min(last)).copied().unwrap_or_default();
                 sensed.last_action.copy_from_slice(last_action.row(index));
                 sensed.clock = walker.clock(sample as u32);
+                sensed.motion = scripts[index].place(sample, job.reset_every.is_none());
                 walker.observation.write(&sensed, past.row(index), |_, _| (), row);
             }
             past.take(&self.observation);
@@ -244,6 +249,14 @@ impl Script {
             .map_or(&self.start, |other| &self.others[other])
     }
 
+    /// Where the robot is in the motion at `sample`. `back`: whether the robot was turned back at its start.
+    fn place(&self, sample: usize, back: bool) -> MotionPlace {
+        let last = self.motion.len().saturating_sub(1);
+        let place = self.motion.get(sample.min(last)).copied().unwrap_or_default();
+        let heading = if back { place.heading - self.turned_back } else { place.heading };
+        MotionPlace { heading, ..place }
+    }
+
     /// Sets in `past` what the policy observed of this run before `sample`, had the robot been in the logged states.
     fn recall(&self, walker: &Walker, sample: usize, index: usize, sensed: &mut Sensed, past: &mut Past) {
         if !past.is_kept() {
@@ -265,6 +278,7 @@ impl Script {
                 None => sensed.last_action.fill(0.0),
             }
             sensed.clock = walker.clock(before as u32);
+            sensed.motion = self.place(before, false);
             layout.write(sensed, past.row(index), |_, _| (), &mut row);
             past.set(index, &row);
         }

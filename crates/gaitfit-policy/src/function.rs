@@ -126,6 +126,7 @@ mod tests {
             held: Vec::new(),
             control_dt: 0.02,
             gait_frequency: None,
+            reference: None,
             history: Default::default(),
             observation: vec![Term::new(Quantity::JointPosition), Term::new(Quantity::Command)],
             critic_observation: Vec::new(),

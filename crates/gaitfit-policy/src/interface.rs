@@ -1,7 +1,7 @@
 //! What a policy sees and what its outputs mean: the contract between a network, a robot and a simulator.
 
 use crate::observation::Layout;
-use crate::{ActionClip, FrameOrder, Held, History, Quantity, Source};
+use crate::{ActionClip, FrameOrder, Held, History, Quantity, Reference, Source};
 use gaitfit_model::Model;
 use serde::{Deserialize, Serialize};
 
@@ -17,12 +17,15 @@ pub struct Term {
     /// Frames: the present one and those of the control periods before it. 1, the default, is the present alone.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub history: usize,
+    /// Control periods by which the reference motion is read ahead; for quantities of the motion.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub ahead: usize,
 }
 
 impl Term {
     /// `quantity` as it is now, with a factor of 1.
     pub fn new(quantity: Quantity) -> Self {
-        Self { quantity, scale: Vec::new(), history: 1 }
+        Self { quantity, scale: Vec::new(), history: 1, ahead: 0 }
     }
 
     /// With these factors.
@@ -47,6 +50,10 @@ fn one() -> usize {
 
 fn is_one(history: &usize) -> bool {
     *history == 1
+}
+
+fn is_none(ahead: &usize) -> bool {
+    *ahead == 0
 }
 
 /// What a policy sees and what its outputs mean. Per-joint vectors are in the order of `joints`.
@@ -80,6 +87,9 @@ pub struct Interface {
     /// Frequency of the gait clock, Hz; needed where [`Quantity::GaitPhase`] or [`Quantity::GaitSine`] is observed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gait_frequency: Option<f64>,
+    /// The motion that the policy follows; needed where the observation has some of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference: Option<Reference>,
     /// How past frames lie in a row, where terms have a [`Term::history`].
     #[serde(default, skip_serializing_if = "History::is_default")]
     pub history: History,
@@ -100,6 +110,8 @@ const MAX_JOINTS: usize = 256;
 /// Most frames of a term, and most numbers of an observation.
 const MAX_FRAMES: usize = 256;
 const MAX_NUMBERS: usize = 1 << 16;
+/// Most control periods that a motion is read ahead.
+const MAX_AHEAD: usize = 1000;
 /// Longest name of a robot or a joint, bytes.
 const LONGEST_NAME: usize = 200;
 /// Largest magnitude of any number of an interface; beyond it lies no robot, and single precision overflows.
@@ -202,6 +214,9 @@ impl Interface {
             positive("action_clip", Some(clip))?;
         }
         self.check_held()?;
+        if let Some(reference) = &self.reference {
+            reference.check(&self.joints)?;
+        }
         positive("gait_frequency", self.gait_frequency)?;
         if self.observation.is_empty() {
             return Err(InterfaceError("observation has no terms; list what the policy sees".into()));
@@ -277,6 +292,7 @@ impl Interface {
                     "{name} holds {quantity}, but gait_frequency is missing; give the gait clock's Hz"
                 )));
             }
+            self.check_reference(name, term)?;
             // It is found in the row before, as that row's last action.
             let is_last = |term: &Term| term.quantity == Quantity::LastAction;
             let mut last = terms.iter().filter(|term| is_last(term));
@@ -288,6 +304,36 @@ impl Interface {
             }
         }
         self.check_history(name, terms)
+    }
+
+    /// Whether a term has the motion that it needs.
+    fn check_reference(&self, name: &str, term: &Term) -> Result<(), InterfaceError> {
+        let quantity = term.quantity.name();
+        if !term.quantity.is_of_reference() {
+            return match term.ahead {
+                0 => Ok(()),
+                _ => Err(InterfaceError(format!(
+                    "{quantity} in {name} has `ahead`, which only quantities of a reference motion have; leave it out"
+                ))),
+            };
+        }
+        if term.ahead > MAX_AHEAD {
+            let found = term.ahead;
+            return Err(InterfaceError(format!("ahead of {quantity} in {name} is {found}; at most {MAX_AHEAD}")));
+        }
+        let Some(reference) = &self.reference else {
+            return Err(InterfaceError(format!(
+                "{name} holds {quantity}, and there is no motion to follow: describe the policy in a TOML file with `file` and \
+                 `reference = \"MOTION.csv\"` (docs/policies-motion.md). gaitfit does not train such policies"
+            )));
+        };
+        if term.quantity == Quantity::ReferenceOrientation && reference.orientation.is_empty() {
+            return Err(InterfaceError(format!(
+                "{name} holds {quantity}, and the reference motion has no orientations; add columns base_quat_w, base_quat_x, \
+                 base_quat_y, base_quat_z to its file"
+            )));
+        }
+        Ok(())
     }
 
     fn check_history(&self, name: &str, terms: &[Term]) -> Result<(), InterfaceError> {

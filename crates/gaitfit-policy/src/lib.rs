@@ -20,12 +20,13 @@ mod pilot;
 mod policy;
 pub mod predict;
 mod quantity;
+mod reference;
 pub mod walker;
 
 pub use error::PolicyError;
 pub use files::{
     DescribedTerm, Description, EncoderTensors, Frames, Inputs, MemoryTensors, NormaliserTensors, Passes,
-    PerJoint, Taken, checksum, deploy, files_of, interface_of, onnx, read, unsealed, weights,
+    PerJoint, ReferenceSource, Taken, checksum, deploy, files_of, interface_of, onnx, read, unsealed, weights,
 };
 pub use front::{Encoder, Front, Latent};
 pub use function::{Act, Function};
@@ -36,3 +37,4 @@ pub use interface::{Interface, InterfaceError, Term};
 pub use pilot::{Pilot, clock, target};
 pub use policy::{Policy, Provenance, RobotFile};
 pub use quantity::{BaseSample, OfBase, Quantity, Source, Width};
+pub use reference::{AnchorJoint, MotionPlace, Reference};

@@ -4,7 +4,7 @@ use gaitfit_physics::Real;
 
 use crate::network::{Memory, Scratch};
 use crate::observation::{LastAction, Layout, Past, Sensed};
-use crate::{Interface, InterfaceError, Policy};
+use crate::{Interface, InterfaceError, MotionPlace, Policy};
 
 /// Position target of a joint, rad: `pose + scale · clamp(action, ± clip)`; not a number for such an action. Kernels are
 /// written from this.
@@ -27,6 +27,8 @@ pub struct Pilot<'a> {
     targets: Vec<f32>,
     /// Steps since the beginning.
     steps: u32,
+    /// Angle by which the motion that the policy follows is turned to face as the robot did at the beginning, rad.
+    heading: f64,
 }
 
 impl<'a> Pilot<'a> {
@@ -54,6 +56,7 @@ impl<'a> Pilot<'a> {
             action: vec![0.0; joints],
             targets: vec![0.0; joints],
             steps: 0,
+            heading: 0.0,
             layout,
         })
     }
@@ -66,7 +69,8 @@ impl<'a> Pilot<'a> {
         self.steps = 0;
     }
 
-    /// One control period: `sensed` needs base, joints and command; last action and gait clock are filled in here. Returns
+    /// One control period: `sensed` needs base, joints and command; last action, gait clock and the
+    /// place in a motion are filled in here. Returns
     /// action and position targets (rad), policy order.
     ///
     /// # Panics
@@ -75,6 +79,11 @@ impl<'a> Pilot<'a> {
         let interface = &self.policy.interface;
         sensed.last_action.copy_from_slice(self.last_action.row(0));
         sensed.clock = clock(interface, self.steps);
+        sensed.motion = MotionPlace { time: f64::from(self.steps) * interface.control_dt, heading: self.heading };
+        if self.steps == 0 {
+            self.heading = self.layout.motion_heading(sensed);
+            sensed.motion.heading = self.heading;
+        }
         self.layout.write(sensed, self.past.row(0), |_, _| (), &mut self.observation);
         self.past.take(&self.observation);
         self.policy.act_with(1, &self.observation, &mut self.memory, &mut self.action, &mut self.scratch);

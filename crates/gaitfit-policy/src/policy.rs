@@ -115,6 +115,9 @@ impl Policy {
 
     /// Why it cannot be trained on, in words, for example "an encoder before its actor"; `None` for a policy that can.
     pub fn untrainable(&self) -> Option<String> {
+        if self.interface.reference.is_some() {
+            return Some("a reference motion that it follows".to_owned());
+        }
         match &self.front {
             Some(Front::Encoder(_)) => Some("an encoder before its actor".to_owned()),
             Some(Front::Function(_)) => Some("a function instead of a network".to_owned()),

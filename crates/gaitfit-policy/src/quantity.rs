@@ -6,7 +6,7 @@
 use gaitfit_model::rotation::rotate_back;
 use serde::{Deserialize, Serialize};
 
-use crate::frames;
+use crate::{MotionPlace, frames};
 
 /// How many numbers a quantity has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -288,6 +288,47 @@ quantities! {
         cxx: "0.0f",
         base: None,
     }
+    /// Joint position in the reference motion, rad, not relative to the pose; one a joint.
+    ReferenceJointPosition "reference_joint_position" {
+        width: Width::Joints,
+        source: Policy,
+        // The layout takes this and what follows from the motion.
+        write: |_, _, out| out.fill(0.0),
+        isaac: ["motion_joint_pos"],
+        columns: Columns::Absent,
+        cxx: "0.0f",
+        base: None,
+    }
+    /// Joint velocity in the reference motion, rad/s; one a joint.
+    ReferenceJointVelocity "reference_joint_velocity" {
+        width: Width::Joints,
+        source: Policy,
+        write: |_, _, out| out.fill(0.0),
+        isaac: ["motion_joint_vel"],
+        columns: Columns::Absent,
+        cxx: "0.0f",
+        base: None,
+    }
+    /// Rotation from the robot's anchor to that of the reference motion: the first two columns of its matrix, row by row; 6.
+    ReferenceOrientation "reference_orientation" {
+        width: Width::Numbers(6),
+        source: Sensors,
+        write: |_, _, out| out.fill(0.0),
+        isaac: ["motion_anchor_ori_b"],
+        columns: Columns::Absent,
+        cxx: "0.0f",
+        base: None,
+    }
+    /// Share of the reference motion that is over, 0 to 1; 1.
+    ReferencePhase "reference_phase" {
+        width: Width::Numbers(1),
+        source: Policy,
+        write: |_, _, out| out.fill(0.0),
+        isaac: ["motion_phase"],
+        columns: Columns::Absent,
+        cxx: "0.0f",
+        base: None,
+    }
 }
 
 impl Quantity {
@@ -303,13 +344,22 @@ impl Quantity {
     pub fn from_foreign(name: &str) -> Option<Self> {
         // Their gait clocks differ in period and start, and constants have no value here.
         let others = [Self::GaitPhase, Self::GaitSine, Self::Constant, Self::EarlierAction];
-        let known = Self::ALL.iter().filter(|quantity| !others.contains(quantity));
+        let known = Self::ALL.iter().filter(|quantity| !others.contains(quantity) && !quantity.is_of_reference());
         known.copied().find(|quantity| quantity.foreign().contains(&name))
     }
 
     /// Whether it is read from the gait clock.
     pub fn is_of_clock(self) -> bool {
         matches!(self, Self::GaitPhase | Self::GaitSine)
+    }
+
+    /// Whether it is read from the motion that the policy follows.
+    pub fn is_of_reference(self) -> bool {
+        use Quantity::{ReferenceJointPosition, ReferenceJointVelocity, ReferenceOrientation, ReferencePhase};
+        matches!(
+            self,
+            ReferenceJointPosition | ReferenceJointVelocity | ReferenceOrientation | ReferencePhase
+        )
     }
 
     /// The columns of a log that hold its numbers, for a policy of these joints; `None` if logs have it otherwise or not
@@ -345,6 +395,10 @@ pub struct Sensed {
     pub last_action: Vec<f32>,
     /// Phase of the gait clock, 0 to 1.
     pub clock: f32,
+    /// Orientation of the base, wxyz.
+    pub orientation: [f32; 4],
+    /// Where the robot is in the motion that the policy follows.
+    pub motion: MotionPlace,
 }
 
 impl Sensed {
@@ -360,6 +414,8 @@ impl Sensed {
             joint_velocity: vec![0.0; joints],
             last_action: vec![0.0; joints],
             clock: 0.0,
+            orientation: [1.0, 0.0, 0.0, 0.0],
+            motion: MotionPlace::default(),
         }
     }
 
@@ -388,5 +444,6 @@ impl Sensed {
     /// Sets where gravity is for a base with this orientation, wxyz, unit.
     pub fn orient(&mut self, quaternion: [f32; 4]) {
         self.projected_gravity = frames::up(quaternion).map(|x| -x);
+        self.orientation = quaternion;
     }
 }

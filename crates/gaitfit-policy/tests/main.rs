@@ -9,6 +9,7 @@ mod graphs;
 mod hostile;
 mod import;
 mod interface;
+mod motion;
 mod network;
 mod observation;
 mod recurrent;

@@ -200,6 +200,7 @@ fn play(
             target: None,
             action: None,
             command: Some((0..all).flat_map(|sample| sequence.at(sample as f64 * dt)).collect()),
+            motion: None,
             base: None,
             gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
             lead: None,

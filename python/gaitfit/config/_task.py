@@ -14,6 +14,7 @@ HistoryStart = Literal["first", "zeros"]
 Quantity = Literal[
     "base_angular_velocity", "projected_gravity", "command", "joint_position", "joint_velocity", "last_action",
     "base_linear_velocity", "base_height", "gait_phase", "gait_sine", "constant", "earlier_action",
+    "reference_joint_position", "reference_joint_velocity", "reference_orientation", "reference_phase",
 ]
 
 
@@ -27,6 +28,7 @@ class Term(Settings):
             ``gait_phase``, ``gait_sine``, ``constant``, ``earlier_action``.
         scale: Factor on it: one number for all its elements, or one an element; none means 1.
         history: Frames: the present one and those of the control periods before it. 1, the default, is the present alone.
+        ahead: Control periods by which the reference motion is read ahead; for quantities of the motion.
 
     >>> settings = TaskPolicy(observation=[Term("base_angular_velocity", scale=[0.25]), Term("joint_position", history=5)])
     """
@@ -34,6 +36,7 @@ class Term(Settings):
     quantity: Quantity = field(kw_only=False)
     scale: Sequence[float] | None = None
     history: int | None = None
+    ahead: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -432,6 +432,7 @@ mod tests {
             target: None,
             action: Some(vec![0.1, 0.2, 0.3, 0.4]),
             command: None,
+            motion: None,
             base: None,
             gains: None,
             lead: None,

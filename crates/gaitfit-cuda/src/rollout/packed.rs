@@ -119,6 +119,7 @@ impl Packed {
                     fresh: self.fresh[e] != 0,
                 },
                 steps: self.steps[e],
+                turned: 0.0,
                 command: std::array::from_fn(|k| row(&self.command, k, e)),
                 last_action: (0..scene.actions()).map(|k| row(&self.last_action, k, e)).collect(),
                 feet: feet

@@ -52,6 +52,8 @@ fn scripts(task: &Task, policy: &Policy, count: usize, samples: usize) -> Vec<Sc
                 commands: vec![[1.2 * x - 0.4, 0.3 - 0.5 * x, 0.6 * (7.0 * x).sin()]; samples - number % 3],
                 start: walker.start_from_joints(&angles, &vec![0.0; angles.len()]),
                 others: Vec::new(),
+                motion: Vec::new(),
+                turned_back: 0.0,
                 states: Vec::new(),
                 actions: Vec::new(),
             }

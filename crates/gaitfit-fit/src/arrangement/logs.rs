@@ -5,7 +5,7 @@ use super::search::search;
 use super::{Arrangement, Change, Diagnosis};
 use crate::walk::logs::actions_of;
 use crate::walk::policy_check::{self, PolicyMatch};
-use crate::walk::rate;
+use crate::walk::{rate, reference};
 use crate::{Error, log_joints, machine};
 use gaitfit_log::{ReadOptions, Trajectory, read_csv};
 use gaitfit_model::Model;
@@ -30,8 +30,8 @@ const CLEARLY: f64 = 0.4;
 /// What makes the logged actions follow from the policy; `None` if nothing that is tried does, or if they follow as they
 /// are. `logs`: joints in the policy's order, at its rate, with actions.
 pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<Diagnosis> {
-    // A caller's function may be slow, or count its calls.
-    if matches!(policy.front, Some(Front::Function(_))) {
+    // A caller's function may be slow, or count its calls. A motion's joints would have to be arranged too.
+    if matches!(policy.front, Some(Front::Function(_))) || policy.interface.reference.is_some() {
         return None;
     }
     let parts: Vec<Trajectory> = logs
@@ -150,14 +150,17 @@ pub fn match_log(policy: &Policy, name: &str, model: &Model, path: &Path) -> Res
         };
         log.action = Some(actions_of(target, &policy.interface));
     }
+    let placed = reference::settle(&mut log, &policy.interface, &shown)
+        .map_err(|what| Error::failed(format!("{shown}: {what}")))?;
     rate::check(log.rate_hz, policy.interface.control_dt, &shown)?;
     let failed = |error: gaitfit_log::LogError| Error::failed(format!("{shown}: {error}"));
     let log = rate::to_control(&log, policy.interface.control_dt).map_err(failed)?.trajectory;
     let policy_match = policy_check::check(policy, &[&log]);
     let diagnosis = if policy_match.agrees() { None } else { of_logs(policy, model, &[&log]) };
-    let doubts = match policy_match.judge(name, &[&shown]) {
+    let mut doubts = match policy_match.judge(name, &[&shown]) {
         Ok(warnings) => warnings,
         Err(error) => vec![error.to_string()],
     };
+    doubts.extend(placed);
     Ok(LogMatch { policy_match, doubts, diagnosis })
 }

@@ -28,7 +28,8 @@ pub fn of_walk(
     cancel: &(dyn Fn() -> bool + Sync),
 ) -> Option<Diagnosis> {
     let policy = &world.policy;
-    if policy.provenance.iteration > 0 {
+    // Nor are those that follow a motion: they have no commands to judge them by.
+    if policy.provenance.iteration > 0 || policy.interface.reference.is_some() {
         return None;
     }
     let joints = policy.interface.resolve(&world.model).ok()?;

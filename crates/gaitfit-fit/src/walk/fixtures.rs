@@ -58,6 +58,7 @@ pub fn puppet(policy: &Policy, number: usize, seconds: f64) -> Trajectory {
         target: Some(Vec::new()),
         action: Some(Vec::new()),
         command: Some(command.repeat(samples)),
+        motion: None,
         base: None,
         gains: None,
         lead: None,

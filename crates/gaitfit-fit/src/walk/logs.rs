@@ -8,7 +8,7 @@ use super::log_files::{self, LogFile};
 use super::mounting;
 use super::policy_check::{self, PolicyMatch};
 use super::simulator::IMU_COLUMNS;
-use super::{doubts, rate};
+use super::{doubts, rate, reference};
 use crate::Error;
 use crate::arrangement;
 use crate::log::Log;
@@ -94,6 +94,8 @@ pub struct Read {
     pub trajectory: Trajectory,
     /// What reading it did to its times, in words.
     even: Option<String>,
+    /// What was taken for its place in a motion, in words.
+    motion: Option<String>,
 }
 
 #[cfg(test)]
@@ -109,6 +111,7 @@ impl Read {
             allowed: Vec::new(),
             trajectory,
             even: None,
+            motion: None,
         }
     }
 }
@@ -148,6 +151,7 @@ pub fn read(
         reads.push(read);
     }
     warnings.extend(reads.iter().filter_map(|read| read.even.clone()));
+    warnings.extend(reads.iter().filter_map(|read| read.motion.clone()));
     warnings.extend(mounting::settle(&mut reads, policy));
     for read in &reads {
         // What a turn of the unit has mended is no fall and no turned unit any more.
@@ -241,6 +245,8 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
              three columns now."
         )));
     }
+    let motion = reference::settle(&mut trajectory, &scene.walker.interface, &file.name)
+        .map_err(|what| Error::failed(format!("{shown}: {what}")))?;
     if trajectory.action.is_none() {
         let Some(target) = &trajectory.target else {
             return Err(Error::failed(format!(
@@ -294,6 +300,7 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
         allowed: report.allowed,
         trajectory,
         even,
+        motion,
     })
 }
 

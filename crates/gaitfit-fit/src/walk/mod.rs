@@ -12,6 +12,7 @@ pub mod mounting;
 pub mod observation;
 pub mod policy_check;
 pub mod rate;
+pub(crate) mod reference;
 pub mod recorder;
 pub mod remedy;
 pub mod simulator;

@@ -1,5 +1,6 @@
 //! A log's samples as a policy observes them, and what a log lacks for that.
 
+use super::reference;
 use gaitfit_log::Trajectory;
 use gaitfit_model::rotation::normalize;
 use gaitfit_policy::observation::{Layout, Sensed};
@@ -115,6 +116,10 @@ pub fn write(
             (of.sense)(&mut sensed, value);
         }
     }
+    if let Some(orientation) = log.base.as_ref().and_then(|base| part(&base.quaternion, row)) {
+        sensed.orientation = orientation.map(|x: f64| x as f32);
+    }
+    sensed.motion = reference::place(log, row);
     layout.write(&sensed, past, |_, _| (), out);
 }
 

@@ -102,6 +102,7 @@ mod tests {
             position: count,
             target: None,
             command: None,
+            motion: None,
             base: None,
             gains: None,
             lead: None,

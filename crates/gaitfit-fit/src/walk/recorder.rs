@@ -6,6 +6,7 @@ use gaitfit_adapt::fit::Predicted;
 use gaitfit_adapt::{Cancel, Theta};
 use gaitfit_log::{BaseState, Trajectory};
 use gaitfit_model::kinematics::standing_height;
+use gaitfit_policy::MotionPlace;
 use gaitfit_policy::follow::{self, Script, Track};
 use gaitfit_policy::walker::{Walker, WalkerError};
 use gaitfit_random::{Purpose, Stream, derive_seed};
@@ -168,7 +169,8 @@ impl Recorder {
 
     /// The scripts, each with samples under its first command before it, and how many these are.
     fn unknown_starts(&self, seed: u64, robot: u32) -> Vec<(usize, Script)> {
-        let max = EARLIER_S / self.walking.task.walker.interface.control_dt;
+        let period = self.walking.task.walker.interface.control_dt;
+        let max = EARLIER_S / period;
         let stream = Stream::new(seed, Purpose::SIMULATED_ROBOTS).environment(robot.wrapping_add(1 << 31));
         let scripts = self.plain.iter().enumerate();
         let begun = scripts.map(|(number, script)| {
@@ -177,6 +179,10 @@ impl Recorder {
             let mut script = script.clone();
             let first = script.commands.first().copied().unwrap_or_default();
             script.commands.splice(0..0, std::iter::repeat_n(first, earlier));
+            if let Some(&first) = script.motion.first() {
+                let before = |k: usize| MotionPlace { time: first.time - (earlier - k) as f64 * period, ..first };
+                script.motion.splice(0..0, (0..earlier).map(before));
+            }
             for (axis, speed) in script.start.base_linear.iter_mut().take(2).enumerate() {
                 *speed += (BASE_SPEED * draws.normal(1 + axis as u32)) as f32;
             }
@@ -206,6 +212,8 @@ pub struct Recorded {
     action: Vec<f64>,
     target: Vec<f64>,
     base: BaseState,
+    /// Time in the motion that the policy follows (s) and its heading (rad) at each sample.
+    motion: Option<Vec<f64>>,
     /// First sample at which the robot had fallen.
     pub fell_at: Option<usize>,
 }
@@ -228,6 +236,10 @@ impl Recorded {
                 angular_velocity: Some(wide(&track.base_rates)),
                 ..BaseState::default()
             },
+            motion: (!script.motion.is_empty()).then(|| {
+                let row = |place: &MotionPlace| [place.time, place.heading - script.turned_back];
+                script.motion.iter().flat_map(row).collect()
+            }),
             fell_at: track.fell_at,
         }
     }
@@ -260,6 +272,7 @@ impl Recorded {
             action: Some(self.action),
             target: Some(self.target),
             base: Some(self.base),
+            motion: self.motion,
             fell: false,
             ..log.clone()
         }
@@ -288,6 +301,7 @@ fn begun(walker: &Walker, log: &Trajectory) -> Script {
             .collect();
         script.start.base_position[2] = standing_height(walker.model(), attitude, &angles) as f32;
         script.start.base_quaternion = attitude.map(|x| x as f32);
+        script.turned_back = 0.0;
     }
     if let Some(rates) = rates {
         script.start.base_angular = rates.map(|x| x as f32);

@@ -1,5 +1,6 @@
 //! The policy in the simulator, under the logs' commands: what a fit of walking logs compares with them.
 
+use super::reference;
 use super::walking::Walking;
 use crate::log::Log;
 use gaitfit_adapt::cost::Signal;
@@ -307,26 +308,33 @@ pub fn script(walker: &Walker, log: &Trajectory) -> Script {
         |row: usize| (model_order(&log.position, row, &home), model_order(&log.velocity, row, &still));
     let (angles, velocities) = posture(0);
     let start = match inertial_start(log) {
-        Some((quaternion, rates)) => Start {
+        Some((quaternion, rates, _)) => Start {
             base_angular: rates,
             joint_velocity: velocities.iter().map(|&x| x as f32).collect(),
             ..walker.standing([0.0; 2], quaternion, &angles)
         },
         None => walker.start_from_joints(&angles, &velocities),
     };
-    Script { commands, start, others: Vec::new(), states: states(log, posture), actions: actions(log) }
+    let turned_back = inertial_start(log).map_or(0.0, |(_, _, turned_back)| turned_back);
+    let motion = match &log.motion {
+        Some(_) => (0..samples).map(|row| reference::place(log, row)).collect(),
+        None => Vec::new(),
+    };
+    let (states, actions) = (states(log, posture), actions(log));
+    Script { commands, start, others: Vec::new(), states, actions, motion, turned_back }
 }
 
-/// Orientation (heading 0) and body rates (rad/s) at the log's first sample, where it has them and the base is not far from
+/// Orientation (heading 0), body rates (rad/s) and heading (rad) at the log's first sample, where it has them and the base is not far from
 /// upright.
-fn inertial_start(log: &Trajectory) -> Option<([f64; 4], [f32; 3])> {
+fn inertial_start(log: &Trajectory) -> Option<([f64; 4], [f32; 3], f64)> {
     let base = log.base.as_ref()?;
     let (quaternion, rates) = (base.quaternion.as_ref()?, base.angular_velocity.as_ref()?);
     let quaternion = rotation::normalize(*quaternion.first_chunk::<4>()?);
     let rates = rates.first_chunk::<3>()?.map(|x| x as f32);
     let numbers = quaternion.iter().all(|x| x.is_finite()) && rates.iter().all(|x| x.is_finite());
-    let level = rotation::product(rotation::turn(2, -rotation::heading(quaternion)), quaternion);
-    (numbers && rotation::up(level)[2] > START_UPRIGHT).then_some((level, rates))
+    let heading = rotation::heading(quaternion);
+    let level = rotation::product(rotation::turn(2, -heading), quaternion);
+    (numbers && rotation::up(level)[2] > START_UPRIGHT).then_some((level, rates, heading))
 }
 
 /// The whole state at every sample, where the log has it.

@@ -23,6 +23,8 @@ pub struct Trial {
     pub linear_velocity_error: f64,
     /// Mean over the steps of |ω − c|, rad/s.
     pub angular_velocity_error: f64,
+    /// Mean over the steps of the joints' distance from the motion that the policy follows, rad; NaN without one.
+    pub motion_error: f64,
     /// Mean over the steps of the action's root-mean-square change a step, per joint.
     pub action_rate: f64,
     /// Steps up to the end or the fall.
@@ -46,6 +48,9 @@ pub struct TrialSummary {
     pub angular_velocity_error: Option<Estimate>,
     /// Share of falls.
     pub fall_rate: Option<Estimate>,
+    /// Root-mean-square distance of the joints from the motion that the policy follows, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion_error: Option<Estimate>,
     /// Root-mean-square change of an action a step, per joint.
     pub action_rate: Option<Estimate>,
     /// Trajectories whose state stopped being a number.
@@ -99,6 +104,7 @@ fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Resu
             (player.reward[index], player.ended[index], player.environment.tracking_error(index))
         };
         trials.take(step, &player.action, state);
+        trials.take_motion(|index| player.environment.motion_error(index));
     }
     Ok(trials.finish())
 }
@@ -108,6 +114,8 @@ pub struct Trials {
     trials: Vec<Trial>,
     joints: usize,
     last_action: LastAction,
+    /// Steps that count in each motion error.
+    moved: Vec<u32>,
 }
 
 impl Trials {
@@ -117,6 +125,7 @@ impl Trials {
         Self {
             trials: commands.iter().map(trial).collect(),
             joints,
+            moved: vec![0; commands.len()],
             last_action: LastAction::new(commands.len(), joints),
         }
     }
@@ -149,6 +158,14 @@ impl Trials {
         self.last_action.take(action);
     }
 
+    /// Adds the distance of each robot's joints from its motion after a step (rad), where it follows one.
+    pub fn take_motion(&mut self, error: impl Fn(usize) -> Option<f32>) {
+        for (index, trial) in self.trials.iter_mut().enumerate().filter(|(_, trial)| !trial.fell) {
+            trial.motion_error += error(index).map_or(f64::NAN, f64::from);
+            self.moved[index] += 1;
+        }
+    }
+
     /// The trajectories, with means over their steps.
     pub fn finish(mut self) -> Vec<Trial> {
         for trial in &mut self.trials {
@@ -156,6 +173,9 @@ impl Trials {
             trial.linear_velocity_error /= steps;
             trial.angular_velocity_error /= steps;
             trial.action_rate /= steps;
+        }
+        for (trial, &moved) in self.trials.iter_mut().zip(&self.moved) {
+            trial.motion_error /= f64::from(moved);
         }
         self.trials
     }
@@ -170,6 +190,7 @@ pub fn summarise(trials: &[Trial]) -> TrialSummary {
         reward: estimate(|trial| trial.reward),
         linear_velocity_error: estimate(|trial| trial.linear_velocity_error),
         angular_velocity_error: estimate(|trial| trial.angular_velocity_error),
+        motion_error: estimate(|trial| trial.motion_error),
         fall_rate: Estimate::share(trials.iter().filter(|trial| trial.fell).count(), trials.len()),
         action_rate: estimate(|trial| trial.action_rate),
         diverged: trials.iter().filter(|trial| trial.diverged).count(),

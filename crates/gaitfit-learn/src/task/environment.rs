@@ -1,5 +1,6 @@
 //! One tile of robots at a task.
 
+use gaitfit_policy::MotionPlace;
 use gaitfit_policy::observation::{LastAction, Past};
 use gaitfit_policy::walker::TorqueNoise;
 use gaitfit_random::{Purpose, Stream};
@@ -31,6 +32,8 @@ pub struct Environment<'a> {
     /// What commands are drawn from.
     ranges: [Interval; 3],
     pub(super) last_action: LastAction,
+    /// Angle by which the motion that the policy follows is turned in this episode, rad.
+    pub(super) turned: Vec<f32>,
     /// Rows of the step before, of actor and critic.
     pub(super) past: [Past; 2],
     pub(super) targets: Vec<f32>,
@@ -111,6 +114,7 @@ impl<'a> Environment<'a> {
             command: vec![[0.0; 3]; count],
             ranges: task.settings.command.ranges(1.0),
             last_action: LastAction::new(count, joints),
+            turned: vec![0.0; count],
             past: [&walker.observation, &walker.critic_observation].map(|layout| Past::new(layout, count)),
             targets: vec![0.0; count * walker.default_pose.len()],
             feet: vec![Foot::default(); count * task.settings.feet.len()],
@@ -219,7 +223,9 @@ impl<'a> Environment<'a> {
     pub(super) fn restart(&mut self, index: usize, step: u32) {
         let number = self.first + index as u32;
         let place = self.start_place(index, step);
-        self.tile.place(index, &start(self.task, self.seed, number, step, place));
+        let start = start(self.task, self.seed, number, step, place);
+        self.tile.place(index, &start);
+        self.turned[index] = self.task.turned(&start);
         self.steps[index] = 0;
         if !self.held_commands {
             self.command[index] = self.drawn(number, step);
@@ -228,6 +234,22 @@ impl<'a> Environment<'a> {
         self.past.iter_mut().for_each(|past| past.begin(index));
         let feet = self.task.settings.feet.len();
         self.feet[index * feet..(index + 1) * feet].fill(Foot::default());
+    }
+
+    /// Where environment `index` is in the motion that the policy follows.
+    pub fn motion_place(&self, index: usize) -> MotionPlace {
+        let time = f64::from(self.steps[index]) * self.task.walker.interface.control_dt;
+        MotionPlace { time, heading: f64::from(self.turned[index]) }
+    }
+
+    /// Root of the mean square over the policy's joints of angle minus that in the motion, rad; `None` for policies that follow
+    /// none.
+    pub fn motion_error(&self, index: usize) -> Option<f32> {
+        let walker = &self.task.walker;
+        let wanted = walker.observation.motion_position(self.motion_place(index).time)?;
+        let own = &self.motion.joint_position[index * walker.default_pose.len()..];
+        let squares = walker.joints.iter().zip(&wanted).map(|(&joint, wanted)| (own[joint] - wanted).powi(2));
+        Some((squares.sum::<f32>() / wanted.len().max(1) as f32).sqrt())
     }
 
     pub(super) fn clock(&self, index: usize) -> f32 {

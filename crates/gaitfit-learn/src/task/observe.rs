@@ -58,6 +58,7 @@ impl Environment<'_> {
             sensed.command = self.command[index];
             sensed.last_action.copy_from_slice(self.last_action.row(index));
             sensed.clock = self.clock(index);
+            sensed.motion = self.motion_place(index);
             match noise {
                 Some((words, blocks)) => {
                     let words = &words[index * blocks..(index + 1) * blocks];

@@ -21,6 +21,7 @@ impl Environment<'_> {
         let mut numbers = self.tile.save();
         numbers.extend(self.command.iter().flatten());
         numbers.extend(self.last_action.rows());
+        numbers.extend(&self.turned);
         numbers.extend(self.feet.iter().flat_map(Foot::numbers));
         numbers.extend(self.ways.iter().flat_map(Way::numbers));
         numbers.extend(self.past.iter().flat_map(Past::numbers));
@@ -36,6 +37,7 @@ impl Environment<'_> {
         let ways = 3 * self.ways.len();
         let width = 3 * self.command.len()
             + self.last_action.rows().len()
+            + self.turned.len()
             + Foot::NUMBERS * self.feet.len()
             + ways
             + past;
@@ -56,6 +58,8 @@ impl Environment<'_> {
         }
         let (actions, rest) = rest.split_at(self.last_action.rows().len());
         self.last_action.take(actions);
+        let (turned, rest) = rest.split_at(self.turned.len());
+        self.turned.copy_from_slice(turned);
         let (feet, rest) = rest.split_at(Foot::NUMBERS * self.feet.len());
         let (ways, past) = rest.split_at(ways);
         if !self.restore_ways(ways) {

@@ -24,6 +24,8 @@ pub struct Snapshot {
     /// On generated ground: level of its cell, distance walked along its commands and distance commanded (m) since its
     /// episode began; else zeros.
     pub way: [f32; 3],
+    /// Angle by which the motion that its policy follows is turned, rad; 0 without one.
+    pub turned: f32,
     /// Its last rows, actor's and critic's; empty at an episode's start, and without past frames.
     pub past: [Vec<f32>; 2],
 }
@@ -42,6 +44,7 @@ impl Environment<'_> {
             feet: self.feet(index).iter().map(Foot::numbers).collect(),
             returns: [0.0; 2],
             way: self.ways.get(index).map_or([0.0; 3], Way::numbers),
+            turned: self.turned[index],
             past: [0, 1].map(|who| self.past[who].row(index).map(<[f32]>::to_vec).unwrap_or_default()),
         }
     }
@@ -66,6 +69,7 @@ impl Environment<'_> {
         self.tile.set_robot(index, &snapshot.robot)?;
         self.steps[index] = snapshot.steps;
         self.command[index] = snapshot.command;
+        self.turned[index] = snapshot.turned;
         self.last_action.set(index, &snapshot.last_action);
         let widths = [&self.task.walker.observation, &self.task.walker.critic_observation].map(Layout::width);
         for ((past, row), width) in self.past.iter_mut().zip(&snapshot.past).zip(widths) {

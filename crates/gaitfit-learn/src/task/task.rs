@@ -2,10 +2,11 @@
 
 use gaitfit_model::{Ground, Model, Shape, patterns, shown, shown_number};
 use gaitfit_physics::{Params, Preset, Robot};
+use gaitfit_policy::observation::Sensed;
 use gaitfit_policy::walker::{FootGeoms, Walker, WalkerOptions};
 use gaitfit_policy::{ActionClip, Held, Interface};
 use gaitfit_random::{Purpose, Stream};
-use gaitfit_sim::Candidate;
+use gaitfit_sim::{Candidate, Start};
 
 use super::check::{check, check_gravity, check_pose, check_terms};
 use super::error::refuse;
@@ -73,6 +74,7 @@ impl Task {
             held: held.collect(),
             control_dt: settings.control_dt,
             gait_frequency: policy.gait_frequency,
+            reference: None,
             history: policy.history,
             observation: policy.observation.clone(),
             critic_observation: policy.critic_observation.clone(),
@@ -126,8 +128,8 @@ impl Task {
         let start = by_joint(model, &settings.start.pose, "start.pose")?;
         let start_pose = start
             .iter()
-            .zip(&walker.default_pose)
-            .map(|(angle, &home)| angle.map_or(home, |a| a as f32))
+            .zip(begins(&walker))
+            .map(|(angle, home)| angle.map_or(home, |a| a as f32))
             .collect();
         Ok(Self {
             settings: settings.clone(),
@@ -220,6 +222,16 @@ impl Task {
         (self.settings.episode_seconds / self.walker.interface.control_dt).round().max(1.0) as u32
     }
 
+    /// Angle by which a motion that the policy follows is turned for an episode with this start, rad.
+    pub(super) fn turned(&self, start: &Start) -> f32 {
+        if self.walker.interface.reference.is_none() {
+            return 0.0;
+        }
+        let mut sensed = Sensed::new(self.walker.joints.len());
+        self.walker.sense_state(start, &mut sensed);
+        self.walker.observation.motion_heading(&sensed) as f32
+    }
+
     /// Age in steps at which the first episode of an environment begins where ages are spread evenly.
     pub fn staggered_age(&self, seed: u64, environment: u32) -> u32 {
         let stream = Stream::new(seed, Purpose::RESET).environment(environment);
@@ -274,6 +286,16 @@ fn on_terrain(
     }
     let uneven = model.on_field("terrain", field);
     Ok((course, uneven))
+}
+
+/// Joint angles in which an episode begins if the settings give none, rad: those of the motion that the policy follows, or its
+/// default pose.
+fn begins(walker: &Walker) -> Vec<f32> {
+    let mut pose = walker.default_pose.clone();
+    for (&joint, angle) in walker.joints.iter().zip(walker.observation.motion_position(0.0).unwrap_or_default()) {
+        pose[joint] = angle;
+    }
+    pose
 }
 
 /// The joints that the policy moves, by index in the model: those that a pattern covers, or all.

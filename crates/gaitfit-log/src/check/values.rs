@@ -58,6 +58,7 @@ fn not_finite(findings: &mut Findings) {
     let base = log.base.clone().unwrap_or_default();
     for (what, values, width, severity) in [
         ("command", &log.command, 3, Severity::Error),
+        ("motion", &log.motion, 2, Severity::Error),
         ("base position", &base.position, 3, Severity::Warning),
         ("base orientation", &base.quaternion, 4, Severity::Warning),
         ("base velocity", &base.linear_velocity, 3, Severity::Warning),

@@ -1,8 +1,11 @@
 //! Parts of a description: terms, numbers over joints, and where safetensors hold what stands before the actor.
 
 use crate::network::Cell;
-use crate::{Quantity, Term};
+use crate::error::invalid;
+use crate::{AnchorJoint, PolicyError, Quantity, Reference, Term};
+use gaitfit_log::{ReadOptions, read_csv};
 use serde::Deserialize;
+use std::path::Path;
 
 /// One number for all joints, or one a joint.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -34,6 +37,9 @@ pub struct DescribedTerm {
     /// Frames: the present one and those before it.
     #[serde(default = "one")]
     pub history: usize,
+    /// Control periods by which the reference motion is read ahead.
+    #[serde(default)]
+    pub ahead: usize,
 }
 
 impl DescribedTerm {
@@ -45,18 +51,59 @@ impl DescribedTerm {
             Some(PerJoint::All(value)) => vec![*value as f32],
             Some(PerJoint::Each(values)) => values.iter().map(|&value| value as f32).collect(),
         };
-        let Self { quantity, history, .. } = *self;
+        let Self { quantity, history, ahead, .. } = *self;
         let listed = matches!(quantity, Quantity::Constant | Quantity::GaitSine) && scale.len() > 1;
         if !listed {
-            return vec![Term { quantity, scale, history }];
+            return vec![Term { quantity, scale, history, ahead }];
         }
         let each =
-            |history: usize| scale.iter().map(move |&one| Term { quantity, scale: vec![one], history });
+            |history: usize| scale.iter().map(move |&one| Term { quantity, scale: vec![one], history, ahead });
         // Frame after frame they are the same numbers.
         match quantity {
             Quantity::Constant if by_term => (0..history.min(MAX_REPEATED)).flat_map(|_| each(1)).collect(),
             _ => each(history).collect(),
         }
+    }
+}
+
+/// Where the motion is that a policy follows.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged, expecting = "give the motion's file, or a table with `file` and `anchor`")]
+pub enum ReferenceSource {
+    /// A log, relative to the description.
+    File(String),
+    /// A log, and the joints between the base and the body whose orientations it holds.
+    Anchored {
+        /// The log, relative to the description.
+        file: String,
+        /// The joints, from the base on.
+        anchor: Vec<AnchorJoint>,
+    },
+    /// The motion itself.
+    Motion(Reference),
+}
+
+impl ReferenceSource {
+    /// The file's name, where there is one.
+    pub(super) fn file(&self) -> Option<&str> {
+        match self {
+            Self::File(file) | Self::Anchored { file, .. } => Some(file),
+            Self::Motion(_) => None,
+        }
+    }
+
+    /// The motion of `joints`; files are relative to `folder`.
+    pub(super) fn read(&self, folder: &Path, joints: &[String]) -> Result<Reference, PolicyError> {
+        let (file, anchor) = match self {
+            Self::Motion(reference) => return Ok(reference.clone()),
+            Self::File(file) => (file, Vec::new()),
+            Self::Anchored { file, anchor } => (file, anchor.clone()),
+        };
+        let path = folder.join(file);
+        let inside = |source| PolicyError::In { path: path.clone(), source: Box::new(source) };
+        let log = read_csv(&path, &ReadOptions::default())
+            .map_err(|error| invalid(format!("the reference motion does not read: {error}")))?;
+        Reference::from_log(&log, joints, anchor).map_err(|error| inside(error.into()))
     }
 }
 

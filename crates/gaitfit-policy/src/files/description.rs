@@ -4,7 +4,7 @@ use super::layers::{assemble, take_apart};
 use super::read::{bytes, ending};
 use super::tensors::Tensors;
 use super::{
-    DescribedTerm, EncoderTensors, Inputs, MemoryTensors, NormaliserTensors, PerJoint, onnx, torch, weights,
+    DescribedTerm, EncoderTensors, Inputs, MemoryTensors, NormaliserTensors, PerJoint, ReferenceSource, onnx, torch, weights,
 };
 use crate::error::invalid;
 use crate::network::{Activation, LayerNorm, Network};
@@ -64,6 +64,8 @@ pub struct Description {
     pub control_dt: f64,
     /// Frequency of the gait clock, Hz; where `gait_phase` is observed.
     pub gait_frequency: Option<f64>,
+    /// The motion that the policy follows: a log, relative to the description.
+    pub reference: Option<ReferenceSource>,
     /// What each input of an ONNX graph takes of the observation, where their widths do not say it.
     #[serde(default)]
     pub inputs: Inputs,
@@ -118,11 +120,22 @@ impl Description {
             .map_err(|error: toml::de::Error| invalid(error.to_string().trim_end().replace('\n', " ")))
     }
 
-    /// What the description says about the robot.
+    /// What the description says about the robot, with files relative to the present folder.
     ///
     /// # Errors
-    /// As [`Interface::check`].
+    /// As [`Interface::check`]; a motion that cannot be read.
     pub fn interface(&self) -> Result<Interface, InterfaceError> {
+        self.interface_in(Path::new("")).map_err(|error| match error {
+            PolicyError::Interface(error) => error,
+            other => InterfaceError(other.to_string()),
+        })
+    }
+
+    /// The same with files relative to `folder`, where the description lies.
+    ///
+    /// # Errors
+    /// As [`Description::interface`].
+    pub fn interface_in(&self, folder: &Path) -> Result<Interface, PolicyError> {
         let joints = self.joints.len();
         let by_term = self.history.order == FrameOrder::Terms;
         let terms = |terms: &[DescribedTerm]| terms.iter().flat_map(|term| term.terms(by_term)).collect();
@@ -135,7 +148,8 @@ impl Description {
             return Err(InterfaceError(
                 "gait_sine with several factors has a history: set history.order to \"frames\" or \"newest_first\""
                     .to_owned(),
-            ));
+            )
+            .into());
         }
         let interface = Interface {
             robot: self.robot.clone(),
@@ -148,6 +162,7 @@ impl Description {
             held: self.held.clone(),
             control_dt: self.control_dt,
             gait_frequency: self.gait_frequency,
+            reference: self.reference.as_ref().map(|source| source.read(folder, &self.joints)).transpose()?,
             history: self.history,
             observation: terms(&self.observation),
             critic_observation: terms(&self.critic_observation),
@@ -162,7 +177,7 @@ impl Description {
     /// # Errors
     /// Weights that are no multilayer perceptron, or do not fit the description.
     pub fn load(&self, folder: &Path) -> Result<Policy, PolicyError> {
-        let mut interface = self.interface()?;
+        let mut interface = self.interface_in(folder)?;
         if !(self.std > 0.0 && self.std.is_finite()) {
             return Err(invalid(format!("std is {}; give a positive number", self.std)));
         }

@@ -17,7 +17,7 @@ mod tensors;
 mod torch;
 pub mod weights;
 
-pub use described::{DescribedTerm, MemoryTensors, NormaliserTensors, PerJoint};
+pub use described::{DescribedTerm, MemoryTensors, NormaliserTensors, PerJoint, ReferenceSource};
 pub use description::Description;
 pub use encoder::{EncoderTensors, Passes};
 pub use inputs::{Frames, Inputs, Taken};

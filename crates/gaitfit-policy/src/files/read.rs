@@ -49,7 +49,7 @@ pub fn interface_of(path: &Path) -> Result<(Interface, String), PolicyError> {
     {
         let inside = |source| PolicyError::In { path: path.to_owned(), source: Box::new(source) };
         table.insert("file".to_owned(), String::new().into());
-        let interface = Description::from_table(table).and_then(|description| Ok(description.interface()?));
+        let interface = Description::from_table(table).and_then(|description| description.interface_in(folder(path)));
         return Ok((interface.map_err(inside)?, String::new()));
     }
     let policy = read(path)?;
@@ -65,6 +65,8 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
     if ending(path).as_deref() == Some("toml") {
         let (description, _) = description(path)?;
         files.push(folder(path).join(description.file));
+        let reference = description.reference.as_ref().and_then(|source| source.file());
+        files.extend(reference.map(|file| folder(path).join(file)));
         files
             .extend(description.encoder.and_then(|encoder| encoder.file).map(|file| folder(path).join(file)));
     }

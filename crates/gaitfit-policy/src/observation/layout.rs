@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::Sensed;
+use crate::reference::Follower;
 use crate::{FrameOrder, HistoryStart, Interface, Quantity, Term};
 
 /// Where one term lies in a row.
@@ -16,6 +17,8 @@ pub struct Slot {
     pub frames: Vec<usize>,
     /// Factors, as [`Term::scale`] has them.
     scale: Vec<f32>,
+    /// Control periods by which the reference motion is read ahead.
+    ahead: usize,
 }
 
 impl Slot {
@@ -35,6 +38,8 @@ pub struct Layout {
     last_action: Option<(usize, Vec<f32>)>,
     /// Pose at action zero, rad, policy order.
     default_pose: Vec<f32>,
+    /// The motion that is followed, where the observation has some of it.
+    follower: Option<Follower>,
 }
 
 impl Layout {
@@ -55,7 +60,7 @@ impl Layout {
             let frames: Vec<usize> = (0..count).map(begin).collect();
             let present = begin(count - 1)..begin(count - 1) + width;
             start += if order == FrameOrder::Terms { count * width } else { width };
-            slots.push(Slot { quantity: term.quantity, present, frames, scale: term.scale.clone() });
+            slots.push(Slot { quantity: term.quantity, present, frames, scale: term.scale.clone(), ahead: term.ahead });
         }
         let default_pose = interface.default_pose.iter().map(|&angle| angle as f32).collect();
         let width = interface.width(terms);
@@ -67,7 +72,9 @@ impl Layout {
             };
             (slot.present.start, (0..joints).map(factor).collect())
         });
-        Self { width, start: interface.history.start, last_action, default_pose, slots }
+        let follows = terms.iter().any(|term| term.quantity.is_of_reference());
+        let follower = if follows { Follower::new(interface) } else { None };
+        Self { width, start: interface.history.start, last_action, default_pose, follower, slots }
     }
 
     /// Numbers in a row.
@@ -85,6 +92,23 @@ impl Layout {
     pub fn frames(&self) -> usize {
         let frames = self.slots.iter().map(|slot| slot.frames.len()).max().unwrap_or(1);
         frames + usize::from(self.last_action.is_some())
+    }
+
+    /// Angle by which the motion is turned to face as the robot does, for [`crate::MotionPlace::heading`], rad. `sensed` needs
+    /// the base's orientation and the joints, and the time of the motion.
+    pub fn motion_heading(&self, sensed: &Sensed) -> f64 {
+        self.follower.as_ref().map_or(0.0, |follower| {
+            follower.heading(sensed.motion.time, sensed.orientation, &sensed.joint_position)
+        })
+    }
+
+    /// Joint angles of the motion at a time since its beginning (s), rad, policy order; `None` if the observation has nothing of
+    /// a motion.
+    pub fn motion_position(&self, time: f64) -> Option<Vec<f32>> {
+        let follower = self.follower.as_ref()?;
+        let mut angles = vec![0.0; self.default_pose.len()];
+        follower.position(time, &mut angles);
+        Some(angles)
     }
 
     /// The factor of each number of a row. Factors of neither one number nor the term's width, which
@@ -140,6 +164,16 @@ impl Layout {
         for slot in &self.slots {
             let out = &mut row[slot.present.clone()];
             slot.quantity.write(sensed, &self.default_pose, out);
+            if let Some(follower) = self.follower.as_ref().filter(|_| slot.quantity.is_of_reference()) {
+                let time = follower.later(sensed.motion.time, slot.ahead);
+                let (base, joints) = (sensed.orientation, &sensed.joint_position);
+                match slot.quantity {
+                    Quantity::ReferenceJointPosition => follower.position(time, out),
+                    Quantity::ReferenceJointVelocity => follower.velocity(time, out),
+                    Quantity::ReferencePhase => out.fill(follower.phase(time)),
+                    _ => follower.difference(time, sensed.motion.heading, base, joints, out),
+                }
+            }
             // What the row before has as its last action.
             if let (Quantity::EarlierAction, Some((place, factors)), Some(past)) =
                 (slot.quantity, &self.last_action, past)

@@ -194,6 +194,7 @@ impl Walker {
         if let Some(imu) = imu {
             sensed.base_angular_velocity = imu.rates(sensed.base_angular_velocity);
             sensed.projected_gravity = imu.direction(sensed.projected_gravity);
+            sensed.orientation = imu.attitude(sensed.orientation);
         }
     }
 

@@ -72,6 +72,7 @@ pub fn interface() -> Interface {
         held: Vec::new(),
         control_dt: 0.02,
         gait_frequency: None,
+        reference: None,
         history: History::default(),
         observation,
         critic_observation,

@@ -89,6 +89,7 @@ fn controller_yaml_holds_the_whole_interface() {
                 quantity,
                 scale: (0..width).map(|_| scale.next().unwrap()).collect(),
                 history: observation.history[index],
+                ahead: 0,
             }
         };
         let observed: Vec<Term> = (0..observation.terms.len()).map(term).collect();
@@ -131,6 +132,7 @@ fn controller_yaml_holds_the_whole_interface() {
             held,
             control_dt: wanted.control_dt,
             gait_frequency: observation.gait_frequency,
+            reference: None,
             history: History { order: observation.history_order, start: observation.history_start },
             observation: observed,
             critic_observation: Vec::new(),

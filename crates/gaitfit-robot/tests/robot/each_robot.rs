@@ -40,6 +40,7 @@ fn swing(robot: &Robot) -> Policy {
         held: Vec::new(),
         control_dt: 0.02,
         gait_frequency: None,
+        reference: None,
         history: Default::default(),
         observation: vec![Term::new(Quantity::JointPosition)],
         critic_observation: Vec::new(),

@@ -32,6 +32,8 @@ fn a_pilot_that_senses_what_a_simulated_robot_does_acts_as_it_does_bit_for_bit()
         commands: commands.clone(),
         start,
         others: Vec::new(),
+        motion: Vec::new(),
+        turned_back: 0.0,
         states: Vec::new(),
         actions: Vec::new(),
     };

@@ -171,6 +171,7 @@ mod tests {
             reward: Estimate::default(),
             linear_velocity_error: column(0),
             angular_velocity_error: column(1),
+            motion_error: None,
             fall_rate: column(2),
             action_rate: Estimate::default(),
             diverged: 0,

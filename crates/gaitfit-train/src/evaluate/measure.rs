@@ -55,6 +55,9 @@ pub struct Evaluation {
     pub linear_velocity_error: Estimate,
     /// |ω − c|, rad/s.
     pub angular_velocity_error: Estimate,
+    /// Root-mean-square distance of the joints from the motion that the policy follows, rad.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion_error: Option<Estimate>,
     /// Share of falls.
     pub fall_rate: Estimate,
     /// Root-mean-square change of an action a step, per joint.
@@ -163,7 +166,10 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
     let trials = trials(&subject, plan, watch);
     super::go_on(watch)?;
     let trials = trials?;
+    // A policy that follows a motion has no commands.
+    let follows = world.scene.walker.interface.reference.is_some();
     let trials_of_drift = match plan.drift {
+        _ if follows => Ok(Vec::new()),
         0 => Ok(Vec::new()),
         robots => drift(&subject, robots, plan.drift_speeds),
     };
@@ -172,7 +178,7 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
     let limits = &world.scene.settings.command;
     let ahead = [0.5 * limits.x[1], 0.0, 0.0];
     let record = record_gait(&subject, &[(1.0, [0.0; 3]), (4.0, ahead)])?;
-    let walked = limits.x[1] > 0.0 && !record.fell;
+    let walked = limits.x[1] > 0.0 && !record.fell && !follows;
     let summary = summarise(&trials);
     let estimate = |of: Option<gaitfit_sim::stats::Estimate>| {
         of.map_or_else(Estimate::default, |of| Estimate { mean: of.mean, ci95: of.ci95.unwrap_or(f64::NAN) })
@@ -186,6 +192,7 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
         reward: estimate(summary.reward),
         linear_velocity_error: estimate(summary.linear_velocity_error),
         angular_velocity_error: estimate(summary.angular_velocity_error),
+        motion_error: follows.then(|| estimate(summary.motion_error)),
         fall_rate: estimate(summary.fall_rate),
         action_rate: estimate(summary.action_rate),
         diverged: summary.diverged,

@@ -42,6 +42,10 @@ pub fn verdict(found: &Evaluation, command: &CommandSettings) -> Option<Verdict>
     if found.diverged > 0 {
         return None;
     }
+    if let Some(motion) = found.motion_error {
+        let text = format!("Follows its motion: joints are {:.3} rad off it on average, and {fallen}.", motion.mean);
+        return Some(Verdict { walks: true, text });
+    }
     let still = standing_error(command);
     if still == 0.0 || !error.is_finite() {
         return None;

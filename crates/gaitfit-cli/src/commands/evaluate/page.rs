@@ -66,7 +66,7 @@ pub fn page(
         verdict: verdict.filter(|one| one.walks).map(|one| one.text.clone()).unwrap_or_default(),
         trajectories: document.trajectories as u64,
         seconds: document.seconds,
-        measures: rows(document).map(measure).to_vec(),
+        measures: rows(document).into_iter().map(measure).collect(),
         drift: document.drift.iter().map(|trial| trial.drawn(args.drift)).collect(),
         ground: document
             .ground

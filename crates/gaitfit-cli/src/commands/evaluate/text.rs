@@ -15,16 +15,18 @@ fn shown(estimate: Estimate, digits: usize) -> String {
 }
 
 /// What was measured: name, mean, digits and unit.
-pub fn rows(document: &Evaluation) -> [(&'static str, Estimate, usize, &'static str); 5] {
+pub fn rows(document: &Evaluation) -> Vec<(&'static str, Estimate, usize, &'static str)> {
     let falls = document.fall_rate;
     let percent = Estimate { mean: 100.0 * falls.mean, ci95: 100.0 * falls.ci95 };
-    [
-        ("summed reward", document.reward, 3, ""),
+    let motion = document.motion_error.map(|error| ("distance from the motion", error, 4, "rad"));
+    let of_commands = if motion.is_some() { 0 } else { 2 };
+    let commands = [
         ("linear-velocity error", document.linear_velocity_error, 4, "m/s"),
         ("angular-velocity error", document.angular_velocity_error, 4, "rad/s"),
-        ("falls", percent, 2, "%"),
-        ("action rate", document.action_rate, 4, "a step"),
-    ]
+    ];
+    let others = [("falls", percent, 2, "%"), ("action rate", document.action_rate, 4, "a step")];
+    let reward = [("summed reward", document.reward, 3, "")];
+    reward.into_iter().chain(motion).chain(commands.into_iter().take(of_commands)).chain(others).collect()
 }
 
 /// What is wrong, then tables of means, drift and gait.

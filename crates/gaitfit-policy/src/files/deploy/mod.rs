@@ -27,6 +27,17 @@ pub struct Deployment {
     pub unsaid: Vec<String>,
 }
 
+/// Refuses policies that follow a motion, which the programs do not read.
+fn without_motion(policy: &Policy) -> Result<(), PolicyError> {
+    match policy.interface.reference {
+        None => Ok(()),
+        Some(_) => Err(invalid(
+            "the policy follows a reference motion, which is not written for other programs; `--onnx` and `--safetensors` keep \
+             it for gaitfit",
+        )),
+    }
+}
+
 /// A folder for those who run the policy without gaitfit: `exported/policy.onnx` (one row at a time),
 /// `controller.yaml` (the whole interface as parameters of a ROS 2 node) and, for Unitree's robots, `params/deploy.yaml`
 /// of unitree_rl_lab. `model`: the robot, whose effort limits are written.
@@ -35,6 +46,7 @@ pub struct Deployment {
 /// A policy whose parts do not fit ([`Policy::check`]), one that ONNX does not hold (recurrent, two-part), a robot
 /// that lacks a joint of the policy.
 pub fn bundle(policy: &Policy, model: Option<&Model>) -> Result<Deployment, PolicyError> {
+    without_motion(policy)?;
     let network = match policy.front {
         None | Some(Front::Function(_) | Front::Graph(_)) => onnx::write_single(policy)?,
         Some(Front::Recurrent(_)) => {
@@ -71,6 +83,7 @@ pub fn bundle(policy: &Policy, model: Option<&Model>) -> Result<Deployment, Poli
 /// joint of the policy.
 pub fn cxx(policy: &Policy, model: Option<&Model>) -> Result<Deployment, PolicyError> {
     policy.check()?;
+    without_motion(policy)?;
     let mut unsaid = Vec::new();
     let efforts = efforts("policy.hpp", policy, model, &mut unsaid)?;
     if efforts.held.is_some() {

@@ -3,7 +3,8 @@
 //! `joint_names`, `joint_stiffness`, `joint_damping`, `default_joint_pos`, `action_scale` (one number or a list),
 //! `observation_names`, `command_names`, `run_path`. Since mjlab 1.6 also one entry a term, parts of which stand between
 //! semicolons: `observation_terms_scale`, `observation_terms_history_length` (0 without one),
-//! `observation_terms_flatten_history_dim`, `observation_terms_clip`. The control period is not in it.
+//! `observation_terms_flatten_history_dim`, `observation_terms_clip`. The control period is not in it. Policies
+//! of motion tracking also have `anchor_body_name`.
 
 use super::{Known, names, numbers, terms};
 use crate::error::invalid;
@@ -49,15 +50,27 @@ pub(in crate::files) fn read(
             ))),
         }
     };
-    let mut quantities = Vec::new();
-    for name in list(observed, "observation_names")? {
-        quantities.push(Quantity::from_foreign(&name).ok_or_else(|| invalid(terms::unknown(&name)))?);
+    let tracks = entry("anchor_body_name");
+    // The quantities of the policy, and the number of the term that each is of: a motion's command is two.
+    let (mut quantities, mut of) = (Vec::new(), Vec::new());
+    let named = list(observed, "observation_names")?;
+    for (number, name) in named.iter().enumerate() {
+        let found = match tracks {
+            Some(_) => terms::of_motion(name),
+            None => None,
+        };
+        let found = match found {
+            Some(found) => found.to_vec(),
+            None => vec![Quantity::from_foreign(name).ok_or_else(|| invalid(terms::unknown(name)))?],
+        };
+        of.extend(found.iter().map(|_| number));
+        quantities.extend(found);
     }
     let of_terms = |key: &str| -> Result<Option<Vec<Vec<f64>>>, PolicyError> {
         let Some(text) = entry(key) else { return Ok(None) };
         let words = list(text, key)?;
-        if words.len() != quantities.len() {
-            let (found, terms) = (words.len(), quantities.len());
+        if words.len() != named.len() {
+            let (found, terms) = (words.len(), named.len());
             return Err(invalid(format!("`{key}` of its metadata has {found} entries for {terms} terms")));
         }
         let numbers = |word: &String| {
@@ -66,7 +79,17 @@ pub(in crate::files) fn read(
                 .map(|part| number(part.trim(), key))
                 .collect::<Result<Vec<_>, _>>()
         };
-        words.iter().map(numbers).collect::<Result<_, _>>().map(Some)
+        let all: Vec<Vec<f64>> = words.iter().map(numbers).collect::<Result<_, _>>()?;
+        // A list of a motion's command is cut into those of its two quantities.
+        let of_quantity = |(&number, quantity): (&usize, &Quantity)| {
+            let (values, width) = (&all[number], quantity.width(outputs));
+            match quantity {
+                Quantity::ReferenceJointPosition if values.len() == 2 * width => values[..width].to_vec(),
+                Quantity::ReferenceJointVelocity if values.len() == 2 * width => values[width..].to_vec(),
+                _ => values.clone(),
+            }
+        };
+        Ok(Some(of.iter().zip(&quantities).map(of_quantity).collect()))
     };
     let stated = of_terms("observation_terms_history_length")?;
     let per_frame: usize = quantities.iter().map(|quantity| quantity.width(outputs)).sum();
@@ -90,6 +113,15 @@ pub(in crate::files) fn read(
              here. Describe it in a TOML file (docs/policies.md)",
             width.unwrap_or(usize::MAX)
         )));
+    }
+    let is_motion = |quantity: &Quantity| {
+        matches!(quantity, Quantity::ReferenceJointPosition | Quantity::ReferenceJointVelocity)
+    };
+    if quantities.iter().zip(&histories).any(|(quantity, &length)| is_motion(quantity) && length > 1) {
+        return Err(invalid(
+            "its metadata has a history of the motion's command, whose frames hold angles and velocities in turn: this is not \
+             read",
+        ));
     }
     let flat = of_terms("observation_terms_flatten_history_dim")?.unwrap_or_default();
     if flat.iter().zip(&histories).any(|(flat, &length)| length > 1 && flat.first() == Some(&0.0)) {
@@ -148,6 +180,13 @@ pub(in crate::files) fn read(
         notes.push(format!(
             "its network takes {history} times the numbers of its terms: taken as a history of {history} frames, term \
              after term"
+        ));
+    }
+    if let Some(body) = tracks {
+        notes.push(format!(
+            "it follows a motion, whose file a TOML file names: file = \"…\", reference = \"MOTION.csv\". Its anchor is `{}`: if \
+             that is not the base, `reference` also lists the joints up to it (docs/policies-motion.md)",
+            shown(body)
         ));
     }
     Ok(Some(Known { table, notes }))

@@ -21,6 +21,7 @@ fn interface() -> Interface {
         held: Vec::new(),
         control_dt: 0.02,
         gait_frequency: Some(1.0),
+        reference: None,
         history: Default::default(),
         observation: vec![Term::new(Quantity::GaitPhase)],
         critic_observation: Vec::new(),

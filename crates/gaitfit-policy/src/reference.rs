@@ -1,0 +1,233 @@
+//! A motion that a policy follows: joint angles and the orientation of one body over time.
+
+use gaitfit_log::Trajectory;
+use gaitfit_model::rotation::{axis_angle, blend, heading, inverse, normalize, product, turn, unit};
+use serde::{Deserialize, Serialize};
+
+use crate::{Interface, InterfaceError};
+
+/// Max number of samples times joints of a motion.
+const MAX_NUMBERS: usize = 1 << 20;
+/// How near a time must be to a sample's to be that sample's, in samples: times are sums of rounded numbers.
+const SAME: f64 = 1e-4;
+
+/// A motion that a policy follows. Before its beginning and after its end it stands still.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reference {
+    /// Samples a second, Hz.
+    pub rate_hz: f64,
+    /// Joint angles, rad, policy order; `samples × joints`.
+    pub position: Vec<f32>,
+    /// Joint velocities, rad/s, policy order; `samples × joints`.
+    pub velocity: Vec<f32>,
+    /// Orientation of the anchor, wxyz; `samples × 4`; empty if the motion has none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub orientation: Vec<f32>,
+    /// The joints between the base and the anchor, from the base on; without any the base is the anchor. Their links must
+    /// not be turned where their angles are 0.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub anchor: Vec<AnchorJoint>,
+}
+
+/// A joint between the base and the anchor of a motion.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AnchorJoint {
+    /// Its name, one of the policy's joints.
+    pub joint: String,
+    /// Its axis in the frame of its link.
+    pub axis: [f64; 3],
+}
+
+/// Where a robot is in a motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MotionPlace {
+    /// Time since the motion's beginning, s.
+    pub time: f64,
+    /// Angle about the vertical by which the motion is turned, rad.
+    pub heading: f64,
+}
+
+impl Reference {
+    /// The motion of a log: its joint positions, velocities and, if it has some, orientations.
+    ///
+    /// # Errors
+    /// A log that lacks one of `joints`.
+    pub fn from_log(
+        log: &Trajectory,
+        joints: &[String],
+        anchor: Vec<AnchorJoint>,
+    ) -> Result<Self, InterfaceError> {
+        let lacks = |joint: &String| {
+            InterfaceError(format!(
+                "the reference motion has no column q_{joint}; it needs q_ and dq_ columns of all the policy's joints"
+            ))
+        };
+        let places: Vec<usize> = joints
+            .iter()
+            .map(|joint| log.joint(joint).ok_or_else(|| lacks(joint)))
+            .collect::<Result<_, _>>()?;
+        let in_order = |values: &[f64]| -> Vec<f32> {
+            let rows = values.chunks_exact(log.joints.len().max(1));
+            rows.flat_map(|row| places.iter().map(|&place| row[place] as f32)).collect()
+        };
+        let quaternion = log.base.as_ref().and_then(|base| base.quaternion.as_deref());
+        Ok(Self {
+            rate_hz: log.rate_hz,
+            position: in_order(&log.position),
+            velocity: in_order(&log.velocity),
+            orientation: quaternion.unwrap_or_default().iter().map(|&x| x as f32).collect(),
+            anchor,
+        })
+    }
+
+    /// Checks the motion against the policy's joints.
+    ///
+    /// # Errors
+    /// The first contradiction.
+    pub(crate) fn check(&self, joints: &[String]) -> Result<(), InterfaceError> {
+        let refuse = |what: String| Err(InterfaceError(format!("the reference motion {what}")));
+        if !(self.rate_hz.is_finite() && self.rate_hz > 0.0) {
+            return refuse(format!("has a rate of {} Hz; give a positive number", self.rate_hz));
+        }
+        let (found, width) = (self.position.len(), joints.len().max(1));
+        if found == 0 || found % width != 0 || found > MAX_NUMBERS || self.velocity.len() != found {
+            return refuse(format!(
+                "has {found} angles and {} velocities for {width} joints; give as many rows of both, at most {MAX_NUMBERS} \
+                 numbers",
+                self.velocity.len()
+            ));
+        }
+        if !self.orientation.is_empty() && self.orientation.len() != 4 * (found / width) {
+            return refuse(format!("has {} numbers of orientations for {} samples", self.orientation.len(), found / width));
+        }
+        let all = || self.position.iter().chain(&self.velocity).chain(&self.orientation);
+        if let Some(bad) = all().find(|value| !value.is_finite()) {
+            return refuse(format!("holds {bad}; its numbers must be finite"));
+        }
+        if self.orientation.chunks_exact(4).any(|q| q.iter().map(|x| x * x).sum::<f32>() < 0.25) {
+            return refuse("has orientations that are no unit quaternions".to_owned());
+        }
+        for AnchorJoint { joint, axis } in &self.anchor {
+            if !joints.contains(joint) {
+                return refuse(format!("names `{joint}` in `anchor`, which is no joint of the policy"));
+            }
+            if unit(*axis).is_none() || axis.iter().any(|x| !x.is_finite()) {
+                return refuse(format!("gives `{joint}` in `anchor` an axis without a direction"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Samples.
+    pub fn samples(&self, joints: usize) -> usize {
+        self.position.len() / joints.max(1)
+    }
+}
+
+/// A motion at work: what an observation takes of it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Follower {
+    reference: Reference,
+    joints: usize,
+    /// The anchor's joints: place among the policy's, and axis.
+    anchor: Vec<(usize, [f64; 3])>,
+    control_dt: f64,
+}
+
+impl Follower {
+    /// Of an interface that has a motion.
+    pub fn new(interface: &Interface) -> Option<Self> {
+        let reference = interface.reference.clone()?;
+        let place = |one: &AnchorJoint| {
+            let place = interface.joints.iter().position(|joint| *joint == one.joint)?;
+            Some((place, unit(one.axis)?))
+        };
+        Some(Self {
+            anchor: reference.anchor.iter().filter_map(place).collect(),
+            joints: interface.joints.len(),
+            control_dt: interface.control_dt,
+            reference,
+        })
+    }
+
+    /// Time of the motion `ahead` control periods after `time`, s.
+    pub fn later(&self, time: f64, ahead: usize) -> f64 {
+        time + ahead as f64 * self.control_dt
+    }
+
+    /// The samples about `time` and the share of the second; whether the motion moves then.
+    fn about(&self, time: f64) -> ([usize; 2], f64, bool) {
+        let last = self.reference.samples(self.joints).saturating_sub(1);
+        let place = time * self.reference.rate_hz;
+        let near = place.round();
+        let place = if (place - near).abs() < SAME { near } else { place };
+        let moves = place >= 0.0 && place <= last as f64;
+        let place = place.clamp(0.0, last as f64);
+        let low = (place.floor() as usize).min(last);
+        ([low, (low + 1).min(last)], place - low as f64, moves)
+    }
+
+    fn mix(&self, values: &[f32], time: f64, out: &mut [f32]) -> bool {
+        let ([low, high], share, moves) = self.about(time);
+        let row = |sample: usize| &values[sample * self.joints..(sample + 1) * self.joints];
+        for ((out, &a), &b) in out.iter_mut().zip(row(low)).zip(row(high)) {
+            *out = (f64::from(a) + share * (f64::from(b) - f64::from(a))) as f32;
+        }
+        moves
+    }
+
+    /// Joint angles at `time`, rad.
+    pub fn position(&self, time: f64, out: &mut [f32]) {
+        self.mix(&self.reference.position, time, out);
+    }
+
+    /// Joint velocities at `time`, rad/s; 0 outside the motion.
+    pub fn velocity(&self, time: f64, out: &mut [f32]) {
+        if !self.mix(&self.reference.velocity, time, out) {
+            out.fill(0.0);
+        }
+    }
+
+    /// Share of the motion that is over at `time`, 0 to 1.
+    pub fn phase(&self, time: f64) -> f32 {
+        let last = self.reference.samples(self.joints).saturating_sub(1);
+        if last == 0 { 1.0 } else { (time * self.reference.rate_hz / last as f64).clamp(0.0, 1.0) as f32 }
+    }
+
+    /// Orientation of the anchor in the motion, unturned.
+    fn orientation(&self, time: f64) -> Option<[f64; 4]> {
+        let ([low, high], share, _) = self.about(time);
+        let row = |sample: usize| -> Option<[f64; 4]> {
+            let row = self.reference.orientation.get(4 * sample..4 * sample + 4)?;
+            Some(normalize(std::array::from_fn(|k| f64::from(row[k]))))
+        };
+        Some(blend(row(low)?, row(high)?, share))
+    }
+
+    /// Orientation of the robot's anchor.
+    fn anchor(&self, base: [f32; 4], joint_position: &[f32]) -> [f64; 4] {
+        let base = normalize(base.map(f64::from));
+        self.anchor.iter().fold(base, |frame, &(joint, axis)| {
+            product(frame, axis_angle(axis, f64::from(joint_position[joint])))
+        })
+    }
+
+    /// The angle by which the motion is turned to face at `time` as a robot does, rad; 0 of a motion without orientations.
+    pub fn heading(&self, time: f64, base: [f32; 4], joint_position: &[f32]) -> f64 {
+        let Some(own) = self.orientation(time) else { return 0.0 };
+        heading(self.anchor(base, joint_position)) - heading(own)
+    }
+
+    /// Rotation from the robot's anchor to the motion's, turned by `turned`: the first two columns of its matrix, row by row.
+    pub fn difference(&self, time: f64, turned: f64, base: [f32; 4], joint_position: &[f32], out: &mut [f32]) {
+        let Some(own) = self.orientation(time) else { return out.fill(0.0) };
+        let wanted = product(turn(2, turned), own);
+        let relative = product(inverse(self.anchor(base, joint_position)), wanted);
+        let matrix = gaitfit_model::rotation::matrix(relative);
+        for (k, out) in out.iter_mut().enumerate() {
+            *out = matrix[k / 2][k % 2] as f32;
+        }
+    }
+}
