@@ -148,9 +148,10 @@ def training(results: Shown, axes: Sequence[Axes] | None = None) -> Figure:
 
     >>> figure = training(trained)
     """
+    figure: Figure
     if axes is None:
         figure, both = plt.subplots(1, 2, figsize=(9.0, 3.5), layout="constrained")
-        axes = list(both)
+        axes = both
     elif len(axes) != 2:
         raise ValueError(f"there are {len(axes)} axes; give two, for rewards and errors")
     else:

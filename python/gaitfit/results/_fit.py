@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from .._decode import Named
-from ._base import Check, Doubt, Estimate, Interval, Result, flat, lines
+from ._base import Check, Doubt, Interval, Result, flat, lines
 
 Verdict = Literal["explained", "worse", "misfit", "worse_than_nominal", "falls", "unknown"]
 
@@ -362,18 +362,20 @@ class Cause:
     Attributes:
         kind: What it is, in kebab case.
         of: The joint group or joint that has it; empty where it is of the whole robot.
-        size: Its size, in ``unit``.
+        value: Its size, in ``unit``.
+        error: The size's standard error.
         unit: Unit of the size.
         weight: The size over the smallest one that changes how a robot walks.
         text: All of it in a sentence, with its remedy.
 
-    >>> Cause("play", "calf", Estimate(0.014, 0.002), "rad", 3.0, "the calf joints have play").of
+    >>> Cause("play", "calf", 0.014, 0.002, "rad", 3.0, "the calf joints have play").of
     'calf'
     """
 
     kind: str
     of: str
-    size: Estimate
+    value: float
+    error: float
     unit: str
     weight: float
     text: str
