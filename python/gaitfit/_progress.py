@@ -23,7 +23,7 @@ class Event:
         text: The note, the stage, the line, or for a step how good the result is so far, in words.
         what: What is counted, for example ``"generation"`` or ``"seed 1, iteration"``.
         done: How many are done; of ``"begin"`` those before this run, where it continues one, of ``"end"`` the last step's.
-        total: How many there are.
+        total: How many there are; work whose result is certain earlier ends before.
         metrics: Numbers of a step by name. Of a fit, for each cost and seed: ``"wass/seed-1/best_so_far"``, ``best``, ``mean``,
             ``sigma``, ``diverged`` and ``fallen``. Of a training: ``"train/reward"``, ``train/episode_return``,
             ``train/episode_seconds``, ``train/fall_rate``, ``train/linear_velocity_error`` and
