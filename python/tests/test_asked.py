@@ -138,6 +138,29 @@ class Steps(Case):
             with self.assertRaisesRegex(ImportError, r"gaitfit.gym needs a package .*pip install \"gaitfit\[gym\]\""):
                 import gaitfit.gym  # noqa: F401
 
+    def test_a_state_has_whose_episode_ended(self) -> None:
+        try:
+            from gaitfit.gym import AutoresetMode, GaitfitVecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        one, other = (GaitfitVecEnv(num_envs=32, autoreset_mode=AutoresetMode.NEXT_STEP) for _ in range(2))
+        for number in range(100):
+            _, _, terminated, truncated, _ = one.step(np.full((32, 12), 4.0 * np.sin(number), np.float32))
+            if (terminated | truncated).any():
+                break
+        other.set_state(one.state())
+        for mine, theirs in zip(one.step(np.zeros((32, 12)))[:4], other.step(np.zeros((32, 12)))[:4]):
+            np.testing.assert_array_equal(mine, theirs)
+        self.assertTrue((other.robots.state().steps[terminated | truncated] == 0).all())
+
+    def test_tables_keep_their_own_names(self) -> None:
+        log = gaitfit.Log.from_dataframe(
+            {"t": [0.0, 0.1], "knee": [0.0, 1.0], "dq_knee": [1.0, 1.0]}, names={"t": "time", "knee": "q_knee"}
+        )
+        self.assertEqual((log.joints, log.dt), (["knee"], 0.1))
+        with self.assertRaisesRegex(ValueError, "names has 'x', which is no column"):
+            gaitfit.Log.from_dataframe({"q_knee": [0.0]}, names={"x": "time"})
+
     def test_a_missing_column_is_named_beside_another_one(self) -> None:
         table = {"time": [0.0, 0.1], "q_a": [0.0, 1.0], "q_b": [0.0, 1.0], "dq_b": [1.0, 1.0]}
         with self.assertRaisesRegex(ValueError, "no column dq_a; a log needs it beside dq_b"):
