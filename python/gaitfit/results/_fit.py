@@ -232,7 +232,8 @@ class FitResult(Result):
         robot: Name of the robot.
         headline: The result in a sentence, its doubts first.
         standing: How firm it is: ``"contradicted"`` if walks that were not fitted speak against it.
-        doubts: Reasons not to take it as it is, the worst first.
+        doubts: Reasons not to take it as it is, the worst first. The regression in some of them predicts the values from the logs; it
+            was learned from simulated robots whose values lie around those of the search, and gives the intervals.
         converged: Whether the search came to its end.
         better_than_nominal: Whether the fitted robot is closer to the logs than the robot before the fit.
         cost_name: The first cost.
