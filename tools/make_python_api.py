@@ -36,7 +36,8 @@ TYPES = """| type | what |
 | `Settings` | settings by their names in a file, with dots between tables: `{"optimizer.generations": 50}` |
 | `Cost` | `"wass"`, `"matcho"`, `"matchr1"`, … |
 | `Resume` | `True`, `False` or `"auto"` |
-| `Device` | `"cpu"`, `"cuda"`, `"cuda:1"`, … or `"auto"` |
+| `Device` | `"cpu"`, `"cuda"`, `"cuda:1"`, …, several GPUs as `"cuda:0,1"`, or `"auto"` |
+| `Theta` | a fit's result or its `theta.toml`, or a list of `gaitfit.config.TrueParameter` and `TrueNumber` |
 | `Progresses` | `True`, `False`, a function of an `Event`, or a list of functions and `True` |"""
 
 ERRORS = """| error | when |

@@ -407,7 +407,8 @@ def written(owner: Class, classes: dict[str, str], tables: dict[str, dict]) -> s
             break_on_hyphens=False,
         )
     if owner.name == "Parameter":
-        lines += ["", "    Kinds, each with its unit and, by default, (lower, upper, start, deviation):", ""]
+        lines += ["", "    Kinds, each with its unit and, by default, (lower, upper, start, deviation). A value replaces that of the robot's"]
+        lines += ["    file; those without unit that start at 1 are factors:", ""]
         for name, docs, unit, search in parameter_kinds():
             text = f"- ``{name}``, {unit}, ({search}): {docs}"
             lines += textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="      ", break_long_words=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 
 from ._gaitfit import program
@@ -10,6 +11,10 @@ from ._gaitfit import program
 
 def main() -> int:
     """Runs the program with the command line's arguments; its exit code."""
+    # Python's handler only marks the interrupt, and the program runs no Python: without one Ctrl-C ends a command at once. Commands
+    # that save first have their own.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     return program([_own(), *sys.argv[1:]])
 
 

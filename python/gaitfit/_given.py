@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Union
 
-from ._arguments import count, flag, items, mapping, maybe, path, real, text
+from ._arguments import count, flag, items, mapping, maybe, path, real, text, unicode
 from ._arguments import threads as checked_threads
 from ._log_files import kept
 from ._logs import Log
@@ -148,8 +148,8 @@ def costs_of(costs: Any) -> list[str]:
     wrong = next((one for one in found if not re.fullmatch(r"wass|matcho|matchr[0-9]+|matchs[0-9]*", one)), None)
     if wrong is not None:
         near = difflib.get_close_matches(wrong, ["wass", "matcho", "matchr1", "matchs"], 1)
-        meant = f"; did you mean {near[0]!r}?" if near else "; it must be 'wass', 'matcho', 'matchr1' or another"
-        raise ValueError(f"costs has {wrong!r}{meant} Costs are wass, matcho, and matchr and matchs with a number of samples")
+        meant = f"; did you mean {near[0]!r}? " if near else "; "
+        raise ValueError(f"costs has {wrong!r}{meant}Costs are wass, matcho, and matchr and matchs with a number of samples")
     return found
 
 
@@ -167,7 +167,7 @@ def log_files(logs: Any, runs: PathLike | None) -> list[str]:
 
 def there(file: str) -> str:
     """A log's file or folder, or a pattern of some; what is no pattern must be there."""
-    return file if any(mark in file for mark in "*?[") else str(existing("logs", file))
+    return file if any(mark in file for mark in "*?[") else str(existing("logs", unicode("an element of logs", file)))
 
 
 def _is_table(value: object) -> bool:
@@ -217,11 +217,11 @@ def theta_file(theta: Any) -> str | None:
         theta = [theta]
     needed = "a path, a gaitfit.FitResult, or a list of gaitfit.config.TrueParameter and TrueNumber"
     if isinstance(theta, (bytes, Mapping)) or not isinstance(theta, Iterable):
-        raise TypeError(f"theta is {theta!r}; give {needed}")
+        raise TypeError(f"theta is {theta!r}; it must be {needed}")
     lines = ["format = 1\n"]
     for one in theta:
         if not isinstance(one, (TrueParameter, TrueNumber)):
-            raise TypeError(f"theta has {one!r}; give {needed}")
+            raise TypeError(f"theta has {one!r}; it must be {needed}")
         if one.value is None:
             raise ValueError(f"theta has a {one.kind} without a value")
         joints = one.joints or ["*"] if isinstance(one, TrueParameter) else None

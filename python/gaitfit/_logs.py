@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _gaitfit
-from ._arguments import finite, flag, items, maybe, real, text
+from ._arguments import finite, flag, items, mapping, maybe, real, text
 from ._arguments import path as named
 from ._arrays import numbers
 
@@ -200,6 +200,7 @@ class Log:
         kp: ArrayLike | None = None,
         kd: ArrayLike | None = None,
         robot: str | None = None,
+        names: Mapping[str, str] | None = None,
     ) -> Log:
         """A log of a table with the columns of a CSV log. Other columns are left out.
 
@@ -215,6 +216,8 @@ class Log:
             kp: Position gains of the PD controllers, N·m/rad: one for all joints, or one for each in the columns' order.
             kd: Velocity gains, N·m·s/rad, likewise.
             robot: Name of the robot.
+            names: The table's own names of columns, each with its name in a log: ``{"t": "time", "knee_pos": "q_knee"}``. Other
+                columns keep theirs.
 
         Raises ``ValueError`` where a column is missing.
 
@@ -222,15 +225,21 @@ class Log:
         >>> log.joints, log.dt
         (['knee'], 0.1)
         """
-        names = [str(name) for name in (table if isinstance(table, Mapping) else getattr(table, "columns", ()))]
-        joints = [name[2:] for name in names if name.startswith("q_")]
+        own = [str(name) for name in (table if isinstance(table, Mapping) else getattr(table, "columns", ()))]
+        renamed = {} if names is None else mapping("names", names, '{"t": "time"}')
+        unknown = [name for name in renamed if name not in own]
+        if unknown:
+            raise ValueError(f"names has {unknown[0]!r}, which is no column of the table; it has {', '.join(own)}")
+        table = {renamed.get(name, name): table[name] for name in own}
+        columns_there = list(table)
+        joints = [name[2:] for name in columns_there if name.startswith("q_")]
         if not joints:
-            raise ValueError(f"the table has no column q_J, a joint's position; it has {', '.join(names) or 'no columns'}")
+            raise ValueError(f"the table has no column q_J, a joint's position; it has {', '.join(columns_there) or 'no columns'}")
 
         def matrix(columns: Sequence[str], needed: bool) -> Any:
-            missing = [name for name in columns if name not in names]
+            missing = [name for name in columns if name not in columns_there]
             if missing and (needed or len(missing) < len(columns)):
-                beside = next((name for name in columns if name in names), f"q_{joints[0]}")
+                beside = next((name for name in columns if name in columns_there), f"q_{joints[0]}")
                 raise ValueError(f"the table has no column {missing[0]}; a log needs it beside {beside}")
             return None if missing else np.column_stack([numbers(name, table[name], np.float64) for name in columns])
 
@@ -239,7 +248,7 @@ class Log:
             for name, prefix in _OF_JOINTS.items()
         }
         arrays |= {name: matrix(columns, False) for name, columns in _FIXED.items()}
-        time = numbers("time", table["time"], np.float64) if "time" in names else None
+        time = numbers("time", table["time"], np.float64) if "time" in columns_there else None
         return cls.from_arrays(joints=joints, dt=dt, time=time, kp=kp, kd=kd, robot=robot, **arrays)
 
     def __len__(self) -> int:

@@ -23,7 +23,7 @@ class Event:
         text: The note, the stage, the line, or for a step how good the result is so far, in words.
         what: What is counted, for example ``"generation"`` or ``"seed 1, iteration"``.
         done: How many are done; of ``"begin"`` those before this run, where it continues one, of ``"end"`` the last step's.
-        total: How many there are.
+        total: How many there are; work whose result is certain earlier ends before.
         metrics: Numbers of a step by name. Of a fit, for each cost and seed: ``"wass/seed-1/best_so_far"``, ``best``, ``mean``,
             ``sigma``, ``diverged`` and ``fallen``. Of a training: ``"train/reward"``, ``train/episode_return``,
             ``train/episode_seconds``, ``train/fall_rate``, ``train/linear_velocity_error`` and
@@ -113,18 +113,24 @@ class Printed:
 
     def __init__(self) -> None:
         self._shown, self._wide = 0.0, 0
+        #: The last step, while it is not shown.
+        self._hidden: Event | None = None
         self._over = sys.stderr.isatty() or "ipykernel" in sys.modules
 
     def __call__(self, event: Event) -> None:
         """Prints one event."""
         if event.kind == "begin":
-            self._shown, self._wide = 0.0, 0
+            self._shown, self._wide, self._hidden = 0.0, 0, None
         elif event.kind == "step":
-            now = time.monotonic()
+            now, self._hidden = time.monotonic(), event
             if now - self._shown > (0.1 if self._over else 5.0) or event.done == event.total:
-                self._shown = now
+                self._shown, self._hidden = now, None
                 self._print(event)
         elif event.kind == "end":
+            if self._hidden is not None:
+                # Work may end before its total.
+                self._print(self._hidden)
+                self._shown, self._hidden = 1.0, None
             if self._over and self._shown:
                 print(file=sys.stderr, flush=True)
             self._shown = 0.0

@@ -178,7 +178,7 @@ def explain(logs: PathLike | Log | pd.DataFrame, robot: PathLike = "unitree-go2"
     of legs in the air: :func:`fit` names what these show.
 
     >>> [cause.text for cause in gaitfit.explain("walks", "go2.xml").causes]      # doctest: +SKIP
-    ['the calf joints have 0.8° of play (fit it with kind = "play")']
+    ['calf joints have about 0.093 ± 0.010 rad of play between motor and link: … (fit it: play)']
     """
     from .results import _read
 
@@ -199,6 +199,8 @@ def compare(policy: Evaluation, against: Evaluation) -> Comparison:
         policy, against: What :func:`evaluate` returned, for two policies or on two robots.
 
     Returns the differences. Errors that are negative are smaller than those of ``against``.
+
+    Raises ``TypeError`` for what is no evaluation.
 
     >>> gaitfit.compare(walked, walked).tracking_error.mean
     0.0

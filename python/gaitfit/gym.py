@@ -33,6 +33,8 @@ from .config import Train
 __all__ = ["AutoresetMode", "GaitfitEnv", "GaitfitVecEnv", "Terms"]
 
 Box = spaces.Box
+#: A vector environment's state.
+State = tuple[RobotsState, NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]
 
 
 def _open(closed: bool) -> None:
@@ -256,14 +258,16 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         self._returns[ended], self._lengths[ended] = 0.0, 0
         return {"final_obs": final, "_final_obs": ended, "final_info": {**values, **masks}, "_final_info": ended.copy()}
 
-    def state(self) -> tuple[RobotsState, NDArray[np.float64], NDArray[np.int64]]:
-        """The robots' state (:meth:`gaitfit.Robots.state`), and return and length of their episodes so far."""
-        return self._robots.state(), self._returns.copy(), self._lengths.copy()
+    def state(self) -> State:
+        """The robots' state (:meth:`gaitfit.Robots.state`), return and length of their episodes so far, and whose episode the last
+        step ended."""
+        return self._robots.state(), self._returns.copy(), self._lengths.copy(), self._over.copy()
 
-    def set_state(self, state: tuple[RobotsState, NDArray[np.float64], NDArray[np.int64]]) -> Any:
+    def set_state(self, state: State) -> Any:
         """Takes up a state of an environment that was made with the same arguments; returns what the robots observe. Raises
         ``ValueError`` for a state of other robots."""
-        robots, self._returns[:], self._lengths[:] = state
+        robots, self._returns[:], self._lengths[:], over = state
+        self._over = over.copy()
         self._robots.set_state(robots)
         self._fresh = False
         return self._out(self._observed())

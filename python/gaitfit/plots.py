@@ -73,19 +73,19 @@ def parameters(found: Shown | FitOutcome, axes: Axes | None = None) -> Figure:
         raise TypeError(f"found is a {type(found).__name__}; give what a fit returned, or its document as a dict")
     figure, axes = _drawn(axes, (8.0, 0.6 + 0.34 * len(rows)))
     for at, row in enumerate(rows):
+        interval = row.get("interval")
         lower, upper = row["lower"], row["upper"]
         width = (upper - lower) or 1.0
         axes.plot([0, 1], [at, at], color="0.85", linewidth=6, solid_capstyle="butt", zorder=1)
-        if row.get("interval"):
-            ends = [(end - lower) / width for end in row["interval"]]
+        if interval:
+            ends = [(end - lower) / width for end in interval]
             axes.plot(ends, [at, at], color="tab:blue", alpha=0.4, linewidth=6, solid_capstyle="butt", zorder=2)
         if row.get("truth") is not None:
             axes.plot((row["truth"] - lower) / width, at, "|", color="black", markersize=14, zorder=3)
         axes.plot((row["value"] - lower) / width, at, "o", color="tab:blue", zorder=4)
         unit = "" if row["unit"] in ("", "-") else f" {row['unit']}"
-        ends = row.get("interval")
-        interval = f" ({ends[0]:.3g} … {ends[1]:.3g})" if ends else ""
-        axes.annotate(f"{row['value']:.4g}{interval}{unit}", (1.02, at), va="center", fontsize=9)
+        around = f" ({interval[0]:.3g} … {interval[1]:.3g})" if interval else ""
+        axes.annotate(f"{row['value']:.4g}{around}{unit}", (1.02, at), va="center", fontsize=9)
     axes.set_yticks(range(len(rows)), [row["name"] for row in rows])
     axes.set_xlim(-0.02, 1.5)
     axes.set_xticks([0, 1], ["lower bound", "upper bound"])
@@ -148,22 +148,19 @@ def training(results: Shown, axes: Sequence[Axes] | None = None) -> Figure:
 
     >>> figure = training(trained)
     """
-    if axes is None:
-        figure, both = plt.subplots(1, 2, figsize=(9.0, 3.5), layout="constrained")
-        axes = list(both)
-    elif len(axes) != 2:
-        raise ValueError(f"there are {len(axes)} axes; give two, for rewards and errors")
-    else:
-        figure = _figure(axes[0])
+    pair: list[Axes] = list(plt.subplots(1, 2, figsize=(9.0, 3.5), layout="constrained")[1] if axes is None else axes)
+    if len(pair) != 2:
+        raise ValueError(f"there are {len(pair)} axes; give two, for rewards and errors")
+    figure = _figure(pair[0])
     for seed in _rows(results, "seeds", "of a training", ("seed", "policy")):
         lines = _lines(Path(seed["policy"]).parent / "metrics.jsonl")
         iterations = [line["iteration"] for line in lines]
-        axes[0].plot(iterations, [line["reward"] for line in lines], label=f"seed {seed['seed']}")
-        axes[1].plot(iterations, [line["linear_velocity_error"] for line in lines], label="|v − c|, m/s")
-        axes[1].plot(iterations, [line["angular_velocity_error"] for line in lines], label="|ω − c|, rad/s")
-    axes[0].set(xlabel="iteration", ylabel="reward of a control step")
-    axes[1].set(xlabel="iteration")
-    for one in axes:
+        pair[0].plot(iterations, [line["reward"] for line in lines], label=f"seed {seed['seed']}")
+        pair[1].plot(iterations, [line["linear_velocity_error"] for line in lines], label="|v − c|, m/s")
+        pair[1].plot(iterations, [line["angular_velocity_error"] for line in lines], label="|ω − c|, rad/s")
+    pair[0].set(xlabel="iteration", ylabel="reward of a control step")
+    pair[1].set(xlabel="iteration")
+    for one in pair:
         one.xaxis.set_major_locator(MaxNLocator(integer=True))
         one.legend()
     return figure

@@ -117,7 +117,6 @@ pub fn adapt(
             .watch(watch)
             .open()?;
         let folder = RunFolder::begin(Path::new(&config.runs), &name, run.resumes(&config.runs, &name))?;
-        setup.warnings.iter().for_each(|warning| watch.note(warning));
         if let Some(crew) = &crew {
             crew.open(&setup)?;
             setup = setup.shared(crew.clone());

@@ -48,6 +48,18 @@ class Callbacks(Case):
             tell(event)
         self.assertEqual(mlflow.calls[1], ("log_metrics", ({"seed-2/train/reward": 2.0},), {"step": 2}))
 
+    def test_the_last_step_is_printed_where_work_ends_before_its_total(self) -> None:
+        tell, lines = callbacks.Printed(), io.StringIO()
+        with redirect_stderr(lines):
+            for event in (
+                Event("begin", what="generation", total=300),
+                *(Event("step", "", "generation", done, 300) for done in range(1, 76)),
+                Event("end", what="generation", done=75, total=300),
+            ):
+                tell(event)
+        self.assertIn("generation 75 of 300", lines.getvalue())
+        self.assertEqual(lines.getvalue().count("generation"), 2)
+
     def test_numbers_go_to_tensorboard(self) -> None:
         try:
             from tensorboard.backend.event_processing.event_accumulator import EventAccumulator

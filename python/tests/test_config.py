@@ -1,5 +1,6 @@
 """Typed settings: they are the program's own, and go to TOML and back."""
 
+import inspect
 import subprocess
 import sys
 import tomllib
@@ -12,7 +13,7 @@ import numpy as np
 import gaitfit
 from gaitfit import _gaitfit, config
 from gaitfit.config import Finetune, Fit, Loop, Number, Optimizer, Parameter, Simulation, Task, Train
-from gaitfit._given import sets
+from gaitfit._given import in_file, sets
 from gaitfit.config import _fit as choices
 
 from .common import DEMO, ROOT, Case
@@ -87,7 +88,8 @@ class Used(Case):
             (lambda: Simulation(self_contact="all"), ValueError, "self_contact of Simulation is 'all'; it must be 'off' or"),
             (lambda: Fit(lenient="yes"), TypeError, "lenient of Fit is 'yes'; it must be True or False"),
             (lambda: Fit(costs=["wasss"]), ValueError, "costs of Fit is .*each 'wass' or"),
-            (lambda: Fit(costs="wass"), TypeError, "costs of Fit is 'wass'; it must be a list"),
+            (lambda: Fit(costs="was"), ValueError, "costs of Fit is .*each 'wass' or"),
+            (lambda: Optimizer(generation=50), TypeError, "Optimizer has no setting 'generation'; did you mean 'generations'?"),
             (lambda: Fit(parameters=[3]), TypeError, r"parameters of Fit is \[3\]; .*each a gaitfit.config.Parameter"),
             (lambda: Fit(gains=config.Gains(kp="x")), TypeError, "kp of Gains is 'x'; it must be a number or a dict"),
             (lambda: Parameter("armatur"), ValueError, "kind of Parameter is 'armatur'"),
@@ -107,6 +109,18 @@ class Used(Case):
                 call()
         with self.assertRaises(FrozenInstanceError):
             Fit().robot = "a.xml"  # type: ignore[misc]
+
+    def test_one_cost_and_names_of_classes_are_taken(self) -> None:
+        self.assertEqual(Fit(costs="wass"), Fit(costs=["wass"]))
+        self.assertEqual(in_file("parameters"), "parameter")
+        self.assertEqual(in_file("ppo.lambda_"), "ppo.lambda")
+        found = sets({"parameters": [Parameter("delay", per="all")]})
+        self.assertEqual(found, ['parameter=[{kind = "delay", per = "all"}]'])
+
+    def test_help_lists_the_choices(self) -> None:
+        self.assertIn("``group``, ``joint``, ``all``", Parameter.__doc__ or "")
+        self.assertIn("foot_height", config.Task.__doc__ or "")
+        self.assertIn("generations", str(inspect.signature(Optimizer)))
 
     def test_numbers_of_numpy_and_paths_are_taken(self) -> None:
         made = Fit(robot=DEMO / "go2.xml", optimizer=Optimizer(generations=np.int64(3), tolerance=np.float32(0.5)))

@@ -334,6 +334,19 @@ class OnGpu(GpuCase):
                 if settings is not frames:  # The oldest frame is gone on a GPU; nothing reads it.
                     np.testing.assert_array_equal(robots.state().numbers, other.numbers)
 
+    def test_commands_are_set(self) -> None:
+        torch = self.torch
+        cpu, gpu = (gaitfit.Robots(num_envs=300, seed=4, device=device) for device in ("cpu", "cuda"))
+        action = self.actions(300, 1)[0]
+        for robots in (cpu, gpu):
+            robots.commands = [0.5, 0.0, 0.25]
+        np.testing.assert_array_equal(torch.from_dlpack(gpu.commands).cpu(), cpu.commands)
+        self.assertLess(np.abs(gpu.observation.numpy() - cpu.observation).max(), 1e-5)
+        cpu.step(action)
+        gpu.step(torch.from_numpy(action).cuda())
+        self.assertLess(np.median(np.abs(gpu.observation.numpy() - cpu.observation).max(1)), 5e-3)
+        self.assertEqual(gaitfit.Robots(num_envs=2, device="auto").device, "cuda:0")
+
     def test_reward_terms_motion_and_pictures(self) -> None:
         torch, count = self.torch, 300
         cpu, gpu = (gaitfit.Robots(num_envs=count, seed=4, device=device) for device in ("cpu", "cuda"))

@@ -122,6 +122,31 @@ class Interrupts(Case):
         slow = {"simulation.timestep": 0.00002, "simulation.robot_timestep": 0.00002}
         self.stopped(Press(worked(1.5)), lambda: gaitfit.validate(theta, logs, config=config, settings=slow))
 
+    def test_explanations_stop_within_a_second(self) -> None:
+        logs = self.folder / "logs"
+        gaitfit.collect("assets/go2-walk.safetensors", logs, trajectories=4, seconds=100.0, progress=False)
+        self.stopped(Press(worked(0.5)), lambda: gaitfit.explain(logs, "assets/go2.xml"))
+
+    @unittest.skipUnless(Path("/proc/self/stat").exists(), "reads processor times as Linux has them")
+    def test_commands_that_keep_nothing_end_at_once(self) -> None:
+        slow = ["--set", "simulation.timestep=0.00002"]
+        program = subprocess.Popen(
+            [sys.executable, "-m", "gaitfit", "sensitivity", "examples/go2-demo/adapt.toml", *slow],
+            cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": str(PACKAGE)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        before = processor_time(program.pid)
+        while program.poll() is None and processor_time(program.pid) < before + 1.0:
+            time.sleep(0.01)
+        clock = time.monotonic()
+        program.send_signal(signal.SIGINT)
+        errors = program.communicate(timeout=60)[1]
+        self.assertEqual((program.returncode, "Traceback" in errors), (-signal.SIGINT, False), errors)
+        self.assertLess(time.monotonic() - clock, 5.0)
+
     @unittest.skipUnless(Path("/proc/self/stat").exists(), "reads processor times as Linux has them")
     def test_the_program_stops_too_and_keeps_nothing(self) -> None:
         for words in (

@@ -89,7 +89,8 @@ class Parameter(Settings):
         start: First mean.
         deviation: First standard deviation.
 
-    Kinds, each with its unit and, by default, (lower, upper, start, deviation):
+    Kinds, each with its unit and, by default, (lower, upper, start, deviation). A value replaces that of the robot's
+    file; those without unit that start at 1 are factors:
 
     - ``frictionloss``, N·m, (0.0, 0.5, 0.0, 0.1): Dry (Coulomb) friction torque, N·m.
     - ``stiction``, N·m, (0.0, 0.5, 0.0, 0.1): Dry friction at rest above that in motion (``frictionloss``), N·m.

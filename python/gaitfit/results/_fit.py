@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from .._decode import Named
-from ._base import Check, Doubt, Estimate, Interval, Result, flat, lines
+from ._base import Check, Doubt, Interval, Result, flat, lines
 
 Verdict = Literal["explained", "worse", "misfit", "worse_than_nominal", "falls", "unknown"]
 
@@ -232,7 +232,8 @@ class FitResult(Result):
         robot: Name of the robot.
         headline: The result in a sentence, its doubts first.
         standing: How firm it is: ``"contradicted"`` if walks that were not fitted speak against it.
-        doubts: Reasons not to take it as it is, the worst first.
+        doubts: Reasons not to take it as it is, the worst first. The regression in some of them predicts the values from the logs; it
+            was learned from simulated robots whose values lie around those of the search, and gives the intervals.
         converged: Whether the search came to its end.
         better_than_nominal: Whether the fitted robot is closer to the logs than the robot before the fit.
         cost_name: The first cost.
@@ -362,18 +363,20 @@ class Cause:
     Attributes:
         kind: What it is, in kebab case.
         of: The joint group or joint that has it; empty where it is of the whole robot.
-        size: Its size, in ``unit``.
+        value: Its size, in ``unit``.
+        error: The size's standard error.
         unit: Unit of the size.
         weight: The size over the smallest one that changes how a robot walks.
         text: All of it in a sentence, with its remedy.
 
-    >>> Cause("play", "calf", Estimate(0.014, 0.002), "rad", 3.0, "the calf joints have play").of
+    >>> Cause("play", "calf", 0.014, 0.002, "rad", 3.0, "the calf joints have play").of
     'calf'
     """
 
     kind: str
     of: str
-    size: Estimate
+    value: float
+    error: float
     unit: str
     weight: float
     text: str

@@ -10,7 +10,7 @@ from typing import Any
 
 from .._arguments import path as named
 from .._decode import decoded
-from ._fit import Explanation, FitResult, ValidationResult
+from ._fit import Cause, Explanation, FitResult, ValidationResult
 from ._fleet import Fleet, fleet_result
 from ._loop import LoopResult, Measurement, Round, Table, TableRow
 from ._walk import Collection, Evaluation, Training
@@ -62,7 +62,8 @@ def fit_result(document: Mapping[str, Any]) -> FitResult:
 
 def explanation_result(document: Mapping[str, Any]) -> Explanation:
     """An explanation's document as a result."""
-    return decoded(Explanation, document, document=dict(document))
+    causes = tuple(decoded(Cause, {**one, **one["size"]}) for one in document["causes"])
+    return decoded(Explanation, document, document=dict(document), causes=causes)
 
 
 def validation_result(document: Mapping[str, Any]) -> ValidationResult:

@@ -73,23 +73,25 @@ impl Cma {
 
     /// [`Self::ask`] with the standard normals of `normals`: y = C^½ z, x = mean + σ y (eqs. 38–40).
     pub fn ask_from(&self, normals: &dyn NormalSource) -> Population {
+        let n = self.settings.deviation.len();
+        let mut first = vec![0.0; n * self.settings.population];
+        normals.fill_all(self.state.generation, n, &mut first);
+        let candidates = first.chunks_exact_mut(n).enumerate();
         let scaled: Vec<Vec<f64>> =
-            (0..self.settings.population).map(|candidate| self.sample(candidate as u32, normals)).collect();
+            candidates.map(|(candidate, z)| self.sample(candidate as u32, z, normals)).collect();
         let x = scaled.iter().map(|point| self.unscale(point)).collect();
         Population { generation: self.state.generation, x, scaled }
     }
 
     /// A point in scaled coordinates. With resampling it lies inside the bounds: after `max_resampling` draws
-    /// outside, one more is clipped.
-    fn sample(&self, candidate: u32, normals: &dyn NormalSource) -> Vec<f64> {
+    /// outside, one more is clipped. `z`: the candidate's first normals.
+    fn sample(&self, candidate: u32, z: &mut [f64], normals: &dyn NormalSource) -> Vec<f64> {
         let Settings { deviation, lower, upper, .. } = &self.settings;
         let n = deviation.len();
         let bound = |bounds: &[f64], i: usize| bounds[i] / deviation[i];
-        let mut z = vec![0.0; n];
         let mut attempt = 0;
         loop {
-            normals.fill(self.state.generation, candidate, attempt, &mut z);
-            let mut point = self.state.covariance.root_times(&z);
+            let mut point = self.state.covariance.root_times(z);
             for (value, mean) in point.iter_mut().zip(&self.state.mean) {
                 *value = mean + self.state.sigma * *value;
             }
@@ -104,6 +106,7 @@ impl Cma {
                 return point;
             }
             attempt += 1;
+            normals.fill(self.state.generation, candidate, attempt, z);
         }
     }
 

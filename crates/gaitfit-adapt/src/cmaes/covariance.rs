@@ -117,9 +117,12 @@ impl Covariance {
                 decompose(c, b, d)
             }
             Self::Separable { c, d } => {
+                let mut rank_mu = vec![-0.0; c.len()];
+                for (w, y) in weights.iter().zip(steps) {
+                    rank_mu.iter_mut().zip(y).for_each(|(sum, y)| *sum += w * (y * y));
+                }
                 for i in 0..c.len() {
-                    let rank_mu: f64 = weights.iter().zip(steps).map(|(w, y)| w * (y[i] * y[i])).sum();
-                    c[i] = keep * c[i] + c1 * (path[i] * path[i]) + cmu * rank_mu;
+                    c[i] = keep * c[i] + c1 * (path[i] * path[i]) + cmu * rank_mu[i];
                     d[i] = positive(c[i]).sqrt();
                 }
                 c.iter().chain(d.iter()).all(|value| value.is_finite())

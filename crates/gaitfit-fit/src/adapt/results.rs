@@ -19,7 +19,7 @@ use crate::Error;
 use crate::run::RunFolder;
 use crate::walk::explain::{self, Cause};
 use crate::walk::swing::{Beside, SwingFindings, doubt};
-use crate::watch::Watch;
+use crate::watch::{Watch, Work};
 use gaitfit_adapt::fit::{
     Agreement, Correction, CostOutcome, FitError, Redrawn, Regression, RunGeneration, RunOutcome, Uncertainty,
 };
@@ -31,6 +31,9 @@ use std::time::Instant;
 /// Most parameters that tables and reports show: a network of features on every joint of a quadruped and its friction
 /// and armature; not the 97 weights of a whole network, which say nothing one by one.
 pub const MAX_SHOWN: usize = 90;
+
+/// Checks of a result: how the fitted robot predicts, how others do, and what the logs show without a simulation.
+const CHECKS: usize = 3;
 
 /// The result of one adaptation. What stands beside `fits` is its first one's.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -277,15 +280,26 @@ pub(super) fn results(
     };
     let robot = Robot { theta: &setup.theta, values: &first.values() };
     let given = setup.config.costs[0].given();
+    let checks_done =
+        watch.begin(Work { what: "check of the result", total: CHECKS, first: 0, parts: "checks" });
+    let checked = |done: usize| {
+        checks_done.step(done, 1, "");
+        let stopped = || {
+            Error::interrupted("interrupted while the result was checked; --resume continues", folder.path())
+        };
+        if watch.stop() { Err(stopped()) } else { Ok(()) }
+    };
     let fitted = score("fitted simulator", setup, Some(first.cost), |set| {
         robot.simulate(set.simulator.as_ref(), given)
     })?;
+    checked(1)?;
     let mut warnings = setup.warnings.clone();
     warnings.extend(uncorrected);
     for fit in &fits {
         warnings.extend(doubts::warnings(fit, fits.len() > 1));
     }
     let (baselines, held) = (baselines(setup, first.nominal_cost)?, beside_others(setup, robot)?);
+    checked(2)?;
     let efforts =
         (0..setup.method.model().joints.len()).filter_map(|joint| setup.method.model().effort(joint));
     let evidence = Evidence {
@@ -296,6 +310,7 @@ pub(super) fn results(
     };
     let mut doubts = standing::doubts(&first, &evidence);
     let swings = setup.swings.clone().or_else(|| swing::findings(&setup.method, &setup.fit.logs));
+    checked(CHECKS)?;
     let mut causes = swings.as_ref().map_or_else(Vec::new, explain::causes);
     causes.retain(|cause| !explain::covered(cause.kind, &setup.theta, &setup.base));
     doubts.extend(

@@ -5,7 +5,7 @@ use crate::Error;
 use crate::run::RunFolder;
 use crate::run::inputs::Inputs;
 use crate::watch::{Counting, Watch, Work};
-use gaitfit_adapt::fit::{Checkpoint, CostOutcome, Fit, FitError, Generation, RunGeneration};
+use gaitfit_adapt::fit::{Checkpoint, CostOutcome, Fit, FitError, Generation, RunGeneration, Stop};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -109,7 +109,30 @@ pub fn fit(
     }
     drop(counting);
     save(&fit)?;
-    Ok((fit.outcomes(), seconds()))
+    let outcomes = fit.outcomes();
+    if let Some(why) = ended(&outcomes) {
+        watch.note(&format!("the search ended after generation {}: {why}", fit.generation()));
+    }
+    Ok((outcomes, seconds()))
+}
+
+/// Why the searches ended, where none was cut short.
+fn ended(outcomes: &[CostOutcome]) -> Option<String> {
+    let runs = outcomes.iter().flat_map(|outcome| &outcome.runs);
+    let mut reasons = Vec::new();
+    for run in runs {
+        let reason = match run.stop? {
+            Stop::Generations => "all generations are done (optimizer.generations)",
+            Stop::Tolerance => "its distribution is as small as optimizer.tolerance",
+            Stop::Patience => "the smallest costs are steady",
+            Stop::Converged => "nothing changes any more",
+            Stop::Degenerate => "it cannot continue",
+        };
+        if !reasons.contains(&reason) {
+            reasons.push(reason);
+        }
+    }
+    Some(reasons.join("; of another seed "))
 }
 
 /// A fresh fit, or the checkpoint's with the metrics cut back to it.

@@ -1,0 +1,174 @@
+"""What new users looked for and did not find."""
+
+import sys
+import unittest
+from unittest import mock
+
+import numpy as np
+
+import gaitfit
+from gaitfit.config import Finetune, TrueNumber, TrueParameter
+
+from .common import DEMO, Case
+
+POLICY = "assets/go2-walk.safetensors"
+SHORT = {"trajectories": 64, "seconds": 1.0, "drift": 0, "progress": False}
+
+
+class Worlds(Case):
+    def test_a_robot_with_other_values_is_compared_trajectory_by_trajectory(self) -> None:
+        calves = TrueParameter("frictionloss", joints=["*_calf_joint"], value=2.0)
+        nominal, other = gaitfit.evaluate(POLICY, **SHORT), gaitfit.evaluate(POLICY, theta=[calves], **SHORT)
+        found = gaitfit.compare(other, nominal)
+        self.assertTrue(found.paired)
+        self.assertGreater(found.tracking_error.mean - found.tracking_error.ci95, 0.0)
+        apart = other.linear_velocity_error.mean - nominal.linear_velocity_error.mean
+        self.assertAlmostEqual(found.linear_velocity_error.mean, apart, places=9)
+        # Unpaired it is less certain.
+        unpaired = gaitfit.compare(other, gaitfit.evaluate(POLICY, seed=1, **SHORT))
+        self.assertFalse(unpaired.paired)
+        self.assertGreater(unpaired.linear_velocity_error.ci95, found.linear_velocity_error.ci95)
+        heavy = gaitfit.evaluate(POLICY, theta=[calves, TrueNumber("payload_mass", value=3.0)], **SHORT)
+        self.assertNotEqual(heavy.reward, other.reward)
+        for theta, error, words in (
+            (3, TypeError, "theta is 3; it must be a path"),
+            ([3], TypeError, "theta has 3"),
+            (TrueParameter("frictionloss"), ValueError, "a frictionloss without a value"),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(error, words):
+                gaitfit.evaluate(POLICY, theta=theta, **SHORT)
+        with self.assertRaisesRegex(TypeError, "against is 3; give what gaitfit.evaluate returned"):
+            gaitfit.compare(nominal, 3)  # type: ignore[arg-type]
+
+    def test_files_of_another_kind_are_named(self) -> None:
+        for call, words in (
+            (lambda: gaitfit.evaluate(POLICY, robot="examples/go2-ground/robot.toml", **SHORT), "this is TOML, and a robot's file is XML"),
+            (lambda: gaitfit.explain(DEMO / "fit.csv", "assets/go2.xml"), "none of the logs can be explained"),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(gaitfit.GaitfitError, words):
+                call()
+        for call, words in (
+            (lambda: gaitfit.fit(logs="no.csv"), "logs: there is no file no.csv"),
+            (lambda: gaitfit.fit(logs=DEMO / "fit.csv", robot="no.xml"), "robot: there is no file no.xml"),
+            (lambda: gaitfit.evaluate("no.onnx", **SHORT), "policy: there is no file no.onnx"),
+            (lambda: gaitfit.explain("no.csv", "assets/go2.xml"), "logs: there is no file no.csv"),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(FileNotFoundError, words):
+                call()
+
+    def test_walks_are_explained(self) -> None:
+        play = TrueParameter("play", joints=["*calf*"], value=0.06)
+        logs = gaitfit.collect(POLICY, self.folder / "logs", trajectories=3, seconds=8.0, theta=[play], progress=False)
+        found = gaitfit.explain(self.folder / "logs", "assets/go2.xml")
+        self.assertEqual(len(logs.files), 3)
+        self.assertIn("backlash", [one.kind for one in found.causes])
+        self.assertEqual(len(found.rows()), len(found.causes))
+        self.assertIn(found.causes[0].text, repr(found))
+
+
+class Runs(Case):
+    def test_a_stage_stops_at_the_step_at_which_it_is_asked_to(self) -> None:
+        seen: list[tuple[str, int]] = []
+
+        def stop(event: gaitfit.Event) -> bool:
+            seen.extend([(event.kind, event.done)] if event.kind in ("begin", "step", "end") else [])
+            return (event.kind, event.done) != ("step", 2)
+
+        size = {"train.environments": 32, "train.iterations": 4}
+        common = {"runs": self.folder, "name": "t", "settings": size}
+        with self.assertRaises(gaitfit.Stopped):
+            gaitfit.train(**common, progress=stop)
+        self.assertEqual(seen, [("begin", 0), ("step", 1), ("step", 2)])
+        seen.clear()
+        trained = gaitfit.train(**common, resume=True, progress=stop)
+        self.assertEqual(seen, [("begin", 2), ("step", 3), ("step", 4), ("end", 4)])
+        rows = trained.history()
+        self.assertEqual([row["iteration"] for row in rows], [1, 2, 3, 4])
+        self.assertAlmostEqual(float(np.mean([row["reward"] for row in rows])), trained.seeds[0].reward)
+
+    def test_a_configuration_names_the_policy(self) -> None:
+        size = {"train.environments": 32, "train.iterations": 1}
+        tuned = gaitfit.finetune(config=Finetune(policy=POLICY), runs=self.folder, settings=size, progress=False)
+        self.assertEqual(tuned.seeds[0].iterations, 1)
+        with self.assertRaisesRegex(TypeError, "the policy is missing"):
+            gaitfit.finetune(config=Finetune(), progress=False)
+
+    def test_fits_have_histories_and_charts_in_axes(self) -> None:
+        short = {"optimizer.generations": 3, "optimizer.seeds": 1}
+        found = gaitfit.fit(DEMO / "adapt.toml", runs=self.folder, settings=short, progress=False)
+        self.assertEqual([row["generation"] for row in found.history()], [1, 2, 3])
+        try:
+            import matplotlib.pyplot as plt
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        figure, axes = plt.subplots(2)
+        self.assertIs(gaitfit.plots.parameters(found, axes=axes[0]), figure)
+        self.assertIs(gaitfit.plots.convergence(found, axes=axes[1]), figure)
+        self.assertEqual([bool(one.lines) for one in axes], [True, True])
+        with self.assertRaisesRegex(TypeError, "give axes of matplotlib"):
+            gaitfit.plots.parameters(found, axes=3)  # type: ignore[arg-type]
+        plt.close("all")
+
+
+class Steps(Case):
+    def test_robots_at_a_policys_own_task_follow_given_commands(self) -> None:
+        policy = gaitfit.load_policy(POLICY)
+        robots = gaitfit.Robots(policy=policy, num_envs=3, seed=1)
+        self.assertEqual(robots.interface.observation_width, policy.interface.observation_width)
+        at = [term if isinstance(term, str) else term.quantity for term in robots.interface.observation].index("command")
+        width = {"base_angular_velocity": 3, "projected_gravity": 3, "command": 3, "joint_position": 12}
+        first = sum(width[term if isinstance(term, str) else term.quantity] for term in list(robots.interface.observation)[:at])
+        robots.commands = [0.5, 0.0, 0.25]
+        np.testing.assert_allclose(robots.commands, [[0.5, 0.0, 0.25]] * 3)
+        np.testing.assert_allclose(robots.observation[:, first : first + 3], [[0.5, 0.0, 0.25]] * 3)
+        robots.commands = np.arange(9).reshape(3, 3)
+        np.testing.assert_allclose(robots.commands[2], [6.0, 7.0, 8.0])
+        with self.assertRaisesRegex(ValueError, "read-only"):
+            robots.commands[:] = 0.0
+        for wrong in ([0.5, 0.0], np.zeros((2, 3)), [0.0, np.nan, 0.0]):
+            with self.assertRaisesRegex(ValueError, r"needed: \(3,\) or \(3, 3\), all finite"):
+                robots.commands = wrong
+        with self.assertRaisesRegex(ValueError, "config and policy are given"):
+            gaitfit.Robots("train.toml", policy=POLICY)
+        self.assertIn(gaitfit.Robots(num_envs=2, device="auto").device, ("cpu", "cuda:0"))
+
+    def test_parts_that_need_other_packages_say_so(self) -> None:
+        with mock.patch.dict(sys.modules, {"gymnasium": None}):
+            sys.modules.pop("gaitfit.gym", None)
+            with self.assertRaisesRegex(ImportError, r"gaitfit.gym needs a package .*pip install \"gaitfit\[gym\]\""):
+                import gaitfit.gym  # noqa: F401
+
+    def test_a_state_has_whose_episode_ended(self) -> None:
+        try:
+            from gaitfit.gym import AutoresetMode, GaitfitVecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        one, other = (GaitfitVecEnv(num_envs=32, autoreset_mode=AutoresetMode.NEXT_STEP) for _ in range(2))
+        for number in range(100):
+            _, _, terminated, truncated, _ = one.step(np.full((32, 12), 4.0 * np.sin(number), np.float32))
+            if (terminated | truncated).any():
+                break
+        other.set_state(one.state())
+        for mine, theirs in zip(one.step(np.zeros((32, 12)))[:4], other.step(np.zeros((32, 12)))[:4]):
+            np.testing.assert_array_equal(mine, theirs)
+        self.assertTrue((other.robots.state().steps[terminated | truncated] == 0).all())
+
+    def test_tables_keep_their_own_names(self) -> None:
+        log = gaitfit.Log.from_dataframe(
+            {"t": [0.0, 0.1], "knee": [0.0, 1.0], "dq_knee": [1.0, 1.0]}, names={"t": "time", "knee": "q_knee"}
+        )
+        self.assertEqual((log.joints, log.dt), (["knee"], 0.1))
+        with self.assertRaisesRegex(ValueError, "names has 'x', which is no column"):
+            gaitfit.Log.from_dataframe({"q_knee": [0.0]}, names={"x": "time"})
+
+    def test_a_missing_column_is_named_beside_another_one(self) -> None:
+        table = {"time": [0.0, 0.1], "q_a": [0.0, 1.0], "q_b": [0.0, 1.0], "dq_b": [1.0, 1.0]}
+        with self.assertRaisesRegex(ValueError, "no column dq_a; a log needs it beside dq_b"):
+            gaitfit.Log.from_dataframe(table)
+        table = {"time": [0.0, 0.1], "q_a": [0.0, 1.0]}
+        with self.assertRaisesRegex(ValueError, "no column dq_a; a log needs it beside q_a"):
+            gaitfit.Log.from_dataframe(table)
+
+
+if __name__ == "__main__":
+    unittest.main()
