@@ -103,7 +103,17 @@ fn a_policy_with_a_motion_is_evaluated_collected_from_and_fitted_with() {
     let described = gaitfit_policy::read(Path::new(&at("p.toml"))).unwrap();
     assert_eq!(described.interface, policy.interface);
 
-    let evaluated = run(&["evaluate", &at("p.toml"), "--device", "cpu", "--trajectories", "20", "--seconds", "4", "--json"]);
+    let evaluated = run(&[
+        "evaluate",
+        &at("p.toml"),
+        "--device",
+        "cpu",
+        "--trajectories",
+        "20",
+        "--seconds",
+        "4",
+        "--json",
+    ]);
     assert_eq!(evaluated.status.code(), Some(0), "{}", errors(&evaluated));
     let evaluated = json(&evaluated);
     let error = evaluated["motion_error"]["mean"].as_f64().unwrap();
@@ -117,7 +127,8 @@ fn a_policy_with_a_motion_is_evaluated_collected_from_and_fitted_with() {
     );
     std::fs::write(at("truth.toml"), theta).unwrap();
     let collect = ["collect", &at("p.toml"), "--theta", &at("truth.toml"), "--out", &at("logs")];
-    let more = ["--trajectories", "4", "--seconds", "5", "--log-shift", "0.3", "1.5", "--seed", "3", "--json"];
+    let more =
+        ["--trajectories", "4", "--seconds", "5", "--log-shift", "0.3", "1.5", "--seed", "3", "--json"];
     let collected = run(&[&collect[..], &more].concat());
     assert_eq!(collected.status.code(), Some(0), "{}", errors(&collected));
     let file = json(&collected)["files"][0].as_str().unwrap().to_owned();
@@ -135,7 +146,9 @@ fn a_policy_with_a_motion_is_evaluated_collected_from_and_fitted_with() {
         )
     };
     std::fs::write(at("fit.toml"), config(&at("logs"))).unwrap();
-    let fit = |more: &[&str]| run(&[&["adapt", at("fit.toml").as_str(), "--json", "--device", "cpu"], more].concat());
+    let fit = |more: &[&str]| {
+        run(&[&["adapt", at("fit.toml").as_str(), "--json", "--device", "cpu"], more].concat())
+    };
     let found = fit(&[]);
     assert!(matches!(found.status.code(), Some(0 | 3)), "{}", errors(&found));
     let found = json(&found);
@@ -158,7 +171,10 @@ fn a_policy_with_a_motion_is_evaluated_collected_from_and_fitted_with() {
     }
 
     for (args, word) in [
-        (vec!["finetune", &at("p.toml"), "--name", "f", "--device", "cpu"], "a reference motion that it follows"),
+        (
+            vec!["finetune", &at("p.toml"), "--name", "f", "--device", "cpu"],
+            "a reference motion that it follows",
+        ),
         (vec!["export", &at("p.toml"), "--cpp", &at("cpp")], "the policy follows a reference motion"),
     ] {
         let output = run(&args);

@@ -9,6 +9,7 @@
 //! | `q_J`, `dq_J` | position (rad) and velocity (rad/s) of joint J; both needed for every joint |
 //! | `qdes_J`, `act_J` | position target (rad), policy action; for all joints or none |
 //! | `vx_cmd`, `vy_cmd`, `wz_cmd` (or `cmd_vx`, …) | command, m/s and rad/s |
+//! | `motion_time`, `motion_heading` | place in the motion that the policy follows: time, s, and its turn about the vertical, rad |
 //! | `base_pos_x` … `z` | base position, m, world frame |
 //! | `base_quat_w`, `x`, `y`, `z` | base orientation, wxyz, unit |
 //! | `roll`, `pitch`, `yaw` | base orientation, rad, R = Rz(yaw)·Ry(pitch)·Rx(roll); read where there is no `base_quat_` |

@@ -6,10 +6,10 @@ use std::sync::PoisonError;
 use gaitfit_physics::Params;
 use gaitfit_sim::{Candidate, Imu, Motion, Start, Tile, pool};
 
-use crate::{MotionPlace, Policy};
 use crate::network::Scratch;
 use crate::observation::{LastAction, Past, Sensed};
 use crate::walker::{TorqueNoise, Walker, WalkerError};
+use crate::{MotionPlace, Policy};
 
 /// What one robot is to follow.
 #[derive(Clone, Debug, PartialEq)]

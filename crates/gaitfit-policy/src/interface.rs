@@ -110,8 +110,6 @@ const MAX_JOINTS: usize = 256;
 /// Most frames of a term, and most numbers of an observation.
 const MAX_FRAMES: usize = 256;
 const MAX_NUMBERS: usize = 1 << 16;
-/// Most control periods that a motion is read ahead.
-const MAX_AHEAD: usize = 1000;
 /// Longest name of a robot or a joint, bytes.
 const LONGEST_NAME: usize = 200;
 /// Largest magnitude of any number of an interface; beyond it lies no robot, and single precision overflows.
@@ -304,36 +302,6 @@ impl Interface {
             }
         }
         self.check_history(name, terms)
-    }
-
-    /// Whether a term has the motion that it needs.
-    fn check_reference(&self, name: &str, term: &Term) -> Result<(), InterfaceError> {
-        let quantity = term.quantity.name();
-        if !term.quantity.is_of_reference() {
-            return match term.ahead {
-                0 => Ok(()),
-                _ => Err(InterfaceError(format!(
-                    "{quantity} in {name} has `ahead`, which only quantities of a reference motion have; leave it out"
-                ))),
-            };
-        }
-        if term.ahead > MAX_AHEAD {
-            let found = term.ahead;
-            return Err(InterfaceError(format!("ahead of {quantity} in {name} is {found}; at most {MAX_AHEAD}")));
-        }
-        let Some(reference) = &self.reference else {
-            return Err(InterfaceError(format!(
-                "{name} holds {quantity}, and there is no motion to follow: describe the policy in a TOML file with `file` and \
-                 `reference = \"MOTION.csv\"` (docs/policies-motion.md). gaitfit does not train such policies"
-            )));
-        };
-        if term.quantity == Quantity::ReferenceOrientation && reference.orientation.is_empty() {
-            return Err(InterfaceError(format!(
-                "{name} holds {quantity}, and the reference motion has no orientations; add columns base_quat_w, base_quat_x, \
-                 base_quat_y, base_quat_z to its file"
-            )));
-        }
-        Ok(())
     }
 
     fn check_history(&self, name: &str, terms: &[Term]) -> Result<(), InterfaceError> {

@@ -26,7 +26,8 @@ pub mod walker;
 pub use error::PolicyError;
 pub use files::{
     DescribedTerm, Description, EncoderTensors, Frames, Inputs, MemoryTensors, NormaliserTensors, Passes,
-    PerJoint, ReferenceSource, Taken, checksum, deploy, files_of, interface_of, onnx, read, unsealed, weights,
+    PerJoint, ReferenceSource, Taken, checksum, deploy, files_of, interface_of, onnx, read, unsealed,
+    weights,
 };
 pub use front::{Encoder, Front, Latent};
 pub use function::{Act, Function};

@@ -79,7 +79,8 @@ impl<'a> Pilot<'a> {
         let interface = &self.policy.interface;
         sensed.last_action.copy_from_slice(self.last_action.row(0));
         sensed.clock = clock(interface, self.steps);
-        sensed.motion = MotionPlace { time: f64::from(self.steps) * interface.control_dt, heading: self.heading };
+        sensed.motion =
+            MotionPlace { time: f64::from(self.steps) * interface.control_dt, heading: self.heading };
         if self.steps == 0 {
             self.heading = self.layout.motion_heading(sensed);
             sensed.motion.heading = self.heading;

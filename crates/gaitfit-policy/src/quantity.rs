@@ -344,7 +344,8 @@ impl Quantity {
     pub fn from_foreign(name: &str) -> Option<Self> {
         // Their gait clocks differ in period and start, and constants have no value here.
         let others = [Self::GaitPhase, Self::GaitSine, Self::Constant, Self::EarlierAction];
-        let known = Self::ALL.iter().filter(|quantity| !others.contains(quantity) && !quantity.is_of_reference());
+        let known =
+            Self::ALL.iter().filter(|quantity| !others.contains(quantity) && !quantity.is_of_reference());
         known.copied().find(|quantity| quantity.foreign().contains(&name))
     }
 
@@ -355,7 +356,9 @@ impl Quantity {
 
     /// Whether it is read from the motion that the policy follows.
     pub fn is_of_reference(self) -> bool {
-        use Quantity::{ReferenceJointPosition, ReferenceJointVelocity, ReferenceOrientation, ReferencePhase};
+        use Quantity::{
+            ReferenceJointPosition, ReferenceJointVelocity, ReferenceOrientation, ReferencePhase,
+        };
         matches!(
             self,
             ReferenceJointPosition | ReferenceJointVelocity | ReferenceOrientation | ReferencePhase

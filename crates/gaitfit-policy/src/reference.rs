@@ -4,10 +4,12 @@ use gaitfit_log::Trajectory;
 use gaitfit_model::rotation::{axis_angle, blend, heading, inverse, normalize, product, turn, unit};
 use serde::{Deserialize, Serialize};
 
-use crate::{Interface, InterfaceError};
+use crate::{Interface, InterfaceError, Quantity, Term};
 
 /// Max number of samples times joints of a motion.
 const MAX_NUMBERS: usize = 1 << 20;
+/// Most control periods that a motion is read ahead.
+const MAX_AHEAD: usize = 1000;
 /// How near a time must be to a sample's to be that sample's, in samples: times are sums of rounded numbers.
 const SAME: f64 = 1e-4;
 
@@ -100,7 +102,11 @@ impl Reference {
             ));
         }
         if !self.orientation.is_empty() && self.orientation.len() != 4 * (found / width) {
-            return refuse(format!("has {} numbers of orientations for {} samples", self.orientation.len(), found / width));
+            return refuse(format!(
+                "has {} numbers of orientations for {} samples",
+                self.orientation.len(),
+                found / width
+            ));
         }
         let all = || self.position.iter().chain(&self.velocity).chain(&self.orientation);
         if let Some(bad) = all().find(|value| !value.is_finite()) {
@@ -123,6 +129,40 @@ impl Reference {
     /// Samples.
     pub fn samples(&self, joints: usize) -> usize {
         self.position.len() / joints.max(1)
+    }
+}
+
+impl Interface {
+    /// Whether a term has the motion that it needs.
+    pub(crate) fn check_reference(&self, name: &str, term: &Term) -> Result<(), InterfaceError> {
+        let quantity = term.quantity.name();
+        if !term.quantity.is_of_reference() {
+            return match term.ahead {
+                0 => Ok(()),
+                _ => Err(InterfaceError(format!(
+                    "{quantity} in {name} has `ahead`, which only quantities of a reference motion have; leave it out"
+                ))),
+            };
+        }
+        if term.ahead > MAX_AHEAD {
+            let found = term.ahead;
+            return Err(InterfaceError(format!(
+                "ahead of {quantity} in {name} is {found}; at most {MAX_AHEAD}"
+            )));
+        }
+        let Some(reference) = &self.reference else {
+            return Err(InterfaceError(format!(
+                "{name} holds {quantity}, and there is no motion to follow: describe the policy in a TOML file with `file` and \
+                 `reference = \"MOTION.csv\"` (docs/policies-motion.md). gaitfit does not train such policies"
+            )));
+        };
+        if term.quantity == Quantity::ReferenceOrientation && reference.orientation.is_empty() {
+            return Err(InterfaceError(format!(
+                "{name} holds {quantity}, and the reference motion has no orientations; add columns base_quat_w, base_quat_x, \
+                 base_quat_y, base_quat_z to its file"
+            )));
+        }
+        Ok(())
     }
 }
 
@@ -221,7 +261,14 @@ impl Follower {
     }
 
     /// Rotation from the robot's anchor to the motion's, turned by `turned`: the first two columns of its matrix, row by row.
-    pub fn difference(&self, time: f64, turned: f64, base: [f32; 4], joint_position: &[f32], out: &mut [f32]) {
+    pub fn difference(
+        &self,
+        time: f64,
+        turned: f64,
+        base: [f32; 4],
+        joint_position: &[f32],
+        out: &mut [f32],
+    ) {
         let Some(own) = self.orientation(time) else { return out.fill(0.0) };
         let wanted = product(turn(2, turned), own);
         let relative = product(inverse(self.anchor(base, joint_position)), wanted);

@@ -92,10 +92,13 @@ fn the_orientation_is_that_of_the_turned_motion_seen_from_the_anchor() {
     assert!(difference.sin().abs() < 1e-6 && found.iter().all(|x| x.is_finite()));
 }
 
+/// What is done to a sound interface.
+type Change = fn(&mut Interface);
+
 #[test]
 fn what_contradicts_a_motion_is_named() {
     let joint = Term::new(Quantity::ReferenceJointPosition);
-    let cases: [(&str, fn(&mut Interface)); 6] = [
+    let cases: [(&str, Change); 6] = [
         ("there is no motion to follow", |i| i.reference = None),
         ("has no orientations", |i| {
             i.observation.push(Term::new(Quantity::ReferenceOrientation));

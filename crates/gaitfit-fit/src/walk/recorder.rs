@@ -180,7 +180,8 @@ impl Recorder {
             let first = script.commands.first().copied().unwrap_or_default();
             script.commands.splice(0..0, std::iter::repeat_n(first, earlier));
             if let Some(&first) = script.motion.first() {
-                let before = |k: usize| MotionPlace { time: first.time - (earlier - k) as f64 * period, ..first };
+                let before =
+                    |k: usize| MotionPlace { time: first.time - (earlier - k) as f64 * period, ..first };
                 script.motion.splice(0..0, (0..earlier).map(before));
             }
             for (axis, speed) in script.start.base_linear.iter_mut().take(2).enumerate() {

@@ -23,8 +23,8 @@ pub struct Trial {
     pub linear_velocity_error: f64,
     /// Mean over the steps of |ω − c|, rad/s.
     pub angular_velocity_error: f64,
-    /// Mean over the steps of the joints' distance from the motion that the policy follows, rad; NaN without one.
-    pub motion_error: f64,
+    /// Mean over the steps of the joints' distance from the motion that the policy follows, rad; absent without one.
+    pub motion_error: Option<f64>,
     /// Mean over the steps of the action's root-mean-square change a step, per joint.
     pub action_rate: f64,
     /// Steps up to the end or the fall.
@@ -161,7 +161,8 @@ impl Trials {
     /// Adds the distance of each robot's joints from its motion after a step (rad), where it follows one.
     pub fn take_motion(&mut self, error: impl Fn(usize) -> Option<f32>) {
         for (index, trial) in self.trials.iter_mut().enumerate().filter(|(_, trial)| !trial.fell) {
-            trial.motion_error += error(index).map_or(f64::NAN, f64::from);
+            let Some(error) = error(index) else { continue };
+            *trial.motion_error.get_or_insert(0.0) += f64::from(error);
             self.moved[index] += 1;
         }
     }
@@ -175,7 +176,7 @@ impl Trials {
             trial.action_rate /= steps;
         }
         for (trial, &moved) in self.trials.iter_mut().zip(&self.moved) {
-            trial.motion_error /= f64::from(moved);
+            trial.motion_error = trial.motion_error.map(|sum| sum / f64::from(moved.max(1)));
         }
         self.trials
     }
@@ -190,7 +191,9 @@ pub fn summarise(trials: &[Trial]) -> TrialSummary {
         reward: estimate(|trial| trial.reward),
         linear_velocity_error: estimate(|trial| trial.linear_velocity_error),
         angular_velocity_error: estimate(|trial| trial.angular_velocity_error),
-        motion_error: estimate(|trial| trial.motion_error),
+        motion_error: Estimate::from_values(
+            &finite().filter_map(|trial| trial.motion_error).collect::<Vec<_>>(),
+        ),
         fall_rate: Estimate::share(trials.iter().filter(|trial| trial.fell).count(), trials.len()),
         action_rate: estimate(|trial| trial.action_rate),
         diverged: trials.iter().filter(|trial| trial.diverged).count(),

@@ -126,11 +126,8 @@ impl Task {
         let rest = |place: &usize| !of_foot(place) && !fall_geoms.contains(place);
         let body_geoms = (0..contacts.len()).filter(rest).collect();
         let start = by_joint(model, &settings.start.pose, "start.pose")?;
-        let start_pose = start
-            .iter()
-            .zip(begins(&walker))
-            .map(|(angle, home)| angle.map_or(home, |a| a as f32))
-            .collect();
+        let start_pose =
+            start.iter().zip(begins(&walker)).map(|(angle, home)| angle.map_or(home, |a| a as f32)).collect();
         Ok(Self {
             settings: settings.clone(),
             rewards: Rewards::new(reward::listed(settings, &walker)?),
@@ -292,7 +289,9 @@ fn on_terrain(
 /// default pose.
 fn begins(walker: &Walker) -> Vec<f32> {
     let mut pose = walker.default_pose.clone();
-    for (&joint, angle) in walker.joints.iter().zip(walker.observation.motion_position(0.0).unwrap_or_default()) {
+    for (&joint, angle) in
+        walker.joints.iter().zip(walker.observation.motion_position(0.0).unwrap_or_default())
+    {
         pose[joint] = angle;
     }
     pose

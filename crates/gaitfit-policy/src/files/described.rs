@@ -1,7 +1,7 @@
 //! Parts of a description: terms, numbers over joints, and where safetensors hold what stands before the actor.
 
-use crate::network::Cell;
 use crate::error::invalid;
+use crate::network::Cell;
 use crate::{AnchorJoint, PolicyError, Quantity, Reference, Term};
 use gaitfit_log::{ReadOptions, read_csv};
 use serde::Deserialize;
@@ -56,8 +56,9 @@ impl DescribedTerm {
         if !listed {
             return vec![Term { quantity, scale, history, ahead }];
         }
-        let each =
-            |history: usize| scale.iter().map(move |&one| Term { quantity, scale: vec![one], history, ahead });
+        let each = |history: usize| {
+            scale.iter().map(move |&one| Term { quantity, scale: vec![one], history, ahead })
+        };
         // Frame after frame they are the same numbers.
         match quantity {
             Quantity::Constant if by_term => (0..history.min(MAX_REPEATED)).flat_map(|_| each(1)).collect(),

@@ -4,7 +4,8 @@ use super::layers::{assemble, take_apart};
 use super::read::{bytes, ending};
 use super::tensors::Tensors;
 use super::{
-    DescribedTerm, EncoderTensors, Inputs, MemoryTensors, NormaliserTensors, PerJoint, ReferenceSource, onnx, torch, weights,
+    DescribedTerm, EncoderTensors, Inputs, MemoryTensors, NormaliserTensors, PerJoint, ReferenceSource, onnx,
+    torch, weights,
 };
 use crate::error::invalid;
 use crate::network::{Activation, LayerNorm, Network};

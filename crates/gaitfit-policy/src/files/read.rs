@@ -49,7 +49,8 @@ pub fn interface_of(path: &Path) -> Result<(Interface, String), PolicyError> {
     {
         let inside = |source| PolicyError::In { path: path.to_owned(), source: Box::new(source) };
         table.insert("file".to_owned(), String::new().into());
-        let interface = Description::from_table(table).and_then(|description| description.interface_in(folder(path)));
+        let interface =
+            Description::from_table(table).and_then(|description| description.interface_in(folder(path)));
         return Ok((interface.map_err(inside)?, String::new()));
     }
     let policy = read(path)?;

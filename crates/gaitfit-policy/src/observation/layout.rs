@@ -60,7 +60,13 @@ impl Layout {
             let frames: Vec<usize> = (0..count).map(begin).collect();
             let present = begin(count - 1)..begin(count - 1) + width;
             start += if order == FrameOrder::Terms { count * width } else { width };
-            slots.push(Slot { quantity: term.quantity, present, frames, scale: term.scale.clone(), ahead: term.ahead });
+            slots.push(Slot {
+                quantity: term.quantity,
+                present,
+                frames,
+                scale: term.scale.clone(),
+                ahead: term.ahead,
+            });
         }
         let default_pose = interface.default_pose.iter().map(|&angle| angle as f32).collect();
         let width = interface.width(terms);

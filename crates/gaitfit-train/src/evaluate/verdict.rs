@@ -36,14 +36,16 @@ pub fn verdict(found: &Evaluation, command: &CommandSettings) -> Option<Verdict>
     let or_not = if found.diverged > 0 { " or diverge" } else { "" };
     let fallen = format!("{:.2} % of the trajectories end in a fall{or_not}", 100.0 * falls);
     if falls > FEW_FALLS {
-        let text = format!("{fallen}; a policy that walks falls in at most {:.0} %.", 100.0 * FEW_FALLS);
+        let does = if found.motion_error.is_some() { "follows its motion" } else { "walks" };
+        let text = format!("{fallen}; a policy that {does} falls in at most {:.0} %.", 100.0 * FEW_FALLS);
         return Some(Verdict { walks: false, text });
     }
     if found.diverged > 0 {
         return None;
     }
     if let Some(motion) = found.motion_error {
-        let text = format!("Follows its motion: joints are {:.3} rad off it on average, and {fallen}.", motion.mean);
+        let text =
+            format!("Follows its motion: joints are {:.3} rad off it on average, and {fallen}.", motion.mean);
         return Some(Verdict { walks: true, text });
     }
     let still = standing_error(command);
