@@ -89,7 +89,7 @@ fn sines(limit: f64) -> Sines {
 fn theta() -> Theta {
     let damping = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Damping) };
     let bias = ParameterRule { per: Sharing::Joint, ..ParameterRule::new(JointParameter::EncoderBias) };
-    Theta::from_rules(&[damping, bias], &[], &sines(9.0).joints()).unwrap()
+    Theta::from_rules(&[damping, bias], &[], sines(9.0).joints()).unwrap()
 }
 
 fn costs(simulator: &Sines) -> Vec<Box<dyn Cost>> {

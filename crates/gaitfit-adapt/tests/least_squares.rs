@@ -70,7 +70,7 @@ fn simulator(shift: f64) -> Waves {
 fn theta(upper: f64) -> Theta {
     let rule = |kind| ParameterRule { per: Sharing::All, ..ParameterRule::new(kind) };
     let friction = ParameterRule { upper: Some(upper), ..rule(JointParameter::FrictionLoss) };
-    Theta::from_rules(&[friction, rule(JointParameter::Armature)], &[], &simulator(0.0).joints()).unwrap()
+    Theta::from_rules(&[friction, rule(JointParameter::Armature)], &[], simulator(0.0).joints()).unwrap()
 }
 
 /// Recordings of the truth with normal noise; one sample in `wild` is off by much more, if that is not 0.
@@ -232,7 +232,7 @@ fn what_the_logs_do_not_show_is_not_identified_and_what_rests_on_a_bound_stays_t
         rule(JointParameter::Armature),
         rule(JointParameter::Damping),
     ];
-    let theta = Theta::from_rules(&rules, &[], &simulator(0.0).joints()).unwrap();
+    let theta = Theta::from_rules(&rules, &[], simulator(0.0).joints()).unwrap();
     let reference = reference(1e-3, 0, 7);
     let (simulator, costs) = (simulator(0.0), costs("matchr1", &reference));
     let mut search = Fit::new(&simulator, &theta, &costs, options(Method::Auto)).unwrap();

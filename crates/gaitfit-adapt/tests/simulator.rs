@@ -63,7 +63,7 @@ fn line(device: bool) -> Line {
 
 fn theta() -> Theta {
     let damping = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Damping) };
-    Theta::from_rules(&[damping], &[], &line(false).joints()).unwrap()
+    Theta::from_rules(&[damping], &[], line(false).joints()).unwrap()
 }
 
 fn costs(simulator: &Line) -> Vec<Box<dyn Cost>> {

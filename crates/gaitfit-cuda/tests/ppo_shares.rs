@@ -16,21 +16,27 @@ fn part(number: usize) -> Batch {
     Batch { environments: EACH, share: Share { number, count: 2 }, ..WHOLE }
 }
 
-/// An update of the samples by two GPUs, and by one.
-fn update(settings: &Settings, spoil: impl Fn(&mut [Samples])) -> (Vec<Arrays>, Arrays, Arrays) {
+/// What an update begins with besides samples.
+const CONTROL: [u32; 5] = [3, 0, 0, 5, 0];
+
+/// An update of the samples by two GPUs; and what one GPU that has all of them begins with, to be run by [`alone`].
+fn update(settings: &Settings, spoil: impl Fn(&mut [Samples])) -> (Vec<Arrays>, Prepared, Arrays) {
     let (learner, mut tiles) = problem_of(settings, [EACH; 2]);
     spoil(&mut tiles);
     let prepare = |batch| Prepared::new(&learner, batch, Precision::F32, LIMITS).unwrap();
-    let control = [3, 0, 0, 5, 0];
     let parts = [0, 1].map(|number| prepare(part(number)));
     assert!(parts[0].program == parts[1].program, "GPUs compile one program");
     let plans: Vec<&Plan> = parts.iter().map(|part| &part.plan).collect();
-    let own = [0, 1].map(|number| arrays(&learner, &tiles[number..=number], &parts[number], control));
+    let own = [0, 1].map(|number| arrays(&learner, &tiles[number..=number], &parts[number], CONTROL));
     let together = host::run_together(&parts[0].program.text, &plans, &own, &["packed"]);
     let whole = prepare(WHOLE);
-    let before = arrays(&learner, &tiles, &whole, control);
-    let alone = host::run(&whole.program.text, &whole.plan, &before, &["packed"]);
-    (together, alone, before)
+    let before = arrays(&learner, &tiles, &whole, CONTROL);
+    (together, whole, before)
+}
+
+/// The same update by one GPU.
+fn alone(whole: &Prepared, before: &Arrays) -> Arrays {
+    host::run(&whole.program.text, &whole.plan, before, &["packed"])
 }
 
 const LEARNED: [&str; 2] = ["parameters", "memory_parameters"];
@@ -39,7 +45,8 @@ const LEARNED: [&str; 2] = ["parameters", "memory_parameters"];
 /// GPUs have the same bits.
 fn compare(settings: Settings) {
     let settings = Settings { minibatches: 1, ..settings };
-    let (together, alone, before) = update(&settings, |_| {});
+    let (together, whole, before) = update(&settings, |_| {});
+    let alone = alone(&whole, &before);
     for name in LEARNED.into_iter().filter(|name| before.contains_key(name)) {
         let learned = |after: &Arrays| -> Vec<f32> {
             floats(&after[name]).iter().zip(floats(&before[name])).map(|(a, b)| a - b).collect()

@@ -32,13 +32,13 @@ pub(super) fn document(
         // Every parameter of the step but gains, which are the controller's; then what the robot's file has a part in.
         let gains =
             [JointParameter::Kp, JointParameter::Kd, JointParameter::KpScale, JointParameter::KdScale];
-        let own = JointParameter::ALL.iter().filter(|&one| {
+        let exported = JointParameter::ALL.iter().filter(|&one| {
             !(gains.contains(one)
                 || JointParameter::LINKS.contains(one)
                 || *one == JointParameter::TorqueScale)
         });
         let mut numbers: Map<String, Value> =
-            own.map(|&one| (one.name().to_owned(), json!(finite(robot.joints(one)[index])))).collect();
+            exported.map(|&one| (one.name().to_owned(), json!(finite(robot.joints(one)[index])))).collect();
         for (name, number) in [
             ("stiffness", joint.stiffness),
             ("spring_torque", joint.spring_torque),

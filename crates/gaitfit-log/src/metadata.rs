@@ -267,8 +267,8 @@ pub fn stated(path: &Path, text: &str) -> Result<Stated, LogError> {
         }
         Ok(metadata)
     };
-    let own = beside(path.with_extension("toml")).unwrap_or_default();
-    let all = comments.or(own).or(beside(path.with_file_name("log.toml"))?);
+    let of_stem = beside(path.with_extension("toml")).unwrap_or_default();
+    let all = comments.or(of_stem).or(beside(path.with_file_name("log.toml"))?);
     let placed = |stated: Sourced<PerJoint>| (stated.value, stated.place);
     Ok(Stated {
         robot: all.robot.map(|said| said.value),

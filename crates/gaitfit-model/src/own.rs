@@ -189,9 +189,15 @@ impl Parts {
             }
             numbers.push(Some(parts.len()));
             let weld = welds[body];
-            let own = body - root;
+            let moving_body = body - root;
             parts.push(Part {
-                geom: Geom { name: geom.name.clone(), body: own, shape, pos: geom.pos, quat: geom.quat },
+                geom: Geom {
+                    name: geom.name.clone(),
+                    body: moving_body,
+                    shape,
+                    pos: geom.pos,
+                    quat: geom.quat,
+                },
                 other,
                 body: spec.bodies[body].name.clone(),
                 surface: geom.surface,

@@ -71,15 +71,15 @@ impl Expander<'_, '_> {
                 continue;
             }
             self.count(child.at)?;
-            let mut own = Element { children: self.children(child, copy)?, ..child.clone() };
+            let mut copied = Element { children: self.children(child, copy)?, ..child.clone() };
             if let Some(copy) = copy {
                 let copy = &mut self.copies[copy];
-                for name in own.attributes.iter_mut().filter(|attribute| attribute.name == "name") {
+                for name in copied.attributes.iter_mut().filter(|attribute| attribute.name == "name") {
                     copy.names.insert(name.value.clone());
                     name.value.push_str(&copy.suffix);
                 }
             }
-            found.push(own);
+            found.push(copied);
         }
         Ok(found)
     }
@@ -148,10 +148,10 @@ impl Expander<'_, '_> {
                     continue;
                 }
                 self.count(element.at)?;
-                let mut own = element.clone();
+                let mut renamed = element.clone();
                 let copy = &self.copies[number];
-                for part in std::iter::once(&mut own.attributes)
-                    .chain(own.children.iter_mut().map(|inner| &mut inner.attributes))
+                for part in std::iter::once(&mut renamed.attributes)
+                    .chain(renamed.children.iter_mut().map(|inner| &mut inner.attributes))
                 {
                     for attribute in part.iter_mut() {
                         if attribute.name == "name" || copy.names.contains(&attribute.value) {
@@ -159,7 +159,7 @@ impl Expander<'_, '_> {
                         }
                     }
                 }
-                kept.push(own);
+                kept.push(renamed);
             }
         }
         section.children = kept;

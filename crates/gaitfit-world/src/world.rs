@@ -221,7 +221,7 @@ pub fn longest_delay(candidate: &Candidate) -> f64 {
 /// # Errors
 /// A task or a file that there is not, or settings that no task has.
 pub fn task(args: &WorldSettings, policy: &Policy) -> Result<TaskSettings, Error> {
-    let own = &policy.provenance.task;
+    let remembered = &policy.provenance.task;
     let parse = |text: &str, what: &str| {
         toml::from_str::<TaskSettings>(text).map_err(|error| Error::settings(format!("{what}: {error}")))
     };
@@ -230,10 +230,10 @@ pub fn task(args: &WorldSettings, policy: &Policy) -> Result<TaskSettings, Error
         None => robot::go2(),
     };
     let Some(name) = &args.task else {
-        if own.is_empty() {
+        if remembered.is_empty() {
             return usual_task(&model()?);
         }
-        return parse(own, "the task in the policy's file");
+        return parse(remembered, "the task in the policy's file");
     };
     let model = model()?;
     if let Some(text) = preset(name) {
@@ -246,9 +246,9 @@ pub fn task(args: &WorldSettings, policy: &Policy) -> Result<TaskSettings, Error
         }
         return parse(text, name);
     }
-    let under = match own.is_empty() {
+    let under = match remembered.is_empty() {
         true => toml::to_string(&usual_task(&model)?).map_err(|error| Error::failed(error.to_string()))?,
-        false => own.clone(),
+        false => remembered.clone(),
     };
     load_task(Path::new(name), &under, &model)
         .map_err(|error| error.within("--task takes `velocity`, `biped` or a file with settings of a task:"))

@@ -265,19 +265,20 @@ fn check(settings: &Settings, plan: RestartPlan) -> Result<(), CmaError> {
 
 /// The settings of run `run`.
 fn run_settings(settings: &Settings, plan: RestartPlan, run: u32) -> Settings {
-    let mut own = settings.clone();
+    let mut changed = settings.clone();
     if run == 0 {
-        return own;
+        return changed;
     }
-    own.seed = derive_seed(settings.seed, Purpose::RESTART, run);
+    changed.seed = derive_seed(settings.seed, Purpose::RESTART, run);
     let factor = (plan.population_factor as usize).saturating_pow(run);
-    own.population = settings.population.saturating_mul(factor).min(POPULATION_MAX.max(settings.population));
+    changed.population =
+        settings.population.saturating_mul(factor).min(POPULATION_MAX.max(settings.population));
     if plan.start == RestartStart::Uniform {
-        let stream = Stream::new(own.seed, Purpose::RESTART);
-        for (i, start) in own.start.iter_mut().enumerate() {
+        let stream = Stream::new(changed.seed, Purpose::RESTART);
+        for (i, start) in changed.start.iter_mut().enumerate() {
             let (lower, upper) = (settings.lower[i], settings.upper[i]);
             *start = (lower + stream.uniform(i as u32) * (upper - lower)).clamp(lower, upper);
         }
     }
-    own
+    changed
 }

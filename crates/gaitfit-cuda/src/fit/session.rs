@@ -169,8 +169,8 @@ impl Session {
 
     /// Bytes of the GPU's memory.
     pub fn bytes(&self) -> u64 {
-        let own = self.plan.arrays.iter().zip(&self.own).filter(|(_, own)| own.is_some());
-        self.batch.bytes() as u64 + own.map(|(array, _)| array.bytes()).sum::<u64>()
+        let arrays = self.plan.arrays.iter().zip(&self.own).filter(|(_, storage)| storage.is_some());
+        self.batch.bytes() as u64 + arrays.map(|(array, _)| array.bytes()).sum::<u64>()
     }
 
     fn storage(&mut self, name: &str) -> Option<&mut Storage> {
@@ -258,11 +258,11 @@ impl Session {
     }
 
     fn results(&self) -> Option<(&Buffer<f32>, &Buffer<u32>)> {
-        let own = |name: &str| {
+        let storage = |name: &str| {
             let Id(number) = self.plan.array(name)?;
             self.own.get(number)?.as_ref()
         };
-        match (own("signals"), own("ends")) {
+        match (storage("signals"), storage("ends")) {
             (Some(Storage::F32(signals)), Some(Storage::U32(ends))) => Some((signals, ends)),
             _ => None,
         }

@@ -194,9 +194,9 @@ impl Batch {
     /// # Errors
     /// No list, or one of another length; a failure of the GPU.
     pub fn write_memory(&mut self, stream: &Stream, values: &[Vec<f64>]) -> Result<(), DeviceError> {
-        let own = self.period.memory.iter().filter(|&&asked| asked).count();
-        if let Some(found) = values.iter().map(Vec::len).find(|&found| found != own) {
-            let must = format!("lists of {own} numbers, one at least");
+        let count = self.period.memory.iter().filter(|&&asked| asked).count();
+        if let Some(found) = values.iter().map(Vec::len).find(|&found| found != count) {
+            let must = format!("lists of {count} numbers, one at least");
             return Err(DeviceError::Count { what: "memory", must, found });
         }
         let whole = |numbers: &Vec<f64>| {

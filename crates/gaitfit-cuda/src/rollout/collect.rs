@@ -49,9 +49,9 @@ pub fn collect(
                     if recorder.records(index, step) {
                         recorder.sense(index, &records[(from + index) * width..][..width]);
                     }
-                    let own = &action[index * actions..][..actions];
+                    let taken = &action[index * actions..][..actions];
                     let fell = done[from + index] != 0.0;
-                    recorder.act(index, step, own, &targets[index * joints..][..joints], fell);
+                    recorder.act(index, step, taken, &targets[index * joints..][..joints], fell);
                 }
             }
         }

@@ -129,13 +129,13 @@ impl<'a> Trainer<'a> {
         let (each, count) = (self.each(), self.devices.len());
         for (number, (rollout, learner)) in self.rollouts.iter_mut().zip(&mut self.learners).enumerate() {
             learner.load(training.learner())?;
-            let own = number * each..(number + 1) * each;
-            rollout.load(learner.stream(), snapshots.get(own).unwrap_or_default())?;
-            let own = memories.each_ref().map(|rows| {
+            let environments = number * each..(number + 1) * each;
+            rollout.load(learner.stream(), snapshots.get(environments).unwrap_or_default())?;
+            let rows_of_gpu = memories.each_ref().map(|rows| {
                 let part = rows.len() / count;
                 rows[number * part..(number + 1) * part].to_vec()
             });
-            learner.set_memories(&own)?;
+            learner.set_memories(&rows_of_gpu)?;
         }
         self.iteration = training.iteration();
         self.growth = training.growth();
@@ -272,9 +272,9 @@ impl<'a> Trainer<'a> {
     fn tally(&self) -> Result<Tally, RolloutError> {
         let mut totals: Vec<f64> = Vec::new();
         for (rollout, learner) in self.rollouts.iter().zip(&self.learners) {
-            let own = rollout.read_f64(learner.stream(), "totals")?;
-            totals.resize(own.len(), 0.0);
-            totals.iter_mut().zip(own).for_each(|(total, own)| *total += own);
+            let sums = rollout.read_f64(learner.stream(), "totals")?;
+            totals.resize(sums.len(), 0.0);
+            totals.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
         }
         let TrainingSettings { steps, environments, .. } = self.settings;
         let sum = |sum: Sum| totals[sum.place(self.terms)];

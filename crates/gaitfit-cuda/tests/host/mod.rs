@@ -3,10 +3,12 @@
 
 use std::collections::HashMap;
 use std::fmt::Write;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use gaitfit_cuda::ppo::{Array, Id, Launch, Plan, Value};
 use gaitfit_cuda::runtime::Program;
+use sha2::{Digest, Sha256};
 
 /// Arrays by name, as bytes.
 pub type Arrays = HashMap<&'static str, Vec<u8>>;
@@ -127,6 +129,37 @@ pub fn take(arrays: &[Array], name: &str, suffix: &str) -> String {
     format!("load(\"{name}.{suffix}\", all[{number}]);")
 }
 
+/// The program of a C++ text. Several tests run the same one, which is compiled once.
+fn built(source: &str) -> PathBuf {
+    let digest: String =
+        Sha256::digest(source).iter().fold(String::new(), |all, byte| format!("{all}{byte:02x}"));
+    let programs = Path::new(env!("CARGO_TARGET_TMPDIR")).join("cxx");
+    std::fs::create_dir_all(&programs).unwrap();
+    let program = programs.join(digest);
+    if !program.exists() {
+        let folder = tempfile::tempdir_in(&programs).unwrap();
+        std::fs::write(folder.path().join("main.cpp"), source).unwrap();
+        let made = Command::new("g++")
+            .args([
+                "-std=c++17",
+                "-O1",
+                "-w",
+                "-U_FORTIFY_SOURCE",
+                "-ffp-contract=off",
+                "-o",
+                "main",
+                "main.cpp",
+            ])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+        // Renamed when it is whole: another test may look for it at the same time.
+        std::fs::rename(folder.path().join("main"), &program).unwrap();
+    }
+    program
+}
+
 /// Compiles `text` with a program of `statements` and runs it in a folder with these files. Arrays are read from the file
 /// of their name, if there is one; others are 0 if in `zeros`, else no numbers.
 pub fn execute(
@@ -149,16 +182,8 @@ pub fn execute(
     }
     main.push_str(statements);
     main.push_str("}\n");
-    let source = format!("#include \"shim.hpp\"\n{text}\n{main}");
-    std::fs::write(at("shim.hpp"), include_str!("shim.hpp")).unwrap();
-    std::fs::write(at("main.cpp"), source).unwrap();
-    let built = Command::new("g++")
-        .args(["-std=c++17", "-O1", "-w", "-U_FORTIFY_SOURCE", "-ffp-contract=off", "-o", "main", "main.cpp"])
-        .current_dir(folder.path())
-        .output()
-        .unwrap();
-    assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
-    let ran = Command::new(at("main")).current_dir(folder.path()).output().unwrap();
+    let program = built(&format!("{}\n{text}\n{main}", include_str!("shim.hpp")));
+    let ran = Command::new(program).current_dir(folder.path()).output().unwrap();
     assert!(ran.status.success(), "{ran:?}");
     folder
 }

@@ -156,8 +156,8 @@ mod tests {
         let rows: Vec<TrajectoryErrors> = (0..400)
             .map(|k| {
                 let hard = stream.uniform(k);
-                let own = 0.01 * stream.step((gain * 1000.0) as u32).normal(k);
-                Some([0.1 + hard + gain + own, 0.2 + hard, f64::from(k % 100 == 0)])
+                let noise = 0.01 * stream.step((gain * 1000.0) as u32).normal(k);
+                Some([0.1 + hard + gain + noise, 0.2 + hard, f64::from(k % 100 == 0)])
             })
             .collect();
         let column =
