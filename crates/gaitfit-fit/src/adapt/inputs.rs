@@ -125,11 +125,12 @@ impl Logs {
                 (notes.logs.clone(), Some(notes.clone()), notes.warnings)
             }
         };
-        let (validate, doubts, _) = if config.validate.is_empty() {
-            Default::default()
-        } else {
-            validation(&config.validate, config, config_path, method)?
-        };
+        let mut validate = Vec::new();
+        let mut doubts = Vec::new();
+        if !config.validate.is_empty() {
+            let found = validation(&config.validate, config, config_path, method)?;
+            (validate, doubts) = (found.sets, found.doubts);
+        }
         for log in validate.iter().flatten() {
             if fit.iter().any(|fitted| fitted.path == log.path) {
                 warnings
@@ -152,25 +153,35 @@ impl Logs {
     }
 }
 
-/// The logs `named` for validation, in sets that are compared together, doubts about them, and the part of the log files in which
-/// the robot fell.
+/// Logs for validation.
+pub struct ValidationLogs {
+    /// In sets that are compared together.
+    pub sets: Vec<Vec<Log>>,
+    /// Doubts about them, each one sentence.
+    pub doubts: Vec<String>,
+    /// Part of the log files in which the robot fell.
+    pub fall_rate: f64,
+}
+
+/// The logs `named` for validation.
 pub fn validation(
     named: &[String],
     config: &AdaptConfig,
     config_path: &Path,
     method: &Method,
-) -> Result<(Vec<Vec<Log>>, Vec<String>, f64), Error> {
+) -> Result<ValidationLogs, Error> {
     match method {
         Method::Replay(clamped) => {
             let (logs, doubts) = clamped_logs(named, true, config, config_path, clamped)?;
-            Ok((logs.into_iter().map(|log| vec![log]).collect(), doubts, 0.0))
+            let sets = logs.into_iter().map(|log| vec![log]).collect();
+            Ok(ValidationLogs { sets, doubts, fall_rate: 0.0 })
         }
         Method::Walk(walking) => {
             let (policy, task) = (&walking.policy, &walking.task);
             let notes = walk_logs::read(named, Purpose::Validation, config, config_path, policy, task)?;
             let fall_rate = notes.fall_rate();
             let doubts = notes.warnings.into_iter().map(|doubt| format!("validation: {doubt}")).collect();
-            Ok((vec![notes.logs], doubts, fall_rate))
+            Ok(ValidationLogs { sets: vec![notes.logs], doubts, fall_rate })
         }
     }
 }

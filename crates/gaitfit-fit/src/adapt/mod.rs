@@ -42,7 +42,7 @@ pub use alternatives::Alternatives;
 pub use audit::Audit;
 pub use check::Check;
 pub use held_out::{Distance, Floor, HeldOut, Trials, Verdict};
-pub use inputs::{Robot, method as simulated, validation as read_logs};
+pub use inputs::{Robot, ValidationLogs, method as simulated, validation as read_logs};
 pub use known::priors;
 pub use leftover::{Leftover, Suspect};
 pub use log_set::LogSet;

@@ -3,7 +3,7 @@
 use super::check::{Check, validation_checks};
 use super::files::CONFIG;
 use super::held_out::{HeldOut, Verdict, held_out};
-use super::inputs::{Robot, method, validation as read_logs};
+use super::inputs::{Robot, ValidationLogs, method, validation as read_logs};
 use super::log_set::LogSet;
 use super::score::{Robot as Predictor, Validation, cost_of_sets, mean, validation};
 use super::setup::aligned;
@@ -116,7 +116,8 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
     let longest = if largest_delay(&fitted) > largest_delay(&base) { &fitted } else { &base };
     let method = method(&config, policy, model, &nothing, longest, request.threads)?;
     // Logs named on the command line are seen from the current directory.
-    let (sets, mut warnings, fall_rate) = read_logs(&request.logs, &config, Path::new("validate"), &method)?;
+    let ValidationLogs { sets, doubts: mut warnings, fall_rate } =
+        read_logs(&request.logs, &config, Path::new("validate"), &method)?;
     for logs in &sets {
         log::lead_note(logs, method.walking().is_some())?;
     }

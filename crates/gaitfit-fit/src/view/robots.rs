@@ -1,7 +1,7 @@
 //! Reads what a view needs, and simulates it.
 
 use super::{AdaptConfig, Base, Error, Model, Path, ReadOptions, Shown, Simulated, Trajectory, ViewSettings};
-use crate::adapt::{Method, Robot, read_logs, simulated};
+use crate::adapt::{Method, Robot, ValidationLogs, read_logs, simulated};
 use crate::log::Log;
 use crate::robot::Hold;
 use crate::walk::recorder::Recorder;
@@ -121,7 +121,7 @@ fn both(config: &AdaptConfig, path: &Path, settings: &ViewSettings) -> Result<Ro
     let delay = |robot: &Candidate| robot.robot.delay.iter().copied().fold(0.0, f64::max);
     let longest = fitted.as_ref().filter(|fitted| delay(fitted) > delay(&base)).unwrap_or(&base);
     let method = method(longest)?;
-    let (sets, doubts, _) = read_logs(&config.logs, config, Path::new("view"), &method)?;
+    let ValidationLogs { sets, doubts, .. } = read_logs(&config.logs, config, Path::new("view"), &method)?;
     warnings.extend(doubts.into_iter().map(|doubt| doubt.trim_start_matches("validation: ").to_owned()));
     let mut logs: Vec<Log> = sets.into_iter().flatten().collect();
     // A log that was cut because of falls is several: the longest one is shown.
