@@ -25,7 +25,8 @@ class Term(Settings):
     Attributes:
         quantity: What is observed. One of ``base_angular_velocity``, ``projected_gravity``, ``command``,
             ``joint_position``, ``joint_velocity``, ``last_action``, ``base_linear_velocity``, ``base_height``,
-            ``gait_phase``, ``gait_sine``, ``constant``, ``earlier_action``.
+            ``gait_phase``, ``gait_sine``, ``constant``, ``earlier_action``, ``reference_joint_position``,
+            ``reference_joint_velocity``, ``reference_orientation``, ``reference_phase``.
         scale: Factor on it: one number for all its elements, or one an element; none means 1.
         history: Frames: the present one and those of the control periods before it. 1, the default, is the present alone.
         ahead: Control periods by which the reference motion is read ahead; for quantities of the motion.
@@ -292,7 +293,8 @@ class Task(Settings):
         start: How an episode starts.
         noise: Half range of the uniform noise on the actor's observation. One of ``base_angular_velocity``,
             ``projected_gravity``, ``command``, ``joint_position``, ``joint_velocity``, ``last_action``,
-            ``base_linear_velocity``, ``base_height``, ``gait_phase``, ``gait_sine``, ``constant``, ``earlier_action``.
+            ``base_linear_velocity``, ``base_height``, ``gait_phase``, ``gait_sine``, ``constant``, ``earlier_action``,
+            ``reference_joint_position``, ``reference_joint_velocity``, ``reference_orientation``, ``reference_phase``.
         randomisation: What differs between the robots.
         push: Pushes.
         terms: Reward terms of one's own by name: expressions; their weights are in ``rewards``.
