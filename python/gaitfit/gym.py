@@ -10,10 +10,12 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
+from ._needs import lacking
+
 try:
     import gymnasium
 except ImportError as missing:
-    raise ImportError(f'gaitfit.gym needs a package that is not here ({missing}): pip install "gaitfit[gym]"') from missing
+    raise lacking("gym", "gym", missing) from missing
 import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ClosedEnvironmentError

@@ -8,10 +8,12 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
+from ._needs import lacking
+
 try:
     import mujoco
 except ImportError as missing:
-    raise ImportError(f'gaitfit.mujoco needs a package that is not here ({missing}): pip install "gaitfit[mujoco]"') from missing
+    raise lacking("mujoco", "mujoco", missing) from missing
 import numpy as np
 from mujoco import rollout
 from numpy.typing import NDArray

@@ -11,10 +11,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ._needs import lacking
+
 try:
     import matplotlib.pyplot as plt
 except ImportError as missing:
-    raise ImportError(f'gaitfit.plots needs a package that is not here ({missing}): pip install "gaitfit[plot]"') from missing
+    raise lacking("plots", "plot", missing) from missing
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

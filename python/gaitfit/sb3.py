@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from ._needs import lacking
+
 try:
     from stable_baselines3.common.vec_env import VecEnv
 except ImportError as missing:
-    raise ImportError(f'gaitfit.sb3 needs a package that is not here ({missing}): pip install "gaitfit[sb3]"') from missing
+    raise lacking("sb3", "sb3", missing) from missing
 
 from ._arguments import count
 from ._robots import Robots

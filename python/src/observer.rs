@@ -22,7 +22,7 @@ pub struct Observer {
 
 #[pymethods]
 impl Observer {
-    /// Of an interface as JSON.
+    /// An observer for `interface`, which is JSON.
     #[new]
     fn new(interface: &str) -> PyResult<Self> {
         let description: Description = serde_json::from_str(interface).map_err(value)?;
@@ -91,8 +91,8 @@ impl Observer {
         for (robot, row) in rows.chunks_exact_mut(width.max(1)).enumerate() {
             for (quantity, numbers) in self.read.iter().zip(&given) {
                 let numbers = numbers.as_array();
-                let own = numbers.row(if numbers.nrows() == 1 { 0 } else { robot });
-                if !self.sensed.set(*quantity, &own.to_vec()) {
+                let row_of_robot = numbers.row(if numbers.nrows() == 1 { 0 } else { robot });
+                if !self.sensed.set(*quantity, &row_of_robot.to_vec()) {
                     return Err(failed(format!("{} has a wrong number of numbers", quantity.name())));
                 }
             }

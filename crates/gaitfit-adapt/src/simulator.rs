@@ -85,17 +85,16 @@ pub fn never() -> bool {
 pub struct Identity {
     /// Joint names, in the order of all signals.
     pub joints: Vec<String>,
-    /// Number of recordings; samples of each are those of the recording.
+    /// Number of recordings. A simulation of a recording has as many samples as the recording.
     pub recordings: usize,
-    /// Number of logs that were recorded: recording `r` is a simulation of log `r % logs`, from another start than the
-    /// ones before.
+    /// Number of logs. Recording `r` is a simulation of log `r % logs`; recordings of the same log have different starts.
     pub logs: usize,
     /// What [`Signals`] holds.
     pub signals: Vec<Signal>,
 }
 
 impl Identity {
-    /// Recordings of a log each, with the positions and velocities of `joints`.
+    /// One recording a log, with the positions and velocities of `joints`.
     pub fn new(joints: Vec<String>, recordings: usize) -> Self {
         Self { joints, recordings, logs: recordings, signals: vec![Signal::Position, Signal::Velocity] }
     }
@@ -109,7 +108,7 @@ impl Identity {
 
 /// Simulates a fixed set of recordings with candidate robots.
 pub trait Simulator {
-    /// What is simulated. Who passes simulations on to another simulator returns the other's.
+    /// What is simulated. A simulator that wraps another one returns the identity of that one.
     fn identity(&self) -> &Identity;
 
     /// [`Identity::joints`].

@@ -41,8 +41,8 @@ fn motion(interface: &Interface) -> Trajectory {
 /// A linear policy that goes where the motion is, and to which every number that it observes matters.
 fn policy(folder: &Path) -> Policy {
     let walk = gaitfit_policy::read(&root().join("assets/go2-walk.safetensors")).unwrap();
-    let own = walk.interface.clone();
-    let motion = motion(&own);
+    let walking = walk.interface.clone();
+    let motion = motion(&walking);
     write_csv(&folder.join("dance.csv"), &motion).unwrap();
     let terms = [
         Term::new(Quantity::ReferenceJointPosition),
@@ -53,11 +53,11 @@ fn policy(folder: &Path) -> Policy {
         Term::new(Quantity::JointVelocity),
     ];
     let interface = Interface {
-        reference: Some(Reference::from_log(&motion, &own.joints, Vec::new()).unwrap()),
+        reference: Some(Reference::from_log(&motion, &walking.joints, Vec::new()).unwrap()),
         observation: terms.to_vec(),
         critic_observation: Vec::new(),
         gait_frequency: None,
-        ..own
+        ..walking
     };
     let joints = interface.joints.len();
     let inputs = interface.observation_width();

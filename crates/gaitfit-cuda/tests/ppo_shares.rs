@@ -27,8 +27,8 @@ fn update(settings: &Settings, spoil: impl Fn(&mut [Samples])) -> (Vec<Arrays>, 
     let parts = [0, 1].map(|number| prepare(part(number)));
     assert!(parts[0].program == parts[1].program, "GPUs compile one program");
     let plans: Vec<&Plan> = parts.iter().map(|part| &part.plan).collect();
-    let own = [0, 1].map(|number| arrays(&learner, &tiles[number..=number], &parts[number], CONTROL));
-    let together = host::run_together(&parts[0].program.text, &plans, &own, &["packed"]);
+    let shares = [0, 1].map(|number| arrays(&learner, &tiles[number..=number], &parts[number], CONTROL));
+    let together = host::run_together(&parts[0].program.text, &plans, &shares, &["packed"]);
     let whole = prepare(WHOLE);
     let before = arrays(&learner, &tiles, &whole, CONTROL);
     (together, whole, before)

@@ -49,7 +49,7 @@ fn check_unique(tables: &[Table]) -> Result<(), ImportError> {
     Ok(())
 }
 
-/// Which samples of the positions' table all other tables have something for.
+/// The time span that all tables cover.
 struct Common {
     /// First and last time, s.
     from: f64,

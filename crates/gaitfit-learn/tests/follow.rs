@@ -3,6 +3,8 @@
 
 use std::sync::Mutex;
 
+use crate::task_common::{self, row};
+
 use gaitfit_learn::collect::{CollectOptions, Collected, collect};
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::task::{Task, TaskSettings};
@@ -12,7 +14,7 @@ use gaitfit_physics::Preset;
 use gaitfit_policy::Policy;
 use gaitfit_policy::follow::{Job, Script, Track, follow};
 use gaitfit_policy::predict::{self, Course, predict};
-use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Start};
+use gaitfit_sim::{Candidate, JointNetworks, NetworkKind};
 
 fn scene() -> Task {
     let text = include_str!("../../../assets/go2.xml");
@@ -41,31 +43,11 @@ fn logs(scene: &Task, policy: &Policy, candidate: &Candidate, count: usize) -> V
     collect(&subject, &options, 2).unwrap()
 }
 
-fn row<const N: usize>(values: &Option<Vec<f64>>, row: usize) -> [f32; N] {
-    let values = values.as_ref().unwrap();
-    std::array::from_fn(|k| values[row * N + k] as f32)
-}
-
 fn script(scene: &Task, log: &Trajectory) -> Script {
     let joints = log.joints.len();
-    let base = log.base.as_ref().unwrap();
-    let single = |values: &[f64]| -> Vec<f32> { values.iter().map(|&x| x as f32).collect() };
-    let states = (0..log.len()).map(|sample| Start {
-        base_position: row(&base.position, sample),
-        base_quaternion: row(&base.quaternion, sample),
-        base_linear: row(&base.linear_velocity, sample),
-        base_angular: row(&base.angular_velocity, sample),
-        joint_position: single(&log.position[sample * joints..(sample + 1) * joints]),
-        joint_velocity: single(&log.velocity[sample * joints..(sample + 1) * joints]),
-    });
     Script {
-        commands: (0..log.len()).map(|sample| row(&log.command, sample)).collect(),
         start: scene.walker.start_from_joints(&log.position[..joints], &log.velocity[..joints]),
-        others: Vec::new(),
-        motion: Vec::new(),
-        turned_back: 0.0,
-        states: states.collect(),
-        actions: single(log.action.as_ref().unwrap()),
+        ..task_common::script(log)
     }
 }
 

@@ -4,6 +4,8 @@
 use std::path::PathBuf;
 use std::sync::Mutex;
 
+use crate::task_common::script_with;
+
 use gaitfit_learn::collect::{CollectOptions, collect};
 use gaitfit_learn::evaluate::{Subject, run_trials};
 use gaitfit_learn::task::{Task, TaskSettings};
@@ -13,7 +15,7 @@ use gaitfit_policy::follow::{Job, Script, Track, follow};
 use gaitfit_policy::network::Scratch;
 use gaitfit_policy::observation::Sensed;
 use gaitfit_policy::{Policy, read};
-use gaitfit_sim::{Candidate, Start};
+use gaitfit_sim::Candidate;
 
 fn fixture(name: &str) -> PathBuf {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../gaitfit-policy/tests/fixtures/policies");
@@ -63,9 +65,6 @@ fn a_recurrent_policy_walks_is_followed_and_trained() {
             .iter()
             .map(|log| {
                 let log = &log.trajectory;
-                let single = |values: &[f64]| -> Vec<f32> { values.iter().map(|&x| x as f32).collect() };
-                let command = log.command.as_ref().unwrap();
-                let base = log.base.as_ref().unwrap();
                 let model_order = |values: &[f64]| {
                     let mut all = vec![0.0f32; 12];
                     for (&joint, &value) in walker.joints.iter().zip(values) {
@@ -73,33 +72,12 @@ fn a_recurrent_policy_walks_is_followed_and_trained() {
                     }
                     all
                 };
-                fn row<const N: usize>(values: &Option<Vec<f64>>, row: usize) -> [f32; N] {
-                    std::array::from_fn(|k| values.as_ref().unwrap()[row * N + k] as f32)
-                }
-                let states: Vec<Start> = (0..log.len())
-                    .map(|sample| Start {
-                        base_position: row(&base.position, sample),
-                        base_quaternion: row(&base.quaternion, sample),
-                        base_linear: row(&base.linear_velocity, sample),
-                        base_angular: row(&base.angular_velocity, sample),
-                        joint_position: model_order(&log.position[12 * sample..12 * sample + 12]),
-                        joint_velocity: model_order(&log.velocity[12 * sample..12 * sample + 12]),
-                    })
-                    .collect();
+                let script = script_with(log, model_order);
+                let first = &script.states[0];
                 let wide = |values: &[f32]| -> Vec<f64> { values.iter().map(|&x| f64::from(x)).collect() };
-                let start = walker
-                    .start_from_joints(&wide(&states[0].joint_position), &wide(&states[0].joint_velocity));
-                Script {
-                    commands: (0..log.len())
-                        .map(|sample| std::array::from_fn(|k| command[3 * sample + k] as f32))
-                        .collect(),
-                    start,
-                    others: Vec::new(),
-                    motion: Vec::new(),
-                    turned_back: 0.0,
-                    states,
-                    actions: single(log.action.as_ref().unwrap()),
-                }
+                let start =
+                    walker.start_from_joints(&wide(&first.joint_position), &wide(&first.joint_velocity));
+                Script { start, ..script }
             })
             .collect();
         // From the logged states alone the logged actions follow, to 1e-5.

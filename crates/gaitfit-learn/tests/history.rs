@@ -12,8 +12,8 @@ use gaitfit_learn::{Origin, Training, TrainingSettings, ppo};
 use gaitfit_physics::Preset;
 use gaitfit_policy::follow::{Job, Script, Track, follow};
 use gaitfit_policy::{FrameOrder, History, Policy, onnx, weights};
-use gaitfit_sim::{Candidate, Start};
-use task_common::{go2, random_policy, step};
+use gaitfit_sim::Candidate;
+use task_common::{go2, random_policy, script, single, step};
 
 const FRAMES: usize = 5;
 
@@ -130,27 +130,9 @@ fn followed_it_repeats_its_log_and_after_a_reset_it_remembers_the_log() {
         let subject = Subject { task: &scene, policy: &policy, candidate: None, seed: 5, cancel: None };
         let options = CollectOptions { count: 1, seconds: 0.4, shift: [0.0; 2], privileged: true };
         let log = collect(&subject, &options, 1).unwrap().remove(0).trajectory;
-        let base = log.base.as_ref().unwrap();
-        let single = |values: &[f64]| -> Vec<f32> { values.iter().map(|&x| x as f32).collect() };
-        fn row<const N: usize>(values: &Option<Vec<f64>>, row: usize) -> [f32; N] {
-            std::array::from_fn(|k| values.as_ref().unwrap()[row * N + k] as f32)
-        }
-        let states = (0..log.len()).map(|sample| Start {
-            base_position: row(&base.position, sample),
-            base_quaternion: row(&base.quaternion, sample),
-            base_linear: row(&base.linear_velocity, sample),
-            base_angular: row(&base.angular_velocity, sample),
-            joint_position: single(&log.position[sample * 12..(sample + 1) * 12]),
-            joint_velocity: single(&log.velocity[sample * 12..(sample + 1) * 12]),
-        });
         let script = Script {
-            commands: (0..log.len()).map(|sample| row(&log.command, sample)).collect(),
             start: scene.walker.start_from_joints(&log.position[..12], &log.velocity[..12]),
-            others: Vec::new(),
-            motion: Vec::new(),
-            turned_back: 0.0,
-            states: states.collect(),
-            actions: single(log.action.as_ref().unwrap()),
+            ..script(&log)
         };
         let action = single(log.action.as_ref().unwrap());
         assert!(action.iter().any(|x| x.abs() > 0.05));

@@ -13,7 +13,7 @@ use gaitfit_model::rotation::{heading, product, turn};
 use gaitfit_policy::follow::{Job, Script, Track, follow};
 use gaitfit_policy::{MotionPlace, Quantity, Reference, Term};
 use gaitfit_sim::{Candidate, Start};
-use task_common::{calm, random_policy, scene_with};
+use task_common::{calm, random_policy, scene_with, script};
 
 /// Two seconds in which all joints swing about the pose, at 100 Hz, facing to the left.
 fn motion(joints: &[String], pose: &[f64]) -> Reference {
@@ -62,7 +62,7 @@ fn repeats(yaw: f64) {
     let subject = Subject { task: &scene, policy: &policy, candidate: None, seed: 8, cancel: None };
     let options = CollectOptions { count: 2, seconds: 0.6, shift: [0.0; 2], privileged: true };
     for log in collect(&subject, &options, 1).unwrap().into_iter().map(|log| log.trajectory) {
-        let script = script(&log);
+        let script = turned_script(&log);
         // The simulated robot faces ahead, the log's does not.
         assert_eq!(script.turned_back.abs() > 0.1, yaw > 0.0);
         let action: Vec<f32> = log.action.as_ref().unwrap().iter().map(|&x| x as f32).collect();
@@ -109,35 +109,18 @@ fn repeats(yaw: f64) {
 }
 
 /// A log's commands, states and places in the motion, from its first state turned to face ahead.
-fn script(log: &Trajectory) -> Script {
-    let base = log.base.as_ref().unwrap();
-    fn row<const N: usize>(values: &Option<Vec<f64>>, row: usize) -> [f32; N] {
-        std::array::from_fn(|k| values.as_ref().unwrap()[row * N + k] as f32)
-    }
-    let single = |values: &[f64]| -> Vec<f32> { values.iter().map(|&x| x as f32).collect() };
-    let states: Vec<Start> = (0..log.len())
-        .map(|sample| Start {
-            base_position: row(&base.position, sample),
-            base_quaternion: row(&base.quaternion, sample),
-            base_linear: row(&base.linear_velocity, sample),
-            base_angular: row(&base.angular_velocity, sample),
-            joint_position: single(&log.position[sample * 12..(sample + 1) * 12]),
-            joint_velocity: single(&log.velocity[sample * 12..(sample + 1) * 12]),
-        })
-        .collect();
-    let attitude = states[0].base_quaternion.map(f64::from);
+fn turned_script(log: &Trajectory) -> Script {
+    let script = script(log);
+    let attitude = script.start.base_quaternion.map(f64::from);
     let turned_back = heading(attitude);
     let places = log.motion.as_ref().unwrap().chunks_exact(2);
     Script {
-        commands: (0..log.len()).map(|sample| row(&log.command, sample)).collect(),
         start: Start {
             base_quaternion: product(turn(2, -turned_back), attitude).map(|x| x as f32),
-            ..states[0].clone()
+            ..script.start
         },
-        others: Vec::new(),
         motion: places.map(|place| MotionPlace { time: place[0], heading: place[1] }).collect(),
         turned_back,
-        states,
-        actions: single(log.action.as_ref().unwrap()),
+        ..script
     }
 }

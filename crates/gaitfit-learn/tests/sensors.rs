@@ -3,7 +3,7 @@
 
 use std::sync::Mutex;
 
-use crate::task_common::{calm, go2, scene_with};
+use crate::task_common::{calm, go2, row, scene_with, script, single};
 use gaitfit_learn::collect::{CollectOptions, collect, sensed};
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::task::{Ended, Environment, Task};
@@ -13,7 +13,7 @@ use gaitfit_physics::Preset;
 use gaitfit_policy::Policy;
 use gaitfit_policy::follow::{Job, Script, Track, follow};
 use gaitfit_policy::predict::{self, Course, predict};
-use gaitfit_sim::{Candidate, Motion, Sensors, Start};
+use gaitfit_sim::{Candidate, Motion, Sensors};
 
 const LAG: f64 = 0.006;
 const SENSORS: Sensors = Sensors { imu_tilt: [0.05, -0.03], gyro_bias: [0.04, -0.02, 0.03] };
@@ -148,38 +148,6 @@ fn logs(scene: &Task, policy: &Policy, candidate: &Candidate) -> Vec<Trajectory>
     let subject = Subject { task: scene, policy, candidate: Some(candidate), seed: 5, cancel: None };
     let options = CollectOptions { count: 3, seconds: 0.5, shift: [0.0; 2], privileged: true };
     collect(&subject, &options, 1).unwrap().into_iter().map(|log| log.trajectory).collect()
-}
-
-fn single(values: &[f64]) -> Vec<f32> {
-    values.iter().map(|&x| x as f32).collect()
-}
-
-fn row<const N: usize>(values: &Option<Vec<f64>>, row: usize) -> [f32; N] {
-    let values = values.as_ref().unwrap();
-    std::array::from_fn(|k| values[row * N + k] as f32)
-}
-
-fn script(log: &Trajectory) -> Script {
-    let base = log.base.as_ref().unwrap();
-    let states: Vec<Start> = (0..log.len())
-        .map(|sample| Start {
-            base_position: row(&base.position, sample),
-            base_quaternion: row(&base.quaternion, sample),
-            base_linear: row(&base.linear_velocity, sample),
-            base_angular: row(&base.angular_velocity, sample),
-            joint_position: single(&log.position[12 * sample..12 * (sample + 1)]),
-            joint_velocity: single(&log.velocity[12 * sample..12 * (sample + 1)]),
-        })
-        .collect();
-    Script {
-        commands: (0..log.len()).map(|sample| row(&log.command, sample)).collect(),
-        start: states[0].clone(),
-        others: Vec::new(),
-        motion: Vec::new(),
-        turned_back: 0.0,
-        states,
-        actions: single(log.action.as_ref().unwrap()),
-    }
 }
 
 fn worst(track: &[f32], log: &[f64]) -> f64 {

@@ -10,7 +10,7 @@ pub struct Cholesky {
 }
 
 impl Cholesky {
-    /// Of the symmetric matrix `m`, `size × size`, row-major, of which the lower triangle is read.
+    /// Factors the symmetric matrix `m`, `size × size`, row-major. Only its lower triangle is read.
     pub fn new(mut m: Vec<f64>, size: usize) -> Self {
         for j in 0..size {
             let mut pivot = m[j * size + j];
@@ -30,7 +30,7 @@ impl Cholesky {
         Self { factor: m, size }
     }
 
-    /// `vᵀ M⁻¹ v`
+    /// `vᵀ M⁻¹ v`; `v` has `size` numbers.
     pub fn inverse_form(&self, v: &[f64]) -> f64 {
         let (l, n) = (&self.factor, self.size);
         let mut y = v.to_vec();

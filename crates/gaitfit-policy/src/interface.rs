@@ -18,7 +18,7 @@ pub struct Term {
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub history: usize,
     /// Control periods by which the reference motion is read ahead; for quantities of the motion.
-    #[serde(default, skip_serializing_if = "is_none")]
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub ahead: usize,
 }
 
@@ -52,7 +52,7 @@ fn is_one(history: &usize) -> bool {
     *history == 1
 }
 
-fn is_none(ahead: &usize) -> bool {
+fn is_zero(ahead: &usize) -> bool {
     *ahead == 0
 }
 
@@ -87,7 +87,7 @@ pub struct Interface {
     /// Frequency of the gait clock, Hz; needed where [`Quantity::GaitPhase`] or [`Quantity::GaitSine`] is observed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gait_frequency: Option<f64>,
-    /// The motion that the policy follows; needed where the observation has some of it.
+    /// The motion that the policy follows; needed if a term is a quantity of a motion.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<Reference>,
     /// How past frames lie in a row, where terms have a [`Term::history`].

@@ -4,11 +4,12 @@ use gaitfit_log::Trajectory;
 use gaitfit_model::rotation::{axis_angle, blend, heading, inverse, normalize, product, turn, unit};
 use serde::{Deserialize, Serialize};
 
+use crate::observation::Sensed;
 use crate::{Interface, InterfaceError, Quantity, Term};
 
 /// Max number of samples times joints of a motion.
 const MAX_NUMBERS: usize = 1 << 20;
-/// Most control periods that a motion is read ahead.
+/// Max number of control periods that a motion is read ahead.
 const MAX_AHEAD: usize = 1000;
 /// How near a time must be to a sample's to be that sample's, in samples: times are sums of rounded numbers.
 const SAME: f64 = 1e-4;
@@ -177,7 +178,7 @@ pub(crate) struct Follower {
 }
 
 impl Follower {
-    /// Of an interface that has a motion.
+    /// The motion of `interface`; `None` if it has none.
     pub fn new(interface: &Interface) -> Option<Self> {
         let reference = interface.reference.clone()?;
         let place = |one: &AnchorJoint| {
@@ -192,9 +193,17 @@ impl Follower {
         })
     }
 
-    /// Time of the motion `ahead` control periods after `time`, s.
-    pub fn later(&self, time: f64, ahead: usize) -> f64 {
-        time + ahead as f64 * self.control_dt
+    /// Writes what `quantity` is `ahead` control periods after the present place in the motion; nothing if it is no quantity of a
+    /// motion.
+    pub fn write(&self, quantity: Quantity, ahead: usize, sensed: &Sensed, out: &mut [f32]) {
+        let time = sensed.motion.time + ahead as f64 * self.control_dt;
+        match quantity {
+            Quantity::ReferenceJointPosition => self.position(time, out),
+            Quantity::ReferenceJointVelocity => self.velocity(time, out),
+            Quantity::ReferenceOrientation => self.difference(time, sensed, out),
+            Quantity::ReferencePhase => out.fill(self.phase(time)),
+            _ => {}
+        }
     }
 
     /// The samples about `time` and the share of the second; whether the motion moves then.
@@ -224,14 +233,14 @@ impl Follower {
     }
 
     /// Joint velocities at `time`, rad/s; 0 outside the motion.
-    pub fn velocity(&self, time: f64, out: &mut [f32]) {
+    fn velocity(&self, time: f64, out: &mut [f32]) {
         if !self.mix(&self.reference.velocity, time, out) {
             out.fill(0.0);
         }
     }
 
     /// Share of the motion that is over at `time`, 0 to 1.
-    pub fn phase(&self, time: f64) -> f32 {
+    fn phase(&self, time: f64) -> f32 {
         let last = self.reference.samples(self.joints).saturating_sub(1);
         if last == 0 { 1.0 } else { (time * self.reference.rate_hz / last as f64).clamp(0.0, 1.0) as f32 }
     }
@@ -256,22 +265,17 @@ impl Follower {
 
     /// The angle by which the motion is turned to face at `time` as a robot does, rad; 0 of a motion without orientations.
     pub fn heading(&self, time: f64, base: [f32; 4], joint_position: &[f32]) -> f64 {
-        let Some(own) = self.orientation(time) else { return 0.0 };
-        heading(self.anchor(base, joint_position)) - heading(own)
+        let Some(in_motion) = self.orientation(time) else { return 0.0 };
+        heading(self.anchor(base, joint_position)) - heading(in_motion)
     }
 
-    /// Rotation from the robot's anchor to the motion's, turned by `turned`: the first two columns of its matrix, row by row.
-    pub fn difference(
-        &self,
-        time: f64,
-        turned: f64,
-        base: [f32; 4],
-        joint_position: &[f32],
-        out: &mut [f32],
-    ) {
-        let Some(own) = self.orientation(time) else { return out.fill(0.0) };
-        let wanted = product(turn(2, turned), own);
-        let relative = product(inverse(self.anchor(base, joint_position)), wanted);
+    /// Rotation from the robot's anchor to the motion's, which is turned by the robot's place in it: the first two columns of its
+    /// matrix, row by row.
+    fn difference(&self, time: f64, sensed: &Sensed, out: &mut [f32]) {
+        let Some(in_motion) = self.orientation(time) else { return out.fill(0.0) };
+        let wanted = product(turn(2, sensed.motion.heading), in_motion);
+        let anchor = self.anchor(sensed.orientation, &sensed.joint_position);
+        let relative = product(inverse(anchor), wanted);
         let matrix = gaitfit_model::rotation::matrix(relative);
         for (k, out) in out.iter_mut().enumerate() {
             *out = matrix[k / 2][k % 2] as f32;

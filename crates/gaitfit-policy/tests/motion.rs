@@ -26,10 +26,10 @@ fn motion(joints: &[String]) -> Trajectory {
 
 /// An interface that observes `terms` of the motion, whose anchor is behind a joint about z.
 fn follows(terms: &[Term]) -> Interface {
-    let own = interface();
-    let anchor = vec![AnchorJoint { joint: own.joints[3].clone(), axis: [0.0, 0.0, 2.0] }];
-    let reference = Some(Reference::from_log(&motion(&own.joints), &own.joints, anchor).unwrap());
-    Interface { reference, observation: terms.to_vec(), critic_observation: Vec::new(), ..own }
+    let plain = interface();
+    let anchor = vec![AnchorJoint { joint: plain.joints[3].clone(), axis: [0.0, 0.0, 2.0] }];
+    let reference = Some(Reference::from_log(&motion(&plain.joints), &plain.joints, anchor).unwrap());
+    Interface { reference, observation: terms.to_vec(), critic_observation: Vec::new(), ..plain }
 }
 
 fn row(interface: &Interface, sensed: &Sensed) -> Vec<f32> {
@@ -76,8 +76,8 @@ fn the_orientation_is_that_of_the_turned_motion_seen_from_the_anchor() {
     sensed.joint_position[3] = 0.4;
     sensed.motion = MotionPlace { time: 0.05, heading: -0.7 };
     let found = row(&follows(&[Term::new(Quantity::ReferenceOrientation)]), &sensed);
-    let (own, wanted) = (product(base, turn(2, 0.4)), product(turn(2, -0.7), from_rpy(0.1, 0.2, 0.8)));
-    let relative = matrix(product(inverse(own), wanted));
+    let (anchor, wanted) = (product(base, turn(2, 0.4)), product(turn(2, -0.7), from_rpy(0.1, 0.2, 0.8)));
+    let relative = matrix(product(inverse(anchor), wanted));
     for (k, value) in found.iter().enumerate() {
         assert!((f64::from(*value) - relative[k / 2][k % 2]).abs() < 1e-6, "{k}");
     }
@@ -88,7 +88,7 @@ fn the_orientation_is_that_of_the_turned_motion_seen_from_the_anchor() {
     sensed.motion.heading = layout.motion_heading(&sensed);
     let found = row(&interface, &sensed);
     let turned = product(turn(2, sensed.motion.heading), from_rpy(0.1, 0.0, 0.5));
-    let difference = gaitfit_model::rotation::heading(turned) - gaitfit_model::rotation::heading(own);
+    let difference = gaitfit_model::rotation::heading(turned) - gaitfit_model::rotation::heading(anchor);
     assert!(difference.sin().abs() < 1e-6 && found.iter().all(|x| x.is_finite()));
 }
 

@@ -79,9 +79,9 @@ struct Equations<'a> {
     values: DVector<f64>,
     /// Unknowns that are 0.
     held: &'a [usize],
-    /// Of what is left in each group.
+    /// Variance of the residuals of each group.
     variances: Vec<f64>,
-    /// Of the base's acceleration.
+    /// Variance of the base's acceleration.
     shaking: Vector3<f64>,
 }
 

@@ -3,13 +3,19 @@
 use crate::cost::Cost;
 use serde::{Deserialize, Serialize};
 
+/// Max number of falls that chance explains if `expected` are expected: two standard deviations above (Poisson).
+pub fn max_falls_by_chance(expected: usize) -> usize {
+    let expected = expected as f64;
+    (expected + 2.0 * expected.sqrt()).ceil() as usize
+}
+
 /// What a candidate pays for falling, on top of the samples it loses (each of which counts as off by the robot's whole
 /// range). A simulator in which the robot falls can match a bad log; this keeps such optima from winning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FallPenalty {
     /// The price of falling in all recordings. A candidate pays it times the share of the recordings in which it fell, less
-    /// what falls of the robot explain. `None` chooses. If the robot never fell, each fall adds the cost of losing all samples
+    /// what chance explains ([`max_falls_by_chance`]). `None` chooses. If the robot never fell, each fall adds the cost of losing all samples
     /// ([`Cost::lost`]), so a candidate that falls never beats one that stands and stays within the robot's ranges.
     /// Otherwise [`Cost::lost`] is the price, because the true simulator falls now and then too.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -28,7 +34,7 @@ impl FallPenalty {
 
     /// What is added to the cost of a candidate that fell in `fallen` of `recordings` recordings.
     pub fn charge(&self, cost: &dyn Cost, fallen: usize, recordings: usize) -> f64 {
-        let excess = fallen.saturating_sub(self.explained());
+        let excess = fallen.saturating_sub(max_falls_by_chance(self.robot));
         if excess == 0 {
             return 0.0;
         }
@@ -38,13 +44,6 @@ impl FallPenalty {
             None if self.robot == 0 => cost.lost() * excess as f64,
             None => cost.lost() * share,
         }
-    }
-
-    /// Falls that a robot has by chance if it fell in [`Self::robot`] recordings: as many, and two standard deviations of their
-    /// number (Poisson).
-    pub fn explained(&self) -> usize {
-        let robot = self.robot as f64;
-        (robot + 2.0 * robot.sqrt()).ceil() as usize
     }
 
     /// What a candidate pays for each expected fall ([`super::fall_risk`]): the cost of losing all samples, divided by the

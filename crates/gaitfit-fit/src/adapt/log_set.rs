@@ -77,8 +77,7 @@ impl LogSet {
     /// The same logs, compared in the scaling of `other` and with the falls of its robot.
     pub fn scaled_as(self, other: &Self) -> Self {
         let reference = Reference::clone(&self.reference).scaled_as(&other.reference);
-        let reference = reference.with_fall_rate(other.reference.fall_rate());
-        Self { reference: Arc::new(reference), ..self }
+        Self { reference: Arc::new(reference), ..self }.with_fall_rate(other.reference.fall_rate())
     }
 
     /// The same logs of a robot that fell in this part of its logs; see [`Reference::with_fall_rate`].

@@ -132,7 +132,7 @@ fn ended(outcomes: &[CostOutcome]) -> Option<String> {
             reasons.push(reason);
         }
     }
-    Some(reasons.join("; of another seed "))
+    Some(reasons.join("; for another seed: "))
 }
 
 /// A fresh fit, or the checkpoint's with the metrics cut back to it.

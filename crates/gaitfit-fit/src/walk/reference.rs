@@ -4,17 +4,17 @@ use gaitfit_log::Trajectory;
 use gaitfit_policy::observation::{Layout, Sensed};
 use gaitfit_policy::{Interface, MotionPlace, Quantity};
 
-/// The place of sample `row`; the beginning of a log that states none.
+/// The place of sample `row`; the motion's beginning, unturned, if the log does not state it.
 pub fn place(log: &Trajectory, row: usize) -> MotionPlace {
-    let of = log.motion.as_deref().and_then(|motion| motion.get(2 * row..2 * row + 2));
-    of.map_or_else(MotionPlace::default, |of| MotionPlace { time: of[0], heading: of[1] })
+    let stated = log.motion.as_deref().and_then(|motion| motion.get(2 * row..2 * row + 2));
+    stated.map_or_else(MotionPlace::default, |place| MotionPlace { time: place[0], heading: place[1] })
 }
 
-/// Makes sure that a log of a policy with a motion states its place in it: without the columns the motion begins with the log,
-/// turned as the robot then is. Joints are in the policy's order. What was assumed, in words.
+/// Makes sure that a log of a policy with a motion states its place in it. Without these columns the motion begins with the log,
+/// turned to face as the robot then does. Joints are in the policy's order. Returns what was assumed, in words.
 ///
 /// # Errors
-/// A log without orientations, if the policy observes its own; a sentence.
+/// A log without the base's orientation, if the policy observes [`Quantity::ReferenceOrientation`]; a sentence.
 pub fn settle(log: &mut Trajectory, interface: &Interface, name: &str) -> Result<Option<String>, String> {
     if interface.reference.is_none() {
         return Ok(None);
@@ -35,8 +35,8 @@ pub fn settle(log: &mut Trajectory, interface: &Interface, name: &str) -> Result
     if let Some(quaternion) = quaternion {
         sensed.orientation = quaternion.map(|x| x as f32);
     }
-    for (own, &value) in sensed.joint_position.iter_mut().zip(&log.position) {
-        *own = value as f32;
+    for (angle, &value) in sensed.joint_position.iter_mut().zip(&log.position) {
+        *angle = value as f32;
     }
     let heading = Layout::new(interface, &interface.observation).motion_heading(&sensed);
     let Some(&first) = log.time.first() else { return Ok(None) };

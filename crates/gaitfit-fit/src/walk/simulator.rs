@@ -307,15 +307,17 @@ pub fn script(walker: &Walker, log: &Trajectory) -> Script {
     let posture =
         |row: usize| (model_order(&log.position, row, &home), model_order(&log.velocity, row, &still));
     let (angles, velocities) = posture(0);
-    let start = match inertial_start(log) {
-        Some((quaternion, rates, _)) => Start {
-            base_angular: rates,
-            joint_velocity: velocities.iter().map(|&x| x as f32).collect(),
-            ..walker.standing([0.0; 2], quaternion, &angles)
-        },
-        None => walker.start_from_joints(&angles, &velocities),
+    let (start, turned_back) = match inertial_start(log) {
+        Some((quaternion, rates, heading)) => {
+            let start = Start {
+                base_angular: rates,
+                joint_velocity: velocities.iter().map(|&x| x as f32).collect(),
+                ..walker.standing([0.0; 2], quaternion, &angles)
+            };
+            (start, heading)
+        }
+        None => (walker.start_from_joints(&angles, &velocities), 0.0),
     };
-    let turned_back = inertial_start(log).map_or(0.0, |(_, _, turned_back)| turned_back);
     let motion = match &log.motion {
         Some(_) => (0..samples).map(|row| reference::place(log, row)).collect(),
         None => Vec::new(),
@@ -324,8 +326,8 @@ pub fn script(walker: &Walker, log: &Trajectory) -> Script {
     Script { commands, start, others: Vec::new(), states, actions, motion, turned_back }
 }
 
-/// Orientation (heading 0), body rates (rad/s) and heading (rad) at the log's first sample, where it has them and the base is not far from
-/// upright.
+/// Orientation (turned to heading 0), body rates (rad/s) and heading (rad) at the log's first sample, if it has them and the
+/// base is nearly upright.
 fn inertial_start(log: &Trajectory) -> Option<([f64; 4], [f32; 3], f64)> {
     let base = log.base.as_ref()?;
     let (quaternion, rates) = (base.quaternion.as_ref()?, base.angular_velocity.as_ref()?);

@@ -242,13 +242,13 @@ impl<'a> Environment<'a> {
         MotionPlace { time, heading: f64::from(self.turned[index]) }
     }
 
-    /// Root of the mean square over the policy's joints of angle minus that in the motion, rad; `None` for policies that follow
-    /// none.
+    /// Root-mean-square difference between the policy's joints and the motion, rad; `None` if the policy follows no motion.
     pub fn motion_error(&self, index: usize) -> Option<f32> {
         let walker = &self.task.walker;
         let wanted = walker.observation.motion_position(self.motion_place(index).time)?;
-        let own = &self.motion.joint_position[index * walker.default_pose.len()..];
-        let squares = walker.joints.iter().zip(&wanted).map(|(&joint, wanted)| (own[joint] - wanted).powi(2));
+        let angles = &self.motion.joint_position[index * walker.default_pose.len()..];
+        let squares =
+            walker.joints.iter().zip(&wanted).map(|(&joint, wanted)| (angles[joint] - wanted).powi(2));
         Some((squares.sum::<f32>() / wanted.len().max(1) as f32).sqrt())
     }
 

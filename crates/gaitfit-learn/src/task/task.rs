@@ -126,8 +126,11 @@ impl Task {
         let rest = |place: &usize| !of_foot(place) && !fall_geoms.contains(place);
         let body_geoms = (0..contacts.len()).filter(rest).collect();
         let start = by_joint(model, &settings.start.pose, "start.pose")?;
-        let start_pose =
-            start.iter().zip(begins(&walker)).map(|(angle, home)| angle.map_or(home, |a| a as f32)).collect();
+        let start_pose = start
+            .iter()
+            .zip(start_angles(&walker))
+            .map(|(angle, home)| angle.map_or(home, |a| a as f32))
+            .collect();
         Ok(Self {
             settings: settings.clone(),
             rewards: Rewards::new(reward::listed(settings, &walker)?),
@@ -285,13 +288,12 @@ fn on_terrain(
     Ok((course, uneven))
 }
 
-/// Joint angles in which an episode begins if the settings give none, rad: those of the motion that the policy follows, or its
-/// default pose.
-fn begins(walker: &Walker) -> Vec<f32> {
+/// Joint angles at the beginning of an episode, rad, model order, if the settings do not state them. They are those at the
+/// beginning of the motion. A policy without a motion begins in its default pose.
+fn start_angles(walker: &Walker) -> Vec<f32> {
     let mut pose = walker.default_pose.clone();
-    for (&joint, angle) in
-        walker.joints.iter().zip(walker.observation.motion_position(0.0).unwrap_or_default())
-    {
+    let in_motion = walker.observation.motion_position(0.0).unwrap_or_default();
+    for (&joint, angle) in walker.joints.iter().zip(in_motion) {
         pose[joint] = angle;
     }
     pose

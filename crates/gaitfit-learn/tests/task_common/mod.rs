@@ -2,11 +2,56 @@
 #![allow(clippy::unwrap_used, dead_code, reason = "a failed unwrap is a failed test; no test uses all of it")]
 
 use gaitfit_learn::task::{Ended, Environment, Task, TaskSettings, preset};
+use gaitfit_log::Trajectory;
 use gaitfit_model::Model;
 use gaitfit_physics::Preset;
 use gaitfit_policy::Interface;
+use gaitfit_policy::follow::Script;
 use gaitfit_policy::network::{Activation, Network, Shape};
 use gaitfit_policy::{Policy, Provenance};
+use gaitfit_sim::Start;
+
+/// `N` numbers of sample `row`.
+pub fn row<const N: usize>(values: &Option<Vec<f64>>, row: usize) -> [f32; N] {
+    let values = values.as_ref().unwrap();
+    std::array::from_fn(|k| values[row * N + k] as f32)
+}
+
+/// The same numbers in single precision.
+pub fn single(values: &[f64]) -> Vec<f32> {
+    values.iter().map(|&x| x as f32).collect()
+}
+
+/// The commands, states and actions of a log with the whole state, from its first state on. `joints`: the model's numbers from
+/// those of the log's joints.
+pub fn script_with(log: &Trajectory, joints: impl Fn(&[f64]) -> Vec<f32>) -> Script {
+    let base = log.base.as_ref().unwrap();
+    let width = log.joints.len();
+    let states: Vec<Start> = (0..log.len())
+        .map(|sample| Start {
+            base_position: row(&base.position, sample),
+            base_quaternion: row(&base.quaternion, sample),
+            base_linear: row(&base.linear_velocity, sample),
+            base_angular: row(&base.angular_velocity, sample),
+            joint_position: joints(&log.position[width * sample..width * (sample + 1)]),
+            joint_velocity: joints(&log.velocity[width * sample..width * (sample + 1)]),
+        })
+        .collect();
+    Script {
+        commands: (0..log.len()).map(|sample| row(&log.command, sample)).collect(),
+        start: states[0].clone(),
+        others: Vec::new(),
+        motion: Vec::new(),
+        turned_back: 0.0,
+        states,
+        actions: single(log.action.as_ref().unwrap()),
+    }
+}
+
+/// The same of a log whose joints are the model's.
+pub fn script(log: &Trajectory) -> Script {
+    script_with(log, single)
+}
 
 /// The project's Go2.
 pub fn go2() -> Model {

@@ -38,7 +38,7 @@ pub struct Layout {
     last_action: Option<(usize, Vec<f32>)>,
     /// Pose at action zero, rad, policy order.
     default_pose: Vec<f32>,
-    /// The motion that is followed, where the observation has some of it.
+    /// The motion that the policy follows; `None` if the observation has no quantity of a motion.
     follower: Option<Follower>,
 }
 
@@ -108,8 +108,8 @@ impl Layout {
         })
     }
 
-    /// Joint angles of the motion at a time since its beginning (s), rad, policy order; `None` if the observation has nothing of
-    /// a motion.
+    /// Joint angles of the motion at a time since its beginning (s), rad, policy order; `None` if the observation has no
+    /// quantity of a motion.
     pub fn motion_position(&self, time: f64) -> Option<Vec<f32>> {
         let follower = self.follower.as_ref()?;
         let mut angles = vec![0.0; self.default_pose.len()];
@@ -170,15 +170,8 @@ impl Layout {
         for slot in &self.slots {
             let out = &mut row[slot.present.clone()];
             slot.quantity.write(sensed, &self.default_pose, out);
-            if let Some(follower) = self.follower.as_ref().filter(|_| slot.quantity.is_of_reference()) {
-                let time = follower.later(sensed.motion.time, slot.ahead);
-                let (base, joints) = (sensed.orientation, &sensed.joint_position);
-                match slot.quantity {
-                    Quantity::ReferenceJointPosition => follower.position(time, out),
-                    Quantity::ReferenceJointVelocity => follower.velocity(time, out),
-                    Quantity::ReferencePhase => out.fill(follower.phase(time)),
-                    _ => follower.difference(time, sensed.motion.heading, base, joints, out),
-                }
+            if let Some(follower) = &self.follower {
+                follower.write(slot.quantity, slot.ahead, sensed, out);
             }
             // What the row before has as its last action.
             if let (Quantity::EarlierAction, Some((place, factors)), Some(past)) =

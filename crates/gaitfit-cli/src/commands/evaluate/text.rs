@@ -18,15 +18,17 @@ fn shown(estimate: Estimate, digits: usize) -> String {
 pub fn rows(document: &Evaluation) -> Vec<(&'static str, Estimate, usize, &'static str)> {
     let falls = document.fall_rate;
     let percent = Estimate { mean: 100.0 * falls.mean, ci95: 100.0 * falls.ci95 };
-    let motion = document.motion_error.map(|error| ("distance from the motion", error, 4, "rad"));
-    let of_commands = if motion.is_some() { 0 } else { 2 };
-    let commands = [
-        ("linear-velocity error", document.linear_velocity_error, 4, "m/s"),
-        ("angular-velocity error", document.angular_velocity_error, 4, "rad/s"),
-    ];
+    let motion = |error| vec![("distance from the motion", error, 4, "rad")];
+    let commands = || {
+        vec![
+            ("linear-velocity error", document.linear_velocity_error, 4, "m/s"),
+            ("angular-velocity error", document.angular_velocity_error, 4, "rad/s"),
+        ]
+    };
+    let followed = document.motion_error.map_or_else(commands, motion);
     let others = [("falls", percent, 2, "%"), ("action rate", document.action_rate, 4, "a step")];
     let reward = [("summed reward", document.reward, 3, "")];
-    reward.into_iter().chain(motion).chain(commands.into_iter().take(of_commands)).chain(others).collect()
+    reward.into_iter().chain(followed).chain(others).collect()
 }
 
 /// What is wrong, then tables of means, drift and gait.

@@ -15,7 +15,7 @@ pub(super) use compare::held_out;
 pub use trials::Trials;
 
 use gaitfit_adapt::cost::Signal;
-use gaitfit_adapt::fit::FallPenalty;
+use gaitfit_adapt::fit::max_falls_by_chance;
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 
@@ -105,7 +105,7 @@ impl HeldOut {
         if self.nominal_cost.is_some_and(|nominal| cost > nominal) {
             return Verdict::WorseThanNominal;
         }
-        if self.falls > self.nominal_falls && self.falls > self.explained_falls() {
+        if self.falls > self.nominal_falls && self.falls > self.max_falls() {
             return Verdict::Falls;
         }
         if self.trials.as_ref().is_some_and(Trials::explained) {
@@ -124,11 +124,11 @@ impl HeldOut {
         }
     }
 
-    /// Falls that are no doubt: 2 % of the logs, or those that a robot has by chance which falls as often as the real one.
-    fn explained_falls(&self) -> usize {
-        let robot = self.robot_fall_rate * self.logs as f64;
-        let robot = FallPenalty { robot: robot.round() as usize, ..FallPenalty::default() };
-        robot.explained().max((CHANCE * self.logs as f64) as usize)
+    /// Max number of falls that are no doubt: 2 % of the logs, or what chance explains if the fitted robot falls as often as the
+    /// real one.
+    fn max_falls(&self) -> usize {
+        let expected = (self.robot_fall_rate * self.logs as f64).round() as usize;
+        max_falls_by_chance(expected).max((CHANCE * self.logs as f64) as usize)
     }
 
     /// Whether whole walks contradict the fit: no policy is to be trained in it.
