@@ -4,8 +4,7 @@ use crate::cost::Cost;
 use serde::{Deserialize, Serialize};
 
 /// Max number of falls that chance explains if `expected` are expected: two standard deviations above (Poisson).
-pub fn max_falls_by_chance(expected: usize) -> usize {
-    let expected = expected as f64;
+pub fn max_falls_by_chance(expected: f64) -> usize {
     (expected + 2.0 * expected.sqrt()).ceil() as usize
 }
 
@@ -20,8 +19,9 @@ pub struct FallPenalty {
     /// Otherwise [`Cost::lost`] is the price, because the true simulator falls now and then too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub penalty: Option<f64>,
-    /// Recordings in which the robot itself fell (and which are cut there).
-    pub robot: usize,
+    /// Part of the recordings in which the robot itself fell (and which are cut there), 0 to 1. A part and not a number: a
+    /// search may simulate each recording several times.
+    pub robot_rate: f64,
     /// Whether torque noise or starts are drawn, so that chance decides whether the same values fall. If they are, no penalty
     /// is stated and the robot never fell, candidates also pay for the falls that are expected of them.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
@@ -30,18 +30,18 @@ pub struct FallPenalty {
 
 impl FallPenalty {
     /// No charge beyond the samples lost.
-    pub const NONE: Self = Self { penalty: Some(0.0), robot: 0, random: false };
+    pub const NONE: Self = Self { penalty: Some(0.0), robot_rate: 0.0, random: false };
 
     /// What is added to the cost of a candidate that fell in `fallen` of `recordings` recordings.
     pub fn charge(&self, cost: &dyn Cost, fallen: usize, recordings: usize) -> f64 {
-        let excess = fallen.saturating_sub(max_falls_by_chance(self.robot));
+        let excess = fallen.saturating_sub(max_falls_by_chance(self.robot_rate * recordings as f64));
         if excess == 0 {
             return 0.0;
         }
         let share = excess as f64 / recordings as f64;
         match self.penalty {
             Some(penalty) => penalty * share,
-            None if self.robot == 0 => cost.lost() * excess as f64,
+            None if self.robot_rate == 0.0 => cost.lost() * excess as f64,
             None => cost.lost() * share,
         }
     }
@@ -49,7 +49,7 @@ impl FallPenalty {
     /// What a candidate pays for each expected fall ([`super::fall_risk`]): the cost of losing all samples, divided by the
     /// number of `recordings`. `None` if only observed falls count.
     pub(super) fn risk_price(&self, cost: &dyn Cost, recordings: usize) -> Option<f64> {
-        let chosen = self.random && self.penalty.is_none() && self.robot == 0 && recordings > 0;
+        let chosen = self.random && self.penalty.is_none() && self.robot_rate == 0.0 && recordings > 0;
         chosen.then(|| cost.lost() / recordings as f64)
     }
 }

@@ -166,7 +166,7 @@ impl Setup {
         }
         let mut setup = Self {
             costs: several.as_ref().unwrap_or(&fit).costs(&config)?,
-            options: check::options(&config, logs.notes.as_ref().map_or(0, LogNotes::falls)),
+            options: check::options(&config, fall_rate),
             notes: logs.notes,
             alternatives,
             replicas,

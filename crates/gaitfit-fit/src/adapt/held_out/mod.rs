@@ -127,8 +127,7 @@ impl HeldOut {
     /// Max number of falls that are no doubt: 2 % of the logs, or what chance explains if the fitted robot falls as often as the
     /// real one.
     fn max_falls(&self) -> usize {
-        let expected = (self.robot_fall_rate * self.logs as f64).round() as usize;
-        max_falls_by_chance(expected).max((CHANCE * self.logs as f64) as usize)
+        max_falls_by_chance(self.robot_fall_rate * self.logs as f64).max((CHANCE * self.logs as f64) as usize)
     }
 
     /// Whether whole walks contradict the fit: no policy is to be trained in it.
