@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::outline::Outline;
-use crate::own::{Parts, SelfPair};
+use crate::self_contact::{Parts, SelfPair};
 use crate::terrain::{Ground, Obstacle};
 
 /// How the robot's first body hangs in the world.

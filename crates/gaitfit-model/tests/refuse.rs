@@ -3,7 +3,9 @@
 
 use std::path::Path;
 
-use gaitfit_model::{Model, ModelError, ReadOptions, SelfContact, SelfContactError, read, read_mjcf_str};
+use gaitfit_model::{
+    Model, ModelError, ReadOptions, SelfContact, SelfContactError, Shape, read, read_mjcf_str,
+};
 
 /// A leg on a floating base over a floor; `{...}` marks where tests insert.
 const LEG: &str = r#"<mujoco model="leg">
@@ -266,14 +268,15 @@ fn own_parts_touch_as_the_file_or_a_setting_says() {
     assert!(model.self_pairs.is_empty());
     let (of_file, left_out) = model.touching_itself(&SelfContact::File).unwrap();
     // The trunk carries all limbs; the explicit pair goes past the bits of an elbow that is only seen.
-    assert_eq!(names(&of_file), [["hand", "shin"], ["elbow", "shin"]]);
-    let [mixed, explicit] = &of_file.self_pairs[..] else { panic!() };
+    assert_eq!(names(&of_file), [["hand", "shin"], ["elbow", "shin"], ["end", "shin"]]);
+    let [mixed, explicit, boxed] = &of_file.self_pairs[..] else { panic!() };
     assert_eq!((mixed.condim, mixed.friction[0], mixed.margin), (4, 2.0, 0.0));
     assert_eq!((explicit.condim, explicit.friction[0], explicit.margin), (1, 1.0, 0.02));
     let [said] = &left_out[..] else { panic!("{left_out:?}") };
-    assert!(said.contains("1 pairs are left out (end (box) with shin (capsule))"), "{said}");
-    assert!(of_file.warnings().iter().any(|warning| warning.contains("end (box) with shin (capsule)")));
-    assert_eq!(model.self_contact_of_file(), (3, 2));
+    // A cube counts as the ball inside it.
+    assert_eq!(boxed.geoms[0].shape, Shape::Sphere { radius: 0.1 });
+    assert!(said.contains("of 1 pairs (end (box) with shin (capsule))"), "{said}");
+    assert_eq!(model.self_contact_of_file(), (3, 3));
 
     let (of_limbs, _) = model.touching_itself(&SelfContact::Limbs).unwrap();
     assert_eq!(names(&of_limbs), [["hand", "shin"]]);
@@ -289,8 +292,8 @@ fn own_parts_that_cannot_touch_are_named() {
     let unknown = wrong(&[["hands", "shin"]]).to_string();
     assert!(unknown.contains("`hands`") && unknown.contains("nearest names are hand"), "{unknown}");
     assert!(matches!(wrong(&[["[a", "shin"]]), SelfContactError::Syntax { .. }));
-    // One carries the other; excluded; the same part; a shape that is not computed.
-    for pair in [["trunk", "shin"], ["hand", "end"], ["hand", "elbow"], ["end", "shin"]] {
+    // One carries the other; excluded; the same part.
+    for pair in [["trunk", "shin"], ["hand", "end"], ["hand", "elbow"]] {
         let error = wrong(&[pair]);
         assert!(matches!(&error, SelfContactError::Nothing { .. }), "{error}");
     }

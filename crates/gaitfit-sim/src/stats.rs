@@ -7,6 +7,18 @@ pub fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
+/// Median; none of nothing.
+pub fn median(values: &[f64]) -> Option<f64> {
+    let mut values = values.to_vec();
+    values.sort_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    match values.len() {
+        0 => None,
+        odd if odd % 2 == 1 => Some(values[middle]),
+        _ => Some(0.5 * (values[middle - 1] + values[middle])),
+    }
+}
+
 /// Σ (x − x̄)² over the values; 0 of nothing.
 pub fn squares(values: &[f64]) -> f64 {
     let mean = mean(values).unwrap_or(0.0);
@@ -76,6 +88,10 @@ mod tests {
     fn intervals_by_hand() {
         // Mean 2.5, variance 5/3, standard error sqrt(5/12).
         let values = [1.0, 2.0, 3.0, 4.0];
+        assert_eq!(
+            (median(&[3.0, 1.0, 2.0, 10.0]), median(&[5.0, 1.0, 2.0]), median(&[])),
+            (Some(2.5), Some(2.0), None)
+        );
         let (estimate, error) = (Estimate::from_values(&values).unwrap(), (5.0f64 / 12.0).sqrt());
         assert!((estimate.mean - 2.5).abs() < 1e-12);
         assert!((estimate.ci95.unwrap() - 1.959_963_984_540_054 * error).abs() < 1e-12);

@@ -108,7 +108,7 @@ impl World {
     pub fn among(
         args: &WorldSettings,
         policy: Policy,
-        settings: TaskSettings,
+        mut settings: TaskSettings,
         draws: Option<&Path>,
     ) -> Result<Self, Error> {
         let mut changes = Vec::new();
@@ -135,6 +135,10 @@ impl World {
             args.theta.as_deref().map(|path| Ok::<_, Error>((path, theta::read(path)?))).transpose()?;
         let mut candidate = match &theta {
             Some((path, file)) => {
+                // The robot is simulated as it was fitted.
+                if settings.self_contact.is_off() {
+                    settings.self_contact.clone_from(&file.self_contact);
+                }
                 changes.push(format!("parameters of {}", path.display()));
                 theta::candidate(file, path, &model)?
             }

@@ -2,7 +2,7 @@
 
 use super::{Found, NetworkName, Theta, checksum, joint_parameters, networks, robot_numbers};
 use gaitfit_model::patterns::{PatternError, covered};
-use gaitfit_model::{Model, escaped, shown, shown_number};
+use gaitfit_model::{Model, SelfContact, escaped, shown, shown_number};
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
@@ -31,6 +31,9 @@ pub struct ThetaFile {
     /// Physics step of the fit, s. What `resid_act` remembers is in steps, so another step gives another network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub physics_step: Option<f64>,
+    /// Contacts of the robot's own parts that the fit simulated; absent if there were none.
+    #[serde(default, skip_serializing_if = "SelfContact::is_off")]
+    pub self_contact: SelfContact,
     /// Why walks that were not fitted contradict the fit, in words; absent if they do not, or there were none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contradicted: Option<String>,
@@ -314,6 +317,7 @@ impl ThetaFile {
             cost_name: String::new(),
             cost: None,
             physics_step: None,
+            self_contact: SelfContact::Off,
             contradicted: None,
             parameter: Vec::new(),
             network: Vec::new(),

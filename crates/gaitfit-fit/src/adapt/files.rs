@@ -103,6 +103,7 @@ fn theta(setup: &Setup, results: &AdaptResults) -> ThetaFile {
     let held = results.held_out.as_ref().filter(|_| results.standing == Standing::Contradicted);
     let mut file = ThetaFile {
         physics_step: setup.method.physics_step(),
+        self_contact: setup.method.self_contact(),
         contradicted: held.map(super::held_out::HeldOut::sentence),
         ..ThetaFile::new(&setup.theta, &found, &results.robot, &results.cost_name, results.cost)
     };

@@ -9,7 +9,7 @@ use crate::log::Log;
 use crate::settings::AdaptConfig;
 use crate::walk::walking::Walking;
 use gaitfit_adapt::Simulator;
-use gaitfit_model::Model;
+use gaitfit_model::{Model, SelfContact};
 use gaitfit_sim::Candidate;
 use std::sync::Arc;
 
@@ -131,6 +131,11 @@ impl Method {
             Self::Replay(_) => None,
             Self::Walk(walking) => Some(walking.task.walker.physics_step()),
         }
+    }
+
+    /// Which of the robot's own parts touch each other in simulations of walks.
+    pub fn self_contact(&self) -> SelfContact {
+        self.walking().map_or_else(SelfContact::default, |walking| walking.task.settings.self_contact.clone())
     }
 
     /// The policy on its robot, of a walking one.

@@ -16,6 +16,7 @@ use crate::log::Log;
 use crate::settings::{AdaptConfig, Base, check};
 use crate::walk::logs::LogNotes;
 use crate::walk::remedy::Remedies;
+use crate::walk::self_contact;
 use crate::walk::sized;
 use crate::walk::swing::SwingFindings;
 use crate::walk::walking::{self, rest_angles};
@@ -112,8 +113,7 @@ impl Setup {
         let mut theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
         let (walker, robot) = (policy.clone(), model.clone());
         let gpus = devices.open()?;
-        let method = inputs::method(&config, policy, model, &theta, &base, threads).map_err(in_robot)?;
-        let method = method.on(gpus.clone());
+        let mut method = inputs::method(&config, policy, model, &theta, &base, threads).map_err(in_robot)?;
         let mut warnings = crate::robot::remarks(method.model());
         if let Some(policy) = &walker {
             warnings.extend(policy.notes.iter().cloned());
@@ -124,6 +124,15 @@ impl Setup {
             warnings.extend(known::replaced(file, path, &theta));
         }
         let logs = Logs::read(&config, config_path, &method)?;
+        if walker.is_some() && method.self_contact().is_off() && config.simulation.self_contact.is_none() {
+            let touching = self_contact::in_logs(&robot, &logs.fit);
+            warnings.extend(touching.notes);
+            if touching.chosen.is_some() {
+                config.simulation.self_contact = touching.chosen;
+                method = inputs::method(&config, walker.clone(), robot.clone(), &theta, &base, threads)?;
+            }
+        }
+        let method = method.on(gpus.clone());
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
         let swings = swings(&config, &method, walker.as_ref(), &robot, &theta, &base, &logs.fit, watch)?;

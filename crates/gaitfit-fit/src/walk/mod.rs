@@ -15,6 +15,7 @@ pub mod rate;
 pub mod recorder;
 pub(crate) mod reference;
 pub mod remedy;
+pub mod self_contact;
 pub mod simulator;
 pub mod sized;
 pub mod swing;

@@ -5,6 +5,8 @@
 //! their siblings anyway (the median of all such differences, which one odd joint does not move) and with the error of its
 //! own estimate.
 
+use gaitfit_sim::stats;
+
 /// A joint is odd from so many deviations on.
 const LIMIT: f64 = 6.0;
 /// Differences of normal numbers have a median of their absolute values of a deviation over this.
@@ -34,7 +36,8 @@ impl Judged {
     /// Judges all joints. Springs weaker than `min` (N·m/rad) are ignored.
     pub fn new(joints: &[Stiffness<'_>], min: f64) -> Self {
         let off: Vec<f64> = (0..joints.len()).map(|at| joints[at].value - usual(joints, at)).collect();
-        let scatter = MEDIAN_TO_DEVIATION * median(off.iter().map(|off| off.abs()).collect());
+        let scatter = MEDIAN_TO_DEVIATION
+            * stats::median(&off.iter().map(|off| off.abs()).collect::<Vec<_>>()).unwrap_or(0.0);
         let limit = joints.iter().map(|joint| min.max(LIMIT * joint.deviation.hypot(scatter)));
         Self { limit: limit.collect(), off }
     }
@@ -51,18 +54,8 @@ impl Judged {
 /// Stiffness of the joint's siblings.
 fn usual(joints: &[Stiffness<'_>], at: usize) -> f64 {
     let sibling = |(other, joint): &(usize, &Stiffness<'_>)| *other != at && joint.group == joints[at].group;
-    median(joints.iter().enumerate().filter(sibling).map(|(_, joint)| joint.value).collect())
-}
-
-/// Median; 0 of nothing.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    match values.len() {
-        0 => 0.0,
-        odd if odd % 2 == 1 => values[middle],
-        _ => 0.5 * (values[middle - 1] + values[middle]),
-    }
+    let values: Vec<f64> = joints.iter().enumerate().filter(sibling).map(|(_, joint)| joint.value).collect();
+    stats::median(&values).unwrap_or(0.0)
 }
 
 #[cfg(test)]
@@ -98,6 +91,5 @@ mod tests {
         let alone = |value: f64| [Stiffness { group: "knee", value, deviation: 0.2 }];
         let judged = Judged::new(&alone(30.0), 0.5);
         assert_eq!(judged.off, [30.0]);
-        assert_eq!(median(vec![3.0, 1.0, 2.0, 10.0]), 2.5);
     }
 }

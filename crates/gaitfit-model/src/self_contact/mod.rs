@@ -3,12 +3,16 @@
 //! MuJoCo's filters decide for the file's own list: contact bits, explicit pairs, excluded bodies, and no contact between
 //! a body and the one that carries it (MuJoCo documentation, Computation, "Selection").
 
+mod distance;
+mod rod;
+
 use std::collections::BTreeSet;
 
 use globset::{Glob, GlobMatcher};
 use serde::{Deserialize, Serialize};
 
 use crate::contact::{mix, numbered};
+use crate::kinematics::{Frame, rest_frames};
 use crate::model::{ContactPair, Dropped, Geom, Model, Shape};
 use crate::shown::shown;
 use crate::spec::{GeomKind, Spec, Surface};
@@ -73,6 +77,12 @@ impl From<SelfContact> for Written {
 }
 
 impl SelfContact {
+    /// These pairs, by the names of their geoms.
+    pub fn named<'a>(pairs: impl IntoIterator<Item = &'a SelfPair>) -> Self {
+        let names = |pair: &SelfPair| [0, 1].map(|side| globset::escape(&pair.geoms[side].name));
+        SelfContact::Pairs(pairs.into_iter().map(names).collect())
+    }
+
     /// Whether no own parts touch each other.
     pub fn is_off(&self) -> bool {
         *self == SelfContact::Off
@@ -285,39 +295,55 @@ impl Parts {
         SelfContactError::Unknown { name, robot, nearest: nearest.join(", ") }
     }
 
-    /// The pair of two parts with its contact parameters; else why it is not computed.
-    fn pair(&self, a: usize, b: usize) -> Result<SelfPair, String> {
+    /// The pair of two parts with its contact parameters; else why it is not computed. `frames`: those of the robot's bodies at
+    /// rest.
+    fn pair(&self, a: usize, b: usize, frames: &[Frame]) -> Result<Computed, String> {
         let (first, second) = (&self.parts[a], &self.parts[b]);
-        let kind = |part: &Part| part.other.unwrap_or(part.geom.shape.name());
-        let order = |part: &Part| match part.geom.shape {
+        let words = |part: &Part| {
+            format!("{} ({})", shown(&part.geom.name), part.other.unwrap_or(part.geom.shape.name()))
+        };
+        let words = || [first, second].map(words).join(" with ");
+        if first.other.is_some() || second.other.is_some() {
+            return Err(words());
+        }
+        let order = |geom: &Geom| match geom.shape {
             Shape::Sphere { .. } => 0,
             Shape::Capsule { .. } => 1,
             Shape::Cylinder { .. } => 2,
             Shape::Box { .. } => 3,
         };
-        let computed = first.other.is_none()
-            && second.other.is_none()
-            && computed(&first.geom.shape, &second.geom.shape);
-        if !computed {
-            let words = [first, second].map(|part| format!("{} ({})", shown(&part.geom.name), kind(part)));
-            return Err(words.join(" with "));
+        let mut geoms = [first.geom.clone(), second.geom.clone()];
+        let as_rods = !computed(&geoms[0].shape, &geoms[1].shape);
+        if as_rods {
+            geoms = rod::in_place_of_both(&geoms, frames);
         }
+        if !computed(&geoms[0].shape, &geoms[1].shape) {
+            return Err(words());
+        }
+        geoms.sort_by_key(order);
         let explicit = self.pairs.iter().find(|(parts, _)| *parts == [a, b]);
         let contact = match explicit {
             Some((_, contact)) => contact.clone(),
             None => mix(&first.surface, &second.surface),
         };
-        let (first, second) = if order(first) <= order(second) { (first, second) } else { (second, first) };
-        Ok(SelfPair {
-            geoms: [first.geom.clone(), second.geom.clone()],
+        let pair = SelfPair {
+            geoms,
             condim: contact.condim,
             friction: contact.friction.map(crate::contact::at_least),
             solref: contact.solref,
             solreffriction: contact.solreffriction,
             solimp: contact.solimp,
             margin: contact.margin,
-        })
+        };
+        Ok(Computed { pair, simplified: as_rods.then(words) })
     }
+}
+
+/// A pair whose contact is computed.
+struct Computed {
+    pair: SelfPair,
+    /// Names of the two parts, if a rod stands for one of them.
+    simplified: Option<String>,
 }
 
 /// Whether the contact of two shapes is computed.
@@ -332,7 +358,7 @@ fn computed(a: &Shape, b: &Shape) -> bool {
 }
 
 impl Model {
-    /// The robot with own parts that touch each other, and in words what of it is left out.
+    /// The robot with own parts that touch each other, and in words what of it is simplified or left out.
     ///
     /// # Errors
     /// Names of nothing, and nothing left of what is asked for.
@@ -368,26 +394,32 @@ impl Model {
         };
         let mut model = self.clone();
         model.self_pairs.clear();
-        let (mut others, mut count) = (Vec::new(), 0);
+        let (mut others, mut simplified) = (Vec::new(), Vec::new());
+        let frames = rest_frames(self);
         for [a, b] in wanted {
-            match parts.pair(a, b) {
-                Ok(pair) if model.self_pairs.len() < MAX_PAIRS => model.self_pairs.push(pair),
-                Ok(_) => return Err(SelfContactError::TooMany),
-                Err(words) => {
-                    count += 1;
-                    if others.len() < MAX_NAMES {
-                        others.push(words);
-                    }
+            match parts.pair(a, b, &frames) {
+                Ok(found) if model.self_pairs.len() < MAX_PAIRS => {
+                    model.self_pairs.push(found.pair);
+                    simplified.extend(found.simplified);
                 }
+                Ok(_) => return Err(SelfContactError::TooMany),
+                Err(words) => others.push(words),
             }
         }
-        if count > 0 {
-            let shapes = "spheres touch spheres, capsules and boxes, and capsules touch capsules";
-            let more = if count > MAX_NAMES { ", ..." } else { "" };
-            let words = others.join(", ");
-            left_out.push(format!("self_contact: {count} pairs are left out ({words}{more}): {shapes}"));
+        if !simplified.is_empty() {
+            left_out.push(format!(
+                "self_contact: rods stand for the boxes and cylinders of {} pairs ({}): a box has the edge that faces the \
+                 other part",
+                simplified.len(),
+                some(&simplified)
+            ));
+        }
+        if !others.is_empty() {
+            let shapes = "meshes, ellipsoids and short cylinders touch only the ground";
+            let (count, words) = (others.len(), some(&others));
+            left_out.push(format!("self_contact: {count} pairs are left out ({words}): {shapes}"));
             model.dropped.push(Dropped {
-                what: format!("the contact of {count} pairs of its own parts ({words}{more})"),
+                what: format!("the contact of {count} pairs of its own parts ({words})"),
                 why: shapes.to_owned(),
                 line: 0,
                 column: 0,
@@ -403,8 +435,15 @@ impl Model {
 
     /// How many pairs of own parts the file lets touch, and of how many of them the contact is computed.
     pub fn self_contact_of_file(&self) -> (usize, usize) {
-        let pairs = self.parts.of_file();
-        let known = pairs.iter().filter(|[a, b]| self.parts.pair(*a, *b).is_ok()).count();
+        let (parts, frames) = (&self.parts, rest_frames(self));
+        let pairs = parts.of_file();
+        let known = pairs.iter().filter(|[a, b]| parts.pair(*a, *b, &frames).is_ok()).count();
         (pairs.len(), known)
     }
+}
+
+/// The first of some names, and whether there are more.
+fn some(names: &[String]) -> String {
+    let more = if names.len() > MAX_NAMES { ", ..." } else { "" };
+    format!("{}{more}", names[..names.len().min(MAX_NAMES)].join(", "))
 }
