@@ -262,8 +262,9 @@ class Falls(Settings):
 
     Attributes:
         margin_seconds: What is cut from a log before a fall, s.
-        penalty: Added to a candidate's cost times the share of the logs in which it falls; absent: chosen so that a
-            candidate that falls never beats one that stands, if the robot never fell.
+        penalty: Price of a fall in every log: a candidate pays it times the share of the logs in which it falls. By
+            default, if the robot never fell, a candidate that falls never beats one that stands; else it pays only for
+            more falls than the robot's, beyond chance.
 
     >>> settings = Fit(falls=Falls(margin_seconds=0.5))
     """

@@ -193,8 +193,9 @@ pub struct FallsConfig {
     /// What is cut from a log before a fall, s; see [`AdaptConfig::fall_margin`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub margin_seconds: Option<f64>,
-    /// Added to a candidate's cost times the share of the logs in which it falls; absent: chosen so that a candidate
-    /// that falls never beats one that stands, if the robot never fell.
+    /// Price of a fall in every log: a candidate pays it times the share of the logs in which it falls. By default, if the robot
+    /// never fell, a candidate that falls never beats one that stands; else it pays only for more falls than the robot's, beyond
+    /// chance.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub penalty: Option<f64>,
 }
