@@ -188,7 +188,7 @@ pub struct Loop {
 pub struct Reproduce {
     /// Name of the table; `list` prints all names with their times
     pub table: String,
-    /// The paper's scale instead of one for two cores
+    /// Run at the paper's scale instead of a scale for two cores
     #[arg(long)]
     pub full: bool,
     /// Repetitions of every cell with other seeds
