@@ -97,7 +97,7 @@ pub(super) fn validation_checks(
     checks
 }
 
-/// The checks that failed, in words; none if all hold.
+/// The checks that failed, in words; `None` if all hold.
 pub fn failed(checks: &[Check]) -> Option<String> {
     let failed: Vec<String> = checks.iter().filter(|check| !check.passed).map(Check::text).collect();
     (!failed.is_empty()).then(|| format!("a check failed: {}", failed.join("; ")))

@@ -197,7 +197,7 @@ impl CostFit {
 }
 
 impl AdaptResults {
-    /// The checks that failed, in words; none if all hold.
+    /// The checks that failed, in words; `None` if all hold.
     pub fn failed_check(&self) -> Option<String> {
         super::check::failed(&self.checks)
     }

@@ -164,7 +164,7 @@ pub(super) fn validation(
     Ok(found)
 }
 
-/// A cost against a set; none if it resets the simulation, which validation lets run.
+/// A cost against a set; `None` if it resets the simulation, which validation lets run.
 fn free_running(kind: CostKind, set: &LogSet) -> Result<Option<Box<dyn Cost>>, Error> {
     if kind.is_privileged() {
         return Ok(None);

@@ -71,7 +71,7 @@ pub struct ValidateResults {
 }
 
 impl ValidateResults {
-    /// The checks that failed, in words; none if all hold.
+    /// The checks that failed, in words; `None` if all hold.
     pub fn failed_check(&self) -> Option<String> {
         super::check::failed(&self.checks)
     }

@@ -11,7 +11,7 @@
 //! a bound the logs pull, on which the correction of a value that rests on one depends.
 //!
 //! How a fit answers to a change of the robot is learnt from all rounds ([`Response`]), for values that make up for each
-//! other are hard to tell apart. Rounds go on until what is missing is no more than the choice of noise moves it. Where fits
+//! other are hard to tell apart. Rounds continue until what is missing is no more than the choice of noise moves it. Where fits
 //! answer weakly to some change of the robot, what a round misses says little of how far the robot is off that way: some
 //! rounds then go far along that change, to learn the answer.
 //!

@@ -136,7 +136,7 @@ impl HeldOut {
         matches!(self.verdict(), Verdict::WorseThanNominal | Verdict::Falls)
     }
 
-    /// Why the fit must not be taken as it stands; none if it explains the logs nearly as well as the robot does.
+    /// Why the fit must not be taken as it stands; `None` if it explains the logs nearly as well as the robot does.
     pub fn doubt(&self) -> Option<Doubt> {
         let kind = match self.verdict() {
             Verdict::Misfit => DoubtKind::Misfit,
