@@ -7,7 +7,7 @@ use std::sync::Arc;
 /// pre-roll to a fall ([`crate::Signals::fell_at`]).
 #[derive(Clone, Copy, Debug)]
 pub enum Pieces<'a> {
-    /// The Wasserstein-1 distance of each dimension, of the pooled samples that count, unscaled. Not looked at where none
+    /// The Wasserstein-1 distance of each dimension, of the pooled samples that count, unscaled. It is not used if no sample
     /// counts.
     Distances(Compared<'a>),
     /// The sum of squared differences of each dimension, over the samples that count, recordings summed in their order,
@@ -20,7 +20,7 @@ pub enum Pieces<'a> {
 pub struct Compared<'a> {
     /// The robot's side.
     pub reference: &'a Arc<Reference>,
-    /// Of the groups of signals; those with weight 0 are not looked at.
+    /// Weights of the groups of signals. Groups with weight 0 are not used.
     pub weights: Weights,
 }
 
@@ -32,8 +32,8 @@ impl<'a> Pieces<'a> {
         }
     }
 
-    /// The cost of a candidate with these pieces, one a signal and dimension, and the samples of all recordings that its
-    /// falls lost. Not finite where a piece is not.
+    /// The cost of a candidate with these pieces, one for each signal and dimension. `lost`: the samples of all recordings that
+    /// its falls lost. It is not finite if a piece is not.
     pub fn total(&self, lost: usize, piece: impl FnMut(Signal, usize) -> f64) -> f64 {
         let Compared { reference, weights } = self.compared();
         let counted = reference.counted();
