@@ -47,7 +47,7 @@ pub struct Theta {
     strengths: Vec<Option<usize>>,
     /// The same with [`Theta::load`].
     loads: Vec<Option<usize>>,
-    /// What a distance of one standard error from a prior adds to the cost.
+    /// Cost of a distance of one standard error from a prior.
     prior_weight: f64,
 }
 
