@@ -7,7 +7,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// How old a state and how late a loop may be on a robot, ms.
+/// Max age of a state and max delay of a loop on a robot, ms.
 pub const PATIENCE: u16 = 20;
 
 /// A robot that a policy may run on.
@@ -52,7 +52,7 @@ impl RobotKind {
     }
 }
 
-/// How a robot is reached and armed: of `run`, and of `collect` on a robot.
+/// The link to a robot, and how it is armed: for `run`, and for `collect` on a robot.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "On a robot")]
 pub struct LinkArgs {
