@@ -1,4 +1,4 @@
-//! What can be wrong with settings, answers and saved states.
+//! Errors of settings, answers and saved states.
 
 /// Why the optimiser refuses to start, continue or resume.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

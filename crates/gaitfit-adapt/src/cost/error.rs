@@ -1,4 +1,4 @@
-//! What can be wrong with the two sides of a comparison.
+//! Errors of the two sides of a comparison.
 
 use super::Signal;
 

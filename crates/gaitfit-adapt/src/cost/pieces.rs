@@ -1,9 +1,9 @@
-//! What costs are computed from, for simulators that compare signals themselves, for example on a GPU.
+//! The numbers from which costs are computed, for simulators that compare signals themselves, for example on a GPU.
 
 use super::{Breakdown, GroupCost, LOST, Reference, Signal, Weights};
 use std::sync::Arc;
 
-/// What a cost needs of a candidate's signals besides the samples that its falls lost. Samples count from the end of the
+/// The numbers of a candidate's signals that a cost needs, besides the samples that its falls lost. Samples count from the end of the
 /// pre-roll to a fall ([`crate::Signals::fell_at`]).
 #[derive(Clone, Copy, Debug)]
 pub enum Pieces<'a> {
@@ -15,7 +15,7 @@ pub enum Pieces<'a> {
     Squares(Compared<'a>),
 }
 
-/// What is compared.
+/// The two sides of a comparison.
 #[derive(Clone, Copy, Debug)]
 pub struct Compared<'a> {
     /// The robot's side.
@@ -25,7 +25,7 @@ pub struct Compared<'a> {
 }
 
 impl<'a> Pieces<'a> {
-    /// What is compared.
+    /// The two sides of the comparison.
     pub fn compared(&self) -> Compared<'a> {
         match *self {
             Self::Distances(compared) | Self::Squares(compared) => compared,

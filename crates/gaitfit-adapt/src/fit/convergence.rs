@@ -79,7 +79,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     reasons
 }
 
-/// That most seeds of least squares ended at other values than the best one, if they did.
+/// A sentence if most seeds of least squares ended at other values than the best one.
 fn elsewhere(outcome: &CostOutcome) -> Option<String> {
     outcome.uncertainty.as_ref().filter(|_| outcome.runs.len() > 1)?;
     let far = |one: &ParameterOutcome, value: f64| {

@@ -1,4 +1,4 @@
-//! What a fall costs.
+//! The cost of falls.
 
 use crate::cost::Cost;
 use serde::{Deserialize, Serialize};
