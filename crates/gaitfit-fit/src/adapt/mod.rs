@@ -100,7 +100,7 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
     Ok(results)
 }
 
-/// What a GPU does not simulate.
+/// The work that a GPU does not simulate.
 fn on_the_cpu(setup: &Setup) -> Option<String> {
     let names: Vec<String> =
         setup.config.costs.iter().filter(|cost| cost.needs_imu()).map(ToString::to_string).collect();

@@ -122,7 +122,7 @@ pub fn cut_felt(
     Ok(left)
 }
 
-/// What was cut, in words.
+/// Sentences about the cuts.
 pub fn cut_text(cuts: &[Cut], logs: usize) -> Vec<String> {
     let mut warnings = Vec::new();
     for (fall, what) in [(true, "the robot fell"), (false, "samples were lost")] {

@@ -11,7 +11,7 @@ use gaitfit_sim::Candidate;
 use gaitfit_swing::{Effect, EffectKind};
 use serde::{Deserialize, Serialize};
 
-/// What a cause is.
+/// The kind of a cause.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CauseKind {
@@ -38,7 +38,7 @@ pub enum CauseKind {
 /// Something that the robot has and its model lacks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cause {
-    /// What it is.
+    /// The kind.
     pub kind: CauseKind,
     /// The joint group or joint that has it; empty where it is of the whole robot.
     pub of: String,

@@ -86,7 +86,7 @@ pub struct Read {
     pub sidecars: Vec<PathBuf>,
     /// The log's own names of the joints.
     pub joints: Vec<String>,
-    /// What reading the log changed.
+    /// Changes that reading the log made.
     pub noticed: Vec<Finding>,
     /// Findings that the log itself allows.
     allowed: Vec<FindingKind>,

@@ -21,7 +21,7 @@ const BASE_SPEED: f64 = 0.1;
 /// Makes logs under the commands of others.
 pub struct Recorder {
     walking: Arc<Walking>,
-    /// What θ changes.
+    /// The robot that θ changes.
     base: Candidate,
     scripts: Vec<Script>,
     /// The same, as if the logs had joints and commands alone.
@@ -205,7 +205,7 @@ fn kept(track: &Track, joints: usize, from: usize) -> Predicted {
     }
 }
 
-/// What a robot recorded, the policy's joint order.
+/// The recording of a robot, in the policy's joint order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recorded {
     position: Vec<f64>,
@@ -220,7 +220,7 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// What `walker` did under `script`, as the simulation recorded it.
+    /// The recording of `walker` under `script` in the simulation.
     pub fn new(walker: &Walker, script: &Script, track: &Track) -> Self {
         let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect();
         let joints = walker.default_pose.len();

@@ -19,7 +19,7 @@ pub struct WalkSimulator {
     /// Joints of the signals are the policy's.
     identity: Identity,
     walking: Arc<Walking>,
-    /// What θ changes.
+    /// The robot that θ changes.
     base: Candidate,
     scripts: Vec<Script>,
     /// Rows that logs lost, one entry for each log; empty if no log lost rows.
@@ -54,7 +54,7 @@ impl WalkSimulator {
         &self.walking
     }
 
-    /// What the simulated robots follow.
+    /// The scripts of the simulated robots.
     pub fn scripts(&self) -> &[Script] {
         &self.scripts
     }
@@ -238,7 +238,7 @@ fn near(walker: &Walker, start: &Start, stream: Stream) -> Start {
     }
 }
 
-/// What logs call the measurements of an IMU.
+/// The columns of a log with the readings of an IMU.
 pub const IMU_COLUMNS: &str =
     "base_quat_w, base_quat_x, base_quat_y, base_quat_z (or roll, pitch, yaw) and wx, wy, wz";
 

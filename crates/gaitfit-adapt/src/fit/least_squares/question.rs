@@ -59,7 +59,7 @@ pub struct Question {
 /// How a step follows from differences.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Slope {
-    /// Size of the differences.
+    /// Loss of the differences.
     pub(super) loss: Loss,
     /// Entries that may move.
     pub(super) moving: Vec<bool>,

@@ -31,7 +31,7 @@ const CHANCE: f64 = 0.02;
 pub struct HeldOut {
     /// Logs, or stretches of logs, that were compared.
     pub logs: usize,
-    /// What counts of them together, s.
+    /// Total time of them that counts, s.
     pub seconds: f64,
     /// `wass` of the fitted robot; absent if it diverged. The robot's range is 2 in each of the three signals.
     pub cost: Option<f64>,
@@ -72,11 +72,11 @@ pub struct Distance {
     pub joint: String,
     /// Signal.
     pub signal: Signal,
-    /// Of the fitted robot.
+    /// Distance of the fitted robot.
     pub fitted: Option<f64>,
-    /// Of the robot before the fit.
+    /// Distance of the robot before the fit.
     pub nominal: Option<f64>,
-    /// Of one half of the blocks to the other half, mean over the draws.
+    /// Distance of one half of the blocks to the other half, mean over the draws.
     pub floor: Option<f64>,
 }
 
