@@ -20,13 +20,13 @@ def read_log(path: str | os.PathLike[str], allow: Sequence[str] = ()) -> Log:
 
     Arguments:
         path: The file.
-        allow: Names of findings that do not forbid the log (:attr:`Finding.kind`).
+        allow: Names of findings that are allowed (:attr:`Finding.kind`): the log is read in spite of them.
 
     Returns the log, joints in the file's order.
 
-    Raises ``FileNotFoundError`` if there is no file, and :class:`gaitfit.GaitfitError` for a file that cannot be read, where
-    the text names the line, and for a log that ``gaitfit inspect`` forbids. Parts in which the robot falls, hangs or is stuck
-    are yours to cut.
+    Raises ``FileNotFoundError`` if there is no file, and :class:`gaitfit.GaitfitError` for a file that cannot be read (the message
+    names the line) and for a log that ``gaitfit inspect`` forbids. It does not cut parts in which the robot falls, hangs or is
+    stuck.
 
     >>> log = gaitfit.read_log("examples/go2-demo/fit.csv")
     >>> log.position.shape, log.dt

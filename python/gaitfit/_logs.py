@@ -40,9 +40,9 @@ class Finding:
     Attributes:
         kind: Its name, for example ``"time-gap"``; ``allow`` takes it.
         severity: ``"error"``: the log, or the part that is named, must not be used as it is. ``"warning"``: results may
-            suffer. ``"note"``: worth knowing.
+            be worse. ``"note"``: worth knowing.
         message: What was found, in numbers, and what to do.
-        joints: The joints concerned; empty where it is not a matter of joints.
+        joints: The joints concerned; empty if the finding is not about joints.
         samples: The samples concerned, ``log[samples]``; ``None``: the whole log.
 
     >>> log = gaitfit.Log.from_arrays(joints=["knee"], time=[0.0, 2.0, 1.0], position=[[0.0]] * 3, velocity=[[0.0]] * 3)
@@ -62,6 +62,9 @@ class Log:
     """One recorded run of the robot, joints in the order of ``joints``. :func:`read_log`, :meth:`from_arrays` and
     :meth:`from_dataframe` make one. Arrays are 64-bit; two logs are equal if all their numbers are.
 
+    A ``Log`` does not keep the lead of targets (``target_lead_s``) and the place in a motion (``motion_time``,
+    ``motion_heading``) of a file. If a log states these, give its file to :func:`gaitfit.fit`, not a ``Log``.
+
     Attributes:
         position: Joint positions, rad, shape ``(samples, joints)``.
         velocity: Joint velocities, rad/s, shape ``(samples, joints)``.
@@ -71,17 +74,17 @@ class Log:
         joints: Names of the joints.
         kp: Position gains, N·m/rad, shape ``(joints,)``.
         kd: Velocity gains, N·m·s/rad, shape ``(joints,)``.
-        command: What the robot was asked to do: ahead and to the left, m/s, and turning, rad/s; shape ``(samples, 3)``.
+        command: Commanded velocity ahead and to the left, m/s, and yaw rate, rad/s; shape ``(samples, 3)``.
         time: Times of the samples, s, shape ``(samples,)``.
         base_position: Position of the base, m, world frame, shape ``(samples, 3)``.
         base_quaternion: Its orientation, wxyz, shape ``(samples, 4)``.
         base_linear_velocity: Its velocity, m/s, world frame, shape ``(samples, 3)``.
-        base_angular_velocity: Its angular velocity, rad/s, body frame, shape ``(samples, 3)``: what a gyroscope reads.
+        base_angular_velocity: Its angular velocity, as a gyroscope reads it, rad/s, body frame, shape ``(samples, 3)``.
         robot: Name of the robot.
         simulated_step: Physics step of the simulator that made the log, s; ``None`` for a real robot.
         fell: Whether the recording ends because the robot fell.
 
-    Raises ``ValueError`` for arrays whose shapes do not fit together, ``TypeError`` for what is no array of numbers.
+    Raises ``ValueError`` for arrays whose shapes do not fit together, and ``TypeError`` for a value that is not an array of numbers.
 
     >>> log = gaitfit.read_log("examples/go2-demo/fit.csv")
     >>> len(log), log.position.shape, len(log[:200])
@@ -164,7 +167,7 @@ class Log:
         base_angular_velocity: ArrayLike | None = None,
         robot: str | None = None,
     ) -> Log:
-        """A log of arrays or lists, with shapes and units of the fields. One of ``dt`` and ``time`` is needed; ``kp`` and
+        """Makes a log from arrays or lists, with the shapes and units of the fields. It needs ``dt`` or ``time``; ``kp`` and
         ``kd`` are one number for all joints, or one for each.
 
         Arguments:
@@ -202,12 +205,12 @@ class Log:
         robot: str | None = None,
         names: Mapping[str, str] | None = None,
     ) -> Log:
-        """A log of a table with the columns of a CSV log. Other columns are left out.
+        """Makes a log from a table with the columns of a CSV log. Other columns are left out.
 
-        Each joint J, named as in the robot's file, has ``q_J``, its position, rad, and ``dq_J``, its velocity, rad/s. A fit
-        needs ``qdes_J`` too, the target that it was sent, rad; walks may have ``act_J``, the policy's action, instead. ``time``
-        is in s. Of the base there may be ``base_quat_w`` to ``base_quat_z`` (orientation), ``wx``, ``wy``, ``wz`` (gyroscope,
-        rad/s), ``base_pos_x`` … (m) and ``base_vel_x`` … (m/s), world frame; of commands ``vx_cmd``, ``vy_cmd`` (m/s)
+        Each joint J, named as in the robot's file, has the columns ``q_J``, its position, rad, and ``dq_J``, its velocity, rad/s.
+        A fit also needs ``qdes_J``, the target that the joint was sent, rad; walks may have ``act_J``, the policy's action,
+        instead. ``time`` is in s. The base may have ``base_quat_w`` to ``base_quat_z`` (orientation), ``wx``, ``wy``, ``wz``
+        (gyroscope, rad/s), ``base_pos_x`` … (m) and ``base_vel_x`` … (m/s), world frame. Commands are ``vx_cmd``, ``vy_cmd`` (m/s)
         and ``wz_cmd`` (rad/s).
 
         Arguments:
@@ -216,10 +219,10 @@ class Log:
             kp: Position gains of the PD controllers, N·m/rad: one for all joints, or one for each in the columns' order.
             kd: Velocity gains, N·m·s/rad, likewise.
             robot: Name of the robot.
-            names: The table's own names of columns, each with its name in a log: ``{"t": "time", "knee_pos": "q_knee"}``. Other
-                columns keep theirs.
+            names: Names of columns in the table, each with its name in a log: ``{"t": "time", "knee_pos": "q_knee"}``. Other
+                columns keep their names.
 
-        Raises ``ValueError`` where a column is missing.
+        Raises ``ValueError`` if a column is missing.
 
         >>> log = Log.from_dataframe({"time": [0.0, 0.1], "q_knee": [0.0, 1.0], "dq_knee": [10.0, 10.0]})
         >>> log.joints, log.dt
@@ -280,7 +283,8 @@ class Log:
         return Log(**cut)
 
     def between(self, start: float | None = None, end: float | None = None) -> Log:
-        """The samples from the time ``start`` to before ``end``, s, by the log's own clock (:attr:`time`, else from 0).
+        """The samples from the time ``start`` to before ``end``, s, by the log's own clock (:attr:`time`; without it, time begins at
+        0).
         Raises ``ValueError`` for a log without ``dt`` and ``time``.
 
         >>> log = Log.from_arrays(joints=["a"], dt=0.5, position=[[0.0]] * 6, velocity=[[0.0]] * 6)
@@ -294,7 +298,7 @@ class Log:
 
     @property
     def duration(self) -> float:
-        """From the first to the last sample, s."""
+        """Time from the first to the last sample, s."""
         times = self._times()
         return float(times[-1] - times[0]) if len(times) else 0.0
 
@@ -322,7 +326,7 @@ class Log:
         return pandas.DataFrame(self.columns())
 
     def check(self) -> tuple[Finding, ...]:
-        """What the checks of ``gaitfit inspect`` find in the log, the worst first: units, gaps, joints that do not follow,
+        """The findings of ``gaitfit inspect`` in the log, the worst first: units, gaps, joints that do not follow,
         falls. Needs ``joints``, and ``dt`` or ``time``.
 
         >>> for finding in log.check():      # doctest: +SKIP
@@ -333,7 +337,7 @@ class Log:
         return tuple(sorted((_finding(one) for one in found), key=lambda one: order.index(one.severity)))
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Writes the log as CSV to ``path``: :func:`read_log` gives the same numbers back. Needs ``joints``, and ``dt`` or ``time``.
+        """Writes the log as CSV to ``path``; :func:`read_log` reads the same log again. Needs ``joints``, and ``dt`` or ``time``.
 
         Raises :class:`gaitfit.GaitfitError` for a log that lacks them, and ``FileNotFoundError`` or ``PermissionError`` where the
         file cannot be written.
@@ -341,7 +345,9 @@ class Log:
         _gaitfit.write_log(named("path", path), self.native())
 
     def plot(self, joints: Sequence[str] | None = None) -> Figure:
-        """Position and target of some ``joints`` over time (:func:`gaitfit.plots.log`), without any of the first three. Needs ``matplotlib``.
+        """Draws position and target of some ``joints``, by default of the first three, over time (:func:`gaitfit.plots.log`). Needs
+        ``matplotlib``.
+
         Raises ``ValueError`` for a joint that the log does not have."""
         from .plots import log
 

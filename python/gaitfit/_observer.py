@@ -15,8 +15,8 @@ Array = NDArray[np.float32]
 
 
 class Observer:
-    """Makes the observations of a policy from what your robot or simulator reads, for a loop of your own: the terms in their
-    order, scaled, joint positions less the default pose, and past frames.
+    """Makes the observations of a policy from the sensor readings of your robot or simulator, for a loop of your own: the terms in
+    their order, scaled, joint positions less the default pose, and past frames. It refuses policies that follow a motion.
 
     Arguments:
         interface: What the policy sees: ``gaitfit.load_policy(file).interface``.
@@ -49,10 +49,10 @@ class Observer:
         self.quantities: list[str] = list(self._widths)
 
     def reset(self, rows: Iterable[int] | None = None) -> None:
-        """Episodes begin: past frames, actions and time are forgotten. ``rows`` are the numbers of these robots; without them
-        all are.
+        """Begins new episodes: past frames, actions and time are forgotten. ``rows`` are the numbers of the robots whose episodes
+        begin; by default those of all robots begin.
 
-        Raises ``IndexError`` for a robot that was not observed.
+        Raises ``IndexError`` for a number that no observed robot has.
         """
         self._native.reset(None if rows is None else [count("a row", row, 0) for row in rows])
 
@@ -60,9 +60,10 @@ class Observer:
         """The observation of this control period.
 
         Arguments:
-            quantities: All of :attr:`quantities` by name, as :class:`gaitfit.Term` lists them, unscaled: each of its numbers, or
-                of shape ``(robots, numbers)``. ``joint_position`` is what the encoders read, rad. ``last_action`` is the
-                policy's last action, zeros at first. Joints are in the order of ``interface.joints``.
+            quantities: All of :attr:`quantities` by name, as :class:`gaitfit.Term` lists them, unscaled: each an array of shape
+                ``(numbers,)``, or of shape ``(robots, numbers)``. ``joint_position`` is what the encoders read, rad.
+                ``last_action`` is the policy's last action; it begins with zeros. Joints are in the order of
+                ``interface.joints``.
 
         Returns the row, shape ``(observation,)``, or with several robots ``(robots, observation)``.
 

@@ -73,9 +73,9 @@ class FitOutcome:
         cost: Its cost.
         spread: Standard deviation of the seeds' best values by name; ``None`` with one seed.
         intervals: By name the range, ``(lower, upper)``, in which the logs do not distinguish a value from the best one;
-            ``None`` where it was not measured.
+            ``None`` if it was not measured.
         at_bound: Names of values at a bound.
-        document: All of it as plain data, as JSON has it, with each seed's run.
+        document: The outcome as plain data, as JSON has it, with the run of each seed.
 
     >>> outcome = FitOutcome({"delay": 0.007}, 0.1, {"delay": None}, None, [], {})
     >>> outcome.values["delay"]
@@ -124,8 +124,8 @@ def fit_simulator(
     """Searches the parameters with which a simulator of your own moves like the robot, by CMA-ES.
 
     Arguments:
-        simulate: A :class:`Simulator`: it gets an array of shape ``(candidates, parameters)``, all seeds' candidates together,
-            and returns the signals of all of them on every log. It is called on the calling thread.
+        simulate: A :class:`Simulator`: it gets an array of shape ``(candidates, parameters)`` with the candidates of all seeds, and
+            returns their signals on every log. It is called on the calling thread.
         logs: The logs that it is compared with.
         parameters: What is searched.
         joints: Names of the signals' columns; by default those of the first log.
@@ -133,14 +133,14 @@ def fit_simulator(
         seeds: One search each.
         generations: Largest number of generations of a search.
         population: Candidates a generation; 0 takes 4 + ⌊3 ln n⌋ for n parameters.
-        tolerance: A search ends when its spread has shrunk to this share of its start.
-        skip: So many first samples of every log do not count.
-        checkpoint: A file in which the state is saved after every generation; a later call with the same arguments continues
-            it, to the same bits.
+        tolerance: A search ends when its spread has shrunk to this share of its first spread.
+        skip: Number of samples at the start of every log that do not count.
+        checkpoint: A file that keeps the state after every generation. A later call with the same arguments continues the search,
+            to the same bits.
         intervals: Whether to measure at the end how well the logs determine each value, with further simulations.
         progress: As for :func:`fit`.
 
-    Returns the best values, and what is known about them.
+    Returns the best values with their costs and spreads.
 
     Raises ``ValueError`` for arrays of a wrong shape, :class:`GaitfitError` for a search that cannot continue, :class:`Stopped`
     if ``progress`` returned ``False``, and whatever ``simulate`` itself raises.

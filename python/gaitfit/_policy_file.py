@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 
 class LoadedPolicy:
-    """A policy of a file at work: called with observations it returns actions. :func:`load_policy` makes one.
+    """A policy that was read from a file. Call it with observations, and it returns actions. :func:`load_policy` makes one.
 
-    It is a path, too: wherever a policy's file is taken, for example by :func:`evaluate`, a loaded policy is.
+    It is a path, too: functions that take a policy's file, such as :func:`evaluate`, also take a loaded policy.
 
     Attributes:
-        interface: What it sees, and what its actions mean.
-        task: The settings of its task, as TOML; empty where they are not known.
+        interface: What it observes, and what its actions mean.
+        task: The settings of its task, as TOML; empty if they are not known.
         file: Its file.
-        is_recurrent: Whether it remembers what it observed (GRU, LSTM). Then the rows of one call after another are the same
-            robots, and :meth:`reset` makes it forget.
+        is_recurrent: Whether it remembers what it observed (GRU, LSTM). Then row 0 of every call must be the same robot, and so on,
+            and :meth:`reset` makes it forget.
         notes: What was assumed when the file was read.
 
     >>> policy = gaitfit.load_policy("assets/go2-walk.safetensors")
@@ -66,11 +66,11 @@ class LoadedPolicy:
 
         Arguments:
             observation: Shape ``(robots, observation)``, or ``(observation,)`` for one robot, scaled as the interface's terms
-                say. Normalisation of the policy's own is applied here.
+                state. The policy's own normalisation is applied here.
 
         Returns actions of shape ``(robots, joints)`` or ``(joints,)``.
 
-        Raises ``ValueError`` for an observation of another width, or that is not finite, and ``RuntimeError`` if another thread uses
+        Raises ``ValueError`` for an observation that has another width or is not finite, and ``RuntimeError`` if another thread uses
         the policy.
         """
         array = self._observation(observation)
@@ -89,9 +89,9 @@ class LoadedPolicy:
         return array
 
     def reset(self, rows: Iterable[int] | None = None) -> None:
-        """The episodes of these rows begin: a recurrent policy forgets them. Without ``rows`` all do.
+        """Begins new episodes for these rows, by default for all: a recurrent policy forgets what it observed.
 
-        Raises ``ValueError`` for a row that the policy did not act for.
+        Raises ``ValueError`` for a row for which the policy has not acted.
         """
         several = None if rows is None else [count("a row", row, 0) for row in items("rows", rows, "whole numbers")]
         with self._alone():
@@ -104,15 +104,15 @@ class LoadedPolicy:
         episode_start: ArrayLike | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], tuple[NDArray[np.float32], ...] | None]:
-        """Actions as Stable-Baselines3's ``predict`` gives them: ``(actions, state)``. What a call of the policy itself
-        remembers is not used and stays as it is.
+        """Returns ``(actions, state)``, as Stable-Baselines3's ``predict`` does. The memory of calls of the policy itself is not used
+        and does not change.
 
         Arguments:
             observation: As for a call.
-            state: The state that the last ``predict`` returned; ``None`` where all episodes begin. Of a recurrent policy it is one
+            state: The state that the last ``predict`` returned; ``None`` if all episodes begin. For a recurrent policy it is one
                 array of shape ``(robots, numbers)``, in a tuple. Other policies need none.
-            episode_start: Whose episodes begin, shape ``(robots,)``: a recurrent policy forgets them first.
-            deterministic: ``True``. Files have mean actions; draws around them are the learner's.
+            episode_start: Which robots begin an episode, shape ``(robots,)``: a recurrent policy forgets these first.
+            deterministic: Must be ``True``: files have only the mean actions.
 
         Returns the actions, and the state for the next call, ``None`` unless the policy is recurrent.
 
@@ -148,9 +148,9 @@ class LoadedPolicy:
     def to_torch(self) -> torch.nn.Module:
         """The policy as a ``torch.nn.Module`` with its normalisation, ready to be trained further. Needs ``torch``.
 
-        It takes observations of shape ``(robots, observation)`` and gives mean actions of shape ``(robots, joints)``.
+        It takes observations of shape ``(robots, observation)`` and returns mean actions of shape ``(robots, joints)``.
 
-        The module of a recurrent policy gives ``(actions, state)``, and takes that state with the next observation:
+        The module of a recurrent policy returns ``(actions, state)``, and takes that state with the next observation:
         ``actions, state = module(observation, state)``. The state has the shape ``(robots, module.state_width)``; ``None`` and
         rows of zeros begin an episode. Observations of shape ``(steps, robots, observation)`` are steps that follow each other.
 
@@ -177,8 +177,8 @@ class LoadedPolicy:
 def load_policy(file: str | os.PathLike[str]) -> LoadedPolicy:
     """Reads a policy of any kind that the program reads: ``.safetensors``, ``.onnx`` or a ``.toml`` that describes one.
 
-    Returns the policy, which is called with observations. ``policy.interface`` says what they are, in which order and scale, and
-    how an action becomes the joints' targets: :class:`Interface`, :class:`Term`.
+    Returns the policy, which you call with observations. ``policy.interface`` states what these contain, in which order and scale,
+    and how an action becomes the joints' targets: :class:`Interface`, :class:`Term`.
 
     Raises ``FileNotFoundError`` if there is no file, and :class:`GaitfitError` for one that is not a policy.
 

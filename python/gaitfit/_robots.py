@@ -36,35 +36,37 @@ class Robots:
             :class:`gaitfit.config.Train`; without it the robot is the built-in Go2 at its task.
         num_envs: How many robots.
         robot: The robot's file, MJCF or URDF.
-        policy: A policy's file or a :class:`gaitfit.LoadedPolicy`: its own task, in the place of ``config``.
+        policy: A policy's file or a :class:`gaitfit.LoadedPolicy`. The robots then have the task of this file; do not give ``config``.
         settings: Single settings by name, for example ``{"task.noise.joint_position": 0.0}``.
-        seed: Draws depend on it and on an environment's number alone, not on ``threads``.
-        threads: Threads; by default one for each core. Of no effect on a GPU.
-        stagger: Spread the first episodes' ages, so that time-outs do not come in waves.
-        autoreset: Whether robots whose episode ended begin the next one within the step. ``False``: they stay as they are until
-            :meth:`reset` with their mask; those that diverged begin anew all the same.
-        device: ``"cpu"``, ``"cuda"`` (``"cuda:1"``: the second GPU), or ``"auto"``: a GPU if one is there. On a GPU all robots are stepped there, and the arrays are
-            :class:`gaitfit.DeviceArray` in its memory: ``torch.from_dlpack(robots.observation)`` takes one without a copy.
-            Robots, commands, starts and noise are the processor's; motions differ by rounding.
+        seed: Random draws depend only on it and on a robot's number, not on ``threads``.
+        threads: Threads; by default one for each core. They have no effect on a GPU.
+        stagger: Whether the first episodes begin at different ages, so that they do not all reach their time limit at once.
+        autoreset: Whether robots whose episode ended begin the next one within the step. With ``False`` they stay as they are until
+            :meth:`reset` with their mask. Robots that diverged begin a new episode in both cases.
+        device: ``"cpu"``, ``"cuda"`` (``"cuda:1"``: the second GPU), or ``"auto"``: a GPU if one is there. On a GPU all robots are
+            stepped there, and the arrays are :class:`gaitfit.DeviceArray` in its memory:
+            ``torch.from_dlpack(robots.observation)`` takes one without a copy. Robots, commands, starts and noise are the same as
+            on the processor; motions differ by rounding.
 
     Attributes:
-        observation: What the robots observe, shape ``(num_envs, observation)``. :meth:`step` writes over this array
-            and over the next five, so copy what must last.
+        observation: What the robots observe, shape ``(num_envs, observation)``. :meth:`step` writes over this array and over the
+            five arrays below, so copy what you keep.
         critic_observation: What a critic observes, shape ``(num_envs, critic)``.
-        last_observation: What robots whose episode ended observed last.
-        reward: Pay of the last step, shape ``(num_envs,)``.
-        terminated: Who fell, shape ``(num_envs,)``.
-        truncated: Whose time is up, shape ``(num_envs,)``.
+        last_observation: The last observations of robots whose episode ended, shape ``(num_envs, observation)``.
+        reward: Reward of the last step, shape ``(num_envs,)``.
+        terminated: Which robots fell, shape ``(num_envs,)``.
+        truncated: Which robots reached the time limit of their episode, shape ``(num_envs,)``.
         num_actions: Numbers of an action.
-        joints: Their joints.
-        action_bounds: For each joint the smallest and the largest action that makes a difference, shape ``(num_actions, 2)``:
-            from the joint's range, what the motor's torque needs beyond it, and the action's clip. Other actions are taken, too.
+        joints: The joints of an action, in its order.
+        action_bounds: For each joint the smallest and the largest action that makes a difference, shape ``(num_actions, 2)``.
+            It follows from the joint's range, what the motor's torque needs beyond it, and the action's clip. Robots also take
+            actions beyond these bounds.
         control_dt: Time of a step, s.
         max_episode_length: Steps of an episode.
         reward_names: Names of the reward terms.
-        interface, task: What a :class:`gaitfit.Policy` trained on the robots needs.
+        interface, task: What a :class:`gaitfit.Policy` that was trained on the robots needs.
 
-    A loop with a policy and a command of yours:
+    A loop with a policy and your own command:
 
     >>> policy = gaitfit.load_policy("assets/go2-walk.safetensors")
     >>> robots = gaitfit.Robots(policy=policy, num_envs=2, settings={"task.terms.low": "height < 0.2", "task.rewards.low": -1.0})
@@ -74,7 +76,7 @@ class Robots:
     >>> robots.reward_terms()["low"]
     0.0
 
-    Two threads must not use the same robots at once: that is a ``RuntimeError``.
+    If two threads use the same robots at once, one of them gets a ``RuntimeError``.
 
     >>> robots = gaitfit.Robots(num_envs=4, seed=1)
     >>> robots.step(np.zeros((4, robots.num_actions)))
@@ -178,8 +180,8 @@ class Robots:
         )
 
     def reset(self, mask: Any = None) -> Any:
-        """New episodes for all robots, or for those of ``mask``, shape ``(num_envs,)``; returns what the robots observe, shape
-        ``(num_envs, observation)``. On a GPU it waits first for all that this process does there; the mask may lie there, too.
+        """Begins new episodes for all robots, or for those of ``mask``, shape ``(num_envs,)``. Returns what the robots observe, shape
+        ``(num_envs, observation)``. On a GPU it first waits for all work of this process there; the mask may be an array there.
 
         Raises ``ValueError`` for a mask of another shape.
         """
@@ -219,20 +221,20 @@ class Robots:
 
         Arguments:
             actions: Shape ``(num_envs, num_actions)``, unitless, in the order of :attr:`joints`. On a GPU they are an array of
-                another library there, 32-bit floats in one block, and are read where they lie, by DLPack (``__dlpack__``). They
-                may be computed on any stream. The step waits for its library's present one, and so for what was begun there
-                before, also for reading of the robots' arrays. The step is done when this returns.
+                another library in the GPU's memory, 32-bit floats in one block, which is read there without a copy, by DLPack
+                (``__dlpack__``). The step waits for all earlier work on the current stream of that library, also for reading of
+                the robots' arrays. The step is done when this returns.
 
-        It fills :attr:`observation` and :attr:`critic_observation` (of the new episode where one ended),
-        :attr:`last_observation` (of the ended one; other rows are left as they were), :attr:`reward`, :attr:`terminated` and
-        :attr:`truncated`. A robot whose simulation diverged counts as one that fell: its reward is 0, and so is its row of
-        :attr:`last_observation`. :attr:`diverged` counts them.
+        It fills :attr:`observation` and :attr:`critic_observation` (after an episode's end those of the new episode),
+        :attr:`last_observation` (only the rows of episodes that ended), :attr:`reward`, :attr:`terminated` and
+        :attr:`truncated`. A robot whose simulation diverged counts as one that fell: its reward is 0, and its row of
+        :attr:`last_observation` has zeros. :attr:`diverged` counts such robots.
 
         Returns how many episodes ended.
 
-        Raises ``ValueError`` for actions of a wrong shape or not finite, :class:`GaitfitError` if more than ten robots, and
-        more than one in a hundred, diverged in the step (the simulation is broken then), ``RuntimeError`` if another thread uses
-        the robots.
+        Raises ``ValueError`` for actions that have a wrong shape or are not finite, :class:`GaitfitError` if more than ten robots,
+        and more than one in a hundred, diverged in the step (the simulation is broken then), and ``RuntimeError`` if another
+        thread uses the robots.
         """
         with self._alone():
             if self._gpu is not None:
@@ -255,16 +257,16 @@ class Robots:
             return ended
 
     def reward_terms(self) -> dict[str, float]:
-        """The weighted reward terms by name: the pay of a control step, mean over all robots and the steps since the last call.
-        Their sum is the mean of :attr:`reward`, but for robots that diverged.
+        """The weighted reward terms of a control step by name: means over all robots and over the steps since the last call.
+        Their sum is the mean of :attr:`reward`, except for robots that diverged.
         """
         with self._alone():
             terms = self._copies.take_terms() if self._gpu is None else self._gpu.take_terms()
             return dict(zip(self.reward_names, terms))
 
     def state(self) -> RobotsState:
-        """Everything that changes from step to step. Robots made with the same arguments that take it with :meth:`set_state`
-        go the same way from there, bit for bit. A state crosses devices, too: robots on the processor take up that of robots on a
+        """Everything that changes from step to step. If robots that were made with the same arguments take it with
+        :meth:`set_state`, they continue in the same way, bit for bit. Robots on the processor also take the state of robots on a
         GPU, and the other way round; motions then differ by rounding.
 
         >>> robots = gaitfit.Robots(num_envs=2)
@@ -277,10 +279,10 @@ class Robots:
             return RobotsState(self.task, self._seed, values, steps, step)
 
     def set_state(self, state: RobotsState) -> None:
-        """Takes up the state of robots that were made with the same arguments, whatever their device; :attr:`observation` is what
-        they observed. On a GPU it waits first for all that this process does there.
+        """Takes the state of robots that were made with the same arguments, on any device; :attr:`observation` is then what these
+        robots observed. On a GPU it first waits for all work of this process there.
 
-        Raises ``ValueError`` for a state of other robots, which names what differs.
+        Raises ``ValueError`` for a state of other robots; the message names what differs.
         """
         if not isinstance(state, RobotsState):
             raise TypeError(f"state is {state!r}; give what state() returned")
@@ -305,8 +307,8 @@ class Robots:
         """How all robots move, as copies on the processor. From a GPU all robots are copied, which takes longer than a step.
 
         Arguments:
-            on_device: ``True``: of robots on a GPU the arrays are :class:`gaitfit.DeviceArray` there, which the next call writes
-                over. It waits first for all that this process does on the GPU. Of no effect on the processor.
+            on_device: With ``True`` the arrays of robots on a GPU are :class:`gaitfit.DeviceArray` there. The next call writes over
+                them. This call first waits for all work of this process on the GPU. On the processor it has no effect.
 
         Returns the arrays. Raises ``RuntimeError`` if another thread uses the robots.
 
@@ -320,7 +322,7 @@ class Robots:
             return Motion(*self._shown().motion())
 
     def picture(self, robot: int = 0, width: int = 480, height: int = 360) -> NDArray[np.uint8]:
-        """A picture of a robot, seen from the side, ahead and above. The ground is drawn level at height 0.
+        """A picture of a robot, seen from the front, the side and above. The ground is drawn level at height 0.
 
         Arguments:
             robot: Its number.
@@ -328,7 +330,7 @@ class Robots:
 
         Returns red, green and blue, shape ``(height, width, 3)``.
 
-        Raises ``ValueError`` for a robot that there is not.
+        Raises ``ValueError`` for a number that no robot has.
 
         >>> robots = gaitfit.Robots(num_envs=2)
         >>> robots.picture(1, width=64, height=48).shape
@@ -349,19 +351,19 @@ class Robots:
 
     @property
     def ended(self) -> Any:
-        """Whose episode ended in the last step, in either way; shape ``(num_envs,)``."""
+        """Which episodes ended in the last step, by a fall or by time; shape ``(num_envs,)``."""
         return self.terminated | self.truncated if self._gpu is None else self._gpu.array("ended")
 
     @property
     def commands(self) -> Any:
-        """What the robots are asked to do: ahead and to the side, m/s, and turning, rad/s; shape ``(num_envs, 3)``.
+        """The commands of the robots: velocity ahead and to the left, m/s, and yaw rate, rad/s; shape ``(num_envs, 3)``.
 
-        They can be set: ``robots.commands = [0.5, 0.0, 0.0]`` is for all robots, and :attr:`observation` has it at once. The task
-        draws others at an episode's beginning and each ``command.seconds``; set them before each step to hold them. The array
-        itself is a copy and read-only; on a GPU it is the robots' own, and setting copies all robots.
+        They can be set: ``robots.commands = [0.5, 0.0, 0.0]`` sets the command of all robots, and :attr:`observation` contains it at
+        once. The task draws new commands at an episode's beginning and every ``command.seconds``. To keep yours, set them before
+        each step. The array itself is a read-only copy. On a GPU it is the robots' own array, and setting it copies all robots.
 
-        Ahead is where the base heads; :attr:`Motion.base_linear_velocity` is in the world's frame instead. :func:`evaluate`
-        measures how well a policy follows commands."""
+        Ahead is the direction in which the base faces; :attr:`Motion.base_linear_velocity` is in the world's frame instead.
+        :func:`evaluate` measures how well a policy follows commands."""
         if self._gpu is not None:
             return self._gpu.array("commands")
         found = np.asarray(self._copies.commands(), np.float32)

@@ -34,8 +34,9 @@ class RobotsState:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """How all robots move: what is true in the simulation, without the noise of observations. After an episode's end it is that
-    of the next one, unless ``autoreset`` is off. Arrays of 32-bit floats: of NumPy, or on a GPU what :meth:`Robots.motion` says.
+    """How all robots move: the true values of the simulation, without the noise of observations. After an episode's end they are
+    those of the next episode, unless ``autoreset`` is off. The arrays have 32-bit floats. They are NumPy's, or on a GPU those that
+    :meth:`Robots.motion` describes.
 
     Attributes:
         base_position: Position of the base, m, world frame, shape ``(num_envs, 3)``.

@@ -51,11 +51,11 @@ def fit(
             not one.)
         policy: The policy that walked: a file, or a :class:`Policy` of your own. Without one the robot's base was held and
             its legs hung in the air.
-        costs: What is minimised, one fit each; the first one's values are kept. ``"wass"`` compares distributions of whole
-            walks, ``"matcho"`` a free simulation sample by sample, ``"matchr1"`` short predictions from the sensors.
+        costs: What is minimised. Each cost has a fit; the result has the values of the first. ``"wass"`` compares distributions of
+            whole walks, ``"matcho"`` a free simulation sample by sample, ``"matchr1"`` short predictions from the sensors.
         settings: Any other setting by its name in a file, for example ``{"optimizer.generations": 50}``.
-        name: Name of the run folder; by default that of the configuration, without one ``"fit"``. If there is such a folder
-            the next is ``"fit-2"``: :attr:`FitResult.run_folder` tells.
+        name: Name of the run folder; by default that of the configuration, without one ``"fit"``. If there is such a folder,
+            the next one is ``"fit-2"``. :attr:`FitResult.run_folder` has the folder's path.
         runs: Folder of the run folders; by default ``"runs"``.
         resume: ``True`` continues the latest run of that name, to the same bits; ``"auto"`` does if there is one.
         device: What simulates walks.
@@ -164,7 +164,7 @@ def loop(
 
 
 def explain(logs: PathLike | Log | pd.DataFrame, robot: PathLike = "unitree-go2", *, lenient: bool = False) -> Explanation:
-    """What a robot has and its model lacks, read from walks without a simulation, as ``gaitfit explain``: play and twist of gears,
+    """Reads from walks, without a simulation, what a robot has and its model lacks, as ``gaitfit explain``: play and twist of gears,
     friction that grows with load, a joint unlike its siblings, soft ground, late or tilted sensors.
 
     Arguments:
@@ -172,7 +172,7 @@ def explain(logs: PathLike | Log | pd.DataFrame, robot: PathLike = "unitree-go2"
         robot: The robot's file, MJCF or URDF; by default the built-in Go2.
         lenient: Leave out what the engine cannot simulate in the robot's file.
 
-    Returns the causes, the weightiest first.
+    Returns the causes, the largest weight first.
 
     Raises ``FileNotFoundError`` for a file that is missing, and :class:`GaitfitError` for logs that cannot be explained, such as those
     of legs in the air: :func:`fit` names what these show.
@@ -191,16 +191,16 @@ def explain(logs: PathLike | Log | pd.DataFrame, robot: PathLike = "unitree-go2"
 
 
 def compare(policy: Evaluation, against: Evaluation) -> Comparison:
-    """The difference of two evaluations, one minus the other, with 95 % intervals. With the same ``seed``, ``trajectories`` and
-    ``seconds`` it is that of the same trajectories one by one, whose intervals are narrower: whether a robot with other numbers, or
-    another policy, walks better is told from fewer trajectories.
+    """The difference of two evaluations, ``policy`` minus ``against``, with 95 % intervals. If both have the same ``seed``,
+    ``trajectories`` and ``seconds``, the same trajectories are compared one by one. The intervals are then narrower, so fewer
+    trajectories show whether another policy, or a robot with other numbers, walks better.
 
     Arguments:
         policy, against: What :func:`evaluate` returned, for two policies or on two robots.
 
     Returns the differences. Errors that are negative are smaller than those of ``against``.
 
-    Raises ``TypeError`` for what is no evaluation.
+    Raises ``TypeError`` for an argument that is not an evaluation.
 
     >>> gaitfit.compare(walked, walked).tracking_error.mean
     0.0

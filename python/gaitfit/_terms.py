@@ -19,16 +19,16 @@ Function = Callable[[Robots, Motion], ArrayLike]
 
 @dataclass(frozen=True)
 class Terms:
-    """Functions of the user in a task's place, for :class:`gaitfit.gym.GaitfitVecEnv`. Each gets all :class:`gaitfit.Robots`, after
-    their step, and their :class:`gaitfit.Motion`, and is called once a step.
+    """Your own functions instead of a task's, for :class:`gaitfit.gym.GaitfitVecEnv`. Each function gets all
+    :class:`gaitfit.Robots`, after their step, and their :class:`gaitfit.Motion`. It is called once a step.
 
-    Of robots on a GPU the arrays of both are tensors of PyTorch there, and so is what functions return. The tensors of ``motion``
-    and ``robots`` are written over in the next step.
+    For robots on a GPU the arrays of both are tensors of PyTorch there, and the functions return such tensors. The next step writes
+    over the tensors of ``motion`` and ``robots``.
 
     Attributes:
         reward: The reward instead of the task's, shape ``(num_envs,)``; ``robots.reward`` is the task's.
-        terminated: Whose episode ends besides those that fell, shape ``(num_envs,)`` of bool.
-        observation: Numbers behind the task's observation, shape ``(num_envs, numbers)``, or ``(num_envs,)`` for one.
+        terminated: Which episodes end, besides those of robots that fell, shape ``(num_envs,)`` of bool.
+        observation: Numbers that follow the task's observation, shape ``(num_envs, numbers)``, or ``(num_envs,)`` for one.
 
     >>> fast = Terms(reward=lambda robots, motion: robots.reward + 0.1 * motion.base_linear_velocity[:, 0])
     >>> low = Terms(terminated=lambda robots, motion: motion.base_position[:, 2] < 0.2)
@@ -45,16 +45,16 @@ class Terms:
                 raise TypeError(f"{name} is {value!r}; give a function of robots and their motion")
 
     def rewarded(self, robots: Robots, motion: Motion) -> NDArray[np.float32]:
-        """The rewards of ``robots``, whose ``motion`` is known. A robot that diverged has begun anew: functions see its next
-        episode. Raises ``ValueError`` for a term that returns another shape or numbers that are not finite."""
+        """The rewards of ``robots`` with this ``motion``. A robot that diverged has begun a new episode, and functions see that
+        one. Raises ``ValueError`` for a term that returns another shape or numbers that are not finite."""
         if self.reward is None:
             return robots.reward.copy()  # type: ignore[no-any-return]
         found = numbers("the reward term", self.reward(robots, motion), np.float32)
         return _one_each("the reward term", found, robots, np.isfinite(found).all())
 
     def over(self, robots: Robots, motion: Motion) -> NDArray[np.bool_]:
-        """Whose episode ends, by a fall or by the term, of ``robots``, whose ``motion`` is known. Raises ``ValueError`` for a term
-        that returns another shape or no bools."""
+        """Which episodes of ``robots`` with this ``motion`` end, by a fall or by the term. Raises ``ValueError`` for a term that
+        returns another shape or no bools."""
         if self.terminated is None:
             return robots.terminated.copy()  # type: ignore[no-any-return]
         found = np.asarray(self.terminated(robots, motion))
@@ -62,8 +62,8 @@ class Terms:
         return ended
 
     def observed(self, robots: Robots, motion: Motion) -> NDArray[np.float32]:
-        """What ``robots``, whose ``motion`` is known, observe, with the term's numbers behind. Raises ``ValueError`` for a term that
-        returns another shape or numbers that are not finite."""
+        """What ``robots`` with this ``motion`` observe, followed by the term's numbers. Raises ``ValueError`` for a term that returns
+        another shape or numbers that are not finite."""
         if self.observation is None:
             return robots.observation.copy()  # type: ignore[no-any-return]
         found = numbers("the observation term", self.observation(robots, motion), np.float32)

@@ -39,9 +39,9 @@ def train(
         robot: The robot's file, MJCF or URDF.
         seeds: One training each, one after the other.
         settings, runs, threads, progress: As for :func:`fit`.
-        resume: ``True`` continues the latest run of that name, to the same bits; ``"auto"`` does if there is one. More
-            ``train.iterations`` than the run has train on, also after its end; other settings must be those it began with, and a
-            change that would train something else is refused.
+        resume: ``True`` continues the latest run of that name, to the same bits; ``"auto"`` does if there is one. With a larger
+            ``train.iterations`` the training continues, also if the run had ended. All other settings must be those that the run
+            began with; other values are refused.
         name: Name of the run folder; by default that of the configuration or of its file, else that of the task.
         device: What computes; ``"cuda"`` trains on a GPU.
 
@@ -145,14 +145,14 @@ def evaluate(
         trajectories: Robots with random commands.
         seconds: Length of each trajectory, s.
         drift: Robots in each trial with a constant command; 0: no such trials.
-        terrain: ``"own"``: the task's ground; ``"none"``: level; or a kind of uneven ground, which is crossed as well.
+        terrain: ``"own"``: the task's ground; ``"none"``: level ground; or a kind of uneven ground, which robots cross as well.
         randomised: Whether robots differ as in the policy's training.
         preset: Solver effort of the physics.
         seed: Of commands, starts and noise.
         device, threads, progress: As for :func:`fit`.
 
-    Returns errors of velocity, m/s and rad/s, falls as a share, each a mean with half its 95 % interval. :func:`compare` has the
-    difference of two evaluations, with one ``seed`` trajectory by trajectory.
+    Returns errors of velocity, m/s and rad/s, and the share of falls, each as a mean with half the width of its 95 % interval.
+    :func:`compare` returns the difference of two evaluations; with the same ``seed``, trajectory by trajectory.
 
     Raises ``FileNotFoundError`` for a file that is missing, ``ValueError`` for wrong numbers, :class:`GaitfitError`,
     :class:`Stopped` if ``progress`` returned ``False``, and ``KeyboardInterrupt`` after Ctrl-C.
@@ -197,7 +197,8 @@ def collect(
     Arguments:
         policy: A file, or a :class:`Policy` of your own.
         out: The folder of the logs; it must not hold CSV files.
-        log_shift: Each log begins this long after the robot, s: shortest and longest; it is drawn between the two.
+        log_shift: Each log begins this long after its robot has started, s: the shortest and the longest time. The time is drawn
+            between the two.
         privileged: Also log the base's true state, which a real robot does not measure.
         commands: A CSV file with the commands of all walks; by default they are random.
         robot, theta, task, spring, torque_noise, lenient: As for :func:`finetune`.

@@ -56,23 +56,24 @@ def _spaces(robots: Robots) -> tuple[Box, Box]:
 class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-ignore]
     """Robots at a task as a ``gymnasium.vector.VectorEnv``.
 
-    By default episodes that end begin anew within the same step (``AutoresetMode.SAME_STEP``). ``infos["final_obs"]`` then has
-    what those robots observed before, ``infos["_final_obs"]`` which they are; ``infos["final_info"]`` has their ``episode_return``,
-    ``episode_length`` and ``fell``, arrays of shape ``(num_envs,)`` with masks (``_episode_return``, …). A robot whose simulation
-    diverged has fallen: it is terminated, and begins anew. The action space is :attr:`gaitfit.Robots.action_bounds`.
+    By default, when an episode ends, the next one begins within the same step (``AutoresetMode.SAME_STEP``). ``infos["final_obs"]``
+    then has the last observations of the episodes that ended, and ``infos["_final_obs"]`` is the mask of these robots.
+    ``infos["final_info"]`` has their ``episode_return``, ``episode_length`` and ``fell``, arrays of shape ``(num_envs,)`` with masks
+    (``_episode_return``, …). A robot whose simulation diverged counts as fallen: its episode is terminated, and a new one begins.
+    The action space is :attr:`gaitfit.Robots.action_bounds`.
 
     Arguments:
         config, num_envs, robot, settings, seed, threads, device: As of :class:`gaitfit.Robots`.
-        copy: ``False`` hands out the environment's own arrays, without copies; the next step writes over them.
-        log_rewards: Whether ``infos["log"]`` has the reward terms of each step by name, means over the robots.
+        copy: With ``False`` the environment returns its own arrays, without copies; the next step writes over them.
+        log_rewards: Whether ``infos["log"]`` has the reward terms of each step by name, as means over the robots.
         terms: Reward, end of an episode and observation of your own (:class:`gaitfit.gym.Terms`).
         autoreset_mode: ``AutoresetMode.SAME_STEP``; ``NEXT_STEP``: the step after an episode's end begins the next one, without
             an action and reward; ``DISABLED``: ``reset(options={"reset_mask": mask})`` begins it.
 
-    With ``device="cuda"`` all robots are stepped on a GPU. Actions are an array of another library there, and what comes back
-    are the environment's own :class:`gaitfit.DeviceArray`, without copies: ``copy`` must be ``False``.
-    ``infos["final_obs"]`` is one array of all robots' last observations, ``infos["_final_obs"]`` marks the new ones, and there is
-    no ``final_info``. With ``terms`` what comes back are tensors of PyTorch instead.
+    With ``device="cuda"`` all robots are stepped on a GPU. Actions are an array of another library in its memory. The environment
+    returns its own :class:`gaitfit.DeviceArray`, without copies: ``copy`` must be ``False``. ``infos["final_obs"]`` is one array of
+    all robots' last observations, ``infos["_final_obs"]`` is the mask of the new ones, and there is no ``final_info``. With
+    ``terms`` the environment returns tensors of PyTorch instead.
 
     >>> env = GaitfitVecEnv(num_envs=8)
     >>> observation, infos = env.reset(seed=1)
@@ -149,7 +150,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         """New episodes.
 
         Arguments:
-            seed: The same episodes every time. Of several seeds the first counts.
+            seed: The same seed gives the same episodes. If there are several seeds, only the first counts.
             options: ``{"reset_mask": mask}`` begins only the episodes of ``mask``, shape ``(num_envs,)``; not with a seed.
 
         Returns what the robots observe, shape ``(num_envs, observation)``, and no infos.
@@ -179,9 +180,9 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         return self._out(self._observed()), {}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """One control period under ``actions``, shape ``(num_envs, joints)``: observations, rewards, who fell, whose time is up,
-        and infos. Raises as :meth:`gaitfit.Robots.step`, ``ValueError`` for a term that returns something else, and Gymnasium's
-        ``ClosedEnvironmentError``."""
+        """One control period under ``actions``, shape ``(num_envs, joints)``. Returns observations, rewards, which robots fell, which
+        robots reached their time limit, and infos. Raises as :meth:`gaitfit.Robots.step`, ``ValueError`` for a term that returns
+        something else, and Gymnasium's ``ClosedEnvironmentError``."""
         _open(self.closed)
         self._fresh = False
         robots, terms = self._robots, self._terms
@@ -261,12 +262,12 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         return {"final_obs": final, "_final_obs": ended, "final_info": {**values, **masks}, "_final_info": ended.copy()}
 
     def state(self) -> State:
-        """The robots' state (:meth:`gaitfit.Robots.state`), return and length of their episodes so far, and whose episode the last
-        step ended."""
+        """The robots' state (:meth:`gaitfit.Robots.state`), return and length of their episodes so far, and which episodes ended in
+        the last step."""
         return self._robots.state(), self._returns.copy(), self._lengths.copy(), self._over.copy()
 
     def set_state(self, state: State) -> Any:
-        """Takes up a state of an environment that was made with the same arguments; returns what the robots observe. Raises
+        """Takes the state of an environment that was made with the same arguments. Returns what the robots observe. Raises
         ``ValueError`` for a state of other robots."""
         robots, self._returns[:], self._lengths[:], over = state
         self._over = over.copy()
@@ -282,11 +283,11 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
 
 
 class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # type: ignore[misc, unused-ignore]
-    """One robot at a task as a ``gymnasium.Env``. For trying things out: the engine steps hundreds of robots in the time of
-    some ten.
+    """One robot at a task as a ``gymnasium.Env``, for trying things out. For learning take many robots: the engine steps hundreds in
+    the time of about ten.
 
     Observations have the shape ``(observation,)``, actions ``(joints,)``, unitless; the action space is
-    :attr:`gaitfit.Robots.action_bounds`. A robot whose simulation diverged has fallen: it is terminated.
+    :attr:`gaitfit.Robots.action_bounds`. A robot whose simulation diverged counts as fallen: its episode is terminated.
     ``info["reward_terms"]`` has the weighted terms of the step's reward by name.
 
     Arguments:
@@ -353,9 +354,9 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
         return self._robots.observation[0].copy(), {}
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """One control period under ``action``, shape ``(joints,)``: what the robot observes, its reward, whether it fell, whether
-        its time is up, and infos. Raises ``ValueError`` for an action of another shape or not finite, and Gymnasium's
-        ``ClosedEnvironmentError``."""
+        """One control period under ``action``, shape ``(joints,)``. Returns what the robot observes, its reward, whether it fell,
+        whether it reached its time limit, and infos. Raises ``ValueError`` for an action that has another shape or is not finite, and
+        Gymnasium's ``ClosedEnvironmentError``."""
         _open(self._closed)
         robots = self._robots
         action = numbers("action", action, np.float32)

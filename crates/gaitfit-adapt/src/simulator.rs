@@ -1,22 +1,22 @@
-//! The one view this crate has of a simulator, small enough that a user's own can stand in.
+//! The interface through which this crate uses a simulator. It is so small that a user's own simulator can have it.
 
 use crate::Theta;
 use crate::cost::{Cost, Signal};
 use crate::fit::{Costs, Evaluation, FitError, Job, Views, accumulate, measure};
 use serde::{Deserialize, Serialize};
 
-/// What of the recording a simulated robot is given on its way. At the sample of a reset the signals hold the state that
+/// The parts of the recording that a simulated robot gets during the simulation. At the sample of a reset the signals hold the state that
 /// the simulation reached; the reset follows. With every sample given, each from the second on is a one-sample
 /// prediction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Resets {
-    /// Nothing: it starts as the recording's joints suggest and runs freely, under its policy if it has one.
+    /// None: it starts with the recording's joints and runs freely, under its policy if it has one.
     #[default]
     Never,
-    /// The whole state, joints and base, every so many samples, the first at sample 0. Robots do not record it.
+    /// The whole state, joints and base, every this many samples, the first at sample 0. Robots do not record it.
     State(usize),
-    /// What the robot's own sensors read, joints and IMU, every so many samples, and the recording's targets all the
-    /// time.
+    /// The readings of the robot's own sensors, joints and IMU, every this many samples, and the recording's targets at every
+    /// sample.
     Sensors(usize),
 }
 
@@ -25,7 +25,7 @@ pub enum Resets {
 pub struct Rollout {
     /// One value an entry of θ; with an empty θ the robot is as its file says.
     pub values: Vec<f64>,
-    /// What of the recording the simulated robot is given on its way.
+    /// The parts of the recording that the simulated robot gets.
     pub resets: Resets,
     /// Selects the random draws (torque noise, observation noise): rollouts with equal `draw` see equal noise.
     /// A simulator without randomness ignores it.
@@ -80,7 +80,7 @@ pub fn never() -> bool {
     false
 }
 
-/// What a [`Simulator`] simulates, wherever and however it is computed.
+/// The content of a [`Simulator`]'s simulations, wherever they are computed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
     /// Joint names, in the order of all signals.
@@ -89,7 +89,7 @@ pub struct Identity {
     pub recordings: usize,
     /// Number of logs. Recording `r` is a simulation of log `r % logs`; recordings of the same log have different starts.
     pub logs: usize,
-    /// What [`Signals`] holds.
+    /// The signals that [`Signals`] contains.
     pub signals: Vec<Signal>,
 }
 
@@ -108,7 +108,7 @@ impl Identity {
 
 /// Simulates a fixed set of recordings with candidate robots.
 pub trait Simulator {
-    /// What is simulated. A simulator that wraps another one returns the identity of that one.
+    /// The content of the simulations. A simulator that wraps another one returns the identity of that one.
     fn identity(&self) -> &Identity;
 
     /// [`Identity::joints`].
@@ -133,11 +133,11 @@ pub trait Simulator {
 
     /// Simulates every candidate on every recording as one batch. A diverging candidate shows as non-finite
     /// signals, a falling one by [`Signals::fell_at`], neither as an error. The signals depend on the rollout
-    /// alone: not on what else is in the batch, nor on the number of threads. Once `cancel` says so it returns within
-    /// a fraction of a second, and what it has not simulated is missing.
+    /// alone: not on what else is in the batch, nor on the number of threads. Once `cancel` returns true, it returns
+    /// within a fraction of a second, without the simulations that are not done.
     ///
     /// # Errors
-    /// What the simulator cannot do, [`Rollout::resets`] for one, in its own words; [`SimulatorError::Cancelled`].
+    /// Work that the simulator cannot do, for example [`Rollout::resets`], in its own words; [`SimulatorError::Cancelled`].
     fn simulate(
         &self,
         theta: &Theta,
@@ -147,8 +147,8 @@ pub trait Simulator {
     ) -> Result<(), SimulatorError>;
 
     /// The derivatives of the signals of `candidate` by every entry of θ, in a signal's unit over the entry's. Each goes to
-    /// `consume(entry, recording, derivatives)`. `false`, without a result, of a simulator that has none: then
-    /// differences of simulations stand in for them. By default there are none.
+    /// `consume(entry, recording, derivatives)`. It returns `false` if the simulator has no derivatives: then differences of
+    /// simulations replace them. By default there are none.
     ///
     /// # Errors
     /// As [`Self::simulate`].
@@ -162,12 +162,12 @@ pub trait Simulator {
         Ok(false)
     }
 
-    /// What every job costs, in their order, before falls and regularisation are charged. By default the candidates
-    /// are simulated and their signals compared here. A simulator that holds the recordings, on a GPU for example,
-    /// may compute the costs itself; then no signals need come back.
+    /// The cost of every job, in order, without the charges for falls and regularisation. By default the candidates
+    /// are simulated and their signals compared here. A simulator that has the recordings, on a GPU for example,
+    /// may compute the costs itself; then it does not return signals.
     ///
     /// # Errors
-    /// As [`Self::simulate`]; [`FitError::Cost`] for what no candidate is to blame for; [`FitError::Incomplete`].
+    /// As [`Self::simulate`]; [`FitError::Cost`] for errors that no candidate has caused; [`FitError::Incomplete`].
     fn costs(
         &self,
         theta: &Theta,
@@ -178,8 +178,8 @@ pub trait Simulator {
         accumulate(self, theta, costs, jobs, cancel)
     }
 
-    /// What rollouts cost in each view, falls and regularisation left out, and how many bytes of memory one of them took,
-    /// 0 if that does not matter. `notify` is called for each that is done, from any thread. By default as
+    /// The costs of rollouts in each view, without falls and regularisation, and the memory of one rollout in bytes, 0 if it
+    /// does not matter. `notify` is called for each that is done, from any thread. By default as
     /// [`Self::costs`]: the signals are compared here.
     ///
     /// # Errors

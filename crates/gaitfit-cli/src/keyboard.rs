@@ -11,11 +11,11 @@ use std::sync::mpsc::Receiver;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// What the keys do, for the person.
+/// The keys, explained to the person.
 pub const KEYS: &str = "W S or ↑ ↓: ahead, back.  A D or ← →: turn.  J L: aside.  Space: stand.  Q: lie down.  Esc: damping, \
                         the robot sinks";
 
-/// How long a look at the keyboard takes at most.
+/// Max time of a look at the keyboard.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Why the keyboard stopped the robot. 0: it did not; 1: a key did; 2: the terminal is gone; 3: Ctrl-C or the like.
@@ -108,7 +108,7 @@ fn pressed(steering: &Steering, key: KeyEvent) {
     }
 }
 
-/// What a key is for.
+/// The action of a key.
 #[derive(Debug, PartialEq, Eq)]
 enum Wanted {
     Steer(Key),

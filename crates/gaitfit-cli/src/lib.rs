@@ -22,7 +22,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// What starts this program again.
+/// The command that starts this program again.
 static SELF: OnceLock<PathBuf> = OnceLock::new();
 
 /// Runs the program: what starts it, then its arguments. The exit code.
@@ -45,7 +45,7 @@ pub fn program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-/// What logs of walks show that the robot has and its model lacks: the document of `gaitfit explain --json`.
+/// Effects that a robot has and its model lacks, as logs of walks show them: the document of `gaitfit explain --json`.
 ///
 /// # Errors
 /// Files that cannot be used, in a sentence.

@@ -18,12 +18,12 @@ pub enum Lines {
 /// Shows how far a run is.
 pub struct Progress {
     bar: Option<ProgressBar>,
-    /// What is counted, in the singular.
+    /// The counted unit, in the singular.
     what: String,
     total: usize,
     /// Done before this process (resumed runs): these do not count in the time left.
     first: usize,
-    /// What the work is made of, in the plural, for the speed.
+    /// The parts of the work, in the plural, for the speed.
     parts: String,
     lines: Lines,
     begun: Instant,

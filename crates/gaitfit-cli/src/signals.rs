@@ -1,4 +1,4 @@
-//! What ends a run on a robot: Ctrl-C, `SIGTERM` and `SIGHUP` by `ctrlc`; the other signals wait in a thread of their own.
+//! Signals that end a run on a robot. `ctrlc` handles Ctrl-C, `SIGTERM` and `SIGHUP`; a thread of its own waits for the others.
 
 use crate::exit::{Exit, Failure};
 use crate::output::note;

@@ -1,4 +1,4 @@
-//! What logs say of joints and sensors without a simulation, as tables.
+//! Tables of what logs show of joints and sensors without a simulation.
 
 use crate::table::table;
 use gaitfit::walk::explain::Cause;
@@ -30,7 +30,7 @@ pub fn text(found: &SwingFindings, causes: &[Cause], beside: &[Beside]) -> Strin
     text.trim_end().to_owned()
 }
 
-/// What the robot has that its model lacks, one line a cause.
+/// The effects that the robot has and its model lacks, one line for each.
 pub fn causes(causes: &[Cause]) -> String {
     if causes.is_empty() {
         return "gaitfit finds no effect in these logs that the model lacks.\n".to_owned();

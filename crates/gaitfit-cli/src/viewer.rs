@@ -4,7 +4,7 @@ use crate::output::note;
 use std::path::Path;
 use std::time::Duration;
 
-/// How long a program that opens files may take to say that it cannot, s.
+/// Max time in which a program that opens files may report that it cannot, s.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// The page of a run folder.

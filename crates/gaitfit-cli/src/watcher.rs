@@ -1,4 +1,4 @@
-//! What the program does with the events of a stage: lines and progress bars on standard error; Ctrl-C stops the stage.
+//! Shows the events of a stage as lines and progress bars on standard error. Ctrl-C stops the stage.
 
 use crate::interrupt;
 use crate::output::note;

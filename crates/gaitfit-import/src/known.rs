@@ -80,7 +80,7 @@ pub(crate) enum Role {
 }
 
 impl Role {
-    /// Names of the columns of an array with this role and so many components; none if it has too few.
+    /// Names of the columns of an array with this role and so many components; `None` if it has too few.
     pub fn columns(self, width: usize) -> Option<Vec<String>> {
         let joints = |prefix: &str| Some((0..width).map(|i| format!("{prefix}#{i}")).collect());
         let fixed =

@@ -40,7 +40,7 @@ pub struct Trajectory {
     /// Physics step, s, of the simulator that made the log; absent of a real robot's. Such steps are semi-implicit: positions
     /// advance by the new velocity, so a velocity is the mean over the step before its row and belongs half a step earlier.
     pub simulated_step: Option<f64>,
-    /// The recording ends because the robot fell. A log that goes on after a fall shows it and need not say so.
+    /// The recording ends because the robot fell. A log that continues after the fall shows the fall and need not state it.
     pub fell: bool,
 }
 

@@ -62,7 +62,7 @@ pub struct SurfaceField {
 }
 
 impl Surface {
-    /// The ground of `model`; none if it has neither boxes nor height fields.
+    /// The ground of `model`; `None` if it has neither boxes nor height fields.
     ///
     /// # Errors
     /// A height field that is not upright.

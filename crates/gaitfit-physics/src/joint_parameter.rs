@@ -205,7 +205,7 @@ macro_rules! define {
                 }
             }
 
-            /// What a fit's search takes by default; none if a fit does not search it.
+            /// What a fit's search takes by default; `None` if a fit does not search it.
             pub fn search(self) -> Option<SearchDefaults> {
                 let range: Option<(f64, f64, f64, f64)> = match self {
                     $(Self::$variant => $search,)*

@@ -1,4 +1,4 @@
-//! A policy under given commands from given states: what a fit compares with a robot's log.
+//! A policy under given commands from given states. A fit compares the result with a robot's log.
 
 use std::sync::Mutex;
 use std::sync::PoisonError;
@@ -11,29 +11,29 @@ use crate::observation::{LastAction, Past, Sensed};
 use crate::walker::{TorqueNoise, Walker, WalkerError};
 use crate::{MotionPlace, Policy};
 
-/// What one robot is to follow.
+/// The commands and the start of one simulated robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Script {
     /// Command at each sample: m/s, m/s, rad/s.
     pub commands: Vec<[f32; 3]>,
-    /// Where it begins. Its orientation and rates are readings of an inertial unit: errors of the candidate's unit
-    /// ([`gaitfit_sim::Sensors`]) are removed from them. The height stays.
+    /// The state at the beginning. Its orientation and rates are readings of an inertial unit: errors of the candidate's unit
+    /// ([`gaitfit_sim::Sensors`]) are removed from them. The height does not change.
     pub start: Start,
     /// Further starts, with readings as in `start`. The seed of a job chooses `start` or one of these; if this is empty,
     /// all jobs begin at `start`. The scripts of one simulation have the same number of further starts, or none.
     pub others: Vec<Start>,
-    /// The logged state at each sample, for resets, as the start's; empty where the log lacks it.
+    /// The logged state at each sample, for resets, with readings as in `start`; empty if the log lacks it.
     pub states: Vec<Start>,
     /// The logged actions, policy order, `samples × joints`: after a reset the policy's last action is the log's, and so
     /// are the past frames of what it observes.
     pub actions: Vec<f32>,
-    /// Where the robot is at each sample in the motion that the policy follows; empty for policies without one.
+    /// The robot's place at each sample in the motion that the policy follows; empty for policies without a motion.
     pub motion: Vec<MotionPlace>,
     /// Angle by which `start` and `others` are turned back from where the log has them, rad. The motion turns with them.
     pub turned_back: f64,
 }
 
-/// One robot's signals; a row a sample. Row `i` holds the state in which action `i` was chosen, and that action.
+/// The signals of one robot, one row for each sample. Row `i` holds the state in which action `i` was chosen, and that action.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Track {
     /// Joint positions as the encoders report them, rad, policy order; `samples × joints`.
@@ -71,19 +71,19 @@ pub fn start_number(seed: u64, count: usize) -> usize {
     usize::try_from(seed % count.max(1) as u64).unwrap_or(0)
 }
 
-/// Samples between questions whether to give up.
+/// Samples between two checks for cancellation.
 pub(crate) const ASK: usize = 16;
 
 /// Robots that one thread advances together.
 const TILE: usize = 32;
 
-/// Runs every job on every script and hands `consume(job, script, track)` each track, once, from any thread in any
-/// order. Tracks do not depend on the other jobs, nor on the number of threads. Once `cancel` says so it returns soon,
-/// without the tracks that are missing; `cancel` must keep saying so.
+/// Runs every job on every script and calls `consume(job, script, track)` once for each track, from any thread in any
+/// order. Tracks do not depend on the other jobs, nor on the number of threads. Once `cancel` returns true, it returns soon,
+/// without the missing tracks; from then on `cancel` must always return true.
 ///
 /// # Errors
-/// A candidate that is no robot; resets of a script without states, or of a recurrent policy; a policy's function that
-/// failed.
+/// A candidate that is not a possible robot; resets of a script without states, or of a recurrent policy; a policy's function
+/// that failed.
 pub fn follow(
     walker: &Walker,
     policy: &Policy,
@@ -112,11 +112,11 @@ pub fn follow(
     })
 }
 
-/// Calls `run(worker, job, first, chunk)` for every job and every tile of `runs`, each thread with a worker of its own;
+/// Calls `run(worker, job, first, chunk)` for every job and every tile of `runs`. Each thread has a worker of its own;
 /// `first` is the number of the chunk's first run.
 ///
 /// # Errors
-/// That of the first job, whichever thread was faster.
+/// The error of the first job that failed, whichever thread was faster.
 pub(crate) fn in_tiles<W: Default + Send, R: Sync>(
     jobs: usize,
     runs: &[R],
@@ -151,7 +151,7 @@ struct Worker {
 }
 
 impl Worker {
-    /// Fills the tracks of some scripts. False if it gave up.
+    /// Fills the tracks of some scripts. Returns false if it was cancelled.
     fn run(
         &mut self,
         walker: &Walker,
@@ -249,7 +249,7 @@ impl Script {
             .map_or(&self.start, |other| &self.others[other])
     }
 
-    /// Where the robot is in the motion at `sample`. `back`: whether the robot was turned back at its start.
+    /// The robot's place in the motion at `sample`. `back`: whether the robot was turned back at its start.
     fn place(&self, sample: usize, back: bool) -> MotionPlace {
         let last = self.motion.len().saturating_sub(1);
         let place = self.motion.get(sample.min(last)).copied().unwrap_or_default();
@@ -257,7 +257,7 @@ impl Script {
         MotionPlace { heading, ..place }
     }
 
-    /// Sets in `past` what the policy observed of this run before `sample`, had the robot been in the logged states.
+    /// Fills `past` with the observations of this run before `sample`, as if the robot had been in the logged states.
     fn recall(&self, walker: &Walker, sample: usize, index: usize, sensed: &mut Sensed, past: &mut Past) {
         if !past.is_kept() {
             return;
@@ -266,7 +266,7 @@ impl Script {
         let joints = walker.joints.len();
         let mut row = vec![0.0; layout.width()];
         past.begin(index);
-        // Of the row before this sample's all frames but the oldest move on.
+        // All frames but the oldest of the row before this sample stay in its row.
         for before in (sample + 1).saturating_sub(layout.frames())..sample {
             walker.sense_state(&self.states[before], sensed);
             sensed.command = self.commands[before];
@@ -321,7 +321,7 @@ impl Track {
         let (attitude, rates) = motion.imu_reading(index);
         self.base_quaternion.extend(imu.map_or(attitude, |imu| imu.attitude(attitude)));
         self.base_rates.extend(imu.map_or(rates, |imu| imu.rates(rates)));
-        // A diverged robot's numbers fail every comparison: it counts as fallen by name.
+        // Numbers that are not finite fail every comparison, so a diverged robot is tested here.
         let lost = !motion.base_position[3 * index..3 * index + 3].iter().all(|x| x.is_finite());
         if self.fell_at.is_none() && sample > 0 && (lost || walker.fallen(motion, index)) {
             self.fell_at = Some(sample);

@@ -1,4 +1,4 @@
-//! A policy at work on one robot, wherever that is: step by step, without a simulator.
+//! A policy on one robot, real or simulated: step by step, without a simulator.
 
 use gaitfit_physics::Real;
 
@@ -13,8 +13,7 @@ pub fn target<R: Real>(pose: R, scale: R, clip: R, action: R) -> R {
     pose + scale * R::select_lt(clip, above, clip, above)
 }
 
-/// A policy at work on one robot: everything that it remembers from step to step. What it observes is written by the code
-/// that trains it.
+/// A policy on one robot, with all that it remembers from step to step. The code that trains policies writes its observations.
 pub struct Pilot<'a> {
     policy: &'a Policy,
     layout: Layout,
@@ -61,7 +60,7 @@ impl<'a> Pilot<'a> {
         })
     }
 
-    /// An episode begins.
+    /// Begins an episode.
     pub fn begin(&mut self) {
         self.past.begin(0);
         self.last_action.begin(0);
@@ -69,9 +68,8 @@ impl<'a> Pilot<'a> {
         self.steps = 0;
     }
 
-    /// One control period: `sensed` needs base, joints and command; last action, gait clock and the
-    /// place in a motion are filled in here. Returns
-    /// action and position targets (rad), policy order.
+    /// One control period. `sensed` needs base, joints and command; last action, gait clock and the place in a motion are filled
+    /// in here. Returns action and position targets (rad), policy order.
     ///
     /// # Panics
     /// If `sensed` is of another number of joints: an error of the caller.

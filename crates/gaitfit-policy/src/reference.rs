@@ -11,7 +11,7 @@ use crate::{Interface, InterfaceError, Quantity, Term};
 const MAX_NUMBERS: usize = 1 << 20;
 /// Max number of control periods that a motion is read ahead.
 const MAX_AHEAD: usize = 1000;
-/// How near a time must be to a sample's to be that sample's, in samples: times are sums of rounded numbers.
+/// A time this near to a sample's, in samples, is taken as that sample's: times are sums of rounded numbers.
 const SAME: f64 = 1e-4;
 
 /// A motion that a policy follows. Before its beginning and after its end it stands still.
@@ -43,7 +43,7 @@ pub struct AnchorJoint {
     pub axis: [f64; 3],
 }
 
-/// Where a robot is in a motion.
+/// The place of a robot in a motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotionPlace {
     /// Time since the motion's beginning, s.
@@ -114,11 +114,11 @@ impl Reference {
             return refuse(format!("holds {bad}; its numbers must be finite"));
         }
         if self.orientation.chunks_exact(4).any(|q| q.iter().map(|x| x * x).sum::<f32>() < 0.25) {
-            return refuse("has orientations that are no unit quaternions".to_owned());
+            return refuse("has orientations that are not unit quaternions".to_owned());
         }
         for AnchorJoint { joint, axis } in &self.anchor {
             if !joints.contains(joint) {
-                return refuse(format!("names `{joint}` in `anchor`, which is no joint of the policy"));
+                return refuse(format!("names `{joint}` in `anchor`, which is not a joint of the policy"));
             }
             if unit(*axis).is_none() || axis.iter().any(|x| !x.is_finite()) {
                 return refuse(format!("gives `{joint}` in `anchor` an axis without a direction"));
@@ -167,7 +167,7 @@ impl Interface {
     }
 }
 
-/// A motion at work: what an observation takes of it.
+/// A motion as observations read it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Follower {
     reference: Reference,
@@ -193,8 +193,8 @@ impl Follower {
         })
     }
 
-    /// Writes what `quantity` is `ahead` control periods after the present place in the motion; nothing if it is no quantity of a
-    /// motion.
+    /// Writes the value of `quantity` at `ahead` control periods after the present place in the motion. It writes nothing if this is
+    /// not a quantity of a motion.
     pub fn write(&self, quantity: Quantity, ahead: usize, sensed: &Sensed, out: &mut [f32]) {
         let time = sensed.motion.time + ahead as f64 * self.control_dt;
         match quantity {

@@ -106,7 +106,7 @@ fn what_contradicts_a_motion_is_named() {
         }),
         ("has `ahead`", |i| i.observation = vec![Term { ahead: 1, ..Term::new(Quantity::JointPosition) }]),
         ("angles and", |i| i.reference.as_mut().unwrap().velocity.truncate(3)),
-        ("no joint of the policy", |i| i.reference.as_mut().unwrap().anchor[0].joint = "tail".into()),
+        ("not a joint of the policy", |i| i.reference.as_mut().unwrap().anchor[0].joint = "tail".into()),
         ("a rate of 0 Hz", |i| i.reference.as_mut().unwrap().rate_hz = 0.0),
     ];
     for (message, change) in cases {

@@ -35,7 +35,7 @@ pub enum Error {
         /// What is wrong, and what to do.
         message: String,
     },
-    /// A run cannot go on: it was begun with other settings or inputs.
+    /// A run cannot continue: it was begun with other settings or inputs.
     #[error(
         "{} cannot be continued: {difference}. Give the run's own settings and files (--resume with {}), or start \
          afresh without --resume.",
@@ -59,9 +59,9 @@ pub enum Error {
     /// The caller asked to stop.
     #[error("{message}")]
     Interrupted {
-        /// What was kept, and how to go on.
+        /// What was kept, and how to continue.
         message: String,
-        /// The folder that keeps what was done; none if nothing was.
+        /// The folder that keeps what was done; `None` if nothing was.
         kept: Option<PathBuf>,
     },
     /// Anything else that failed.

@@ -15,13 +15,13 @@ pub enum Event<'a> {
     Output(&'a str),
     /// Countable work begins.
     Begin(Work<'a>),
-    /// Work goes on.
+    /// Countable work continues.
     Step(Step<'a>),
     /// Numbers of the step that follows, by name.
     Metrics(&'a [(&'a str, f64)]),
     /// The countable work that began last has ended.
     End,
-    /// Nothing happened; a stage asks whether to go on. It comes often, and from any thread.
+    /// Nothing happened; a stage asks whether to continue. It comes often, and from any thread.
     Poll,
 }
 

@@ -3,7 +3,7 @@
 //!
 //! Every stage is a function of typed settings ([`settings`]) that returns a typed result or an [`Error`] that names the
 //! object and the remedy. Stages report progress and may be stopped through one callback ([`watch::Watch`]). What they
-//! compute lies in run folders ([`run::RunFolder`]), from which an interrupted stage goes on to the same bits.
+//! compute lies in run folders ([`run::RunFolder`]), from which an interrupted stage resumes to the same bits.
 //!
 //! Most stages live in crates of their own, which this one names in one place: `gaitfit-run`, `gaitfit-settings`,
 //! `gaitfit-world`, `gaitfit-fit`, `gaitfit-train`, `gaitfit-excite` and `gaitfit-export`.

@@ -233,7 +233,7 @@ class Simulation(Settings):
             0.005.
         robot_timestep: Walking logs: physics step of the simulated robot that made them, or period of the real one's
             motor boards, s. Absent: the fit's own step. Default: of walks 0.001.
-        self_contact: Which of the robot's own parts touch each other; absent: as the policy's task says, and none of a
+        self_contact: Which parts of the robot may touch each other; absent: those of the policy's task, and none of a
             clamped robot.
         preset: Solver effort. One of ``fast``, ``accurate``, ``converged``. Default: 'accurate', of walks 'fast'.
         skip_seconds: Seconds at the start of each log that do not count in costs and errors.
@@ -261,9 +261,10 @@ class Falls(Settings):
     """What falls mean in fits of walking logs.
 
     Attributes:
-        margin_seconds: What is cut from a log before a fall, s.
-        penalty: Added to a candidate's cost times the share of the logs in which it falls; absent: chosen so that a
-            candidate that falls never beats one that stands, if the robot never fell.
+        margin_seconds: Time that is cut from a log before a fall, s.
+        penalty: Price of a fall in every log: a candidate pays it times the share of the logs in which it falls. By
+            default, if the robot never fell, a candidate that falls never beats one that stands; else it pays only for
+            more falls than the robot's, beyond chance.
 
     >>> settings = Fit(falls=Falls(margin_seconds=0.5))
     """
@@ -291,14 +292,14 @@ class Optimizer(Settings):
             ``candidate``. Default: 'generation'.
         replicates: Sets of simulated logs a round, which correct fits of walking logs by least squares, and a twentieth
             of the simulated robots a round, which correct those by distributions; 0: no correction. Default: 4.
-        patience: A seed of CMA-ES stops once the smallest costs of so many generations hardly change: the means of their
-            halves differ by less than a fiftieth, standard error included; 0 never. Default: 0, of walks 40.
-        prior_weight: What a distance of one standard error from a ``[prior]`` adds to the cost. Default: 0.0005.
+        patience: A seed of CMA-ES stops once the smallest costs of this many generations hardly change: the means of
+            their halves differ by less than a fiftieth, standard error included; 0 never. Default: 0, of walks 40.
+        prior_weight: Cost of a distance of one standard error from a ``[prior]``. Default: 0.0005.
         tolerance: A seed stops once its search distribution is this small: largest standard deviation of any parameter,
             relative to its initial deviation. 0 never stops early. Default: 0.0001.
-        max_seconds: Wall time after which the search stops with what it has, s; 0 has no limit. Intervals are measured
-            after it, which takes as long again or longer; estimates of a search that was cut off are not corrected by
-            simulated logs, and the result has the doubt ``not_converged``. Default: 0.0.
+        max_seconds: Wall time after which the search stops, s; 0: no limit. Then intervals are measured, which takes as
+            long again or longer. Estimates of a search that this limit ended are not corrected by simulated logs, and the
+            result has the doubt ``not_converged``. Default: 0.0.
 
     >>> settings = Fit(optimizer=Optimizer(generations=50, seeds=3))
     """
@@ -324,10 +325,10 @@ class Check(Settings):
     """Checks on the result.
 
     Attributes:
-        converged: Whether the search must have come to its end. Default: False.
+        converged: Whether the search must have converged. Default: False.
         better_than_nominal: Whether the fitted robot must be closer to the logs than the robot before the fit. Default:
             False.
-        sound: Whether nothing may speak against the fit: no doubt of any kind. Default: False.
+        sound: Whether the fit must be without any doubt. Default: False.
         cost: Largest cost on the fitted logs, of the first cost.
         validation_cost: The same on the validation logs.
         rmse_rad: Largest free-running position RMSE over the validation logs, rad.
@@ -354,7 +355,7 @@ class Fit(Settings):
         base: How the robot's base was held while recording. One of ``fixed``, ``free``. Default: 'fixed', of walks
             'free'.
         policy: Walking logs: the policy that walked.
-        known: Parameters already known, a theta.toml; what is fitted comes on top.
+        known: File of parameters that are known already, a theta.toml. The fit's own parameters are added to them.
         logs: Logs to fit.
         validate: Logs to validate on, not used in the fit.
         allow: Findings of ``gaitfit inspect`` that do not forbid using a log. One of ``malformed``, ``missing-joint``,
@@ -370,24 +371,25 @@ class Fit(Settings):
             Default: ['matcho'], of walks ['wass'].
         odd_joints: Whether to look for joints that differ from the same joint of other legs, and to fit a spring on
             those. Default: False.
-        swings: Whether what legs in the air show of friction, damping, armature and delay becomes a prior of a walk's
-            fit. Default: False, of walks True.
+        swings: Whether estimates of friction, damping, armature and delay from legs in the air are priors of a fit of
+            walks. Default: False, of walks True.
         effects: Whether a fit of walks gets further parameters for effects that its logs show without a simulation.
             Examples are play, soft ground and a tilted IMU. Default: False, of walks True.
         runs: Folder that holds the run folders. Default: 'runs'.
         checkpoint_seconds: Seconds between checkpoints. Default: 5.0.
         joint_names: Joint names of the logs → joint names of the robot, where they differ.
         gains: PD gains of logs that do not state their own.
-        validate_gains: PD gains of single validation logs; they win over the log's own.
+        validate_gains: PD gains of single validation logs; they replace those that the log states.
         groups: Joint groups by name: patterns over the robot's joint names. By default ``hip`` (``*_hip*``), ``thigh``
-            and ``calf``; if these do not have all joints, joints whose names differ only in the leg are a group, named as
-            what is left of their names.
+            and ``calf``; if these do not have all joints, joints whose names differ only in the leg are a group with the
+            common part of their names.
         parameters: What to fit. In a file: ``parameter``.
         networks: Networks to fit. In a file: ``network``.
         numbers: Numbers of the whole robot to fit. In a file: ``number``.
-        prior: What is known of entries before the fit, by their names: the search begins there and pays for going away.
+        prior: Estimates of entries from before the fit, by their names. The search begins there and pays for the
+            distance.
         simulation: How logs are replayed.
-        falls: Walking logs: falls.
+        falls: Walking logs: how falls count.
         optimizer: The optimiser.
         check: Checks on the result; a failed one ends the program with exit code 3.
         truth: True values by parameter name, where they are known (simulated robots): shown beside the fit.

@@ -112,8 +112,8 @@ class Target(Settings):
         log_shift: Simulated: each log begins this long after the robot, drawn between the two, s.
         preset: Simulated: solver effort. One of ``fast``, ``accurate``, ``converged``.
         timeout_seconds: Command: how long each call of a program may take, s; then it is stopped.
-        probe: Command: a program that ends well if the robot is there, and its arguments; if it is not, the loop goes on
-            without a target. Without one the robot must be there.
+        probe: Command: a program that ends well if the robot is there, and its arguments; if it is not, the loop
+            continues without a target. Without one the robot must be there.
         collect: Command: the program that records, and its arguments.
         evaluate: Command: the program that measures, and its arguments.
         interface: Robot: network interface to it, for example ``eth0``.

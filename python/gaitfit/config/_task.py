@@ -98,7 +98,7 @@ class Curriculum(Settings):
         yaw: Yaw rate at first, rad/s.
         tracking: Ranges grow by a step when the tracking rewards pass this share of their greatest value.
         step: Such a step, as a share of the way from the first ranges to the final ones.
-        iterations: Ranges grow evenly over so many iterations.
+        iterations: Ranges grow evenly over this many iterations.
 
     >>> settings = Command(curriculum=Curriculum(x=(-0.3, 0.3), tracking=0.8))
     """

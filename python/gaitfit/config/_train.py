@@ -157,7 +157,7 @@ class Finetune(Settings):
 
     Attributes:
         name: Name of the run and of its folder; the configuration file's stem, or else ``finetune``, when absent.
-        policy: The policy to go on from.
+        policy: The policy to train further.
         theta: Fitted parameters, a ``theta.toml``; the robot of the file when absent.
         robot: Robot file (MJCF or URDF); the built-in Go2 when absent.
         lenient: Drop what the engine cannot simulate in the robot file instead of refusing it. Default: False.

@@ -4,11 +4,11 @@ Every stage has its own: :func:`gaitfit.fit` a :class:`FitResult`, :func:`gaitfi
 :func:`gaitfit.train` and :func:`gaitfit.finetune` a :class:`Training`, :func:`gaitfit.evaluate` an :class:`Evaluation`,
 :func:`gaitfit.collect` a :class:`Collection`, :func:`gaitfit.explain` an :class:`Explanation`, :func:`gaitfit.compare` a
 :class:`Comparison`, :func:`gaitfit.loop` a :class:`LoopResult`, :func:`gaitfit.fleet` a :class:`Fleet`, and
-:func:`gaitfit.ray.reproduce` a :class:`Table`. :func:`load` reads them again from a run folder.
+:func:`gaitfit.ray.reproduce` a :class:`Table`. :func:`load` reads a result from a run folder.
 
-Files are :class:`pathlib.Path`. A number that could not be measured is NaN where it is a mean, and ``None`` where the field's
-description has it. :attr:`Result.document` has the whole document that the program prints with ``--json``, with more detail than the
-fields.
+Files are :class:`pathlib.Path`. If a number could not be measured, a mean is NaN, and other fields are ``None`` as their
+descriptions state. :attr:`Result.document` is the whole document that the program prints with ``--json``. It has more detail than
+the fields.
 """
 
 from .._decode import Named

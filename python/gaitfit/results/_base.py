@@ -21,10 +21,10 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Estimate:
-    """A mean and how sure it is.
+    """A mean with its confidence interval.
 
     Attributes:
-        mean: The mean; NaN where nothing was measured.
+        mean: The mean; NaN if nothing was measured.
         ci95: Half the width of the mean's 95 % confidence interval; NaN with a single sample.
 
     >>> walked.fall_rate.mean
@@ -37,12 +37,12 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Doubt:
-    """A reason not to take a result as it is.
+    """A reason not to use a result as it is.
 
     Attributes:
         kind: Its kind in snake case, for example ``"not_converged"``.
         text: The evidence in a sentence or two.
-        details: More for people who repair it, for example a program's error message.
+        details: Further text for whoever corrects the cause, for example a program's error message.
 
     >>> [doubt.kind for doubt in result.doubts if "generations" in doubt.text]
     ['not_converged']
@@ -59,7 +59,7 @@ class Check:
 
     Attributes:
         name: What is checked.
-        passed: Whether it holds.
+        passed: Whether the check passed.
         limit: The limit, or ``None`` for a check without one.
         value: The measured value, or ``None`` if there is none.
 
@@ -97,13 +97,13 @@ class Result:
         return copy.deepcopy(self.document)
 
     def to_json(self, indent: int | None = None) -> str:
-        """The document as JSON. ``indent`` is the number of spaces of a level, as for :func:`json.dumps`. Raises ``TypeError`` for
-        an ``indent`` that is no number."""
+        """The document as JSON. ``indent`` is the number of spaces for each level, as for :func:`json.dumps`. Raises ``TypeError`` for
+        an ``indent`` that is not a number."""
         return json.dumps(self.document, indent=indent, ensure_ascii=False)
 
     def rows(self) -> list[dict[str, Any]]:
-        """The result's table: one flat row a parameter, log, seed, policy or file. Inner objects have dots in their
-        names (``"fall_rate.mean"``)."""
+        """The result as a table: one flat row for each parameter, log, seed, policy or file. Names of inner numbers have dots
+        (``"fall_rate.mean"``)."""
         raise NotImplementedError
 
     def to_dataframe(self) -> pd.DataFrame:

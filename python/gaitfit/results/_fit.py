@@ -38,10 +38,10 @@ class FittedParameter:
         unit: Its unit; ``"-"`` for a ratio.
         lower, upper: Bounds of the search.
         start: Where the search began.
-        at_bound: Whether the estimate is at a bound: the true value may be beyond.
+        at_bound: Whether the estimate is at a bound. The true value may then be beyond it.
         interval: The 95 % interval, ``(lower, upper)``, or ``None`` if it was not measured.
-        identified: Whether the logs determine it: the interval is narrower than half of the search's bounds. ``None`` if that was not
-            measured.
+        identified: Whether the logs determine it: the interval is narrower than half the distance of the search's bounds. ``None`` if
+            that was not measured.
         spread: Standard deviation of the estimates of several seeds, or ``None`` with one.
         uncorrected: The estimate before simulated logs corrected it, or ``None`` without correction.
         truth: The true value, from the settings' ``truth``.
@@ -100,7 +100,7 @@ class Sharing:
             intervals), ``"signals"`` (simulations whose signals came back, for derivatives), ``"corrections"`` (sets of simulated
             logs).
         workers: Seconds of each worker's work, by node and process.
-        driver_seconds: Processor time of the driver, s: all of the fit that was not shared, and the handing out of tasks.
+        driver_seconds: Processor time of the driver, s: for the parts of the fit that were not shared, and for handing out tasks.
         alone: What the driver computed alone.
 
     >>> shared = result.sharing
@@ -175,7 +175,7 @@ class ValidatedLog:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Walks that were not fitted, beside simulated walks under the same commands.
+    """Walks that were not fitted, compared with simulated walks under the same commands.
 
     Attributes:
         logs: Number of logs, or stretches of logs.
@@ -205,7 +205,7 @@ class CostFit:
         cost_name: The cost.
         cost: Its value for the parameters.
         nominal_cost: Its value for the robot before the fit; ``None`` if that diverged.
-        converged: Whether the search came to its end.
+        converged: Whether the search converged.
         better_than_nominal: Whether the fitted robot is closer to the logs than the robot before the fit.
         doubts: Reasons not to take the fit as it is, the worst first.
         parameters: The parameters by name.
@@ -232,9 +232,9 @@ class FitResult(Result):
         robot: Name of the robot.
         headline: The result in a sentence, its doubts first.
         standing: How firm it is: ``"contradicted"`` if walks that were not fitted speak against it.
-        doubts: Reasons not to take it as it is, the worst first. The regression in some of them predicts the values from the logs; it
-            was learned from simulated robots whose values lie around those of the search, and gives the intervals.
-        converged: Whether the search came to its end.
+        doubts: Reasons not to take it as it is, the worst first. Some of them name a regression. It predicts the values from the logs,
+            has learned from simulated robots with values near those of the search, and gives the intervals.
+        converged: Whether the search converged.
         better_than_nominal: Whether the fitted robot is closer to the logs than the robot before the fit.
         cost_name: The first cost.
         cost: Its value for the parameters, on the fitted logs.
@@ -361,15 +361,16 @@ class Cause:
     """Something that a robot has and its model lacks.
 
     Attributes:
-        kind: What it is, in kebab case.
-        of: The joint group or joint that has it; empty where it is of the whole robot.
+        kind: What it is, in snake case: ``"backlash"`` is play, ``"elasticity"`` twist; the others are ``"load_friction"``,
+            ``"odd_friction"``, ``"ground"``, ``"velocity_lag"``, ``"gyro_bias"``, ``"tilt"`` and ``"encoder_step"``.
+        of: The joint group or joint that has it; empty for the whole robot.
         value: Its size, in ``unit``.
         error: The size's standard error.
         unit: Unit of the size.
-        weight: The size over the smallest one that changes how a robot walks.
-        text: All of it in a sentence, with its remedy.
+        weight: The size divided by the smallest size that changes how a robot walks.
+        text: The cause in a sentence, with its evidence and its remedy.
 
-    >>> Cause("play", "calf", 0.014, 0.002, "rad", 3.0, "the calf joints have play").of
+    >>> Cause("backlash", "calf", 0.014, 0.002, "rad", 3.0, "the calf joints have play").of
     'calf'
     """
 
@@ -389,11 +390,11 @@ class Explanation(Result):
     Attributes:
         logs: The log or the folder.
         robot: The robot's file.
-        causes: What the robot has and its model lacks, the weightiest first.
+        causes: What the robot has and its model lacks, the largest weight first.
 
     >>> explained = gaitfit.explain("walks", "go2.xml")      # doctest: +SKIP
     >>> explained.causes[0].kind      # doctest: +SKIP
-    'play'
+    'backlash'
     """
 
     logs: str

@@ -54,17 +54,17 @@ class Round:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One policy minus another where both walked. Errors are differences: a negative one is a smaller error.
+    """One policy minus another in the same simulator. Errors are differences: a negative number means a smaller error.
 
     Attributes:
         policy: The policy.
         against: The policy that it is compared with.
-        on: Where both walked.
-        paired: Whether the same trajectories are compared one by one.
-        trajectories: Trajectories.
+        on: The simulator in which both walked.
+        paired: Whether trajectories are compared one by one.
+        trajectories: Number of trajectories that both walked.
         linear_velocity_error: Error of horizontal velocity, m/s.
         angular_velocity_error: Error of yaw rate, rad/s.
-        tracking_error: Both errors added, m/s and rad/s.
+        tracking_error: Sum of both errors, m/s and rad/s.
         fall_rate: Share of falls.
 
     >>> [one.tracking_error.mean for one in looped.comparisons]
@@ -89,22 +89,23 @@ class LoopResult(Result):
     Attributes:
         name: Name of the run.
         robot: Name of the robot.
-        target: The target in a few words; ``None`` where there is none.
+        target: The target in a few words; ``None`` without a target.
         rounds: The rounds.
         evaluations: Every policy in every simulator where it was measured, under the same commands.
-        comparisons: The best policy beside the others.
-        before: Name of the policy that the loop began with.
+        comparisons: The best policy compared with the others.
+        before: Name of the policy with which the loop began.
         after: Name of the best policy.
         policy: That policy's file.
         onnx: The same policy as ONNX.
         stopped_because: Why there was no further round.
-        doubts: Reasons not to take it as it is, the worst first.
+        doubts: Reasons not to use it as it is, the worst first.
         warnings: What to know before trusting the numbers.
         run_folder: The folder with the run's files.
         wall_seconds: Wall time of all stages, s.
         stage_seconds: Wall time of each stage, s.
-        bought: What the fit gained over training without logs, in a sentence; ``None`` without such policies.
-        next: What to do next where the loop cannot.
+        bought: How much better the policy is than policies that were trained without logs, in a sentence; ``None`` without such
+            policies.
+        next: What to do next, if the loop cannot do it.
 
     >>> looped.measured("before", "target").fall_rate.mean
     0.0
@@ -130,7 +131,7 @@ class LoopResult(Result):
     next: str | None = None
 
     def measured(self, policy: str, on: str) -> Measurement:
-        """The measurement of ``policy``, a name, in the simulator ``on``. Raises ``KeyError`` if there is none."""
+        """The measurement of the policy with the name ``policy`` in the simulator ``on``. Raises ``KeyError`` if there is none."""
         for one in self.evaluations:
             if (one.policy, one.on) == (policy, on):
                 return one
@@ -144,7 +145,7 @@ class LoopResult(Result):
 
 @dataclass(frozen=True)
 class TableRow:
-    """A cell of a table of the paper, over its seeds.
+    """A cell of a table of the paper, with means over its seeds.
 
     Attributes:
         cell: Its name.

@@ -21,7 +21,7 @@ class Gait:
         foot_lift: Mean height of a swing, m.
         action_rate: Root-mean-square change of an action a step, per joint.
         torque: Root-mean-square torque, N·m.
-        torque_power_above_10_hz: Share of the torques' power (their mean left out) above 10 Hz; ``None`` where it was not measured.
+        torque_power_above_10_hz: Share of the torques' power above 10 Hz, without their mean; ``None`` if it was not measured.
 
     >>> 0.0 <= trained.seeds[0].gait.duty_factor <= 1.0
     True
@@ -48,7 +48,7 @@ class Drift:
         yaw: Final heading minus the wanted one, rad.
         fall_rate: Share of falls.
         diverged: Robots whose simulation diverged; they count as falls.
-        path: The first robot's path: x, y, m, and heading, rad.
+        path: Path of the first robot: x and y, m, and heading, rad.
 
     >>> [trial.name for trial in walked.drift][0]
     'stand'
@@ -66,16 +66,17 @@ class Drift:
 
 @dataclass(frozen=True)
 class SeedResult:
-    """One seed of a training: means over its last 20 iterations, or over all of fewer. :meth:`Training.history` has each.
+    """One seed of a training: means over its last 20 iterations, or over all if there are fewer. :meth:`Training.history` has each
+    iteration.
 
     Attributes:
         seed: The seed.
         iterations: Iterations.
         samples: Control steps of all robots.
         reward: Mean reward of a control step.
-        episode_return: Mean summed reward of an episode; ``None`` where none ended.
+        episode_return: Mean summed reward of an episode; ``None`` if no episode ended.
         episode_seconds: Mean length of an episode, s.
-        fall_rate: Share of episodes that ended in a fall; ``None`` where none ended.
+        fall_rate: Share of episodes that ended in a fall; ``None`` if no episode ended.
         linear_velocity_error: Mean error of horizontal velocity, m/s.
         angular_velocity_error: Mean error of yaw rate, rad/s.
         gait: The policy's gait.
@@ -113,14 +114,14 @@ class Training(Result):
     Attributes:
         name: Name of the run.
         robot: Name of the robot.
-        task: The built-in task that it began with.
-        environments: Robots at once.
+        task: The built-in task from which its settings began.
+        environments: Number of robots.
         steps: Control steps of a rollout.
         seeds: One training a seed.
         run_folder: The folder with the run's files.
         wall_seconds: Wall time of all seeds, s.
-        trained: Whether the policy's actions were trained; ``False`` if all updates taught the critic alone.
-        doubts: Reasons not to take it as it is.
+        trained: Whether the policy's actions were trained; ``False`` if all updates trained only the critic.
+        doubts: Reasons not to use it as it is.
         warnings: What to know before trusting the result.
 
     >>> trained.policy.name, trained.environments
@@ -174,7 +175,7 @@ class Evaluation(Result):
         simulator: Where it walked, in a few words.
         seconds: Length of a trajectory, s.
         seed: Seed of commands, starts and noise.
-        trajectories: Trajectories.
+        trajectories: Number of trajectories.
         reward: Summed reward of a trajectory.
         linear_velocity_error: Error of horizontal velocity, m/s.
         angular_velocity_error: Error of yaw rate, rad/s.
@@ -182,8 +183,8 @@ class Evaluation(Result):
         action_rate: Root-mean-square change of an action a step, per joint.
         diverged: Trajectories whose simulation diverged; they count as falls.
         drift: Trials under constant commands.
-        gait: The gait straight ahead; ``None`` where it does not walk.
-        verdict: Whether it walks, in a sentence; ``None`` where that cannot be judged.
+        gait: The gait straight ahead; ``None`` if the robot falls or the task has no walk ahead.
+        verdict: Whether the policy walks, in a sentence; ``None`` if that cannot be judged.
         wall_seconds: Wall time, s.
 
     >>> walked.trajectories, walked.fall_rate.mean
@@ -238,9 +239,9 @@ class Collection(Result):
 
     Attributes:
         simulator: Where the policy walked, in a few words.
-        trajectories: Trajectories.
+        trajectories: Number of trajectories.
         seconds: Length of each, s.
-        falls: Robots that fell.
+        falls: Number of robots that fell.
         files: The logs.
 
     >>> collected.falls, [file.name for file in collected.files]

@@ -223,7 +223,7 @@ impl Cma {
         decomposed && scalar && finite(&state.mean) && finite(&state.p_sigma) && finite(&state.p_c)
     }
 
-    /// Why the run should end, or `None` to go on.
+    /// Why the run should end, or `None` to continue.
     pub fn stop(&self) -> Option<StopReason> {
         reason(&self.settings, &self.state)
     }

@@ -1,5 +1,5 @@
-//! What a run was begun with. A state is resumed only with the same settings: other ones would neither search there nor end
-//! as the results say.
+//! The settings of a run at its beginning. A state is resumed only with the same settings: with others the search would differ
+//! from what the results state.
 
 use super::{BoundHandling, CmaError, Settings};
 use crate::checksum::of_numbers;

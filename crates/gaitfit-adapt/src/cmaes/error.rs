@@ -1,6 +1,6 @@
-//! What can be wrong with settings, answers and saved states.
+//! Errors of settings, answers and saved states.
 
-/// Why the optimiser refuses to start, go on or resume.
+/// Why the optimiser refuses to start, continue or resume.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CmaError {
     /// No coordinate to optimise.

@@ -52,7 +52,7 @@ pub struct RunSummary {
     pub evaluations: u64,
     /// Why it ended.
     pub stop: StopReason,
-    /// Its best candidate; none if every candidate failed.
+    /// Its best candidate; `None` if every candidate failed.
     pub best: Option<Best>,
     /// Its final mean, in the problem's units.
     pub mean: Vec<f64>,

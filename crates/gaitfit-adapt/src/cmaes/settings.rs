@@ -1,4 +1,4 @@
-//! What the user chooses.
+//! The user's choices.
 
 use super::{CmaError, Tolerances, default_population};
 use serde::{Deserialize, Serialize};
@@ -17,7 +17,7 @@ pub enum CovarianceKind {
     Separable,
 }
 
-/// What happens to draws outside the bounds.
+/// The treatment of draws outside the bounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BoundHandling {

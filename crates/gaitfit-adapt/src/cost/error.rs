@@ -1,4 +1,4 @@
-//! What can be wrong with the two sides of a comparison.
+//! Errors of the two sides of a comparison.
 
 use super::Signal;
 
@@ -6,7 +6,7 @@ use super::Signal;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CostError {
     /// The simulation of this candidate diverged. The one error that speaks of the candidate, not of the setup:
-    /// rank it last and go on.
+    /// rank it last and continue.
     #[error("simulated {signal} of {of} is not finite at sample {sample} of recording {recording}")]
     NotFinite {
         /// Which signal.

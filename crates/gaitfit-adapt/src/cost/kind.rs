@@ -55,8 +55,8 @@ impl CostKind {
         matches!(self, Self::MatchO | Self::MatchS(_))
     }
 
-    /// What a simulation is given of logs that are compared with it; of costs that reset the whole state nothing, as a
-    /// robot's logs do not hold it.
+    /// The parts of logs that a simulation gets to be compared with them. For costs that reset the whole state there are none,
+    /// because a robot's logs do not contain it.
     pub fn given(self) -> Resets {
         match self {
             Self::MatchR(horizon) => Resets::Sensors(horizon.get()),

@@ -48,7 +48,7 @@ pub use wasserstein1::{sort_f32, wasserstein1};
 
 use crate::{Resets, Signals};
 
-/// What a sample lost to a fall is off by, scaled: the robot's whole range. A candidate whose signals stay within the
+/// The scaled error of a sample that a fall lost: the robot's whole range. A candidate whose signals stay within the
 /// robot's ranges cannot do worse.
 pub(crate) const LOST: f64 = 2.0;
 
@@ -58,7 +58,7 @@ pub trait Cost: Send + Sync {
     /// Short name, as in configuration files.
     fn name(&self) -> &str;
 
-    /// What of the recording the simulated robot is given on its way.
+    /// The parts of the recording that the simulated robot gets.
     fn resets(&self) -> Resets {
         Resets::Never
     }
@@ -68,7 +68,7 @@ pub trait Cost: Send + Sync {
     fn lost(&self) -> f64;
 
     /// The same cost, in the same scaling, against some of the recordings, which are numbered anew in the order given;
-    /// `None` if it cannot be had: then how well the logs identify a parameter is not measured.
+    /// `None` if there is no such cost: then gaitfit does not measure how well the logs identify a parameter.
     fn subset(&self, _recordings: &[usize]) -> Option<Box<dyn Cost>> {
         None
     }
@@ -78,7 +78,7 @@ pub trait Cost: Send + Sync {
         None
     }
 
-    /// What it is computed from, for simulators that compare signals themselves; `None` if they cannot.
+    /// The numbers from which it is computed, for simulators that compare signals themselves; `None` if they cannot.
     fn pieces(&self) -> Option<Pieces<'_>> {
         None
     }

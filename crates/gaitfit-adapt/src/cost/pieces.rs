@@ -1,13 +1,13 @@
-//! What costs are computed from, for simulators that compare signals themselves, for example on a GPU.
+//! The numbers from which costs are computed, for simulators that compare signals themselves, for example on a GPU.
 
 use super::{Breakdown, GroupCost, LOST, Reference, Signal, Weights};
 use std::sync::Arc;
 
-/// What a cost needs of a candidate's signals besides the samples that its falls lost. Samples count from the end of the
+/// The numbers of a candidate's signals that a cost needs, besides the samples that its falls lost. Samples count from the end of the
 /// pre-roll to a fall ([`crate::Signals::fell_at`]).
 #[derive(Clone, Copy, Debug)]
 pub enum Pieces<'a> {
-    /// The Wasserstein-1 distance of each dimension, of the pooled samples that count, unscaled. Not looked at where none
+    /// The Wasserstein-1 distance of each dimension, of the pooled samples that count, unscaled. It is not used if no sample
     /// counts.
     Distances(Compared<'a>),
     /// The sum of squared differences of each dimension, over the samples that count, recordings summed in their order,
@@ -15,25 +15,25 @@ pub enum Pieces<'a> {
     Squares(Compared<'a>),
 }
 
-/// What is compared.
+/// The two sides of a comparison.
 #[derive(Clone, Copy, Debug)]
 pub struct Compared<'a> {
     /// The robot's side.
     pub reference: &'a Arc<Reference>,
-    /// Of the groups of signals; those with weight 0 are not looked at.
+    /// Weights of the groups of signals. Groups with weight 0 are not used.
     pub weights: Weights,
 }
 
 impl<'a> Pieces<'a> {
-    /// What is compared.
+    /// The two sides of the comparison.
     pub fn compared(&self) -> Compared<'a> {
         match *self {
             Self::Distances(compared) | Self::Squares(compared) => compared,
         }
     }
 
-    /// The cost of a candidate with these pieces, one a signal and dimension, and the samples of all recordings that its
-    /// falls lost. Not finite where a piece is not.
+    /// The cost of a candidate with these pieces, one for each signal and dimension. `lost`: the samples of all recordings that
+    /// its falls lost. It is not finite if a piece is not.
     pub fn total(&self, lost: usize, piece: impl FnMut(Signal, usize) -> f64) -> f64 {
         let Compared { reference, weights } = self.compared();
         let counted = reference.counted();

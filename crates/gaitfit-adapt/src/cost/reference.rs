@@ -114,7 +114,7 @@ pub struct Reference {
     skip: usize,
     /// In the order of [`Signal::ALL`].
     signals: [Option<ReferenceSignal>; Signal::ALL.len()],
-    /// Falls of the robot for each recording.
+    /// Part of the recordings in which the robot fell.
     fall_rate: f64,
 }
 
@@ -136,25 +136,25 @@ impl Reference {
         Ok(Self { joints, skip, signals, fall_rate: 0.0 })
     }
 
-    /// The same recordings of a robot that fell `fall_rate` times for each of them, 0 to 1. Recordings are cut before falls, so
-    /// they do not show these.
+    /// The same recordings of a robot that fell in the part `fall_rate` of them, 0 to 1. Recordings are cut before falls and do
+    /// not show them.
     pub fn with_fall_rate(self, fall_rate: f64) -> Self {
         Self { fall_rate, ..self }
     }
 
-    /// Falls of the robot for each recording.
+    /// Part of the recordings in which the robot fell.
     pub fn fall_rate(&self) -> f64 {
         self.fall_rate
     }
 
-    /// Share of the samples that a simulated robot may lose to falls without a charge: a robot that falls in a recording, at a
-    /// time by chance, loses half of it.
+    /// Share of the samples that a simulated robot may lose to falls without a charge. A robot that falls at a random time
+    /// loses half of the recording.
     pub(crate) fn lost_by_robot(&self) -> f64 {
         0.5 * self.fall_rate
     }
 
-    /// The same recordings in the scaling of `other`, which is of the same joints: ranges of two sets of logs differ by
-    /// their wildest samples.
+    /// The same recordings in the scaling of `other`, which has the same joints. Without it, the scaling of two sets of logs
+    /// differs by their most extreme samples.
     pub fn scaled_as(mut self, other: &Self) -> Self {
         for (own, other) in self.signals.iter_mut().zip(&other.signals) {
             let (Some(own), Some(other)) = (own, other) else { continue };
@@ -207,7 +207,7 @@ impl Reference {
         (0..self.recordings()).map(|recording| self.samples(recording) - self.skip).sum()
     }
 
-    /// What was recorded of `signal`, pre-roll cut off: `samples × columns`, row-major; `None` without the signal or the
+    /// The recorded values of `signal` without the pre-roll: `samples × columns`, row-major; `None` without the signal or the
     /// recording.
     pub fn recorded(&self, signal: Signal, recording: usize) -> Option<&[f64]> {
         self.recording(signal, recording)

@@ -44,7 +44,7 @@ impl Signal {
         if self.is_privileged() { AXES[column] } else { &joints[column] }
     }
 
-    /// What a column is called in messages.
+    /// The name of a column in messages.
     pub(crate) fn label(self, joints: &[String], column: usize) -> String {
         let name = self.column(joints, column);
         if self.is_privileged() { format!("axis {name}") } else { format!("joint {name}") }
@@ -67,15 +67,15 @@ impl fmt::Display for Signal {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Weights {
-    /// Of joint position.
+    /// Weight of joint position.
     pub position: f64,
-    /// Of joint velocity.
+    /// Weight of joint velocity.
     pub velocity: f64,
-    /// Of the policy action.
+    /// Weight of the policy action.
     pub action: f64,
-    /// Of the base's position.
+    /// Weight of the base's position.
     pub base_position: f64,
-    /// Of the base's velocity.
+    /// Weight of the base's velocity.
     pub base_velocity: f64,
 }
 

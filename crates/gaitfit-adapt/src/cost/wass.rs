@@ -11,10 +11,10 @@ use std::sync::Arc;
 /// Wasserstein-1 distance between the pooled samples of the two sides, in the reference's fixed scaling; the groups
 /// are summed, each with its weight. Neither clocks nor sample counts of the two sides need agree.
 ///
-/// Samples after a fall are not pooled: they would resemble whatever the log has of standing still or lying. The
-/// share m of samples lost counts as off by the robot's whole range, (1 − m)·W₁ + m·2, so that falling earlier
-/// costs more. Samples that the robot itself would lose to its falls ([`Reference::with_fall_rate`]) are free: true values must
-/// not cost more than those of a robot that is too steady.
+/// Samples after a fall are not pooled: they would resemble parts of the log in which the robot stands still or lies. The
+/// share m of samples lost counts as off by the robot's whole range, (1 − m)·W₁ + m·2, so that an earlier fall
+/// costs more. The share that the robot itself would lose to its falls ([`Reference::with_fall_rate`]) is free and is not in m:
+/// true values must not cost more than those of a robot that is too steady.
 ///
 /// W₁ is homogeneous and blind to a common shift, so samples are sorted unscaled and the distance is multiplied by
 /// the scale.

@@ -16,7 +16,7 @@ const MIN_GENERATIONS_IN_TIME: usize = 30;
 /// Parameters named in a reason.
 const NAMED: usize = 4;
 
-/// Why the search for `outcome` had not converged, each reason a sentence; none if it had. `course`: the smallest cost
+/// Why the search for `outcome` has not converged, each reason a sentence; empty if it has. `course`: the smallest cost
 /// so far of the best run, one a generation.
 ///
 /// It had not, if changing one parameter alone lowers the cost by three standard errors or more
@@ -47,7 +47,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     }
     if ended == Some(Stop::Degenerate) {
         reasons.push(
-            "The optimiser could not go on: its steps grew without bound or lost all but one direction."
+            "The optimiser could not continue: its steps grew without bound or lost all but one direction."
                 .into(),
         );
     }
@@ -79,7 +79,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     reasons
 }
 
-/// That most seeds of least squares ended at other values than the best one, if they did.
+/// A sentence if most seeds of least squares ended at other values than the best one.
 fn elsewhere(outcome: &CostOutcome) -> Option<String> {
     outcome.uncertainty.as_ref().filter(|_| outcome.runs.len() > 1)?;
     let far = |one: &ParameterOutcome, value: f64| {

@@ -27,17 +27,17 @@ pub struct FitOptions {
     pub seeds: Vec<u64>,
     /// Covariance model.
     pub covariance: CovarianceKind,
-    /// What happens to draws outside the bounds. A start or an optimum on bounds (dry friction of 0) is common,
+    /// The treatment of draws outside the bounds. A start or an optimum on bounds (dry friction of 0) is common,
     /// and wants [`BoundHandling::Reflect`].
     pub bounds: BoundHandling,
-    /// A run of CMA-ES stops once the smallest costs of so many generations hardly change: the means of their
+    /// A run of CMA-ES stops once the smallest costs of this many generations hardly change: the means of their
     /// halves differ by less than a fiftieth, standard error included; 0 never.
     #[serde(default)]
     pub patience: usize,
     /// A run stops once the largest standard deviation of any parameter, or its next step of least squares, fell to
     /// this part of its initial deviation; 0 never stops early.
     pub tolerance: f64,
-    /// What falling costs.
+    /// The charge for falls.
     pub falls: FallPenalty,
     /// Which candidates see the same random draws; nothing to a simulator without randomness.
     pub random_numbers: RandomNumbers,
@@ -143,11 +143,11 @@ pub struct Fit<'a> {
     options: FitOptions,
     runs: Vec<Run>,
     generation: usize,
-    /// What it depends on; long logs take a moment to sum.
+    /// The inputs of the fit; hashing long logs takes a moment.
     origin: OnceLock<Origin>,
 }
 
-/// What one generation of all runs did.
+/// One generation of all runs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Generation {
     /// Number, from 1.
@@ -158,7 +158,7 @@ pub struct Generation {
     pub runs: Vec<RunGeneration>,
 }
 
-/// What one generation of one run did.
+/// One generation of one run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunGeneration {
     /// Cost name.
@@ -331,7 +331,7 @@ impl<'a> Fit<'a> {
         runs.min_by(|a, b| a.cost.total_cmp(&b.cost)).map(|best| best.x.as_slice())
     }
 
-    /// What has been found, one outcome a cost; empty for a cost without a finite value yet.
+    /// The results so far, one outcome for each cost; costs without a finite value yet have none.
     pub fn outcomes(&self) -> Vec<CostOutcome> {
         let outcome = |cost: usize| {
             let runs = self.runs.iter().filter(|run| run.cost == cost).filter_map(Run::outcome).collect();

@@ -1,10 +1,10 @@
-//! Why a fit cannot go on.
+//! Why a fit cannot continue.
 
 use crate::SimulatorError;
 use crate::cmaes::CmaError;
 use crate::cost::CostError;
 
-/// Why a fit cannot go on.
+/// Why a fit cannot continue.
 #[derive(Debug, thiserror::Error)]
 pub enum FitError {
     /// The simulator failed as a whole.

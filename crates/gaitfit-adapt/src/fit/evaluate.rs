@@ -17,16 +17,16 @@ pub struct Job {
     pub draw: u64,
 }
 
-/// What a candidate was found to cost.
+/// The cost and the falls of a candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// The cost, with what falls, the modifications' regularisation and priors add; `None` if the simulation diverged.
+    /// The cost, with the charge for falls, the modifications' regularisation and the priors; `None` if the simulation diverged.
     pub cost: Option<f64>,
     /// Recordings in which the simulated robot fell.
     pub falls: usize,
 }
 
-/// What a worker thread keeps of a candidate while its recordings come in.
+/// The state of a candidate while its recordings come in.
 struct Pending<'a> {
     accumulator: Box<dyn Accumulator + 'a>,
     missing: usize,
@@ -34,10 +34,10 @@ struct Pending<'a> {
     cost: Option<Result<f64, CostError>>,
 }
 
-/// Evaluates every job, in their order: its cost, with what falls and the size of its values add.
+/// Evaluates every job, in order: its cost, with the charge for falls, the regularisation and the priors.
 ///
 /// # Errors
-/// As [`Simulator::costs`]; [`FitError::Incomplete`] if it gives not one a job.
+/// As [`Simulator::costs`]; [`FitError::Incomplete`] if it does not return one evaluation for each job.
 pub fn evaluate(
     simulator: &dyn Simulator,
     theta: &Theta,
@@ -64,7 +64,7 @@ pub fn evaluate(
     Ok(found)
 }
 
-/// Simulates every job and compares its signals: what [`Simulator::costs`] does by default.
+/// Simulates every job and compares its signals. [`Simulator::costs`] does this by default.
 ///
 /// # Errors
 /// As [`Simulator::costs`].

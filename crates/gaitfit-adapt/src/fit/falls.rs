@@ -1,28 +1,29 @@
-//! What a fall costs.
+//! The cost of falls.
 
 use crate::cost::Cost;
 use serde::{Deserialize, Serialize};
 
-/// Max number of falls that chance explains if `expected` are expected: two standard deviations above (Poisson).
+/// Max number of falls that chance explains: the `expected` number plus two standard deviations (Poisson).
 pub fn max_falls_by_chance(expected: f64) -> usize {
     (expected + 2.0 * expected.sqrt()).ceil() as usize
 }
 
-/// What a candidate pays for falling, on top of the samples it loses (each of which counts as off by the robot's whole
-/// range). A simulator in which the robot falls can match a bad log; this keeps such optima from winning.
+/// What a candidate pays for its falls, in addition to the samples that it loses (each counts as off by the robot's whole
+/// range). A simulator in which the robot falls can match a bad log. Because of this charge it does not win.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FallPenalty {
-    /// The price of falling in all recordings. A candidate pays it times the share of the recordings in which it fell, less
-    /// what chance explains ([`max_falls_by_chance`]). `None` chooses. If the robot never fell, each fall adds the cost of losing all samples
-    /// ([`Cost::lost`]), so a candidate that falls never beats one that stands and stays within the robot's ranges.
-    /// Otherwise [`Cost::lost`] is the price, because the true simulator falls now and then too.
+    /// The price of falling in all recordings. A candidate pays it times the share of the recordings in which it fell, without
+    /// the falls that chance explains ([`max_falls_by_chance`]). With `None` the price depends on the robot. If the robot never
+    /// fell, each fall adds the cost of losing all samples ([`Cost::lost`]), so a candidate that falls never beats one that
+    /// stands and stays within the robot's ranges. Otherwise [`Cost::lost`] is the price, because the true simulator falls now
+    /// and then too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub penalty: Option<f64>,
     /// Part of the recordings in which the robot itself fell (and which are cut there), 0 to 1. A part and not a number: a
     /// search may simulate each recording several times.
     pub robot_rate: f64,
-    /// Whether torque noise or starts are drawn, so that chance decides whether the same values fall. If they are, no penalty
+    /// Whether torque noise or starts are drawn, so that chance decides whether the same values fall. If so, and if no penalty
     /// is stated and the robot never fell, candidates also pay for the falls that are expected of them.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub random: bool,
@@ -32,7 +33,7 @@ impl FallPenalty {
     /// No charge beyond the samples lost.
     pub const NONE: Self = Self { penalty: Some(0.0), robot_rate: 0.0, random: false };
 
-    /// What is added to the cost of a candidate that fell in `fallen` of `recordings` recordings.
+    /// The charge for a candidate that fell in `fallen` of `recordings` recordings. It is added to the cost.
     pub fn charge(&self, cost: &dyn Cost, fallen: usize, recordings: usize) -> f64 {
         let excess = fallen.saturating_sub(max_falls_by_chance(self.robot_rate * recordings as f64));
         if excess == 0 {

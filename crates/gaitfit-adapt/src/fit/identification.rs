@@ -21,9 +21,9 @@ pub enum NoiseSource {
     Draws,
     /// Not known: one recording, no randomness. Five percent of the cost are taken.
     Assumed,
-    /// Joint: what fits of other logs and other simulators would have found ([`super::Uncertainty`]).
+    /// Joint: the values that fits of other logs and other simulators would have ([`super::Uncertainty`]).
     Refits,
-    /// What is found of simulated robots whose values are known ([`super::Regression`]).
+    /// Errors of the estimates for simulated robots whose values are known ([`super::Regression`]).
     Robots,
 }
 

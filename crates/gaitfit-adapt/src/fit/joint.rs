@@ -85,7 +85,7 @@ pub(super) fn joint(
         let step = -(&inverse * (slope(&costs, 0) - &here));
         shifts.iter_mut().zip(step.iter()).for_each(|(sum, step)| *sum += step * step);
     }
-    // Of one recording there are no parts; its noise is then not estimated here.
+    // One recording has no parts; its noise is then not estimated here.
     let degrees = views.count().checked_sub(2).unwrap_or(usize::MAX);
     let quantile = stats::student_t_95(degrees);
     for (at, free) in free.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! The fit: independent runs of CMA-ES or least squares over costs and seeds.
 //!
 //! [`Fit`] does no input or output. Its caller steps it, looks at each [`Generation`], saves
-//! [`Fit::checkpoint`] when it likes, and goes on later from [`Fit::resume`] to the same result, bit for bit.
+//! [`Fit::checkpoint`] when it likes, and resumes later with [`Fit::resume`] to the same result, bit for bit.
 
 mod baseline;
 mod compare;

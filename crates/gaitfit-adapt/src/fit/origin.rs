@@ -1,4 +1,4 @@
-//! What a fit was begun with: a checkpoint is resumed only by a fit of the same logs, parameters and settings.
+//! The inputs of a fit at its beginning: a checkpoint is resumed only by a fit of the same logs, parameters and settings.
 
 use super::FitOptions;
 use crate::cost::{Cost, Weights};
@@ -6,7 +6,7 @@ use crate::{Entry, Prior, Simulator, Theta};
 use gaitfit_model::{shown, shown_number};
 use serde::{Deserialize, Serialize};
 
-/// What the numbers of a checkpoint depend on. What the simulator computes cannot be known here.
+/// The inputs on which the numbers of a checkpoint depend. The simulator's own computation is not known here.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Origin {
@@ -18,7 +18,7 @@ pub struct Origin {
     pub parameters: Vec<Searched>,
     /// Estimates from before the fit: places of their entries, and what they add to the cost.
     pub priors: Vec<(usize, Prior)>,
-    /// What one standard error from a prior adds to the cost.
+    /// Cost of one standard error from a prior.
     pub prior_weight: f64,
     /// The costs.
     pub costs: Vec<Against>,
@@ -44,7 +44,7 @@ pub struct Searched {
     pub deviation: f64,
 }
 
-/// What a cost compares with.
+/// The recordings and weights of a cost.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Against {
@@ -59,7 +59,7 @@ pub struct Against {
 }
 
 impl Origin {
-    /// What a fit depends on.
+    /// The inputs of a fit.
     pub(super) fn new(
         simulator: &dyn Simulator,
         theta: &Theta,
@@ -86,7 +86,7 @@ impl Origin {
         }
     }
 
-    /// What this fit has and `saved` has not, in words; `None` when a checkpoint of `saved` may be resumed. More generations
+    /// The first difference between this fit and `saved`, in words; `None` when a checkpoint of `saved` may be resumed. More generations
     /// may be asked for.
     pub(super) fn difference(&self, saved: &Self) -> Option<String> {
         let list = |names: Vec<&str>| shown(&names.join(", "));

@@ -1,4 +1,4 @@
-//! What a fit found: values, their spread over seeds, and the bounds they rest on.
+//! The result of a fit: values, their spread over seeds, and whether they are at their bounds.
 
 use super::run::Stop;
 use super::{
@@ -10,7 +10,7 @@ use crate::{Cancel, Rollout, Simulator, Theta};
 use gaitfit_sim::stats;
 use serde::{Deserialize, Serialize};
 
-/// What one cost's runs found together.
+/// The joint result of the runs of one cost.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CostOutcome {
     /// Cost name.
@@ -86,7 +86,7 @@ impl ParameterOutcome {
     }
 }
 
-/// What one run found.
+/// The result of one run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunOutcome {
     /// Seed.
@@ -271,7 +271,7 @@ impl CostOutcome {
         let Some(&cost) = costs.first().and_then(Option::as_ref).and_then(|costs| costs.first()) else {
             return Ok(Some("The simulation of the corrected values diverges.".to_owned()));
         };
-        // What a search pays for going away from what was known is in its cost.
+        // The cost of a search contains the price of the distance from priors.
         let charged = cost + problem.theta.prior_cost(&regression.corrected);
         let max_cost = AS_WELL * self.best_cost + AS_WELL_BY;
         if charged > max_cost && problem.theta.len() > MAX_TAKEN && !regression.is_nearer() {

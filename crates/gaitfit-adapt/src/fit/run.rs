@@ -192,7 +192,7 @@ impl Run {
         })
     }
 
-    /// What the run found so far; `None` before its first finite cost.
+    /// The result of the run so far; `None` before its first finite cost.
     pub fn outcome(&self) -> Option<RunOutcome> {
         let best = self.best()?;
         Some(RunOutcome {
@@ -359,7 +359,7 @@ fn plan(options: &FitOptions) -> RestartPlan {
 pub struct Checkpoint {
     /// Generations done.
     pub generation: usize,
-    /// What the fit was begun with.
+    /// The inputs of the fit at its beginning.
     pub origin: Origin,
     /// The runs, costs first, then seeds.
     pub runs: Vec<SavedRun>,

@@ -12,7 +12,7 @@ const GROUPS: usize = 8;
 /// The costs of a rollout, one a view; `None` where it diverged.
 pub type Costs = Option<Vec<f64>>;
 
-/// What a cost sees: all recordings first, then all but one group of them, for each group.
+/// The sets of recordings of a cost: first all, then all but one group, for each group.
 pub struct Views<'a> {
     cost: &'a dyn Cost,
     recordings: usize,

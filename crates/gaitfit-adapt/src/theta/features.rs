@@ -8,8 +8,8 @@
 use super::networks::{LAYERS, OUTPUT_WEIGHTS};
 use gaitfit_physics::NETWORK_WEIGHTS;
 
-/// What the weights of the last layer stand for, in their order: torques (or corrections of the target) that resist for
-/// positive weights, but for the last.
+/// The meanings of the last layer's weights, in order: torques (or corrections of the target), which resist if the weight is
+/// positive, except the last.
 pub(super) const NAMES: [&str; OUTPUT_WEIGHTS] = ["friction", "damping", "inertia", "stiffness", "offset"];
 
 /// Velocity at which friction is about its full size, rad/s, inverse.
@@ -49,8 +49,8 @@ pub(super) fn weights(last: &[f64; OUTPUT_WEIGHTS], position: f64, velocity: f64
     weights
 }
 
-/// What a weight of 1 of the last layer stands for, in their order, as a unit that the weight is read before: of torques,
-/// N·m, or of corrections of the target, rad, for this output scale.
+/// The size of a weight of 1 of the last layer, for each weight in order, as a unit that follows the weight: of torques, N·m, or
+/// of corrections of the target, rad, for this output scale.
 pub(super) fn units(output: f64, torque: bool) -> [String; OUTPUT_WEIGHTS] {
     let written = |size: f64, unit: &str| {
         // Three digits, without what products in binary leave.

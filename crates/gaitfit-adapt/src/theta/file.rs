@@ -10,7 +10,7 @@ use std::collections::HashSet;
 /// Version of the format. 1 had no networks.
 const FORMAT: u32 = 2;
 
-/// What a fit found: a file that can be written, read and applied to a robot.
+/// The result of a fit: a file that can be written, read and applied to a robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ThetaFile {
@@ -216,7 +216,7 @@ pub enum ThetaFileError {
     Write(String),
 }
 
-/// What readers of single modifications look things up in.
+/// The data that readers of single modifications need.
 pub(super) struct ReadContext<'a> {
     model: &'a Model,
     fitted: &'a str,
@@ -227,7 +227,7 @@ pub(super) fn short(bound: f64) -> String {
     if bound == MAX_VALUE { format!("{bound:e}") } else { bound.to_string() }
 }
 
-/// That a file is of another robot, if it is.
+/// A sentence if the file is of another robot.
 fn of_another(fitted: &str, robot: &str) -> String {
     if fitted.is_empty() || fitted == robot {
         return String::new();
@@ -257,7 +257,7 @@ impl ReadContext<'_> {
         let places = covered(&patterns, &self.model.name, &joints)
             .map_err(|source| ThetaFileError::Pattern { name: parameter.name.clone(), source })?;
         let mut named = SavedParameter { joints: names.into_iter().cloned().collect(), ..parameter.clone() };
-        // What is named already a pattern may cover too.
+        // A pattern may also cover joints that are already named.
         let known: Vec<Option<usize>> = named.joints.iter().map(|name| self.model.find_joint(name)).collect();
         let more = places.into_iter().filter(|place| !known.contains(&Some(*place)));
         named.joints.extend(more.map(|place| joints[place].to_owned()));

@@ -114,7 +114,7 @@ impl ParameterRule {
     }
 }
 
-/// What a search takes where a rule is silent. A parameter without it is not read from files, and a rule of it gets
+/// The values that a search takes if a rule does not state them. A parameter without it is not read from files, and a rule of it gets
 /// bounds that are refused.
 fn defaults(parameter: JointParameter) -> Defaults {
     let none = Defaults { lower: f64::NAN, upper: f64::NAN, start: f64::NAN, deviation: f64::NAN };

@@ -41,13 +41,13 @@ use std::sync::Arc;
 pub struct Theta {
     modifications: Vec<Arc<dyn Modification>>,
     entries: Vec<Entry>,
-    /// What is known of each entry before the fit; empty without any such knowledge.
+    /// The prior of each entry; empty without priors.
     priors: Vec<Option<Prior>>,
     /// For each entry, the index of the entry that is the strength of its motors.
     strengths: Vec<Option<usize>>,
     /// The same with [`Theta::load`].
     loads: Vec<Option<usize>>,
-    /// What a distance of one standard error from a prior adds to the cost.
+    /// Cost of a distance of one standard error from a prior.
     prior_weight: f64,
 }
 
@@ -103,7 +103,7 @@ pub enum ThetaError {
     /// Patterns do not fit the robot's joints.
     #[error("parameter {kind}: {source}")]
     Joints {
-        /// What is searched.
+        /// The searched parameter.
         kind: &'static str,
         /// Which pattern, and why not.
         source: PatternError,
@@ -155,7 +155,7 @@ pub enum ThetaError {
         /// Joints.
         joints: usize,
     },
-    /// What is known of an entry cannot be used.
+    /// The prior of an entry cannot be used.
     #[error("the prior of `{}` {why}", shown(name))]
     Prior {
         /// The name it was given for.
@@ -274,7 +274,7 @@ impl Theta {
         bounds.map(|entry| entry.upper).reduce(f64::max)
     }
 
-    /// What is added to every cost for the size of the values.
+    /// The amount that the size of the values adds to every cost.
     pub fn regularisation(&self, values: &[f64]) -> f64 {
         self.parts()
             .filter_map(|(modification, part)| Some(modification.regularisation(values.get(part)?)))

@@ -1,4 +1,4 @@
-//! What every change of the simulated robot offers.
+//! The interface of every change of the simulated robot.
 
 use super::{Entry, SavedParameter, ThetaFile};
 use gaitfit_sim::Candidate;
@@ -45,17 +45,17 @@ pub trait Modification: Debug + Send + Sync {
         self.entries().iter().map(|entry| entry.start).collect()
     }
 
-    /// What is added to every cost for the size of the values.
+    /// The amount that the size of the values adds to every cost.
     fn regularisation(&self, _values: &[f64]) -> f64 {
         0.0
     }
 
-    /// What of `values`, one an entry, is a linear spring on a joint; nothing by default.
+    /// The linear springs on joints that `values` describe, one value for each entry; by default none.
     fn springs(&self, _values: &[f64]) -> Vec<LinearSpring> {
         Vec::new()
     }
 
-    /// Writes what was found, one an entry, into a file that [`ThetaFile::candidate`] reads.
+    /// Writes the result, one for each entry, into a file that [`ThetaFile::candidate`] reads.
     fn save(&self, found: &[Found], file: &mut ThetaFile) {
         file.parameter.extend(self.entries().iter().zip(found).map(|(entry, found)| SavedParameter {
             name: entry.name.clone(),

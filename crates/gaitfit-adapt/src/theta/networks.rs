@@ -18,12 +18,12 @@ use std::ops::RangeInclusive;
 pub(super) const LAYERS: [(usize, usize); 3] = [(6, 8), (8, 4), (4, 1)];
 /// Weights of the last layer: 4 and a bias.
 pub(super) const OUTPUT_WEIGHTS: usize = 5;
-/// What scales may be: beyond it no unit is meant, and single precision may overflow.
+/// The range of scales. Beyond it a scale is no unit, and single precision may overflow.
 const SCALES: RangeInclusive<f64> = 1e-6..=1e6;
 /// Standard deviation of random hidden biases. Without any, hidden units would be odd functions.
 const BIAS_DEVIATION: f64 = 0.25;
 
-/// What the networks of a rule correct.
+/// The quantity that the networks of a rule correct.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NetworkName {

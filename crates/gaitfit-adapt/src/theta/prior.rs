@@ -1,4 +1,4 @@
-//! What is known of a number before the fit, from another source.
+//! Estimates of a number from before the fit, from another source.
 
 use super::{JointParameter, Theta, ThetaError};
 use serde::{Deserialize, Serialize};
@@ -106,7 +106,7 @@ impl Theta {
         Ok(self)
     }
 
-    /// What is known of each entry before the fit.
+    /// The prior of each entry.
     pub fn priors(&self) -> impl Iterator<Item = Option<&Prior>> {
         (0..self.entries.len()).map(|at| self.prior(at))
     }
@@ -149,12 +149,12 @@ impl Theta {
         Some(prior)
     }
 
-    /// What one standard error from a prior adds to the cost.
+    /// Cost of one standard error from a prior.
     pub fn prior_weight(&self) -> f64 {
         self.prior_weight
     }
 
-    /// What the priors add to the cost of `values`: weight · Σ ((value − estimate) / standard error)². It is the negative
+    /// The amount that the priors add to the cost of `values`: weight · Σ ((value − estimate) / standard error)². It is the negative
     /// logarithm of independent normal densities up to a constant, in units in which the cost's own noise is the weight.
     pub fn prior_cost(&self, values: &[f64]) -> f64 {
         let squares = values

@@ -81,7 +81,7 @@ impl Sharing {
     }
 }
 
-/// What patterns say besides their wildcards at the ends.
+/// The text of patterns without the wildcards at their ends.
 fn words(patterns: &[String]) -> String {
     let word =
         |pattern: &'_ String| pattern.trim_matches(|letter: char| !letter.is_alphanumeric()).to_owned();

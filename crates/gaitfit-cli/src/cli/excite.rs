@@ -27,8 +27,8 @@ pub struct Excite {
     /// With --policy: sequences to choose from
     #[arg(long, value_name = "N", default_value_t = 128, requires = "policy", hide = true)]
     pub pool: usize,
-    /// With --policy: largest commands of the pool, as a multiple of the task's; commands under which the policy falls
-    /// in simulation are left out
+    /// With --policy: largest commands of the sequences to choose from, as a multiple of the task's; commands under which
+    /// the policy falls in simulation are left out
     #[arg(long, value_name = "X", default_value_t = 1.0, requires = "policy", hide = true)]
     pub reach: f64,
     /// With --policy: parameters to identify, names or patterns, separated by commas [default: those that the
@@ -75,7 +75,7 @@ pub struct Excite {
     /// Middle of a joint's motion, rad (repeatable) [default: the pose of `gaitfit init`, away from the ends of the ranges]
     #[arg(long, value_name = "JOINT=RAD", conflicts_with = "policy", hide = true)]
     pub pose: Vec<Angle>,
-    /// Part of every limit that stays free
+    /// Part of every limit that the motion does not use
     #[arg(long, value_name = "PART", default_value_t = 0.1, conflicts_with = "policy", hide = true)]
     pub margin: f64,
     /// Max speed of all joints, if the file has no lower one, rad/s [default: the file's, or 10]
@@ -163,7 +163,7 @@ impl Excite {
 pub enum Turns {
     /// All together
     All,
-    /// Those of one limb, then those of the next
+    /// The joints of one limb, then those of the next
     Limbs,
     /// One after another
     Joints,

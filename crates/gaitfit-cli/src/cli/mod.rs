@@ -57,7 +57,7 @@ pub enum Command {
     Record(Record),
     /// Convert a recording (MCAP, ROS bag, npz, CSV) to a log
     Import(Import),
-    /// Rank what a robot has that its model lacks, by its walks
+    /// Rank what a robot has and its model lacks, from its walks
     Explain(Explain),
     /// Show a log and its simulation as two robots on one clock
     View(View),

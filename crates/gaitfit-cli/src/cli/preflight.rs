@@ -33,10 +33,10 @@ pub struct Preflight {
     /// Do not ask before the robot moves; for simulators only, which are in another domain than 0
     #[arg(long, requires = "moves")]
     pub yes: bool,
-    /// Max age of a state and max delay of the loop, ms; for simulators on busy machines only. A robot has 20
+    /// Max age of a state and max delay of the loop, ms; only for simulators on busy machines. On a robot both are 20
     #[arg(long, value_name = "MS", default_value_t = super::PATIENCE, value_parser = clap::value_parser!(u16).range(20..=1000), hide = true)]
     pub patience: u16,
-    /// Folder for the result and the logs; it must not hold any
+    /// Folder for the result and the logs; it must not contain earlier ones
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
     /// Print one JSON document

@@ -7,7 +7,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// How old a state and how late a loop may be on a robot, ms.
+/// Max age of a state and max delay of a loop on a robot, ms.
 pub const PATIENCE: u16 = 20;
 
 /// A robot that a policy may run on.
@@ -52,7 +52,7 @@ impl RobotKind {
     }
 }
 
-/// How a robot is reached and armed: of `run`, and of `collect` on a robot.
+/// The link to a robot, and how it is armed: for `run`, and for `collect` on a robot.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "On a robot")]
 pub struct LinkArgs {
@@ -71,7 +71,7 @@ pub struct LinkArgs {
     /// Do not ask before the robot moves; for simulators only, which are in another domain than 0
     #[arg(long, hide = true)]
     pub yes: bool,
-    /// Max age of a state and max delay of a loop, ms; for simulators on busy machines only. A robot has 20
+    /// Max age of a state and max delay of a loop, ms; only for simulators on busy machines. On a robot both are 20
     #[arg(long, value_name = "MS", default_value_t = PATIENCE, value_parser = clap::value_parser!(u16).range(20..=1000), hide = true)]
     pub patience: u16,
 }
@@ -97,10 +97,10 @@ pub struct Run {
     /// `excite --policy` with several trajectories, each a walk of --seconds with its own log
     #[arg(long, value_name = "FILE.csv")]
     pub commands: Option<PathBuf>,
-    /// Random commands for this time, s, drawn from the policy's task as in `collect`
+    /// Walk under random commands for this time, s; they are drawn from the policy's task as in `collect`
     #[arg(long, value_name = "S")]
     pub random: Option<f64>,
-    /// Length of each trajectory of such a file, s [default: 4]
+    /// Length of each trajectory of a file of `excite --policy`, s [default: 4]
     #[arg(long, value_name = "S", conflicts_with_all = ["random", "remote", "keyboard", "drift"])]
     pub seconds: Option<f64>,
     /// Commands from the robot's own remote: the left stick walks, the right one turns, A lies it down, B damps
@@ -109,7 +109,7 @@ pub struct Run {
     /// Commands from this terminal's keys: W A S D or arrows, J and L aside, Space stands, Q lies down, Esc damps
     #[arg(long)]
     pub keyboard: bool,
-    /// Drift trials, this number in each direction: stand, a constant command for 4 s, stand. The robot waits for Enter
+    /// Number of drift trials in each direction: stand, a constant command for 4 s, stand. The robot waits for Enter
     /// between trials. A form for your measurements is written into --out, for `gaitfit drift`
     #[arg(long, value_name = "N")]
     pub drift: Option<usize>,
@@ -118,7 +118,7 @@ pub struct Run {
     #[arg(long, value_name = "X,Y,YAW", requires = "drift", value_delimiter = ',', num_args = 1, allow_hyphen_values = true,
         conflicts_with_all = ["commands", "random", "remote", "keyboard"], hide = true)]
     pub drift_speeds: Vec<f32>,
-    /// This number of random walks, with pauses between, each with its own log
+    /// Number of random walks, with pauses between them; each has its own log
     #[arg(long, value_name = "N", requires = "random", conflicts_with_all = ["commands", "remote", "keyboard", "drift"])]
     pub trajectories: Option<NonZeroUsize>,
     /// Seed of the random commands
@@ -159,7 +159,7 @@ pub struct Record {
     /// Robot that gives the order of numbered joints; `unitree-go2` is the built-in Go2
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Log to write; the messages as they came go beside it, into a file .mcap
+    /// Log to write; the unchanged messages are written beside it, into a .mcap file
     #[arg(long, value_name = "FILE.csv")]
     pub out: PathBuf,
     /// Print one JSON document

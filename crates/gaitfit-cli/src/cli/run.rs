@@ -6,7 +6,7 @@ use gaitfit::settings::{AdaptConfig, Configuration, FinetuneConfig, LoopConfig, 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-/// What all commands share that work in a run folder.
+/// Arguments of all commands that work in a run folder.
 #[derive(Debug, Args)]
 pub struct RunArgs {
     /// Change one setting (repeatable)
@@ -30,7 +30,7 @@ pub struct RunArgs {
 }
 
 impl RunArgs {
-    /// What computes in the run `name` within `runs`.
+    /// The device of the run `name` in the folder `runs`.
     pub fn devices(&self, asked: Option<&super::Devices>, runs: &str, name: &str) -> super::Devices {
         let last = self.resume.then(|| last_devices(Path::new(runs), name)).flatten();
         super::Devices::choose(asked.cloned(), last.as_deref())
@@ -188,7 +188,7 @@ pub struct Loop {
 pub struct Reproduce {
     /// Name of the table; `list` prints all names with their times
     pub table: String,
-    /// The paper's scale instead of one for two cores
+    /// Run at the paper's scale instead of a scale for two cores
     #[arg(long)]
     pub full: bool,
     /// Repetitions of every cell with other seeds

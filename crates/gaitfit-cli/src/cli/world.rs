@@ -73,13 +73,13 @@ pub struct Evaluate {
     /// The policy and its simulator
     #[command(flatten)]
     pub world: WorldArgs,
-    /// Trajectories with random commands
+    /// Number of trajectories with random commands
     #[arg(long, value_name = "N", default_value = "10000")]
     pub trajectories: std::num::NonZeroUsize,
-    /// Length of each, s
+    /// Length of each trajectory, s
     #[arg(long, value_name = "S", default_value_t = 4.0)]
     pub seconds: f64,
-    /// Robots in each constant-command drift trial; 0 leaves them out
+    /// Robots in each drift trial, which has a constant command; 0: no such trials
     #[arg(long, value_name = "N", default_value_t = 64)]
     pub drift: usize,
     /// Speeds of the drift trials: ahead and to the side, m/s, and turning, rad/s [default: half of the task's largest
@@ -93,8 +93,8 @@ pub struct Evaluate {
         hide = true
     )]
     pub drift_speeds: Vec<f64>,
-    /// Also cross uneven ground: kinds (flat, slopes, stairs, rough) separated by commas, a .toml file with [terrain],
-    /// none, or own (the task's)
+    /// Robots also cross uneven ground: kinds of it (flat, slopes, stairs, rough) separated by commas, a .toml file with
+    /// [terrain], none, or own (the task's)
     #[arg(long, value_name = "GROUND", default_value = "own", hide = true)]
     pub terrain: String,
     /// Robots on each cell of the uneven ground
@@ -131,16 +131,16 @@ pub struct Collect {
     /// Folder for the logs, one CSV for each trajectory
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
-    /// Trajectories
+    /// Number of trajectories
     #[arg(long, value_name = "N", default_value = "64")]
     pub trajectories: std::num::NonZeroUsize,
     /// Play these commands instead of random ones: a file of `gaitfit excite --policy`, one sequence for each trajectory
     #[arg(long, value_name = "FILE.csv", conflicts_with = "trajectories")]
     pub commands: Option<PathBuf>,
-    /// Length of each, s
+    /// Length of each trajectory, s
     #[arg(long, value_name = "S", default_value_t = 4.0)]
     pub seconds: f64,
-    /// Delay of each log's start after the robot's, drawn between the two times, s
+    /// Time from the robot's start to the log's, s: the shortest and the longest; each log has a random time between the two
     #[arg(long, value_names = ["FROM", "TO"], num_args = 1..=2, default_values_t = [0.0], hide = true)]
     pub log_shift: Vec<f64>,
     /// Also record the base's position and velocity, which a robot does not measure

@@ -8,13 +8,13 @@ use gaitfit::device::Device;
 use gaitfit::machine::{Machine, machine};
 use gaitfit_cuda::runtime::{Found, bytes, find};
 
-/// What is printed as JSON.
+/// The document that is printed as JSON.
 #[derive(Serialize)]
 struct Report {
     #[serde(flatten)]
     machine: Machine,
     cuda: Found,
-    /// What `--device auto`, the default, takes.
+    /// The device that `--device auto`, the default, takes.
     device: String,
 }
 

@@ -9,7 +9,7 @@ use gaitfit_robot::drift::{Form, Measured};
 use gaitfit_view::loop_report::Estimate;
 use serde::Serialize;
 
-/// What was measured of a policy, as `--json` prints it.
+/// The measurements of a policy, as `--json` prints them.
 #[derive(Serialize)]
 struct Policy {
     policy: String,

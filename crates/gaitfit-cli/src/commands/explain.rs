@@ -28,7 +28,7 @@ struct Document<'a> {
     without_simulation: &'a SwingFindings,
 }
 
-/// What logs show of a robot without a simulation, or why that cannot be told.
+/// What logs show of a robot without a simulation, or why they show nothing.
 fn findings(robot: &Path, logs: &Path, lenient: bool) -> Result<SwingFindings, Failure> {
     let path = Some(robot);
     let model = robot::named(robot, lenient)?;

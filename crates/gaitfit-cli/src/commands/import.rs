@@ -18,7 +18,7 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// What was read, as `--json` prints it.
+/// The result, as `--json` prints it.
 #[derive(Serialize)]
 struct Document {
     written: String,
@@ -155,7 +155,7 @@ pub fn convert(recording: &Path, out: &Path, args: &New) -> Result<Vec<String>, 
     Ok(imported.report.assumed.iter().cloned().chain(left_out).chain(order).collect())
 }
 
-/// How the line about numbered joints begins.
+/// The beginning of the line about numbered joints.
 const NUMBERED: &str = "joints 0 to ";
 
 fn finding(severity: Severity, message: String) -> Finding {
@@ -287,7 +287,7 @@ mod tests {
     use super::*;
     use gaitfit_policy::observation::Sensed;
 
-    /// What a policy's observation is made of comes back from it.
+    /// The parts of a policy's observation are recovered from it.
     #[test]
     fn an_observation_is_unpacked_into_what_was_sensed() {
         let policy = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");

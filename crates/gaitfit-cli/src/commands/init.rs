@@ -12,7 +12,7 @@ use serde::Serialize;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-/// What was found, as `--json` prints it.
+/// The result, as `--json` prints it.
 #[derive(Serialize)]
 struct Document {
     robot: String,
@@ -25,7 +25,7 @@ struct Document {
     page: Option<String>,
     guesses: Vec<Guess>,
     warnings: Vec<String>,
-    /// What was trained, with `--train`.
+    /// The training, with `--train`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     trainings: Vec<Training>,
 }
@@ -43,7 +43,7 @@ struct Training {
     policy: Option<String>,
 }
 
-/// Where the files go.
+/// The folder of the files.
 struct Files {
     configuration: PathBuf,
     mended: Option<PathBuf>,
@@ -153,7 +153,7 @@ pub fn run(args: &Init) -> Result<(), Failure> {
 
 fn write_configuration(args: &Init, files: &Files, look: &Look) -> Result<(), Failure> {
     let robot_file = files.mended.as_deref().unwrap_or(&args.robot);
-    // What was dropped is not in a mended file.
+    // A mended file does not contain the dropped parts.
     let lenient = args.lenient && files.mended.is_none();
     let text = look.configuration(&paths::named(robot_file, &files.configuration), lenient);
     Ok(files::write(&files.configuration, text.as_bytes())?)
@@ -192,7 +192,7 @@ fn train_guesses(args: &Init, files: &Files, prepared: &Prepared) -> Result<Vec<
     Ok(trainings)
 }
 
-/// What a guess says of the gains.
+/// A sentence about guessed gains.
 fn gains(look: &Look) -> String {
     let found = look.guesses.iter().find(|guess| guess.what == "gains");
     found.map(|guess| guess.found.clone()).unwrap_or_default()

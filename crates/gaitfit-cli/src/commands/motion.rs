@@ -1,4 +1,4 @@
-//! Before a run on a robot: its own walking, the motion service, must leave the motors to others.
+//! Before a run on a robot: its own program for walking, the motion service, must release the motors.
 
 use crate::exit::{Exit, Failure};
 use crate::output::note;
@@ -6,16 +6,17 @@ use gaitfit_robot::link::{MotionMode, MotionSwitcher};
 use std::io::BufRead;
 use std::time::Duration;
 
-/// How long the service has to be found and to answer (found it was in 2.5 s on a busy machine), and to let go of the motors.
+/// Max time in which the service must be found and answer (on a busy machine it was found in 2.5 s), and in which it must release
+/// the motors.
 const ANSWER: Duration = Duration::from_secs(6);
 const RELEASE: Duration = Duration::from_secs(15);
-/// What a person types to have it released.
+/// The word that a person types to release it.
 const WORD: &str = "release";
-/// What to do where it cannot be had released from here.
+/// What to do if it cannot be released from here.
 const BY_HAND: &str = "switch it off in the vendor's app, or with its SDK (MotionSwitcherClient.ReleaseMode), and run again; \
                        nothing was sent to the motors";
 
-/// Has the motion service of the robot on `interface` released, or finds that it is. `hangs`: it must hang meanwhile.
+/// Releases the motion service of the robot on `interface`, or finds that it is released. `hangs`: the robot must hang meanwhile.
 pub fn released(interface: &str, domain: u16, yes: bool, hangs: bool) -> Result<(), Failure> {
     let mut switcher = MotionSwitcher::open(interface, domain).map_err(super::run::usage)?;
     let name = match switcher.check(ANSWER).map_err(Failure::failed)? {

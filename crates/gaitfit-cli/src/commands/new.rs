@@ -132,7 +132,7 @@ impl Converted {
 
 impl Drop for Converted {
     fn drop(&mut self) {
-        // What cannot be removed is seen in the folder.
+        // A file that cannot be removed stays in the folder, where the user sees it.
         self.files.iter().for_each(|file| drop(std::fs::remove_file(file)));
         if self.made {
             let _ = std::fs::remove_dir(&self.folder);

@@ -32,7 +32,7 @@ pub struct Document {
     /// Files of the policy that carry no checksum.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     without_checksum: Vec<String>,
-    /// What the written files do not say.
+    /// What the written files do not state.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     not_said: Vec<String>,
 }
@@ -66,7 +66,7 @@ struct Part {
     quantity: Quantity,
     start: usize,
     end: usize,
-    /// Where its frames begin, the oldest first; of terms with a history.
+    /// The first numbers of its frames, the oldest first; for terms with a history.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     frames: Vec<usize>,
     scale: Vec<f32>,
@@ -82,7 +82,7 @@ struct Joint {
     std: f32,
 }
 
-/// What `policy` is; `written`: files that it was written to.
+/// Describes `policy`; `written`: files to which it was written.
 pub fn document(policy: &Policy, written: Vec<String>) -> Document {
     let interface = &policy.interface;
     let network = |network: &gaitfit_policy::network::Network| Network {

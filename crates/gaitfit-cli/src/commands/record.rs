@@ -6,7 +6,7 @@ use gaitfit::files;
 use gaitfit_import::{MAX_MAPPING_BYTES, Mapping, is_known, known_types};
 use gaitfit_robot::listen::{Topic, topics};
 
-/// What to listen to, from the file of `--topics`; the file is an import's mapping too.
+/// The topics of the file of `--topics`. The file is an import's mapping too.
 fn wanted(args: &Record) -> Result<Vec<Topic>, Failure> {
     let shown = args.topics.display();
     if let Some(seconds) = args.seconds.filter(|seconds| !(*seconds > 0.0 && seconds.is_finite())) {
@@ -65,12 +65,12 @@ mod dds {
 
     /// Time between two looks at what has come.
     const LOOK: Duration = Duration::from_millis(20);
-    /// How long to wait for the first message of each topic before saying what there is instead.
+    /// Time to wait for the first message of each topic. After it, the other topics are listed.
     const SILENT: Duration = Duration::from_secs(8);
     /// Largest recording, bytes: what an import reads.
     const MAX_BYTES: u64 = 1_000_000_000;
 
-    /// What was heard of a topic.
+    /// The messages of a topic.
     #[derive(Clone, Default)]
     struct Count {
         messages: u64,
@@ -205,7 +205,7 @@ mod dds {
         }
     }
 
-    /// What others publish, for a person who looks for a name.
+    /// The topics that others publish, for a person who looks for a name.
     fn published(topics: &[Topic], listener: &Listener) -> String {
         let others: Vec<String> = listener
             .published()

@@ -19,7 +19,7 @@ use std::io::{BufRead, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// What a person types to arm a robot.
+/// The word that a person types to arm a robot.
 const WORD: &str = "walk";
 /// Folder of a dry run's logs within the one for logs: no fit reads them, and the walk itself may go beside.
 const DRY: &str = "dry-run";
@@ -182,7 +182,7 @@ pub fn usage(error: RobotError) -> Failure {
     }
 }
 
-/// Where the logs go.
+/// The folder of the logs.
 fn logs_of(args: &Run) -> PathBuf {
     if args.link.dry_run { args.out.join(DRY) } else { args.out.clone() }
 }
@@ -242,7 +242,7 @@ fn finish(args: &Run, who: &Who, summary: Result<Summary, RobotError>) -> Result
         },
         message: error.to_string(),
     })?;
-    // What a person must know comes before files, which a full disk or a folder that is gone may keep from being written.
+    // First tell the person, then write files: a full disk or a missing folder may keep them from being written.
     let printed = match args.json {
         true => output::print_json(&summary),
         false if summary.armed => output::print(&shown(args, &summary)),

@@ -43,7 +43,7 @@ fn text(results: &SensitivityResults) -> String {
     text
 }
 
-/// What logs can tell of each parameter, as a table.
+/// A table of how well logs identify each parameter.
 pub fn parameters(all: &[ParameterSensitivity]) -> Table {
     let header = ["parameter", "at", "deviation", "if others known", "unit", "identified", "correlates with"];
     let mut rows = table(&header, &[1, 2, 3]);

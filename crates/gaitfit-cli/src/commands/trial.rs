@@ -9,7 +9,7 @@ use gaitfit_robot::run::{Next, RUN, Trial};
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, TryRecvError};
 
-/// Where the form is: no fit takes it for a log there.
+/// The place of the form. No fit takes it for a log there.
 pub fn form_path(args: &Run) -> PathBuf {
     args.out.join(RUN).join("drift.csv")
 }
@@ -46,7 +46,7 @@ pub fn next<'a>(args: &'a Run, trials: &'a [Trial]) -> impl FnMut(usize, f64) ->
         // Not before: until it is armed the word is read elsewhere.
         let typed = typed.get_or_insert_with(keyboard::lines);
         if waited == 0.0 {
-            // What was typed during the last trial begins none.
+            // Input that was typed during the last trial does not begin one.
             typed.try_iter().for_each(drop);
         }
         match typed.try_recv() {

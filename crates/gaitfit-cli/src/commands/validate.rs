@@ -63,7 +63,7 @@ fn text(results: &ValidateResults) -> String {
     text
 }
 
-/// How far the joints' signals are from the logs': of the robot before and after the fit, and of the robot itself.
+/// Distances of the joints' signals from the logs: of the robot before and after the fit, and of the robot itself.
 fn distances(held: &HeldOut) -> Table {
     let header = ["W₁ on whole walks", "signal", "nominal", "fitted", "robot itself"];
     let mut rows = table(&header, &[2, 3, 4]);

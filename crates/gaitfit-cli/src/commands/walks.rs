@@ -1,4 +1,4 @@
-//! What a robot walks under: the commands asked for, within the ranges that the policy was trained for.
+//! The commands of a robot, within the ranges of the policy's training.
 
 use crate::cli::Run;
 use crate::exit::Failure;
@@ -18,7 +18,7 @@ const MAX_BYTES: u64 = 64 << 20;
 /// Room for the rounding of decimal numbers, m/s or rad/s.
 const ROUNDING: f64 = 1e-6;
 
-/// Who commands the robot.
+/// The source of the commands.
 pub enum Who {
     /// Rows that were written or drawn before.
     Script(Script),
@@ -31,7 +31,7 @@ pub enum Who {
 }
 
 impl Who {
-    /// How many logs there will be, if more than that of one walk.
+    /// Number of logs, if there is more than one walk.
     pub fn logs(&self) -> Option<usize> {
         match self {
             Self::Script(script) => script.of_many().then(|| script.walks()),
@@ -40,7 +40,7 @@ impl Who {
         }
     }
 
-    /// How long it walks, in words.
+    /// The duration of the walk, in words.
     pub fn length(&self) -> String {
         match self {
             Self::Script(script) => format!("walk for {:.0} s", script.seconds()),
@@ -103,7 +103,7 @@ fn check_ranges(
     named: &str,
     remedy: &str,
 ) -> Result<(), Failure> {
-    // Of a policy trained elsewhere the ranges are not known; the commands' own limit holds.
+    // The ranges of a policy that was trained elsewhere are not known; the commands' own limit applies.
     if policy.provenance.task.is_empty() || args.beyond_training {
         return Ok(());
     }
@@ -130,7 +130,7 @@ fn is_playlist(path: &Path) -> bool {
             .map(str::to_owned);
         rows.take(1).any(|header| header.split(',').any(|cell| cell.trim() == "trajectory"))
     };
-    // What cannot be read is said by the reader.
+    // If the file cannot be read, the reader reports it.
     gaitfit::files::read_text(path, MAX_BYTES).is_ok_and(header)
 }
 
@@ -197,7 +197,7 @@ fn drift(args: &Run, repeats: usize, policy: &Policy, task: &TaskSettings) -> Re
     Ok(Who::Trials(trials))
 }
 
-/// What a hand may command: all that the policy was trained for, or little where that is not known.
+/// Max commands from a remote or keyboard: those of the policy's training, or small ones if these are not known.
 fn ranges(policy: &Policy, task: &TaskSettings) -> Ranges {
     if policy.provenance.task.is_empty() {
         note(

@@ -75,7 +75,7 @@ impl Class {
 pub struct Place {
     /// With which others.
     pub class: Class,
-    /// The lane that has it, or none if all share it.
+    /// The lane that has it, or `None` if all share it.
     pub lane: Option<usize>,
     /// Its slot among the lanes' or among the shared ones.
     pub slot: usize,

@@ -8,7 +8,7 @@ use gaitfit_physics::{LinkOutline, Owner};
 /// The place of a link or a contact pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Place {
-    /// Its lane, or none if it belongs to all.
+    /// Its lane, or `None` if it belongs to all.
     lane: Option<usize>,
     /// Its counterpart in lane 0; itself if it belongs to all.
     twin: usize,
@@ -30,7 +30,7 @@ impl Seating {
         Self { lanes: 1, links: (0..outline.len()).map(own).collect(), pairs: (0..pairs).map(own).collect() }
     }
 
-    /// Limbs shared among `lanes` threads, two or four; none if the robot has no limbs to share.
+    /// Limbs shared among `lanes` threads, two or four; `None` if the robot has no limbs to share.
     pub fn shared(outline: &[LinkOutline], lanes: usize) -> Option<Self> {
         let mut seating = Self { lanes, ..Self::alone(outline) };
         let children = children(outline);
@@ -81,7 +81,7 @@ impl Seating {
         self.lanes
     }
 
-    /// The lane of an owner, none if it belongs to all, and its counterpart in lane 0.
+    /// The lane of an owner, `None` if it belongs to all, and its counterpart in lane 0.
     pub fn place(&self, owner: Owner) -> (Option<usize>, Owner) {
         let found = match owner {
             Owner::Base => None,

@@ -3,7 +3,7 @@
 //! [`Learner`] holds networks, optimiser and samples in the GPU's memory. Its update is one CUDA graph: checks,
 //! advantages, the deal of the samples (the CPU's draws, so the same minibatches), all gradient steps, statistics of
 //! observations. Only a few scalars cross the bus. A learner of the CPU goes in ([`Learner::new`]) and out
-//! ([`Learner::store`]) without loss, so a training can go on on the other side.
+//! ([`Learner::store`]) without loss, so a training can continue on the other side.
 //!
 //! The same update on the same GPU gives the same bits every time. It differs from the CPU's by rounding.
 

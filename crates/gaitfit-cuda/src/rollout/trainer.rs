@@ -14,7 +14,7 @@ use crate::ppo::{Batch, Learner, PpoError, Precision, Share, run_together, updat
 use crate::runtime::{Device, Event, Graph};
 
 /// A training in the memory of one GPU or several: rollouts and updates in turn, as [`Training::iterate`] does them. Between
-/// two iterations it can be given back to the CPU's training, which can save it, or go on with it.
+/// two iterations it can be given back to the CPU's training, which can save it or continue it.
 ///
 /// Several GPUs share the robots, in equal parts. A robot's draws depend on its number in the whole training. All GPUs have the
 /// same weights; see [`crate::ppo::update_together`].

@@ -13,7 +13,7 @@ pub struct Found {
     pub driver: Option<String>,
     /// GPUs that the driver shows.
     pub gpus: Vec<DeviceInfo>,
-    /// Version of the compiler NVRTC; none if it was not found.
+    /// Version of the compiler NVRTC; `None` if it was not found.
     pub nvrtc: Option<String>,
     /// Where it was found.
     pub nvrtc_path: Option<String>,

@@ -1,4 +1,4 @@
-//! What short predictions leave, tested for what noise does not have: memory, and a connection with what the robot does.
+//! Tests of the errors of short predictions for properties that noise does not have: memory, and a dependence on the robot's motion.
 //!
 //! A prediction of a model that lacks nothing is off by noise of motors and sensors. Noise of one sample knows nothing of
 //! the sample before, nor of velocity, acceleration, torque or command. A missing delay is off along the change of the
@@ -22,7 +22,7 @@ const MEDIAN: f64 = 0.6745;
 const MIN_SAMPLES: usize = 100;
 /// Velocity at which dry friction is taken to change its sign, rad/s.
 const SLOW: f64 = 0.3;
-/// What errors are compared with.
+/// The quantities with which errors are compared.
 const MOTIONS: [&str; 8] = [
     "velocity",
     "direction of motion",
@@ -34,7 +34,7 @@ const MOTIONS: [&str; 8] = [
     "command to turn",
 ];
 
-/// What short predictions of velocities leave.
+/// The errors of short predictions of velocities.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Audit {
     /// Correlation of an error with the joint's error a sample before, mean over joints.
@@ -49,7 +49,7 @@ pub struct Audit {
 }
 
 impl Audit {
-    /// Of the predictions of a set of logs, the first `skip` samples of each left out; `None` of too few samples.
+    /// The errors of the predictions of a set of logs without the first `skip` samples of each; `None` if there are too few samples.
     pub(super) fn new(set: &LogSet, predicted: &[Predicted], skip: usize) -> Option<Self> {
         let joints = set.logs.first()?.joints.len();
         let mut found: Vec<(String, Joint)> = Vec::new();
@@ -112,7 +112,7 @@ impl Series {
     }
 }
 
-/// What is said of the errors of one joint.
+/// The sentence about the errors of one joint.
 struct Joint {
     memory: f64,
     explained: f64,

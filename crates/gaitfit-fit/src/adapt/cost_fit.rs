@@ -161,7 +161,7 @@ fn widen_to_seeds(parameters: &mut [Parameter]) {
     }
 }
 
-/// What the errors of short predictions of the fitted logs depend on; absent for other costs.
+/// The quantities on which errors of short predictions of the fitted logs depend; absent for other costs.
 fn audited(setup: &Setup, cost: usize, values: &[f64]) -> Result<Option<Audit>, Error> {
     let kind = setup.config.costs[cost];
     if !kind.needs_imu() {

@@ -65,7 +65,7 @@ pub fn doubts(
     doubts
 }
 
-/// What a reader must know of one fit besides its doubts, the most important first.
+/// Warnings about one fit besides its doubts, the most important first.
 pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
     let prefix = if several { format!("{}: ", fit.cost_name) } else { String::new() };
     let mut warnings = Vec::new();
@@ -108,7 +108,7 @@ fn unidentified(fit: &CostFit) -> Option<String> {
     (!ranges.is_empty()).then(|| format!("the logs do not identify {}", ranges.join(", ")))
 }
 
-/// That the values of `outcome` are not corrected by simulated logs, and why.
+/// A sentence that the values of `outcome` are not corrected by simulated logs, and why.
 pub fn uncorrected(outcome: &CostOutcome, reason: &str) -> String {
     format!(
         "{}: the values are not corrected by simulated logs: they hold errors of the fit's step and of torque noise. \
@@ -140,7 +140,7 @@ fn moves(fit: &CostFit) -> String {
     by
 }
 
-/// That simulated robots gave the values, how far they moved, and where the real robot is not like them.
+/// Sentences that simulated robots gave the values, how far these moved, and where the real robot is not like them.
 fn regressed(fit: &CostFit) -> Option<String> {
     let regression = fit.regression.as_ref()?;
     let best = fit.runs.iter().map(|run| run.best_cost).fold(f64::INFINITY, f64::min);
@@ -174,7 +174,7 @@ const LITTLE: (f64, f64) = (0.01, 0.002);
 /// Values that a note of a correction names.
 const NAMED: usize = 6;
 
-/// That the values are corrected, how far, and what the logs' differences say of the robot.
+/// Sentences that the values are corrected, how far, and what the differences of logs show of the robot.
 fn corrected(fit: &CostFit) -> Option<String> {
     let correction = fit.correction.as_ref()?;
     let best = fit.runs.iter().map(|run| run.best_cost).fold(f64::INFINITY, f64::min);

@@ -54,7 +54,7 @@ pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a,
     })
 }
 
-/// What a fit's result depends on: the files it reads, the robot, and the settings.
+/// The inputs of a fit: the files that it reads, the robot, and the settings.
 fn inputs(setup: &Setup) -> Result<Inputs, Error> {
     // Those that are free are put away.
     let mut settings = setup.config.clone();

@@ -3,7 +3,7 @@
 use super::setup::Setup;
 use crate::settings::{AdaptConfig, OptimizerConfig};
 
-/// One sentence that names the settings which were changed in vain; none if a cost of the fit is searched by CMA-ES.
+/// One sentence that names the settings which were changed in vain; `None` if a cost of the fit is searched by CMA-ES.
 pub(super) fn ignored(setup: &Setup) -> Option<String> {
     let least_squares = |cost: &dyn gaitfit_adapt::cost::Cost| {
         setup.options.method.least_squares(cost, &setup.theta).unwrap_or(false)

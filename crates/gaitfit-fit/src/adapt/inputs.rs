@@ -1,4 +1,4 @@
-//! What a fit reads: the robot, the policy that walked, and the logs.
+//! The inputs of a fit: the robot, the policy that walked, and the logs.
 
 use super::method::Method;
 use crate::air::{Clamped, logs as air_logs};
@@ -99,7 +99,7 @@ pub(super) struct Logs {
     pub fit: Vec<Log>,
     /// Those that are not, in sets that are compared together.
     pub validate: Vec<Vec<Log>>,
-    /// What was found in walking logs that are fitted.
+    /// Notes on the walking logs that are fitted.
     pub notes: Option<LogNotes>,
     /// Doubts, each one sentence.
     pub warnings: Vec<String>,

@@ -31,8 +31,8 @@ impl LogSet {
         Self::simulated_by(simulator, config, method, logs)
     }
 
-    /// What the search compares where it takes each log from several starts (`simulation.starts`): `logs`, and as many
-    /// copies of each as there are further starts; `None` where each log is simulated once.
+    /// The logs of a search that simulates each log from several starts (`simulation.starts`): `logs`, and as many copies of each
+    /// as there are further starts; `None` if each log is simulated once.
     pub(super) fn from_several_starts(
         config: &AdaptConfig,
         method: &Method,
@@ -95,7 +95,7 @@ impl LogSet {
     }
 }
 
-/// Most logs that a message names.
+/// Max logs that a message names.
 const MAX_NAMED: usize = 4;
 
 /// Why `logs` cannot be compared with a simulation: the log that is to blame, or else all of them, by name.

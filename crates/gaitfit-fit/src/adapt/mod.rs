@@ -67,11 +67,11 @@ use crate::Error;
 use crate::run::RunFolder;
 use crate::watch::Watch;
 
-/// Fits in `folder`, or goes on where it was left, or gives what it found. With `odd_joints` it first finds the joints that
-/// differ from their siblings; `setup` then has springs on them.
+/// Fits in `folder`, or resumes its fit, or returns its result if it has ended. With `odd_joints` it first finds the joints
+/// that differ from their siblings; `setup` then has springs on them.
 ///
 /// # Errors
-/// A fit that cannot go on; a folder of other inputs; an interruption.
+/// A fit that cannot continue; a folder of other inputs; an interruption.
 pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<AdaptResults, Error> {
     for warning in &setup.warnings {
         watch.note(warning);
@@ -100,7 +100,7 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
     Ok(results)
 }
 
-/// What a GPU does not simulate.
+/// The work that a GPU does not simulate.
 fn on_the_cpu(setup: &Setup) -> Option<String> {
     let names: Vec<String> =
         setup.config.costs.iter().filter(|cost| cost.needs_imu()).map(ToString::to_string).collect();

@@ -6,7 +6,7 @@ use gaitfit_view::{Doubt, DoubtKind};
 /// joint has three times the median.
 const TIMES: f64 = 8.0;
 const MIN_RAD: f64 = 0.02;
-/// What the doubt says of each such joint.
+/// The sentence of the doubt about each such joint.
 const PREDICTED: &str = "is predicted far worse than the other joints";
 
 /// The joints that stand out among `errors`, position errors (rad RMS) by name; `None` if none does.
@@ -31,7 +31,7 @@ pub(super) fn doubt(errors: &[(String, f64)]) -> Option<Doubt> {
     (!named.is_empty()).then(|| Doubt::new(DoubtKind::Misfit, text))
 }
 
-/// What `doubts` say of joints that stand out.
+/// The sentences of `doubts` about joints that stand out.
 pub(super) fn sentence(doubts: &[Doubt]) -> Option<String> {
     doubts.iter().find(|doubt| doubt.text.contains(PREDICTED)).map(|doubt| doubt.text.clone())
 }

@@ -24,7 +24,7 @@ pub struct Parameter {
     /// Published values, [smallest, largest], from the configuration's `[published]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub published: Option<[f64; 2]>,
-    /// What was known of it before the fit, from the configuration's `[prior]` or from legs in the air.
+    /// Its prior, from the configuration's `[prior]` or from legs in the air.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prior: Option<Prior>,
 }

@@ -48,7 +48,7 @@ impl Replicas {
         Ok(Self { recorder: Recorder::new(Arc::new(robot), base.clone(), &trajectories), base: base.clone() })
     }
 
-    /// What makes the logs.
+    /// Makes the logs.
     pub(super) fn recorder(&self) -> &Recorder {
         &self.recorder
     }
@@ -73,7 +73,7 @@ impl Replicas {
         outcome.correct(problem, &world, each)
     }
 
-    /// What one set of simulated logs says, for another process; see [`World::ask`].
+    /// The answer of one set of simulated logs, for another process; see [`World::ask`].
     ///
     /// # Errors
     /// As there.
@@ -153,7 +153,7 @@ impl Robots<'_> {
         self.counting.step(self.made.get(), 1, "");
     }
 
-    /// What a simulated robot recorded, as the fit compares it.
+    /// The recording of a simulated robot, as the fit compares it.
     fn replicate(&self, recorded: Vec<Recorded>) -> Result<Replicate, String> {
         let Setup { config, method, fit, .. } = self.setup;
         let margin = method.samples(config.fall_margin(), &fit.logs);

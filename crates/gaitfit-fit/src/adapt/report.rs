@@ -116,7 +116,7 @@ fn unknown(value: Option<f64>) -> f64 {
     value.unwrap_or(f64::NAN)
 }
 
-/// What walking logs hold.
+/// The content of walking logs.
 fn log(setup: &Setup, results: &AdaptResults) -> Option<LogSummary> {
     let (walking, notes) = (setup.method.walking()?, setup.notes.as_ref()?);
     let range = &walking.task.settings.command;

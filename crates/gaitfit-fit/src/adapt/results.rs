@@ -1,4 +1,4 @@
-//! What a fit found, as the one document that `--json` prints, `result.json` keeps, and tables and report show.
+//! The result of a fit, as the one document that `--json` prints, `result.json` keeps, and tables and report show.
 
 use super::audit::Audit;
 use super::check::{Check, checks};
@@ -47,7 +47,7 @@ pub struct AdaptResults {
     /// How firmly it stands.
     #[serde(default)]
     pub standing: Standing,
-    /// What walks that were not fitted say of it; absent without such walks.
+    /// The verdict of walks that were not fitted; absent without such walks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
     /// Why the fit whose θ is kept must not be taken as it stands, the worst first: what its search says, what the logs
@@ -90,7 +90,7 @@ pub struct AdaptResults {
     /// The values beside what legs in the air say of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub beside_swings: Vec<Beside>,
-    /// What each cost found; the first is the one whose θ is kept.
+    /// The fit of each cost; the θ of the first is kept.
     pub fits: Vec<CostFit>,
     /// Checks the configuration states.
     pub checks: Vec<Check>,
@@ -98,7 +98,7 @@ pub struct AdaptResults {
     pub warnings: Vec<String>,
     /// Logs, or stretches of logs, that were compared.
     pub trajectories: usize,
-    /// What counts of them together, s.
+    /// Total time of them that counts, s.
     pub seconds: f64,
     /// Walking logs: those in which the robot fell, and which were cut there.
     pub falls: usize,
@@ -115,7 +115,7 @@ pub struct AdaptResults {
     pub wall_seconds: f64,
 }
 
-/// What one cost found.
+/// The fit of one cost.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct CostFit {
     /// Cost name.
@@ -155,10 +155,10 @@ pub struct CostFit {
     /// Simulated walks of the fitted robot with random draws that the search did not use; `None` without this comparison.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub redrawn: Option<Redrawn>,
-    /// What its errors go with, where it predicts single samples.
+    /// The quantities on which its errors depend, if it predicts single samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub audit: Option<Audit>,
-    /// What its errors leave unexplained; absent of walks, and where samples are not compared one by one.
+    /// The unexplained part of its errors; absent for walks, and if samples are not compared one by one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub leftover: Option<Leftover>,
     /// Each parameter beside the first cost's; empty of the first cost.
@@ -197,7 +197,7 @@ impl CostFit {
 }
 
 impl AdaptResults {
-    /// The checks that failed, in words; none if all hold.
+    /// The checks that failed, in words; `None` if all hold.
     pub fn failed_check(&self) -> Option<String> {
         super::check::failed(&self.checks)
     }
@@ -216,7 +216,7 @@ impl AdaptResults {
         standing::refusal(&self.doubts).map(|why| format!("{why}. All results are in {}", self.run_folder))
     }
 
-    /// What a fit must be known by elsewhere: the doubts of every cost, then the warnings.
+    /// The doubts of every cost, then the warnings, for other places that name the fit.
     pub fn notes(&self) -> Vec<String> {
         let doubts = |fit: &CostFit| -> Vec<String> {
             let line =
@@ -246,13 +246,13 @@ pub(super) fn results(
         let Some(cost) = setup.costs.iter().position(|cost| cost.name() == outcome.cost) else { continue };
         let (mut outcome, refused) = identified(setup, cost, outcome.clone(), course, folder, watch)?;
         if outcome.correction.is_none() && !outcome.regression.as_ref().is_some_and(|one| one.taken) {
-            // What the search paid for going away from what was known is no distance from the logs.
+            // The price of the distance from priors is not a distance from the logs.
             outcome.best_cost -= setup.theta.prior_cost(&outcome.values());
         }
         uncorrected.extend(refused.map(|reason| doubts::uncorrected(&outcome, &reason)));
         let noise_alone = outcome.uncertainty.is_some();
         let left = leftover(setup, cost, &outcome.values(), outcome.best_cost, noise_alone, &|| watch.stop());
-        // What was cut short is no failure.
+        // A search that was cut short has not failed.
         let left = left.map_err(|error| match watch.stop() {
             true => stopped(FitError::Cancelled, folder),
             false => error,

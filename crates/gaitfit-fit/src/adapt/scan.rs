@@ -1,4 +1,4 @@
-//! The simulations after a search, which measure how well the logs identify each parameter, shown as they go on.
+//! The simulations after a search, which measure how well the logs identify each parameter. Their progress is shown.
 
 use crate::watch::{Counting, Watch, Work};
 use gaitfit_adapt::fit::{Costs, FitError, Views};

@@ -91,7 +91,7 @@ pub(super) fn mean(values: impl IntoIterator<Item = Option<f64>>) -> Option<f64>
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// What `cost` makes of the predictions of all of its recordings; `None` if one diverged.
+/// The `cost` of the predictions of all its recordings; `None` if one diverged.
 fn cost_of(cost: &dyn Cost, predicted: &[Predicted]) -> Option<f64> {
     let mut accumulator = cost.begin();
     for (number, log) in predicted.iter().enumerate() {
@@ -164,7 +164,7 @@ pub(super) fn validation(
     Ok(found)
 }
 
-/// A cost against a set; none if it resets the simulation, which validation lets run.
+/// A cost against a set; `None` if it resets the simulation, which validation lets run.
 fn free_running(kind: CostKind, set: &LogSet) -> Result<Option<Box<dyn Cost>>, Error> {
     if kind.is_privileged() {
         return Ok(None);

@@ -16,7 +16,7 @@ pub const METRICS: &str = "metrics.jsonl";
 /// The checkpoint file.
 #[derive(Serialize, Deserialize)]
 struct Saved {
-    /// What the fit depends on.
+    /// The inputs of the fit.
     inputs: Inputs,
     /// Wall time spent so far, s.
     wall_seconds: f64,
@@ -116,7 +116,7 @@ pub fn fit(
     Ok((outcomes, seconds()))
 }
 
-/// Why the searches ended, where none was cut short.
+/// Why the searches ended, if none was cut short.
 fn ended(outcomes: &[CostOutcome]) -> Option<String> {
     let runs = outcomes.iter().flat_map(|outcome| &outcome.runs);
     let mut reasons = Vec::new();

@@ -14,7 +14,7 @@ const ALIKE: f64 = 0.8;
 /// A parameter whose 95 % interval covers this part of its bounds or more is not told.
 const MAX_SHARE: f64 = 0.5;
 
-/// What logs can tell of the parameters.
+/// How well logs identify the parameters.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SensitivityResults {
     /// Robot name.
@@ -142,7 +142,7 @@ pub fn sensitivity(
     })
 }
 
-/// What the logs of `problem` tell of every entry of θ around `values`; `None` if the simulation there diverges.
+/// How well the logs of `problem` identify every entry of θ around `values`; `None` if the simulation there diverges.
 ///
 /// # Errors
 /// As [`sensitivity`].

@@ -38,7 +38,7 @@ pub struct Setup {
     pub base: Candidate,
     /// How the logs are simulated.
     pub method: Method,
-    /// What is fitted.
+    /// The fitted parameters.
     pub theta: Theta,
     /// The logs that are fitted.
     pub fit: LogSet,
@@ -47,7 +47,7 @@ pub struct Setup {
     /// The logs that are not, in sets that are compared together: logs of a clamped robot one by one, as they may
     /// differ in sample rate.
     pub validate: Vec<LogSet>,
-    /// What was found in walking logs that are fitted.
+    /// Notes on the walking logs that are fitted.
     pub notes: Option<LogNotes>,
     /// The costs, in the configuration's order.
     pub costs: Vec<Box<dyn Cost>>,
@@ -62,15 +62,15 @@ pub struct Setup {
     pub files: Vec<PathBuf>,
     /// Things to know before trusting the result.
     pub warnings: Vec<String>,
-    /// What simulates.
+    /// The devices that simulate.
     pub devices: Devices,
     /// Where the settings were read, which relative paths may start from.
     pub config_path: PathBuf,
-    /// Whether the policy was given by the caller, and is in no file.
+    /// Whether the caller gave the policy, so that it is in no file.
     pub own_policy: bool,
     /// What the fitted logs show without a simulation, if priors or further parameters come from it.
     pub swings: Option<SwingFindings>,
-    /// Who simulates besides this process, if anyone does.
+    /// The workers that simulate besides this process, if there are some.
     pub shares: Option<Shares>,
 }
 
@@ -214,12 +214,12 @@ impl Setup {
         )))
     }
 
-    /// What the costs compare.
+    /// The logs that the costs compare.
     pub(crate) fn searched(&self) -> &LogSet {
         self.several.as_ref().unwrap_or(&self.fit)
     }
 
-    /// What is fitted, with a spring on each of `joints` besides.
+    /// The fitted parameters, and a spring on each of `joints`.
     pub(super) fn with_springs(&self, joints: &[String]) -> Result<Theta, Error> {
         with_springs(&self.config, &self.method, joints)
     }

@@ -78,7 +78,7 @@ impl FoundSpring {
 }
 
 impl AdaptResults {
-    /// What the fit says of springs, a sentence each.
+    /// Sentences about the springs of the fit.
     pub fn springs_in_words(&self) -> Vec<String> {
         if let Some(odd) = &self.odd_joints {
             let stands_out = self.fits.first().and_then(|fit| outliers::sentence(&fit.doubts));

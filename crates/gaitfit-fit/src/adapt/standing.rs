@@ -48,7 +48,7 @@ const TIGHT: f64 = 0.05;
 /// Parameters that a doubt names.
 const NAMED: usize = 6;
 
-/// What is known of a fit besides the result of its search.
+/// Facts about a fit besides the result of its search.
 pub(super) struct Evidence<'a> {
     /// The predictor that the fit is.
     pub fitted: &'a Score,
@@ -166,7 +166,7 @@ fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
     })
 }
 
-/// What to do about it.
+/// The remedy.
 fn missing(parameters: &[Parameter]) -> &'static str {
     if parameters.iter().any(|one| one.found.name.starts_with("delay")) {
         "The intervals are widened for it. Fit further parameters, and check whole walks (cost \"wass\", logs in \
@@ -212,7 +212,7 @@ pub(super) fn reconcile(fits: &mut [CostFit]) {
     }
 }
 
-/// That values are far from what was known of them before.
+/// A sentence if values are far from their priors.
 fn known_otherwise(parameters: &[Parameter]) -> Option<Doubt> {
     let far = |one: &Parameter| {
         let prior = one.prior?;

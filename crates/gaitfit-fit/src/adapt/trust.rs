@@ -64,7 +64,7 @@ fn choose_among_last(
     outcome.choose_finalist(&comparison, best)
 }
 
-/// What ended the work after a search, whose values `folder` has.
+/// The error that ended the work after a search, whose values `folder` has.
 pub(super) fn stopped(error: FitError, folder: &RunFolder) -> Error {
     if !matches!(error, FitError::Cancelled) {
         return Error::failed(error);

@@ -17,7 +17,7 @@ use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// What is to be validated.
+/// The request of a validation.
 #[derive(Clone, Debug, Default)]
 pub struct ValidateRequest {
     /// The fitted parameters: the theta.toml of a fit.
@@ -61,7 +61,7 @@ pub struct ValidateResults {
     /// Walking logs: their distributions beside those of simulated walks, and a floor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_out: Option<HeldOut>,
-    /// What these walks say of the fit; absent of a clamped robot's logs.
+    /// The verdict of these walks on the fit; absent for a clamped robot's logs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
     /// Checks the configuration states.
@@ -71,7 +71,7 @@ pub struct ValidateResults {
 }
 
 impl ValidateResults {
-    /// The checks that failed, in words; none if all hold.
+    /// The checks that failed, in words; `None` if all hold.
     pub fn failed_check(&self) -> Option<String> {
         super::check::failed(&self.checks)
     }
@@ -103,7 +103,7 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
     let request = &ValidateRequest { theta, ..request.clone() };
     let path = config_path(request)?;
     let mut config: AdaptConfig = settings::load(Some(&path), &request.set)?;
-    // What was fitted and on which logs does not matter any more; that they are named keeps the other checks.
+    // The fitted parameters and logs do not matter here. They are named only to pass the other checks.
     config.validate.clone_from(&request.logs);
     if config.logs.is_empty() {
         config.logs.clone_from(&request.logs);

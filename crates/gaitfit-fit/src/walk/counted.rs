@@ -1,4 +1,4 @@
-//! What of walking logs counts: stretches at the policy's rate that are long enough, and whether they are enough.
+//! The parts of walking logs that count: stretches at the policy's rate that are long enough; and whether they are enough.
 
 use super::cuts::Cut;
 use super::logs::{Purpose, Read};
@@ -28,7 +28,7 @@ pub(super) fn long_enough(logs: Vec<Log>, config: &AdaptConfig, warnings: &mut V
     long
 }
 
-/// What was done about rows that were lost within the logs, if some were.
+/// A sentence about rows that were lost within the logs and are filled, if there are some.
 pub(super) fn filled(logs: &[Log]) -> Option<String> {
     let rows: usize = logs.iter().map(|log| log.filled.len()).sum();
     let with: Vec<&Log> = logs.iter().filter(|log| !log.filled.is_empty()).collect();

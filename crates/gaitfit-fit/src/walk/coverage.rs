@@ -25,7 +25,7 @@ pub struct Axis {
     pub name: &'static str,
     /// m/s or rad/s.
     pub unit: &'static str,
-    /// What the policy was trained for.
+    /// Range of the policy's training.
     pub range: [f64; 2],
     /// Seconds of data in each of equally wide cells of the range.
     pub seconds: Vec<f64>,
@@ -45,7 +45,7 @@ pub struct Coverage {
 }
 
 impl Coverage {
-    /// Of `commands` (vx, vy, yaw rate), each in force for `dt` seconds.
+    /// The coverage of `commands` (vx, vy, yaw rate), each of which lasts `dt` seconds.
     pub fn new<'a>(
         commands: impl Iterator<Item = &'a [f64]> + Clone,
         dt: f64,
@@ -78,12 +78,12 @@ impl Coverage {
         Self { axes, share: visited as f64 / cells as f64 }
     }
 
-    /// What is missing, a sentence part each: `no data with vx below -0.5 m/s`.
+    /// The missing ranges, each as a part of a sentence: `no data with vx below -0.5 m/s`.
     pub fn uncovered(&self) -> Vec<String> {
         self.axes.iter().flat_map(Axis::missing).collect()
     }
 
-    /// What to know before trusting a fit in all of the command space.
+    /// Reasons not to trust a fit in the whole command space.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         let missing = self.uncovered();

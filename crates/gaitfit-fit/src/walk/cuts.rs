@@ -1,4 +1,4 @@
-//! What does not count in a log: falls with a margin, and where samples were lost.
+//! The parts of a log that do not count: falls with a margin, and gaps of lost samples.
 
 use super::{policy_check, rate, tilt};
 use crate::Error;
@@ -28,7 +28,7 @@ pub struct Cut {
     pub fall: bool,
 }
 
-/// What tells a fallen robot: its trunk on the ground, by the task's rule.
+/// The signs of a fall, by the task's rule: the trunk is on the ground.
 pub fn fall_spec(scene: &Task) -> CheckSpec {
     let model = scene.walker.batch.model();
     let pose = |(&joint, &angle): (&usize, &f64)| (model.joints[joint].name.clone(), angle);
@@ -46,8 +46,8 @@ pub fn fall_spec(scene: &Task) -> CheckSpec {
     }
 }
 
-/// The sample ranges of `log` that count, and the cuts between them: from `margin` s before a fall (samples, and what
-/// showed it) until the robot has stood for a second, and where samples were lost.
+/// The sample ranges of `log` that count, and the cuts between them. A cut goes from `margin` s before a fall until the robot has
+/// stood for a second, or covers lost samples. `falls`: the samples of each fall, and what showed it.
 pub fn keep(
     name: &str,
     log: &Trajectory,
@@ -122,7 +122,7 @@ pub fn cut_felt(
     Ok(left)
 }
 
-/// What was cut, in words.
+/// Sentences about the cuts.
 pub fn cut_text(cuts: &[Cut], logs: usize) -> Vec<String> {
     let mut warnings = Vec::new();
     for (fall, what) in [(true, "the robot fell"), (false, "samples were lost")] {

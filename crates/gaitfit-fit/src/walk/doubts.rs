@@ -10,8 +10,8 @@ use std::collections::BTreeMap;
 /// Relative difference of gains that is worth a word.
 const GAINS: f64 = 0.01;
 
-/// What the checks of a log doubt, each kind once. Following is judged on noise in some walks of any robot: it counts
-/// where most logs show it.
+/// The doubts of the checks of logs, each kind once. In some walks of any robot noise decides how joints follow: such findings
+/// count only if most logs have them.
 pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
     // Falls and gaps are cut, coverage is looked at, short stretches are left out: those have their own words.
     let reported_elsewhere = [

@@ -1,8 +1,9 @@
-//! What a robot has that its model lacks, as walks show it without a simulation: a ranked list with evidence.
+//! A ranked list of what a robot has and its model lacks, as walks show it without a simulation, with evidence.
 //!
 //! A cause is named if the logs show it surely, if it explains a good part of the signal that shows it, and if it is large
-//! enough to change how a robot walks. Causes are ranked by their size over the smallest one that does. The limits were set
-//! with robots in MuJoCo that have one cause each (`tools/mujoco_effects.py`), and such that a robot without any has none.
+//! enough to change how a robot walks. Causes are ranked by their size divided by the smallest size that changes a walk. The
+//! limits were set with robots in MuJoCo that have one cause each (`tools/mujoco_effects.py`). With these limits a robot without
+//! a cause has none.
 
 use super::swing::{Estimate, SwingFindings};
 use gaitfit_adapt::Theta;
@@ -10,7 +11,7 @@ use gaitfit_sim::Candidate;
 use gaitfit_swing::{Effect, EffectKind};
 use serde::{Deserialize, Serialize};
 
-/// What a cause is.
+/// The kind of a cause.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CauseKind {
@@ -37,7 +38,7 @@ pub enum CauseKind {
 /// Something that the robot has and its model lacks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cause {
-    /// What it is.
+    /// The kind.
     pub kind: CauseKind,
     /// The joint group or joint that has it; empty where it is of the whole robot.
     pub of: String,
@@ -47,7 +48,7 @@ pub struct Cause {
     pub unit: String,
     /// The size over the smallest one that changes how a robot walks; the list is ordered by it.
     pub weight: f64,
-    /// All of it in a sentence.
+    /// The cause with its evidence and its remedy, in a sentence.
     pub text: String,
 }
 
@@ -99,10 +100,10 @@ const SLACK: [f64; 2] = [-0.25, 0.25];
 const MAX_PLAY: f64 = 0.1;
 /// Max friction under load of a gear, N·m for each N·m. A larger estimate has another cause.
 const MAX_LOAD_FRICTION: f64 = 0.4;
-/// A joint whose friction is said to differ by more than this many times its group's is not understood.
+/// If the friction of a joint differs by more than this many times its group's, the reason is another one.
 const TOO_ODD: f64 = 3.0;
 
-/// The causes that `found` shows, the weightiest first.
+/// The causes that `found` shows, the largest weight first.
 pub fn causes(found: &SwingFindings) -> Vec<Cause> {
     let mut causes = sensors(found);
     let effects = &found.effects;

@@ -1,4 +1,4 @@
-//! What the tests of this folder share: a policy that has learnt nothing, and logs of it.
+//! Shared by the tests of this folder: a policy that has learnt nothing, and its logs.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use super::observation::{self, Given};

@@ -1,4 +1,4 @@
-//! What an inertial unit would have said, as far as a policy's actions tell it.
+//! The readings of an inertial unit that a log lacks, estimated from the policy's actions.
 
 use super::observation::{self, Given};
 use gaitfit_log::Trajectory;
@@ -7,14 +7,14 @@ use gaitfit_policy::observation::Layout;
 use gaitfit_policy::{Interface, Policy};
 use nalgebra::{DMatrix, DVector};
 
-/// Most steps of the search for what the log lacks.
+/// Max steps of the search for the missing readings.
 const STEPS: usize = 10;
 /// Weight of an action's error against an unknown's distance from rest, both relative to their spread.
 const PRECISION: f64 = 30.0;
 /// Phases of a gait clock that are tried; a log does not say when the clock began.
 const PHASES: usize = 20;
 
-/// Finds what a sample lacks: Levenberg–Marquardt on ‖PRECISION (π(o) − a) / spread‖² + ‖unknown / spread‖².
+/// Estimates the numbers that a sample lacks, by Levenberg–Marquardt on ‖PRECISION (π(o) − a) / spread‖² + ‖unknown / spread‖².
 pub struct Search<'a> {
     policy: &'a Policy,
     layout: Layout,

@@ -26,19 +26,19 @@ use gaitfit_policy::walker::WalkerError;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Most numbers of all logs of a fit together: a fit takes about ten times their memory, 0.8 GB.
+/// Max numbers in all logs of a fit together. A fit needs about ten times their memory, 0.8 GB.
 const MAX_VALUES: usize = 10_000_000;
 
-/// What logs are read for.
+/// The use of the logs that are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// A fit: some data are too little, and commands without data are worth a warning.
+    /// A fit: it needs a minimum of data, and warns of commands without data.
     Fit,
-    /// Validating a fit: any stretch that counts will do.
+    /// Validating a fit: any stretch that counts is enough.
     Validation,
 }
 
-/// The logs, and what to know about them.
+/// The logs, and what was noticed in them.
 #[derive(Clone, Debug)]
 pub struct LogNotes {
     /// Log files that were read.
@@ -86,15 +86,15 @@ pub struct Read {
     pub sidecars: Vec<PathBuf>,
     /// The log's own names of the joints.
     pub joints: Vec<String>,
-    /// What reading the log changed.
+    /// Changes that reading the log made.
     pub noticed: Vec<Finding>,
     /// Findings that the log itself allows.
     allowed: Vec<FindingKind>,
     /// Its samples as recorded.
     pub trajectory: Trajectory,
-    /// What reading it did to its times, in words.
+    /// How reading it changed its times, in words.
     even: Option<String>,
-    /// What was taken for its place in a motion, in words.
+    /// The place in a motion that was assumed, in words.
     motion: Option<String>,
 }
 
@@ -119,8 +119,8 @@ impl Read {
 /// Reads the logs `named` for a fit of `policy` in `scene`, or for its validation.
 ///
 /// # Errors
-/// Files that are not there or no logs, signals that a fit needs and the logs lack, logs slower than the policy, too
-/// little data, actions that are not the policy's; each says what to record next time.
+/// Missing files or no logs; logs that lack signals that a fit needs; logs slower than the policy; too little data; actions
+/// that are not the policy's. Each message states what to record next time.
 pub fn read(
     named: &[String],
     purpose: Purpose,
@@ -154,7 +154,7 @@ pub fn read(
     warnings.extend(reads.iter().filter_map(|read| read.motion.clone()));
     warnings.extend(mounting::settle(&mut reads, policy));
     for read in &reads {
-        // What a turn of the unit has mended is no fall and no turned unit any more.
+        // Judged after `mounting::settle`, which may have corrected a turned unit.
         let findings = check(&read.trajectory, &CheckSpec::default());
         let turned = |finding: &&Finding| finding.kind == FindingKind::ImuMounting;
         let findings: Vec<Finding> = findings.iter().filter(turned).cloned().collect();
@@ -327,8 +327,8 @@ pub(crate) fn actions_of(target: &[f64], interface: &Interface) -> Vec<f64> {
     target.iter().enumerate().map(action).collect()
 }
 
-/// Largest joint angle, speed, action or command that a log may hold: beyond it a sample is a decoder's mistake, and
-/// the signal's range, which costs are relative to, would be its alone.
+/// Largest joint angle, speed, action or command that a log may contain. A larger one is a decoder's mistake. It alone would
+/// decide the signal's range, which scales the costs.
 const WILD: f64 = 1e4;
 
 fn plausible(trajectory: &Trajectory, shown: &str) -> Result<(), Error> {

@@ -6,7 +6,7 @@ use gaitfit_model::rotation::normalize;
 use gaitfit_policy::observation::{Layout, Sensed};
 use gaitfit_policy::{BaseSample, Interface, Quantity, Term};
 
-/// What a sample of a log has of each quantity that follows from the base's motion.
+/// The values of a log's sample for each quantity of the base's motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Given {
     values: [Option<[f64; 3]>; Quantity::ALL.len()],
@@ -15,7 +15,7 @@ pub struct Given {
 /// One number that a sample lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Unknown {
-    /// Of which quantity.
+    /// The quantity.
     pub quantity: Quantity,
     /// Which of its numbers.
     pub number: usize,
@@ -30,7 +30,7 @@ impl Unknown {
 }
 
 impl Given {
-    /// Of sample `row`; a part with a number that is not finite is unknown.
+    /// The values of sample `row`; a part with a number that is not finite is unknown.
     pub fn from_log(log: &Trajectory, row: usize) -> Self {
         let Some(base) = &log.base else { return Self::default() };
         let sample = BaseSample {
@@ -51,7 +51,7 @@ impl Given {
         self.values[quantity as usize]
     }
 
-    /// What `interface` observes and is not given.
+    /// The numbers that `interface` observes and the sample lacks.
     pub fn missing(&self, interface: &Interface) -> Vec<Unknown> {
         let mut missing = Vec::new();
         for &Term { quantity, .. } in &interface.observation {
@@ -123,8 +123,8 @@ pub fn write(
     layout.write(&sensed, past, |_, _| (), out);
 }
 
-/// What the policy observed in the sample before `sample`, by the log, as far as its frames are still seen in `sample`;
-/// none where a row has no past frames, and before the log's second sample.
+/// The observation of the sample before `sample`, from the log, as far as `sample` still contains its frames; `None` if a row has
+/// no past frames, and before the log's second sample.
 pub fn past(
     layout: &Layout,
     interface: &Interface,

@@ -1,7 +1,7 @@
 //! Whether a log's actions are the policy's: they follow from the log's own observations, or they do not.
 //!
-//! What the log lacks of an observation (all that an inertial unit measures, in a log of joint signals) is found sample
-//! by sample: the values, near those of a level robot at rest, with which the policy comes closest to the logged
+//! A log may lack a part of an observation (in a log of joint signals, all readings of an inertial unit). This part is estimated
+//! sample by sample: the values, near those of a level robot at rest, with which the policy comes closest to the logged
 //! action. A dozen actions stand against five unknowns (three rates, two of a unit vector), so that the right policy's
 //! actions are met almost exactly and another's are not.
 
@@ -14,9 +14,9 @@ use gaitfit_policy::network::Scratch;
 use gaitfit_policy::observation::{Layout, Past};
 use serde::Serialize;
 
-/// Most samples that are looked at, evenly over the logs.
+/// Max samples that are compared, evenly over the logs.
 const MAX_SAMPLES: usize = 1500;
-/// Samples below which nothing can be said.
+/// Min samples for a comparison.
 const MIN_SAMPLES: usize = 40;
 /// Share of the samples, those least well met, that do not count: stumbles, dropouts, samples between two steps.
 const LEFT_OUT: f64 = 0.1;
@@ -264,7 +264,7 @@ impl PolicyMatch {
         self.samples >= MIN_SAMPLES && self.mismatch < DOUBTFUL
     }
 
-    /// What was measured, for messages.
+    /// The measurements, for messages.
     fn numbers(&self) -> String {
         let (joint, correlation) = self.worst();
         format!(

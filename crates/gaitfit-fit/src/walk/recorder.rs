@@ -13,7 +13,7 @@ use gaitfit_random::{Purpose, Stream, derive_seed};
 use gaitfit_sim::{Candidate, pool};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A log whose start nobody knows begins up to so long after its robot, s: about a step of a gait.
+/// A log with an unknown start begins up to this time after its robot, s: about a step of a gait.
 const EARLIER_S: f64 = 0.5;
 /// Deviation of its base's velocity there along each horizontal axis, m/s.
 const BASE_SPEED: f64 = 0.1;
@@ -21,7 +21,7 @@ const BASE_SPEED: f64 = 0.1;
 /// Makes logs under the commands of others.
 pub struct Recorder {
     walking: Arc<Walking>,
-    /// What θ changes.
+    /// The robot that θ changes.
     base: Candidate,
     scripts: Vec<Script>,
     /// The same, as if the logs had joints and commands alone.
@@ -32,7 +32,7 @@ pub struct Recorder {
 
 impl Recorder {
     /// A recorder of logs like `logs` (joints in the policy's order, sampled at the policy's rate): as long, under the
-    /// same commands, from the state that their first sample shows. How the base moved then they do not say; it is at
+    /// same commands, from the state that their first sample shows. The logs do not show how the base moved then; here it is at
     /// rest. `base`: the robot that θ changes.
     pub fn new(walking: Arc<Walking>, base: Candidate, logs: &[&Trajectory]) -> Self {
         let walker = &walking.task.walker;
@@ -107,9 +107,9 @@ impl Recorder {
         Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// The logs of each of `robots` (values of θ), as if nobody knew how they begin: the robot stands in the log's first
-    /// joint angles, moves a little, and has walked under the log's first command for a while that is drawn anew for each log.
-    /// `first` numbers the robots; with `seed` it selects all draws. `keep(robot, logs)` takes each robot's, once, from any thread.
+    /// The logs of each of `robots` (values of θ), with unknown starts: the robot stands in the log's first joint angles, moves a
+    /// little, and has walked under the log's first command for a time that is drawn anew for each log. `first` numbers the
+    /// robots; with `seed` it selects all draws. `keep(robot, logs)` gets the logs of each robot, once, from any thread.
     ///
     /// # Errors
     /// Values that are no robot's; a policy's function that failed.
@@ -167,7 +167,7 @@ impl Recorder {
         failed.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), |(_, error)| Err(error))
     }
 
-    /// The scripts, each with samples under its first command before it, and how many these are.
+    /// The scripts, each with further samples under its first command at its beginning, and the number of these samples.
     fn unknown_starts(&self, seed: u64, robot: u32) -> Vec<(usize, Script)> {
         let period = self.walking.task.walker.interface.control_dt;
         let max = EARLIER_S / period;
@@ -205,7 +205,7 @@ fn kept(track: &Track, joints: usize, from: usize) -> Predicted {
     }
 }
 
-/// What a robot recorded, the policy's joint order.
+/// The recording of a robot, in the policy's joint order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recorded {
     position: Vec<f64>,
@@ -220,7 +220,7 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// What `walker` did under `script`, as the simulation recorded it.
+    /// The recording of `walker` under `script` in the simulation.
     pub fn new(walker: &Walker, script: &Script, track: &Track) -> Self {
         let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect();
         let joints = walker.default_pose.len();

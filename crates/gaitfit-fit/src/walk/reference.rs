@@ -1,4 +1,4 @@
-//! Where a log is in the motion that its policy follows.
+//! The place of a log in the motion that its policy follows.
 
 use gaitfit_log::Trajectory;
 use gaitfit_policy::observation::{Layout, Sensed};
@@ -42,6 +42,6 @@ pub fn settle(log: &mut Trajectory, interface: &Interface, name: &str) -> Result
     let Some(&first) = log.time.first() else { return Ok(None) };
     log.motion = Some(log.time.iter().flat_map(|time| [time - first, heading]).collect());
     Ok(Some(format!(
-        "{name}: it does not state where it is in the motion (columns motion_time, motion_heading); taken to begin with the motion"
+        "{name}: it does not state its place in the motion (columns motion_time, motion_heading); it is taken to begin with the motion"
     )))
 }

@@ -19,14 +19,14 @@ pub struct WalkSimulator {
     /// Joints of the signals are the policy's.
     identity: Identity,
     walking: Arc<Walking>,
-    /// What θ changes.
+    /// The robot that θ changes.
     base: Candidate,
     scripts: Vec<Script>,
-    /// Rows that logs lost, one entry a log; none where no log lost some.
+    /// Rows that logs lost, one entry for each log; empty if no log lost rows.
     filled: Vec<Filled>,
-    /// What the logs' sensors read; empty if a log lacks what an IMU measures.
+    /// The readings of the logs' sensors; empty if a log lacks those of an IMU.
     courses: Vec<Course>,
-    /// How far standing feet say how the base moves, see [`predict::Job::feet_trust`].
+    /// How much standing feet are trusted to show how the base moves, see [`predict::Job::feet_trust`].
     feet_trust: f64,
     /// Joints of the model, which θ names.
     model_joints: Vec<String>,
@@ -54,13 +54,13 @@ impl WalkSimulator {
         &self.walking
     }
 
-    /// What the simulated robots follow.
+    /// The scripts of the simulated robots.
     pub fn scripts(&self) -> &[Script] {
         &self.scripts
     }
 
-    /// The simulator with what it must know of rows that were lost and are filled in its logs: short predictions of them
-    /// and from them are what the log has there, so they cost nothing.
+    /// The simulator with the rows of `logs` that were lost and are filled. Short predictions of these rows and from them have the
+    /// log's values, so they cost nothing.
     pub fn with_filled(self, logs: &[Log]) -> Self {
         Self { filled: logs.iter().map(Filled::new).collect(), ..self }
     }
@@ -146,7 +146,7 @@ impl Simulator for WalkSimulator {
         let walker = &task.walker;
         let to = |job: usize, script: usize, track: &Track| pass(places[job], script, track);
         let followed = follow::follow(walker, policy, &self.scripts, &jobs, threads, &to, cancel);
-        // Who stops because a policy's function failed has cancelled: what is done is kept.
+        // If a policy's function failed, its caller has cancelled: what is done is kept.
         if followed.is_err() && cancel() {
             return Err(SimulatorError::Cancelled);
         }
@@ -165,7 +165,7 @@ impl Simulator for WalkSimulator {
     }
 }
 
-/// Rows that a log lost, and what stands in them.
+/// Rows that a log lost, and the values that replace them.
 #[derive(Default)]
 struct Filled {
     rows: Vec<usize>,
@@ -200,7 +200,7 @@ impl Filled {
     }
 }
 
-/// Least cosine of the angle from upright at which a log's orientation is where its simulation starts.
+/// Min cosine of the base's angle from upright. Above it, a simulation starts with the log's orientation.
 const START_UPRIGHT: f64 = 0.87;
 /// Number of starts near a log's start; a simulation takes one of them.
 const STARTS_NEAR: u32 = 16;
@@ -238,11 +238,11 @@ fn near(walker: &Walker, start: &Start, stream: Stream) -> Start {
     }
 }
 
-/// What logs call the measurements of an IMU.
+/// The columns of a log with the readings of an IMU.
 pub const IMU_COLUMNS: &str =
     "base_quat_w, base_quat_x, base_quat_y, base_quat_z (or roll, pitch, yaw) and wx, wy, wz";
 
-/// What the log's sensors read; `None` without attitude and rates.
+/// The readings of the log's sensors; `None` without attitude and rates.
 fn course(walker: &Walker, log: &Trajectory) -> Option<Course> {
     let base = log.base.as_ref()?;
     let (quaternion, rates) = (base.quaternion.as_ref()?, base.angular_velocity.as_ref()?);
@@ -273,8 +273,8 @@ fn unit(quaternion: [f32; 4]) -> [f32; 4] {
     if (length - 1.0).abs() > OFF_UNIT { quaternion.map(|x| x / length) } else { quaternion }
 }
 
-/// Rows of the policy's joints as rows of the model's; `others` has what stands for joints that the policy does not move,
-/// model order.
+/// Rows of the policy's joints as rows of the model's joints. `others`: values of the joints that the policy does not move, in the
+/// model's order.
 pub(super) fn in_model(walker: &Walker, values: &[f64], others: &[f32]) -> Vec<f32> {
     let rows = values.chunks_exact(walker.joints.len());
     let mut all = others.repeat(rows.len());
@@ -286,7 +286,7 @@ pub(super) fn in_model(walker: &Walker, values: &[f64], others: &[f32]) -> Vec<f
     all
 }
 
-/// What the simulated robot follows: the log's commands, from the log's first joint angles and velocities. The base has the
+/// The script of the simulated robot: the log's commands, from the log's first joint angles and velocities. The base has the
 /// orientation and rates of the log's inertial unit; without one it is in the task's posture and does not turn. Its linear
 /// velocity is 0, because no sensor measures it.
 pub fn script(walker: &Walker, log: &Trajectory) -> Script {

@@ -1,4 +1,4 @@
-//! What walks say of joints and sensors without a simulation, for tables and beside a fit's values.
+//! Estimates of joints and sensors from walks without a simulation, for tables and for comparison with a fit's values.
 
 use crate::log::Log;
 use gaitfit_adapt::{JointParameter, RobotNumber};
@@ -13,21 +13,21 @@ pub use gaitfit_swing::{
     effects, estimate, usual_groups,
 };
 
-/// What the logs of one robot say without a simulation.
+/// What the logs of one robot show without a simulation.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SwingFindings {
     /// Lags, biases and noise of sensors.
     pub sensors: Sensors,
-    /// What standing feet say of the inertial unit.
+    /// What standing feet show of the inertial unit.
     pub standing: Standing,
-    /// What was taken out of the logs before legs in the air were looked at, each in a sentence.
+    /// What was removed from the logs before legs in the air were examined, each in a sentence.
     pub taken_out: Vec<String>,
-    /// What joints and ground have beyond the model, each alone, see [`super::explain`].
+    /// Effects of joints and ground that the model lacks, each alone, see [`super::explain`].
     #[serde(default)]
     pub effects: Vec<Effect>,
-    /// What legs in the air say; absent where they say nothing.
+    /// Estimates from legs in the air; absent if there are none.
     pub swings: Option<SwingReport>,
-    /// Why they say nothing.
+    /// Why there are none.
     pub why_not: Option<String>,
     /// The estimates from legs in the air, corrected by simulated walks; absent if they are not corrected.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -85,7 +85,7 @@ impl SwingFindings {
         (Self { sensors, standing, taken_out, swings, why_not, ..Self::default() }, level)
     }
 
-    /// What legs in the air say, corrected if it was.
+    /// The estimates from legs in the air: the corrected ones if there are such.
     pub fn best(&self) -> Option<&SwingReport> {
         self.corrected.as_ref().or(self.swings.as_ref())
     }

@@ -1,4 +1,4 @@
-//! Falls that joint signals alone show, because the policy felt them: how a policy acts tells how far the base leans.
+//! Falls in logs that have joint signals alone. The policy observed how far the base leans, so its actions show it.
 //!
 //! [`Search`] finds the direction of gravity with which the policy chooses the logged action. On a simulated Go2 it is
 //! within 15° of the truth under torque noise of 8 N·m; under 20 N·m single samples are wrong, medians are not. Of 41
@@ -13,12 +13,12 @@ use std::ops::Range;
 
 /// Time between looks, s.
 const EVERY_S: f64 = 0.1;
-/// Looks whose median counts.
+/// Number of looks whose median counts.
 const MEDIAN: usize = 5;
 /// Lean of a robot that falls, degrees: one that walks stays below 25, and the estimate errs by 15.
 const FALLEN: f64 = 50.0;
 
-/// Looks between two ranges that are one fall: a robot that rolls on its back seems upright for a moment.
+/// Ranges with at most this many looks between them are one fall: a robot that rolls on its back seems upright for a moment.
 const APART: usize = 10;
 
 /// Sample ranges in which the robot leans as one that fell, for a log without the base's orientation at the policy's

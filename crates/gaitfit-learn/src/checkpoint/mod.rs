@@ -1,4 +1,4 @@
-//! A training run's whole state as one safetensors file: what is read back goes on with the same bits.
+//! A training run's whole state as one safetensors file: a training that reads it resumes with the same bits.
 //!
 //! | tensor | type, shape |
 //! | --- | --- |

@@ -272,7 +272,7 @@ impl Learner {
         self.critic_normaliser.as_ref()
     }
 
-    /// Replaces the statistics of observations, for fine-tuning a policy that has some. They go on changing only if the
+    /// Replaces the statistics of observations, for fine-tuning a policy that has some. They continue to change only if the
     /// settings ask for statistics.
     ///
     /// # Errors

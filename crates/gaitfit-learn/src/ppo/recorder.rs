@@ -7,7 +7,7 @@ use super::{Exploration, Learner, Samples};
 /// How an episode stands after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum End {
-    /// It goes on.
+    /// It continues.
     #[default]
     No,
     /// It is over: no reward can follow.
@@ -197,7 +197,7 @@ impl Recorder {
         }
     }
 
-    /// Values of the states that `observe_critic` writes. The critic's memory stays before them: if an episode goes on, the
+    /// Values of the states that `observe_critic` writes. The critic's memory stays before them: if an episode continues, the
     /// next step shows it the state.
     fn foresee(&mut self, learner: &Learner, observe_critic: impl FnOnce(&mut [f32])) {
         let Samples { environments, widths, .. } = self.samples;

@@ -10,7 +10,7 @@ use super::{Environment, Moment};
 /// How an episode stands after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Ended {
-    /// It goes on.
+    /// It continues.
     #[default]
     No,
     /// The robot fell.

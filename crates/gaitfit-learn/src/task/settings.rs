@@ -160,7 +160,7 @@ pub struct CurriculumSettings {
     /// Such a step, as a share of the way from the first ranges to the final ones.
     #[serde(default = "tenth")]
     pub step: f64,
-    /// Ranges grow evenly over so many iterations.
+    /// Ranges grow evenly over this many iterations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub iterations: Option<u32>,
 }

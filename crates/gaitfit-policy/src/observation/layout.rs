@@ -93,8 +93,8 @@ impl Layout {
         &self.slots
     }
 
-    /// Most frames of a term, one more where the action before the last is observed: a row says what was up to so many control
-    /// periods less one ago.
+    /// Max frames of a term, plus one if the action before the last is observed. A row contains readings of up to this many control
+    /// periods, the present one included.
     pub fn frames(&self) -> usize {
         let frames = self.slots.iter().map(|slot| slot.frames.len()).max().unwrap_or(1);
         frames + usize::from(self.last_action.is_some())

@@ -27,7 +27,7 @@ fn remove(table: &mut Table, name: &str) {
     }
 }
 
-/// The first setting that differs, in words; none if all are the same.
+/// The first setting that differs, in words; `None` if all are the same.
 pub fn difference(saved: &Value, wanted: &Value) -> Option<String> {
     at("", saved, wanted)
 }

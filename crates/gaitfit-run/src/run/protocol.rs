@@ -2,7 +2,7 @@
 //!
 //! 1. A folder that was begun with other settings or inputs is refused, and what differs is named.
 //! 2. A folder that has `result.json` is finished: this is its result, unless more is asked for now.
-//! 3. Otherwise `config.toml` and `manifest.json` are written, and the work begins or goes on.
+//! 3. Otherwise `config.toml` and `manifest.json` are written, and the work begins or continues.
 //! 4. `result.json` is written last: a folder that has it has everything.
 
 use super::changes::{bound, difference};
@@ -25,7 +25,7 @@ pub struct Protocol<'a, A = Whole> {
     pub folder: &'a RunFolder,
     /// All settings, as `config.toml` keeps them.
     pub settings: Table,
-    /// Settings that may differ when the run goes on, by dotted names such as `train.iterations`.
+    /// Settings that may differ when the run resumes, by dotted names such as `train.iterations`.
     pub free: &'a [&'a str],
     /// What the result depends on.
     pub inputs: Inputs,
@@ -33,9 +33,9 @@ pub struct Protocol<'a, A = Whole> {
     pub same_files: bool,
     /// Seeds, for the manifest.
     pub seeds: Vec<u64>,
-    /// What computes, for the manifest, such as `cuda:0,1`: a run may go on on another device.
+    /// What computes, for the manifest, such as `cuda:0,1`: a run may resume on another device.
     pub devices: String,
-    /// How much is asked for; a run that is finished with another extent goes on.
+    /// How much is asked for. If a run has finished with another extent, it continues.
     pub asked: A,
 }
 
@@ -110,7 +110,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
         without(&self.inputs).difference(&without(saved))
     }
 
-    /// Refuses settings that are no numbers, and to go on with other settings or inputs, naming what differs.
+    /// Refuses settings that are no numbers, and to resume with other settings or inputs, naming what differs.
     ///
     /// # Errors
     /// As it says, or files that are damaged.
@@ -124,7 +124,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
         }
     }
 
-    /// Why the folder's run cannot go on: `difference` in words.
+    /// Why the folder's run cannot resume: `difference` in words.
     pub fn refusal(&self, difference: &str) -> Error {
         Error::Changed { folder: self.folder.path().to_owned(), difference: difference.to_owned() }
     }

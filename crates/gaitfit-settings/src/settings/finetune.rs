@@ -19,7 +19,7 @@ pub struct FinetuneConfig {
     /// Name of the run and of its folder; the configuration file's stem, or else `finetune`, when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// The policy to go on from.
+    /// The policy to train further.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub policy: Option<String>,
     /// SHA-256 that the policy must have, as [`gaitfit_policy::weights::write`] writes it, hexadecimal.

@@ -55,7 +55,7 @@ pub struct AdaptConfig {
     /// Walking logs: the policy that walked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub policy: Option<String>,
-    /// Parameters already known, a theta.toml; what is fitted comes on top.
+    /// File of parameters that are known already, a theta.toml. The fit's own parameters are added to them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub known: Option<String>,
     /// Logs to fit.
@@ -69,7 +69,7 @@ pub struct AdaptConfig {
     pub costs: Vec<CostKind>,
     /// Whether to look for joints that differ from the same joint of other legs, and to fit a spring on those.
     pub odd_joints: bool,
-    /// Whether what legs in the air show of friction, damping, armature and delay becomes a prior of a walk's fit.
+    /// Whether estimates of friction, damping, armature and delay from legs in the air are priors of a fit of walks.
     pub swings: bool,
     /// Whether a fit of walks gets further parameters for effects that its logs show without a simulation. Examples are play,
     /// soft ground and a tilted IMU.
@@ -82,11 +82,11 @@ pub struct AdaptConfig {
     pub joint_names: BTreeMap<String, String>,
     /// PD gains of logs that do not state their own.
     pub gains: GainsConfig,
-    /// PD gains of single validation logs; they win over the log's own.
+    /// PD gains of single validation logs; they replace those that the log states.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub validate_gains: Vec<FileGains>,
     /// Joint groups by name: patterns over the robot's joint names. By default `hip` (`*_hip*`), `thigh` and `calf`; if these do
-    /// not have all joints, joints whose names differ only in the leg are a group, named as what is left of their names.
+    /// not have all joints, joints whose names differ only in the leg are a group with the common part of their names.
     pub groups: BTreeMap<String, Vec<String>>,
     /// What to fit.
     pub parameter: Vec<ParameterRule>,
@@ -96,12 +96,12 @@ pub struct AdaptConfig {
     /// Numbers of the whole robot to fit.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub number: Vec<RobotRule>,
-    /// What is known of entries before the fit, by their names: the search begins there and pays for going away.
+    /// Estimates of entries from before the fit, by their names. The search begins there and pays for the distance.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub prior: BTreeMap<String, Prior>,
     /// How logs are replayed.
     pub simulation: SimulationConfig,
-    /// Walking logs: falls.
+    /// Walking logs: how falls count.
     pub falls: FallsConfig,
     /// The optimiser.
     pub optimizer: OptimizerConfig,
@@ -155,7 +155,7 @@ pub struct FileGains {
 pub const MIN_STRETCH_S: f64 = 1.0;
 /// The same where every sample is predicted from the ones before, s.
 const MIN_SENSED_S: f64 = 0.5;
-/// What is cut from a log before a fall, s: a walk that ends otherwise than the log's has left it before.
+/// Time that is cut from a log before a fall, s: the walks of log and simulation differ already before they end.
 const FALL_MARGIN_S: f64 = 0.5;
 
 /// How logs are replayed.
@@ -168,7 +168,7 @@ pub struct SimulationConfig {
     /// Absent: the fit's own step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub robot_timestep: Option<f64>,
-    /// Which of the robot's own parts touch each other; absent: as the policy's task says, and none of a clamped robot.
+    /// Which parts of the robot may touch each other; absent: those of the policy's task, and none of a clamped robot.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub self_contact: Option<SelfContact>,
     /// Solver effort.
@@ -190,11 +190,12 @@ pub struct SimulationConfig {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FallsConfig {
-    /// What is cut from a log before a fall, s; see [`AdaptConfig::fall_margin`].
+    /// Time that is cut from a log before a fall, s; see [`AdaptConfig::fall_margin`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub margin_seconds: Option<f64>,
-    /// Added to a candidate's cost times the share of the logs in which it falls; absent: chosen so that a candidate
-    /// that falls never beats one that stands, if the robot never fell.
+    /// Price of a fall in every log: a candidate pays it times the share of the logs in which it falls. By default, if the robot
+    /// never fell, a candidate that falls never beats one that stands; else it pays only for more falls than the robot's, beyond
+    /// chance.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub penalty: Option<f64>,
 }
@@ -225,17 +226,17 @@ pub struct OptimizerConfig {
     /// Sets of simulated logs a round, which correct fits of walking logs by least squares, and a twentieth of the simulated
     /// robots a round, which correct those by distributions; 0: no correction.
     pub replicates: u32,
-    /// A seed of CMA-ES stops once the smallest costs of so many generations hardly change: the means of
+    /// A seed of CMA-ES stops once the smallest costs of this many generations hardly change: the means of
     /// their halves differ by less than a fiftieth, standard error included; 0 never.
     pub patience: usize,
-    /// What a distance of one standard error from a `[prior]` adds to the cost.
+    /// Cost of a distance of one standard error from a `[prior]`.
     pub prior_weight: f64,
     /// A seed stops once its search distribution is this small: largest standard deviation of any
     /// parameter, relative to its initial deviation. 0 never stops early.
     pub tolerance: f64,
-    /// Wall time after which the search stops with what it has, s; 0 has no limit. Intervals are measured after it, which takes
-    /// as long again or longer; estimates of a search that was cut off are not corrected by simulated logs, and the result has
-    /// the doubt `not_converged`.
+    /// Wall time after which the search stops, s; 0: no limit. Then intervals are measured, which takes as long again or longer.
+    /// Estimates of a search that this limit ended are not corrected by simulated logs, and the result has the doubt
+    /// `not_converged`.
     pub max_seconds: f64,
 }
 
@@ -243,11 +244,11 @@ pub struct OptimizerConfig {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CheckConfig {
-    /// Whether the search must have come to its end.
+    /// Whether the search must have converged.
     pub converged: bool,
     /// Whether the fitted robot must be closer to the logs than the robot before the fit.
     pub better_than_nominal: bool,
-    /// Whether nothing may speak against the fit: no doubt of any kind.
+    /// Whether the fit must be without any doubt.
     pub sound: bool,
     /// Largest cost on the fitted logs, of the first cost.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -302,7 +303,7 @@ impl AdaptConfig {
         !self.costs.is_empty() && self.costs.iter().all(|cost| cost.needs_imu())
     }
 
-    /// What is cut from a log before a fall, s. Short predictions learn from a robot that falls as from one that walks,
+    /// Time that is cut from a log before a fall, s. Short predictions learn from a robot that falls as from one that walks,
     /// until its trunk is on the ground.
     pub fn fall_margin(&self) -> f64 {
         self.falls.margin_seconds.unwrap_or(if self.sensed() { 0.0 } else { FALL_MARGIN_S })

@@ -39,7 +39,7 @@ pub struct TargetConfig {
     /// Command: how long each call of a program may take, s; then it is stopped.
     #[serde(default = "timeout_seconds")]
     pub timeout_seconds: f64,
-    /// Command: a program that ends well if the robot is there, and its arguments; if it is not, the loop goes on
+    /// Command: a program that ends well if the robot is there, and its arguments; if it is not, the loop continues
     /// without a target. Without one the robot must be there.
     #[serde(default)]
     pub probe: Vec<String>,

@@ -162,7 +162,7 @@ pub struct OnGround {
     pub speed: f64,
 }
 
-/// The world of uneven ground that is asked for; none if there is none.
+/// The world of uneven ground that is asked for; `None` if there is no such ground.
 ///
 /// # Errors
 /// Settings out of range, or a robot that cannot be on it.

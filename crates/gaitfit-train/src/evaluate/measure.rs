@@ -81,7 +81,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// That robots diverged, in a sentence; none if none did.
+    /// That robots diverged, in a sentence; `None` if none did.
     pub fn divergence(&self) -> Option<String> {
         let drift: usize = self.drift.iter().map(|trial| trial.diverged).sum();
         if self.diverged + drift == 0 {

@@ -66,7 +66,7 @@ pub fn verdict(found: &Evaluation, command: &CommandSettings) -> Option<Verdict>
     })
 }
 
-/// That a mean velocity error, m/s, is nearly that of a robot that stands still; none if it is not.
+/// That a mean velocity error, m/s, is nearly that of a robot that stands still; `None` if it is not.
 pub fn goes_nowhere(error: f64, command: &CommandSettings) -> Option<String> {
     let still = standing_error(command);
     (still > 0.0 && error >= NOWHERE * still).then(|| {

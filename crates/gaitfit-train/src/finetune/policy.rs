@@ -1,4 +1,4 @@
-//! The policy that fine-tuning goes on from, and what its networks decide in the settings.
+//! The policy that fine-tuning trains further, and what its networks decide in the settings.
 
 use crate::Error;
 use crate::run::inputs;

@@ -189,7 +189,7 @@ pub fn check(config: &FinetuneConfig, arguments: &WorldSettings, policy: &Policy
 /// Files that are asked for beside the settings.
 #[derive(Clone, Debug, Default)]
 pub struct Files {
-    /// Policy to go on from.
+    /// Policy to train further.
     pub policy: Option<PathBuf>,
     /// Fitted parameters.
     pub theta: Option<PathBuf>,

@@ -52,7 +52,7 @@ pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Protocol<'a, Asked>
     }
 }
 
-/// Refuses to go on with fewer iterations or without a seed.
+/// Refuses to resume with fewer iterations or without a seed.
 pub fn check_grown(protocol: &Protocol<'_, Asked>, plan: &Plan) -> Result<(), Error> {
     let shrunk = protocol.saved()?.and_then(|saved| shrunk(&saved, plan));
     shrunk.map_or(Ok(()), |less| {

@@ -30,7 +30,7 @@ pub struct Setup {
     pub drawn: Vec<Candidate>,
     /// The task on it.
     pub scene: Task,
-    /// What the training goes on from.
+    /// What the training continues from.
     pub start: Option<Start>,
     /// What the result depends on.
     pub inputs: Inputs,
@@ -66,7 +66,7 @@ pub struct Plan {
     pub configuration: Table,
 }
 
-/// What a training goes on from.
+/// What a training continues from.
 pub struct Start {
     /// The policy.
     pub policy: Policy,

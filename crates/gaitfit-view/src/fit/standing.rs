@@ -65,7 +65,7 @@ fn wants_nothing(parameter: &Parameter) -> bool {
     real && parameter.truth != Some(0.0) && parameter.interval.is_some_and(tight)
 }
 
-/// How many parameters are so, and the first of their names; none if none is.
+/// How many parameters are so, and the first of their names; `None` if none is.
 fn names(parameters: &[Parameter], is_so: impl Fn(&Parameter) -> bool) -> Option<(usize, String)> {
     let found: Vec<String> = parameters.iter().filter(|p| is_so(p)).map(|p| clean(&p.name)).collect();
     let mut named = found[..found.len().min(NAMED)].join(", ");

@@ -63,7 +63,7 @@ pub struct Body {
     pub position: [f64; 3],
     /// Orientation in the parent's frame where the joint angle is zero, wxyz; not used for the base.
     pub quaternion: [f64; 4],
-    /// The hinge between parent and body; none if the body is fixed to its parent.
+    /// The hinge between parent and body; `None` if the body is fixed to its parent.
     pub joint: Option<Joint>,
 }
 

@@ -44,7 +44,7 @@ impl Device {
     }
 }
 
-/// Trajectories with random commands; none if `cancel` stopped them.
+/// Trajectories with random commands; empty if `cancel` stopped them.
 ///
 /// # Errors
 /// What the GPU does not do, or its failure.
@@ -60,7 +60,7 @@ pub fn trials(
         .map_err(rollout_error)
 }
 
-/// Logs of walks under random commands; none if `cancel` stopped them.
+/// Logs of walks under random commands; empty if `cancel` stopped them.
 ///
 /// # Errors
 /// What the GPU does not do, or its failure.

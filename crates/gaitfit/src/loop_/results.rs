@@ -130,7 +130,7 @@ impl Measurement {
 }
 
 impl Results {
-    /// That robots diverged while a policy was measured, in sentences; none if none did.
+    /// That robots diverged while a policy was measured, in sentences; `None` if none did.
     pub fn divergence(&self) -> Option<String> {
         divergence(&self.evaluations)
     }
@@ -141,7 +141,7 @@ impl Results {
         round.fallback.as_ref().map(|why| format!("round {}: {why}", round.round))
     }
 
-    /// That the policies were measured, but not on the robot; none if they were.
+    /// That the policies were measured, but not on the robot; `None` if they were.
     pub fn absence(&self) -> Option<Doubt> {
         if self.evaluations.is_empty() || self.evaluations.iter().any(|one| one.on == TARGET) {
             return None;

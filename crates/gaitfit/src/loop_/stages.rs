@@ -1,5 +1,5 @@
-//! The stages of a loop. Each gives what it finds done, goes on where it was left, or begins; what they leave does not
-//! depend on which.
+//! The stages of a loop. Each returns its result if it has ended, resumes if it was interrupted, or begins. The files that it
+//! leaves are the same in each case.
 
 use super::files::Times;
 use super::results::{Measurement, tracking_error};

@@ -256,7 +256,7 @@ impl Run<'_> {
         Ok(folder)
     }
 
-    /// A failure of a cell, which names the cell's file; how to go on after an interruption.
+    /// A failure of a cell, which names the cell's file; how to continue after an interruption.
     fn explained(&self, error: Error, file: &Path) -> Error {
         let file = file.display().to_string();
         if error.kind() == ErrorKind::Interrupted {

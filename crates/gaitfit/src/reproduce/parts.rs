@@ -93,7 +93,7 @@ pub fn plan(request: &Request) -> Result<Plan, Error> {
     Ok(Plan { run_folder, parts, files: files.into_iter().collect() })
 }
 
-/// Makes one part of a table, or goes on with it, in the table's folder.
+/// Begins or resumes one part of a table, in the table's folder.
 ///
 /// # Errors
 /// As [`super::run`].

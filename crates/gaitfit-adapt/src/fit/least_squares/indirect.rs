@@ -11,7 +11,7 @@
 //! a bound the logs pull, on which the correction of a value that rests on one depends.
 //!
 //! How a fit answers to a change of the robot is learnt from all rounds ([`Response`]), for values that make up for each
-//! other are hard to tell apart. Rounds go on until what is missing is no more than the choice of noise moves it. Where fits
+//! other are hard to tell apart. Rounds continue until what is missing is no more than the choice of noise moves it. Where fits
 //! answer weakly to some change of the robot, what a round misses says little of how far the robot is off that way: some
 //! rounds then go far along that change, to learn the answer.
 //!
@@ -71,7 +71,7 @@ pub fn sets(replicates: u32) -> usize {
     ROUNDS[1] * replicates as usize + (MEASURED + 1) * TRIALS
 }
 
-/// What simulated logs say of a fit.
+/// The correction of a fit by simulated logs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Correction {
     /// The values that the fit found.
@@ -206,14 +206,14 @@ struct Inference<'a> {
     /// The real logs.
     problem: Problem<'a>,
     world: &'a dyn World,
-    /// What their fit found.
+    /// Values of their fit.
     found: &'a [f64],
     /// Where the slope of their loss ends.
     values: &'a [f64],
     loss: Loss,
     /// Entries that have an effect.
     moving: Vec<bool>,
-    /// What the real logs say.
+    /// The answer of the real logs.
     own: Comparison,
     replicates: u32,
 }
@@ -288,7 +288,7 @@ impl Inference<'_> {
         })
     }
 
-    /// What `rounds` say, of which those of the numbers `far` were far from the estimate.
+    /// The correction by `rounds`. Those with the numbers `far` were far from the estimate.
     fn correction(&self, rounds: Vec<Round>, far: &[usize], response: &Response) -> Correction {
         let entries = self.problem.theta.entries().iter().enumerate();
         let found = response.robot_of(self.values);
@@ -353,7 +353,7 @@ impl Inference<'_> {
         self.values.iter().zip(steps).map(|(value, (step, own))| value + step - own).collect()
     }
 
-    /// What some sets of logs of the robot `simulated` say of the values found.
+    /// The answers of some sets of logs of the robot `simulated` about the fitted values.
     fn ask(
         &self,
         simulated: &[f64],

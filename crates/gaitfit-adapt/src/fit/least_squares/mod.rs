@@ -72,7 +72,7 @@ pub fn off_bounds(entry: &Entry, value: f64) -> f64 {
     value.clamp(entry.lower + room, entry.upper - room)
 }
 
-/// What one step did.
+/// The result of one step.
 pub(super) struct Stepped {
     /// Cost after the step.
     pub cost: f64,

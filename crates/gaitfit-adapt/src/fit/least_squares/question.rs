@@ -1,5 +1,5 @@
-//! What simulated logs are asked for a correction, and what they answer. Each set of logs answers by itself, so that any
-//! process with the same robot can be asked.
+//! Questions to simulated logs for a correction, and their answers. Each set of logs answers alone, so that any process with the
+//! same robot can answer.
 
 use super::around;
 use super::normal::{Loss, Normal};
@@ -29,7 +29,7 @@ pub trait World {
     /// are disturbed by normal torques of the deviation `noise`, N·m. `Err`: why there are none, in a sentence.
     fn replicates(&self, values: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Replicate>, String>;
 
-    /// What the set of logs of each of `numbers` says, in their order. By default they are made and compared here.
+    /// The answers of the sets of logs with these `numbers`, in order. By default the sets are made and compared here.
     ///
     /// # Errors
     /// As [`answers`].
@@ -43,7 +43,7 @@ pub trait World {
     }
 }
 
-/// What is asked of simulated logs.
+/// A question to simulated logs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Question {
     /// The values of the simulated robot.
@@ -52,20 +52,20 @@ pub struct Question {
     pub noise: f64,
     /// The values whose predictions are compared with its logs.
     pub values: Vec<f64>,
-    /// Whose step is asked for; none if only the size of the differences is.
+    /// Whose step is asked for; `None` if only the size of the differences is.
     pub step: Option<Slope>,
 }
 
 /// How a step follows from differences.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Slope {
-    /// Of the differences.
+    /// Loss of the differences.
     pub(super) loss: Loss,
     /// Entries that may move.
     pub(super) moving: Vec<bool>,
 }
 
-/// What logs say of the values found.
+/// The answer of logs about the fitted values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// The squared median of the differences that they leave.

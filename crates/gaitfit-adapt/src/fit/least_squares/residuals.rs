@@ -8,23 +8,23 @@ use std::sync::{Mutex, PoisonError};
 /// Most memory for the differences of a batch, bytes.
 const MEMORY: usize = 4 << 30;
 
-/// What one candidate differs by.
+/// Differences of one candidate from the recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::fit) struct Residuals {
     /// One vector a recording, `samples × width`; see [`Differences::compute`].
     pub recordings: Vec<Vec<f32>>,
-    /// What the cost makes of them, regularisation and falls left out.
+    /// Their cost, without regularisation and falls.
     pub cost: f64,
     /// Recordings in which the simulated robot fell.
     pub falls: usize,
 }
 
-/// What least squares compares, and with what.
+/// The simulator, parameters and cost of least squares.
 #[derive(Clone, Copy)]
 pub struct Problem<'a> {
     /// Simulates the recordings.
     pub simulator: &'a dyn Simulator,
-    /// What is fitted.
+    /// The fitted parameters.
     pub theta: &'a Theta,
     /// Its differences are made small.
     pub cost: &'a dyn Cost,
@@ -49,7 +49,7 @@ impl Problem<'_> {
         self.cost.differences().ok_or_else(|| FitError::Distributions(self.cost.name().to_owned()))
     }
 
-    /// What every candidate differs by; `None` where it diverged.
+    /// The differences of every candidate; `None` if it diverged.
     ///
     /// # Errors
     /// As [`Simulator::simulate`]; [`FitError::Distributions`], [`FitError::TooMany`].

@@ -15,7 +15,7 @@ const MIN_NOISE: f64 = 3e-3;
 /// Least part of a change of the robot that the fit is taken to answer with: it limits what noise can be made of.
 const MIN_ANSWER: f64 = 0.1;
 
-/// What one round shows, each number in the entries' units.
+/// The result of one round, each number in the entries' units.
 pub(super) struct Shown {
     /// The robot's values.
     pub robot: Vec<f64>,
@@ -60,7 +60,7 @@ impl Response {
         let noisy = noises().filter(|noise| *noise > 0.0).count();
         let noise =
             noises().map(|noise| noise * noise).sum::<f64>() / noisy.max(1) as f64 + MIN_NOISE.powi(2);
-        // What fits do beyond one to one, times how robots differ.
+        // The response beyond one to one, times the differences of robots.
         let mut beyond = DMatrix::zeros(entries, entries);
         let mut apart = DMatrix::identity(entries, entries) * (noise / DOUBT.powi(2));
         for ((one, its), weight) in robots.iter().zip(&fits).zip(&weights) {

@@ -110,7 +110,7 @@ pub(super) fn silent(theta: &Theta, here: &Around, loss: Loss) -> Vec<bool> {
     Estimate::new(theta, &values, &parts(here, loss)).silent
 }
 
-/// What was found, and which way it can move.
+/// The result, and the directions in which it can move.
 struct Estimate<'a> {
     theta: &'a Theta,
     values: &'a [f64],

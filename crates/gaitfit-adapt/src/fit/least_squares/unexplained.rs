@@ -1,4 +1,4 @@
-//! What a fit leaves unexplained, how far that could have moved its values, and whether more parameters explain it.
+//! Errors that a fit leaves unexplained, how far they could have moved its values, and whether more parameters explain them.
 //!
 //! Noise of sensors forgets: an error says nothing of the next sample's. What a simulator lacks does not: its errors are
 //! alike from sample to sample. The second part of the errors, their covariance with the next sample's, could be the
@@ -13,7 +13,7 @@ use super::{Around, GaussNewton, MIN_DAMPING, around};
 use crate::fit::FitError;
 use serde::{Deserialize, Serialize};
 
-/// What a fit leaves unexplained.
+/// Errors that a fit leaves unexplained.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Unexplained {
     /// Root mean square of all errors, where the robot's range is 2.
@@ -25,7 +25,7 @@ pub struct Unexplained {
     pub reach: Vec<Option<f64>>,
 }
 
-/// What `problem` leaves at `values`. `None` if the simulation of `values` diverges.
+/// The errors that `problem` leaves at `values`; `None` if the simulation of `values` diverges.
 ///
 /// # Errors
 /// As [`super::super::Fit::step`].

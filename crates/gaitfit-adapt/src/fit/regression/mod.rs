@@ -162,7 +162,7 @@ impl Regression {
     }
 }
 
-/// What was recorded.
+/// The recorded logs.
 #[derive(Clone, Debug)]
 pub struct Logs {
     /// Numbers ([`Distributions::recorded`]).

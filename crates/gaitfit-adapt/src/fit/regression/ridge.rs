@@ -1,4 +1,4 @@
-//! What values robots have, learnt from their logs by ridge regression.
+//! A ridge regression that learns the values of robots from their logs.
 
 use gaitfit_sim::stats;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
@@ -22,7 +22,7 @@ pub struct Robots {
     pub logs: Vec<Vec<f64>>,
 }
 
-/// What a robot's logs say of its values.
+/// The values that a robot's logs show.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// Values: the mean of what groups of numbers say.

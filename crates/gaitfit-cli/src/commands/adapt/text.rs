@@ -91,7 +91,7 @@ fn headline(fit: &CostFit, doubts: &[Doubt]) -> String {
     text
 }
 
-/// What stands after ±: the longer side of the interval, not what runs of the optimiser differ by.
+/// The number after ±: the longer side of the interval, not the difference between runs of the optimiser.
 fn half(half: Option<f64>) -> String {
     half.map_or_else(|| "–".to_owned(), |half| format!("±{half:.4}"))
 }

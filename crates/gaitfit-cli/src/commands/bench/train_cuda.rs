@@ -50,10 +50,10 @@ struct Parts {
     update: f64,
 }
 
-/// What a training has come to.
+/// The state of a training.
 type State = (Vec<f32>, Vec<Snapshot>);
 
-/// What the GPUs are.
+/// The GPUs, in words.
 fn names(devices: &[Device]) -> String {
     let names: Vec<&str> = devices.iter().map(|device| &device.info().name[..]).collect();
     match names.first() {

@@ -27,7 +27,7 @@ struct Document<'a> {
     /// Whether it walks, in a sentence.
     #[serde(skip_serializing_if = "Option::is_none")]
     verdict: Option<&'a str>,
-    /// What makes it walk, where most robots fall.
+    /// The arrangement with which it walks, if most robots fall.
     #[serde(skip_serializing_if = "Option::is_none")]
     diagnosis: Option<&'a Diagnosis>,
     wall_seconds: f64,
@@ -106,7 +106,7 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     }
 }
 
-/// How long a robot of a replay walks over uneven ground, s.
+/// Time that a robot of a replay walks over uneven ground, s.
 const ACROSS: f64 = 12.0;
 
 /// A tour over the commands, or straight over uneven ground, as a 3-D replay.

@@ -15,10 +15,10 @@ use gaitfit_view::{Doubt, DoubtKind, EvaluationReport, Replay, Setting};
 /// Bars of a histogram.
 const BINS: usize = 40;
 
-/// What stands in large print.
+/// The numbers in large print.
 const HEADLINE: [&str; 3] = ["linear-velocity error", "angular-velocity error", "falls"];
 
-/// What of a trajectory a row is the mean of; none of rates.
+/// The number of a trajectory whose mean is this row; `None` for rates.
 fn of_trial(name: &str) -> Option<fn(&Trial) -> f64> {
     match name {
         "summed reward" => Some(|trial| trial.reward),

@@ -14,7 +14,7 @@ fn shown(estimate: Estimate, digits: usize) -> String {
     }
 }
 
-/// What was measured: name, mean, digits and unit.
+/// The measurements: name, mean, digits and unit.
 pub fn rows(document: &Evaluation) -> Vec<(&'static str, Estimate, usize, &'static str)> {
     let falls = document.fall_rate;
     let percent = Estimate { mean: 100.0 * falls.mean, ci95: 100.0 * falls.ci95 };
@@ -31,7 +31,7 @@ pub fn rows(document: &Evaluation) -> Vec<(&'static str, Estimate, usize, &'stat
     reward.into_iter().chain(followed).chain(others).collect()
 }
 
-/// What is wrong, then tables of means, drift and gait.
+/// The doubts, then tables of means, drift and gait.
 pub fn text(document: &Evaluation, verdict: Option<&Verdict>, wall_seconds: f64) -> String {
     let summary = document;
     let diverged = document.divergence().map(|message| format!("DIVERGED: {message}"));

@@ -7,7 +7,7 @@ use gaitfit::files::{self, Output};
 use gaitfit_log::{ReadOptions, read_csv};
 use serde::Serialize;
 
-/// What was written, as `--json` prints it.
+/// The written files, as `--json` prints them.
 #[derive(Serialize)]
 struct Document {
     written: String,

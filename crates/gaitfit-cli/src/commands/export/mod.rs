@@ -12,7 +12,7 @@ use std::path::Path;
 /// Largest .toml file that is looked into, bytes.
 const MAX_BYTES: u64 = 16 << 20;
 
-/// What a file holds.
+/// The content of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Policy,

@@ -13,7 +13,7 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// What was written, as `--json` prints it.
+/// The written files, as `--json` prints them.
 #[derive(Serialize)]
 struct Document {
     written: Vec<String>,

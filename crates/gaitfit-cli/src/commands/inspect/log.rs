@@ -29,7 +29,7 @@ struct Document<'a> {
     policy: Option<LogMatch>,
 }
 
-/// What is wrong with a log, the worst first, by itself or as one of this robot. Findings that its settings allow are no
+/// The faults of a log, the worst first, alone or as a log of this robot. Findings that its settings allow are no
 /// errors.
 pub fn findings(log: &Trajectory, report: &ReadReport, robot: Option<&Model>) -> Vec<Finding> {
     let mut findings = report.findings();

@@ -1,4 +1,4 @@
-//! What walking logs say of joints and sensors without a simulation.
+//! What walking logs show of joints and sensors without a simulation.
 
 use crate::exit::Failure;
 use crate::{output, swings};
@@ -12,7 +12,7 @@ use std::path::Path;
 /// Logs of a folder that are looked at, the first ones: enough for small errors in little time.
 const LOGS: usize = 64;
 
-/// Of logs of the robot that was named, where they are of a floating robot and hold an inertial unit's signals.
+/// The findings from logs of the named robot, if its base floats and the logs have an inertial unit's signals.
 pub fn look(
     robot: Option<&Path>,
     lenient: bool,
@@ -76,7 +76,7 @@ pub fn lacks(model: &Model, log: Option<&Trajectory>, robot: &Path) -> String {
     )
 }
 
-/// Of the logs of a folder that may be used.
+/// The findings from the usable logs of a folder.
 pub fn of_folder(
     robot: Option<&Path>,
     lenient: bool,

@@ -66,7 +66,7 @@ pub fn text(results: &Results) -> String {
         );
     }
     text.push('\n');
-    // What was said first is not said again.
+    // The divergence is printed already.
     for warning in results.warnings.iter().filter(|warning| Some(*warning) != divergence.as_ref()) {
         let _ = writeln!(text, "note: {warning}");
     }
@@ -82,7 +82,7 @@ pub fn text(results: &Results) -> String {
     text
 }
 
-/// What the fitted simulator predicts of both policies, beside what the robot showed.
+/// The fitted simulator's prediction for both policies, compared with the robot.
 fn promise(results: &Results) -> Option<String> {
     let error = |on: &str, policy: &str| {
         let found = results.evaluations.iter().find(|one| one.on == on && one.evaluation.policy == policy)?;
@@ -113,7 +113,7 @@ fn places(results: &Results) -> Vec<&str> {
     found
 }
 
-/// What such a name stands for, and how much was measured there.
+/// The meaning of such a name, and how much was measured there.
 fn place(results: &Results, name: &str) -> Option<String> {
     let found = results.evaluations.iter().find(|one| one.on == name)?;
     let Evaluation { simulator, trajectories, seconds, .. } = &found.evaluation;

@@ -23,14 +23,14 @@ use std::io::{BufRead, IsTerminal};
 use std::path::Path;
 use std::time::Duration;
 
-/// What a person types before the robot moves.
+/// The word that a person types before the robot moves.
 const WORD: &str = "move";
 /// Time between two commands.
 const CONTROL: Duration = Duration::from_millis(2);
 /// Shortest and longest time of listening, s.
 const SECONDS: [f64; 2] = [1.0, 600.0];
 
-/// What was found, as `preflight.json` and `--json` have it.
+/// The result, as `preflight.json` and `--json` have it.
 #[derive(Serialize)]
 pub struct Document {
     /// The robot's name.
@@ -44,7 +44,7 @@ pub struct Document {
     listened: Listened,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     tilted: Vec<TiltReport>,
-    /// How the inertial unit is mounted if not as the base's axes are: roll, pitch, yaw, degrees.
+    /// Roll, pitch and yaw of the inertial unit in the base's frame, degrees, if it is mounted turned.
     mounting: Option<[f64; 3]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     moved: Option<Moved>,
@@ -52,7 +52,7 @@ pub struct Document {
     written: Vec<String>,
 }
 
-/// What a link is opened for.
+/// The purpose of a link.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum For {
     Listening,
@@ -303,7 +303,7 @@ fn agreed(robot: &Robot, plan: &Plan) -> bool {
     std::io::stdin().lock().read_line(&mut line).is_ok() && line.trim() == WORD
 }
 
-/// What the robot does in this stage, for the person beside it.
+/// The robot's actions in this stage, for the person beside it.
 fn stage_text(robot: &Robot, stage: Stage) -> String {
     match stage {
         Stage::Joint(motor) => {

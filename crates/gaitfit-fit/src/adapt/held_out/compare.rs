@@ -165,7 +165,7 @@ fn trials(
     Some(Trials { pairs: pairs.len(), itself: distances(&other)?, fitted: distances(&walked)? })
 }
 
-/// The cost against blocks, each a recording; none if they cannot be compared.
+/// The cost against blocks, each a recording; `None` if they cannot be compared.
 fn cost_against(
     own: &[Predicted],
     joints: &[String],
@@ -191,7 +191,7 @@ fn total(breakdown: &Option<Breakdown>) -> Option<f64> {
     breakdown.as_ref().map(|breakdown| breakdown.total).filter(|total| total.is_finite())
 }
 
-/// The cost of some blocks of walks; none if one diverged.
+/// The cost of some blocks of walks; `None` if one diverged.
 fn chosen_blocks(cost: &dyn Cost, blocks: &[Predicted], chosen: &[usize]) -> Option<Breakdown> {
     let mut accumulator = cost.begin();
     for &block in chosen {

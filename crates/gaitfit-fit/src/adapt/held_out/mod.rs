@@ -19,10 +19,10 @@ use gaitfit_adapt::fit::max_falls_by_chance;
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 
-/// A cost of so many times the floor's upper end is a misfit. Of fits of a real Go2's walks those with a missing load and
-/// floor are 1.7 times as far, those with all of what differs 1.0; the robot before the fit is 5 times as far.
+/// A cost of this many times the floor's upper end is a misfit. Fits of a real Go2's walks that lack its load and floor are at
+/// 1.7 times, fits with all that differs at 1.0 times; the robot before the fit is at 5 times.
 const FAR: f64 = 1.5;
-/// A fit that leaves more than this part of what the robot before the fit was off by, beyond the floor, is a misfit too.
+/// A fit is a misfit too if it leaves more than this part of the distance that the robot before the fit had beyond the floor.
 const LEFT: f64 = 0.5;
 /// Largest share of logs in which a fitted robot may fall by chance.
 const CHANCE: f64 = 0.02;
@@ -31,7 +31,7 @@ const CHANCE: f64 = 0.02;
 pub struct HeldOut {
     /// Logs, or stretches of logs, that were compared.
     pub logs: usize,
-    /// What counts of them together, s.
+    /// Total time of them that counts, s.
     pub seconds: f64,
     /// `wass` of the fitted robot; absent if it diverged. The robot's range is 2 in each of the three signals.
     pub cost: Option<f64>,
@@ -46,7 +46,7 @@ pub struct HeldOut {
     pub falls: usize,
     /// The same before the fit.
     pub nominal_falls: usize,
-    /// Part of the logs that a fall of the robot itself ends.
+    /// Part of the log files in which the robot itself fell.
     #[serde(default)]
     pub robot_fall_rate: f64,
     /// Joint by joint, signal by signal.
@@ -72,11 +72,11 @@ pub struct Distance {
     pub joint: String,
     /// Signal.
     pub signal: Signal,
-    /// Of the fitted robot.
+    /// Distance of the fitted robot.
     pub fitted: Option<f64>,
-    /// Of the robot before the fit.
+    /// Distance of the robot before the fit.
     pub nominal: Option<f64>,
-    /// Of one half of the blocks to the other half, mean over the draws.
+    /// Distance of one half of the blocks to the other half, mean over the draws.
     pub floor: Option<f64>,
 }
 
@@ -124,8 +124,8 @@ impl HeldOut {
         }
     }
 
-    /// Max number of falls that are no doubt: 2 % of the logs, or what chance explains if the fitted robot falls as often as the
-    /// real one.
+    /// Max number of falls without a doubt: 2 % of the logs, or the number that chance explains if the fitted robot falls as often
+    /// as the real one.
     fn max_falls(&self) -> usize {
         max_falls_by_chance(self.robot_fall_rate * self.logs as f64).max((CHANCE * self.logs as f64) as usize)
     }
@@ -135,7 +135,7 @@ impl HeldOut {
         matches!(self.verdict(), Verdict::WorseThanNominal | Verdict::Falls)
     }
 
-    /// Why the fit must not be taken as it stands; none if it explains the logs nearly as well as the robot does.
+    /// Why the fit must not be used as it is; `None` if it explains the logs nearly as well as the robot does.
     pub fn doubt(&self) -> Option<Doubt> {
         let kind = match self.verdict() {
             Verdict::Misfit => DoubtKind::Misfit,

@@ -48,7 +48,7 @@ pub struct Leftover {
     /// How far each parameter would be off if it made all errors that are alike from sample to sample, in its unit; absent
     /// where the logs do not show it.
     pub reach: Vec<Option<f64>>,
-    /// Values where least squares ends that goes on from the fit; the other numbers are of there.
+    /// Values at which least squares ends if it continues from the fit. The other numbers belong to these values.
     pub end: Vec<f64>,
     /// The cost there.
     pub cost: f64,

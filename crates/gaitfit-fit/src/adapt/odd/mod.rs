@@ -64,7 +64,7 @@ struct Saved {
 /// Finds the odd joints, or reads what an earlier session found.
 ///
 /// # Errors
-/// A fit that cannot go on; an interruption; files that cannot be written.
+/// A fit that cannot continue; an interruption; files that cannot be written.
 pub(super) fn find(
     setup: &Setup,
     folder: &RunFolder,

@@ -197,7 +197,7 @@ impl Way {
         [self.level as f32, self.walked, self.commanded]
     }
 
-    /// The way of these numbers on ground of `levels`; none if there is no such level.
+    /// The way of these numbers on ground of `levels`; `None` if there is no such level.
     pub fn from_numbers(&[level, walked, commanded]: &[f32; 3], levels: usize) -> Option<Self> {
         let known = level >= 0.0 && level.fract() == 0.0 && (level as usize) < levels;
         (known && walked.is_finite() && commanded.is_finite()).then_some(Self {
