@@ -292,11 +292,11 @@ fn falls_are_counted_and_never_beat_standing() {
     let default = FallPenalty::default();
     // Weights 1 for position and velocity: a fall costs 2 + 2.
     assert_eq!((default.charge(cost, 0, 8), default.charge(cost, 1, 8)), (0.0, 4.0));
-    let log_falls = FallPenalty { robot_rate: 0.25, ..default };
-    // By chance such a robot falls in 2 + 2 √2 = 4.8 recordings.
-    assert_eq!((log_falls.charge(cost, 5, 8), log_falls.charge(cost, 7, 8)), (0.0, 1.0));
-    // Of four starts of each recording it falls in 8 + 2 √8 = 13.7.
-    assert_eq!((log_falls.charge(cost, 14, 32), log_falls.charge(cost, 16, 32)), (0.0, 0.25));
+    let log_falls = FallPenalty { robot_rate: 0.25, robot_falls: 2, ..default };
+    // Two falls were seen and two are expected: chance explains 2 + 2 √(2 + 2) = 6.
+    assert_eq!((log_falls.charge(cost, 6, 8), log_falls.charge(cost, 8, 8)), (0.0, 1.0));
+    // With four starts of each recording 8 are expected: chance explains 8 + 2 √(8 + 32) = 20.6.
+    assert_eq!((log_falls.charge(cost, 21, 32), log_falls.charge(cost, 23, 32)), (0.0, 0.25));
     assert_eq!(FallPenalty { penalty: Some(3.0), ..default }.charge(cost, 2, 8), 0.75);
 }
 

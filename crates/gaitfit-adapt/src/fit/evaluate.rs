@@ -127,21 +127,20 @@ pub fn simulate_one(
     values: &[f64],
     resets: Resets,
 ) -> Result<Vec<Predicted>, FitError> {
-    simulate_one_until(simulator, theta, values, resets, &never)
+    let rollout = Rollout { values: values.to_vec(), resets, ..Rollout::default() };
+    simulate_rollout(simulator, theta, rollout, &never)
 }
 
-/// As [`simulate_one`], until `cancel` asks to stop.
+/// The signals of one rollout on every recording, in their order, until `cancel` asks to stop.
 ///
 /// # Errors
-/// As there; [`FitError::Cancelled`].
-pub fn simulate_one_until(
+/// [`FitError::Simulator`], [`FitError::Incomplete`], [`FitError::Cancelled`].
+pub fn simulate_rollout(
     simulator: &dyn Simulator,
     theta: &Theta,
-    values: &[f64],
-    resets: Resets,
+    rollout: Rollout,
     cancel: &Cancel<'_>,
 ) -> Result<Vec<Predicted>, FitError> {
-    let rollout = Rollout { values: values.to_vec(), resets, ..Rollout::default() };
     let found: Vec<Mutex<Option<Predicted>>> =
         (0..simulator.recordings()).map(|_| Mutex::new(None)).collect();
     let consume = |_: usize, recording: usize, signals: Signals<'_>| {

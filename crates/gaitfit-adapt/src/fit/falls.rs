@@ -3,9 +3,11 @@
 use crate::cost::Cost;
 use serde::{Deserialize, Serialize};
 
-/// Max number of falls that chance explains: the `expected` number plus two standard deviations (Poisson).
-pub fn max_falls_by_chance(expected: f64) -> usize {
-    (expected + 2.0 * expected.sqrt()).ceil() as usize
+/// Max number of falls that chance explains: the `expected` number plus two standard deviations (Poisson). The expected number
+/// rests on `observed` falls of the robot, whose number is due to chance too: the variances of both add.
+pub fn max_falls_by_chance(expected: f64, observed: usize) -> usize {
+    let variance = expected + expected * expected / observed.max(1) as f64;
+    (expected + 2.0 * variance.sqrt()).ceil() as usize
 }
 
 /// What a candidate pays for its falls, in addition to the samples that it loses (each counts as off by the robot's whole
@@ -23,6 +25,8 @@ pub struct FallPenalty {
     /// Part of the recordings in which the robot itself fell (and which are cut there), 0 to 1. A part and not a number: a
     /// search may simulate each recording several times.
     pub robot_rate: f64,
+    /// The falls of the robot that this part rests on.
+    pub robot_falls: usize,
     /// Whether torque noise or starts are drawn, so that chance decides whether the same values fall. If so, and if no penalty
     /// is stated and the robot never fell, candidates also pay for the falls that are expected of them.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
@@ -31,11 +35,12 @@ pub struct FallPenalty {
 
 impl FallPenalty {
     /// No charge beyond the samples lost.
-    pub const NONE: Self = Self { penalty: Some(0.0), robot_rate: 0.0, random: false };
+    pub const NONE: Self = Self { penalty: Some(0.0), robot_rate: 0.0, robot_falls: 0, random: false };
 
     /// The charge for a candidate that fell in `fallen` of `recordings` recordings. It is added to the cost.
     pub fn charge(&self, cost: &dyn Cost, fallen: usize, recordings: usize) -> f64 {
-        let excess = fallen.saturating_sub(max_falls_by_chance(self.robot_rate * recordings as f64));
+        let expected = self.robot_rate * recordings as f64;
+        let excess = fallen.saturating_sub(max_falls_by_chance(expected, self.robot_falls));
         if excess == 0 {
             return 0.0;
         }

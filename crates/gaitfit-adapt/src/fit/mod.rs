@@ -29,7 +29,7 @@ pub use compare::{Agreement, compare};
 pub use convergence::unsettled;
 pub use driver::{Fit, FitOptions, Generation, Method, RandomNumbers, RunGeneration};
 pub use error::FitError;
-pub use evaluate::{Evaluation, Job, accumulate, evaluate, simulate_one, simulate_one_until};
+pub use evaluate::{Evaluation, Job, accumulate, evaluate, simulate_one, simulate_rollout};
 pub use falls::{FallPenalty, max_falls_by_chance};
 pub use finalists::FinalComparison;
 pub use identification::{Identification, NoiseSource};

@@ -5,6 +5,7 @@ use crate::air::{Clamped, logs as air_logs};
 use crate::log::{self, Log};
 use crate::robot::Hold;
 use crate::settings::{AdaptConfig, Base};
+use crate::walk::falling::Falling;
 use crate::walk::logs::{self as walk_logs, LogNotes, Purpose};
 use crate::walk::walking::Walking;
 use crate::{Error, machine, paths, policy_file, robot, theta};
@@ -101,6 +102,8 @@ pub(super) struct Logs {
     pub validate: Vec<Vec<Log>>,
     /// Notes on the walking logs that are fitted.
     pub notes: Option<LogNotes>,
+    /// How often the robot falls, in all logs.
+    pub falling: Falling,
     /// Doubts, each one sentence.
     pub warnings: Vec<String>,
 }
@@ -127,9 +130,11 @@ impl Logs {
         };
         let mut validate = Vec::new();
         let mut doubts = Vec::new();
+        let mut falling = notes.as_ref().map_or_else(Falling::default, |notes| notes.falling);
         if !config.validate.is_empty() {
             let found = validation(&config.validate, config, config_path, method)?;
             (validate, doubts) = (found.sets, found.doubts);
+            falling = falling.and(found.falling);
         }
         for log in validate.iter().flatten() {
             if fit.iter().any(|fitted| fitted.path == log.path) {
@@ -143,7 +148,7 @@ impl Logs {
         for logs in &validate {
             log::lead_note(logs, walks)?;
         }
-        Ok(Self { fit, validate, notes, warnings })
+        Ok(Self { fit, validate, notes, falling, warnings })
     }
 
     /// Every file that was read.
@@ -159,8 +164,8 @@ pub struct ValidationLogs {
     pub sets: Vec<Vec<Log>>,
     /// Doubts about them, each one sentence.
     pub doubts: Vec<String>,
-    /// Part of the log files in which the robot fell.
-    pub fall_rate: f64,
+    /// How often the robot falls.
+    pub falling: Falling,
 }
 
 /// The logs `named` for validation.
@@ -174,14 +179,14 @@ pub fn validation(
         Method::Replay(clamped) => {
             let (logs, doubts) = clamped_logs(named, true, config, config_path, clamped)?;
             let sets = logs.into_iter().map(|log| vec![log]).collect();
-            Ok(ValidationLogs { sets, doubts, fall_rate: 0.0 })
+            Ok(ValidationLogs { sets, doubts, falling: Falling::default() })
         }
         Method::Walk(walking) => {
             let (policy, task) = (&walking.policy, &walking.task);
             let notes = walk_logs::read(named, Purpose::Validation, config, config_path, policy, task)?;
-            let fall_rate = notes.fall_rate();
+            let falling = notes.falling;
             let doubts = notes.warnings.into_iter().map(|doubt| format!("validation: {doubt}")).collect();
-            Ok(ValidationLogs { sets: vec![notes.logs], doubts, fall_rate })
+            Ok(ValidationLogs { sets: vec![notes.logs], doubts, falling })
         }
     }
 }

@@ -4,6 +4,7 @@ use super::method::Method;
 use crate::Error;
 use crate::log::Log;
 use crate::settings::AdaptConfig;
+use crate::walk::falling::Falling;
 use gaitfit_adapt::Simulator;
 use gaitfit_adapt::cost::{Cost, CostError, Recorded, Reference};
 use gaitfit_sim::Candidate;
@@ -17,6 +18,8 @@ pub struct LogSet {
     pub simulator: Box<dyn Simulator>,
     /// Their measured side.
     pub reference: Arc<Reference>,
+    /// How often their robot falls.
+    pub falling: Falling,
 }
 
 impl LogSet {
@@ -71,19 +74,19 @@ impl LogSet {
             Reference::new(joints.clone(), &recorded, skip)
         };
         let reference = reference().map_err(|error| incomparable(&logs, &error))?;
-        Ok(Self { logs, simulator, reference: Arc::new(reference) })
+        Ok(Self { logs, simulator, reference: Arc::new(reference), falling: Falling::default() })
     }
 
     /// The same logs, compared in the scaling of `other` and with the falls of its robot.
     pub fn scaled_as(self, other: &Self) -> Self {
         let reference = Reference::clone(&self.reference).scaled_as(&other.reference);
-        Self { reference: Arc::new(reference), ..self }.with_fall_rate(other.reference.fall_rate())
+        Self { reference: Arc::new(reference), ..self }.of_robot(other.falling)
     }
 
-    /// The same logs of a robot that fell in this part of its logs; see [`Reference::with_fall_rate`].
-    pub fn with_fall_rate(self, fall_rate: f64) -> Self {
-        let reference = Reference::clone(&self.reference).with_fall_rate(fall_rate);
-        Self { reference: Arc::new(reference), ..self }
+    /// The same logs of a robot that falls as often as `falling` says; see [`Reference::with_fall_rate`].
+    pub fn of_robot(self, falling: Falling) -> Self {
+        let reference = Reference::clone(&self.reference).with_fall_rate(falling.rate(&self.logs));
+        Self { reference: Arc::new(reference), falling, ..self }
     }
 
     /// The configuration's costs against these logs.

@@ -6,8 +6,8 @@ use crate::Error;
 use crate::air::predictors;
 use crate::log::Log;
 use gaitfit_adapt::cost::{Cost, CostKind, PositionRmse, Recorded, position_rmse};
-use gaitfit_adapt::fit::{FitError, Predicted, simulate_one_until};
-use gaitfit_adapt::{Cancel, Resets, Simulator, Theta, never};
+use gaitfit_adapt::fit::{FitError, Predicted, simulate_rollout};
+use gaitfit_adapt::{Cancel, Resets, Rollout, Simulator, Theta, never};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
@@ -75,7 +75,19 @@ impl Robot<'_> {
         resets: Resets,
         cancel: &Cancel<'_>,
     ) -> Result<Vec<Predicted>, Error> {
-        match simulate_one_until(simulator, self.theta, self.values, resets, cancel) {
+        self.simulate_drawn(simulator, resets, 0, cancel)
+    }
+
+    /// As [`Self::simulate_until`], with the random draws of number `draw`.
+    pub fn simulate_drawn(
+        self,
+        simulator: &dyn Simulator,
+        resets: Resets,
+        draw: u64,
+        cancel: &Cancel<'_>,
+    ) -> Result<Vec<Predicted>, Error> {
+        let rollout = Rollout { values: self.values.to_vec(), resets, draw };
+        match simulate_rollout(simulator, self.theta, rollout, cancel) {
             Err(FitError::Cancelled) => {
                 let message = "stopped before the end".to_owned();
                 Err(gaitfit_run::Error::Interrupted { message, kept: None }.into())

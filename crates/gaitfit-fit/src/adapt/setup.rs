@@ -152,10 +152,10 @@ impl Setup {
         let named =
             if config.odd_joints { with_springs(&config, &method, &method.joints())? } else { theta.clone() };
         warnings.extend(unused(&config, &named, &logs.validate)?);
-        let fall_rate = logs.notes.as_ref().map_or(0.0, LogNotes::fall_rate);
-        let several = LogSet::from_several_starts(&config, &method, &base, &logs.fit)?
-            .map(|set| set.with_fall_rate(fall_rate));
-        let fit = LogSet::new(&config, &method, &base, logs.fit)?.with_fall_rate(fall_rate);
+        let falling = logs.falling;
+        let several =
+            LogSet::from_several_starts(&config, &method, &base, &logs.fit)?.map(|set| set.of_robot(falling));
+        let fit = LogSet::new(&config, &method, &base, logs.fit)?.of_robot(falling);
         let other = |config: &AdaptConfig| {
             inputs::method(config, walker.clone(), robot.clone(), &theta, &base, threads)
                 .map(|method| method.on(gpus.clone()))
@@ -168,14 +168,14 @@ impl Setup {
             }
             _ => None,
         };
-        let set = |logs| Ok(LogSet::new(&config, &method, &base, logs)?.with_fall_rate(fall_rate));
+        let set = |logs| Ok(LogSet::new(&config, &method, &base, logs)?.of_robot(falling));
         let validate = logs.validate.into_iter().map(set).collect::<Result<Vec<_>, Error>>()?;
         for (signal, column) in fit.reference.constant() {
             warnings.push(format!("{signal} of {column} is constant in the logs and left out of the costs"));
         }
         let mut setup = Self {
             costs: several.as_ref().unwrap_or(&fit).costs(&config)?,
-            options: check::options(&config, fall_rate),
+            options: check::options(&config, fit.reference.fall_rate(), falling.falls),
             notes: logs.notes,
             alternatives,
             replicas,

@@ -12,6 +12,7 @@ use crate::settings::{self, AdaptConfig, check};
 use crate::watch::Watch;
 use crate::{Error, log, theta};
 use gaitfit_adapt::Theta;
+use gaitfit_adapt::cost::CostKind;
 use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
@@ -116,7 +117,7 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
     let longest = if largest_delay(&fitted) > largest_delay(&base) { &fitted } else { &base };
     let method = method(&config, policy, model, &nothing, longest, request.threads)?;
     // Logs named on the command line are seen from the current directory.
-    let ValidationLogs { sets, doubts: mut warnings, fall_rate } =
+    let ValidationLogs { sets, doubts: mut warnings, falling } =
         read_logs(&request.logs, &config, Path::new("validate"), &method)?;
     for logs in &sets {
         log::lead_note(logs, method.walking().is_some())?;
@@ -124,7 +125,7 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
     warnings.extend(theta::doubts(&file, &request.theta, method.model(), method.physics_step()));
     let simulated = |robot: &Candidate| -> Result<Vec<LogSet>, Error> {
         let set = |logs: &Vec<Log>| LogSet::new(&config, &method, robot, logs.clone());
-        sets.iter().map(|logs| Ok(set(logs)?.with_fall_rate(fall_rate))).collect()
+        sets.iter().map(|logs| Ok(set(logs)?.of_robot(falling))).collect()
     };
     let (after, before) = (simulated(&fitted)?, simulated(&base)?);
     let itself = Predictor { theta: &nothing, values: &[] };
@@ -146,6 +147,9 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
         }
         _ => None,
     };
+    // If the robot falls now and then, one simulation does not tell: those of the held-out comparison do.
+    let several = held_out.as_ref().filter(|found| kind == CostKind::Wass && found.robot_fall_rate > 0.0);
+    let (cost, nominal_cost) = several.map_or((cost, nominal_cost), |found| (found.cost, found.nominal_cost));
     let mut results = ValidateResults {
         theta: request.theta.clone(),
         robot: method.model().name.clone(),

@@ -24,9 +24,21 @@ pub struct Cut {
     pub to_s: f64,
     /// Why, in words.
     pub reason: String,
-    /// Whether the robot fell.
+    /// Whether the robot fell: it stood before.
     pub fall: bool,
 }
+
+/// Samples in which the robot does not walk.
+pub struct Down {
+    /// The samples.
+    pub samples: Range<usize>,
+    /// What shows it, in words.
+    pub reason: String,
+    /// Whether it is the end of a fall, if the robot stood before. One that hangs has not fallen.
+    pub fall: bool,
+}
+
+const LOST: &str = "samples were lost";
 
 /// The signs of a fall, by the task's rule: the trunk is on the ground.
 pub fn fall_spec(scene: &Task) -> CheckSpec {
@@ -46,26 +58,23 @@ pub fn fall_spec(scene: &Task) -> CheckSpec {
     }
 }
 
-/// The sample ranges of `log` that count, and the cuts between them. A cut goes from `margin` s before a fall until the robot has
-/// stood for a second, or covers lost samples. `falls`: the samples of each fall, and what showed it.
-pub fn keep(
-    name: &str,
-    log: &Trajectory,
-    falls: &[(Range<usize>, String)],
-    margin: f64,
-) -> (Vec<Range<usize>>, Vec<Cut>) {
+/// The sample ranges of `log` that count, and the cuts between them. A cut goes from `margin` s before the robot is down until it has
+/// stood for a second, or covers lost samples.
+pub fn keep(name: &str, log: &Trajectory, downs: &[Down], margin: f64) -> (Vec<Range<usize>>, Vec<Cut>) {
     let (time, samples) = (&log.time, log.len());
     let at = |seconds: f64| (seconds * log.rate_hz).ceil() as usize;
     let mut cuts = Vec::new();
     let mut kept = Vec::new();
     let mut begin = 0;
-    for (fall, reason) in falls {
-        let start = fall.start.saturating_sub(at(margin));
-        let end = if fall.end >= samples { samples } else { (fall.end + at(STANDS_S)).min(samples) };
+    for Down { samples: down, reason, fall } in downs {
+        let start = down.start.saturating_sub(at(margin));
+        let end = if down.end >= samples { samples } else { (down.end + at(STANDS_S)).min(samples) };
+        // A robot that is down when its log begins has not fallen in it.
+        let fall = *fall && down.start > begin;
         kept.push(begin..start.max(begin));
         begin = end.max(begin);
         let (from_s, to_s) = (time[start], time[end - 1]);
-        cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason: reason.clone(), fall: true });
+        cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason: reason.clone(), fall });
     }
     kept.push(begin..samples);
     let mut whole = Vec::new();
@@ -75,7 +84,7 @@ pub fn keep(
             if time[next] - time[next - 1] > rate::LONG_GAP_S.max(3.0 * log.dt()) {
                 whole.push(begin..next);
                 let (from_s, to_s) = (time[next - 1], time[next]);
-                let reason = "samples were lost".to_owned();
+                let reason = LOST.to_owned();
                 cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason, fall: false });
                 begin = next;
             }
@@ -99,7 +108,11 @@ pub fn cut_felt(
     for log in logs {
         let leaning: Vec<_> = tilt::falls(policy, &log.trajectory, &spread)
             .into_iter()
-            .map(|range| (range, "the policy acts as if the base leaned by more than 50°".to_owned()))
+            .map(|samples| Down {
+                samples,
+                reason: "the policy acts as if the base leaned by more than 50°".to_owned(),
+                fall: true,
+            })
             .collect();
         if leaning.is_empty() {
             left.push(log);
@@ -125,12 +138,18 @@ pub fn cut_felt(
 /// Sentences about the cuts.
 pub fn cut_text(cuts: &[Cut], logs: usize) -> Vec<String> {
     let mut warnings = Vec::new();
-    for (fall, what) in [(true, "the robot fell"), (false, "samples were lost")] {
-        let these: Vec<&Cut> = cuts.iter().filter(|cut| cut.fall == fall).collect();
+    type Kind = fn(&Cut) -> bool;
+    let kinds: [(Kind, &str); 3] = [
+        (|cut| cut.fall, "the robot fell"),
+        (|cut| !cut.fall && cut.reason != LOST, "the robot does not walk"),
+        (|cut| cut.reason == LOST, LOST),
+    ];
+    for (is_of_kind, what) in kinds {
+        let these: Vec<&Cut> = cuts.iter().filter(|cut| is_of_kind(cut)).collect();
         let Some(first) = these.first() else { continue };
         let seconds: f64 = these.iter().map(|cut| cut.to_s - cut.from_s).sum();
         let names: BTreeSet<&str> = these.iter().map(|cut| cut.log.as_str()).collect();
-        let why = if fall { format!(", {}", first.reason) } else { String::new() };
+        let why = if what == LOST { String::new() } else { format!(", {}", first.reason) };
         warnings.push(format!(
             "{what} in {} of {logs} logs; {seconds:.1} s do not count (the first: {} from {:.2} to {:.2} s{why})",
             names.len(),

@@ -3,7 +3,8 @@
 
 use super::counted::{count, enough, filled, long_enough, shorten};
 use super::coverage::Coverage;
-use super::cuts::{self, Cut};
+use super::cuts::{self, Cut, Down};
+use super::falling::Falling;
 use super::log_files::{self, LogFile};
 use super::mounting;
 use super::policy_check::{self, PolicyMatch};
@@ -49,6 +50,8 @@ pub struct LogNotes {
     pub warnings: Vec<String>,
     /// Parts that do not count.
     pub cuts: Vec<Cut>,
+    /// How often the robot falls.
+    pub falling: Falling,
     /// Commands covered.
     pub coverage: Coverage,
     /// Whether the actions are the policy's.
@@ -60,11 +63,6 @@ impl LogNotes {
     pub fn falls(&self) -> usize {
         let fallen = self.cuts.iter().filter(|cut| cut.fall).map(|cut| cut.log.as_str());
         fallen.collect::<BTreeSet<&str>>().len()
-    }
-
-    /// Part of the log files in which the robot fell.
-    pub fn fall_rate(&self) -> f64 {
-        self.falls() as f64 / self.files.max(1) as f64
     }
 
     /// Seconds of data that do not count.
@@ -173,14 +171,19 @@ pub fn read(
     let spec = cuts::fall_spec(scene);
     let margin = config.fall_margin();
     let skipped = config.skip_seconds();
-    let (mut stretches, mut removed) = (Vec::new(), Vec::new());
+    let (mut stretches, mut removed, mut on_feet_s) = (Vec::new(), Vec::new(), 0.0);
     for read in &reads {
         let fallen: Vec<_> = falls(&read.trajectory, &spec)
             .into_iter()
             .filter(|fall| !is_allowed(fall, &config.allow))
-            .map(|fall| (fall.samples, fall.sign.to_string()))
+            .map(|fall| Down {
+                samples: fall.samples,
+                reason: fall.sign.to_string(),
+                fall: !matches!(fall.sign, FallSign::Hanging | FallSign::Stuck),
+            })
             .collect();
         let (kept, cut) = cuts::keep(&read.file.name, &read.trajectory, &fallen, margin);
+        on_feet_s += kept.iter().map(|stretch| stretch.len() as f64 * read.trajectory.dt()).sum::<f64>();
         for stretch in kept {
             stretches.push(count(read, stretch, scene)?);
         }
@@ -228,7 +231,8 @@ pub fn read(
     for log in &mut logs {
         drop_broken_base(&mut log.trajectory);
     }
-    Ok(LogNotes { files: reads.len(), logs, warnings, cuts: removed, coverage, policy_match })
+    let falling = Falling { falls: removed.iter().filter(|cut| cut.fall).count(), seconds: on_feet_s };
+    Ok(LogNotes { files: reads.len(), logs, warnings, cuts: removed, falling, coverage, policy_match })
 }
 
 fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error> {

@@ -187,7 +187,8 @@ fn falls_are_cut_with_a_margin() {
     let rows = logs[4].time.iter().flat_map(|&at| quaternion(at)).collect();
     logs[4].base = Some(BaseState { quaternion: Some(rows), ..BaseState::default() });
     let notes = bench.read(&logs).unwrap();
-    assert_eq!(notes.falls(), 1);
+    assert_eq!((notes.falls(), notes.falling.falls), (1, 1));
+    assert!((notes.falling.seconds - 19.28).abs() < 0.05, "{:?}", notes.falling);
     let kept = &notes.logs[4].trajectory;
     assert!((kept.duration() - 1.08).abs() < 1e-6, "{}", kept.duration());
     assert!((notes.cut_seconds() - 0.9).abs() < 1e-6);
@@ -198,6 +199,21 @@ fn falls_are_cut_with_a_margin() {
         log.base = Some(BaseState { quaternion: Some(rows), ..BaseState::default() });
     });
     bench.refused(&down, &["in all logs the robot falls", "record next time"]);
+}
+
+#[test]
+fn a_robot_that_is_down_when_its_log_begins_has_not_fallen() {
+    let bench = Bench::new();
+    let logs: Vec<Trajectory> = (0..8).map(|number| puppet(&bench.policy, number, 4.0)).collect();
+    let stands_up = changed(&logs, |log| {
+        let quaternion = |at: &f64| if *at < 0.5 { [0.6, 0.8, 0.0, 0.0] } else { [1.0, 0.0, 0.0, 0.0] };
+        let rows = log.time.iter().flat_map(quaternion).collect();
+        log.base = Some(BaseState { quaternion: Some(rows), ..BaseState::default() });
+    });
+    let notes = bench.read(&stands_up).unwrap();
+    assert_eq!((notes.falls(), notes.falling.falls), (0, 0));
+    assert!(warned(&notes, "the robot does not walk in 8 of 8 logs"), "{:?}", notes.warnings);
+    assert!(notes.logs[0].trajectory.time[0] > 1.4, "{:?}", notes.logs[0].trajectory.time[0]);
 }
 
 #[test]

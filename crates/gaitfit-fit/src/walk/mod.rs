@@ -5,6 +5,7 @@ pub mod coverage;
 pub mod cuts;
 pub mod doubts;
 pub mod explain;
+pub mod falling;
 pub mod imu_search;
 pub mod log_files;
 pub mod logs;

@@ -229,8 +229,8 @@ fn wrong_known(config: &AdaptConfig) -> Option<String> {
     Some(format!("`{}` is {value}; give a finite number, or leave it out", shown(&name)))
 }
 
-/// Settings of the fit; the robot fell in the part `robot_rate` of the logs.
-pub fn options(config: &AdaptConfig, robot_rate: f64) -> FitOptions {
+/// Settings of the fit; the robot falls in the part `robot_rate` of the logs, as `robot_falls` falls show.
+pub fn options(config: &AdaptConfig, robot_rate: f64, robot_falls: usize) -> FitOptions {
     let optimizer = &config.optimizer;
     FitOptions {
         method: method(config),
@@ -242,7 +242,12 @@ pub fn options(config: &AdaptConfig, robot_rate: f64) -> FitOptions {
         bounds: optimizer.bounds,
         patience: optimizer.patience,
         tolerance: optimizer.tolerance,
-        falls: FallPenalty { penalty: config.falls.penalty, robot_rate, ..FallPenalty::default() },
+        falls: FallPenalty {
+            penalty: config.falls.penalty,
+            robot_rate,
+            robot_falls,
+            ..FallPenalty::default()
+        },
         random_numbers: optimizer.random_numbers,
     }
 }

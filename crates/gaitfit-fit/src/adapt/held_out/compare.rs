@@ -2,14 +2,14 @@
 
 use super::super::Method;
 use super::super::log_set::LogSet;
-use super::super::score::Robot;
+use super::super::score::{Robot, mean};
 use super::trials::{Trials, pairs, tail};
 use super::{Distance, Floor, HeldOut};
 use crate::Error;
 use crate::log::Log;
 use crate::settings::AdaptConfig;
 use gaitfit_adapt::cost::{Breakdown, Cost, CostKind, Recorded, Reference, Signal};
-use gaitfit_adapt::fit::Predicted;
+use gaitfit_adapt::fit::{Predicted, max_falls_by_chance};
 use gaitfit_adapt::{Cancel, Resets};
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::stats;
@@ -20,6 +20,9 @@ const BLOCK_S: f64 = 0.5;
 /// How often halves are drawn, and the fewest blocks that halves are drawn of.
 const DRAWS: u32 = 100;
 const MIN_BLOCKS: usize = 8;
+/// How often walks are simulated, with other random draws, if the robot itself falls: one fall more or less moves the distance by
+/// more than all else.
+const FALLING_SIMULATIONS: u64 = 8;
 /// Half the width of the range that 95 % of normal draws lie in, in deviations.
 const RANGE: f64 = 1.96;
 /// Seed of the draws.
@@ -55,30 +58,40 @@ pub fn held_out(
     let recorded_blocks = cut(&recorded);
     let Some(cost) = cost_against(&recorded_blocks, &joints, set) else { return Ok(None) };
     let (reference, cost) = (&cost.0, cost.1.as_ref());
-    let walk = |(set, robot): (&LogSet, Robot<'_>)| {
-        robot.simulate_until(set.simulator.as_ref(), Resets::Never, cancel)
+    let simulations = if set.reference.fall_rate() > 0.0 { FALLING_SIMULATIONS } else { 1 };
+    let walk = |(set, robot): (&LogSet, Robot<'_>)| -> Result<Vec<Vec<Predicted>>, Error> {
+        let drawn = |draw| robot.simulate_drawn(set.simulator.as_ref(), Resets::Never, draw, cancel);
+        (0..simulations).map(drawn).collect()
     };
     let (after, before) = (walk(fitted)?, walk(nominal)?);
-    let falls = |walked: &[Predicted]| walked.iter().filter(|log| log.fell_at.is_some()).count();
+    let falls = |walks: &[Vec<Predicted>]| {
+        let falls = walks.iter().flatten().filter(|log| log.fell_at.is_some()).count();
+        (falls as f64 / simulations as f64).round() as usize
+    };
     let (falls, nominal_falls) = (falls(&after), falls(&before));
-    let trials = trials(set, fitted_logs, &joints, skip, [&recorded, &after]);
-    let (after, before) = (cut(&after), cut(&before));
+    let trials = trials(set, fitted_logs, &joints, skip, [&recorded, &after[0]]);
     let all: Vec<usize> = (0..blocks.len()).collect();
-    let (fitted, nominal) = (chosen_blocks(cost, &after, &all), chosen_blocks(cost, &before, &all));
+    let cut_all = |walks: &[Vec<Predicted>]| walks.iter().map(|walk| cut(walk)).collect::<Vec<_>>();
+    let (after, before) = (cut_all(&after), cut_all(&before));
+    let compared = |walks: &[Vec<Predicted>]| {
+        walks.iter().map(|walk| chosen_blocks(cost, walk, &all)).collect::<Vec<_>>()
+    };
+    let (fitted, nominal) = (compared(&after), compared(&before));
     let logs_of: Vec<usize> = blocks.iter().map(|block| block.log).collect();
     let (floor, drawn) = floor(cost, &recorded_blocks, &after, &logs_of);
     let compared = |log: usize| blocks.iter().any(|block| block.log == log);
     Ok(Some(HeldOut {
         logs: (0..logs.len()).filter(|&log| compared(log)).count(),
         seconds: logs.iter().map(|log| (log.trajectory.duration() - config.skip_seconds()).max(0.0)).sum(),
-        cost: total(&fitted),
-        nominal_cost: total(&nominal),
+        cost: mean(fitted.iter().map(total)),
+        nominal_cost: mean(nominal.iter().map(total)),
         floor,
         trials,
         falls,
         nominal_falls,
         robot_fall_rate: set.reference.fall_rate(),
-        distances: distances(reference, [&fitted, &nominal], &drawn),
+        robot_falls: set.falling.falls,
+        distances: distances(reference, [&fitted[0], &nominal[0]], &drawn),
     }))
 }
 
@@ -182,7 +195,10 @@ fn cost_against(
         })
         .collect();
     let reference = Reference::new(joints.to_vec(), &recorded, 0).ok()?;
-    let reference = Arc::new(reference.with_fall_rate(set.reference.fall_rate()));
+    // Falls are judged by their number: as many as chance explains do not make the walks before them less alike.
+    let (logs, rate) = (set.logs.len() as f64, set.reference.fall_rate());
+    let by_chance = max_falls_by_chance(rate * logs, set.falling.falls) as f64 / logs;
+    let reference = Arc::new(reference.with_fall_rate(by_chance.min(1.0)));
     let cost = CostKind::Wass.build(&reference, set.simulator.as_ref()).ok()?;
     Some((reference, cost))
 }
@@ -223,12 +239,12 @@ fn halves(draw: u32, logs: &[usize]) -> (Vec<usize>, Vec<usize>) {
     (blocks(one), blocks(other))
 }
 
-/// One half of the robot's blocks against the other half, and the simulated robot's against the same; and the draws.
-/// `logs`: the log of each block.
+/// One half of the robot's blocks against the other half, and the simulated robot's against the same, mean over its
+/// simulations; and the draws. `logs`: the log of each block.
 fn floor(
     cost: &dyn Cost,
     own: &[Predicted],
-    after: &[Predicted],
+    after: &[Vec<Predicted>],
     logs: &[usize],
 ) -> (Option<Floor>, Vec<Breakdown>) {
     let (mut drawn, mut fitted) = (Vec::new(), Vec::new());
@@ -236,7 +252,8 @@ fn floor(
         let (one, other) = halves(draw, logs);
         let Some(against) = cost.subset(&one) else { break };
         drawn.extend(chosen_blocks(against.as_ref(), own, &other));
-        fitted.extend(total(&chosen_blocks(against.as_ref(), after, &other)));
+        let simulated = after.iter().map(|walk| total(&chosen_blocks(against.as_ref(), walk, &other)));
+        fitted.extend(mean(simulated));
     }
     let totals: Vec<f64> = drawn.iter().map(|found| found.total).collect();
     let floor = stats::mean(&totals).zip(stats::deviation(&totals)).map(|(mean, deviation)| Floor {
@@ -316,7 +333,7 @@ mod tests {
             let cost = cost(&recorded_blocks);
             let judge = |simulated: &[Predicted]| {
                 let logs: Vec<usize> = (0..96).map(|block| block / 6).collect();
-                let (floor, drawn) = floor(cost.as_ref(), &recorded_blocks, simulated, &logs);
+                let (floor, drawn) = floor(cost.as_ref(), &recorded_blocks, &[simulated.to_vec()], &logs);
                 assert_eq!(drawn.len(), DRAWS as usize);
                 floor.unwrap()
             };

@@ -42,13 +42,16 @@ pub struct HeldOut {
     /// How far it is from itself in other trials of the same commands; absent without such logs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trials: Option<Trials>,
-    /// Logs in which the fitted robot falls.
+    /// Logs in which the fitted robot falls. If the robot itself falls, walks are simulated several times: then the mean of these.
     pub falls: usize,
     /// The same before the fit.
     pub nominal_falls: usize,
     /// Part of the log files in which the robot itself fell.
     #[serde(default)]
     pub robot_fall_rate: f64,
+    /// The falls of the robot that this part rests on.
+    #[serde(default)]
+    pub robot_falls: usize,
     /// Joint by joint, signal by signal.
     pub distances: Vec<Distance>,
 }
@@ -127,7 +130,8 @@ impl HeldOut {
     /// Max number of falls without a doubt: 2 % of the logs, or the number that chance explains if the fitted robot falls as often
     /// as the real one.
     fn max_falls(&self) -> usize {
-        max_falls_by_chance(self.robot_fall_rate * self.logs as f64).max((CHANCE * self.logs as f64) as usize)
+        let expected = self.robot_fall_rate * self.logs as f64;
+        max_falls_by_chance(expected, self.robot_falls).max((CHANCE * self.logs as f64) as usize)
     }
 
     /// Whether whole walks contradict the fit: no policy is to be trained in it.
@@ -162,8 +166,12 @@ impl HeldOut {
         }
         if verdict == Verdict::Falls {
             return format!(
-                "the fitted robot falls in {} of {logs}, in which the robot walks{}",
+                "the fitted robot falls in {} of {logs}, {}{}",
                 self.falls,
+                match self.robot_fall_rate {
+                    rate if rate > 0.0 => format!("the robot in {:.0} %", 100.0 * rate),
+                    _ => "in which the robot walks".to_owned(),
+                },
                 match self.nominal_falls {
                     0 => " and the robot before the fit does not fall".to_owned(),
                     falls => format!("; the robot before the fit falls in {falls}"),
@@ -213,6 +221,7 @@ mod tests {
             falls: 0,
             nominal_falls: 0,
             robot_fall_rate: 0.0,
+            robot_falls: 0,
             distances: Vec::new(),
         }
     }
@@ -249,9 +258,11 @@ mod tests {
         assert!(verdict == Verdict::Falls && doubt == Some(DoubtKind::Falls) && falls(1, 0).contradicts());
         assert!(text.contains("falls in 1 of 16 held-out logs"), "{text}");
         assert_eq!(falls(1, 3).verdict(), Verdict::Explained, "the robot before the fit falls more often");
-        // A robot that falls in a quarter of its logs falls in 4 of 16, or by chance in up to 8.
-        let falling = |falls| HeldOut { falls, robot_fall_rate: 0.25, ..found(0.0121, 0.2, floor) };
-        assert_eq!((falling(8).verdict(), falling(9).verdict()), (Verdict::Explained, Verdict::Falls));
+        // A robot that falls in a quarter of its logs falls in 4 of 16. It was seen to fall four times: by chance in up to
+        // 4 + 2 √(4 + 4) = 9.7.
+        let falling =
+            |falls| HeldOut { falls, robot_fall_rate: 0.25, robot_falls: 4, ..found(0.0121, 0.2, floor) };
+        assert_eq!((falling(10).verdict(), falling(11).verdict()), (Verdict::Explained, Verdict::Falls));
         let trials = Trials { pairs: 12, itself: [0.04, 0.29], fitted: [0.035, 0.2] };
         let (verdict, text, _) = said(HeldOut { trials: Some(trials), ..found(0.1, 0.2, floor) });
         assert!(
