@@ -11,11 +11,15 @@ pub mod arrangement;
 mod gpu;
 pub mod log;
 pub mod log_check;
+#[cfg(feature = "report")]
 pub mod pieces;
+#[cfg(feature = "report")]
 pub mod view;
 pub mod walk;
 pub mod weight;
 
 use gaitfit_run::{files, machine, policy_file, run, watch};
 use gaitfit_settings::{Error, paths, robot, settings};
-use gaitfit_world::{device, init, log_joints, replay, robot_file, theta, world};
+use gaitfit_world::{device, init, log_joints, theta, world};
+#[cfg(feature = "report")]
+use gaitfit_world::{replay, robot_file};

@@ -41,16 +41,7 @@ pub(crate) fn read(
         .from_reader(text.as_bytes());
     let damaged = |error: csv::Error| TableError::Csv(error.to_string());
     let names: Vec<String> = reader.headers().map_err(damaged)?.iter().map(str::to_owned).collect();
-    if names.len() > MAX_COLUMNS {
-        return Err(TableError::ManyColumns { count: names.len() }.into());
-    }
-    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
-        return Err(TableError::NoHeader.into());
-    }
-    let mut seen = HashSet::new();
-    if let Some(twice) = names.iter().find(|name| !seen.insert(name.as_str())) {
-        return Err(TableError::Twice(twice.clone()).into());
-    }
+    check_names(&names)?;
 
     let time = time_column(&names, mapping)?;
     let mut sparse = Sparse::default();
@@ -101,22 +92,9 @@ pub(crate) fn read(
         }
     }
     let mut source = Source { kind: "CSV", ..Source::default() };
-    for (column, (name, filled)) in names.iter().zip(columns).enumerate() {
-        if Some(column) == time {
-            continue;
-        }
-        match words[column].take() {
-            None => drop(sparse.columns.insert(name.clone(), filled)),
-            // A needed column with numbers has a damaged cell. A column of words alone is left out, whatever its name.
-            Some((line, cell)) if !filled.0.is_empty() && wanted(name, mapping) => {
-                return Err(TableError::Number { line, column: name.clone(), cell }.into());
-            }
-            Some((line, cell)) => source.left_out.push(format!(
-                "{}: `{}` in line {line} is not a number",
-                shown(name),
-                shown(&cell)
-            )),
-        }
+    let filled = names.iter().zip(columns).zip(words).enumerate().filter(|(column, _)| Some(*column) != time);
+    for (_, ((name, filled), words)) in filled {
+        put_column(&mut sparse, &mut source, mapping, name, filled, words)?;
     }
     let clock = if time.is_some() { "the time column" } else { "the rows' numbers" };
     source.tables = sparse.split(name, clock, time.map(|column| names[column].as_str()));
@@ -127,6 +105,45 @@ pub(crate) fn read(
         return Err(TableError::NoNumbers.into());
     }
     Ok(source)
+}
+
+/// Refuses names that no table has.
+fn check_names(names: &[String]) -> Result<(), Problem> {
+    if names.len() > MAX_COLUMNS {
+        return Err(TableError::ManyColumns { count: names.len() }.into());
+    }
+    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
+        return Err(TableError::NoHeader.into());
+    }
+    let mut seen = HashSet::new();
+    if let Some(twice) = names.iter().find(|name| !seen.insert(name.as_str())) {
+        return Err(TableError::Twice(twice.clone()).into());
+    }
+    Ok(())
+}
+
+/// Keeps the numbers of a column; `words`: its first cell that is no number, with its line.
+fn put_column(
+    sparse: &mut Sparse,
+    source: &mut Source,
+    mapping: &Mapping,
+    name: &str,
+    filled: (Vec<u32>, Vec<f64>),
+    words: Option<(u64, String)>,
+) -> Result<(), Problem> {
+    match words {
+        None => drop(sparse.columns.insert(name.to_owned(), filled)),
+        // A needed column with numbers has a damaged cell. A column of words alone is left out, whatever its name.
+        Some((line, cell)) if !filled.0.is_empty() && wanted(name, mapping) => {
+            return Err(TableError::Number { line, column: name.to_owned(), cell }.into());
+        }
+        Some((line, cell)) => source.left_out.push(format!(
+            "{}: `{}` in line {line} is not a number",
+            shown(name),
+            shown(&cell)
+        )),
+    }
+    Ok(())
 }
 
 /// The line, from 1, of the record that begins at a byte of `text`. The reader's own count is one too low after the first

@@ -32,22 +32,7 @@ pub(crate) fn assemble(
     let joints = layout.joints;
     report.allowed = metadata.allow.as_ref().map_or_else(Vec::new, |allow| allow.value.clone());
     let mut gains = resolve_gains(&metadata, &joints, &mut report)?;
-    let stated = match &metadata.rate_hz {
-        Some(rate) if rate.value.is_finite() && rate.value > 0.0 => {
-            report.rate_from = Some(rate.place.clone());
-            Some(rate.value)
-        }
-        Some(rate) => {
-            return Err(LogError::Metadata {
-                place: rate.place.clone(),
-                problem: format!(
-                    "rate_hz is {}; give a positive sample rate in Hz",
-                    shown_number(rate.value)
-                ),
-            });
-        }
-        None => None,
-    };
+    let stated = stated_rate(&metadata, &mut report)?;
     report.converted_time = time_in_seconds(&mut samples, layout.time_unit, stated, joints.len())
         .map_err(|problem| LogError::Metadata { place: shown_path(path), problem })?;
     // What is stated is the rate of all rows.
@@ -131,6 +116,19 @@ pub(crate) fn assemble(
     }
     report.noticed.extend(settle_imu(&mut trajectory, &metadata.imu));
     Ok((trajectory, report))
+}
+
+/// The sample rate that the metadata states, Hz.
+fn stated_rate(metadata: &Metadata, report: &mut ReadReport) -> Result<Option<f64>, LogError> {
+    let Some(rate) = &metadata.rate_hz else { return Ok(None) };
+    if !(rate.value.is_finite() && rate.value > 0.0) {
+        return Err(LogError::Metadata {
+            place: rate.place.clone(),
+            problem: format!("rate_hz is {}; give a positive sample rate in Hz", shown_number(rate.value)),
+        });
+    }
+    report.rate_from = Some(rate.place.clone());
+    Ok(Some(rate.value))
 }
 
 /// Converts the time column to seconds, from the unit that its name says or its values show.

@@ -250,13 +250,13 @@ fn read_rows(
     let mut holes: Vec<Option<Hole>> = plan.iter().map(|_| None).collect();
     let columns = 1 + plan.iter().map(|channel| channel.columns.len()).sum::<usize>();
     let max_rows = options.max_values / columns;
-    let mut row = 0;
+    let mut count = 0;
     while let Some((line, text)) = lines.next()? {
         if text.trim().is_empty() {
             continue;
         }
-        row += 1;
-        if !(row - 1usize).is_multiple_of(options.every.max(1)) {
+        count += 1;
+        if !(count - 1usize).is_multiple_of(options.every.max(1)) {
             continue;
         }
         if samples.time.len() >= max_rows {
@@ -276,65 +276,34 @@ fn read_rows(
                 },
             });
         }
-        let number = |column: usize, optional: bool| -> Result<f64, LogError> {
-            let cell = unquote(&text[cells[column].clone()]);
-            let problem = match cell.parse::<f64>() {
-                Ok(value) => return Ok(value),
-                Err(_) if cell.is_empty() && optional => return Ok(f64::NAN),
-                Err(_) if cell.is_empty() => {
-                    "empty; write `nan` for a sample that was lost, or delete the row"
-                }
-                Err(_) => "not a number; numbers here look like -0.25 or 1.5e-3",
-            };
-            Err(LogError::Cell {
-                path: path.to_owned(),
-                line,
-                column: column + 1,
-                name: layout.names[column].clone(),
-                text: short_cell(cell),
-                problem,
-            })
-        };
-        let time = number(layout.time, false)?;
+        let row = Row { path, line, text, cells: &cells, layout };
+        let time = row.number(layout.time, false)?;
         if !time.is_finite() {
-            return Err(LogError::Cell {
-                path: path.to_owned(),
-                line,
-                column: layout.time + 1,
-                name: layout.names[layout.time].clone(),
-                text: short_cell(unquote(&text[cells[layout.time].clone()])),
-                problem: "no sample time; delete the row, or give its time in seconds",
-            });
+            return Err(
+                row.refused(layout.time, "no sample time; delete the row, or give its time in seconds")
+            );
         }
         samples.time.push(time);
         for ((channel, values), hole) in plan.iter().zip(&mut samples.channels).zip(&mut holes) {
-            let row = values.len();
+            let start = values.len();
             for &column in channel.columns {
-                values.push(number(column, channel.optional)?);
+                values.push(row.number(column, channel.optional)?);
             }
             let Some(refuse) = channel.refuse.filter(|_| !channel.columns.is_empty()) else { continue };
-            let place = |place: usize| {
-                let column = channel.columns[place];
-                (column, layout.names[column].clone())
-            };
-            let refused = |(at, problem): (usize, &'static str)| {
-                let (column, name) = place(at);
-                let text = short_cell(unquote(&text[cells[column].clone()]));
-                LogError::Cell { path: path.to_owned(), line, column: column + 1, name, text, problem }
-            };
-            if let Some(cell) = refuse(&values[row..]) {
+            let refused = |(at, problem): (usize, &'static str)| row.refused(channel.columns[at], problem);
+            if let Some(cell) = refuse(&values[start..]) {
                 return Err(refused(cell));
             }
             if channel.columns == plan[RATES].columns && too_fast.is_none() {
-                too_fast = imu::fast(&values[row..]).map(refused);
+                too_fast = imu::fast(&values[start..]).map(refused);
             } else if channel.columns == plan[ANGLES].columns && too_far.is_none() {
-                too_far = imu::far(&values[row..]).map(refused);
+                too_far = imu::far(&values[start..]).map(refused);
             }
-            if let Some(at) = values[row..].iter().position(|value| value.is_nan())
+            if let Some(at) = values[start..].iter().position(|value| value.is_nan())
                 && hole.is_none()
             {
-                let (column, name) = place(at);
-                *hole = Some(Hole { line, column: column + 1, name });
+                let column = channel.columns[at];
+                *hole = Some(Hole { line, column: column + 1, name: layout.names[column].clone() });
             }
         }
     }
@@ -345,6 +314,44 @@ fn read_rows(
     let channels = samples.channels.iter().zip(holes).filter(|(values, _)| partly(values));
     let hole = channels.filter_map(|(_, hole)| hole).min_by_key(|hole| hole.line);
     Ok(Rows { samples, hole, too_fast, too_far })
+}
+
+/// A row of a file.
+struct Row<'a> {
+    path: &'a Path,
+    line: u64,
+    text: &'a str,
+    cells: &'a [std::ops::Range<usize>],
+    layout: &'a Layout,
+}
+
+impl<'a> Row<'a> {
+    fn cell(&self, column: usize) -> &'a str {
+        unquote(&self.text[self.cells[column].clone()])
+    }
+
+    /// The number in a cell; NaN for an empty one that is `optional`.
+    fn number(&self, column: usize, optional: bool) -> Result<f64, LogError> {
+        let cell = self.cell(column);
+        let problem = match cell.parse::<f64>() {
+            Ok(value) => return Ok(value),
+            Err(_) if cell.is_empty() && optional => return Ok(f64::NAN),
+            Err(_) if cell.is_empty() => "empty; write `nan` for a sample that was lost, or delete the row",
+            Err(_) => "not a number; numbers here look like -0.25 or 1.5e-3",
+        };
+        Err(self.refused(column, problem))
+    }
+
+    fn refused(&self, column: usize, problem: &'static str) -> LogError {
+        LogError::Cell {
+            path: self.path.to_owned(),
+            line: self.line,
+            column: column + 1,
+            name: self.layout.names[column].clone(),
+            text: short_cell(self.cell(column)),
+            problem,
+        }
+    }
 }
 
 /// Byte ranges of the comma-separated cells. Cells hold numbers, so a comma inside quotes is not one.

@@ -93,22 +93,7 @@ pub(crate) fn compile(
         model.outlines = outlines(&spec, &member);
     }
     fill_geoms(ctx, &mut model, &spec, &member, &welds, &pairs)?;
-    for mut actuator in spec.actuators.drain(..) {
-        match joint_numbers[actuator.joint] {
-            Some(joint) => {
-                actuator.joint = joint;
-                if spec.disabled.clampctrl {
-                    actuator.ctrlrange = None;
-                }
-                model.actuators.push(actuator);
-            }
-            None => ctx.drop_quietly(
-                At::default(),
-                format!("actuator \"{}\"", shown(&actuator.name)),
-                "its joint belongs to a body that was dropped",
-            ),
-        }
-    }
+    fill_actuators(ctx, &mut model, &mut spec, &joint_numbers);
     resolve_springs(&mut model);
     for joint in &mut model.joints {
         if spec.disabled.spring {
@@ -128,6 +113,26 @@ pub(crate) fn compile(
     model.dropped = std::mem::take(&mut ctx.dropped);
     model.changed = std::mem::take(&mut ctx.changed);
     Ok(model)
+}
+
+/// The actuators of the robot's joints; `joint_numbers`: the model's joints, by those of `spec`.
+fn fill_actuators(ctx: &mut Context, model: &mut Model, spec: &mut Spec, joint_numbers: &[Option<usize>]) {
+    for mut actuator in spec.actuators.drain(..) {
+        match joint_numbers[actuator.joint] {
+            Some(joint) => {
+                actuator.joint = joint;
+                if spec.disabled.clampctrl {
+                    actuator.ctrlrange = None;
+                }
+                model.actuators.push(actuator);
+            }
+            None => ctx.drop_quietly(
+                At::default(),
+                format!("actuator \"{}\"", shown(&actuator.name)),
+                "its joint belongs to a body that was dropped",
+            ),
+        }
+    }
 }
 
 fn scale_total_mass(spec: &mut Spec) {

@@ -212,6 +212,30 @@ impl Choice {
 type Named = (String, Vec<usize>);
 
 /// A solution of all groups, and its variances.
+/// The groups of joints whose swings with more clearance than `above` determine them.
+fn groups<'a>(
+    windows: &'a [Window],
+    named: &[Named],
+    above: f64,
+    law: usize,
+) -> (Vec<Named>, Vec<Group<'a>>) {
+    let (mut groups, mut names) = (Vec::new(), Vec::new());
+    for (name, joints) in named {
+        let group = Group::new(
+            windows
+                .iter()
+                .filter(|window| window.clearance > above && joints.contains(&window.joint))
+                .collect(),
+            law,
+        );
+        if solve(&group, 0.0).is_some() {
+            groups.push(group);
+            names.push((name.clone(), joints.clone()));
+        }
+    }
+    (names, groups)
+}
+
 #[derive(Clone)]
 struct Fit {
     names: Vec<Named>,
@@ -248,21 +272,7 @@ impl Fit {
         law: usize,
         around: Option<f64>,
     ) -> Option<Self> {
-        let above = settings.clearances_m[clearance];
-        let (mut groups, mut names) = (Vec::new(), Vec::new());
-        for (name, joints) in named {
-            let group = Group::new(
-                windows
-                    .iter()
-                    .filter(|window| window.clearance > above && joints.contains(&window.joint))
-                    .collect(),
-                law,
-            );
-            if solve(&group, 0.0).is_some() {
-                groups.push(group);
-                names.push((name.clone(), joints.clone()));
-            }
-        }
+        let (names, groups) = groups(windows, named, settings.clearances_m[clearance], law);
         let cost = |delay: f64| -> f64 {
             let log_likelihood =
                 |group: &Group<'_>| Some(group.windows.len() as f64 * solve(group, delay)?.scale.ln());

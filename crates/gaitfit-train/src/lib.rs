@@ -10,6 +10,10 @@ pub mod gait;
 pub mod train;
 
 use gaitfit_fit::{adapt, arrangement};
-use gaitfit_run::{ErrorKind, files, machine, policy_file, run, tensorboard, watch};
+#[cfg(feature = "report")]
+use gaitfit_run::machine;
+use gaitfit_run::{ErrorKind, files, policy_file, run, tensorboard, watch};
 use gaitfit_settings::{Error, paths, robot, settings};
-use gaitfit_world::{device, draws, replay, robot_file, theta, world};
+#[cfg(feature = "report")]
+use gaitfit_world::replay;
+use gaitfit_world::{device, draws, robot_file, theta, world};

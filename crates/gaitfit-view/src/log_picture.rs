@@ -1,9 +1,10 @@
 //! A picture of a log: a panel a joint with its target and its measured position over time; as one SVG, or as a page whose
 //! panels stand below one another on a phone.
 
+use crate::ReportError;
 use crate::chart::{Anchor, Axis, Corners, Figure, Frame, Look, Plot, Series, extent};
 use crate::format::{clean, clean_prose};
-use crate::page::{self, ReportError};
+use crate::page;
 use serde::Serialize;
 
 /// Joints drawn at most; more make no picture anybody reads.

@@ -14,6 +14,7 @@ pub mod scalar {
 }
 
 /// A list of numbers.
+#[cfg(feature = "pages")]
 pub mod list {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -28,6 +29,7 @@ pub mod list {
 }
 
 /// A list of named numbers.
+#[cfg(feature = "pages")]
 pub mod named {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

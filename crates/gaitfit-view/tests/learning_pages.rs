@@ -4,7 +4,8 @@
 use crate::invented;
 use crate::{go2, page};
 
-use gaitfit_view::evaluation::{Drift, EvaluationReport, Ground, Histogram, Measure};
+use gaitfit_view::Drift;
+use gaitfit_view::evaluation::{EvaluationReport, Ground, Histogram, Measure};
 use gaitfit_view::gait::{FootTrack, GaitPicture, TorqueSpectrum, VelocityTrack};
 use gaitfit_view::training::{SeedCurve, SeedResult, Series, TrainingReport};
 use gaitfit_view::{Doubt, DoubtKind, Link, Setting, evaluation_html, training_report};

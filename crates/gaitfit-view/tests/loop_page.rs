@@ -4,11 +4,11 @@
 use crate::invented_loop;
 use crate::page;
 
-use gaitfit_view::evaluation::Drift;
 use gaitfit_view::fit::{Fit, LogSummary, OptimizerRun, Parameter, SignalDistribution};
-use gaitfit_view::loop_report::{DriftTrials, Estimate, LoopReport, Round, Tracking};
+use gaitfit_view::loop_report::{DriftTrials, LoopReport, Round, Tracking};
 use gaitfit_view::training::SeedCurve;
 use gaitfit_view::{Doubt, DoubtKind, Link, Replay, Setting, loop_html};
+use gaitfit_view::{Drift, Estimate};
 use page::{HOSTILE, assert_finite, assert_harmless, assert_offline, parse, text};
 
 fn sections(html: &str) -> Vec<String> {

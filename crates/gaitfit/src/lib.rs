@@ -22,7 +22,9 @@ pub use collect::{CollectSettings, collect, collect_in};
 pub use gaitfit_excite as excite;
 pub use gaitfit_export as export_theta;
 pub use gaitfit_export::{ExportSettings, export_theta};
-pub use gaitfit_fit::{adapt, air, arrangement, log, log_check, view, walk, weight};
+#[cfg(feature = "report")]
+pub use gaitfit_fit::view;
+pub use gaitfit_fit::{adapt, air, arrangement, log, log_check, walk, weight};
 pub use gaitfit_run::Error as RunError;
 pub use gaitfit_run::{Access, ErrorKind, brief, files, machine, policy_file, run, short_numbers, watch};
 pub use gaitfit_settings::{Error, Spring, SpringError, paths, robot, settings};
@@ -30,6 +32,7 @@ pub use gaitfit_train::evaluate::{EvaluateSettings, evaluate, evaluate_in};
 pub use gaitfit_train::{evaluate, finetune, gait, train};
 pub use gaitfit_world::{device, init, replay, robot_file, world};
 
+#[cfg(feature = "report")]
 use gaitfit_fit::pieces;
 use gaitfit_train::crew;
 use gaitfit_world::theta;

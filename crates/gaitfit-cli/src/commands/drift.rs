@@ -6,7 +6,7 @@ use crate::output::{self, note};
 use crate::table::table;
 use gaitfit::evaluate::of_few;
 use gaitfit_robot::drift::{Form, Measured};
-use gaitfit_view::loop_report::Estimate;
+use gaitfit_view::Estimate;
 use serde::Serialize;
 
 /// The measurements of a policy, as `--json` prints them.

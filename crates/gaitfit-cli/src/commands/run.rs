@@ -27,31 +27,7 @@ const DRY: &str = "dry-run";
 /// Stands the robot up, walks, lies it down.
 pub fn run(args: &Run) -> Result<(), Failure> {
     let simulator = args.robot == RobotKind::Simulated || args.link.domain != 0;
-    if args.robot == RobotKind::Simulated && (args.link.interface.is_some() || args.link.domain != 0) {
-        return Err(Failure::usage(
-            "--interface, --domain: for a robot such as --robot unitree-go2; the simulated robot is in this program",
-        ));
-    }
-    if matches!(args.robot, RobotKind::Linked(_)) && args.link.interface.is_none() {
-        return Err(Failure::usage("--interface: name the network interface to the robot, for example eth0"));
-    }
-    if args.link.yes && !simulator {
-        return Err(Failure::usage(
-            "--yes: for simulators only, which are in another domain than 0 (--domain)",
-        ));
-    }
-    if args.link.patience != PATIENCE && !simulator {
-        return Err(Failure::usage("--patience: for simulators only; a robot has 20 ms"));
-    }
-    if !args.link.yes && !args.link.dry_run && !std::io::stdin().is_terminal() {
-        return Err(Failure::usage(
-            "a person must type a word before the robot moves, and standard input is no terminal; with a simulator, in \
-             another domain than 0, use --yes",
-        ));
-    }
-    if args.keyboard && !std::io::stdin().is_terminal() {
-        return Err(Failure::usage("--keyboard: standard input is no terminal, so no key can be read"));
-    }
+    check(args, simulator)?;
     signals::listen()?;
     let PolicyFile { path, note: chosen } = policy_file::find(&args.policy)?;
     chosen.iter().for_each(|chosen| note(chosen));
@@ -131,6 +107,36 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     );
     drop(keys);
     finish(args, &who, summary)
+}
+
+/// Refuses options that do not go together.
+fn check(args: &Run, simulator: bool) -> Result<(), Failure> {
+    if args.robot == RobotKind::Simulated && (args.link.interface.is_some() || args.link.domain != 0) {
+        return Err(Failure::usage(
+            "--interface, --domain: for a robot such as --robot unitree-go2; the simulated robot is in this program",
+        ));
+    }
+    if matches!(args.robot, RobotKind::Linked(_)) && args.link.interface.is_none() {
+        return Err(Failure::usage("--interface: name the network interface to the robot, for example eth0"));
+    }
+    if args.link.yes && !simulator {
+        return Err(Failure::usage(
+            "--yes: for simulators only, which are in another domain than 0 (--domain)",
+        ));
+    }
+    if args.link.patience != PATIENCE && !simulator {
+        return Err(Failure::usage("--patience: for simulators only; a robot has 20 ms"));
+    }
+    if !args.link.yes && !args.link.dry_run && !std::io::stdin().is_terminal() {
+        return Err(Failure::usage(
+            "a person must type a word before the robot moves, and standard input is no terminal; with a simulator, in \
+             another domain than 0, use --yes",
+        ));
+    }
+    if args.keyboard && !std::io::stdin().is_terminal() {
+        return Err(Failure::usage("--keyboard: standard input is no terminal, so no key can be read"));
+    }
+    Ok(())
 }
 
 /// The link to a robot.

@@ -7,7 +7,7 @@ use gaitfit_model::Model;
 use gaitfit_physics::in_f64::control_period;
 use gaitfit_physics::trace::Report;
 use gaitfit_physics::{
-    Drive, Kept, Params, Period as Control, Preset, Robot, Settings, State, Work, compile,
+    Drive, Kept, Params, Period as Control, Preset, Robot, Settings, State, Tree, Work, compile,
 };
 use gaitfit_sim::SimError;
 use gaitfit_sim::bench::{Geoms, SUBSTEPS, TIMESTEP, random_robot, standing, trot, with_geoms};
@@ -133,29 +133,7 @@ pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<P
     let again = one_period(&mut batch, &stream, bench.environments).map_err(DeviceError::from)?;
     let bits = |states: &[Vec<f32>]| states.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
     let same_bits = bits(&after) == bits(&again);
-    let mut errors: Vec<f64> = Vec::with_capacity(robots);
-    let mut position_error = 0.0f64;
-    let mut work = Work::new(&tree);
-    for robot in 0..robots {
-        let mut numbers = before[robot].iter();
-        state.visit_mut(|_, number| *number = numbers.next().map_or(f64::NAN, |&x| f64::from(x)));
-        control_period(&mut Control {
-            tree: &tree,
-            params: &sets[robot],
-            targets: &mut sent[robot].clone(),
-            disturbance: &[],
-            modifications: &[],
-            memory: &mut [],
-            substeps: SUBSTEPS,
-            state: &mut state,
-            work: &mut work,
-            drives: &mut vec![Drive::zero(); tree.joints()],
-        });
-        let (velocity, position) = difference(&state, &after[robot]);
-        errors.push(velocity);
-        position_error = position_error.max(position);
-    }
-    errors.sort_by(f64::total_cmp);
+    let (errors, position_error) = errors(&tree, &mut state, &sets, &sent, &before, &after);
 
     let mut timed = batch;
     if bench.substeps != SUBSTEPS {
@@ -190,6 +168,42 @@ pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<P
         same_bits,
         base_height,
     })
+}
+
+/// Errors of the velocities of all robots after a control period, ascending, and the largest error of a position. `before` and
+/// `after`: the GPU's states; `state` is overwritten.
+fn errors(
+    tree: &Tree<f64>,
+    state: &mut State<f64>,
+    sets: &[Params<f64>],
+    sent: &[Vec<f64>],
+    before: &[Vec<f32>],
+    after: &[Vec<f32>],
+) -> (Vec<f64>, f64) {
+    let mut errors: Vec<f64> = Vec::with_capacity(sets.len());
+    let mut position_error = 0.0f64;
+    let mut work = Work::new(tree);
+    for robot in 0..sets.len() {
+        let mut numbers = before[robot].iter();
+        state.visit_mut(|_, number| *number = numbers.next().map_or(f64::NAN, |&x| f64::from(x)));
+        control_period(&mut Control {
+            tree,
+            params: &sets[robot],
+            targets: &mut sent[robot].clone(),
+            disturbance: &[],
+            modifications: &[],
+            memory: &mut [],
+            substeps: SUBSTEPS,
+            state,
+            work: &mut work,
+            drives: &mut vec![Drive::zero(); tree.joints()],
+        });
+        let (velocity, position) = difference(state, &after[robot]);
+        errors.push(velocity);
+        position_error = position_error.max(position);
+    }
+    errors.sort_by(f64::total_cmp);
+    (errors, position_error)
 }
 
 /// Why the benchmark cannot be run.

@@ -176,6 +176,12 @@ fn defines(
     ] {
         define(name, format!("{value:?}"));
     }
+    put_networks(&mut text, nets);
+    text
+}
+
+/// Shapes of the layers, and where the networks' numbers are.
+fn put_networks(text: &mut String, nets: [&NetLayout; 2]) {
     let list = |numbers: &[usize]| {
         let mut words: Vec<String> = numbers.iter().map(ToString::to_string).collect();
         words.resize(MAX_LAYERS + 1, "0".into());
@@ -224,5 +230,4 @@ fn defines(
         rows[0],
         rows[1]
     );
-    text
 }

@@ -98,11 +98,6 @@ pub(super) fn fit(
     if outcome.uncertainty.is_some() && has(DoubtKind::NotConverged) {
         widen_to_seeds(&mut parameters);
     }
-    let error = |parameter: &Parameter| {
-        let truth = parameter.truth.filter(|truth| *truth != 0.0)?;
-        Some(100.0 * (parameter.found.value / truth - 1.0).abs())
-    };
-    let errors = parameters.iter().filter_map(error).map(Some);
     let theta = Theta::default();
     let (robot, before) =
         (Robot { theta: &setup.theta, values: &values }, Robot { theta: &theta, values: &[] });
@@ -115,7 +110,7 @@ pub(super) fn fit(
         doubts,
         falls: fitted.map_or(0, |fitted| fitted.falls),
         nominal_falls,
-        mean_error_percent: mean(errors),
+        mean_error_percent: mean_error_percent(&parameters),
         validation: validation(
             config.costs[cost],
             &setup.validate,
@@ -133,6 +128,15 @@ pub(super) fn fit(
         leftover: left,
         comparison: Vec::new(),
     })
+}
+
+/// Mean error of the parameters whose truth is known and not zero, %.
+fn mean_error_percent(parameters: &[Parameter]) -> Option<f64> {
+    let error = |parameter: &Parameter| {
+        let truth = parameter.truth.filter(|truth| *truth != 0.0)?;
+        Some(100.0 * (parameter.found.value / truth - 1.0).abs())
+    };
+    mean(parameters.iter().filter_map(error).map(Some))
 }
 
 /// Widens the interval of a load's mass by the interval of its distance. Walks show the load's moment, mass × distance,

@@ -1,14 +1,13 @@
 //! The files of a fit's run folder besides metrics and checkpoint.
 
 use super::parameter::Parameter;
-use super::report;
 use super::results::AdaptResults;
 use super::score::Validation;
 use super::setup::Setup;
 use super::standing::Standing;
 use crate::Error;
 use crate::run::{Inputs, Protocol, RunFolder};
-use gaitfit_adapt::fit::{RunGeneration, Uncertainty};
+use gaitfit_adapt::fit::Uncertainty;
 use gaitfit_adapt::{Found, ThetaFile};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -71,21 +70,14 @@ fn inputs(setup: &Setup) -> Result<Inputs, Error> {
 ///
 /// # Errors
 /// Files that cannot be written.
-pub fn write(
-    folder: &RunFolder,
-    setup: &Setup,
-    results: &AdaptResults,
-    metrics: &[RunGeneration],
-) -> Result<(), Error> {
+pub fn write(folder: &RunFolder, setup: &Setup, results: &AdaptResults) -> Result<(), Error> {
     let text = theta(setup, results).to_toml();
     let text = text.map_err(|error| Error::failed(format!("cannot write theta.toml: {error}")))?;
     folder.write("theta.toml", text.as_bytes())?;
     if let Some(uncertainty) = results.fits.first().and_then(|fit| fit.uncertainty.as_ref()) {
         folder.write(DRAWS, draws(results, uncertainty).as_bytes())?;
     }
-    folder.write_json::<Vec<Validation>>("validation.json", &results.validation)?;
-    let page = report::page(setup, results, metrics)?;
-    Ok(folder.write("report.html", page.as_bytes())?)
+    Ok(folder.write_json::<Vec<Validation>>("validation.json", &results.validation)?)
 }
 
 /// Draws of θ as a table: a header with the parameters' names, then a row a draw, in their units.

@@ -21,6 +21,7 @@ mod opening;
 mod outliers;
 mod parameter;
 mod replicas;
+#[cfg(feature = "report")]
 mod report;
 pub mod results;
 mod robots;
@@ -30,6 +31,7 @@ mod search;
 mod sensitivity;
 mod setup;
 mod share;
+#[cfg(feature = "report")]
 mod signals;
 mod springs;
 mod standing;
@@ -50,6 +52,7 @@ pub use method::Method;
 pub use odd::{JointSpring, OddJoints};
 pub use opening::Opening;
 pub use parameter::Parameter;
+#[cfg(feature = "report")]
 pub use report::{held_out_shown, round};
 pub use results::{AdaptResults, CostFit, MAX_SHOWN};
 pub use score::{Score, Validation};
@@ -91,7 +94,9 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
         let (outcomes, seconds) = search::fit(setup, folder, &protocol.inputs, watch)?;
         let metrics = search::metrics(folder)?;
         let results = results::results(setup, &outcomes, &metrics, odd, folder, seconds, watch)?;
-        files::write(folder, setup, &results, &metrics)?;
+        files::write(folder, setup, &results)?;
+        #[cfg(feature = "report")]
+        folder.write("report.html", report::page(setup, &results, &metrics)?.as_bytes())?;
         Ok::<_, Error>(results)
     })?;
     if let Some(odd) = &results.odd_joints {

@@ -239,38 +239,7 @@ pub(super) fn results(
     watch: &Watch<'_>,
 ) -> Result<AdaptResults, Error> {
     let begun = Instant::now();
-    let mut fits: Vec<CostFit> = Vec::with_capacity(outcomes.len());
-    let mut found: Vec<CostOutcome> = Vec::with_capacity(outcomes.len());
-    let mut uncorrected: Vec<String> = Vec::new();
-    for outcome in outcomes {
-        let Some(cost) = setup.costs.iter().position(|cost| cost.name() == outcome.cost) else { continue };
-        let (mut outcome, refused) = identified(setup, cost, outcome.clone(), course, folder, watch)?;
-        if outcome.correction.is_none() && !outcome.regression.as_ref().is_some_and(|one| one.taken) {
-            // The price of the distance from priors is not a distance from the logs.
-            outcome.best_cost -= setup.theta.prior_cost(&outcome.values());
-        }
-        uncorrected.extend(refused.map(|reason| doubts::uncorrected(&outcome, &reason)));
-        let noise_alone = outcome.uncertainty.is_some();
-        let left = leftover(setup, cost, &outcome.values(), outcome.best_cost, noise_alone, &|| watch.stop());
-        // A search that was cut short has not failed.
-        let left = left.map_err(|error| match watch.stop() {
-            true => stopped(FitError::Cancelled, folder),
-            false => error,
-        })?;
-        let mut fit = fit(setup, cost, &outcome, course, left)?;
-        if let Some(first) = found.first().filter(|_| setup.theta.len() <= MAX_SHOWN) {
-            fit.comparison = beside(setup, first, &outcome)?;
-        }
-        fits.push(fit);
-        found.push(outcome);
-    }
-    if let Some(fit) = fits.first_mut().filter(|_| setup.aligned() && setup.method.walking().is_none()) {
-        let (values, given) = (fit.values(), setup.config.costs[0].given());
-        let robot = Robot { theta: &setup.theta, values: &values };
-        fit.doubts.extend(outliers::doubt(&joint_errors(&setup.fit, |set| {
-            robot.simulate(set.simulator.as_ref(), given)
-        })?));
-    }
+    let (mut fits, uncorrected) = cost_fits(setup, outcomes, course, folder, watch)?;
     standing::reconcile(&mut fits);
     let Some(first) = fits.first().cloned() else {
         return Err(Error::failed(
@@ -284,10 +253,8 @@ pub(super) fn results(
         watch.begin(Work { what: "check of the result", total: CHECKS, first: 0, parts: "checks" });
     let checked = |done: usize| {
         checks_done.step(done, 1, "");
-        let stopped = || {
-            Error::interrupted("interrupted while the result was checked; --resume continues", folder.path())
-        };
-        if watch.stop() { Err(stopped()) } else { Ok(()) }
+        let stopped = "interrupted while the result was checked; --resume continues";
+        if watch.stop() { Err(Error::interrupted(stopped, folder.path())) } else { Ok(()) }
     };
     let fitted = score("fitted simulator", setup, Some(first.cost), |set| {
         robot.simulate(set.simulator.as_ref(), given)
@@ -359,6 +326,49 @@ pub(super) fn results(
             + begun.elapsed().as_secs_f64(),
         odd_joints,
     })
+}
+
+/// The fits of all costs, and the reasons why estimates of some were not corrected.
+fn cost_fits(
+    setup: &Setup,
+    outcomes: &[CostOutcome],
+    course: &[RunGeneration],
+    folder: &RunFolder,
+    watch: &Watch<'_>,
+) -> Result<(Vec<CostFit>, Vec<String>), Error> {
+    let mut fits: Vec<CostFit> = Vec::with_capacity(outcomes.len());
+    let mut found: Vec<CostOutcome> = Vec::with_capacity(outcomes.len());
+    let mut uncorrected: Vec<String> = Vec::new();
+    for outcome in outcomes {
+        let Some(cost) = setup.costs.iter().position(|cost| cost.name() == outcome.cost) else { continue };
+        let (mut outcome, refused) = identified(setup, cost, outcome.clone(), course, folder, watch)?;
+        if outcome.correction.is_none() && !outcome.regression.as_ref().is_some_and(|one| one.taken) {
+            // What the search paid for going away from what was known is no distance from the logs.
+            outcome.best_cost -= setup.theta.prior_cost(&outcome.values());
+        }
+        uncorrected.extend(refused.map(|reason| doubts::uncorrected(&outcome, &reason)));
+        let noise_alone = outcome.uncertainty.is_some();
+        let left = leftover(setup, cost, &outcome.values(), outcome.best_cost, noise_alone, &|| watch.stop());
+        // What was cut short is no failure.
+        let left = left.map_err(|error| match watch.stop() {
+            true => stopped(FitError::Cancelled, folder),
+            false => error,
+        })?;
+        let mut fit = fit(setup, cost, &outcome, course, left)?;
+        if let Some(first) = found.first().filter(|_| setup.theta.len() <= MAX_SHOWN) {
+            fit.comparison = beside(setup, first, &outcome)?;
+        }
+        fits.push(fit);
+        found.push(outcome);
+    }
+    if let Some(fit) = fits.first_mut().filter(|_| setup.aligned() && setup.method.walking().is_none()) {
+        let (values, given) = (fit.values(), setup.config.costs[0].given());
+        let robot = Robot { theta: &setup.theta, values: &values };
+        fit.doubts.extend(outliers::doubt(&joint_errors(&setup.fit, |set| {
+            robot.simulate(set.simulator.as_ref(), given)
+        })?));
+    }
+    Ok((fits, uncorrected))
 }
 
 /// Walks under the commands of the logs that were not fitted, beside them.

@@ -85,11 +85,7 @@ impl Setup {
         watch: &Watch<'_>,
     ) -> Result<Self, Error> {
         let stated = config;
-        let mut config = config.clone();
-        // The folder keeps every default, these too.
-        config.optimizer.seeds = config.optimizer.seed_count(devices.are_gpus());
-        config.parameter.iter_mut().for_each(ParameterRule::resolve);
-        config.number.iter_mut().for_each(RobotRule::resolve);
+        let mut config = with_defaults(config, devices);
         check::check(&config, config_path)?;
         let Robot { model, policy, base, known, mut files } = Robot::read(&config, config_path, given)?;
         let joints = crate::robot::joint_names(&model);
@@ -114,15 +110,11 @@ impl Setup {
         let (walker, robot) = (policy.clone(), model.clone());
         let gpus = devices.open()?;
         let mut method = inputs::method(&config, policy, model, &theta, &base, threads).map_err(in_robot)?;
-        let mut warnings = crate::robot::remarks(method.model());
-        if let Some(policy) = &walker {
-            warnings.extend(policy.notes.iter().cloned());
-            warnings.extend(policy.interface.other_robot(&robot));
-        }
-        if let Some((path, file)) = &known {
-            warnings.extend(theta::doubts(file, path, method.model(), method.physics_step()));
-            warnings.extend(known::replaced(file, path, &theta));
-        }
+        let mut warnings = remarks(&method, walker.as_ref(), &robot);
+        warnings.extend(known.iter().flat_map(|(path, file)| {
+            let doubts = theta::doubts(file, path, method.model(), method.physics_step());
+            doubts.into_iter().chain(known::replaced(file, path, &theta))
+        }));
         let logs = Logs::read(&config, config_path, &method)?;
         if walker.is_some() && method.self_contact().is_off() && config.simulation.self_contact.is_none() {
             let touching = self_contact::in_logs(&robot, &logs.fit);
@@ -161,18 +153,12 @@ impl Setup {
                 .map(|method| method.on(gpus.clone()))
         };
         let alternatives = alternatives(&config, &method, &other, &base, &fit.logs)?;
-        let replicas = match (&method, walker) {
-            (Method::Walk(walking), Some(policy)) if corrected(&config) => {
-                let threads = walking.threads;
-                Some(Replicas::new(&config, policy, &robot, &theta, &base, threads, &fit.logs)?)
-            }
-            _ => None,
-        };
+        let replicas = replicas(&config, &method, walker.as_ref(), &robot, &theta, &base, &fit.logs)?;
         let set = |logs| Ok(LogSet::new(&config, &method, &base, logs)?.of_robot(falling));
         let validate = logs.validate.into_iter().map(set).collect::<Result<Vec<_>, Error>>()?;
-        for (signal, column) in fit.reference.constant() {
-            warnings.push(format!("{signal} of {column} is constant in the logs and left out of the costs"));
-        }
+        warnings.extend(fit.reference.constant().into_iter().map(|(signal, column)| {
+            format!("{signal} of {column} is constant in the logs and left out of the costs")
+        }));
         let mut setup = Self {
             costs: several.as_ref().unwrap_or(&fit).costs(&config)?,
             options: check::options(&config, fit.reference.fall_rate(), falling.falls),
@@ -265,6 +251,41 @@ fn swings(
         }
     }
     Ok(swings)
+}
+
+/// The settings with the defaults that depend on others, which the folder keeps too.
+fn with_defaults(config: &AdaptConfig, devices: &Devices) -> AdaptConfig {
+    let mut config = config.clone();
+    config.optimizer.seeds = config.optimizer.seed_count(devices.are_gpus());
+    config.parameter.iter_mut().for_each(ParameterRule::resolve);
+    config.number.iter_mut().for_each(RobotRule::resolve);
+    config
+}
+
+/// What to know of the robot and its policy.
+fn remarks(method: &Method, policy: Option<&Policy>, robot: &Model) -> Vec<String> {
+    let mut remarks = crate::robot::remarks(method.model());
+    if let Some(policy) = policy {
+        remarks.extend(policy.notes.iter().cloned());
+        remarks.extend(policy.interface.other_robot(robot));
+    }
+    remarks
+}
+
+/// What makes logs of simulated robots, where a fit is corrected by such logs.
+fn replicas(
+    config: &AdaptConfig,
+    method: &Method,
+    policy: Option<&Policy>,
+    robot: &Model,
+    theta: &Theta,
+    base: &Candidate,
+    logs: &[Log],
+) -> Result<Option<Replicas>, Error> {
+    let (Method::Walk(walking), Some(policy)) = (method, policy) else { return Ok(None) };
+    let needed = corrected(config);
+    let new = || Replicas::new(config, policy.clone(), robot, theta, base, walking.threads, logs);
+    needed.then(new).transpose()
 }
 
 /// See [`Setup::with_springs`].

@@ -6,21 +6,22 @@ use std::collections::HashMap;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
+use super::ContentError;
 use crate::rotation::Vec3;
 
 /// Rows of an affine transform.
 type Transform = [[f64; 4]; 3];
 const UNMOVED: Transform = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 /// Max depth of nodes.
-const MAX_DEPTH: usize = 64;
+pub(super) const MAX_DEPTH: usize = 64;
 /// Max number of numbers and nodes that are read: a scene may name one geometry, or itself, many times.
-const MAX_WORK: usize = 1 << 24;
+pub(super) const MAX_WORK: usize = 1 << 24;
 /// Max number of elements of a document.
 const MAX_NODES: u32 = 1 << 20;
 
-pub(super) fn read(text: &str) -> Result<Vec<[Vec3; 3]>, String> {
+pub(super) fn read(text: &str) -> Result<Vec<[Vec3; 3]>, ContentError> {
     let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-    let document = Document::parse_with_options(text, options).map_err(|error| error.to_string())?;
+    let document = Document::parse_with_options(text, options)?;
     let elements = || document.descendants().filter(Node::is_element);
     let by_id: HashMap<&str, Node> =
         elements().filter_map(|node| Some((node.attribute("id")?, node))).collect();
@@ -61,9 +62,14 @@ impl<'a, 'input> Reader<'a, 'input> {
         self.by_id.get(node.attribute(attribute)?.strip_prefix('#')?).copied()
     }
 
-    fn read_node(&mut self, node: Node<'a, 'input>, parent: Transform, depth: usize) -> Result<(), String> {
+    fn read_node(
+        &mut self,
+        node: Node<'a, 'input>,
+        parent: Transform,
+        depth: usize,
+    ) -> Result<(), ContentError> {
         if depth > MAX_DEPTH {
-            return Err(format!("nodes deeper than {MAX_DEPTH}"));
+            return Err(ContentError::Depth);
         }
         self.count(1)?;
         let mut transform = parent;
@@ -89,7 +95,11 @@ impl<'a, 'input> Reader<'a, 'input> {
         Ok(())
     }
 
-    fn read_geometry(&mut self, geometry: Node<'a, 'input>, transform: Transform) -> Result<(), String> {
+    fn read_geometry(
+        &mut self,
+        geometry: Node<'a, 'input>,
+        transform: Transform,
+    ) -> Result<(), ContentError> {
         for group in geometry.descendants() {
             self.count(1)?;
             if !["triangles", "polylist", "polygons"].iter().any(|name| named(&group, name)) {
@@ -114,11 +124,11 @@ impl<'a, 'input> Reader<'a, 'input> {
                 let all: Vec<usize> = self.numbers(corners)?;
                 let corners: Vec<usize> = all.chunks_exact(stride).map(|corner| corner[place]).collect();
                 let mut rest = &corners[..];
-                let mut take = |size: usize| -> Result<(), String> {
-                    let (face, after) = rest.split_at_checked(size).ok_or("a face without its corners")?;
+                let mut take = |size: usize| -> Result<(), ContentError> {
+                    let (face, after) = rest.split_at_checked(size).ok_or(ContentError::Corners)?;
                     rest = after;
                     if self.triangles.len() + size > super::MAX_TRIANGLES {
-                        return Err(super::too_many());
+                        return Err(ContentError::Triangles);
                     }
                     for pair in face.get(1..).unwrap_or_default().windows(2) {
                         self.triangles.push(super::indexed(&points, [face[0], pair[0], pair[1]])?);
@@ -136,17 +146,17 @@ impl<'a, 'input> Reader<'a, 'input> {
     }
 
     /// Positions of a group's vertices, transformed.
-    fn points(&mut self, vertex: Node<'a, 'input>, transform: Transform) -> Result<Vec<Vec3>, String> {
-        let missing = || "triangles without positions".to_owned();
-        let vertices = self.find(vertex, "source").ok_or_else(missing)?;
+    fn points(&mut self, vertex: Node<'a, 'input>, transform: Transform) -> Result<Vec<Vec3>, ContentError> {
+        let vertices = self.find(vertex, "source").ok_or(ContentError::Positions)?;
         self.count(vertices.children().count())?;
         let position = vertices.children().find(|input| input.attribute("semantic") == Some("POSITION"));
         let source = match position {
-            Some(position) => self.find(position, "source").ok_or_else(missing)?,
+            Some(position) => self.find(position, "source").ok_or(ContentError::Positions)?,
             None => vertices,
         };
         self.count(source.children().count())?;
-        let array = source.children().find(|child| named(child, "float_array")).ok_or_else(missing)?;
+        let array =
+            source.children().find(|child| named(child, "float_array")).ok_or(ContentError::Positions)?;
         let coordinates: Vec<f64> = self.numbers(array)?;
         let point = |point: &[f64]| {
             transform.map(|[x, y, z, shift]| x * point[0] + y * point[1] + z * point[2] + shift)
@@ -154,26 +164,26 @@ impl<'a, 'input> Reader<'a, 'input> {
         Ok(coordinates.chunks_exact(3).map(point).collect())
     }
 
-    fn numbers<T: std::str::FromStr>(&mut self, node: Node) -> Result<Vec<T>, String> {
+    fn numbers<T: std::str::FromStr>(&mut self, node: Node) -> Result<Vec<T>, ContentError> {
         let texts = node.children().filter_map(|child| child.text());
         let mut found = Vec::new();
         for word in texts.flat_map(str::split_whitespace) {
-            found.push(word.parse().map_err(|_| "a list with a word that is no number".to_owned())?);
+            found.push(word.parse().map_err(|_| ContentError::Number)?);
             self.count(1)?;
         }
         Ok(found)
     }
 
-    fn count(&mut self, work: usize) -> Result<(), String> {
+    fn count(&mut self, work: usize) -> Result<(), ContentError> {
         self.work += work;
         if self.work > MAX_WORK {
-            return Err(format!("more than {MAX_WORK} numbers and nodes; decimate it"));
+            return Err(ContentError::Work);
         }
         Ok(())
     }
 
     /// The transform of one element.
-    fn local(&mut self, node: Node) -> Result<Transform, String> {
+    fn local(&mut self, node: Node) -> Result<Transform, ContentError> {
         let values: Vec<f64> = self.numbers(node)?;
         Ok(match (node.tag_name().name(), &values[..]) {
             ("matrix", [.., _, _, _, _]) if values.len() == 16 => {
@@ -186,7 +196,10 @@ impl<'a, 'input> Reader<'a, 'input> {
                 let rows = crate::rotation::matrix(crate::rotation::axis_angle(axis, degrees.to_radians()));
                 rows.map(|[x, y, z]| [x, y, z, 0.0])
             }
-            _ => return Err(format!("<{}> with {} numbers", node.tag_name().name(), values.len())),
+            _ => {
+                let element = node.tag_name().name().to_owned();
+                return Err(ContentError::Transform { element, numbers: values.len() });
+            }
         })
     }
 }

@@ -4,6 +4,7 @@
 //! and to weigh links without inertia. Only positions count; normals, colours and textures are passed over.
 
 mod collada;
+mod content;
 mod measure;
 mod obj;
 mod stl;
@@ -13,6 +14,7 @@ use std::path::Path;
 use crate::rotation::Vec3;
 use crate::shown::shown_path;
 
+pub use content::ContentError;
 pub use measure::Measure;
 
 /// Max size of a mesh file, bytes.
@@ -41,12 +43,12 @@ pub enum MeshError {
         source: std::io::Error,
     },
     /// It is no mesh that can be read.
-    #[error("{file}: {reason}")]
+    #[error("{file}: {source}")]
     Content {
         /// The file.
         file: String,
         /// What is wrong.
-        reason: String,
+        source: ContentError,
     },
 }
 
@@ -58,9 +60,9 @@ pub fn read(path: &Path) -> Result<Mesh, MeshError> {
     let file = || shown_path(path);
     let io = |source| MeshError::Io { file: file(), source };
     let metadata = std::fs::metadata(path).map_err(io)?;
-    let content = |reason: String| MeshError::Content { file: file(), reason };
+    let content = |source| MeshError::Content { file: file(), source };
     if !metadata.is_file() || metadata.len() > MAX_BYTES {
-        return Err(content(format!("not a regular file of at most {} MiB", MAX_BYTES >> 20)));
+        return Err(content(ContentError::Size));
     }
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
     let bytes = std::fs::read(path).map_err(io)?;
@@ -70,56 +72,51 @@ pub fn read(path: &Path) -> Result<Mesh, MeshError> {
 /// Reads the bytes of a mesh file with the ending `ending`, in small letters.
 ///
 /// # Errors
-/// What is wrong with them, in words.
-pub fn parse(ending: &str, bytes: &[u8]) -> Result<Mesh, String> {
+/// What is wrong with them.
+pub fn parse(ending: &str, bytes: &[u8]) -> Result<Mesh, ContentError> {
     let triangles = match ending {
         "stl" => stl::read(bytes)?,
         "obj" => obj::read(text(bytes)?)?,
         "dae" => collada::read(text(bytes)?)?,
         "msh" => msh(bytes)?,
-        _ => return Err("not one of the mesh formats STL, OBJ, Collada (.dae) and MSH".to_owned()),
+        _ => return Err(ContentError::Format),
     };
     if triangles.is_empty() {
-        return Err("a mesh without triangles".to_owned());
+        return Err(ContentError::Empty);
     }
     let plausible = |point: &Vec3| point.iter().all(|x| x.abs() < MAX_COORDINATE);
     if !triangles.iter().flatten().all(plausible) {
-        return Err(format!("coordinates that are no numbers, or beyond {MAX_COORDINATE} units"));
+        return Err(ContentError::Coordinates);
     }
     Ok(Mesh { triangles })
 }
 
-fn text(bytes: &[u8]) -> Result<&str, String> {
-    std::str::from_utf8(bytes).map_err(|_| "not a text in UTF-8".to_owned())
-}
-
-fn too_many() -> String {
-    format!("more than {MAX_TRIANGLES} triangles; decimate it")
+fn text(bytes: &[u8]) -> Result<&str, ContentError> {
+    std::str::from_utf8(bytes).map_err(|_| ContentError::Text)
 }
 
 /// Triangles of the corners `faces`, with indices into `points`.
-fn indexed(points: &[Vec3], corners: [usize; 3]) -> Result<[Vec3; 3], String> {
-    let point = |index: usize| points.get(index).copied().ok_or_else(|| "a face names no vertex".to_owned());
+fn indexed(points: &[Vec3], corners: [usize; 3]) -> Result<[Vec3; 3], ContentError> {
+    let point = |index: usize| points.get(index).copied().ok_or(ContentError::Vertex);
     Ok([point(corners[0])?, point(corners[1])?, point(corners[2])?])
 }
 
 /// MuJoCo's own format: four counts as 32-bit integers (vertices, normals, texture coordinates, faces), then as many vertices
 /// as three 32-bit floats each, normals, texture coordinates, and faces as three 32-bit integers, all little-endian.
-fn msh(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, String> {
-    let wrong = || "not MuJoCo's format: counts, vertices, normals, texture coordinates, faces".to_owned();
+fn msh(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, ContentError> {
     let words: Vec<[u8; 4]> =
         bytes.chunks_exact(4).map(|word| [word[0], word[1], word[2], word[3]]).collect();
     let count = |place: usize| {
         let word = words.get(place).copied().map(i32::from_le_bytes);
-        word.and_then(|count| usize::try_from(count).ok()).ok_or_else(wrong)
+        word.and_then(|count| usize::try_from(count).ok()).ok_or(ContentError::Msh)
     };
     let (vertices, normals, texture, faces) = (count(0)?, count(1)?, count(2)?, count(3)?);
     if faces > MAX_TRIANGLES {
-        return Err(too_many());
+        return Err(ContentError::Triangles);
     }
     let begins = [3 * vertices as u64, 3 * normals as u64, 2 * texture as u64, 3 * faces as u64];
     if begins.iter().sum::<u64>() + 4 != words.len() as u64 {
-        return Err(wrong());
+        return Err(ContentError::Msh);
     }
     let float = |word: &[u8; 4]| f64::from(f32::from_le_bytes(*word));
     let points: Vec<Vec3> = words[4..4 + 3 * vertices]

@@ -2,6 +2,7 @@
 
 use std::io::Cursor;
 
+use super::ContentError;
 use crate::rotation::Vec3;
 
 /// Bytes before the triangles of a binary file, and of each.
@@ -9,20 +10,19 @@ const HEADER: usize = 84;
 const FACET: usize = 50;
 
 /// Triangles of a file.
-pub(super) fn read(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, String> {
+pub(super) fn read(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, ContentError> {
     let mut bytes = bytes.to_vec();
     if bytes.starts_with(b"solid") && is_binary(&bytes) {
         // The reader would take a file that begins with "solid" for a text.
         bytes[0] = b' ';
     }
     let mut cursor = Cursor::new(bytes);
-    let wrong = |error: std::io::Error| format!("not STL: {error}");
     let mut triangles = Vec::new();
-    for triangle in stl_io::create_stl_reader(&mut cursor).map_err(wrong)? {
+    for triangle in stl_io::create_stl_reader(&mut cursor).map_err(ContentError::Stl)? {
         if triangles.len() >= super::MAX_TRIANGLES {
-            return Err(super::too_many());
+            return Err(ContentError::Triangles);
         }
-        triangles.push(triangle.map_err(wrong)?.vertices.map(|vertex| vertex.0.map(f64::from)));
+        triangles.push(triangle.map_err(ContentError::Stl)?.vertices.map(|vertex| vertex.0.map(f64::from)));
     }
     Ok(triangles)
 }

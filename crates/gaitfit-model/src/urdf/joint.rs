@@ -60,73 +60,19 @@ pub(super) fn read_joint(
             "replace it",
         )?;
     }
-    let mut ends: [Option<usize>; 2] = [None; 2];
-    let mut pose = ([0.0; 3], IDENTITY);
-    let mut joint = default_joint();
-    joint.name = name;
-    joint.axis = [1.0, 0.0, 0.0];
-    let mut effort = 0.0;
-    let mut follows = None;
-    let (mut limits, mut unlimited) = (None, kind == "revolute");
+    let mut parts = Parts {
+        ends: [None; 2],
+        pose: ([0.0; 3], IDENTITY),
+        joint: Joint { name, axis: [1.0, 0.0, 0.0], ..default_joint() },
+        effort: 0.0,
+        follows: None,
+        limits: None,
+        unlimited: kind == "revolute",
+    };
     for child in &element.children {
-        let mut a = Attributes::new(child);
-        match child.name.as_str() {
-            "parent" | "child" => {
-                let wanted = required(ctx, &mut a, "link")?;
-                let Some(&link) = links.get(wanted) else {
-                    return Err(ctx.invalid(
-                        child.at,
-                        format!("{label} names link \"{}\", which does not exist", shown(wanted)),
-                        "name an existing link",
-                    ));
-                };
-                ends[usize::from(child.name == "child")] = Some(link);
-            }
-            "origin" => {
-                pose = read_origin(ctx, child)?;
-                continue;
-            }
-            "axis" => a.set_array(ctx, "xyz", &mut joint.axis)?,
-            "limit" => {
-                let (lower, upper) = (a.number(ctx, "lower")?, a.number(ctx, "upper")?);
-                unlimited &= lower.is_none() && upper.is_none();
-                a.set_nonnegative(ctx, "effort", &mut effort)?;
-                let mut speed = 0.0;
-                a.set_nonnegative(ctx, "velocity", &mut speed)?;
-                joint.velocity_limit = (speed > 0.0).then_some(speed);
-                list_attributes(ctx, &mut a);
-                limits = Some([lower.unwrap_or(0.0), upper.unwrap_or(0.0)]);
-            }
-            "dynamics" => {
-                a.set_nonnegative(ctx, "damping", &mut joint.damping)?;
-                a.set_nonnegative(ctx, "friction", &mut joint.frictionloss)?;
-            }
-            "mimic" if ctx.mend && !ctx.lenient => {
-                let leader = shown(a.text("joint").unwrap_or("")).to_string();
-                let how = format!(
-                    "it follows \"{leader}\" (<mimic>), and coupled joints are not simulated: it is locked"
-                );
-                ctx.note(child.at, format!("joint \"{}\"", shown(&joint.name)), how);
-                follows = Some(a.number(ctx, "offset")?.unwrap_or(0.0));
-                continue;
-            }
-            "mimic" => {
-                ctx.refuse(child.at, format!("<mimic> of {label}"), "coupled joints", "remove it")?;
-                continue;
-            }
-            "safety_controller" | "calibration" => {
-                let what = format!("<{}> of {label}", child.name);
-                ctx.drop_quietly(child.at, what, "part of a controller, not of the robot");
-                continue;
-            }
-            _ if list_element(ctx, child, &label) => continue,
-            _ => {
-                ctx.refuse(child.at, child.label(), "not known in <joint>", "remove it")?;
-                continue;
-            }
-        }
-        a.finish(ctx)?;
+        read_child(ctx, child, &label, links, &mut parts)?;
     }
+    let Parts { ends, mut pose, mut joint, effort, follows, limits, unlimited } = parts;
     let [Some(parent), Some(child)] = ends else {
         return Err(ctx.invalid(
             element.at,
@@ -142,22 +88,7 @@ pub(super) fn read_joint(
         }
     };
     if kind == "revolute" && !unlimited {
-        let [lower, upper] = match limits {
-            Some([lower, upper]) if lower < upper => [lower, upper],
-            Some([upper, lower]) if lower < upper && ctx.mend => {
-                let how = "`lower` is above `upper` in the file: they are exchanged";
-                ctx.note(element.at, format!("limits of {label}"), how);
-                [lower, upper]
-            }
-            _ => {
-                return Err(ctx.invalid(
-                element.at,
-                format!("{label} is revolute, but has no limits with lower < upper"),
-                "add <limit lower=\"...\" upper=\"...\" effort=\"...\" velocity=\"...\"/>, or make it continuous",
-                ));
-            }
-        };
-        joint.range = Some([lower, upper]);
+        joint.range = Some(range(ctx, element, limits)?);
     }
     if let Some(angle) = follows {
         pose.1 = product(pose.1, axis_angle(joint.axis, angle));
@@ -173,4 +104,101 @@ pub(super) fn read_joint(
         unlimited,
         effort,
     }))
+}
+
+/// What the children of a `<joint>` say.
+struct Parts {
+    /// Parent and child link.
+    ends: [Option<usize>; 2],
+    pose: (Vec3, Quat),
+    joint: Joint,
+    effort: f64,
+    /// Angle at which a joint that follows another one is locked.
+    follows: Option<f64>,
+    limits: Option<[f64; 2]>,
+    unlimited: bool,
+}
+
+fn read_child(
+    ctx: &mut Context,
+    child: &Element,
+    label: &str,
+    links: &HashMap<String, usize>,
+    parts: &mut Parts,
+) -> Result<(), ModelError> {
+    let mut a = Attributes::new(child);
+    match child.name.as_str() {
+        "parent" | "child" => {
+            let wanted = required(ctx, &mut a, "link")?;
+            let Some(&link) = links.get(wanted) else {
+                return Err(ctx.invalid(
+                    child.at,
+                    format!("{label} names link \"{}\", which does not exist", shown(wanted)),
+                    "name an existing link",
+                ));
+            };
+            parts.ends[usize::from(child.name == "child")] = Some(link);
+        }
+        "origin" => {
+            parts.pose = read_origin(ctx, child)?;
+            return Ok(());
+        }
+        "axis" => a.set_array(ctx, "xyz", &mut parts.joint.axis)?,
+        "limit" => {
+            let (lower, upper) = (a.number(ctx, "lower")?, a.number(ctx, "upper")?);
+            parts.unlimited &= lower.is_none() && upper.is_none();
+            a.set_nonnegative(ctx, "effort", &mut parts.effort)?;
+            let mut speed = 0.0;
+            a.set_nonnegative(ctx, "velocity", &mut speed)?;
+            parts.joint.velocity_limit = (speed > 0.0).then_some(speed);
+            list_attributes(ctx, &mut a);
+            parts.limits = Some([lower.unwrap_or(0.0), upper.unwrap_or(0.0)]);
+        }
+        "dynamics" => {
+            a.set_nonnegative(ctx, "damping", &mut parts.joint.damping)?;
+            a.set_nonnegative(ctx, "friction", &mut parts.joint.frictionloss)?;
+        }
+        "mimic" if ctx.mend && !ctx.lenient => {
+            let leader = shown(a.text("joint").unwrap_or("")).to_string();
+            let how = format!(
+                "it follows \"{leader}\" (<mimic>), and coupled joints are not simulated: it is locked"
+            );
+            ctx.note(child.at, format!("joint \"{}\"", shown(&parts.joint.name)), how);
+            parts.follows = Some(a.number(ctx, "offset")?.unwrap_or(0.0));
+            return Ok(());
+        }
+        "mimic" => {
+            ctx.refuse(child.at, format!("<mimic> of {label}"), "coupled joints", "remove it")?;
+            return Ok(());
+        }
+        "safety_controller" | "calibration" => {
+            let what = format!("<{}> of {label}", child.name);
+            ctx.drop_quietly(child.at, what, "part of a controller, not of the robot");
+            return Ok(());
+        }
+        _ if list_element(ctx, child, label) => return Ok(()),
+        _ => {
+            ctx.refuse(child.at, child.label(), "not known in <joint>", "remove it")?;
+            return Ok(());
+        }
+    }
+    a.finish(ctx)
+}
+
+/// The limits of a revolute joint.
+fn range(ctx: &mut Context, element: &Element, limits: Option<[f64; 2]>) -> Result<[f64; 2], ModelError> {
+    let label = element.label();
+    match limits {
+        Some([lower, upper]) if lower < upper => Ok([lower, upper]),
+        Some([upper, lower]) if lower < upper && ctx.mend => {
+            let how = "`lower` is above `upper` in the file: they are exchanged";
+            ctx.note(element.at, format!("limits of {label}"), how);
+            Ok([lower, upper])
+        }
+        _ => Err(ctx.invalid(
+            element.at,
+            format!("{label} is revolute, but has no limits with lower < upper"),
+            "add <limit lower=\"...\" upper=\"...\" effort=\"...\" velocity=\"...\"/>, or make it continuous",
+        )),
+    }
 }

@@ -134,16 +134,10 @@ fn note_unlimited(ctx: &mut Context, connections: &[Connection]) {
     );
 }
 
-/// Orders the links depth first below the world and hangs the joints on them.
-fn assemble(
-    ctx: &mut Context,
-    at: At,
-    links: Vec<Link>,
-    connections: &[Connection],
-    wanted: Option<Root>,
-) -> Result<(Vec<BodySpec>, Vec<Actuator>), ModelError> {
+/// The one link without a parent.
+fn root_link(ctx: &mut Context, at: At, links: &[Link]) -> Result<usize, ModelError> {
     let mut roots = (0..links.len()).filter(|&l| links[l].held_by.is_none());
-    let Some(mut root) = roots.next() else {
+    let Some(root) = roots.next() else {
         return Err(ctx.invalid(at, "no link without a parent", "a robot is a tree with one root link"));
     };
     if let Some(other) = roots.next() {
@@ -157,6 +151,18 @@ fn assemble(
             "join them by a joint",
         ));
     }
+    Ok(root)
+}
+
+/// Orders the links depth first below the world and hangs the joints on them.
+fn assemble(
+    ctx: &mut Context,
+    at: At,
+    links: Vec<Link>,
+    connections: &[Connection],
+    wanted: Option<Root>,
+) -> Result<(Vec<BodySpec>, Vec<Actuator>), ModelError> {
+    let mut root = root_link(ctx, at, &links)?;
     let mut children: Vec<Vec<usize>> = vec![Vec::new(); links.len()];
     for (index, connection) in connections.iter().enumerate() {
         children[connection.parent].push(index);

@@ -100,37 +100,55 @@ pub fn plain(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
     written(policy, None)
 }
 
+/// A tensor's name, shape, type and bytes.
+type NamedTensor = (String, Vec<usize>, Dtype, Vec<u8>);
+
+fn put_network(tensors: &mut Vec<NamedTensor>, prefix: &str, network: &Network) {
+    let mut number = 0;
+    for (index, layer) in take_apart(network).iter().enumerate() {
+        let shape = vec![layer.outputs, layer.inputs];
+        tensors.push((format!("{prefix}.{number}.weight"), shape, Dtype::F32, single(&layer.transposed())));
+        tensors.push((
+            format!("{prefix}.{number}.bias"),
+            vec![layer.outputs],
+            Dtype::F32,
+            single(&layer.bias),
+        ));
+        if let Some(norm) = network.norms.get(index).and_then(Option::as_ref) {
+            number += 1;
+            for (part, values) in [("weight", &norm.weight), ("bias", &norm.bias)] {
+                let name = format!("{prefix}.{number}.{part}");
+                tensors.push((name, vec![values.len()], Dtype::F32, single(values)));
+            }
+        }
+        // nn.Sequential counts the activations too.
+        number += 2;
+    }
+}
+
+fn put_memories(tensors: &mut Vec<NamedTensor>, policy: &Policy) {
+    let memories = [("memory", policy.actor_memory()), ("critic_memory", policy.critic_memory.as_ref())];
+    for (prefix, recurrent) in memories {
+        for (number, layer) in recurrent.iter().flat_map(|recurrent| recurrent.layers.iter().enumerate()) {
+            let wide = layer.bias_ih.len();
+            for (part, inputs, values) in
+                [("weight_ih", layer.inputs, &layer.weight_ih), ("weight_hh", layer.hidden, &layer.weight_hh)]
+            {
+                let values = single(&transpose(values, inputs, wide));
+                tensors.push((format!("{prefix}.{part}_l{number}"), vec![wide, inputs], Dtype::F32, values));
+            }
+            for (part, values) in [("bias_ih", &layer.bias_ih), ("bias_hh", &layer.bias_hh)] {
+                tensors.push((format!("{prefix}.{part}_l{number}"), vec![wide], Dtype::F32, single(values)));
+            }
+        }
+    }
+}
+
 fn written(policy: &Policy, sha256: Option<String>) -> Result<Vec<u8>, PolicyError> {
     policy.check()?;
     policy.refuse_function("a policy's file")?;
-    let mut tensors: Vec<(String, Vec<usize>, Dtype, Vec<u8>)> = Vec::new();
-    let mut network = |prefix: &str, network: &Network| {
-        let mut number = 0;
-        for (index, layer) in take_apart(network).iter().enumerate() {
-            let shape = vec![layer.outputs, layer.inputs];
-            tensors.push((
-                format!("{prefix}.{number}.weight"),
-                shape,
-                Dtype::F32,
-                single(&layer.transposed()),
-            ));
-            tensors.push((
-                format!("{prefix}.{number}.bias"),
-                vec![layer.outputs],
-                Dtype::F32,
-                single(&layer.bias),
-            ));
-            if let Some(norm) = network.norms.get(index).and_then(Option::as_ref) {
-                number += 1;
-                for (part, values) in [("weight", &norm.weight), ("bias", &norm.bias)] {
-                    let name = format!("{prefix}.{number}.{part}");
-                    tensors.push((name, vec![values.len()], Dtype::F32, single(values)));
-                }
-            }
-            // nn.Sequential counts the activations too.
-            number += 2;
-        }
-    };
+    let mut tensors: Vec<NamedTensor> = Vec::new();
+    let mut network = |prefix: &str, network: &Network| put_network(&mut tensors, prefix, network);
     network("actor", &policy.actor);
     if let Some(critic) = &policy.critic {
         network("critic", critic);
@@ -157,21 +175,7 @@ fn written(policy: &Policy, sha256: Option<String>) -> Result<Vec<u8>, PolicyErr
     if let Some(source) = graph_file {
         tensors.push((GRAPH.to_owned(), vec![source.len()], Dtype::U8, source.clone()));
     }
-    let memories = [("memory", policy.actor_memory()), ("critic_memory", policy.critic_memory.as_ref())];
-    for (prefix, recurrent) in memories {
-        for (number, layer) in recurrent.iter().flat_map(|recurrent| recurrent.layers.iter().enumerate()) {
-            let wide = layer.bias_ih.len();
-            for (part, inputs, values) in
-                [("weight_ih", layer.inputs, &layer.weight_ih), ("weight_hh", layer.hidden, &layer.weight_hh)]
-            {
-                let values = single(&transpose(values, inputs, wide));
-                tensors.push((format!("{prefix}.{part}_l{number}"), vec![wide, inputs], Dtype::F32, values));
-            }
-            for (part, values) in [("bias_ih", &layer.bias_ih), ("bias_hh", &layer.bias_hh)] {
-                tensors.push((format!("{prefix}.{part}_l{number}"), vec![wide], Dtype::F32, single(values)));
-            }
-        }
-    }
+    put_memories(&mut tensors, policy);
     tensors.push(("log_std".into(), vec![policy.log_std.len()], Dtype::F32, single(&policy.log_std)));
     for (name, normaliser) in
         [("normaliser", &policy.normaliser), ("critic_normaliser", &policy.critic_normaliser)]

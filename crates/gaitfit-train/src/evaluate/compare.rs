@@ -2,7 +2,7 @@
 
 use super::Evaluation;
 use gaitfit_sim::stats;
-use gaitfit_view::loop_report::Estimate;
+use gaitfit_view::Estimate;
 use serde::{Deserialize, Serialize};
 
 /// Errors of one trajectory: linear velocity, m/s, angular velocity, rad/s, and 1 after a fall, else 0. Absent if its

@@ -9,7 +9,7 @@ use gaitfit_learn::evaluate::{CrossingSummary, Subject, crossings, summarise_cro
 use gaitfit_learn::task::{Cell, Kinds, TerrainKind, TerrainSettings};
 use gaitfit_model::shown;
 use gaitfit_policy::Policy;
-use gaitfit_view::loop_report::Estimate;
+use gaitfit_view::Estimate;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use std::path::Path;

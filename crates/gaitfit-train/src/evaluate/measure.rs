@@ -8,8 +8,7 @@ use crate::world::World;
 use gaitfit_learn::evaluate::{
     GaitRecord, GaitSummary, Subject, Trial, drift, record_gait, run_trials, summarise,
 };
-use gaitfit_view::evaluation::Drift;
-use gaitfit_view::loop_report::Estimate;
+use gaitfit_view::{Drift, Estimate};
 use serde::{Deserialize, Serialize};
 
 /// What is measured.

@@ -103,7 +103,7 @@ fn drifts(trials: &[DriftResult]) -> Option<String> {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use gaitfit_view::loop_report::Estimate;
+    use gaitfit_view::Estimate;
 
     fn command(x: [f64; 2], y: [f64; 2], standing: f64) -> CommandSettings {
         CommandSettings { x, y, yaw: [-1.0, 1.0], seconds: 4.0, standing, curriculum: None }

@@ -1,6 +1,7 @@
 //! The files of a run folder besides those of its seeds.
 
 use super::metrics::{self, Metric};
+#[cfg(feature = "report")]
 use super::report;
 use super::results::{Results, SeedResult};
 use super::seed::Files;
@@ -8,12 +9,13 @@ use super::setup::{Plan, Setup};
 use super::show::{self, Shown};
 use crate::Error;
 use crate::evaluate::{MANY_FALLS, goes_nowhere};
+#[cfg(feature = "report")]
 use crate::run::protocol::CONFIG;
 use crate::run::{Protocol, RunFolder};
 use crate::watch::Watch;
 use gaitfit_learn::MEND_DIVERGENCE;
 use gaitfit_policy::weights;
-use gaitfit_view::{Doubt, DoubtKind, replay_html};
+use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
@@ -89,6 +91,9 @@ pub struct Trained {
     pub metrics: Vec<Metric>,
     /// Its policy at work.
     pub shown: Shown,
+    /// What its page plays.
+    #[cfg(feature = "report")]
+    pub replay: gaitfit_view::Replay,
 }
 
 /// Share of the way from the first commands to the final ones below which a warning says so.
@@ -125,7 +130,7 @@ fn not_learnt(setup: &Setup, trained: &[Trained]) -> Option<Doubt> {
         if let Some(falls) = result.fall_rate.filter(|falls| *falls > MANY_FALLS) {
             return Some(format!("{:.0} % of its last episodes end in a fall", 100.0 * falls));
         }
-        if let Some(time) = seed.shown.fell {
+        if let Some(time) = seed.shown.fell() {
             return Some(format!("It falls {time:.1} s into its replay"));
         }
         // While ranges grow, it is not known what a robot that stands still would have.
@@ -172,9 +177,12 @@ pub fn results(folder: &RunFolder, setup: &Setup, watch: &Watch<'_>) -> Result<R
         run_folder: folder.path().display().to_string(),
         wall_seconds: trained.iter().map(|seed| seed.result.wall_seconds).sum(),
     };
-    let configuration = folder.read(CONFIG)?.unwrap_or_default();
-    let page = report::page(&configuration, setup, &results, &trained)?;
-    folder.write("report.html", page.as_bytes())?;
+    #[cfg(feature = "report")]
+    {
+        let configuration = folder.read(CONFIG)?.unwrap_or_default();
+        let page = report::page(&configuration, setup, &results, &trained)?;
+        folder.write("report.html", page.as_bytes())?;
+    }
     Ok(results)
 }
 
@@ -192,8 +200,17 @@ fn seed_results(folder: &RunFolder, setup: &Setup, seed: u64, watch: &Watch<'_>)
             policy.provenance.iteration
         ));
     }
-    let shown = show::show(setup, &policy, &format!("{}, seed {seed}", folder.name()))?;
-    folder.write(&files.replay, replay_html(&shown.replay)?.as_bytes())?;
-    let result = SeedResult::new(seed, &metrics, shown.summary.clone(), folder.path());
-    Ok(Trained { result, metrics, shown })
+    let shown = show::show(setup, &policy)?;
+    #[cfg(feature = "report")]
+    let replay = report::replay(&format!("{}, seed {seed}", folder.name()), &setup.model, &policy, &shown);
+    #[cfg(feature = "report")]
+    folder.write(&files.replay, gaitfit_view::replay_html(&replay)?.as_bytes())?;
+    let result = SeedResult::new(seed, &metrics, shown.summary(), folder.path());
+    Ok(Trained {
+        result,
+        metrics,
+        shown,
+        #[cfg(feature = "report")]
+        replay,
+    })
 }

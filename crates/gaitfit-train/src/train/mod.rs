@@ -2,6 +2,7 @@
 
 mod files;
 mod metrics;
+#[cfg(feature = "report")]
 mod report;
 mod results;
 mod seed;
@@ -15,6 +16,7 @@ use crate::Error;
 use crate::crew::together;
 use crate::run::RunFolder;
 use crate::watch::Watch;
+#[cfg(feature = "report")]
 use gaitfit_view::training::SeedCurve;
 use std::path::Path;
 
@@ -51,6 +53,7 @@ fn seeds(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<(), Err
 }
 
 /// The learning curves of a finished run.
+#[cfg(feature = "report")]
 pub fn curves(folder: &RunFolder, results: &Results) -> Result<Vec<SeedCurve>, Error> {
     let curve = |seed: &SeedResult| {
         let metrics = metrics::read(folder, &seed::Files::new(seed.seed).metrics, seed.iterations)?;

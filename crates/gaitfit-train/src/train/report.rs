@@ -5,11 +5,16 @@ use super::metrics::{Metric, diagnostics};
 use super::results::{LAST, Results, SeedResult};
 use super::seed::Files;
 use super::setup::Setup;
-use super::show::GAIT_CAPTION;
-use crate::Error;
+use super::show::Shown as AtWork;
 use crate::machine::{machine, now};
+use crate::{Error, gait, replay};
+use gaitfit_model::Model;
+use gaitfit_policy::Policy;
 use gaitfit_view::training::{SeedCurve, SeedResult as Shown, Series};
-use gaitfit_view::{Link, Setting, TrainingReport, training_report};
+use gaitfit_view::{Link, Replay, Setting, TrainingReport, training_report};
+
+/// What the picture of the gait shows.
+const GAIT_CAPTION: &str = "standing, ahead and to the left, at the largest commands of its training";
 
 /// The page of a finished run. `configuration`: the resolved one.
 pub fn page(
@@ -28,19 +33,33 @@ pub fn page(
             "the last {LAST} iterations of training, with its noise, pushes and varied robots"
         ),
         seeds: trained.iter().map(|seed| curve(&seed.result, &seed.metrics)).collect(),
-        gait: first.map(|seed| seed.shown.gait.clone()),
+        gait: first.map(|seed| gait::picture(&seed.shown.record)),
         gait_caption: first
             .map(|seed| format!("Seed {}, {GAIT_CAPTION}.", seed.result.seed))
             .unwrap_or_default(),
         links: trained.iter().flat_map(|seed| links(seed.result.seed)).collect(),
         facts: facts(setup, results),
         doubts: results.doubts.clone(),
-        replay: first.map(|seed| seed.shown.replay.clone()),
+        replay: first.map(|seed| seed.replay.clone()),
         warnings: results.warnings.iter().cloned().chain(trained.iter().filter_map(warning)).collect(),
         configuration: configuration.to_owned(),
         versions: versions(results),
     };
     Ok(training_report(&report)?)
+}
+
+/// What the page of a seed's policy plays.
+pub fn replay(title: &str, model: &Model, policy: &Policy, shown: &AtWork) -> Replay {
+    let ends = shown.fell().map_or_else(String::new, |time| format!("; it fell after {time:.1} s"));
+    Replay {
+        title: title.to_owned(),
+        note: format!(
+            "{} iterations; standing, ahead, left, turning, back, standing{ends}",
+            policy.provenance.iteration
+        ),
+        dt: shown.record.dt,
+        robots: vec![replay::robot_on(&model.name, &shown.scene.walker, &shown.record)],
+    }
 }
 
 fn unknown(value: Option<f64>) -> f64 {
@@ -138,7 +157,7 @@ fn facts(setup: &Setup, results: &Results) -> Vec<Setting> {
 }
 
 fn warning(seed: &Trained) -> Option<String> {
-    let time = seed.shown.fell?;
+    let time = seed.shown.fell()?;
     Some(format!("The policy of seed {} falls {time:.1} s into its replay.", seed.result.seed))
 }
 

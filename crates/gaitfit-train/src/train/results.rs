@@ -111,7 +111,7 @@ pub struct SeedResult {
     pub wall_seconds: f64,
     /// The policy's file.
     pub policy: String,
-    /// The page that plays it.
+    /// The page that plays it; written with the feature `report`.
     pub replay: String,
 }
 

@@ -1,10 +1,9 @@
 //! What the report of an evaluation shows, filled in by whoever ran it.
 
-use crate::chart::Scale;
 use crate::gait::GaitPicture;
 use crate::nullable;
-use crate::page::{Doubt, Link, Setting};
 use crate::replay::Replay;
+use crate::{Doubt, Drift, Link, Setting};
 use serde::{Deserialize, Serialize};
 
 /// Everything the page shows of one evaluated policy.
@@ -87,31 +86,6 @@ pub struct Histogram {
     pub counts: Vec<u64>,
 }
 
-/// Stand, one constant command, stand: where the robot ends, compared with where the command leads.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Drift {
-    /// The command in words, e.g. `+x 0.5 m/s`.
-    pub name: String,
-    /// Forward and left (m/s), yaw rate (rad/s).
-    #[serde(with = "nullable::array")]
-    pub command: [f64; 3],
-    /// Trials averaged.
-    pub trials: u32,
-    /// Trials that ended in a fall.
-    pub falls: u32,
-    /// Mean final error in x (m), y (m), yaw (rad), in the frame of the start.
-    #[serde(with = "nullable::array")]
-    pub error: [f64; 3],
-    /// Half the width of the 95 % interval of each mean; NaN with one trial.
-    #[serde(with = "nullable::array")]
-    pub ci95: [f64; 3],
-    /// Base positions x, y of one trial over time, m, in the frame of the start.
-    pub path: Vec<[f64; 2]>,
-    /// Where the command leads, in the same frame.
-    pub intended: Vec<[f64; 2]>,
-}
-
 /// Robots that cross one level of one kind of uneven ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -133,26 +107,6 @@ pub struct Ground {
     /// Mean speed from where they started, m/s.
     #[serde(with = "nullable::scalar")]
     pub speed: f64,
-}
-
-impl Histogram {
-    /// Counts `samples` in `bins` equal bins (at least one) from the smallest to the 99.5th percentile, so that a few
-    /// falls do not squeeze the rest; what is not finite is not counted. Empty without samples.
-    pub fn from_samples(samples: &[f64], bins: usize) -> Histogram {
-        let mut sorted: Vec<f64> = samples.iter().copied().filter(|x| x.is_finite()).collect();
-        sorted.sort_by(f64::total_cmp);
-        let Some(low) = sorted.first().copied() else { return Histogram::default() };
-        let bins = bins.clamp(1, 1000);
-        let high = sorted[(sorted.len() - 1) * 199 / 200];
-        let (low, high) = Scale::linear(Some((low, high)), 0.0, 1.0).domain();
-        let width = (high - low) / bins as f64;
-        let mut counts = vec![0; bins];
-        for x in &sorted {
-            let bin = ((x - low) / width).max(0.0) as usize;
-            counts[bin.min(bins - 1)] += 1;
-        }
-        Histogram { edges: (0..=bins).map(|i| low + i as f64 * width).collect(), counts }
-    }
 }
 
 impl Default for Measure {
@@ -180,21 +134,6 @@ impl Default for Ground {
             crossed: f64::NAN,
             falls: f64::NAN,
             speed: f64::NAN,
-        }
-    }
-}
-
-impl Default for Drift {
-    fn default() -> Self {
-        Drift {
-            name: String::new(),
-            command: [f64::NAN; 3],
-            trials: 0,
-            falls: 0,
-            error: [f64::NAN; 3],
-            ci95: [f64::NAN; 3],
-            path: Vec::new(),
-            intended: Vec::new(),
         }
     }
 }

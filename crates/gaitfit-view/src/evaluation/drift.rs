@@ -1,6 +1,6 @@
 //! Constant commands: where the robot went, seen from above, and how far it ended from where it should.
 
-use super::Drift;
+use crate::Drift;
 use crate::chart::Look;
 use crate::chart::plan::{Track, plan};
 use crate::format::{UNKNOWN, clean, fixed, with_spread};

@@ -1,6 +1,7 @@
 //! How often a number was what.
 
-use crate::chart::{Axis, Look, Plot, Series, extent};
+use super::Histogram;
+use crate::chart::{Axis, Look, Plot, Scale, Series, extent};
 
 /// Bins drawn at most.
 const BINS: usize = 400;
@@ -42,4 +43,24 @@ pub(super) fn histogram(
         ..Plot::default()
     };
     plot.figure(title, 360.0, 200.0).map(|figure| figure.inline())
+}
+
+impl Histogram {
+    /// Counts `samples` in `bins` equal bins (at least one) from the smallest to the 99.5th percentile, so that a few
+    /// falls do not squeeze the rest; what is not finite is not counted. Empty without samples.
+    pub fn from_samples(samples: &[f64], bins: usize) -> Histogram {
+        let mut sorted: Vec<f64> = samples.iter().copied().filter(|x| x.is_finite()).collect();
+        sorted.sort_by(f64::total_cmp);
+        let Some(low) = sorted.first().copied() else { return Histogram::default() };
+        let bins = bins.clamp(1, 1000);
+        let high = sorted[(sorted.len() - 1) * 199 / 200];
+        let (low, high) = Scale::linear(Some((low, high)), 0.0, 1.0).domain();
+        let width = (high - low) / bins as f64;
+        let mut counts = vec![0; bins];
+        for x in &sorted {
+            let bin = ((x - low) / width).max(0.0) as usize;
+            counts[bin.min(bins - 1)] += 1;
+        }
+        Histogram { edges: (0..=bins).map(|i| low + i as f64 * width).collect(), counts }
+    }
 }

@@ -5,9 +5,9 @@ pub(crate) mod drift;
 mod histogram;
 mod page;
 
-pub use data::{Drift, EvaluationReport, Ground, Histogram, Measure};
+pub use data::{EvaluationReport, Ground, Histogram, Measure};
 
-use crate::page::ReportError;
+use crate::ReportError;
 
 /// Renders the page as UTF-8 HTML: one file that opens offline.
 ///

@@ -3,11 +3,12 @@
 use super::drift::{self, DriftTable};
 use super::histogram::histogram;
 use super::{EvaluationReport, Ground, Measure};
+use crate::Setting;
 use crate::format::{
     UNKNOWN, clean, clean_prose, duration, fixed, grouped, round_number, significant, with_spread,
 };
 use crate::gait;
-use crate::page::{self, Number, Setting, ShownDoubt, ShownLink};
+use crate::page::{self, Number, ShownDoubt, ShownLink};
 use crate::replay::Motion;
 use serde::Serialize;
 

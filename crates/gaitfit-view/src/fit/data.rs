@@ -4,7 +4,7 @@ use super::log::LogSummary;
 use super::signals::{JointTrace, SignalDistribution};
 use crate::loop_report::HeldOut;
 use crate::nullable;
-use crate::page::{Doubt, Setting};
+use crate::{Doubt, Setting};
 use serde::{Deserialize, Serialize};
 
 /// Everything `report.html` shows of one fit, of logs with a clamped base or of walking logs. What does not apply

@@ -23,7 +23,7 @@ pub use data::{
 pub use log::LogSummary;
 pub use signals::{JointTrace, Signal, SignalDistribution};
 
-use crate::page::ReportError;
+use crate::ReportError;
 
 /// Renders the page as UTF-8 HTML.
 ///

@@ -10,7 +10,8 @@ use super::sections::{self, FitView};
 use super::validation::{self, ValidationTable};
 use crate::format::{clean, duration};
 use crate::loop_report::held_out::{self, HeldOutView};
-use crate::page::{Doubt, DoubtKind, Setting, ShownDoubt, doubts, is_severe, lines, settings};
+use crate::page::{ShownDoubt, doubts, is_severe, lines, settings};
+use crate::{Doubt, DoubtKind, Setting};
 use serde::Serialize;
 
 /// Comparisons shown at most.

@@ -2,12 +2,11 @@
 //!
 //! Policies and simulators are matched by name.
 
-use crate::evaluation::Drift;
 use crate::fit::{Fit, LogSummary, Signal, SignalDistribution};
 use crate::nullable;
-use crate::page::{Doubt, Link, Setting};
 use crate::replay::Replay;
 use crate::training::SeedCurve;
+use crate::{Doubt, Drift, Estimate, Link, Setting};
 use serde::{Deserialize, Serialize};
 
 /// Everything `report.html` shows of one loop.
@@ -162,18 +161,6 @@ pub struct Difference {
     pub fall_rate: Estimate,
 }
 
-/// A mean and how sure it is.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Estimate {
-    /// The mean.
-    #[serde(with = "nullable::scalar")]
-    pub mean: f64,
-    /// Half-width of the mean's 95 % confidence interval.
-    #[serde(with = "nullable::scalar")]
-    pub ci95: f64,
-}
-
 /// Constant-command trials of one policy on one simulator.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -184,10 +171,4 @@ pub struct DriftTrials {
     pub simulator: String,
     /// One a command; commands are matched by name across policies.
     pub trials: Vec<Drift>,
-}
-
-impl Default for Estimate {
-    fn default() -> Self {
-        Estimate { mean: f64::NAN, ci95: f64::NAN }
-    }
 }

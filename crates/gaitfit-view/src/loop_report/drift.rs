@@ -2,9 +2,9 @@
 
 use super::policies::{Cast, printed};
 use super::{DriftTrials, LoopReport};
+use crate::Drift;
 use crate::chart::Look;
 use crate::chart::plan::{Track, plan};
-use crate::evaluation::Drift;
 use crate::evaluation::drift::{MAX_TRIALS, error};
 use crate::format::{UNKNOWN, fixed};
 use serde::Serialize;

@@ -2,7 +2,8 @@
 
 use super::policies::{Cast, printed};
 use super::tracking::COLUMNS;
-use super::{Difference, Estimate, LoopReport, drift};
+use super::{Difference, LoopReport, drift};
+use crate::Estimate;
 use crate::format::{clean_prose, significant};
 use crate::page::is_severe;
 use serde::Serialize;

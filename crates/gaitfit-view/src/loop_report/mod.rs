@@ -11,10 +11,10 @@ mod policies;
 mod rounds;
 mod tracking;
 
-pub use data::{Difference, DriftTrials, Estimate, HeldOut, JointDistance, LoopReport, Round, Tracking};
+pub use data::{Difference, DriftTrials, HeldOut, JointDistance, LoopReport, Round, Tracking};
 pub use names::plain as plain_names;
 
-use crate::page::ReportError;
+use crate::ReportError;
 
 /// Renders the page as UTF-8 HTML: one file that opens offline, its replay included.
 ///

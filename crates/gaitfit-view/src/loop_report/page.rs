@@ -7,8 +7,9 @@ use super::held_out;
 use super::policies::Cast;
 use super::rounds::{self, RoundLine, RoundSection};
 use super::tracking::{self, TrackingSection};
+use crate::Setting;
 use crate::format::{clean, clean_prose};
-use crate::page::{self, Setting, ShownDoubt, ShownLink};
+use crate::page::{self, ShownDoubt, ShownLink};
 use crate::replay::Motion;
 use serde::Serialize;
 

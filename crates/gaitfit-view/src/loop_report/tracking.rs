@@ -1,7 +1,8 @@
 //! Tracking of random commands: a picture a measure with every policy on every simulator, and all of it as a table.
 
 use super::policies::{Cast, printed};
-use super::{Difference, Estimate, LoopReport, Tracking};
+use super::{Difference, LoopReport, Tracking};
+use crate::Estimate;
 use crate::chart::Look;
 use crate::chart::intervals::{self, Mark, Row};
 use crate::format::{UNKNOWN, grouped, with_spread};

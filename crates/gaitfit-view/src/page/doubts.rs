@@ -1,6 +1,6 @@
 //! The first thing a page says when its result is in doubt.
 
-use super::data::Doubt;
+use crate::Doubt;
 use crate::format::clean_prose;
 use serde::Serialize;
 

@@ -1,6 +1,6 @@
 //! Links to files beside a report.
 
-use super::data::Link;
+use crate::Link;
 use crate::format::clean;
 use serde::Serialize;
 

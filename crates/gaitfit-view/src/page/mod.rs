@@ -1,15 +1,14 @@
 //! What all report pages share: head, style sheet, read-out script, and the rules of escaping.
 
-mod data;
 mod doubts;
 mod links;
 
-pub use data::{Doubt, DoubtKind, Link, ReportError, Setting};
 pub(crate) use doubts::{ShownDoubt, doubts, is_severe};
 pub(crate) use links::{ShownLink, links};
 
 use crate::chart::STYLE;
 use crate::format::{clean, clean_prose, duration};
+use crate::{ReportError, Setting};
 use minijinja::value::Serde;
 use minijinja::{AutoEscape, Environment, UndefinedBehavior};
 use serde::Serialize;
@@ -19,6 +18,10 @@ const MAX_LINES: usize = 500;
 
 /// Fills in a template that extends `base.html`.
 pub(crate) fn render(template: &str, page: impl Serialize) -> Result<String, ReportError> {
+    filled_in(template, page).map_err(|error| ReportError::Template(error.into()))
+}
+
+fn filled_in(template: &str, page: impl Serialize) -> Result<String, minijinja::Error> {
     let mut environment = Environment::new();
     // Names of logs and joints come from files: everything is escaped but the crate's own pictures.
     environment.set_auto_escape_callback(|_| AutoEscape::Html);
@@ -31,7 +34,7 @@ pub(crate) fn render(template: &str, page: impl Serialize) -> Result<String, Rep
     environment.add_template("player.html", include_str!("../replay/player.html"))?;
     environment.add_template("motion.html", include_str!("../replay/motion.html"))?;
     environment.add_template("page.html", template)?;
-    Ok(environment.get_template("page.html")?.render(Serde(page))?)
+    environment.get_template("page.html")?.render(Serde(page))
 }
 
 /// A number worth large print.

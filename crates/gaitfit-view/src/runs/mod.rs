@@ -6,7 +6,8 @@ use crate::chart::{Axis, Look, Plot, Series};
 use crate::fit::parameters::{Entry, Group, group};
 use crate::format::{UNKNOWN, clean, clean_prose, duration, significant, with_spread};
 use crate::nullable;
-use crate::page::{self, Link, ReportError, ShownLink};
+use crate::page::{self, ShownLink};
+use crate::{Link, ReportError};
 use serde::{Deserialize, Serialize};
 
 /// Runs listed, fits compared, parameters and trainings drawn at most: as many colours as there are, and no page without end.

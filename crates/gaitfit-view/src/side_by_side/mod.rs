@@ -3,8 +3,9 @@
 
 use crate::fit::{JointTrace, joints, traces};
 use crate::format::{clean, clean_prose, significant};
-use crate::page::{self, ReportError, Setting};
+use crate::page;
 use crate::replay::{Motion, Replay};
+use crate::{ReportError, Setting};
 use serde::{Deserialize, Serialize};
 
 /// Joints drawn at most.

@@ -2,8 +2,8 @@
 
 use crate::gait::GaitPicture;
 use crate::nullable;
-use crate::page::{Doubt, Link, Setting};
 use crate::replay::Replay;
+use crate::{Doubt, Link, Setting};
 use serde::{Deserialize, Serialize};
 
 /// Everything `report.html` shows of one training run, over one or several seeds.

@@ -6,7 +6,7 @@ mod page;
 
 pub use data::{SeedCurve, SeedResult, Series, TrainingReport};
 
-use crate::page::ReportError;
+use crate::ReportError;
 
 /// Renders the page as UTF-8 HTML: one file that opens offline.
 ///

@@ -2,9 +2,10 @@
 
 use super::curves::{self, Card, LegendEntry, MAX_SEEDS};
 use super::{SeedResult, TrainingReport};
+use crate::Setting;
 use crate::format::{UNKNOWN, clean, clean_prose, duration, fixed, round_number, significant};
 use crate::gait;
-use crate::page::{self, Number, Setting, ShownDoubt, ShownLink};
+use crate::page::{self, Number, ShownDoubt, ShownLink};
 use crate::replay::Motion;
 use serde::Serialize;
 

@@ -1,7 +1,8 @@
 //! Reports filled with invented but plausible numbers.
 
 use crate::go2;
-use gaitfit_view::evaluation::{Drift, EvaluationReport, Ground, Histogram, Measure};
+use gaitfit_view::Drift;
+use gaitfit_view::evaluation::{EvaluationReport, Ground, Histogram, Measure};
 use gaitfit_view::training::{SeedCurve, SeedResult, Series, TrainingReport};
 use gaitfit_view::{Link, Replay, Setting};
 

@@ -1,13 +1,13 @@
 //! A loop of two rounds with invented but plausible numbers.
 
 use crate::go2;
-use gaitfit_view::evaluation::Drift;
 use gaitfit_view::fit::{Fit, LogSummary, OptimizerRun, Parameter, Signal, SignalDistribution};
 use gaitfit_view::loop_report::{
-    Difference, DriftTrials, Estimate, HeldOut, JointDistance, LoopReport, Round, Tracking,
+    Difference, DriftTrials, HeldOut, JointDistance, LoopReport, Round, Tracking,
 };
 use gaitfit_view::replay::Replay;
 use gaitfit_view::training::{SeedCurve, Series};
+use gaitfit_view::{Drift, Estimate};
 use gaitfit_view::{Link, Setting};
 
 /// A small deterministic stand-in for noise, uniform in ±1.

@@ -126,28 +126,33 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     line(&mut text, "y", range(sizes.sideways), "m/s left");
     line(&mut text, "yaw", range(sizes.turning), "rad/s");
 
+    falls_and_draws(&mut text, model, anatomy, sizes, gains);
+    rewards(&mut text, anatomy, sizes);
+    text
+}
+
+/// When the robot has fallen, how robots differ, and pushes.
+fn falls_and_draws(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &Sizes, gains: &Gains) {
     let _ = writeln!(text, "\n[task.fall]");
     let contacts = list(anatomy.base_geoms.iter().map(|&geom| quoted(&model.geoms[geom].name)));
-    line(&mut text, "contacts", contacts, "geoms of the base: they must not touch the ground");
-    let share = if biped { 0.6 } else { 0.4 };
-    line(&mut text, "height", float(tidy(sizes.height - (1.0 - share) * sizes.tall())), "m, lowest base");
-    line(&mut text, "tilt", 60.0, "degrees");
+    line(text, "contacts", contacts, "geoms of the base: they must not touch the ground");
+    let share = if anatomy.biped() { 0.6 } else { 0.4 };
+    line(text, "height", float(tidy(sizes.height - (1.0 - share) * sizes.tall())), "m, lowest base");
+    line(text, "tilt", 60.0, "degrees");
 
     let _ = writeln!(text, "\n[task.randomisation]");
     let mass = sizes.mass / super::sizes::GO2_MASS;
     // Some files have a base of little mass that the rest is fixed to: more than it has cannot be taken away.
     let base_mass = model.bodies.first().map_or(0.0, |base| base.mass);
     let min = -mass.min(MIN_SHARE * base_mass);
-    line(&mut text, "base_mass", format!("[{:?}, {:?}]", tidy(min), tidy(3.0 * mass)), "kg added");
-    line(&mut text, "base_com", float(tidy(0.02 * sizes.length())), "m, half range along each axis");
+    line(text, "base_mass", format!("[{:?}, {:?}]", tidy(min), tidy(3.0 * mass)), "kg added");
+    line(text, "base_com", float(tidy(0.02 * sizes.length())), "m, half range along each axis");
     if let Some([min, max]) = gains.armature {
         let comment = "kg·m² added: the file has no rotor inertia (a guess)";
-        line(&mut text, "armature", format!("[{min:?}, {max:?}]"), comment);
+        line(text, "armature", format!("[{min:?}, {max:?}]"), comment);
     }
     let _ = writeln!(text, "\n[task.push]");
-    line(&mut text, "velocity", float(tidy(0.5 * sizes.length().sqrt())), "m/s");
-    rewards(&mut text, anatomy, sizes);
-    text
+    line(text, "velocity", float(tidy(0.5 * sizes.length().sqrt())), "m/s");
 }
 
 /// What the file lets touch of the robot itself, as a comment: it is off unless asked for.

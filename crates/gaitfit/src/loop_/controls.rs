@@ -9,7 +9,7 @@ use super::training_robot::TrainingRobot;
 use crate::Error;
 use crate::evaluate::{Better, Comparison, compare};
 use crate::target::{PolicyFiles, Target};
-use gaitfit_view::loop_report::Estimate;
+use gaitfit_view::Estimate;
 use std::path::PathBuf;
 
 /// Their names, and their folders.

@@ -5,6 +5,7 @@ mod fallback;
 pub mod files;
 pub mod fit_alone;
 mod presence;
+#[cfg(feature = "report")]
 mod report;
 pub mod results;
 pub mod rounds;
@@ -32,6 +33,7 @@ pub fn run(setup: &Setup, name: &str, resume: bool, watch: &Watch<'_>) -> Result
     protocol.run(watch, || {
         files::begin(&folder, setup)?;
         let done = rounds::run(setup, &folder, watch)?;
+        #[cfg(feature = "report")]
         report::write(setup, &folder, &done)?;
         Ok(done.results)
     })

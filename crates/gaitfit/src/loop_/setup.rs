@@ -142,21 +142,26 @@ impl Setup {
         let training = finetune::check(&setup.config.finetune, &setup.world_arguments(None), &setup.policy);
         training.map_err(|error| error.within(format!("{}: [finetune]", config_path.display())))?;
         setup.check_fit()?;
-        if let Some(target) = &setup.config.target {
-            // A spring on no joint, a place to fill in that there is not: found now, not after an hour.
-            match setup.target(target, PathBuf::new(), None)? {
-                Target::Simulated(mut target) => {
-                    target.arguments.theta = None;
-                    let policy = setup.policy.clone();
-                    let [safetensors, onnx] = [PathBuf::new(), PathBuf::new()];
-                    let world = target.world(&PolicyFiles { name: String::new(), safetensors, onnx, policy });
-                    world.map_err(|error| error.within(format!("{}: [target]", config_path.display())))?;
-                }
-                Target::Robot(robot) => robot.check_person()?,
-                Target::Command(_) => {}
-            }
-        }
+        setup.check_target()?;
         Ok(setup)
+    }
+
+    /// Refuses a target that cannot be made: a spring on no joint, a place to fill in that there is not. It is found now, not
+    /// after an hour.
+    fn check_target(&self) -> Result<(), Error> {
+        let Some(target) = &self.config.target else { return Ok(()) };
+        match self.target(target, PathBuf::new(), None)? {
+            Target::Simulated(mut target) => {
+                target.arguments.theta = None;
+                let policy = self.policy.clone();
+                let [safetensors, onnx] = [PathBuf::new(), PathBuf::new()];
+                let world = target.world(&PolicyFiles { name: String::new(), safetensors, onnx, policy });
+                world.map_err(|error| error.within(format!("{}: [target]", self.config_path.display())))?;
+            }
+            Target::Robot(robot) => robot.check_person()?,
+            Target::Command(_) => {}
+        }
+        Ok(())
     }
 
     /// Refuses trajectories shorter than the policy's control period, or more of them than can be.

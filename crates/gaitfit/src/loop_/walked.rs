@@ -4,7 +4,7 @@
 use crate::Error;
 use crate::evaluate::of_few;
 use gaitfit_log::{ReadOptions, Trajectory, csv_files, read_csv};
-use gaitfit_view::loop_report::Estimate;
+use gaitfit_view::Estimate;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

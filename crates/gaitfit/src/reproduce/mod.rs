@@ -4,6 +4,7 @@ mod cells;
 mod experiments;
 mod paper;
 mod parts;
+#[cfg(feature = "report")]
 mod plot;
 mod results;
 
@@ -94,6 +95,7 @@ pub fn run(request: &Request, watch: &Watch<'_>) -> Result<(Results, RunFolder),
         rows: rows(&paper, kind, &experiments, outcome),
         run_folder: folder.path().display().to_string(),
     };
+    #[cfg(feature = "report")]
     folder.write("plot.svg", plot::svg(&results).as_bytes())?;
     folder.write_json("result.json", &results)?;
     Ok((results, folder))

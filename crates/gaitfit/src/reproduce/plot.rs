@@ -2,8 +2,8 @@
 
 use super::paper::Kind;
 use super::results::{Results, Row, Walk, shown};
+use gaitfit_view::Estimate;
 use gaitfit_view::chart::{Bar, BarGroup, Look, bar_figure};
-use gaitfit_view::loop_report::Estimate;
 
 /// Draws the table as SVG.
 pub fn svg(results: &Results) -> String {

@@ -3,7 +3,7 @@
 use super::paper::Kind;
 use crate::adapt::CostFit;
 use crate::evaluate::{DriftResult, Evaluation, of_few};
-use gaitfit_view::loop_report::Estimate;
+use gaitfit_view::Estimate;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 

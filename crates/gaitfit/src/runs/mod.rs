@@ -1,7 +1,9 @@
 //! What was run: run folders with their results, to compare at a glance.
 
+#[cfg(feature = "report")]
 mod page;
 
+#[cfg(feature = "report")]
 pub use page::page;
 
 use crate::{Error, files};

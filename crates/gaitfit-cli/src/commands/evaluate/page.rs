@@ -8,8 +8,8 @@ use gaitfit::gait;
 use gaitfit::world::World;
 use gaitfit::{machine, policy_file};
 use gaitfit_learn::evaluate::Trial;
+use gaitfit_view::Estimate;
 use gaitfit_view::evaluation::{Ground, Histogram, Measure};
-use gaitfit_view::loop_report::Estimate;
 use gaitfit_view::{Doubt, DoubtKind, EvaluationReport, Replay, Setting};
 
 /// Bars of a histogram.

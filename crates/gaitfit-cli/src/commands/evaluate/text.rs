@@ -3,7 +3,7 @@
 use crate::table::table;
 use gaitfit::evaluate::{Evaluation, Verdict};
 use gaitfit_view::DoubtKind;
-use gaitfit_view::loop_report::Estimate;
+use gaitfit_view::Estimate;
 use std::fmt::Write as _;
 
 fn shown(estimate: Estimate, digits: usize) -> String {

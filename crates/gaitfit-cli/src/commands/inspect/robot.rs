@@ -100,6 +100,12 @@ fn text(summary: &Summary) -> String {
     if !summary.keyframes.is_empty() {
         let _ = writeln!(text, "\nkeyframes: {}", summary.keyframes.join(", "));
     }
+    remarks(&mut text, summary);
+    text
+}
+
+/// What of the file is not as the robot is: parts left out, changes, warnings.
+fn remarks(text: &mut String, summary: &Summary) {
     if !summary.left_out.is_empty() {
         text.push_str("\nleft out:\n");
     }
@@ -124,5 +130,4 @@ fn text(summary: &Summary) -> String {
     for warning in &summary.warnings {
         let _ = writeln!(text, "  {warning}");
     }
-    text
 }

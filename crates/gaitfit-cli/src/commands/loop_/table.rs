@@ -4,7 +4,7 @@ use crate::table::table;
 use gaitfit::evaluate::{DriftResult, Evaluation};
 use gaitfit::loop_::results::{Measurement, ONE_TRAINING, RANDOMISED, REFERENCE, Results, TARGET};
 use gaitfit::loop_::walked;
-use gaitfit_view::loop_report::Estimate;
+use gaitfit_view::Estimate;
 use std::fmt::Write;
 
 /// Before and after, drift, what to know, and where the files are.

@@ -3,7 +3,7 @@
 use crate::table::table;
 use gaitfit::reproduce::{Kind, Paper};
 use gaitfit::reproduce::{Results, Walk, shown as estimate};
-use gaitfit_view::loop_report::Estimate;
+use gaitfit_view::Estimate;
 use std::fmt::Write;
 
 /// The tables that there are.

@@ -1,18 +1,18 @@
 //! Attributes of a node.
 
 use super::constant::Constant;
+use super::node_error::{NodeError, misfit, unread};
 use super::proto::{Attribute, Node};
+use crate::network::SELU;
 use prost::Message;
 
 /// A node's attributes.
 pub(super) struct Attributes(Vec<Attribute>);
 
 impl Attributes {
-    pub(super) fn decode(node: &Node) -> Result<Self, String> {
+    pub(super) fn decode(node: &Node) -> Result<Self, NodeError> {
         let all = node.attribute.iter().map(|bytes| Attribute::decode(bytes.as_slice()));
-        all.collect::<Result<_, _>>()
-            .map(Self)
-            .map_err(|error| format!("its attributes are damaged ({error})"))
+        Ok(Self(all.collect::<Result<_, _>>()?))
     }
 
     fn find(&self, name: &str) -> Option<&Attribute> {
@@ -49,21 +49,30 @@ impl Attributes {
         self.find(name).map_or(default, |attribute| attribute.f)
     }
 
+    /// Alpha and gamma of a `Selu` node if they are not those of SELU.
+    pub(super) fn other_selu(&self) -> Option<[f32; 2]> {
+        let [alpha, gamma] = SELU.map(|value| value as f32);
+        Some([self.number("alpha", alpha), self.number("gamma", gamma)]).filter(|all| *all != [alpha, gamma])
+    }
+
     /// A tensor of numbers; `None` where there is none, or none that is read.
     pub(super) fn tensor(&self, name: &str) -> Option<Constant> {
         Constant::read(self.find(name)?.t.clone()?).ok()
     }
 
     /// The value of a `Constant` node.
-    pub(super) fn constant(&self) -> Result<Constant, String> {
-        let attribute = self.0.first().filter(|_| self.0.len() == 1).ok_or("it has no single value")?;
+    pub(super) fn constant(&self) -> Result<Constant, NodeError> {
+        let attribute =
+            self.0.first().filter(|_| self.0.len() == 1).ok_or(unread("it has no single value"))?;
         match (attribute.name.as_str(), &attribute.t) {
-            ("value", Some(tensor)) => Constant::read(tensor.clone()).map_err(|error| error.to_string()),
+            ("value", Some(tensor)) => {
+                Constant::read(tensor.clone()).map_err(|error| misfit(error.to_string()))
+            }
             ("value_float", _) => Ok(Constant::scalar(f64::from(attribute.f))),
             ("value_int", _) => Ok(Constant::scalar(attribute.i as f64)),
             ("value_floats", _) => Ok(vector(attribute.floats.iter().map(|&x| f64::from(x)).collect())),
             ("value_ints", _) => Ok(vector(attribute.ints.iter().map(|&x| x as f64).collect())),
-            _ => Err("its value is not a tensor of numbers".to_owned()),
+            _ => Err(unread("its value is not a tensor of numbers")),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Between which numbers a graph clips what its layers give.
 
+use super::node_error::{NodeError, misfit};
 use crate::PolicyError;
 use crate::error::invalid;
 use std::ops::Range;
@@ -22,12 +23,12 @@ impl Bounds {
     }
 
     /// x ↦ x ∘ factor + offset; vectors of one number or of the width.
-    pub fn scale(&mut self, factor: &[f64], offset: &[f64]) -> Result<(), String> {
+    pub fn scale(&mut self, factor: &[f64], offset: &[f64]) -> Result<(), NodeError> {
         let at =
             |values: &[f64], index: usize| values.get(if values.len() == 1 { 0 } else { index }).copied();
         for (index, bound) in self.0.iter_mut().enumerate() {
             let (Some(factor), Some(offset)) = (at(factor, index), at(offset, index)) else {
-                return Err("its constant is not of as many numbers as the layer before it gives".to_owned());
+                return Err(misfit("its constant is not of as many numbers as the layer before it gives"));
             };
             *bound = bound.map(|limit| factor * limit + offset);
             bound.sort_by(f64::total_cmp);

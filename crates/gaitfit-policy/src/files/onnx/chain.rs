@@ -2,6 +2,7 @@
 
 use super::bounds::Bounds;
 use super::constant::Constant;
+use super::node_error::{NodeError, misfit, unread};
 use crate::PolicyError;
 use crate::error::invalid;
 use crate::files::layers::{Affine, MAX_LAYERS, assemble};
@@ -61,19 +62,19 @@ impl Chain {
     }
 
     /// One more recurrent layer.
-    pub fn recurrent(&mut self, cell: Cell, layer: RecurrentLayer) -> Result<(), String> {
+    pub fn recurrent(&mut self, cell: Cell, layer: RecurrentLayer) -> Result<(), NodeError> {
         if !self.layers.is_empty() {
-            return Err("it stands behind other layers; memories are read before them only".to_owned());
+            return Err(unread("it stands behind other layers; memories are read before them only"));
         }
         if self.remembering() == MAX_LAYERS {
-            return Err(format!("it is one layer more than {MAX_LAYERS}"));
+            return Err(misfit(format!("it is one layer more than {MAX_LAYERS}")));
         }
         let memory = self.memory.get_or_insert(Recurrent { cell, layers: Vec::new() });
         if memory.cell != cell {
-            return Err(format!("the layer before it is a {}", memory.cell.name()));
+            return Err(misfit(format!("the layer before it is a {}", memory.cell.name())));
         }
         memory.layers.push(layer);
-        memory.mistake().map_or(Ok(()), Err)
+        memory.mistake().map_or(Ok(()), |mistake| Err(misfit(mistake)))
     }
 
     /// The numbers a row has at the beginning; `None` before the first layer.
@@ -83,17 +84,19 @@ impl Chain {
     }
 
     /// x ↦ x ∘ factor + offset.
-    pub fn elementwise(&mut self, factor: &Constant, offset: &Constant) -> Result<(), String> {
+    pub fn elementwise(&mut self, factor: &Constant, offset: &Constant) -> Result<(), NodeError> {
         let row = |constant: &Constant| {
-            constant.as_row().map(<[f64]>::to_vec).ok_or("its constant does not act alike on every row")
+            constant
+                .as_row()
+                .map(<[f64]>::to_vec)
+                .ok_or(unread("its constant does not act alike on every row"))
         };
         let (factor, offset) = (row(factor)?, row(offset)?);
         if self.last.is_some() {
-            return Err(
+            return Err(unread(
                 "it stands behind an activation: export the actor without it, and let the description's action_scale have \
-                 its factor"
-                    .to_owned(),
-            );
+                 its factor",
+            ));
         }
         if let Some(bounds) = &mut self.bounds {
             bounds.scale(&factor, &offset)?;
@@ -102,7 +105,9 @@ impl Chain {
         if let Some(Some(norm)) = self.norms.last_mut().filter(|_| normed) {
             let width = norm.weight.len();
             if [&factor, &offset].iter().any(|values| values.len() != 1 && values.len() != width) {
-                return Err(format!("its constant is not of the {width} numbers of the norm before it"));
+                return Err(misfit(format!(
+                    "its constant is not of the {width} numbers of the norm before it"
+                )));
             }
             let at = |values: &[f64], index: usize| values[if values.len() == 1 { 0 } else { index }];
             for (index, (weight, bias)) in norm.weight.iter_mut().zip(&mut norm.bias).enumerate() {
@@ -113,13 +118,15 @@ impl Chain {
         }
         let Some(layer) = self.layers.last_mut() else {
             if self.memory.is_some() {
-                return Err("it stands between a memory and a layer".to_owned());
+                return Err(unread("it stands between a memory and a layer"));
             }
             let before = self.before.take().unwrap_or(Elementwise { factor: vec![1.0], offset: vec![0.0] });
             let sizes = [&before.factor, &before.offset, &factor, &offset].map(Vec::len);
             let width = sizes.into_iter().max().unwrap_or(1);
             if sizes.iter().any(|&size| size != 1 && size != width) {
-                return Err(format!("its constant has another width than the one before it: {sizes:?}"));
+                return Err(misfit(format!(
+                    "its constant has another width than the one before it: {sizes:?}"
+                )));
             }
             let at = |values: &[f64], index: usize| if values.len() == 1 { values[0] } else { values[index] };
             let both = |index| {
@@ -132,11 +139,11 @@ impl Chain {
         };
         for values in [&factor, &offset] {
             if values.len() != 1 && values.len() != layer.outputs {
-                return Err(format!(
+                return Err(misfit(format!(
                     "its constant has {} numbers, the layer before it gives {}",
                     values.len(),
                     layer.outputs
-                ));
+                )));
             }
         }
         let at = |values: &[f64], index: usize| if values.len() == 1 { values[0] } else { values[index] };
@@ -152,38 +159,41 @@ impl Chain {
     }
 
     /// x ↦ x W + b; `weight` is `inputs × outputs`, row-major.
-    pub fn layer(&mut self, layer: Affine) -> Result<(), String> {
+    pub fn layer(&mut self, layer: Affine) -> Result<(), NodeError> {
         self.not_clipped()?;
         if layer.inputs == 0 || layer.outputs == 0 {
-            return Err("its weight is empty".to_owned());
+            return Err(misfit("its weight is empty"));
         }
         if self.layers.len() == MAX_LAYERS {
-            return Err(format!("it is one layer more than {MAX_LAYERS}"));
+            return Err(misfit(format!("it is one layer more than {MAX_LAYERS}")));
         }
         match self.width() {
             Some(width) if width != layer.inputs => {
-                return Err(format!("it takes {} numbers, the layer before it gives {width}", layer.inputs));
+                return Err(misfit(format!(
+                    "it takes {} numbers, the layer before it gives {width}",
+                    layer.inputs
+                )));
             }
             Some(_) if self.last.is_none() && !self.layers.is_empty() => {
-                return Err("it follows another layer without an activation between them".to_owned());
+                return Err(unread("it follows another layer without an activation between them"));
             }
             _ => {}
         }
         if let (Some(last), Some(other)) = (self.last, self.activation)
             && last != other
         {
-            return Err(format!(
+            return Err(misfit(format!(
                 "the layer before it has {last}, others {other}; all hidden layers must use one activation"
-            ));
+            )));
         }
         self.activation = self.last.take().or(self.activation);
         if let (true, None, Some(before)) = (self.layers.is_empty(), &self.memory, &self.before) {
             let width = before.factor.len();
             if width != 1 && width != layer.inputs {
-                return Err(format!(
+                return Err(unread(format!(
                     "it takes {} numbers, the normaliser before it has {width}",
                     layer.inputs
-                ));
+                )));
             }
         }
         self.layers.push(layer);
@@ -191,16 +201,16 @@ impl Chain {
     }
 
     /// A layer norm of the last layer's output.
-    pub fn norm(&mut self, norm: LayerNorm) -> Result<(), String> {
+    pub fn norm(&mut self, norm: LayerNorm) -> Result<(), NodeError> {
         self.not_clipped()?;
         let Some(width) = self.width().filter(|_| self.last.is_none() && !self.layers.is_empty()) else {
-            return Err("it does not follow a layer".to_owned());
+            return Err(unread("it does not follow a layer"));
         };
         if self.norms.len() == self.layers.len() {
-            return Err("it follows another layer norm".to_owned());
+            return Err(unread("it follows another layer norm"));
         }
         if norm.weight.len() != width || norm.bias.len() != width {
-            return Err(format!("its weights are not {width}, as the layer before it gives"));
+            return Err(misfit(format!("its weights are not {width}, as the layer before it gives")));
         }
         self.norms.resize(self.layers.len() - 1, None);
         self.norms.push(Some(norm));
@@ -208,32 +218,31 @@ impl Chain {
     }
 
     /// The function behind a layer; the same behind all but the last.
-    pub fn activate(&mut self, activation: Activation) -> Result<(), String> {
+    pub fn activate(&mut self, activation: Activation) -> Result<(), NodeError> {
         self.not_clipped()?;
         if self.layers.is_empty() {
-            return Err("it stands before the first layer".to_owned());
+            return Err(unread("it stands before the first layer"));
         }
         if self.last.is_some() {
-            return Err("it follows another activation".to_owned());
+            return Err(unread("it follows another activation"));
         }
         if !activation.is_sound() {
-            return Err(format!("its parameter is out of range ({activation})"));
+            return Err(misfit(format!("its parameter is out of range ({activation})")));
         }
         self.last = Some(activation);
         Ok(())
     }
 
     /// x ↦ max(low, min(x, high)) of every number.
-    pub fn clip(&mut self, low: f64, high: f64) -> Result<(), String> {
+    pub fn clip(&mut self, low: f64, high: f64) -> Result<(), NodeError> {
         if self.layers.is_empty() {
-            return Err(
+            return Err(unread(
                 "it clips the observation, which is not read: export the actor without it, or run the whole file as a \
-                 function in Python (gaitfit.Policy, docs/python.md)"
-                    .to_owned(),
-            );
+                 function in Python (gaitfit.Policy, docs/python.md)",
+            ));
         }
         if low.is_nan() || high.is_nan() || low > high {
-            return Err(format!("it clips to [{low}, {high}], which is no interval"));
+            return Err(misfit(format!("it clips to [{low}, {high}], which is no interval")));
         }
         // Nothing changes behind a tanh.
         if self.last == Some(Activation::Tanh) && low <= -1.0 && high >= 1.0 {
@@ -245,13 +254,13 @@ impl Chain {
     }
 
     /// Only the numbers `range` of what the last layer gives.
-    pub fn select(&mut self, range: Range<usize>) -> Result<(), String> {
+    pub fn select(&mut self, range: Range<usize>) -> Result<(), NodeError> {
         let normed = self.norms.len() == self.layers.len() && self.norms.last().is_some_and(Option::is_some);
         let Some(layer) = self.layers.last_mut().filter(|_| !normed) else {
-            return Err("it takes a part of what a memory or a layer norm gives".to_owned());
+            return Err(unread("it takes a part of what a memory or a layer norm gives"));
         };
         if range.is_empty() || range.end > layer.outputs {
-            return Err(format!("it takes numbers {range:?} of {}", layer.outputs));
+            return Err(misfit(format!("it takes numbers {range:?} of {}", layer.outputs)));
         }
         let rows = layer.weight.chunks_exact(layer.outputs);
         layer.weight = rows.flat_map(|row| row[range.clone()].to_vec()).collect();
@@ -264,10 +273,10 @@ impl Chain {
     }
 
     /// Refuses what stands behind a clip.
-    fn not_clipped(&self) -> Result<(), String> {
+    fn not_clipped(&self) -> Result<(), NodeError> {
         match self.bounds {
             None => Ok(()),
-            Some(_) => Err("it stands behind a Clip; only actions are clipped, behind all layers".to_owned()),
+            Some(_) => Err(unread("it stands behind a Clip; only actions are clipped, behind all layers")),
         }
     }
 

@@ -8,12 +8,13 @@ use super::fuse::fuse;
 use super::linear::{gemm, keeps_rows, linear};
 use super::metadata;
 use super::moves::moved;
+use super::node_error::{NodeError, misfit, unread};
 use super::parts::Parts;
 use super::proto::{Dimension, FLOAT, Graph, Model, Node, OperatorSet, Tensor, ValueInfo};
 use super::recurrent::{Remembered, is_recurrent};
 use crate::PolicyError;
 use crate::error::invalid;
-use crate::network::{Activation, LayerNorm, SELU};
+use crate::network::{Activation, LayerNorm};
 use gaitfit_model::shown;
 use prost::Message;
 use std::collections::HashMap;
@@ -216,19 +217,19 @@ pub(super) struct Walk {
 }
 
 impl Walk {
-    fn node(&mut self, node: &Node) -> Result<(), String> {
+    fn node(&mut self, node: &Node) -> Result<(), NodeError> {
         if !matches!(node.domain.as_str(), "" | "ai.onnx") {
-            return Err(format!(
+            return Err(unread(format!(
                 "it is of the operator set `{}`; only {UNDERSTOOD} is read",
                 shown(&node.domain)
-            ));
+            )));
         }
         if node.input.len() > MAX_PARTS || node.attribute.len() > MAX_PARTS {
-            return Err(format!("it has more than {MAX_PARTS} inputs or attributes"));
+            return Err(misfit(format!("it has more than {MAX_PARTS} inputs or attributes")));
         }
-        let output = node.output.first().ok_or("it has no output")?.clone();
+        let output = node.output.first().ok_or(misfit("it has no output"))?.clone();
         if output == self.head || self.constants.contains_key(&output) {
-            return Err("its output has a name that is taken".to_owned());
+            return Err(misfit("its output has a name that is taken"));
         }
         let attributes = Attributes::decode(node)?;
         if node.op_type == "Constant" {
@@ -252,17 +253,17 @@ impl Walk {
         if let Some(other) =
             inputs.iter().find(|&&name| name != self.head && !self.constants.contains_key(name))
         {
-            return Err(format!(
+            return Err(unread(format!(
                 "it takes `{}`, which is not what the node before it gives; only {UNDERSTOOD} is read",
                 shown(other)
-            ));
+            )));
         }
         if !inputs.contains(&self.head.as_str()) {
             let constants: Vec<&Constant> =
                 inputs.iter().filter_map(|&name| self.constants.get(name)).collect();
             let folded = Constant::fold(&node.op_type, &constants)
                 .or_else(|| moved(&node.op_type, &constants, &attributes, MAX_MOVED))
-                .ok_or_else(|| format!("it computes a constant; only {UNDERSTOOD} is read"))?;
+                .ok_or_else(|| unread(format!("it computes a constant; only {UNDERSTOOD} is read")))?;
             return self.keep(output, folded);
         }
         if self.cuts(node, &attributes)? {
@@ -276,17 +277,17 @@ impl Walk {
         Ok(())
     }
 
-    fn keep(&mut self, name: String, constant: Constant) -> Result<(), String> {
+    fn keep(&mut self, name: String, constant: Constant) -> Result<(), NodeError> {
         self.numbers += constant.values.len();
         if self.numbers > MAX_NUMBERS {
-            return Err(format!("the graph's constants have more than {MAX_NUMBERS} numbers"));
+            return Err(misfit(format!("the graph's constants have more than {MAX_NUMBERS} numbers")));
         }
         self.constants.insert(name, constant);
         Ok(())
     }
 
     /// One operator on the chain's value.
-    fn apply(&mut self, node: &Node, inputs: &[&str], attributes: &Attributes) -> Result<(), String> {
+    fn apply(&mut self, node: &Node, inputs: &[&str], attributes: &Attributes) -> Result<(), NodeError> {
         let first = inputs.first() == Some(&self.head.as_str());
         let constant = |index: usize| inputs.get(index).and_then(|name| self.constants.get(*name));
         let one = Constant::scalar(1.0);
@@ -298,20 +299,18 @@ impl Walk {
             ("Reshape", true) => {
                 let width = self.chain.width().or(self.input_width);
                 let harmless = constant(1).is_some_and(|shape| keeps_rows(&shape.values, width));
-                if harmless { Ok(()) } else { Err("it reshapes rows; only [−1, width] is read".to_owned()) }
+                if harmless { Ok(()) } else { Err(unread("it reshapes rows; only [−1, width] is read")) }
             }
             ("Elu", true) => self.chain.activate(Activation::elu(attributes.number("alpha", 1.0))),
             ("LeakyRelu", true) => {
                 self.chain.activate(Activation::LeakyRelu(attributes.number("alpha", 0.01)))
             }
-            ("Selu", true) => {
-                let [alpha, gamma] = SELU.map(|value| value as f32);
-                let stated = [attributes.number("alpha", alpha), attributes.number("gamma", gamma)];
-                if stated != [alpha, gamma] {
-                    return Err(format!("its alpha and gamma are {stated:?}; only SELU's own are read"));
+            ("Selu", true) => match attributes.other_selu() {
+                None => self.chain.activate(Activation::Selu),
+                Some(stated) => {
+                    Err(unread(format!("its alpha and gamma are {stated:?}; only SELU's own are read")))
                 }
-                self.chain.activate(Activation::Selu)
-            }
+            },
             ("Silu" | "Swish", true) if attributes.number("alpha", 1.0) == 1.0 => {
                 self.chain.activate(Activation::Silu)
             }
@@ -321,30 +320,20 @@ impl Walk {
                 _ => Activation::Gelu,
             }),
             ("LayerNormalization", true) if matches!(attributes.integer("axis", -1), -1 | 1) => {
-                let row = |constant: Option<&Constant>, other: f32| match constant {
-                    Some(constant) => constant
-                        .as_row()
-                        .map(|row| row.iter().map(|&x| x as f32).collect::<Vec<f32>>())
-                        .ok_or("its weight or bias does not act alike on every row"),
-                    None => Ok(vec![other; self.chain.width().unwrap_or(0)]),
-                };
-                if inputs.len() > 3 || inputs.len() > 1 && constant(1).is_none() {
-                    return Err("its weight is not a constant".to_owned());
-                }
-                self.chain.norm(LayerNorm {
-                    weight: row(constant(1), 1.0)?,
-                    bias: row(constant(2), 0.0)?,
-                    epsilon: attributes.number("epsilon", LayerNorm::EPSILON),
-                })
+                let norm = self.layer_norm(inputs, attributes)?;
+                self.chain.norm(norm)
             }
             ("Relu", true) => self.chain.activate(Activation::Relu),
             ("Tanh", true) => self.chain.activate(Activation::Tanh),
             ("MatMul", true) => {
-                let layer = linear(constant(1).ok_or("its weight is not a constant")?, false)?;
+                let layer = linear(
+                    constant(1).ok_or(NodeError::NotConstant("its weight is not a constant"))?,
+                    false,
+                )?;
                 self.chain.layer(layer)
             }
             ("Gemm", true) => {
-                let weight = constant(1).ok_or("its weight is not a constant")?;
+                let weight = constant(1).ok_or(NodeError::NotConstant("its weight is not a constant"))?;
                 let layer = gemm(weight, constant(2), attributes)?;
                 self.chain.layer(layer)
             }
@@ -359,7 +348,7 @@ impl Walk {
                         });
                     };
                     let constant = self.constants.get(name).and_then(Constant::as_scalar);
-                    constant.ok_or("its limits are not constants")
+                    constant.ok_or(NodeError::NotConstant("its limits are not constants"))
                 };
                 let low = limit(1, "min", f64::NEG_INFINITY)?;
                 let high = limit(2, "max", f64::INFINITY)?;
@@ -367,17 +356,17 @@ impl Walk {
             }
             ("Max" | "Min", _) if inputs.len() == 2 => {
                 let other = constant(usize::from(first)).and_then(Constant::as_scalar);
-                let limit = other.ok_or("it needs one constant number beside the layers' value")?;
+                let limit = other.ok_or(misfit("it needs one constant number beside the layers' value"))?;
                 match node.op_type.as_str() {
                     "Max" => self.chain.clip(limit, f64::INFINITY),
                     _ => self.chain.clip(f64::NEG_INFINITY, limit),
                 }
             }
             ("Add" | "Sub" | "Mul" | "Div", _) => {
-                let other =
-                    constant(usize::from(first)).ok_or("it needs a constant beside the layers' value")?;
+                let other = constant(usize::from(first))
+                    .ok_or(misfit("it needs a constant beside the layers' value"))?;
                 let inverse = |name: &str, constant: &Constant| {
-                    Constant::fold(name, &[constant]).ok_or("its constant cannot be used")
+                    Constant::fold(name, &[constant]).ok_or(misfit("its constant cannot be used"))
                 };
                 match (node.op_type.as_str(), first) {
                     ("Add", _) => self.chain.elementwise(&one, other),
@@ -385,13 +374,33 @@ impl Walk {
                     ("Sub", true) => self.chain.elementwise(&one, &inverse("Neg", other)?),
                     ("Sub", false) => self.chain.elementwise(&Constant::scalar(-1.0), other),
                     ("Div", true) => self.chain.elementwise(&inverse("Reciprocal", other)?, &zero),
-                    _ => Err("it divides by what the layers give".to_owned()),
+                    _ => Err(unread("it divides by what the layers give")),
                 }
             }
-            _ => Err(format!(
+            _ => Err(unread(format!(
                 "it is not understood here; only {UNDERSTOOD} is read. Export the actor's layers without what stands around \
                  them, or run the whole file as a function in Python (gaitfit.Policy, docs/python.md)"
-            )),
+            ))),
         }
+    }
+
+    /// The weights of a layer norm.
+    fn layer_norm(&self, inputs: &[&str], attributes: &Attributes) -> Result<LayerNorm, NodeError> {
+        let constant = |index: usize| inputs.get(index).and_then(|name| self.constants.get(*name));
+        let row = |constant: Option<&Constant>, other: f32| match constant {
+            Some(constant) => constant
+                .as_row()
+                .map(|row| row.iter().map(|&x| x as f32).collect::<Vec<f32>>())
+                .ok_or(unread("its weight or bias does not act alike on every row")),
+            None => Ok(vec![other; self.chain.width().unwrap_or(0)]),
+        };
+        if inputs.len() > 3 || inputs.len() > 1 && constant(1).is_none() {
+            return Err(NodeError::NotConstant("its weight is not a constant"));
+        }
+        Ok(LayerNorm {
+            weight: row(constant(1), 1.0)?,
+            bias: row(constant(2), 0.0)?,
+            epsilon: attributes.number("epsilon", LayerNorm::EPSILON),
+        })
     }
 }

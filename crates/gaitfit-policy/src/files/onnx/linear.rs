@@ -2,12 +2,13 @@
 
 use super::attributes::Attributes;
 use super::constant::Constant;
+use super::node_error::{NodeError, misfit, unread};
 use crate::files::layers::{Affine, transpose};
 
 /// A weight matrix; `transposed` is `outputs × inputs`.
-pub(super) fn linear(weight: &Constant, transposed: bool) -> Result<Affine, String> {
+pub(super) fn linear(weight: &Constant, transposed: bool) -> Result<Affine, NodeError> {
     let [rows, columns] = weight.dims[..] else {
-        return Err(format!("its weight has shape {:?}; a matrix is needed", weight.dims));
+        return Err(misfit(format!("its weight has shape {:?}; a matrix is needed", weight.dims)));
     };
     let single: Vec<f32> = weight.values.iter().map(|&x| x as f32).collect();
     let (inputs, outputs, weight) =
@@ -20,9 +21,9 @@ pub(super) fn gemm(
     weight: &Constant,
     bias: Option<&Constant>,
     attributes: &Attributes,
-) -> Result<Affine, String> {
+) -> Result<Affine, NodeError> {
     if attributes.integer("transA", 0) != 0 {
-        return Err("it transposes the layers' value (transA), which mixes rows".to_owned());
+        return Err(unread("it transposes the layers' value (transA), which mixes rows"));
     }
     let mut layer = linear(weight, attributes.integer("transB", 0) != 0)?;
     let (alpha, beta) = (attributes.number("alpha", 1.0), attributes.number("beta", 1.0));
@@ -30,9 +31,13 @@ pub(super) fn gemm(
         *weight *= alpha;
     }
     if let Some(bias) = bias {
-        let row = bias.as_row().ok_or("its bias does not act alike on every row")?;
+        let row = bias.as_row().ok_or(unread("its bias does not act alike on every row"))?;
         if row.len() != 1 && row.len() != layer.outputs {
-            return Err(format!("its bias has {} numbers, its weight gives {}", row.len(), layer.outputs));
+            return Err(misfit(format!(
+                "its bias has {} numbers, its weight gives {}",
+                row.len(),
+                layer.outputs
+            )));
         }
         layer.bias = (0..layer.outputs).map(|index| beta * row[index.min(row.len() - 1)] as f32).collect();
     }

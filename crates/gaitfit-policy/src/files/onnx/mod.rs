@@ -14,6 +14,7 @@ mod linear;
 mod metadata;
 mod missing;
 mod moves;
+mod node_error;
 mod parts;
 mod program;
 mod proto;

@@ -4,6 +4,7 @@ use super::attributes::Attributes;
 use super::constant::Constant;
 use super::graph::Walk;
 use super::moves::range;
+use super::node_error::{NodeError, misfit, unread};
 use super::proto::Node;
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
@@ -53,15 +54,14 @@ impl Walk {
     ///
     /// # Errors
     /// A cut that is not known before the graph runs.
-    pub(super) fn cuts(&mut self, node: &Node, attributes: &Attributes) -> Result<bool, String> {
+    pub(super) fn cuts(&mut self, node: &Node, attributes: &Attributes) -> Result<bool, NodeError> {
         if node.input.first() != Some(&self.head) || !matches!(node.op_type.as_str(), "Split" | "Slice") {
             return Ok(false);
         }
         let Some(width) = self.chain.width().filter(|_| !self.chain.is_empty()) else {
-            return Err(
-                "it cuts the observation into parts; only actors that see all of it in one network are read"
-                    .to_owned(),
-            );
+            return Err(unread(
+                "it cuts the observation into parts; only actors that see all of it in one network are read",
+            ));
         };
         let ranges = if node.op_type == "Split" {
             split(node, attributes, width, |name| self.constants.get(name))?
@@ -69,7 +69,7 @@ impl Walk {
             vec![slice(node, width, |name| self.constants.get(name))?]
         };
         if ranges.len() != node.output.len() || ranges.iter().any(Range::is_empty) {
-            return Err(format!("it does not cut {width} numbers into {} parts", node.output.len()));
+            return Err(misfit(format!("it does not cut {width} numbers into {} parts", node.output.len())));
         }
         self.parts.ranges.extend(node.output.iter().cloned().zip(ranges));
         Ok(true)
@@ -79,7 +79,7 @@ impl Walk {
     ///
     /// # Errors
     /// A layer of which no part can be taken.
-    pub(super) fn take_part(&mut self, name: &str) -> Result<(), String> {
+    pub(super) fn take_part(&mut self, name: &str) -> Result<(), NodeError> {
         let Some(range) = self.parts.ranges.remove(name) else { return Ok(()) };
         self.chain.select(range)?;
         self.head = name.to_owned();
@@ -89,10 +89,10 @@ impl Walk {
 }
 
 /// Whether an axis of a row of numbers is that of the numbers: rows have two axes.
-fn of_numbers(axis: i64) -> Result<(), String> {
+fn of_numbers(axis: i64) -> Result<(), NodeError> {
     match axis {
         -1 | 1 => Ok(()),
-        _ => Err("it cuts between rows, not a row".to_owned()),
+        _ => Err(unread("it cuts between rows, not a row")),
     }
 }
 
@@ -102,12 +102,12 @@ fn split<'a>(
     attributes: &Attributes,
     width: usize,
     constant: impl Fn(&str) -> Option<&'a Constant>,
-) -> Result<Vec<Range<usize>>, String> {
+) -> Result<Vec<Range<usize>>, NodeError> {
     of_numbers(attributes.integer("axis", 0))?;
     let given = node.input.get(1).filter(|name| !name.is_empty());
     let sizes: Vec<usize> = match (given, attributes.list("split")) {
         (Some(name), _) => {
-            let sizes = constant(name).ok_or("its sizes are not constants")?;
+            let sizes = constant(name).ok_or(NodeError::NotConstant("its sizes are not constants"))?;
             sizes.values.iter().map(|&size| size as usize).collect()
         }
         (None, Some(sizes)) => sizes.iter().map(|&size| usize::try_from(size).unwrap_or(0)).collect(),
@@ -126,7 +126,7 @@ fn split<'a>(
         ranges.push(start..end);
     }
     if end != width {
-        return Err(format!("its parts have {end} numbers, the layer before it gives {width}"));
+        return Err(misfit(format!("its parts have {end} numbers, the layer before it gives {width}")));
     }
     Ok(ranges)
 }
@@ -136,21 +136,21 @@ fn slice<'a>(
     node: &Node,
     width: usize,
     constant: impl Fn(&str) -> Option<&'a Constant>,
-) -> Result<Range<usize>, String> {
+) -> Result<Range<usize>, NodeError> {
     let number = |place: usize| {
         let name = node.input.get(place).filter(|name| !name.is_empty())?;
         Some(
             constant(name)
                 .and_then(Constant::as_scalar)
-                .ok_or("its limits are not single constants".to_owned()),
+                .ok_or(NodeError::NotConstant("its limits are not single constants")),
         )
     };
     let (Some(start), Some(end)) = (number(1), number(2)) else {
-        return Err("its limits are not inputs of it; export with operator set 10 or later".to_owned());
+        return Err(unread("its limits are not inputs of it; export with operator set 10 or later"));
     };
     of_numbers(number(3).transpose()?.map_or(0, |axis| axis as i64))?;
     if number(4).transpose()?.is_some_and(|step| step != 1.0) {
-        return Err("it takes steps; only whole parts are read".to_owned());
+        return Err(unread("it takes steps; only whole parts are read"));
     }
     Ok(range(start?, end?, width))
 }

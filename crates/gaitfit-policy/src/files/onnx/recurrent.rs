@@ -3,6 +3,7 @@
 use super::attributes::Attributes;
 use super::constant::Constant;
 use super::graph::Walk;
+use super::node_error::{NodeError, misfit, unread};
 use super::proto::Node;
 use crate::files::layers::transpose;
 use crate::network::{Cell, RecurrentLayer};
@@ -77,12 +78,12 @@ impl Walk {
     }
 
     /// One layer with a memory.
-    pub(super) fn recurrent(&mut self, node: &Node, attributes: &Attributes) -> Result<(), String> {
+    pub(super) fn recurrent(&mut self, node: &Node, attributes: &Attributes) -> Result<(), NodeError> {
         let input =
             |number: usize| node.input.get(number).map(String::as_str).filter(|name| !name.is_empty());
         let cell = if node.op_type == "LSTM" { Cell::Lstm } else { Cell::Gru };
         if input(0) != Some(&self.head) || !self.steps {
-            return Err("its input is not the observation as one time step".to_owned());
+            return Err(misfit("its input is not the observation as one time step"));
         }
         plain(node, attributes)?;
         let number = self.chain.remembering();
@@ -91,16 +92,18 @@ impl Walk {
             let Some(name) = input(place) else { continue };
             match self.states.get(name) {
                 Some(state) if state.layer.is_none_or(|layer| layer == number) => origins.push(state.origin),
-                Some(_) => return Err(format!("`{}` is another layer's state", gaitfit_model::shown(name))),
+                Some(_) => {
+                    return Err(misfit(format!("`{}` is another layer's state", gaitfit_model::shown(name))));
+                }
                 // Constant states would not be remembered.
-                None => return Err("its initial state is not an input of the graph".to_owned()),
+                None => return Err(misfit("its initial state is not an input of the graph")),
             }
         }
         let expected: Vec<usize> = (0..if cell == Cell::Lstm { 2 } else { 1 }).collect();
         if origins != expected {
-            return Err(
-                "its states are not the graph's inputs in their order (h_in, and c_in of an LSTM)".to_owned()
-            );
+            return Err(misfit(
+                "its states are not the graph's inputs in their order (h_in, and c_in of an LSTM)",
+            ));
         }
         let layer = layer_of(&self.constants, cell, [input(1), input(2), input(3)])?;
         self.chain.recurrent(cell, layer)?;
@@ -116,12 +119,12 @@ impl Walk {
 ///
 /// # Errors
 /// What PyTorch does not export.
-pub(super) fn plain(node: &Node, attributes: &Attributes) -> Result<Cell, String> {
+pub(super) fn plain(node: &Node, attributes: &Attributes) -> Result<Cell, NodeError> {
     let input = |number: usize| node.input.get(number).filter(|name| !name.is_empty());
     let cell = if node.op_type == "LSTM" { Cell::Lstm } else { Cell::Gru };
     for name in ["activations", "clip", "activation_alpha", "activation_beta"] {
         if attributes.has(name) {
-            return Err(format!("its attribute {name} is not read"));
+            return Err(unread(format!("its attribute {name} is not read")));
         }
     }
     let direction = attributes.text("direction");
@@ -130,10 +133,10 @@ pub(super) fn plain(node: &Node, attributes: &Attributes) -> Result<Cell, String
         || attributes.integer("input_forget", 0) != 0
         || cell == Cell::Gru && attributes.integer("linear_before_reset", 0) != 1
     {
-        return Err("only forward layers as PyTorch exports them are read".to_owned());
+        return Err(unread("only forward layers as PyTorch exports them are read"));
     }
     if input(4).is_some() || input(7).is_some() {
-        return Err("sequence lengths and peepholes are not read".to_owned());
+        return Err(misfit("sequence lengths and peepholes are not read"));
     }
     Ok(cell)
 }
@@ -143,18 +146,24 @@ pub(super) fn layer_of(
     constants: &HashMap<String, Constant>,
     cell: Cell,
     [w, r, b]: [Option<&str>; 3],
-) -> Result<RecurrentLayer, String> {
+) -> Result<RecurrentLayer, NodeError> {
     let constant = |name: Option<&str>| name.and_then(|name| constants.get(name));
     // ONNX has i, o, f, c and z, r, h.
     let order: &[usize] = if cell == Cell::Lstm { &[0, 2, 3, 1] } else { &[1, 0, 2] };
     let gates = cell.gates();
-    let matrix = |name: Option<&str>| -> Result<(usize, usize, Vec<f32>), String> {
-        let constant = constant(name).ok_or("its weight is not a constant")?;
+    let matrix = |name: Option<&str>| -> Result<(usize, usize, Vec<f32>), NodeError> {
+        let constant = constant(name).ok_or(NodeError::NotConstant("its weight is not a constant"))?;
         let [1, wide, inputs] = constant.dims[..] else {
-            return Err(format!("its weight has shape {:?}; [1, gates, inputs] is read", constant.dims));
+            return Err(unread(format!(
+                "its weight has shape {:?}; [1, gates, inputs] is read",
+                constant.dims
+            )));
         };
         if wide == 0 || inputs == 0 || wide % gates != 0 {
-            return Err(format!("its weight has shape {:?}, no multiple of {gates} gates", constant.dims));
+            return Err(misfit(format!(
+                "its weight has shape {:?}, no multiple of {gates} gates",
+                constant.dims
+            )));
         }
         let block = wide / gates * inputs;
         let ordered: Vec<f32> = order
@@ -169,7 +178,7 @@ pub(super) fn layer_of(
     let biases = match (b, constant(b)) {
         (None, _) => vec![0.0; 2 * wide],
         (_, Some(constant)) if constant.values.len() == 2 * wide => constant.values.clone(),
-        _ => return Err("its bias is not a constant of both gates' biases".to_owned()),
+        _ => return Err(NodeError::NotConstant("its bias is not a constant of both gates' biases")),
     };
     let bias = |half: usize| -> Vec<f32> {
         let units = wide / gates;

@@ -3,6 +3,7 @@
 
 use super::{Program, Value};
 use crate::files::onnx::attributes::Attributes;
+use crate::files::onnx::node_error::{NodeError, misfit, unread};
 use crate::files::onnx::proto::Node;
 use crate::graph::{Binary, Operator};
 
@@ -17,12 +18,16 @@ struct Axis {
 }
 
 impl Program {
-    pub(super) fn convolution(&mut self, node: &Node, attributes: &Attributes) -> Result<(), String> {
+    pub(super) fn convolution(&mut self, node: &Node, attributes: &Attributes) -> Result<(), NodeError> {
         let x = self.value(node, 0)?;
-        let weight = self.constant(node, 1).ok_or("its weight is not a constant")?.clone();
+        let weight =
+            self.constant(node, 1).ok_or(NodeError::NotConstant("its weight is not a constant"))?.clone();
         let ([1, channels, lengths @ ..], [outputs, each, kernels @ ..]) = (&x.dims[..], &weight.dims[..])
         else {
-            return Err(format!("its input has the shape {:?}, its weight {:?}", x.dims, weight.dims));
+            return Err(misfit(format!(
+                "its input has the shape {:?}, its weight {:?}",
+                x.dims, weight.dims
+            )));
         };
         let (channels, outputs, each) = (*channels, *outputs, *each);
         let groups = usize::try_from(attributes.integer("group", 1)).unwrap_or(0);
@@ -34,10 +39,10 @@ impl Program {
             && matches!(lengths.len(), 1 | 2)
             && weight.values.iter().all(|x| x.is_finite());
         if !fits {
-            return Err(format!(
+            return Err(unread(format!(
                 "its input has the shape {:?}, its weight {:?} in {groups} groups; along one or two axes convolutions are run",
                 x.dims, weight.dims
-            ));
+            )));
         }
         let axes = axes(attributes, lengths, kernels)?;
         let along: Vec<usize> = axes.iter().map(|axis| axis.outputs).collect();
@@ -45,7 +50,7 @@ impl Program {
         let window = each * kernels.iter().product::<usize>();
         let high = outputs / groups;
         // Checked before tables of this size are made.
-        super::shapes::count(&[places, window]).ok_or("its windows have too many numbers")?;
+        super::shapes::count(&[places, window]).ok_or(misfit("its windows have too many numbers"))?;
         let zero = Value { operand: self.place(vec![0.0])?, dims: vec![1] };
         let mut parts = Vec::new();
         for group in 0..groups {
@@ -74,13 +79,15 @@ impl Program {
     }
 }
 
-fn axes(attributes: &Attributes, lengths: &[usize], kernels: &[usize]) -> Result<Vec<Axis>, String> {
+fn axes(attributes: &Attributes, lengths: &[usize], kernels: &[usize]) -> Result<Vec<Axis>, NodeError> {
     let many = lengths.len();
-    let list = |key: &str, other: usize, count: usize| -> Result<Vec<usize>, String> {
+    let list = |key: &str, other: usize, count: usize| -> Result<Vec<usize>, NodeError> {
         let Some(given) = attributes.list(key) else { return Ok(vec![other; count]) };
         let numbers: Option<Vec<usize>> =
             given.iter().map(|&one| usize::try_from(one).ok().filter(|&one| one <= 1 << 16)).collect();
-        numbers.filter(|numbers| numbers.len() == count).ok_or_else(|| format!("its {key} are {given:?}"))
+        numbers
+            .filter(|numbers| numbers.len() == count)
+            .ok_or_else(|| misfit(format!("its {key} are {given:?}")))
     };
     let (strides, dilations, pads) =
         (list("strides", 1, many)?, list("dilations", 1, many)?, list("pads", 0, 2 * many)?);
@@ -91,7 +98,7 @@ fn axes(attributes: &Attributes, lengths: &[usize], kernels: &[usize]) -> Result
             (lengths[axis], kernels[axis], strides[axis], dilations[axis]);
         let reach = kernel.saturating_sub(1).saturating_mul(dilation).saturating_add(1);
         if kernel == 0 || stride == 0 || dilation == 0 || length == 0 {
-            return Err("its kernel, strides or dilations are zero".to_owned());
+            return Err(misfit("its kernel, strides or dilations are zero"));
         }
         let (before, after) = match padded {
             b"" | b"NOTSET" => (pads[axis], pads[many + axis]),
@@ -101,11 +108,11 @@ fn axes(attributes: &Attributes, lengths: &[usize], kernels: &[usize]) -> Result
                 let less = all / 2;
                 if padded == b"SAME_UPPER" { (less, all - less) } else { (all - less, less) }
             }
-            _ => return Err("its auto_pad is not known".to_owned()),
+            _ => return Err(unread("its auto_pad is not known")),
         };
         let whole = before + length + after;
         if whole < reach {
-            return Err(format!("its kernel reaches over {reach} of {whole} numbers"));
+            return Err(misfit(format!("its kernel reaches over {reach} of {whole} numbers")));
         }
         let outputs = (whole - reach) / stride + 1;
         axes.push(Axis { length, kernel, stride, dilation, before, outputs });

@@ -5,6 +5,7 @@ use crate::error::invalid;
 use crate::files::Inputs;
 use crate::files::inputs::guessed;
 use crate::files::onnx::graph::{Decoded, dimensions};
+use crate::files::onnx::node_error::{NodeError, misfit, unread};
 use crate::files::onnx::proto::ValueInfo;
 use crate::graph::{Carried, Feed, Operand};
 use crate::{Interface, PolicyError};
@@ -150,7 +151,7 @@ impl Program {
         let mut states = Vec::new();
         for input in taking.iter().filter(|input| needed.contains(&input.name)) {
             let name = input.name.clone();
-            let inside = |why: String| invalid(format!("its input {}: {why}", shown(&name)));
+            let inside = |why: NodeError| invalid(format!("its input {}: {why}", shown(&name)));
             let open = dimensions(input)?;
             let value = if let Some((_, output)) = pairs.iter().find(|(input, _)| *input == name) {
                 let dims: Vec<usize> = open.iter().map(|length| length.unwrap_or(1)).collect();
@@ -158,8 +159,7 @@ impl Program {
                 states.push((name.clone(), value.clone(), output.clone()));
                 value
             } else {
-                let taken =
-                    inputs.get(&name).ok_or_else(|| inside("nothing says what it takes".to_owned()))?;
+                let taken = inputs.get(&name).ok_or_else(|| inside(misfit("nothing says what it takes")))?;
                 let places = taken.places(interface)?;
                 let dims = filled(&open, places.len()).map_err(inside)?;
                 let slot = self.room(&dims).map_err(inside)?;
@@ -194,7 +194,7 @@ impl Program {
 }
 
 /// The shape of an input of `count` numbers, for one robot: `open` may leave the robots, and one more axis, open.
-fn filled(open: &[Option<usize>], count: usize) -> Result<Vec<usize>, String> {
+fn filled(open: &[Option<usize>], count: usize) -> Result<Vec<usize>, NodeError> {
     if open.is_empty() {
         return Ok(vec![1, count]);
     }
@@ -218,11 +218,11 @@ fn filled(open: &[Option<usize>], count: usize) -> Result<Vec<usize>, String> {
                 .iter()
                 .map(|length| length.map_or("any".to_owned(), |length| length.to_string()))
                 .collect();
-            Err(format!(
+            Err(unread(format!(
                 "it has the shape [{}], and takes {count} numbers of the observation: export the graph for one robot or any \
                  number, and check `inputs` and `observation`",
                 shape.join(", ")
-            ))
+            )))
         }
     }
 }

@@ -20,6 +20,7 @@ use super::graph::Decoded;
 use super::proto::Node;
 use crate::error::invalid;
 use crate::files::Inputs;
+use crate::files::onnx::node_error::{NodeError, misfit};
 use crate::graph::{Operand, Operator, Plan, Step};
 use crate::{Graph, Interface, PolicyError};
 use gaitfit_model::shown;
@@ -170,11 +171,11 @@ fn needed(model: &Decoded, action: &str) -> HashSet<String> {
 
 impl Program {
     /// One node.
-    fn node(&mut self, node: &Node) -> Result<(), String> {
-        let output = node.output.first().ok_or("it has no output")?;
+    fn node(&mut self, node: &Node) -> Result<(), NodeError> {
+        let output = node.output.first().ok_or(misfit("it has no output"))?;
         for output in node.output.iter().filter(|name| !name.is_empty()) {
             if self.constants.contains_key(output) || self.values.contains_key(output) {
-                return Err("its output has a name that is taken".to_owned());
+                return Err(misfit("its output has a name that is taken"));
             }
         }
         nodes::bounded(node)?;
@@ -186,7 +187,7 @@ impl Program {
             !name.is_empty() && !self.constants.contains_key(*name) && !self.values.contains_key(*name)
         };
         if let Some(name) = node.input.iter().find(unknown) {
-            return Err(format!("it takes `{}`, which no node before it gives", shown(name)));
+            return Err(misfit(format!("it takes `{}`, which no node before it gives", shown(name))));
         }
         if self.shape_of(node, &attributes)? || self.fold(node, &attributes)? {
             return Ok(());
@@ -195,7 +196,7 @@ impl Program {
     }
 
     /// `Shape` and `Size`, which are known here.
-    fn shape_of(&mut self, node: &Node, attributes: &Attributes) -> Result<bool, String> {
+    fn shape_of(&mut self, node: &Node, attributes: &Attributes) -> Result<bool, NodeError> {
         if !matches!(node.op_type.as_str(), "Shape" | "Size") {
             return Ok(false);
         }
@@ -217,7 +218,7 @@ impl Program {
     }
 
     /// A constant whose inputs are constants, in double precision.
-    fn fold(&mut self, node: &Node, attributes: &Attributes) -> Result<bool, String> {
+    fn fold(&mut self, node: &Node, attributes: &Attributes) -> Result<bool, NodeError> {
         let named = node.input.iter().filter(|name| !name.is_empty());
         let inputs: Option<Vec<&Constant>> = named.map(|name| self.constants.get(name)).collect();
         let Some(inputs) = inputs else { return Ok(false) };
@@ -228,22 +229,22 @@ impl Program {
         Ok(true)
     }
 
-    fn keep(&mut self, name: &str, constant: Constant) -> Result<(), String> {
+    fn keep(&mut self, name: &str, constant: Constant) -> Result<(), NodeError> {
         self.placed_numbers = self.placed_numbers.saturating_add(constant.values.len());
         if self.placed_numbers > MAX_CONSTANTS {
-            return Err(format!("the graph's constants have more than {MAX_CONSTANTS} numbers"));
+            return Err(misfit(format!("the graph's constants have more than {MAX_CONSTANTS} numbers")));
         }
         self.constants.insert(name.to_owned(), constant);
         Ok(())
     }
 
     /// The shape of a node's input.
-    fn dims(&self, node: &Node, number: usize) -> Result<Vec<usize>, String> {
+    fn dims(&self, node: &Node, number: usize) -> Result<Vec<usize>, NodeError> {
         let name = node.input.get(number).filter(|name| !name.is_empty());
-        let name = name.ok_or_else(|| format!("its input {} is missing", number + 1))?;
+        let name = name.ok_or_else(|| misfit(format!("its input {} is missing", number + 1)))?;
         let value = self.values.get(name).map(|value| &value.dims);
         let dims = value.or_else(|| self.constants.get(name).map(|constant| &constant.dims));
-        dims.cloned().ok_or_else(|| format!("`{}` is not known", shown(name)))
+        dims.cloned().ok_or_else(|| misfit(format!("`{}` is not known", shown(name))))
     }
 
     /// A node's input as a constant, where it is one.
@@ -257,7 +258,7 @@ impl Program {
     }
 
     /// A node's input; a constant is put into the plan.
-    fn value(&mut self, node: &Node, number: usize) -> Result<Value, String> {
+    fn value(&mut self, node: &Node, number: usize) -> Result<Value, NodeError> {
         let dims = self.dims(node, number)?;
         let name = &node.input[number];
         if let Some(value) = self.values.get(name) {
@@ -279,43 +280,43 @@ impl Program {
     }
 
     /// Puts a constant into the plan.
-    fn place(&mut self, numbers: Vec<f32>) -> Result<Operand, String> {
+    fn place(&mut self, numbers: Vec<f32>) -> Result<Operand, NodeError> {
         if numbers.is_empty() {
-            return Err("it works on an empty constant".to_owned());
+            return Err(misfit("it works on an empty constant"));
         }
         self.placed_numbers = self.placed_numbers.saturating_add(numbers.len());
         if self.placed_numbers > MAX_CONSTANTS {
-            return Err(format!("the graph's constants have more than {MAX_CONSTANTS} numbers"));
+            return Err(misfit(format!("the graph's constants have more than {MAX_CONSTANTS} numbers")));
         }
         self.plan.constants.push(numbers);
         Ok(Operand::Constant(self.plan.constants.len() - 1))
     }
 
     /// A new value of the shape `dims`.
-    fn room(&mut self, dims: &[usize]) -> Result<usize, String> {
+    fn room(&mut self, dims: &[usize]) -> Result<usize, NodeError> {
         let count = shapes::count(dims).filter(|&count| count > 0).ok_or_else(|| {
-            format!("it gives numbers of shape {dims:?}, which is empty or more than {MAX_NUMBERS}")
+            misfit(format!("it gives numbers of shape {dims:?}, which is empty or more than {MAX_NUMBERS}"))
         })?;
         self.numbers = self.numbers.saturating_add(count);
         if self.numbers > MAX_NUMBERS {
-            return Err(format!("the graph's values have more than {MAX_NUMBERS} numbers"));
+            return Err(misfit(format!("the graph's values have more than {MAX_NUMBERS} numbers")));
         }
         self.plan.counts.push(count);
         Ok(self.plan.counts.len() - 1)
     }
 
     /// Counts the multiplications of matrix products.
-    fn count_products(&mut self, sizes: &[usize]) -> Result<(), String> {
+    fn count_products(&mut self, sizes: &[usize]) -> Result<(), NodeError> {
         let more = sizes.iter().try_fold(1_usize, |all, &size| all.checked_mul(size));
         self.products = self.products.saturating_add(more.unwrap_or(usize::MAX));
         if self.products > MAX_PRODUCTS {
-            return Err(format!("the graph has more than {MAX_PRODUCTS} multiplications"));
+            return Err(misfit(format!("the graph has more than {MAX_PRODUCTS} multiplications")));
         }
         Ok(())
     }
 
     /// A further step, and what it gives.
-    fn step(&mut self, operator: Operator, inputs: &[&Value], dims: Vec<usize>) -> Result<Value, String> {
+    fn step(&mut self, operator: Operator, inputs: &[&Value], dims: Vec<usize>) -> Result<Value, NodeError> {
         let output = self.room(&dims)?;
         let inputs: Vec<Operand> = inputs.iter().map(|value| value.operand).collect();
         let step = Step { operator, inputs, output };
@@ -328,7 +329,7 @@ impl Program {
     }
 
     /// Names what a node gives.
-    fn give(&mut self, node: &Node, number: usize, value: Value) -> Result<(), String> {
+    fn give(&mut self, node: &Node, number: usize, value: Value) -> Result<(), NodeError> {
         let Some(name) = node.output.get(number).filter(|name| !name.is_empty()) else { return Ok(()) };
         match value.operand {
             Operand::Value(_) => {

@@ -9,33 +9,36 @@ use super::{MAX_NUMBERS, Program, Value};
 use crate::files::onnx::attributes::Attributes;
 use crate::files::onnx::constant::Constant;
 use crate::files::onnx::moves::moved;
+use crate::files::onnx::node_error::{NodeError, misfit, unread};
 use crate::files::onnx::proto::Node;
 use crate::graph::Operator;
 
 impl Program {
     /// The numbers of the first input at other places. All other inputs are constants.
-    pub(super) fn moved(&mut self, node: &Node, attributes: &Attributes) -> Result<Value, String> {
+    pub(super) fn moved(&mut self, node: &Node, attributes: &Attributes) -> Result<Value, NodeError> {
         let input = self.value(node, 0)?;
         let mut others: Vec<Constant> = Vec::new();
         for number in 1..node.input.len() {
             // Between others an input that is left out has its default, which no exporter leaves out.
             if !Self::has(node, number) {
-                return Err(format!("its input {} is left out before others", number + 1));
+                return Err(unread(format!("its input {} is left out before others", number + 1)));
             }
             let constant = self.constant(node, number);
-            others.push(constant.ok_or("where it cuts depends on the observation")?.clone());
+            others.push(constant.ok_or(unread("where it cuts depends on the observation"))?.clone());
         }
-        let places = numbered(&input.dims, 0).ok_or("its input has too many numbers")?;
+        let places = numbered(&input.dims, 0).ok_or(misfit("its input has too many numbers"))?;
         let inputs: Vec<&Constant> = std::iter::once(&places).chain(&others).collect();
         let moved = moved(&node.op_type, &inputs, attributes, MAX_NUMBERS).ok_or_else(|| {
             let dims = &input.dims;
-            format!("it does not fit its input of shape {dims:?}, or gives more than {MAX_NUMBERS} numbers")
+            misfit(format!(
+                "it does not fit its input of shape {dims:?}, or gives more than {MAX_NUMBERS} numbers"
+            ))
         })?;
         self.taken(&[input], moved)
     }
 
     /// The numbers of `inputs` whose places `moved` lists, counted on through all inputs.
-    fn taken(&mut self, inputs: &[Value], moved: Constant) -> Result<Value, String> {
+    fn taken(&mut self, inputs: &[Value], moved: Constant) -> Result<Value, NodeError> {
         let Constant { dims, values } = moved;
         if let [one] = inputs
             && values.len() == one.dims.iter().product::<usize>()
@@ -59,31 +62,32 @@ impl Program {
         self.step(Operator::Take(places), &inputs.iter().collect::<Vec<_>>(), dims)
     }
 
-    pub(super) fn concat(&mut self, node: &Node, attributes: &Attributes) -> Result<(), String> {
+    pub(super) fn concat(&mut self, node: &Node, attributes: &Attributes) -> Result<(), NodeError> {
         let inputs = (0..node.input.len()).map(|number| self.value(node, number));
         let inputs = inputs.collect::<Result<Vec<_>, _>>()?;
         let mut places = Vec::new();
         let mut start = 0;
         for input in &inputs {
-            places.push(numbered(&input.dims, start).ok_or("its inputs have too many numbers")?);
+            places.push(numbered(&input.dims, start).ok_or(misfit("its inputs have too many numbers"))?);
             start += input.dims.iter().product::<usize>();
-            count(&[start]).ok_or("its inputs have too many numbers")?;
+            count(&[start]).ok_or(misfit("its inputs have too many numbers"))?;
         }
         let joined = moved("Concat", &places.iter().collect::<Vec<_>>(), attributes, MAX_NUMBERS)
             .ok_or_else(|| {
                 let shapes: Vec<&[usize]> = inputs.iter().map(|input| &input.dims[..]).collect();
-                format!("its inputs have the shapes {shapes:?}, which cannot be joined")
+                misfit(format!("its inputs have the shapes {shapes:?}, which cannot be joined"))
             })?;
         let value = self.taken(&inputs, joined)?;
         self.give(node, 0, value)
     }
 
-    pub(super) fn split(&mut self, node: &Node, attributes: &Attributes) -> Result<(), String> {
+    pub(super) fn split(&mut self, node: &Node, attributes: &Attributes) -> Result<(), NodeError> {
         let input = self.value(node, 0)?;
         let axis = axis(attributes.integer("axis", 0), &input.dims)?;
         let length = input.dims[axis];
         let sizes: Vec<usize> = if Self::has(node, 1) {
-            let sizes = self.constant(node, 1).ok_or("its sizes are not constants")?;
+            let sizes =
+                self.constant(node, 1).ok_or(NodeError::NotConstant("its sizes are not constants"))?;
             sizes.values.iter().take(MAX_PARTS).map(|&size| size as usize).collect()
         } else if let Some(sizes) = attributes.list("split") {
             sizes.iter().take(MAX_PARTS).map(|&size| usize::try_from(size).unwrap_or(0)).collect()
@@ -95,9 +99,9 @@ impl Program {
         };
         let total = sizes.iter().try_fold(0_usize, |sum, &size| sum.checked_add(size));
         if total != Some(length) || sizes.len() < node.output.len() {
-            return Err(format!("its parts {sizes:?} are not those of an axis of {length}"));
+            return Err(misfit(format!("its parts {sizes:?} are not those of an axis of {length}")));
         }
-        let places = numbered(&input.dims, 0).ok_or("its input has too many numbers")?;
+        let places = numbered(&input.dims, 0).ok_or(misfit("its input has too many numbers"))?;
         let mut start = 0;
         for (number, &size) in sizes.iter().enumerate().take(node.output.len()) {
             let bound = |place: usize| Constant { dims: vec![1], values: vec![place as f64] };
@@ -107,7 +111,8 @@ impl Program {
                 continue;
             }
             let part = moved("Slice", &[&places, &cut[0], &cut[1], &cut[2]], attributes, MAX_NUMBERS);
-            let value = self.taken(std::slice::from_ref(&input), part.ok_or("its parts do not fit")?)?;
+            let value =
+                self.taken(std::slice::from_ref(&input), part.ok_or(misfit("its parts do not fit"))?)?;
             self.give(node, number, value)?;
         }
         Ok(())

@@ -3,35 +3,39 @@
 use super::shapes::{axis, broadcast, reach, reduced};
 use super::{Program, Value};
 use crate::files::onnx::attributes::Attributes;
+use crate::files::onnx::node_error::{NodeError, misfit, unread};
 use crate::files::onnx::proto::{DOUBLE, FLOAT, Node};
 use crate::graph::{Along, Binary, Function, Operator, Reach, Reduction};
-use crate::network::{Activation, LayerNorm, SELU};
+use crate::network::{Activation, LayerNorm};
 
 /// Max number of inputs, outputs and attributes of a node.
 pub(super) const MAX_PARTS: usize = 1024;
 
 /// Refuses nodes that are not of ONNX's own operators, or have too many parts.
-pub(super) fn bounded(node: &Node) -> Result<(), String> {
+pub(super) fn bounded(node: &Node) -> Result<(), NodeError> {
     if !matches!(node.domain.as_str(), "" | "ai.onnx") {
         let domain = gaitfit_model::shown(&node.domain);
-        return Err(format!("it is of the operator set `{domain}`; only ONNX's own operators are run"));
+        return Err(unread(format!(
+            "it is of the operator set `{domain}`; only ONNX's own operators are run"
+        )));
     }
     if [node.input.len(), node.output.len(), node.attribute.len()].iter().any(|&count| count > MAX_PARTS) {
-        return Err(format!("it has more than {MAX_PARTS} inputs, outputs or attributes"));
+        return Err(misfit(format!("it has more than {MAX_PARTS} inputs, outputs or attributes")));
     }
     Ok(())
 }
 
 /// What is said of an operator that is not run.
-fn unknown() -> String {
-    "it is not run here (docs/policies-foreign.md lists the operators). Export the actor without it, or run the whole file \
-     as a function in Python (gaitfit.Policy, docs/python.md)"
-        .to_owned()
+fn unknown() -> NodeError {
+    unread(
+        "it is not run here (docs/policies-foreign.md lists the operators). Export the actor without it, or run the whole \
+         file as a function in Python (gaitfit.Policy, docs/python.md)",
+    )
 }
 
 impl Program {
     /// A node whose inputs are known, one of them at least a value or an operator that is no constant arithmetic.
-    pub(super) fn operator(&mut self, node: &Node, attributes: &Attributes) -> Result<(), String> {
+    pub(super) fn operator(&mut self, node: &Node, attributes: &Attributes) -> Result<(), NodeError> {
         if let Some(function) = function(&node.op_type, attributes)? {
             let input = self.value(node, 0)?;
             let dims = input.dims.clone();
@@ -51,7 +55,7 @@ impl Program {
             }
             "Cast" => {
                 if ![FLOAT, DOUBLE].map(i64::from).contains(&attributes.integer("to", 0)) {
-                    return Err("it makes whole numbers of values".to_owned());
+                    return Err(unread("it makes whole numbers of values"));
                 }
                 let input = self.value(node, 0)?;
                 self.give(node, 0, input)
@@ -71,7 +75,7 @@ impl Program {
             "LpNormalization" => match attributes.integer("p", 2) {
                 1 => self.along(node, attributes, Along::L1),
                 2 => self.along(node, attributes, Along::L2),
-                p => Err(format!("its p is {p}; 1 and 2 are run")),
+                p => Err(unread(format!("its p is {p}; 1 and 2 are run"))),
             },
             "LayerNormalization" => self.layer_norm(node, attributes),
             "BatchNormalization" => self.batch_norm(node, attributes),
@@ -82,11 +86,11 @@ impl Program {
     }
 
     /// Two inputs, or of some operators any number of them.
-    fn binary(&mut self, node: &Node, binary: Binary) -> Result<(), String> {
+    fn binary(&mut self, node: &Node, binary: Binary) -> Result<(), NodeError> {
         let many = node.input.len();
         let several = matches!(node.op_type.as_str(), "Max" | "Min" | "Sum");
         if many != 2 && !(several && many > 0) {
-            return Err(format!("it has {many} inputs"));
+            return Err(misfit(format!("it has {many} inputs")));
         }
         let mut value = self.value(node, 0)?;
         for number in 1..many {
@@ -97,7 +101,7 @@ impl Program {
     }
 
     /// What becomes of two values.
-    pub(super) fn both(&mut self, binary: Binary, a: &Value, b: &Value) -> Result<Value, String> {
+    pub(super) fn both(&mut self, binary: Binary, a: &Value, b: &Value) -> Result<Value, NodeError> {
         let dims = broadcast(&[&a.dims, &b.dims])?;
         let reaches = [a, b].map(|one| self.reach(one, &dims)).into_iter().collect::<Result<Vec<_>, _>>()?;
         let [first, second] = <[Reach; 2]>::try_from(reaches).unwrap_or([Reach::Same, Reach::Same]);
@@ -105,12 +109,13 @@ impl Program {
     }
 
     /// How the numbers of a value meet those of a result, whose size is checked first.
-    fn reach(&self, value: &Value, dims: &[usize]) -> Result<Reach, String> {
-        super::shapes::count(dims).ok_or_else(|| format!("it gives numbers of shape {dims:?}, too many"))?;
+    fn reach(&self, value: &Value, dims: &[usize]) -> Result<Reach, NodeError> {
+        super::shapes::count(dims)
+            .ok_or_else(|| misfit(format!("it gives numbers of shape {dims:?}, too many")))?;
         Ok(reach(&value.dims, dims))
     }
 
-    fn choose(&mut self, node: &Node) -> Result<(), String> {
+    fn choose(&mut self, node: &Node) -> Result<(), NodeError> {
         let [when, a, b] = [self.value(node, 0)?, self.value(node, 1)?, self.value(node, 2)?];
         let dims = broadcast(&[&when.dims, &a.dims, &b.dims])?;
         let reaches = [self.reach(&when, &dims)?, self.reach(&a, &dims)?, self.reach(&b, &dims)?];
@@ -118,7 +123,7 @@ impl Program {
         self.give(node, 0, value)
     }
 
-    fn clip(&mut self, node: &Node, attributes: &Attributes) -> Result<(), String> {
+    fn clip(&mut self, node: &Node, attributes: &Attributes) -> Result<(), NodeError> {
         let mut value = self.value(node, 0)?;
         // Operator sets before 11 have attributes.
         for (number, key, binary) in [(1, "min", Binary::Max), (2, "max", Binary::Min)] {
@@ -134,13 +139,14 @@ impl Program {
         self.give(node, 0, value)
     }
 
-    fn reduce(&mut self, node: &Node, attributes: &Attributes, what: Reduction) -> Result<(), String> {
+    fn reduce(&mut self, node: &Node, attributes: &Attributes, what: Reduction) -> Result<(), NodeError> {
         let input = self.value(node, 0)?;
         let listed = attributes.list("axes").map(<[i64]>::to_vec);
         let axes = match (listed, Self::has(node, 1)) {
             (Some(axes), _) => axes,
             (None, true) => {
-                let axes = self.constant(node, 1).ok_or("its axes are not constants")?;
+                let axes =
+                    self.constant(node, 1).ok_or(NodeError::NotConstant("its axes are not constants"))?;
                 axes.values.iter().take(MAX_PARTS).map(|&axis| axis as i64).collect()
             }
             (None, false) => Vec::new(),
@@ -167,32 +173,32 @@ impl Program {
         self.give(node, 0, value)
     }
 
-    fn along(&mut self, node: &Node, attributes: &Attributes, what: Along) -> Result<(), String> {
+    fn along(&mut self, node: &Node, attributes: &Attributes, what: Along) -> Result<(), NodeError> {
         let input = self.value(node, 0)?;
         let is_softmax = matches!(what, Along::Softmax | Along::LogSoftmax);
         let default = if is_softmax && self.opset < 13 { 1 } else { -1 };
         let axis = axis(attributes.integer("axis", default), &input.dims)?;
         // Before operator set 13 a softmax went over all axes from this one on.
         if is_softmax && self.opset < 13 && input.dims[axis + 1..].iter().any(|&length| length != 1) {
-            return Err("it goes over several axes; export with operator set 13 or later".to_owned());
+            return Err(unread("it goes over several axes; export with operator set 13 or later"));
         }
         let value = self.over(what, &input, axis..axis + 1)?;
         self.give(node, 0, value)
     }
 
     /// A function along axes that lie beside each other.
-    fn over(&mut self, what: Along, input: &Value, axes: std::ops::Range<usize>) -> Result<Value, String> {
+    fn over(&mut self, what: Along, input: &Value, axes: std::ops::Range<usize>) -> Result<Value, NodeError> {
         let length = input.dims[axes.clone()].iter().product();
         let stride = input.dims[axes.end..].iter().product();
         self.step(Operator::Along { what, length, stride }, &[input], input.dims.clone())
     }
 
-    fn layer_norm(&mut self, node: &Node, attributes: &Attributes) -> Result<(), String> {
+    fn layer_norm(&mut self, node: &Node, attributes: &Attributes) -> Result<(), NodeError> {
         let input = self.value(node, 0)?;
         let first = axis(attributes.integer("axis", -1), &input.dims)?;
         let epsilon = attributes.number("epsilon", LayerNorm::EPSILON);
         if !(epsilon > 0.0 && epsilon.is_finite()) {
-            return Err(format!("its epsilon is {epsilon}"));
+            return Err(misfit(format!("its epsilon is {epsilon}")));
         }
         let mut value = self.over(Along::Norm(epsilon), &input, first..input.dims.len())?;
         for (number, binary) in [(1, Binary::Mul), (2, Binary::Add)] {
@@ -204,16 +210,21 @@ impl Program {
         self.give(node, 0, value)
     }
 
-    fn batch_norm(&mut self, node: &Node, attributes: &Attributes) -> Result<(), String> {
+    fn batch_norm(&mut self, node: &Node, attributes: &Attributes) -> Result<(), NodeError> {
         if attributes.integer("training_mode", 0) != 0 {
-            return Err("it is in training mode: export the policy after policy.eval()".to_owned());
+            return Err(unread("it is in training mode: export the policy after policy.eval()"));
         }
         let mut value = self.value(node, 0)?;
-        let channels = value.dims.get(1).copied().ok_or("its input has one axis")?;
+        let channels = value.dims.get(1).copied().ok_or(misfit("its input has one axis"))?;
         let mut parts = Vec::new();
         for number in 1..5 {
             let constant = self.constant(node, number).filter(|one| one.values.len() == channels);
-            parts.push(constant.ok_or("its parts are not constants of its channels")?.values.clone());
+            parts.push(
+                constant
+                    .ok_or(NodeError::NotConstant("its parts are not constants of its channels"))?
+                    .values
+                    .clone(),
+            );
         }
         let epsilon = f64::from(attributes.number("epsilon", 1e-5));
         let factor: Vec<f64> = parts[0]
@@ -234,7 +245,7 @@ impl Program {
     }
 }
 
-fn function(operator: &str, attributes: &Attributes) -> Result<Option<Function>, String> {
+fn function(operator: &str, attributes: &Attributes) -> Result<Option<Function>, NodeError> {
     let activation = match operator {
         "Elu" => Activation::elu(attributes.number("alpha", 1.0)),
         "Relu" => Activation::Relu,
@@ -244,14 +255,12 @@ fn function(operator: &str, attributes: &Attributes) -> Result<Option<Function>,
             b"tanh" => Activation::GeluTanh,
             _ => Activation::Gelu,
         },
-        "Selu" => {
-            let [alpha, gamma] = SELU.map(|value| value as f32);
-            let stated = [attributes.number("alpha", alpha), attributes.number("gamma", gamma)];
-            if stated != [alpha, gamma] {
-                return Err(format!("its alpha and gamma are {stated:?}; only SELU's own are run"));
+        "Selu" => match attributes.other_selu() {
+            None => Activation::Selu,
+            Some(stated) => {
+                return Err(unread(format!("its alpha and gamma are {stated:?}; only SELU's own are run")));
             }
-            Activation::Selu
-        }
+        },
         "Swish" if attributes.number("alpha", 1.0) == 1.0 => Activation::Silu,
         _ => {
             let function = match operator {
@@ -281,7 +290,7 @@ fn function(operator: &str, attributes: &Attributes) -> Result<Option<Function>,
         }
     };
     if !activation.is_sound() {
-        return Err(format!("its parameter is out of range ({activation})"));
+        return Err(misfit(format!("its parameter is out of range ({activation})")));
     }
     Ok(Some(Function::Activation(activation)))
 }

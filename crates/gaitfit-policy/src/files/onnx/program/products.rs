@@ -3,14 +3,15 @@
 use super::shapes::broadcast;
 use super::{Program, Value};
 use crate::files::onnx::attributes::Attributes;
+use crate::files::onnx::node_error::{NodeError, misfit};
 use crate::files::onnx::proto::Node;
 use crate::graph::{Binary, Operand, Operator};
 
 impl Program {
     /// A matrix product whose second factor is a constant, alone or behind others.
-    pub(super) fn by_constant(&mut self, x: &Value, w: &Value, outer: usize) -> Result<Value, String> {
+    pub(super) fn by_constant(&mut self, x: &Value, w: &Value, outer: usize) -> Result<Value, NodeError> {
         let Some((&inner, ahead)) = x.dims.split_last() else {
-            return Err("its input is a single number".to_owned());
+            return Err(misfit("its input is a single number"));
         };
         let dims = [ahead, &[outer]].concat();
         let height: usize = ahead.iter().product();
@@ -18,9 +19,9 @@ impl Program {
         self.step(Operator::Product { inner, outer }, &[x, w], dims)
     }
 
-    pub(super) fn matmul(&mut self, node: &Node) -> Result<(), String> {
+    pub(super) fn matmul(&mut self, node: &Node) -> Result<(), NodeError> {
         let (a, b) = (self.value(node, 0)?, self.value(node, 1)?);
-        let shapes = || format!("its inputs have the shapes {:?} and {:?}", a.dims, b.dims);
+        let shapes = || misfit(format!("its inputs have the shapes {:?} and {:?}", a.dims, b.dims));
         if let (Operand::Constant(_), &[inner, outer]) = (b.operand, &b.dims[..]) {
             if a.dims.last() != Some(&inner) {
                 return Err(shapes());
@@ -64,19 +65,19 @@ impl Program {
         self.give(node, 0, value)
     }
 
-    pub(super) fn gemm(&mut self, node: &Node, attributes: &Attributes) -> Result<(), String> {
+    pub(super) fn gemm(&mut self, node: &Node, attributes: &Attributes) -> Result<(), NodeError> {
         let x = self.value(node, 0)?;
-        let weight = self.constant(node, 1).ok_or("its weight is not a constant")?;
+        let weight = self.constant(node, 1).ok_or(NodeError::NotConstant("its weight is not a constant"))?;
         if attributes.integer("transA", 0) != 0 || x.dims.len() != 2 {
-            return Err(format!("its input has the shape {:?}, or is turned", x.dims));
+            return Err(misfit(format!("its input has the shape {:?}, or is turned", x.dims)));
         }
         let [rows, columns] = weight.dims[..] else {
-            return Err(format!("its weight has the shape {:?}", weight.dims));
+            return Err(misfit(format!("its weight has the shape {:?}", weight.dims)));
         };
         let is_turned = attributes.integer("transB", 0) != 0;
         let (inner, outer) = if is_turned { (columns, rows) } else { (rows, columns) };
         if x.dims[1] != inner {
-            return Err(format!("it takes {inner} numbers of {:?}", x.dims));
+            return Err(misfit(format!("it takes {inner} numbers of {:?}", x.dims)));
         }
         let alpha = f64::from(attributes.number("alpha", 1.0));
         let mut numbers: Vec<f32> = weight.values.iter().map(|&x| (alpha * x) as f32).collect();

@@ -2,27 +2,34 @@
 
 use super::{Program, Value};
 use crate::files::onnx::attributes::Attributes;
+use crate::files::onnx::node_error::{NodeError, misfit, unread};
 use crate::files::onnx::proto::Node;
 use crate::files::onnx::recurrent::{layer_of, plain};
 use crate::graph::Operator;
 use crate::network::Cell;
 
 impl Program {
-    pub(super) fn recurrent(&mut self, node: &Node, attributes: &Attributes) -> Result<(), String> {
+    pub(super) fn recurrent(&mut self, node: &Node, attributes: &Attributes) -> Result<(), NodeError> {
         let cell = plain(node, attributes)?;
         let named =
             |number: usize| node.input.get(number).map(String::as_str).filter(|name| !name.is_empty());
         let layer = layer_of(&self.constants, cell, [named(1), named(2), named(3)])?;
         let x = self.value(node, 0)?;
         let [times, 1, inputs] = x.dims[..] else {
-            return Err(format!("its input has the shape {:?}; [time steps, 1, numbers] is run", x.dims));
+            return Err(unread(format!(
+                "its input has the shape {:?}; [time steps, 1, numbers] is run",
+                x.dims
+            )));
         };
         let hidden = layer.hidden;
         let gates = cell.gates() * hidden;
         let fits =
             inputs == layer.inputs && layer.bias_ih.len() == gates && layer.weight_hh.len() == hidden * gates;
         if !fits {
-            return Err(format!("it takes {} numbers of {inputs}, and has {hidden} units", layer.inputs));
+            return Err(misfit(format!(
+                "it takes {} numbers of {inputs}, and has {hidden} units",
+                layer.inputs
+            )));
         }
         let mut given = vec![x];
         let states = if cell == Cell::Lstm { 2 } else { 1 };
@@ -33,7 +40,10 @@ impl Program {
                 Value { operand: self.place(vec![0.0; hidden])?, dims: vec![1, 1, hidden] }
             };
             if state.dims.iter().product::<usize>() != hidden {
-                return Err(format!("its state has the shape {:?}, it has {hidden} units", state.dims));
+                return Err(misfit(format!(
+                    "its state has the shape {:?}, it has {hidden} units",
+                    state.dims
+                )));
             }
             given.push(state);
         }

@@ -1,6 +1,7 @@
 //! Shapes of values, and which numbers of them meet.
 
 use super::MAX_NUMBERS;
+use crate::files::onnx::node_error::{NodeError, misfit};
 use crate::graph::Reach;
 
 /// Max number of axes.
@@ -13,18 +14,18 @@ pub(super) fn count(dims: &[usize]) -> Option<usize> {
 }
 
 /// The place of an axis, which a negative number counts from the end.
-pub(super) fn axis(number: i64, dims: &[usize]) -> Result<usize, String> {
+pub(super) fn axis(number: i64, dims: &[usize]) -> Result<usize, NodeError> {
     let many = dims.len() as i64;
     let place = if number < 0 { number.saturating_add(many) } else { number };
     if (0..many).contains(&place) {
         Ok(place as usize)
     } else {
-        Err(format!("it names axis {number} of {dims:?}"))
+        Err(misfit(format!("it names axis {number} of {dims:?}")))
     }
 }
 
 /// The shape of numbers that meet: axes are aligned at the end, and axes of length one are repeated.
-pub(super) fn broadcast(all: &[&[usize]]) -> Result<Vec<usize>, String> {
+pub(super) fn broadcast(all: &[&[usize]]) -> Result<Vec<usize>, NodeError> {
     let many = all.iter().map(|dims| dims.len()).max().unwrap_or(0);
     let mut dims = vec![1; many];
     for one in all {
@@ -32,7 +33,9 @@ pub(super) fn broadcast(all: &[&[usize]]) -> Result<Vec<usize>, String> {
             if *to == 1 {
                 *to = length;
             } else if length != 1 && length != *to {
-                return Err(format!("its inputs have the shapes {all:?}, which do not fit each other"));
+                return Err(misfit(format!(
+                    "its inputs have the shapes {all:?}, which do not fit each other"
+                )));
             }
         }
     }

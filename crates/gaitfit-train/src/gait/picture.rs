@@ -1,23 +1,9 @@
-//! From a record of a walk to the picture of its gait, and the commands to show a policy with.
+//! From a record of a walk to the picture of its gait.
 
 use crate::replay::foot_name;
 use gaitfit_learn::evaluate::GaitRecord;
-use gaitfit_learn::task::CommandSettings;
 use gaitfit_view::GaitPicture;
 use gaitfit_view::gait::{FootTrack, TorqueSpectrum, VelocityTrack};
-
-/// Ten seconds (each part's length, s, and its command) that show what a policy can: standing, ahead, left, turning,
-/// back, standing; as fast as it is asked for in training.
-pub fn tour(command: &CommandSettings) -> [(f64, [f64; 3]); 6] {
-    [
-        (1.0, [0.0; 3]),
-        (2.0, [command.x[1], 0.0, 0.0]),
-        (2.0, [0.0, command.y[1], 0.0]),
-        (2.0, [0.0, 0.0, command.yaw[1]]),
-        (2.0, [command.x[0], 0.0, 0.0]),
-        (1.0, [0.0; 3]),
-    ]
-}
 
 /// Longest part of a record in the picture, s: steps must stay apart.
 const MAX_SECONDS: f64 = 5.0;

@@ -1,5 +1,6 @@
-//! What several pages show: settings, links, and doubts.
+//! What several pages show and results keep: settings, links, doubts, estimates and drift.
 
+use crate::nullable;
 use serde::{Deserialize, Serialize};
 
 /// Why no page came out.
@@ -7,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub enum ReportError {
     /// The page template and the data disagree: a defect of this crate, not of the data.
     #[error("the report page could not be filled in ({0}); report this with the run's metrics file")]
-    Template(#[from] minijinja::Error),
+    Template(Box<dyn std::error::Error + Send + Sync>),
 }
 
 /// A name and what it was set to.
@@ -151,5 +152,63 @@ impl DoubtKind {
     /// Whether the result is of no use, rather than in need of another test.
     pub fn is_severe(self) -> bool {
         self != DoubtKind::OwnSimulatorOnly
+    }
+}
+
+/// A mean and how sure it is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Estimate {
+    /// The mean.
+    #[serde(with = "nullable::scalar")]
+    pub mean: f64,
+    /// Half-width of the mean's 95 % confidence interval.
+    #[serde(with = "nullable::scalar")]
+    pub ci95: f64,
+}
+
+impl Default for Estimate {
+    fn default() -> Self {
+        Estimate { mean: f64::NAN, ci95: f64::NAN }
+    }
+}
+
+/// Stand, one constant command, stand: where the robot ends, compared with where the command leads.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Drift {
+    /// The command in words, e.g. `+x 0.5 m/s`.
+    pub name: String,
+    /// Forward and left (m/s), yaw rate (rad/s).
+    #[serde(with = "nullable::array")]
+    pub command: [f64; 3],
+    /// Trials averaged.
+    pub trials: u32,
+    /// Trials that ended in a fall.
+    pub falls: u32,
+    /// Mean final error in x (m), y (m), yaw (rad), in the frame of the start.
+    #[serde(with = "nullable::array")]
+    pub error: [f64; 3],
+    /// Half the width of the 95 % interval of each mean; NaN with one trial.
+    #[serde(with = "nullable::array")]
+    pub ci95: [f64; 3],
+    /// Base positions x, y of one trial over time, m, in the frame of the start.
+    pub path: Vec<[f64; 2]>,
+    /// Where the command leads, in the same frame.
+    pub intended: Vec<[f64; 2]>,
+}
+
+impl Default for Drift {
+    fn default() -> Self {
+        Drift {
+            name: String::new(),
+            command: [f64::NAN; 3],
+            trials: 0,
+            falls: 0,
+            error: [f64::NAN; 3],
+            ci95: [f64::NAN; 3],
+            path: Vec::new(),
+            intended: Vec::new(),
+        }
     }
 }
