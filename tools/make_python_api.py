@@ -45,7 +45,7 @@ ERRORS = """| error | when |
 | `FileNotFoundError` | a file is missing |
 | `TypeError`, `ValueError` | an argument is wrong |
 | `gaitfit.GaitfitError` | files, settings or robots cannot be used, or the work failed; the text says why and what to do |
-| `gaitfit.Stopped`, a `GaitfitError` | `progress` returned `False`. `run_folder` is the run's folder, with what is done; `None` for stages that keep nothing |
+| `gaitfit.Stopped`, a `GaitfitError` | `progress` returned `False`, or `max_seconds` were over (a fit returns what it has instead). `run_folder` is the run's folder, with what is done; `None` for stages that keep nothing |
 | `KeyboardInterrupt` | Ctrl-C. It has `run_folder`, too, if the run has one |"""
 DEVICE_ARRAY = """On a GPU arrays are `gaitfit.DeviceArray`: `shape`, `dtype` (`"float32"` or `"bool"`), `device`, `numpy()`, which copies it to \
 the processor, and DLPack: `torch.from_dlpack(array)` and other libraries take it without a copy."""

@@ -210,6 +210,7 @@ def evaluate(
     trajectories: int,
     seconds: float,
     drift: int,
+    drift_speeds: Sequence[float] | None,
     terrain: str,
     device: str,
     progress: Listener | None,

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Union
 
-from ._arguments import count, flag, items, mapping, maybe, path, real, text, unicode
+from ._arguments import count, flag, items, mapping, maybe, path, real, text, time_limit, unicode
 from ._arguments import threads as checked_threads
 from ._log_files import kept
 from ._logs import Log
@@ -47,6 +47,7 @@ def run(
     resume: Resume,
     threads: int | None,
     device: str,
+    max_seconds: float | None = None,
 ) -> dict[str, Any]:
     """What every stage with a run folder takes. ``kind`` is the class of typed settings that it takes."""
     file, given = configured(config, kind, settings)
@@ -56,6 +57,7 @@ def run(
         "resume": resume if resume == "auto" else flag("resume", resume),
         "threads": checked_threads(threads),
         "device": text("device", device),
+        "max_seconds": time_limit(max_seconds),
     }
     return {"config": existing("config", file), **checked}
 
@@ -187,6 +189,7 @@ def world(
     preset: str = "fast",
     seed: int = 0,
     threads: int | None = None,
+    max_seconds: float | None = None,
 ) -> dict[str, Any]:
     """A policy and the simulator that it walks in."""
     return {
@@ -201,7 +204,15 @@ def world(
         "preset": text("preset", preset),
         "seed": count("seed", seed, 0),
         "threads": checked_threads(threads),
+        "max_seconds": time_limit(max_seconds),
     }
+
+
+def chosen(config: TypedSettings | None, kind: type[TypedSettings], arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments that are settings too: those that were given win over the configuration's."""
+    if config is not None and not isinstance(config, kind):
+        raise TypeError(f"config is {config!r}; give a gaitfit.config.{kind.__name__}")
+    return {name: getattr(config, name, None) if value is None else value for name, value in arguments.items()}
 
 
 def theta_file(theta: Any) -> str | None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _gaitfit
-from ._arguments import MAX_POPULATION, MAX_SEEDS, count, finite, flag, items, maybe, path, text
+from ._arguments import MAX_POPULATION, MAX_SEEDS, count, finite, flag, items, maybe, path, text, time_limit
 from ._arrays import numbers
 from ._logs import Log
 from ._progress import Progresses, listener
@@ -119,6 +119,7 @@ def fit_simulator(
     skip: int = 0,
     checkpoint: str | os.PathLike[str] | None = None,
     intervals: bool = False,
+    max_seconds: float | None = None,
     progress: Progresses = True,
 ) -> FitOutcome:
     """Searches the parameters with which a simulator of your own moves like the robot, by CMA-ES.
@@ -138,6 +139,8 @@ def fit_simulator(
         checkpoint: A file in which the state is saved after every generation; a later call with the same arguments continues
             it, to the same bits.
         intervals: Whether to measure at the end how well the logs determine each value, with further simulations.
+        max_seconds: Wall time after which the search ends with what it has, s; then intervals are not measured. A ``checkpoint``
+            continues it.
         progress: As for :func:`fit`.
 
     Returns the best values, and what is known about them.
@@ -193,6 +196,7 @@ def fit_simulator(
         "tolerance": tolerance,
         "checkpoint": maybe(path, "checkpoint", checkpoint),
         "intervals": flag("intervals", intervals),
+        "max_seconds": time_limit(max_seconds),
     }
     found = _gaitfit.fit_simulator(simulated, joints, recorded, entries, search, listener(progress))
     document = json.loads(found)

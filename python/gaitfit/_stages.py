@@ -35,6 +35,7 @@ def fit(
     name: str | None = None,
     runs: PathLike | None = None,
     resume: Resume = False,
+    max_seconds: float | None = None,
     device: Device = "cpu",
     threads: int | None = None,
     progress: Progresses = True,
@@ -58,6 +59,10 @@ def fit(
             the next is ``"fit-2"``: :attr:`FitResult.run_folder` tells.
         runs: Folder of the run folders; by default ``"runs"``.
         resume: ``True`` continues the latest run of that name, to the same bits; ``"auto"`` does if there is one.
+        max_seconds: Wall time of the fit, s; without it as long as it needs. Half of it is for the search, unless
+            ``settings={"optimizer.max_seconds": 20.0}`` limits the search itself. What is not measured when it is over, corrections
+            and intervals, is left out, and :attr:`FitResult.warnings` names it; scores and the report take some seconds more.
+            The same call with ``resume=True`` continues such a fit.
         device: What simulates walks.
         threads: Threads; by default one for each core.
         progress: ``True`` prints, ``False`` does not; or a function that takes an :class:`Event`, or a list of such functions and
@@ -77,7 +82,7 @@ def fit(
     from .results import _read
 
     others = given.fit_settings(logs, robot, given.named_policy(policy), costs, settings, runs)
-    run = given.run(config, Fit, others, name, resume, threads, device)
+    run = given.run(config, Fit, others, name, resume, threads, device, max_seconds)
     return _read.fit_result(json.loads(_gaitfit.adapt(run, given.own(policy), listener(progress), None)))
 
 
@@ -85,7 +90,7 @@ def validate(
     theta: PathLike,
     logs: PathLike | Log | pd.DataFrame | Sequence[PathLike | Log | pd.DataFrame],
     *,
-    config: PathLike | None = None,
+    config: PathLike | Fit | None = None,
     settings: Settings | None = None,
     threads: int | None = None,
     policy: Policy | None = None,
@@ -95,7 +100,8 @@ def validate(
     Arguments:
         theta: The fit's ``theta.toml`` (:attr:`FitResult.theta`).
         logs: Logs that were not fitted, as for :func:`fit`.
-        config: The fit's configuration; by default the ``config.toml`` beside ``theta``.
+        config: The fit's configuration; by default the ``config.toml`` beside ``theta``. Settings of a :class:`gaitfit.config.Fit`
+            go over that file.
         settings: Changes of its settings, by name.
         threads: Threads; by default one for each core.
         policy: The :class:`Policy` of a fit with a policy of your own.
@@ -108,18 +114,19 @@ def validate(
     >>> checked.rmse_rad      # doctest: +SKIP
     0.0032
     """
+    from .config import Fit
     from .results import _read
 
-    sets = given.sets(settings)
+    file, changes = given.configured(config, Fit, settings)
+    sets = given.sets(changes)
     path("theta", theta)
     if not isinstance(policy, Policy | None):
         raise TypeError(f"policy is {policy!r}; it must be a gaitfit.Policy: a policy's file is in the fit's configuration")
-    maybe(path, "config", config)
     threads = checked_threads(threads)
     files = given.log_files(logs, None)
-    fitted, config = given.existing("theta", theta), given.existing("config", config)
+    fitted, file = given.existing("theta", theta), given.existing("config", file)
     try:
-        found = _gaitfit.validate(str(fitted), files, config, sets, threads, given.own(policy))
+        found = _gaitfit.validate(str(fitted), files, file, sets, threads, given.own(policy))
     except _gaitfit.GaitfitError as missing:
         name = re.search(r"policy `(the function [^`,]*)", str(missing))
         if policy is None and name is not None:
@@ -137,6 +144,7 @@ def loop(
     name: str | None = None,
     runs: PathLike | None = None,
     resume: Resume = False,
+    max_seconds: float | None = None,
     device: Device = "cpu",
     threads: int | None = None,
     progress: Progresses = True,
@@ -146,6 +154,7 @@ def loop(
     Arguments:
         config: A TOML file (``gaitfit config loop`` prints one with all defaults), or a :class:`gaitfit.config.Loop`.
         settings, name, runs, resume, device, threads, progress: As for :func:`fit`.
+        max_seconds: Wall time of the call, s; after it the loop stops with :class:`Stopped`, and ``resume=True`` continues it.
 
     Returns every round and measurement; the best policy's file is ``LoopResult.policy``.
 
@@ -159,7 +168,7 @@ def loop(
     from .results import _read
 
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
-    run = given.run(config, Loop, others, name, resume, threads, device)
+    run = given.run(config, Loop, others, name, resume, threads, device, max_seconds)
     return _read.loop_result(json.loads(_gaitfit.run_loop(run, listener(progress))))
 
 

@@ -15,7 +15,7 @@ pyo3::create_exception!(
     gaitfit,
     Stopped,
     GaitfitError,
-    "The progress function returned False, so the stage stopped. A fit, a training or a loop keeps what is done in its run \
+    "The progress function returned False, or max_seconds were over, so the stage stopped. A fit, a training or a loop keeps what is done in its run \
      folder, ``run_folder``; of a training also each seed's policy so far, ``seed-1/policy.safetensors``. Other stages keep \
      nothing, and ``run_folder`` is ``None``."
 );

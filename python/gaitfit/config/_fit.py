@@ -297,8 +297,8 @@ class Optimizer(Settings):
         tolerance: A seed stops once its search distribution is this small: largest standard deviation of any parameter,
             relative to its initial deviation. 0 never stops early. Default: 0.0001.
         max_seconds: Wall time after which the search stops with what it has, s; 0 has no limit. Intervals are measured
-            after it, which takes as long again or longer; estimates of a search that was cut off are not corrected by
-            simulated logs, and the result has the doubt ``not_converged``. Default: 0.0.
+            after it, which takes as long again or longer. Estimates of a search that was cut off are not corrected by
+            simulated logs, and have no intervals where such a correction belongs to the fit. Default: 0.0.
 
     >>> settings = Fit(optimizer=Optimizer(generations=50, seeds=3))
     """

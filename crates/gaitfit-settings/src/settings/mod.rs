@@ -234,8 +234,8 @@ pub struct OptimizerConfig {
     /// parameter, relative to its initial deviation. 0 never stops early.
     pub tolerance: f64,
     /// Wall time after which the search stops with what it has, s; 0 has no limit. Intervals are measured after it, which takes
-    /// as long again or longer; estimates of a search that was cut off are not corrected by simulated logs, and the result has
-    /// the doubt `not_converged`.
+    /// as long again or longer. Estimates of a search that was cut off are not corrected by simulated logs, and have no
+    /// intervals where such a correction belongs to the fit.
     pub max_seconds: f64,
 }
 
