@@ -134,7 +134,9 @@ TYPES = {
 #: Fields that name files or folders.
 PATHS = {"commands", "robot", "policy", "known", "theta", "logs", "validate", "runs"}
 #: Keys of a file that have another name in Python; the same table is KEYS in gaitfit/_settings.py.
-NAMES = {"parameter": "parameters", "number": "numbers", "network": "networks", "lambda": "lambda_"}
+NAMES = {
+    "parameter": "parameters", "number": "numbers", "network": "networks", "lambda": "lambda_", "environments": "num_envs"
+}
 #: An example of each class: where it is given.
 EXAMPLES = {
     "Gains": "Fit(gains=Gains(kp=20.0, kd=0.5))",
@@ -159,7 +161,7 @@ EXAMPLES = {
     "Push": "Task(push=Push(seconds=8.0, velocity=0.3))",
     "Terrain": 'Task(terrain=Terrain(kind="rough"))',
     "Task": "Task(episode_seconds=10.0, tracking_width=0.25)",
-    "Size": "Train(train=Size(environments=512, iterations=300))",
+    "Size": "Train(train=Size(num_envs=512, iterations=300))",
     "Memory": 'Train(ppo=Ppo(memory=Memory(cell="gru", width=64, layers=1)))',
     "Ppo": "Train(ppo=Ppo(epochs=3, desired_kl=0.015))",
     "Train": 'Train(robot="go2.xml", task=Task(control_dt=0.02), train=Size(iterations=300))',

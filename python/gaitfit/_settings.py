@@ -20,7 +20,11 @@ if TYPE_CHECKING:
     from typing import Self
 
 #: Names of settings in Python that files write otherwise; the same table is NAMES in tools/make_python_config.py.
-KEYS = {"parameters": "parameter", "numbers": "number", "networks": "network", "lambda_": "lambda"}
+KEYS = {
+    "parameters": "parameter", "numbers": "number", "networks": "network", "lambda_": "lambda", "num_envs": "environments"
+}
+#: Earlier names of settings, which are taken, too.
+EARLIER = {"environments": "num_envs"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +92,7 @@ def helpful(kind: type[Settings]) -> None:
 
     @functools.wraps(made)
     def init(self: Settings, *arguments: Any, **given: Any) -> None:
+        given = {name if name in names else EARLIER.get(name, name): value for name, value in given.items()}
         unknown = next((name for name in given if name not in names), None)
         if unknown is not None:
             raise TypeError(f"{kind.__name__} has no setting {unknown!r}{_meant(unknown, names)}")

@@ -52,7 +52,7 @@ def train(
     Raises as :func:`fit`. A training that was stopped has written the policy so far of each seed:
     ``stopped.run_folder / "seed-1" / "policy.safetensors"``.
 
-    >>> size = {"train.environments": 64, "train.iterations": 2}
+    >>> size = {"train.num_envs": 64, "train.iterations": 2}
     >>> trained = gaitfit.train(settings=size, progress=False)      # doctest: +SKIP
     >>> trained.seeds[0].reward      # doctest: +SKIP
     0.02

@@ -95,7 +95,7 @@ pub fn bearable(
     }
     let first = first()?.unwrap_or_default();
     Err(failed(format!(
-        "{diverged} of {count} environments diverged, the first of them environment {first}: its state or reward is not \
+        "{diverged} of {count} robots diverged, the first of them robot {first}: its state or reward is not \
          finite, or impossible. {MEND_DIVERGENCE}, or smaller actions"
     )))
 }

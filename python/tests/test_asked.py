@@ -74,7 +74,7 @@ class Runs(Case):
             seen.extend([(event.kind, event.done)] if event.kind in ("begin", "step", "end") else [])
             return (event.kind, event.done) != ("step", 2)
 
-        size = {"train.environments": 32, "train.iterations": 4}
+        size = {"train.num_envs": 32, "train.iterations": 4}
         common = {"runs": self.folder, "name": "t", "settings": size}
         with self.assertRaises(gaitfit.Stopped):
             gaitfit.train(**common, progress=stop)
@@ -87,7 +87,7 @@ class Runs(Case):
         self.assertAlmostEqual(float(np.mean([row["reward"] for row in rows])), trained.seeds[0].reward)
 
     def test_a_configuration_names_the_policy(self) -> None:
-        size = {"train.environments": 32, "train.iterations": 1}
+        size = {"train.num_envs": 32, "train.iterations": 1}
         tuned = gaitfit.finetune(config=Finetune(policy=POLICY), runs=self.folder, settings=size, progress=False)
         self.assertEqual(tuned.seeds[0].iterations, 1)
         with self.assertRaisesRegex(TypeError, "the policy is missing"):

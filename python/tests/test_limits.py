@@ -9,7 +9,7 @@ from gaitfit.config import Collect, Evaluate, Fit, Loop, Optimizer, Parameter, T
 from .common import DEMO, Case
 
 POLICY = "assets/go2-walk.safetensors"
-SIZE = {"train.environments": 32, "train.iterations": 400}
+SIZE = {"train.num_envs": 32, "train.iterations": 400}
 
 
 class Limits(Case):

@@ -21,7 +21,7 @@ use gaitfit_policy::{Front, Policy, Provenance};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrainingSettings {
-    /// Robots.
+    /// Robots that are stepped together.
     pub environments: usize,
     /// Control steps of a rollout.
     pub steps: usize,

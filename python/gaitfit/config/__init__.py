@@ -28,7 +28,13 @@ True
 
 :func:`gaitfit.fit` and :func:`gaitfit.validate` take a :class:`Fit` as ``config=``, :func:`gaitfit.train` and robots a
 :class:`Train`, :func:`gaitfit.finetune` a :class:`Finetune`, :func:`gaitfit.evaluate` an :class:`Evaluate`, :func:`gaitfit.collect` a
-:class:`Collect` and :func:`gaitfit.loop` a :class:`Loop`. The other functions have arguments alone. A setting that is ``None`` has gaitfit's default, which may depend on other settings.
+:class:`Collect` and :func:`gaitfit.loop` a :class:`Loop`. The other functions have arguments alone. A setting that is ``None`` has
+gaitfit's default, which may depend on other settings.
+
+Counts of robots have one word each. ``num_envs``: robots that are stepped together, in trainings and in :class:`gaitfit.Robots`.
+``trajectories``: robots of an evaluation or a collection, each of which walks once under random commands; ``drift``: robots of
+each trial with a constant command. ``population``: candidates of a generation of a fit, each simulated from ``starts`` starts
+under every log. Simulated robots are those whose logs correct a fit; their number follows from ``replicates``.
 """
 
 from .._settings import Settings, helpful

@@ -22,14 +22,14 @@ class Size(Settings):
     """How much is trained.
 
     Attributes:
-        environments: Robots. Default: 4096.
+        num_envs: Robots that are stepped together. In a file: ``environments``. Default: 4096.
         steps: Control steps of a rollout. Default: 24.
         iterations: Rollouts and updates. Default: 400, of finetune 150.
 
-    >>> settings = Train(train=Size(environments=512, iterations=300))
+    >>> settings = Train(train=Size(num_envs=512, iterations=300))
     """
 
-    environments: int | None = None
+    num_envs: int | None = None
     steps: int | None = None
     iterations: int | None = None
 

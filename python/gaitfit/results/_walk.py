@@ -114,7 +114,7 @@ class Training(Result):
         name: Name of the run.
         robot: Name of the robot.
         task: The built-in task that it began with.
-        environments: Robots at once.
+        num_envs: Robots that were stepped together.
         steps: Control steps of a rollout.
         seeds: One training a seed.
         run_folder: The folder with the run's files.
@@ -123,14 +123,14 @@ class Training(Result):
         doubts: Reasons not to take it as it is.
         warnings: What to know before trusting the result.
 
-    >>> trained.policy.name, trained.environments
+    >>> trained.policy.name, trained.num_envs
     ('policy.safetensors', 32)
     """
 
     name: str
     robot: str
     task: str
-    environments: int
+    num_envs: int
     steps: int
     seeds: tuple[SeedResult, ...]
     run_folder: Path
@@ -143,6 +143,11 @@ class Training(Result):
     def policy(self) -> Path:
         """The policy of the first seed."""
         return self.seeds[0].policy
+
+    @property
+    def environments(self) -> int:
+        """The earlier name of :attr:`num_envs`."""
+        return self.num_envs
 
     def rows(self) -> list[dict[str, Any]]:
         """One row a seed."""

@@ -51,11 +51,10 @@ pub fn doubts(
     let likeness = outcome.regression.as_ref().and_then(|regression| regression.likeness);
     if let Some(likeness) = likeness.filter(Likeness::unlike) {
         let text = format!(
-            "The logs differ by more than chance from those of {} robots that were simulated with the regression's values. The mean \
+            "The logs differ by more than chance from those of simulated robots with the regression's values. The mean \
              square difference is {:.1} times their variance; chance explains at most {:.1}. The model lacks an effect, or the \
              regression's values are not near enough. So the intervals are {:.1} times as wide. `gaitfit explain` looks for \
              effects.",
-            likeness.robots,
             likeness.distance,
             likeness.by_chance,
             likeness.ratio()
