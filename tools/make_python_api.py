@@ -37,7 +37,7 @@ TYPES = """| type | what |
 | `Cost` | `"wass"`, `"matcho"`, `"matchr1"`, … |
 | `Resume` | `True`, `False` or `"auto"` |
 | `Device` | `"cpu"`, `"cuda"`, `"cuda:1"`, …, several GPUs as `"cuda:0,1"`, or `"auto"` |
-| `Theta` | a fit's result or its `theta.toml`, or a list of `gaitfit.config.TrueParameter` and `TrueNumber` |
+| `Theta` | a fit's result or its `theta.toml`, a `gaitfit.config.TrueParameter` or `TrueNumber`, or a list of these |
 | `Progresses` | `True`, `False`, a function of an `Event`, or a list of functions and `True` |"""
 
 ERRORS = """| error | when |
@@ -79,6 +79,7 @@ PAGES = [
         ("gaitfit", "_logs.py", ["Log", "Finding"]),
         ("gaitfit", "_log_files.py", ["read_log"]),
         ("gaitfit", "_policy_file.py", ["load_policy", "LoadedPolicy"]),
+        ("gaitfit", "_robot_file.py", ["read_robot", "RobotFile", "RobotJoint"]),
         ("gaitfit", "_observer.py", ["Observer"]),
         ("gaitfit", "_policy.py", ["Policy", "Interface", "Term"]),
         ("gaitfit", "_own_simulator.py", ["fit_simulator", "Simulator", "Parameter", "FitOutcome"]),

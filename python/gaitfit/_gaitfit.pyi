@@ -87,6 +87,8 @@ class DeviceInput:
     address: int
     def __init__(self, what: str, array: Any, shape: tuple[int, int], device: int, stream: int) -> None: ...
 
+def robot_numbers(robot: str, lenient: bool) -> str: ...
+
 class Task:
     observation_width: int
     critic_width: int
@@ -99,7 +101,7 @@ class Task:
     interface: str
     settings: str
     shape: str
-    def __init__(self, config: str | None, sets: Sequence[str], robot: str | None) -> None: ...
+    def __init__(self, config: str | None, sets: Sequence[str], robot: str | None, theta: str | None) -> None: ...
 
 class CudaRobots:
     count: int

@@ -19,6 +19,8 @@ from ._progress import Progresses, listener
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+else:
+    from ._hints import Figure
 
 Signals = Mapping[str, ArrayLike]
 

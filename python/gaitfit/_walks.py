@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from . import _gaitfit
 from . import _given as given
@@ -12,10 +12,8 @@ from ._arguments import count, flag, items, maybe, path, real, text
 from ._given import Device, PathLike, Preset, Resume, Settings, Theta
 from ._policy import Policy
 from ._progress import Progresses, listener
-
-if TYPE_CHECKING:
-    from .config import Collect, Evaluate, Finetune, Train
-    from .results import Collection, Evaluation, Training
+from .config import Collect, Evaluate, Finetune, Train
+from .results import Collection, Evaluation, Training, _read
 
 
 def train(
@@ -57,9 +55,6 @@ def train(
     >>> trained.seeds[0].reward      # doctest: +SKIP
     0.02
     """
-    from .config import Train
-    from .results import _read
-
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
     run = given.run(config, Train, others, name, resume, threads, device, max_seconds)
     found = _gaitfit.train(run, given.robot_of(robot), given.seeds_of(seeds), listener(progress))
@@ -90,9 +85,9 @@ def finetune(
 
     Arguments:
         policy: The policy's file: ``.safetensors``, ``.onnx`` or a ``.toml``. Without one ``config`` names it.
-        theta: What the robot is: the fit's result or its ``theta.toml`` (:attr:`FitResult.theta`), or values of your own, a list of
-            :class:`gaitfit.config.TrueParameter` and :class:`gaitfit.config.TrueNumber`. A value replaces that of the robot's
-            file: ``TrueParameter("frictionloss", joints=["*_calf*"], value=0.3)`` is all of these joints' dry friction, 0.3 N·m.
+        theta: What the robot is: the fit's result or its ``theta.toml`` (:attr:`FitResult.theta`), or values of your own, one
+            :class:`gaitfit.config.TrueParameter` or :class:`gaitfit.config.TrueNumber` or a list. A value replaces that of the
+            robot's file (:func:`read_robot` has it): ``TrueParameter("frictionloss", joints=["*_calf*"], value=0.3)`` is all of these joints' dry friction, 0.3 N·m.
             Quantities without unit whose start is 1 are factors. By default the robot of the file.
         robot: The robot's file, MJCF or URDF; by default that of the policy.
         task: Another task: a built-in one, or a file.
@@ -109,15 +104,14 @@ def finetune(
 
     >>> trained = gaitfit.finetune("assets/go2-walk.safetensors", theta=result.theta)      # doctest: +SKIP
     """
-    from .config import Finetune
-    from .results import _read
-
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
     run = given.run(config, Finetune, others, name, resume, threads, device, max_seconds)
     if policy is None:
         policy = given.policy_of(config, others)
     world = given.world(given.file_of(policy), robot, lenient, task, theta, spring, torque_noise)
-    return _read.training_result(json.loads(_gaitfit.finetune(run, world, given.seeds_of(seeds), listener(progress))))
+    with given.theta_named(theta):
+        found = _gaitfit.finetune(run, world, given.seeds_of(seeds), listener(progress))
+    return _read.training_result(json.loads(found))
 
 
 def evaluate(
@@ -147,7 +141,8 @@ def evaluate(
 
     Arguments:
         policy: A file, or a :class:`Policy` of your own.
-        robot, theta, task, spring, torque_noise, lenient: As for :func:`finetune`.
+        robot, theta, task, spring, torque_noise, lenient: As for :func:`finetune`. A policy that was trained in a fitted simulator
+            walks in the robot of its file, too, unless ``theta`` is given.
         config: A :class:`gaitfit.config.Evaluate` with ``trajectories``, ``seconds``, ``drift``, ``drift_speeds``, ``preset`` and
             ``seed``, as a loop has it. Arguments win over it.
         trajectories: Robots with random commands, one trajectory each; by default 10000.
@@ -172,9 +167,6 @@ def evaluate(
     >>> walked.trajectories, walked.fall_rate.mean
     (4, 0.0)
     """
-    from .config import Evaluate
-    from .results import _read
-
     arguments = {"trajectories": trajectories, "seconds": seconds, "drift": drift, "drift_speeds": drift_speeds}
     numbers = _EVALUATE | _stated(given.chosen(config, Evaluate, {**arguments, "preset": preset, "seed": seed}))
     solver, draws = numbers["preset"], numbers["seed"]
@@ -184,8 +176,10 @@ def evaluate(
     robots, trials = count("trajectories", numbers["trajectories"], 1), count("drift", numbers["drift"], 0)
     speeds = maybe(_speeds, "drift_speeds", numbers.get("drift_speeds"))
     length, terrain = real("seconds", numbers["seconds"]), text("terrain", terrain)
-    found = _gaitfit.evaluate(world, robots, length, trials, speeds, terrain, text("device", device), listener(progress))
-    return _read.evaluation_result(json.loads(found))
+    with given.theta_named(theta) as shown:
+        found = _gaitfit.evaluate(world, robots, length, trials, speeds, terrain, text("device", device), listener(progress))
+    document = json.loads(found)
+    return _read.evaluation_result({**document, "simulator": shown(document["simulator"])})
 
 
 def collect(
@@ -235,9 +229,6 @@ def collect(
     >>> gaitfit.read_log(logs.files[0]).duration      # doctest: +SKIP
     3.98
     """
-    from .config import Collect
-    from .results import _read
-
     arguments = {"trajectories": trajectories, "seconds": seconds, "log_shift": log_shift, "privileged": privileged}
     more = {"commands": commands, "preset": preset, "seed": seed}
     numbers = _COLLECT | _stated(given.chosen(config, Collect, {**arguments, **more}))
@@ -252,12 +243,13 @@ def collect(
         low, high = (float(one) for one in shift)
     except (TypeError, ValueError):
         raise TypeError(f"log_shift is {shift!r}; give two numbers, the shortest and the longest, s") from None
-    simulator, written, falls = _gaitfit.collect(
-        world, out, robots, length, [low, high], whole, moves, text("device", device), listener(progress)
-    )
+    with given.theta_named(theta) as shown:
+        simulator, written, falls = _gaitfit.collect(
+            world, out, robots, length, [low, high], whole, moves, text("device", device), listener(progress)
+        )
     files = [str(file) for file in written]
     return _read.collection_result(
-        {"simulator": simulator, "trajectories": len(files), "seconds": length, "falls": falls, "files": files}
+        {"simulator": shown(simulator), "trajectories": len(files), "seconds": length, "falls": falls, "files": files}
     )
 
 

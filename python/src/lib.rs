@@ -49,7 +49,7 @@ mod _gaitfit {
     #[pymodule_export]
     use super::policy_file::PolicyFile;
     #[pymodule_export]
-    use super::program::{explain, program};
+    use super::program::{explain, program, robot_numbers};
     #[pymodule_export]
     use super::settings::{read_toml, resolve_settings};
     #[pymodule_export]

@@ -93,10 +93,13 @@ impl Robots {
     ) -> PyResult<Self> {
         checked(count)?;
         let threads = threads.unwrap_or_else(gaitfit::machine::threads).clamp(1, count.div_ceil(TILE));
+        let candidate = task.candidate.clone();
         let scene = py.detach(|| {
             Scene::try_new(task.scene.clone(), |task| -> Result<Tiles<'_>, TaskError> {
                 let tile = |first: usize| {
-                    let mut tile = Environment::new(task, None, seed, first as u32, TILE.min(count - first))?;
+                    let robot = candidate.as_ref();
+                    let mut tile =
+                        Environment::new(task, robot, seed, first as u32, TILE.min(count - first))?;
                     if stagger {
                         tile.stagger();
                     }

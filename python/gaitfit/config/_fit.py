@@ -371,9 +371,10 @@ class Fit(Settings):
         odd_joints: Whether to look for joints that differ from the same joint of other legs, and to fit a spring on
             those. Default: False.
         swings: Whether what legs in the air show of friction, damping, armature and delay becomes a prior of a walk's
-            fit. Default: False, of walks True.
+            fit; by default only where the settings name no parameters. Default: False, of walks True.
         effects: Whether a fit of walks gets further parameters for effects that its logs show without a simulation.
-            Examples are play, soft ground and a tilted IMU. Default: False, of walks True.
+            Examples are play, soft ground and a tilted IMU. By default only where the settings name no parameters.
+            Default: False, of walks True.
         runs: Folder that holds the run folders. Default: 'runs'.
         checkpoint_seconds: Seconds between checkpoints. Default: 5.0.
         joint_names: Joint names of the logs → joint names of the robot, where they differ.

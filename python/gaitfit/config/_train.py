@@ -81,7 +81,8 @@ class Ppo(Settings):
         max_gradient_norm: Limit on the Euclidean norm of the whole gradient (actor, critic and log-std together).
             Default: 1.0.
         critic_warmup: Updates at the start in which only the critic learns, its loss unclipped and its learning rate
-            constant; none is 0. A critic of another simulator, or a fresh one, then does not mislead the actor.
+            constant. By default 0; of a fine-tuning 5, or 20 if the policy has no critic. A critic of another simulator,
+            or a fresh one, then does not mislead the actor.
         epochs: Passes over the samples in an update. Default: 5.
         minibatches: Gradient steps in a pass; with a memory each is over whole robots. Default: 4.
         memory: Recurrent layers before both networks, which see what these make of their observations; without it each

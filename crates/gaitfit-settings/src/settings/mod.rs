@@ -69,10 +69,11 @@ pub struct AdaptConfig {
     pub costs: Vec<CostKind>,
     /// Whether to look for joints that differ from the same joint of other legs, and to fit a spring on those.
     pub odd_joints: bool,
-    /// Whether what legs in the air show of friction, damping, armature and delay becomes a prior of a walk's fit.
+    /// Whether what legs in the air show of friction, damping, armature and delay becomes a prior of a walk's fit; by default
+    /// only where the settings name no parameters.
     pub swings: bool,
     /// Whether a fit of walks gets further parameters for effects that its logs show without a simulation. Examples are play,
-    /// soft ground and a tilted IMU.
+    /// soft ground and a tilted IMU. By default only where the settings name no parameters.
     pub effects: bool,
     /// Folder that holds the run folders.
     pub runs: String,
