@@ -91,7 +91,8 @@ PAGES = [
     Page("robots", "Python: robots", "Robots at a task for a learner of your own. [Robots](../python-robots.md) begins with examples.\n\n" + DEVICE_ARRAY, [
         ("gaitfit", "_robots.py", ["Robots"]),
         ("gaitfit", "_robots_state.py", ["Motion", "RobotsState"]),
-        ("gaitfit.gym", "_terms.py", ["Terms"]),
+        ("gaitfit", "_terms.py", ["Terms"]),
+        ("gaitfit", "_training_terms.py", ["TrainingRobots"]),
         ("gaitfit.gym", "gym.py", []),
         ("gaitfit.sb3", "sb3.py", []),
         ("gaitfit.rsl_rl", "rsl_rl.py", []),

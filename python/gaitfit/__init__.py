@@ -7,7 +7,8 @@ Their settings as dataclasses: :mod:`gaitfit.config`; functions for ``progress=`
 Logs: :func:`read_log`, :class:`Log` (of arrays and tables); charts: :mod:`gaitfit.plots`.
 Policies: :func:`load_policy` (a file that acts), :class:`Observer` (its observations in a loop of your own), :class:`Policy` (a
 function of yours).
-Robot files: :func:`read_robot`. Robots at a task: :class:`Robots`; as other libraries take them :mod:`gaitfit.gym`, :mod:`gaitfit.sb3` and :mod:`gaitfit.rsl_rl`.
+Robot files: :func:`read_robot`. Robots at a task: :class:`Robots`; as other libraries take them :mod:`gaitfit.gym`, :mod:`gaitfit.sb3` and :mod:`gaitfit.rsl_rl`. Rewards and ends of
+episodes of your own, there and in trainings: :class:`Terms`.
 Simulators of your own: :func:`fit_simulator`; official MuJoCo as one: :mod:`gaitfit.mujoco`, :mod:`gaitfit.mujoco_warp`.
 More: :func:`fleet` (many robots of one kind), :mod:`gaitfit.ray` (many machines), :class:`CMA`, :mod:`gaitfit.costs`.
 
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
     from ._robot_file import RobotFile, RobotJoint, read_robot
     from ._robots import Robots
     from ._robots_state import Motion, RobotsState
+    from ._training_terms import TrainingRobots
+    from ._terms import Terms
     from ._stages import compare, explain, fit, loop, validate
     from ._walks import collect, evaluate, finetune, train
     from .results import (
@@ -76,7 +79,9 @@ __all__ = [
     "Simulator",
     "Stopped",
     "Term",
+    "Terms",
     "Training",
+    "TrainingRobots",
     "ValidationResult",
     "__version__",
     "callbacks",
@@ -115,6 +120,8 @@ _PARTS = {
     "_robots": ("Robots",),
     "_robots_state": ("Motion", "RobotsState"),
     "_stages": ("compare", "explain", "fit", "loop", "validate"),
+    "_terms": ("Terms",),
+    "_training_terms": ("TrainingRobots",),
     "_walks": ("collect", "evaluate", "finetune", "train"),
     "callbacks": ("callbacks",),
     "config": ("config",),

@@ -188,6 +188,7 @@ def train(
     run: Mapping[str, Any],
     robot: str | None,
     seeds: Sequence[int] | None,
+    terms: Callable[..., Any] | None,
     progress: Listener | None,
 ) -> str: ...
 def train_plan(
@@ -204,6 +205,7 @@ def finetune(
     run: Mapping[str, Any],
     world: Mapping[str, Any],
     seeds: Sequence[int] | None,
+    terms: Callable[..., Any] | None,
     progress: Listener | None,
 ) -> str: ...
 def run_loop(run: Mapping[str, Any], progress: Listener | None) -> str: ...

@@ -12,6 +12,8 @@ from ._arguments import count, flag, items, maybe, path, real, text
 from ._given import Device, PathLike, Preset, Resume, Settings, Theta
 from ._policy import Policy
 from ._progress import Progresses, listener
+from ._terms import Terms
+from ._training_terms import called
 from .config import Collect, Evaluate, Finetune, Train
 from .results import Collection, Evaluation, Training, _read
 
@@ -22,6 +24,7 @@ def train(
     robot: PathLike | None = None,
     seeds: Iterable[int] | None = None,
     settings: Settings | None = None,
+    terms: Terms | None = None,
     name: str | None = None,
     runs: PathLike | None = None,
     resume: Resume = False,
@@ -38,6 +41,11 @@ def train(
         robot: The robot's file, MJCF or URDF.
         seeds: One training each, one after the other.
         settings, runs, threads, progress: As for :func:`fit`.
+        terms: A reward and ends of episodes of your own, :class:`gaitfit.Terms` without an observation. They are called with up to
+            256 robots at a time, which have what :class:`gaitfit.TrainingRobots` lists, after each of their steps, and must remember
+            nothing between calls; an exception ends the training and is raised unchanged. A run with terms continues with terms
+            alone; that they are the same is not checked. Rewards that an expression can say need no terms:
+            ``settings={"task.terms.low": "height < 0.2", "task.rewards.low": -1.0}``, also on GPUs.
         resume: ``True`` continues the latest run of that name, to the same bits; ``"auto"`` does if there is one. More
             ``train.iterations`` than the run has train on, also after its end; other settings must be those it began with, and a
             change that would train something else is refused.
@@ -54,10 +62,16 @@ def train(
     >>> trained = gaitfit.train(settings=size, progress=False)      # doctest: +SKIP
     >>> trained.seeds[0].reward      # doctest: +SKIP
     0.02
+
+    With a reward of your own, which pays for steps without rolling:
+
+    >>> def steady(robots, motion):
+    ...     return robots.reward - 0.1 * robots.control_dt * np.abs(motion.base_angular_velocity[:, 0])
+    >>> trained = gaitfit.train(settings=size, terms=gaitfit.Terms(reward=steady), progress=False)      # doctest: +SKIP
     """
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
     run = given.run(config, Train, others, name, resume, threads, device, max_seconds)
-    found = _gaitfit.train(run, given.robot_of(robot), given.seeds_of(seeds), listener(progress))
+    found = _gaitfit.train(run, given.robot_of(robot), given.seeds_of(seeds), called(terms, device), listener(progress))
     return _read.training_result(json.loads(found))
 
 
@@ -73,6 +87,7 @@ def finetune(
     config: PathLike | Finetune | None = None,
     seeds: Iterable[int] | None = None,
     settings: Settings | None = None,
+    terms: Terms | None = None,
     name: str | None = None,
     runs: PathLike | None = None,
     resume: Resume = False,
@@ -96,7 +111,7 @@ def finetune(
         lenient: Leave out what the engine cannot simulate in the robot's file.
         config: A TOML file (``gaitfit config finetune`` prints one), or a :class:`gaitfit.config.Finetune`. The other arguments
             win over it.
-        seeds, settings, name, runs, resume, max_seconds, device, threads, progress: As for :func:`train`.
+        seeds, settings, terms, name, runs, resume, max_seconds, device, threads, progress: As for :func:`train`.
 
     Returns the result; its first policy's file is ``Training.policy``.
 
@@ -110,7 +125,7 @@ def finetune(
         policy = given.policy_of(config, others)
     world = given.world(given.file_of(policy), robot, lenient, task, theta, spring, torque_noise)
     with given.theta_named(theta):
-        found = _gaitfit.finetune(run, world, given.seeds_of(seeds), listener(progress))
+        found = _gaitfit.finetune(run, world, given.seeds_of(seeds), called(terms, device), listener(progress))
     return _read.training_result(json.loads(found))
 
 

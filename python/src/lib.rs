@@ -18,6 +18,7 @@ mod share;
 mod stages;
 mod tables;
 mod task;
+mod terms;
 mod vec_env;
 mod vec_rows;
 mod watch;

@@ -193,10 +193,29 @@ pub fn train(
     run: Run,
     robot: Option<String>,
     seeds: Option<Vec<u64>>,
+    terms: Option<Py<PyAny>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let setup = training(&run, robot, seeds)?;
-    json(watched(py, progress.as_ref(), run.max_seconds, |watch| {
+    trained(py, &run, setup, terms.as_ref(), progress.as_ref())
+}
+
+/// Trains. `terms` are functions of the user that change rewards and ends of episodes.
+fn trained(
+    py: Python<'_>,
+    run: &Run,
+    mut setup: gaitfit::train::Setup,
+    terms: Option<&Py<PyAny>>,
+    progress: Option<&Py<PyAny>>,
+) -> PyResult<String> {
+    if let Some(terms) = terms {
+        let interface = serde_json::to_string(&setup.scene.walker.interface).map_err(failed)?;
+        terms.call_method1(py, "begin", (interface,))?;
+        // A run that has terms does not continue without.
+        setup.inputs.settings.push_str("-with-terms");
+    }
+    json(watched_acting(py, progress, run.max_seconds, terms, |watch, caller| {
+        setup.scene.user_terms = terms.map(|_| crate::terms::user_terms(caller));
         gaitfit::train::train(&setup, run.resumes(&setup.plan.runs, &setup.plan.name), watch)
     })?)
 }
@@ -261,12 +280,11 @@ pub fn finetune(
     run: Run,
     world: World,
     seeds: Option<Vec<u64>>,
+    terms: Option<Py<PyAny>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let setup = tuning(&run, world, seeds)?;
-    json(watched(py, progress.as_ref(), run.max_seconds, |watch| {
-        gaitfit::train::train(&setup, run.resumes(&setup.plan.runs, &setup.plan.name), watch)
-    })?)
+    trained(py, &run, setup, terms.as_ref(), progress.as_ref())
 }
 
 /// The loop.

@@ -7,6 +7,7 @@
 
 use crate::errors::{Stopped, in_python};
 use crate::forked::Home;
+use crate::terms;
 use gaitfit::Error;
 use gaitfit::watch::{Event, Watch};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
@@ -66,6 +67,8 @@ enum Message {
     Reported(Report, Option<SyncSender<()>>),
     /// A policy is to act.
     Asked(Asked),
+    /// Terms of a training are to be computed, and where they go.
+    Terms(Option<terms::Step>, SyncSender<terms::Answer>),
     /// The stage has ended.
     Done,
 }
@@ -99,6 +102,14 @@ impl Caller {
             }
             _ => false,
         }
+    }
+}
+
+impl Caller {
+    /// What the user's terms make of a step; nothing if they raised, now or before.
+    pub fn terms(&self, step: terms::Step) -> Option<terms::Answer> {
+        let (reply, answer) = mpsc::sync_channel(1);
+        self.0.send(Message::Terms(Some(step), reply)).ok().and_then(|()| answer.recv().ok())
     }
 }
 
@@ -212,6 +223,12 @@ pub fn watched_acting<T: Send>(
                             let actions = acted(py, act, asked)?;
                             // Who asked waits.
                             let _ = asked.reply.send(actions);
+                        }
+                        (Some(Message::Terms(step, reply)), _, Some(act)) => {
+                            if let Some(step) = step.take() {
+                                // Who asked waits.
+                                let _ = reply.send(terms::called(py, act, step)?);
+                            }
                         }
                         _ => {}
                     }
