@@ -37,7 +37,7 @@ TYPES = """| type | what |
 | `Cost` | `"wass"`, `"matcho"`, `"matchr1"`, … |
 | `Resume` | `True`, `False` or `"auto"` |
 | `Device` | `"cpu"`, `"cuda"`, `"cuda:1"`, …, several GPUs as `"cuda:0,1"`, or `"auto"` |
-| `Theta` | a fit's result or its `theta.toml`, or a list of `gaitfit.config.TrueParameter` and `TrueNumber` |
+| `Theta` | a fit's result or its `theta.toml`, a `gaitfit.config.TrueParameter` or `TrueNumber`, or a list of these |
 | `Progresses` | `True`, `False`, a function of an `Event`, or a list of functions and `True` |"""
 
 ERRORS = """| error | when |
@@ -45,7 +45,7 @@ ERRORS = """| error | when |
 | `FileNotFoundError` | a file is missing |
 | `TypeError`, `ValueError` | an argument is wrong |
 | `gaitfit.GaitfitError` | files, settings or robots cannot be used, or the work failed; the text says why and what to do |
-| `gaitfit.Stopped`, a `GaitfitError` | `progress` returned `False`. `run_folder` is the run's folder, with what is done; `None` for stages that keep nothing |
+| `gaitfit.Stopped`, a `GaitfitError` | `progress` returned `False`, or `max_seconds` were over (a fit returns what it has instead). `run_folder` is the run's folder, with what is done; `None` for stages that keep nothing |
 | `KeyboardInterrupt` | Ctrl-C. It has `run_folder`, too, if the run has one |"""
 DEVICE_ARRAY = """On a GPU arrays are `gaitfit.DeviceArray`: `shape`, `dtype` (`"float32"` or `"bool"`), `device`, `numpy()`, which copies it to \
 the processor, and DLPack: `torch.from_dlpack(array)` and other libraries take it without a copy."""
@@ -79,6 +79,7 @@ PAGES = [
         ("gaitfit", "_logs.py", ["Log", "Finding"]),
         ("gaitfit", "_log_files.py", ["read_log"]),
         ("gaitfit", "_policy_file.py", ["load_policy", "LoadedPolicy"]),
+        ("gaitfit", "_robot_file.py", ["read_robot", "RobotFile", "RobotJoint"]),
         ("gaitfit", "_observer.py", ["Observer"]),
         ("gaitfit", "_policy.py", ["Policy", "Interface", "Term"]),
         ("gaitfit", "_own_simulator.py", ["fit_simulator", "Simulator", "Parameter", "FitOutcome"]),
@@ -90,7 +91,8 @@ PAGES = [
     Page("robots", "Python: robots", "Robots at a task for a learner of your own. [Robots](../python-robots.md) begins with examples.\n\n" + DEVICE_ARRAY, [
         ("gaitfit", "_robots.py", ["Robots"]),
         ("gaitfit", "_robots_state.py", ["Motion", "RobotsState"]),
-        ("gaitfit.gym", "_terms.py", ["Terms"]),
+        ("gaitfit", "_terms.py", ["Terms"]),
+        ("gaitfit", "_training_terms.py", ["TrainingRobots"]),
         ("gaitfit.gym", "gym.py", []),
         ("gaitfit.sb3", "sb3.py", []),
         ("gaitfit.rsl_rl", "rsl_rl.py", []),

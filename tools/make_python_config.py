@@ -9,6 +9,7 @@ Fields, types and documentation are those of the structs, choices those of their
 from __future__ import annotations
 
 import argparse
+import ast
 import re
 import sys
 import textwrap
@@ -34,6 +35,8 @@ class Class:
     file: Path
     defaults: str = ""
     first: str = ""
+    #: Another struct, and those of its fields that the class has too.
+    more: tuple[str, Path, tuple[str, ...]] | None = None
 
 
 FIT = [
@@ -76,6 +79,10 @@ LOOP = [
     Class("TrueNumber", "TrueNumber", SETTINGS / "target.rs", first="kind"),
     Class("Target", "TargetConfig", SETTINGS / "target.rs", first="kind"),
     Class("Evaluate", "EvaluateConfig", SETTINGS / "loop_.rs", "loop.evaluate"),
+    Class(
+        "Collect", "CollectSettings", CRATES / "gaitfit" / "src" / "collect.rs", "collect",
+        more=("WorldSettings", CRATES / "gaitfit-world" / "src" / "world.rs", ("preset", "seed")),
+    ),
     Class("Loop", "LoopConfig", SETTINGS / "loop_.rs", "loop"),
 ]
 #: Enums whose values are choices, with what serde makes of a variant's name.
@@ -104,6 +111,7 @@ ENUMS = {
 #: Types that Python writes in its own way.
 TYPES = {
     "String": "str",
+    "PathBuf": "str | os.PathLike[str]",
     "bool": "bool",
     **dict.fromkeys(("f64", "f32"), "float"),
     **dict.fromkeys(("usize", "u16", "u32", "u64"), "int"),
@@ -124,9 +132,11 @@ TYPES = {
     "Task": "Task",
 }
 #: Fields that name files or folders.
-PATHS = {"robot", "policy", "known", "theta", "logs", "validate", "runs"}
+PATHS = {"commands", "robot", "policy", "known", "theta", "logs", "validate", "runs"}
 #: Keys of a file that have another name in Python; the same table is KEYS in gaitfit/_settings.py.
-NAMES = {"parameter": "parameters", "number": "numbers", "network": "networks", "lambda": "lambda_"}
+NAMES = {
+    "parameter": "parameters", "number": "numbers", "network": "networks", "lambda": "lambda_", "environments": "num_envs"
+}
 #: An example of each class: where it is given.
 EXAMPLES = {
     "Gains": "Fit(gains=Gains(kp=20.0, kd=0.5))",
@@ -151,7 +161,7 @@ EXAMPLES = {
     "Push": "Task(push=Push(seconds=8.0, velocity=0.3))",
     "Terrain": 'Task(terrain=Terrain(kind="rough"))',
     "Task": "Task(episode_seconds=10.0, tracking_width=0.25)",
-    "Size": "Train(train=Size(environments=512, iterations=300))",
+    "Size": "Train(train=Size(num_envs=512, iterations=300))",
     "Memory": 'Train(ppo=Ppo(memory=Memory(cell="gru", width=64, layers=1)))',
     "Ppo": "Train(ppo=Ppo(epochs=3, desired_kl=0.015))",
     "Train": 'Train(robot="go2.xml", task=Task(control_dt=0.02), train=Size(iterations=300))',
@@ -162,10 +172,11 @@ EXAMPLES = {
     "TrueNumber": 'Target("simulated", numbers=[TrueNumber("payload_mass", value=2.0)])',
     "Target": 'Loop(target=Target("simulated"))',
     "Evaluate": "Loop(evaluate=Evaluate(trajectories=300))",
+    "Collect": "Collect(trajectories=8, seconds=10.0, privileged=True)",
     "Loop": 'Loop(policy="walk.safetensors", logs=["walks"], evaluate=Evaluate(trajectories=300))',
 }
 #: Fields that users cannot set.
-HIDDEN = {"decided", "policy_sha256", "theta_sha256"}
+HIDDEN = {"decided", "policy_sha256", "theta_sha256", "world", "device"}
 
 
 def read(path: Path) -> str:
@@ -309,8 +320,10 @@ def python_type(rust: str, owner: Class, field: str, classes: dict[str, str]) ->
     sys.exit(f"make_python_config.py: {owner.struct}.{field} has the type {rust}, which has no type in Python yet")
 
 
-def fields_of(owner: Class, classes: dict[str, str]) -> tuple[str, list[tuple[str, str, str]]]:
-    """The documentation of a struct, and name, type and documentation of its fields."""
+def fields_of(
+    owner: Class, classes: dict[str, str], only: tuple[str, ...] = ()
+) -> tuple[str, list[tuple[str, str, str]]]:
+    """The documentation of a struct, and name, type and documentation of its fields, or of ``only`` some."""
     whole, lines = body(read(owner.file), "struct", owner.struct)
     found, docs = [], []
     for line in lines.splitlines():
@@ -318,10 +331,20 @@ def fields_of(owner: Class, classes: dict[str, str]) -> tuple[str, list[tuple[st
             docs.append(line)
         elif field := re.match(r"    (?:pub )?(\w+): (.*),$", line):
             name = field.group(1)
-            if name not in HIDDEN:
+            if name not in HIDDEN and (not only or name in only):
                 found.append((name, python_type(field.group(2), owner, name, classes), documentation(docs)))
             docs = []
+    if owner.more:
+        struct, file, names = owner.more
+        found += fields_of(Class(owner.name, struct, file), classes, names)[1]
     return whole, found
+
+
+def function_defaults(name: str) -> dict:
+    """The defaults of a function of the package, from the dictionary that it has."""
+    tree = ast.parse(read(OUT.parent / "_walks.py"))
+    assigned = (one for one in tree.body if isinstance(one, ast.AnnAssign) and getattr(one.target, "id", None) == name)
+    return ast.literal_eval(next(assigned).value)
 
 
 def default_tables() -> dict[str, dict]:
@@ -331,6 +354,8 @@ def default_tables() -> dict[str, dict]:
         "train": tomllib.loads(read(SETTINGS / "train.toml")),
         "finetune": tomllib.loads(read(SETTINGS / "finetune.toml")),
         "loop": tomllib.loads(read(SETTINGS / "loop.toml")),
+        "evaluate": function_defaults("_EVALUATE"),
+        "collect": function_defaults("_COLLECT"),
         "task": tomllib.loads(read(TASK / "velocity.toml")),
     }
 
@@ -352,6 +377,10 @@ def default_text(owner: Class, field: str, tables: dict[str, dict]) -> str:
     places = [("", f"{owner.defaults}.{field}")]
     if owner.defaults.startswith("fit"):
         places.append(("of walks ", f"walk{owner.defaults.removeprefix('fit')}.{field}"))
+    if owner.name == "Evaluate":
+        places = [("of a loop ", f"{owner.defaults}.{field}"), ("of gaitfit.evaluate ", f"evaluate.{field}")]
+        if len({at(tables, place) for _, place in places}) == 1:
+            places = [("", f"evaluate.{field}")]
     if owner.defaults in ("train.train", "train.ppo"):
         places.append(("of finetune ", f"finetune{owner.defaults.removeprefix('train')}.{field}"))
     for whose, place in places:
@@ -476,7 +505,7 @@ def files() -> dict[str, str]:
         + aliases(["Cone", "Cell", "Precision", "Schedule"])
         + "\n\n"
         + text(TRAIN),
-        "_loop.py": HEAD.format(doc="Settings of loops.")
+        "_loop.py": HEAD.format(doc="Settings of loops, evaluations and collections.")
         + imports.replace("import Mapping, Sequence", "import Sequence")
         + "from .._settings import Settings\nfrom ._fit import Fit, ParameterKind, Preset, RobotNumber\nfrom ._train import Finetune\n\n"
         + aliases(["TargetKind"])

@@ -75,7 +75,7 @@ class Timed(RslRlVecEnv):
 
 def own_speed(environments: int, iterations: int, threads: int | None, folder: Path) -> float:
     """Samples a second of gaitfit's own learner."""
-    size = {"train.environments": environments, "train.steps": STEPS, "train.iterations": iterations}
+    size = {"train.num_envs": environments, "train.steps": STEPS, "train.iterations": iterations}
     found = gaitfit.train(settings=size, runs=folder, name="own", device="cpu", threads=threads, progress=False)
     lines = (found.policy.parent / "metrics.jsonl").read_text().splitlines()
     speeds: list[float] = [json.loads(line)["samples_per_second"] for line in lines]

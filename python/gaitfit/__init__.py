@@ -7,7 +7,8 @@ Their settings as dataclasses: :mod:`gaitfit.config`; functions for ``progress=`
 Logs: :func:`read_log`, :class:`Log` (of arrays and tables); charts: :mod:`gaitfit.plots`.
 Policies: :func:`load_policy` (a file that acts), :class:`Observer` (its observations in a loop of your own), :class:`Policy` (a
 function of yours).
-Robots at a task: :class:`Robots`; as other libraries take them :mod:`gaitfit.gym`, :mod:`gaitfit.sb3` and :mod:`gaitfit.rsl_rl`.
+Robot files: :func:`read_robot`. Robots at a task: :class:`Robots`; as other libraries take them :mod:`gaitfit.gym`, :mod:`gaitfit.sb3` and :mod:`gaitfit.rsl_rl`. Rewards and ends of
+episodes of your own, there and in trainings: :class:`Terms`.
 Simulators of your own: :func:`fit_simulator`; official MuJoCo as one: :mod:`gaitfit.mujoco`, :mod:`gaitfit.mujoco_warp`.
 More: :func:`fleet` (many robots of one kind), :mod:`gaitfit.ray` (many machines), :class:`CMA`, :mod:`gaitfit.costs`.
 
@@ -32,8 +33,11 @@ if TYPE_CHECKING:
     from ._policy import Interface, Policy, Term
     from ._policy_file import LoadedPolicy, load_policy
     from ._progress import Event
+    from ._robot_file import RobotFile, RobotJoint, read_robot
     from ._robots import Robots
     from ._robots_state import Motion, RobotsState
+    from ._training_terms import TrainingRobots
+    from ._terms import Terms
     from ._stages import compare, explain, fit, loop, validate
     from ._walks import collect, evaluate, finetune, train
     from .results import (
@@ -68,12 +72,16 @@ __all__ = [
     "Observer",
     "Parameter",
     "Policy",
+    "RobotFile",
+    "RobotJoint",
     "Robots",
     "RobotsState",
     "Simulator",
     "Stopped",
     "Term",
+    "Terms",
     "Training",
+    "TrainingRobots",
     "ValidationResult",
     "__version__",
     "callbacks",
@@ -91,6 +99,7 @@ __all__ = [
     "load_policy",
     "loop",
     "read_log",
+    "read_robot",
     "results",
     "train",
     "validate",
@@ -107,9 +116,12 @@ _PARTS = {
     "_policy": ("Interface", "Policy", "Term"),
     "_policy_file": ("LoadedPolicy", "load_policy"),
     "_progress": ("Event",),
+    "_robot_file": ("RobotFile", "RobotJoint", "read_robot"),
     "_robots": ("Robots",),
     "_robots_state": ("Motion", "RobotsState"),
     "_stages": ("compare", "explain", "fit", "loop", "validate"),
+    "_terms": ("Terms",),
+    "_training_terms": ("TrainingRobots",),
     "_walks": ("collect", "evaluate", "finetune", "train"),
     "callbacks": ("callbacks",),
     "config": ("config",),

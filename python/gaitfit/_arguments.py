@@ -99,3 +99,13 @@ def mapping(name: str, value: Any, example: str) -> dict[str, Any]:
 def threads(value: Any) -> int | None:
     """How many threads compute; nothing: as many as there are cores."""
     return None if value is None else count("threads", value, 1, MAX_THREADS)
+
+
+def time_limit(max_seconds: Any) -> float | None:
+    """How long a call may take, s; nothing: as long as it needs."""
+    if max_seconds is None:
+        return None
+    seconds = real("max_seconds", max_seconds)
+    if not seconds > 0.0:
+        raise ValueError(f"max_seconds is {seconds}; it must be above 0")
+    return seconds

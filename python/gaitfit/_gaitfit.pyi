@@ -87,6 +87,8 @@ class DeviceInput:
     address: int
     def __init__(self, what: str, array: Any, shape: tuple[int, int], device: int, stream: int) -> None: ...
 
+def robot_numbers(robot: str, lenient: bool) -> str: ...
+
 class Task:
     observation_width: int
     critic_width: int
@@ -99,7 +101,7 @@ class Task:
     interface: str
     settings: str
     shape: str
-    def __init__(self, config: str | None, sets: Sequence[str], robot: str | None) -> None: ...
+    def __init__(self, config: str | None, sets: Sequence[str], robot: str | None, theta: str | None) -> None: ...
 
 class CudaRobots:
     count: int
@@ -186,6 +188,7 @@ def train(
     run: Mapping[str, Any],
     robot: str | None,
     seeds: Sequence[int] | None,
+    terms: Callable[..., Any] | None,
     progress: Listener | None,
 ) -> str: ...
 def train_plan(
@@ -202,6 +205,7 @@ def finetune(
     run: Mapping[str, Any],
     world: Mapping[str, Any],
     seeds: Sequence[int] | None,
+    terms: Callable[..., Any] | None,
     progress: Listener | None,
 ) -> str: ...
 def run_loop(run: Mapping[str, Any], progress: Listener | None) -> str: ...
@@ -210,6 +214,7 @@ def evaluate(
     trajectories: int,
     seconds: float,
     drift: int,
+    drift_speeds: Sequence[float] | None,
     terrain: str,
     device: str,
     progress: Listener | None,

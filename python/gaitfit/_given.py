@@ -7,11 +7,13 @@ import hashlib
 import os
 import re
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Union
+from typing import Any, Literal
 
-from ._arguments import count, flag, items, mapping, maybe, path, real, text, unicode
+from . import _gaitfit
+from ._arguments import count, flag, items, mapping, maybe, path, real, text, time_limit, unicode
 from ._arguments import threads as checked_threads
 from ._log_files import kept
 from ._logs import Log
@@ -19,16 +21,14 @@ from ._policy import Policy
 from ._toml import toml
 from ._settings import KEYS
 from ._settings import Settings as TypedSettings
-
-if TYPE_CHECKING:
-    from .config import TrueNumber, TrueParameter
-    from .results import FitResult
+from .config import Finetune, TrueNumber, TrueParameter
+from .results import FitResult
 
 PathLike = str | os.PathLike[str]
 #: Settings by their names in a file, with dots between tables.
 Settings = Mapping[str, Any]
 #: What a robot is beside its file.
-Theta = Union[PathLike, "FitResult", Sequence[Union["TrueParameter", "TrueNumber"]]]
+Theta = PathLike | FitResult | TrueParameter | TrueNumber | Sequence[TrueParameter | TrueNumber]
 #: What computes. ``"cuda:0,1"`` are several GPUs; other numbers of GPUs are right, too, where these are not enough.
 Device = Literal[
     "cpu", "auto", "cuda", "cuda:0", "cuda:1", "cuda:2", "cuda:3", "cuda:4", "cuda:5", "cuda:6", "cuda:7",
@@ -47,6 +47,7 @@ def run(
     resume: Resume,
     threads: int | None,
     device: str,
+    max_seconds: float | None = None,
 ) -> dict[str, Any]:
     """What every stage with a run folder takes. ``kind`` is the class of typed settings that it takes."""
     file, given = configured(config, kind, settings)
@@ -56,6 +57,7 @@ def run(
         "resume": resume if resume == "auto" else flag("resume", resume),
         "threads": checked_threads(threads),
         "device": text("device", device),
+        "max_seconds": time_limit(max_seconds),
     }
     return {"config": existing("config", file), **checked}
 
@@ -95,7 +97,11 @@ def given_settings(settings: Settings | None) -> dict[str, Any]:
     for name, value in given.items():
         if isinstance(value, Mapping) and not value:
             raise ValueError(f"settings has an empty dict for {name}, which changes nothing; name the settings in it, or leave it out")
-    return {in_file(name): value for name, value in given.items()}
+    named = {in_file(name): value for name, value in given.items()}
+    if "costs" in named:
+        # One cost is a list of one, as in gaitfit.fit.
+        named["costs"] = costs_of(named["costs"])
+    return named
 
 
 def in_file(name: str) -> str:
@@ -161,7 +167,10 @@ def log_files(logs: Any, runs: PathLike | None) -> list[str]:
     for one in several:
         log = Log.from_dataframe(one) if _is_table(one) else one
         otherwise = ", a gaitfit.Log or a DataFrame"
-        files.append(str(kept(log, folder)) if isinstance(log, Log) else there(path("an element of logs", log, otherwise)))
+        file = str(kept(log, folder)) if isinstance(log, Log) else there(path("an element of logs", log, otherwise))
+        if file in files:
+            raise ValueError(f"logs has the same log twice, {file}: it would count once; give each log once")
+        files.append(file)
     return files
 
 
@@ -187,6 +196,7 @@ def world(
     preset: str = "fast",
     seed: int = 0,
     threads: int | None = None,
+    max_seconds: float | None = None,
 ) -> dict[str, Any]:
     """A policy and the simulator that it walks in."""
     return {
@@ -201,21 +211,25 @@ def world(
         "preset": text("preset", preset),
         "seed": count("seed", seed, 0),
         "threads": checked_threads(threads),
+        "max_seconds": time_limit(max_seconds),
     }
+
+
+def chosen(config: TypedSettings | None, kind: type[TypedSettings], arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments that are settings too: those that were given win over the configuration's."""
+    if config is not None and not isinstance(config, kind):
+        raise TypeError(f"config is {config!r}; give a gaitfit.config.{kind.__name__}")
+    return {name: getattr(config, name, None) if value is None else value for name, value in arguments.items()}
 
 
 def theta_file(theta: Any) -> str | None:
     """A file of a robot's values: values of a list are written into one, where the same ones have the same name."""
-    from .config import TrueNumber, TrueParameter
-    from .results import FitResult
-
     if isinstance(theta, FitResult):
         return existing("theta", theta.theta)
     if theta is None or isinstance(theta, (str, os.PathLike)):
         return existing("theta", theta)
-    if isinstance(theta, (TrueParameter, TrueNumber)):
-        theta = [theta]
-    needed = "a path, a gaitfit.FitResult, or a list of gaitfit.config.TrueParameter and TrueNumber"
+    theta = [theta] if isinstance(theta, (TrueParameter, TrueNumber)) else theta
+    needed = "a path, a gaitfit.FitResult, a gaitfit.config.TrueParameter or TrueNumber, or a list of these"
     if isinstance(theta, (bytes, Mapping)) or not isinstance(theta, Iterable):
         raise TypeError(f"theta is {theta!r}; it must be {needed}")
     lines = ["format = 1\n"]
@@ -228,17 +242,46 @@ def theta_file(theta: Any) -> str | None:
         values = {"name": one.kind, "kind": one.kind, "joints": joints, "value": float(one.value)}
         lines += ["\n[[parameter]]\n", *(f"{name} = {toml(value)}\n" for name, value in values.items() if value is not None)]
     text = "".join(lines)
-    folder = Path(tempfile.gettempdir()) / f"gaitfit-theta-{os.getuid() if hasattr(os, 'getuid') else 0}"
+    folder = _theta_folder()
     folder.mkdir(mode=0o700, exist_ok=True)
     file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.toml"
     file.write_text(text, encoding="utf-8")
     return str(file)
 
 
+def _theta_folder() -> Path:
+    """Where values that are given are written."""
+    return Path(tempfile.gettempdir()) / f"gaitfit-theta-{os.getuid() if hasattr(os, 'getuid') else 0}"
+
+
+@contextmanager
+def theta_named(theta: Any) -> Generator[Callable[[str], str], None, None]:
+    """Names values that are given by what they are, in the place of the file that has them: in texts, and in errors."""
+    file = re.compile(re.escape(str(_theta_folder())) + r"/[0-9a-f]{16}\.toml")
+    given = [theta] if isinstance(theta, (TrueParameter, TrueNumber)) else theta
+    listed = isinstance(given, Iterable) and not isinstance(given, (str, bytes, Mapping))
+    known = [one for one in given if isinstance(one, (TrueParameter, TrueNumber))] if listed else []
+    words = ", ".join(map(_stated, known))
+
+    def shown(text: str) -> str:
+        return file.sub(lambda _: words, text.replace("parameters of ", "") if file.search(text) else text)
+
+    try:
+        yield shown
+    except _gaitfit.GaitfitError as error:
+        if error.args and isinstance(error.args[0], str) and words:
+            error.args = (file.sub(lambda _: f"theta ({words})", error.args[0]), *error.args[1:])
+        raise
+
+
+def _stated(one: TrueParameter | TrueNumber) -> str:
+    """A value in a few words."""
+    joints = f" at {', '.join(one.joints)}" if isinstance(one, TrueParameter) and one.joints else ""
+    return f"{one.kind} {one.value:g}{joints}"
+
+
 def policy_of(config: Any, others: Settings) -> str:
     """The policy that the configuration of a fine-tuning names."""
-    from .config import Finetune
-
     found = others.get("policy")
     if found is None and isinstance(config, Finetune):
         found = config.policy

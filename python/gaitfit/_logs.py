@@ -19,6 +19,8 @@ from ._arrays import numbers
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+else:
+    from ._hints import Figure, pd
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,8 @@ class Observer:
     Arguments:
         interface: What the policy sees: ``gaitfit.load_policy(file).interface``.
 
-    Call it once each ``control_dt``. It remembers past frames, the action before the last, and the time since :meth:`reset`.
+    Call it once each ``control_dt``. It remembers past frames, the action before the last, and the time since :meth:`reset`. Of a
+    policy that follows a motion it fills in the motion, which begins at :meth:`reset` and is turned to face as the robot does then.
 
     >>> policy = gaitfit.load_policy("assets/go2-walk.safetensors")
     >>> observer, action = gaitfit.Observer(policy.interface), np.zeros(12)
@@ -60,10 +61,10 @@ class Observer:
         """The observation of this control period.
 
         Arguments:
-            quantities: All of :attr:`quantities` by name, as :class:`gaitfit.Term` lists them, unscaled: each an array of shape
-                ``(numbers,)``, or of shape ``(robots, numbers)``. ``joint_position`` is what the encoders read, rad.
-                ``last_action`` is the policy's last action; it begins with zeros. Joints are in the order of
-                ``interface.joints``.
+            quantities: All of :attr:`quantities` by name, as :class:`gaitfit.Term` lists them, unscaled: each of its numbers, or
+                of shape ``(robots, numbers)``. ``joint_position`` is what the encoders read, rad; ``base_quaternion``, by which a
+                motion is turned, is the base's orientation, wxyz. ``last_action`` is the policy's last action, zeros at first.
+                Joints are in the order of ``interface.joints``.
 
         Returns the row, shape ``(observation,)``, or with several robots ``(robots, observation)``.
 

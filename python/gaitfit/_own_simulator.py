@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _gaitfit
-from ._arguments import MAX_POPULATION, MAX_SEEDS, count, finite, flag, items, maybe, path, text
+from ._arguments import MAX_POPULATION, MAX_SEEDS, count, finite, flag, items, maybe, path, text, time_limit
 from ._arrays import numbers
 from ._logs import Log
 from ._progress import Progresses, listener
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+else:
+    from ._hints import Figure
 
 Signals = Mapping[str, ArrayLike]
 
@@ -119,6 +121,7 @@ def fit_simulator(
     skip: int = 0,
     checkpoint: str | os.PathLike[str] | None = None,
     intervals: bool = False,
+    max_seconds: float | None = None,
     progress: Progresses = True,
 ) -> FitOutcome:
     """Searches the parameters with which a simulator of your own moves like the robot, by CMA-ES.
@@ -138,6 +141,8 @@ def fit_simulator(
         checkpoint: A file that keeps the state after every generation. A later call with the same arguments continues the search,
             to the same bits.
         intervals: Whether to measure at the end how well the logs determine each value, with further simulations.
+        max_seconds: Wall time after which the search ends with what it has, s; then intervals are not measured. A ``checkpoint``
+            continues it.
         progress: As for :func:`fit`.
 
     Returns the best values with their costs and spreads.
@@ -193,6 +198,7 @@ def fit_simulator(
         "tolerance": tolerance,
         "checkpoint": maybe(path, "checkpoint", checkpoint),
         "intervals": flag("intervals", intervals),
+        "max_seconds": time_limit(max_seconds),
     }
     found = _gaitfit.fit_simulator(simulated, joints, recorded, entries, search, listener(progress))
     document = json.loads(found)

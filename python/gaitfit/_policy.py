@@ -30,6 +30,7 @@ class Term:
         quantity: What is observed.
         scale: Factor on it: one number, or one for each of its elements; ``None``: 1.
         history: Frames: the present one and those before it; 1: the present alone.
+        ahead: Control periods by which the motion is read ahead; for quantities of a motion.
 
     Quantities, with their numbers: ``base_angular_velocity`` (3, rad/s, body frame), ``projected_gravity`` (3, unit
     vector down, body frame), ``command`` (3: m/s, m/s, rad/s), ``joint_position`` (joints, rad, minus the default pose),
@@ -46,6 +47,7 @@ class Term:
     quantity: str
     scale: Numbers | None = None
     history: int = 1
+    ahead: int = 0
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,8 @@ class Interface:
         gait_frequency: Frequency of the gait clock, Hz; needed for ``gait_phase``.
         history: How past frames lie: ``{"order": "terms" or "frames" or "newest_first", "start": "first" or "zeros"}``.
         robot: Name of the robot.
+        reference: The motion that the policy follows, as its file describes it: ``rate_hz``, and ``position``, ``velocity`` and
+            ``orientation`` of all samples one after another.
 
     Raises ``TypeError`` for fields of a wrong kind, and ``ValueError`` where they contradict each other.
 
@@ -87,6 +91,7 @@ class Interface:
     gait_frequency: float | None = None
     history: Mapping[str, str] = field(default_factory=dict)
     robot: str = ""
+    reference: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         # Refused here, and not in the middle of a call.
@@ -108,6 +113,7 @@ class Interface:
             if isinstance(term, Term):
                 text("a term's quantity", term.quantity)
                 count(f"history of {term.quantity}", term.history, 1)
+                count(f"ahead of {term.quantity}", term.ahead, 0)
                 _over_joints(f"scale of {term.quantity}", term.scale)
         for one in items("held", self.held, "dicts"):
             found = mapping("an element of held", one, '{"joint": "waist", "position": 0.0, "kp": 100.0, "kd": 2.0}')
@@ -115,6 +121,8 @@ class Interface:
             for name in ("position", "kp", "kd"):
                 finite(f"{name} of {found['joint']} in held", found.get(name))
         mapping("history", self.history, '{"order": "frames"}')
+        if self.reference is not None:
+            mapping("reference", self.reference, '{"rate_hz": 50.0, "position": [...], "velocity": [...]}')
 
     @property
     def observation_width(self) -> int:
@@ -248,7 +256,7 @@ def interface_of(text: str) -> Interface:
     """The interface that the native half gives as JSON."""
     document = json.loads(text)
     document.pop("critic_observation", None)
-    terms = [Term(one["quantity"], one.get("scale") or None, one.get("history", 1)) for one in document.pop("observation")]
+    terms = [Term(one["quantity"], one.get("scale") or None, one.get("history", 1), one.get("ahead", 0)) for one in document.pop("observation")]
     return Interface(observation=terms, **document)
 
 
@@ -256,7 +264,8 @@ def _term(term: Term | str) -> dict[str, Any]:
     if isinstance(term, str):
         return {"quantity": term}
     scale = {} if term.scale is None else {"scale": _spread(_plain(term.scale))}
-    return {"quantity": term.quantity, "history": term.history, **scale}
+    ahead = {"ahead": term.ahead} if term.ahead else {}
+    return {"quantity": term.quantity, "history": term.history, **ahead, **scale}
 
 
 def _over_joints(name: str, value: Any) -> None:

@@ -18,6 +18,8 @@ from ._policy import Interface, interface_of
 
 if TYPE_CHECKING:
     import torch
+else:
+    from ._hints import torch
 
 
 class LoadedPolicy:

@@ -18,14 +18,17 @@ from ._arguments import count as whole
 from ._arguments import flag, text
 from ._arguments import threads as checked
 from ._arrays import numbers
-from ._given import configured, existing, robot_of
+from ._given import Theta, configured, existing, robot_of, theta_file
 from ._given import sets as as_sets
 from ._policy import Interface, interface_of
+from ._settings import meant
 from ._robots_state import Motion, RobotsState
+from .config import Train
 
 if TYPE_CHECKING:
     from ._policy_file import LoadedPolicy
-    from .config import Train
+else:
+    from ._hints import LoadedPolicy
 
 
 class Robots:
@@ -36,17 +39,18 @@ class Robots:
             :class:`gaitfit.config.Train`; without it the robot is the built-in Go2 at its task.
         num_envs: How many robots.
         robot: The robot's file, MJCF or URDF.
-        policy: A policy's file or a :class:`gaitfit.LoadedPolicy`. The robots then have the task of this file; do not give ``config``.
+        policy: A policy's file or a :class:`gaitfit.LoadedPolicy`: its own task, in the place of ``config``. The robot is that of
+            its file, also if the policy was trained in a fitted simulator: ``theta`` is that simulator.
+        theta: What the robots are: a fit's result and more, as for :func:`gaitfit.finetune`. By default the robot of the file.
         settings: Single settings by name, for example ``{"task.noise.joint_position": 0.0}``.
-        seed: Random draws depend only on it and on a robot's number, not on ``threads``.
-        threads: Threads; by default one for each core. They have no effect on a GPU.
-        stagger: Whether the first episodes begin at different ages, so that they do not all reach their time limit at once.
-        autoreset: Whether robots whose episode ended begin the next one within the step. With ``False`` they stay as they are until
-            :meth:`reset` with their mask. Robots that diverged begin a new episode in both cases.
+        seed: Draws depend on it and on an environment's number alone, not on ``threads``.
+        threads: Threads; by default one for each core. Of no effect on a GPU.
+        stagger: Spread the first episodes' ages, so that time-outs do not come in waves.
+        autoreset: Whether robots whose episode ended begin the next one within the step. ``False``: they stay as they are until
+            :meth:`reset` with their mask; those that diverged begin anew all the same.
         device: ``"cpu"``, ``"cuda"`` (``"cuda:1"``: the second GPU), or ``"auto"``: a GPU if one is there. On a GPU all robots are
             stepped there, and the arrays are :class:`gaitfit.DeviceArray` in its memory:
-            ``torch.from_dlpack(robots.observation)`` takes one without a copy. Robots, commands, starts and noise are the same as
-            on the processor; motions differ by rounding.
+            ``torch.from_dlpack(robots.observation)`` takes one without a copy. Robots, commands, starts and noise are the processor's; motions differ by rounding.
 
     Attributes:
         observation: What the robots observe, shape ``(num_envs, observation)``. :meth:`step` writes over this array and over the
@@ -99,6 +103,7 @@ class Robots:
         num_envs: int = 1024,
         robot: str | os.PathLike[str] | None = None,
         policy: str | os.PathLike[str] | LoadedPolicy | None = None,
+        theta: Theta | None = None,
         settings: Mapping[str, Any] | None = None,
         seed: int = 0,
         threads: int | None = None,
@@ -108,15 +113,13 @@ class Robots:
     ) -> None:
         num_envs, seed = whole("num_envs", num_envs, 1), whole("seed", seed, 0)
         model = robot_of(robot)
-        from .config import Train
-
         if policy is not None:
             if config is not None:
                 raise ValueError("config and policy are given, and each states a task: give one of them, and changes as settings")
             config = _task_of(policy)
         file, given = configured(config, Train, settings)
         threads, stagger, autoreset = checked(threads), flag("stagger", stagger), flag("autoreset", autoreset)
-        task = _gaitfit.Task(existing("config", file), as_sets(given), model)
+        task = _gaitfit.Task(existing("config", file), as_sets(given), model, theta_file(theta))
         device = _gaitfit.robots_device(text("device", device))
         on_gpu = device != "cpu"
         self._gpu = _gaitfit.CudaRobots(task, num_envs, seed, stagger, autoreset, device) if on_gpu else None
@@ -139,6 +142,14 @@ class Robots:
                 setattr(self, name, self._gpu.array(name))
         else:
             self._make_arrays(task.observation_width, task.critic_width)
+
+        self._made = True
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        # A misspelt ``robots.commands = ...`` must not be lost. Classes of the user may have attributes of their own.
+        if type(self) is Robots and "_made" in vars(self) and not (name.startswith("_") or hasattr(self, name)):
+            raise AttributeError(f"Robots have no {name!r} to set{meant(name, [one for one in dir(self) if one[0] != '_'])}")
+        object.__setattr__(self, name, value)
 
     def _make_arrays(self, observation: int, critic: int) -> None:
         count = self.num_envs

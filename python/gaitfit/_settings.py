@@ -18,9 +18,15 @@ from ._toml import key, toml
 
 if TYPE_CHECKING:
     from typing import Self
+else:
+    from ._hints import Self
 
 #: Names of settings in Python that files write otherwise; the same table is NAMES in tools/make_python_config.py.
-KEYS = {"parameters": "parameter", "numbers": "number", "networks": "network", "lambda_": "lambda"}
+KEYS = {
+    "parameters": "parameter", "numbers": "number", "networks": "network", "lambda_": "lambda", "num_envs": "environments"
+}
+#: Earlier names of settings, which are taken, too.
+EARLIER = {"environments": "num_envs"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,15 +94,16 @@ def helpful(kind: type[Settings]) -> None:
 
     @functools.wraps(made)
     def init(self: Settings, *arguments: Any, **given: Any) -> None:
+        given = {name if name in names else EARLIER.get(name, name): value for name, value in given.items()}
         unknown = next((name for name in given if name not in names), None)
         if unknown is not None:
-            raise TypeError(f"{kind.__name__} has no setting {unknown!r}{_meant(unknown, names)}")
+            raise TypeError(f"{kind.__name__} has no setting {unknown!r}{meant(unknown, names)}")
         made(self, *arguments, **given)
 
     setattr(kind, "__init__", init)
 
 
-def _meant(name: object, names: Iterable[str]) -> str:
+def meant(name: object, names: Iterable[str]) -> str:
     """What is near to a name, for the end of a message."""
     near = difflib.get_close_matches(str(name), names, 1)
     return f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join(names)}"
@@ -114,7 +121,9 @@ def _wrong(hint: Any, value: Any) -> tuple[type[TypeError] | type[ValueError], s
     if origin is Literal:
         if value in arguments:
             return None
-        return (ValueError if isinstance(value, str) else TypeError), " or ".join(repr(one) for one in arguments)
+        near = difflib.get_close_matches(value, [str(one) for one in arguments], 1) if isinstance(value, str) else []
+        text = " or ".join(repr(one) for one in arguments) + (f"; did you mean {near[0]!r}?" if near else "")
+        return (ValueError if isinstance(value, str) else TypeError), text
     if hint is bool:
         return None if isinstance(value, bool) else (TypeError, "True or False")
     if hint is int:
@@ -193,7 +202,7 @@ def _decoded(kind: Any, document: Mapping[str, Any], place: str) -> Any:
     names = {KEYS.get(one.name, one.name): one.name for one in fields(kind)}
     for name, value in document.items():
         if name not in names:
-            raise ValueError(f"there is no setting {place}{name}{_meant(name, names)}")
+            raise ValueError(f"there is no setting {place}{name}{meant(name, names)}")
         values[names[name]] = _value(hints[names[name]], value, f"{place}{name}.")
     missing = [one.name for one in fields(kind) if one.kw_only is False and one.name not in values]
     if missing:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -16,12 +17,13 @@ from ._given import Device, PathLike, Resume, Settings
 from ._logs import Log
 from ._policy import Policy
 from ._progress import Progresses, listener
+from .config import Cost, Fit, Loop
+from .results import Comparison, Evaluation, Explanation, FitResult, LoopResult, ValidationResult, _read
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from .config import Cost, Fit, Loop
-    from .results import Comparison, Evaluation, Explanation, FitResult, LoopResult, ValidationResult
+else:
+    from ._hints import pd
 
 
 def fit(
@@ -35,6 +37,7 @@ def fit(
     name: str | None = None,
     runs: PathLike | None = None,
     resume: Resume = False,
+    max_seconds: float | None = None,
     device: Device = "cpu",
     threads: int | None = None,
     progress: Progresses = True,
@@ -46,7 +49,8 @@ def fit(
             arguments win over it.
         logs: Logs to fit: CSV files or folders, :class:`Log`, or tables with columns as in a CSV log. Logs that are not files
             are written into ``runs/python-logs``. A table has no PD gains: ``Log.from_dataframe(table, kp=20.0, kd=0.5)`` states
-            them, or ``settings={"gains.kp": 20.0, "gains.kd": 0.5}``.
+            them, or ``settings={"gains.kp": 20.0, "gains.kd": 0.5}``. Of walks the first second of each log does not count
+            (``simulation.skip_seconds``), and 10 s in all must count; some minutes are better.
         robot: The robot's file, MJCF or URDF. (A ``robot.toml`` describes a robot that ``gaitfit mujoco-sim`` simulates; it is
             not one.)
         policy: The policy that walked: a file, or a :class:`Policy` of your own. Without one the robot's base was held and
@@ -58,6 +62,10 @@ def fit(
             the next one is ``"fit-2"``. :attr:`FitResult.run_folder` has the folder's path.
         runs: Folder of the run folders; by default ``"runs"``.
         resume: ``True`` continues the latest run of that name, to the same bits; ``"auto"`` does if there is one.
+        max_seconds: Wall time of the fit, s; without it as long as it needs. Half of it is for the search, unless
+            ``settings={"optimizer.max_seconds": 20.0}`` limits the search itself. What is not measured when it is over, corrections
+            and intervals, is left out, and :attr:`FitResult.warnings` names it; scores and the report take some seconds more.
+            The same call with ``resume=True`` continues such a fit.
         device: What simulates walks.
         threads: Threads; by default one for each core.
         progress: ``True`` prints, ``False`` does not; or a function that takes an :class:`Event`, or a list of such functions and
@@ -67,17 +75,15 @@ def fit(
 
     Raises ``FileNotFoundError`` for a file that is missing, :class:`GaitfitError` for logs, robots and settings that cannot be
     used, :class:`Stopped` if ``progress`` returned ``False``, and ``KeyboardInterrupt`` after Ctrl-C. Both have the
-    ``run_folder`` of the run that was stopped: the same call with ``resume=True`` continues it.
+    ``run_folder`` of the run that was stopped: the same call with ``resume=True`` continues it. Such a run has no result yet; with
+    ``max_seconds`` a fit has one.
 
     >>> result = gaitfit.fit("examples/go2-demo/adapt.toml", costs="matcho")      # doctest: +SKIP
     >>> result.parameters["delay"].value      # doctest: +SKIP
     0.00701
     """
-    from .config import Fit
-    from .results import _read
-
     others = given.fit_settings(logs, robot, given.named_policy(policy), costs, settings, runs)
-    run = given.run(config, Fit, others, name, resume, threads, device)
+    run = given.run(config, Fit, others, name, resume, threads, device, max_seconds)
     return _read.fit_result(json.loads(_gaitfit.adapt(run, given.own(policy), listener(progress), None)))
 
 
@@ -85,7 +91,7 @@ def validate(
     theta: PathLike,
     logs: PathLike | Log | pd.DataFrame | Sequence[PathLike | Log | pd.DataFrame],
     *,
-    config: PathLike | None = None,
+    config: PathLike | Fit | None = None,
     settings: Settings | None = None,
     threads: int | None = None,
     policy: Policy | None = None,
@@ -95,7 +101,8 @@ def validate(
     Arguments:
         theta: The fit's ``theta.toml`` (:attr:`FitResult.theta`).
         logs: Logs that were not fitted, as for :func:`fit`.
-        config: The fit's configuration; by default the ``config.toml`` beside ``theta``.
+        config: The fit's configuration; by default the ``config.toml`` beside ``theta``. Settings of a :class:`gaitfit.config.Fit`
+            go over that file.
         settings: Changes of its settings, by name.
         threads: Threads; by default one for each core.
         policy: The :class:`Policy` of a fit with a policy of your own.
@@ -108,18 +115,16 @@ def validate(
     >>> checked.rmse_rad      # doctest: +SKIP
     0.0032
     """
-    from .results import _read
-
-    sets = given.sets(settings)
+    file, changes = given.configured(config, Fit, settings)
+    sets = given.sets(changes)
     path("theta", theta)
     if not isinstance(policy, Policy | None):
         raise TypeError(f"policy is {policy!r}; it must be a gaitfit.Policy: a policy's file is in the fit's configuration")
-    maybe(path, "config", config)
     threads = checked_threads(threads)
     files = given.log_files(logs, None)
-    fitted, config = given.existing("theta", theta), given.existing("config", config)
+    fitted, file = given.existing("theta", theta), given.existing("config", file)
     try:
-        found = _gaitfit.validate(str(fitted), files, config, sets, threads, given.own(policy))
+        found = _gaitfit.validate(str(fitted), files, file, sets, threads, given.own(policy))
     except _gaitfit.GaitfitError as missing:
         name = re.search(r"policy `(the function [^`,]*)", str(missing))
         if policy is None and name is not None:
@@ -137,6 +142,7 @@ def loop(
     name: str | None = None,
     runs: PathLike | None = None,
     resume: Resume = False,
+    max_seconds: float | None = None,
     device: Device = "cpu",
     threads: int | None = None,
     progress: Progresses = True,
@@ -146,6 +152,7 @@ def loop(
     Arguments:
         config: A TOML file (``gaitfit config loop`` prints one with all defaults), or a :class:`gaitfit.config.Loop`.
         settings, name, runs, resume, device, threads, progress: As for :func:`fit`.
+        max_seconds: Wall time of the call, s; after it the loop stops with :class:`Stopped`, and ``resume=True`` continues it.
 
     Returns every round and measurement; the best policy's file is ``LoopResult.policy``.
 
@@ -155,24 +162,29 @@ def loop(
     >>> result.policy      # doctest: +SKIP
     PosixPath('runs/loop/policies/policy-1.safetensors')
     """
-    from .config import Loop
-    from .results import _read
-
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
-    run = given.run(config, Loop, others, name, resume, threads, device)
+    run = given.run(config, Loop, others, name, resume, threads, device, max_seconds)
     return _read.loop_result(json.loads(_gaitfit.run_loop(run, listener(progress))))
 
 
-def explain(logs: PathLike | Log | pd.DataFrame, robot: PathLike = "unitree-go2", *, lenient: bool = False) -> Explanation:
-    """Reads from walks, without a simulation, what a robot has and its model lacks, as ``gaitfit explain``: play and twist of gears,
+def explain(
+    logs: PathLike | Log | pd.DataFrame,
+    robot: PathLike = "unitree-go2",
+    *,
+    lenient: bool = False,
+    progress: Progresses = True,
+) -> Explanation:
+    """What a robot has and its model lacks, read from walks without a simulation, as ``gaitfit explain``: play and twist of gears,
     friction that grows with load, a joint unlike its siblings, soft ground, late or tilted sensors.
 
     Arguments:
         logs: A log of a walk, or a folder of some; as for :func:`fit`.
         robot: The robot's file, MJCF or URDF; by default the built-in Go2.
         lenient: Leave out what the engine cannot simulate in the robot's file.
+        progress: As for :func:`fit`; there is one note at the beginning. It takes some seconds for each log.
 
-    Returns the causes, the largest weight first.
+    Returns the causes, the weightiest first. None does not mean that nothing is lacking: what stands in
+    ``help(gaitfit.results.Explanation)`` is all that it looks for.
 
     Raises ``FileNotFoundError`` for a file that is missing, and :class:`GaitfitError` for logs that cannot be explained, such as those
     of legs in the air: :func:`fit` names what these show.
@@ -180,13 +192,14 @@ def explain(logs: PathLike | Log | pd.DataFrame, robot: PathLike = "unitree-go2"
     >>> [cause.text for cause in gaitfit.explain("walks", "go2.xml").causes]      # doctest: +SKIP
     ['calf joints have about 0.093 ± 0.010 rad of play between motor and link: … (fit it: play)']
     """
-    from .results import _read
-
     one = given.log_files(logs, None)
     if len(one) != 1:
         raise TypeError(f"logs has {len(one)} elements; give one log, or a folder of some")
     file = given.robot_of(path("robot", robot))
-    found = _gaitfit.explain(str(file), one[0], flag("lenient", lenient))
+    lenient, listen = flag("lenient", lenient), listener(progress)
+    if listen is not None and not listen("note", f"{one[0]} is read; this takes some seconds for each log", 0, 0, {}):
+        raise _gaitfit.Stopped("stopped, because the progress function returned False")
+    found = _gaitfit.explain(str(file), one[0], lenient)
     return _read.explanation_result(json.loads(found))
 
 
@@ -205,10 +218,10 @@ def compare(policy: Evaluation, against: Evaluation) -> Comparison:
     >>> gaitfit.compare(walked, walked).tracking_error.mean
     0.0
     """
-    from .results import Comparison, Evaluation
-
     for name, one in (("policy", policy), ("against", against)):
         if not isinstance(one, Evaluation):
             raise TypeError(f"{name} is {one!r}; give what gaitfit.evaluate returned")
     on = policy.simulator if policy.simulator == against.simulator else f"{policy.simulator} / {against.simulator}"
-    return decoded(Comparison, json.loads(_gaitfit.compare(policy.to_json(), against.to_json(), on)))
+    one, other = policy.reward, against.reward
+    reward = {"mean": one.mean - other.mean, "ci95": math.hypot(one.ci95, other.ci95)}
+    return decoded(Comparison, {**json.loads(_gaitfit.compare(policy.to_json(), against.to_json(), on)), "reward": reward})

@@ -19,8 +19,10 @@ Function = Callable[[Robots, Motion], ArrayLike]
 
 @dataclass(frozen=True)
 class Terms:
-    """Your own functions instead of a task's, for :class:`gaitfit.gym.GaitfitVecEnv`. Each function gets all
-    :class:`gaitfit.Robots`, after their step, and their :class:`gaitfit.Motion`. It is called once a step.
+    """Functions of the user in a task's place, for :class:`gaitfit.gym.GaitfitVecEnv`, :func:`gaitfit.train` and
+    :func:`gaitfit.finetune`. Each gets all :class:`gaitfit.Robots`, after their step, and their :class:`gaitfit.Motion`, and is
+    called once a step. Trainings call them for up to 256 robots at a time, as :class:`gaitfit.TrainingRobots`, and take no
+    ``observation``.
 
     For robots on a GPU the arrays of both are tensors of PyTorch there, and the functions return such tensors. The next step writes
     over the tensors of ``motion`` and ``robots``.

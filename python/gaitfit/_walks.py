@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 from . import _gaitfit
 from . import _given as given
-from ._arguments import count, flag, maybe, path, real, text
+from ._arguments import count, flag, items, maybe, path, real, text
 from ._given import Device, PathLike, Preset, Resume, Settings, Theta
 from ._policy import Policy
 from ._progress import Progresses, listener
-
-if TYPE_CHECKING:
-    from .config import Finetune, Train
-    from .results import Collection, Evaluation, Training
+from ._terms import Terms
+from ._training_terms import called
+from .config import Collect, Evaluate, Finetune, Train
+from .results import Collection, Evaluation, Training, _read
 
 
 def train(
@@ -24,9 +24,11 @@ def train(
     robot: PathLike | None = None,
     seeds: Iterable[int] | None = None,
     settings: Settings | None = None,
+    terms: Terms | None = None,
     name: str | None = None,
     runs: PathLike | None = None,
     resume: Resume = False,
+    max_seconds: float | None = None,
     device: Device = "cpu",
     threads: int | None = None,
     progress: Progresses = True,
@@ -39,10 +41,16 @@ def train(
         robot: The robot's file, MJCF or URDF.
         seeds: One training each, one after the other.
         settings, runs, threads, progress: As for :func:`fit`.
-        resume: ``True`` continues the latest run of that name, to the same bits; ``"auto"`` does if there is one. With a larger
-            ``train.iterations`` the training continues, also if the run had ended. All other settings must be those that the run
-            began with; other values are refused.
+        terms: A reward and ends of episodes of your own, :class:`gaitfit.Terms` without an observation. They are called with up to
+            256 robots at a time, which have what :class:`gaitfit.TrainingRobots` lists, after each of their steps, and must remember
+            nothing between calls; an exception ends the training and is raised unchanged. A run with terms continues with terms
+            alone; that they are the same is not checked. Rewards that an expression can say need no terms:
+            ``settings={"task.terms.low": "height < 0.2", "task.rewards.low": -1.0}``, also on GPUs.
+        resume: ``True`` continues the latest run of that name, to the same bits; ``"auto"`` does if there is one. More
+            ``train.iterations`` than the run has train on, also after its end; other settings must be those it began with, and a
+            change that would train something else is refused.
         name: Name of the run folder; by default that of the configuration or of its file, else that of the task.
+        max_seconds: Wall time of the call, s; after it the training stops with :class:`Stopped`, and ``resume=True`` continues it.
         device: What computes; ``"cuda"`` trains on a GPU.
 
     Returns the result; its first policy's file is :attr:`Training.policy`.
@@ -50,17 +58,20 @@ def train(
     Raises as :func:`fit`. A training that was stopped has written the policy so far of each seed:
     ``stopped.run_folder / "seed-1" / "policy.safetensors"``.
 
-    >>> size = {"train.environments": 64, "train.iterations": 2}
+    >>> size = {"train.num_envs": 64, "train.iterations": 2}
     >>> trained = gaitfit.train(settings=size, progress=False)      # doctest: +SKIP
     >>> trained.seeds[0].reward      # doctest: +SKIP
     0.02
-    """
-    from .config import Train
-    from .results import _read
 
+    With a reward of your own, which pays for steps without rolling:
+
+    >>> def steady(robots, motion):
+    ...     return robots.reward - 0.1 * robots.control_dt * np.abs(motion.base_angular_velocity[:, 0])
+    >>> trained = gaitfit.train(settings=size, terms=gaitfit.Terms(reward=steady), progress=False)      # doctest: +SKIP
+    """
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
-    run = given.run(config, Train, others, name, resume, threads, device)
-    found = _gaitfit.train(run, given.robot_of(robot), given.seeds_of(seeds), listener(progress))
+    run = given.run(config, Train, others, name, resume, threads, device, max_seconds)
+    found = _gaitfit.train(run, given.robot_of(robot), given.seeds_of(seeds), called(terms, device), listener(progress))
     return _read.training_result(json.loads(found))
 
 
@@ -76,9 +87,11 @@ def finetune(
     config: PathLike | Finetune | None = None,
     seeds: Iterable[int] | None = None,
     settings: Settings | None = None,
+    terms: Terms | None = None,
     name: str | None = None,
     runs: PathLike | None = None,
     resume: Resume = False,
+    max_seconds: float | None = None,
     device: Device = "cpu",
     threads: int | None = None,
     progress: Progresses = True,
@@ -87,9 +100,9 @@ def finetune(
 
     Arguments:
         policy: The policy's file: ``.safetensors``, ``.onnx`` or a ``.toml``. Without one ``config`` names it.
-        theta: What the robot is: the fit's result or its ``theta.toml`` (:attr:`FitResult.theta`), or values of your own, a list of
-            :class:`gaitfit.config.TrueParameter` and :class:`gaitfit.config.TrueNumber`. A value replaces that of the robot's
-            file: ``TrueParameter("frictionloss", joints=["*_calf*"], value=0.3)`` is all of these joints' dry friction, 0.3 N·m.
+        theta: What the robot is: the fit's result or its ``theta.toml`` (:attr:`FitResult.theta`), or values of your own, one
+            :class:`gaitfit.config.TrueParameter` or :class:`gaitfit.config.TrueNumber` or a list. A value replaces that of the
+            robot's file (:func:`read_robot` has it): ``TrueParameter("frictionloss", joints=["*_calf*"], value=0.3)`` is all of these joints' dry friction, 0.3 N·m.
             Quantities without unit whose start is 1 are factors. By default the robot of the file.
         robot: The robot's file, MJCF or URDF; by default that of the policy.
         task: Another task: a built-in one, or a file.
@@ -98,7 +111,7 @@ def finetune(
         lenient: Leave out what the engine cannot simulate in the robot's file.
         config: A TOML file (``gaitfit config finetune`` prints one), or a :class:`gaitfit.config.Finetune`. The other arguments
             win over it.
-        seeds, settings, name, runs, resume, device, threads, progress: As for :func:`train`.
+        seeds, settings, terms, name, runs, resume, max_seconds, device, threads, progress: As for :func:`train`.
 
     Returns the result; its first policy's file is ``Training.policy``.
 
@@ -106,33 +119,35 @@ def finetune(
 
     >>> trained = gaitfit.finetune("assets/go2-walk.safetensors", theta=result.theta)      # doctest: +SKIP
     """
-    from .config import Finetune
-    from .results import _read
-
     others = {"runs": maybe(path, "runs", runs), **given.given_settings(settings)}
-    run = given.run(config, Finetune, others, name, resume, threads, device)
+    run = given.run(config, Finetune, others, name, resume, threads, device, max_seconds)
     if policy is None:
         policy = given.policy_of(config, others)
     world = given.world(given.file_of(policy), robot, lenient, task, theta, spring, torque_noise)
-    return _read.training_result(json.loads(_gaitfit.finetune(run, world, given.seeds_of(seeds), listener(progress))))
+    with given.theta_named(theta):
+        found = _gaitfit.finetune(run, world, given.seeds_of(seeds), called(terms, device), listener(progress))
+    return _read.training_result(json.loads(found))
 
 
 def evaluate(
     policy: PathLike | Policy,
     *,
+    config: Evaluate | None = None,
     robot: PathLike | None = None,
     theta: Theta | None = None,
     task: str | None = None,
-    trajectories: int = 10_000,
-    seconds: float = 4.0,
-    drift: int = 64,
+    trajectories: int | None = None,
+    seconds: float | None = None,
+    drift: int | None = None,
+    drift_speeds: tuple[float, float, float] | None = None,
     terrain: str = "own",
     spring: Sequence[str] = (),
     torque_noise: float = 0.0,
     randomised: bool = False,
-    preset: Preset = "fast",
+    preset: Preset | None = None,
     lenient: bool = False,
-    seed: int = 0,
+    seed: int | None = None,
+    max_seconds: float | None = None,
     device: Device = "cpu",
     threads: int | None = None,
     progress: Progresses = True,
@@ -141,53 +156,67 @@ def evaluate(
 
     Arguments:
         policy: A file, or a :class:`Policy` of your own.
-        robot, theta, task, spring, torque_noise, lenient: As for :func:`finetune`.
-        trajectories: Robots with random commands.
-        seconds: Length of each trajectory, s.
-        drift: Robots in each trial with a constant command; 0: no such trials.
-        terrain: ``"own"``: the task's ground; ``"none"``: level ground; or a kind of uneven ground, which robots cross as well.
+        robot, theta, task, spring, torque_noise, lenient: As for :func:`finetune`. A policy that was trained in a fitted simulator
+            walks in the robot of its file, too, unless ``theta`` is given.
+        config: A :class:`gaitfit.config.Evaluate` with ``trajectories``, ``seconds``, ``drift``, ``drift_speeds``, ``preset`` and
+            ``seed``, as a loop has it. Arguments win over it.
+        trajectories: Robots with random commands, one trajectory each; by default 10000.
+        seconds: Length of each trajectory, s; by default 4.
+        drift: Robots in each trial with a constant command; by default 64; 0: no such trials.
+        drift_speeds: Speeds of these: ahead and to the side, m/s, and turning, rad/s; by default half of the task's greatest
+            commands.
+        terrain: ``"own"``: the task's ground; ``"none"``: level; or a kind of uneven ground, which is crossed as well.
         randomised: Whether robots differ as in the policy's training.
-        preset: Solver effort of the physics.
-        seed: Of commands, starts and noise.
+        preset: Solver effort of the physics; by default ``"fast"``.
+        seed: Of commands, starts and noise; by default 0.
+        max_seconds: Wall time of the call, s; after it :class:`Stopped` is raised, and nothing is kept.
         device, threads, progress: As for :func:`fit`.
 
     Returns errors of velocity, m/s and rad/s, and the share of falls, each as a mean with half the width of its 95 % interval.
     :func:`compare` returns the difference of two evaluations; with the same ``seed``, trajectory by trajectory.
 
     Raises ``FileNotFoundError`` for a file that is missing, ``ValueError`` for wrong numbers, :class:`GaitfitError`,
-    :class:`Stopped` if ``progress`` returned ``False``, and ``KeyboardInterrupt`` after Ctrl-C.
+    :class:`Stopped` if ``progress`` returned ``False`` or ``max_seconds`` are over, and ``KeyboardInterrupt`` after Ctrl-C.
 
     >>> walked = gaitfit.evaluate("assets/go2-walk.safetensors", trajectories=4, seconds=0.2, drift=0, progress=False)
     >>> walked.trajectories, walked.fall_rate.mean
     (4, 0.0)
     """
-    from .results import _read
-
-    world = given.world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
-    trajectories, drift, seconds = count("trajectories", trajectories, 1), count("drift", drift, 0), real("seconds", seconds)
-    terrain = text("terrain", terrain)
-    found = _gaitfit.evaluate(world, trajectories, seconds, drift, terrain, text("device", device), listener(progress))
-    return _read.evaluation_result(json.loads(found))
+    arguments = {"trajectories": trajectories, "seconds": seconds, "drift": drift, "drift_speeds": drift_speeds}
+    numbers = _EVALUATE | _stated(given.chosen(config, Evaluate, {**arguments, "preset": preset, "seed": seed}))
+    solver, draws = numbers["preset"], numbers["seed"]
+    world = given.world(
+        policy, robot, lenient, task, theta, spring, torque_noise, randomised, solver, draws, threads, max_seconds
+    )
+    robots, trials = count("trajectories", numbers["trajectories"], 1), count("drift", numbers["drift"], 0)
+    speeds = maybe(_speeds, "drift_speeds", numbers.get("drift_speeds"))
+    length, terrain = real("seconds", numbers["seconds"]), text("terrain", terrain)
+    with given.theta_named(theta) as shown:
+        found = _gaitfit.evaluate(world, robots, length, trials, speeds, terrain, text("device", device), listener(progress))
+    document = json.loads(found)
+    return _read.evaluation_result({**document, "simulator": shown(document["simulator"])})
 
 
 def collect(
     policy: PathLike | Policy,
     out: PathLike,
     *,
+    config: Collect | None = None,
     robot: PathLike | None = None,
     theta: Theta | None = None,
     task: str | None = None,
-    trajectories: int = 64,
-    seconds: float = 4.0,
-    log_shift: tuple[float, float] = (0.0, 0.0),
-    privileged: bool = False,
+    trajectories: int | None = None,
+    seconds: float | None = None,
+    log_shift: tuple[float, float] | None = None,
+    privileged: bool | None = None,
     commands: PathLike | None = None,
     spring: Sequence[str] = (),
     torque_noise: float = 0.0,
     randomised: bool = False,
-    preset: Preset = "fast",
+    preset: Preset | None = None,
     lenient: bool = False,
-    seed: int = 0,
+    seed: int | None = None,
+    max_seconds: float | None = None,
     device: Device = "cpu",
     threads: int | None = None,
     progress: Progresses = True,
@@ -197,12 +226,15 @@ def collect(
     Arguments:
         policy: A file, or a :class:`Policy` of your own.
         out: The folder of the logs; it must not hold CSV files.
-        log_shift: Each log begins this long after its robot has started, s: the shortest and the longest time. The time is drawn
-            between the two.
-        privileged: Also log the base's true state, which a real robot does not measure.
+        config: A :class:`gaitfit.config.Collect` with ``trajectories``, ``seconds``, ``log_shift``, ``privileged``, ``commands``,
+            ``preset`` and ``seed``. Arguments win over it.
+        trajectories: Logs, one robot each; by default 64.
+        log_shift: Each log begins this long after the robot, s: shortest and longest; it is drawn between the two. By default
+            0 and 0.
+        privileged: Also log the base's true state, which a real robot does not measure; by default it is not logged.
         commands: A CSV file with the commands of all walks; by default they are random.
         robot, theta, task, spring, torque_noise, lenient: As for :func:`finetune`.
-        trajectories, seconds, randomised, preset, seed, device, threads, progress: As for :func:`evaluate`.
+        seconds, randomised, preset, seed, max_seconds, device, threads, progress: As for :func:`evaluate`.
 
     Returns the files; :func:`read_log` reads one.
 
@@ -212,19 +244,45 @@ def collect(
     >>> gaitfit.read_log(logs.files[0]).duration      # doctest: +SKIP
     3.98
     """
-    from .results import _read
-
-    world = given.world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
-    trajectories, seconds, out = count("trajectories", trajectories, 1), real("seconds", seconds), path("out", out)
-    privileged, moves = flag("privileged", privileged), given.existing("commands", commands)
-    try:
-        low, high = (float(one) for one in log_shift)
-    except (TypeError, ValueError):
-        raise TypeError(f"log_shift is {log_shift!r}; give two numbers, the shortest and the longest, s") from None
-    simulator, written, falls = _gaitfit.collect(
-        world, out, trajectories, seconds, [low, high], privileged, moves, text("device", device), listener(progress)
+    arguments = {"trajectories": trajectories, "seconds": seconds, "log_shift": log_shift, "privileged": privileged}
+    more = {"commands": commands, "preset": preset, "seed": seed}
+    numbers = _COLLECT | _stated(given.chosen(config, Collect, {**arguments, **more}))
+    solver, draws = numbers["preset"], numbers["seed"]
+    world = given.world(
+        policy, robot, lenient, task, theta, spring, torque_noise, randomised, solver, draws, threads, max_seconds
     )
+    robots, length = count("trajectories", numbers["trajectories"], 1), real("seconds", numbers["seconds"])
+    out, moves = path("out", out), given.existing("commands", numbers.get("commands"))
+    whole, shift = flag("privileged", numbers["privileged"]), numbers["log_shift"]
+    try:
+        low, high = (float(one) for one in shift)
+    except (TypeError, ValueError):
+        raise TypeError(f"log_shift is {shift!r}; give two numbers, the shortest and the longest, s") from None
+    with given.theta_named(theta) as shown:
+        simulator, written, falls = _gaitfit.collect(
+            world, out, robots, length, [low, high], whole, moves, text("device", device), listener(progress)
+        )
     files = [str(file) for file in written]
     return _read.collection_result(
-        {"simulator": simulator, "trajectories": len(files), "seconds": seconds, "falls": falls, "files": files}
+        {"simulator": shown(simulator), "trajectories": len(files), "seconds": length, "falls": falls, "files": files}
     )
+
+
+#: Defaults of :func:`evaluate` and :func:`collect`; a loop has its own.
+_EVALUATE: dict[str, Any] = {"trajectories": 10_000, "seconds": 4.0, "drift": 64, "preset": "fast", "seed": 0}
+_COLLECT: dict[str, Any] = {
+    "trajectories": 64, "seconds": 4.0, "log_shift": (0.0, 0.0), "privileged": False, "preset": "fast", "seed": 0
+}
+
+
+def _stated(numbers: dict[str, Any]) -> dict[str, Any]:
+    """Those that were given."""
+    return {name: value for name, value in numbers.items() if value is not None}
+
+
+def _speeds(name: str, value: Any) -> list[float]:
+    """Three speeds."""
+    speeds = [real(f"an element of {name}", one) for one in items(name, value, "three speeds")]
+    if len(speeds) != 3:
+        raise ValueError(f"{name} has {len(speeds)} elements; give three: ahead and to the side, m/s, and turning, rad/s")
+    return speeds

@@ -64,9 +64,9 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
 
     Arguments:
         config, num_envs, robot, settings, seed, threads, device: As of :class:`gaitfit.Robots`.
-        copy: With ``False`` the environment returns its own arrays, without copies; the next step writes over them.
-        log_rewards: Whether ``infos["log"]`` has the reward terms of each step by name, as means over the robots.
-        terms: Reward, end of an episode and observation of your own (:class:`gaitfit.gym.Terms`).
+        copy: ``False`` hands out the environment's own arrays, without copies; the next step writes over them.
+        log_rewards: Whether ``infos["log"]`` has the reward terms of each step by name, means over the robots.
+        terms: Reward, end of an episode and observation of your own (:class:`gaitfit.Terms`).
         autoreset_mode: ``AutoresetMode.SAME_STEP``; ``NEXT_STEP``: the step after an episode's end begins the next one, without
             an action and reward; ``DISABLED``: ``reset(options={"reset_mask": mask})`` begins it.
 
@@ -99,7 +99,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
     ) -> None:
         self._mode, self._terms = AutoresetMode(autoreset_mode), terms
         if terms is not None and not isinstance(terms, Terms):
-            raise TypeError(f"terms is {terms!r}; give gaitfit.gym.Terms")
+            raise TypeError(f"terms is {terms!r}; give gaitfit.Terms")
 
         def make(seed: int) -> Robots:
             return Robots(

@@ -28,6 +28,8 @@ from .results import Fleet, Result
 
 if TYPE_CHECKING:
     from ._own_simulator import FitOutcome
+else:
+    from ._hints import FitOutcome
 
 __all__ = ["convergence", "drift", "fleet", "log", "parameters", "plot", "training"]
 

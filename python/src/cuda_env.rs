@@ -103,11 +103,12 @@ impl CudaRobots {
         let Some(gpu) = named(device)?.open().map_err(|error| to_py_err(&error))? else {
             return Err(value(format!("device is {device:?}; it must be a GPU")));
         };
+        let candidate = task.candidate.clone();
         let made = py.detach(|| {
             let _visit = gpu.visit();
             Scene::try_new(task.scene.clone(), |task| {
-                let nominal = [Candidate::nominal(task.walker.model())];
-                let mut stepper = Stepper::new(&gpu, task, &nominal, count, seed, stagger)?;
+                let robot = candidate.unwrap_or_else(|| Candidate::nominal(task.walker.model()));
+                let mut stepper = Stepper::new(&gpu, task, &[robot], count, seed, stagger)?;
                 stepper.hold(!autoreset)?;
                 Ok(stepper)
             })

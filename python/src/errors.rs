@@ -15,7 +15,7 @@ pyo3::create_exception!(
     gaitfit,
     Stopped,
     GaitfitError,
-    "The progress function returned False, so the stage stopped. A fit, a training or a loop keeps what is done in its run \
+    "The progress function returned False, or max_seconds were over, so the stage stopped. A fit, a training or a loop keeps what is done in its run \
      folder, ``run_folder``; of a training also each seed's policy so far, ``seed-1/policy.safetensors``. Other stages keep \
      nothing, and ``run_folder`` is ``None``."
 );
@@ -51,7 +51,7 @@ pub fn failed(message: impl ToString) -> PyErr {
 const NO_GAINS: &str = "the log does not state its PD gains";
 
 fn text(message: impl ToString) -> String {
-    let mut text = in_python(&brief(&message.to_string()));
+    let mut text = in_python(&brief(&message.to_string())).replace("train.environments", "train.num_envs");
     // Without a configuration's file errors begin with "settings"; logs are none.
     if let Some(rest) =
         text.strip_prefix("settings: ").filter(|rest| rest.starts_with("the log") || rest.starts_with("log "))

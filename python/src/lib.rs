@@ -18,6 +18,7 @@ mod share;
 mod stages;
 mod tables;
 mod task;
+mod terms;
 mod vec_env;
 mod vec_rows;
 mod watch;
@@ -49,7 +50,7 @@ mod _gaitfit {
     #[pymodule_export]
     use super::policy_file::PolicyFile;
     #[pymodule_export]
-    use super::program::{explain, program};
+    use super::program::{explain, program, robot_numbers};
     #[pymodule_export]
     use super::settings::{read_toml, resolve_settings};
     #[pymodule_export]

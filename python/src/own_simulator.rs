@@ -14,6 +14,7 @@ use numpy::{PyArray2, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 
 /// One recorded run of the robot.
 #[derive(FromPyObject)]
@@ -48,6 +49,7 @@ pub struct Search {
     tolerance: f64,
     checkpoint: Option<PathBuf>,
     intervals: bool,
+    max_seconds: Option<f64>,
 }
 
 /// Numbers that only the user's simulator understands.
@@ -261,7 +263,9 @@ fn searched(
         first: fit.generation(),
         parts: "candidates",
     });
-    let cancel = || watch.stop();
+    let (cancel, begun) = (|| watch.stop(), Instant::now());
+    let limit = search.max_seconds.unwrap_or(f64::INFINITY);
+    let mut is_cut = false;
     while let Some(generation) = fit.step(&cancel).map_err(wrong)? {
         if let Some(path) = &search.checkpoint {
             let text = serde_json::to_vec(&fit.checkpoint()).map_err(failed)?;
@@ -270,10 +274,16 @@ fn searched(
         let best = fit.best_costs().first().copied().flatten();
         let state = best.map_or_else(String::new, |best| format!("cost {best:.5}"));
         counting.step(fit.generation(), generation.evaluations, &state);
+        is_cut = begun.elapsed().as_secs_f64() >= limit && !fit.finished();
+        if is_cut {
+            break;
+        }
     }
     drop(counting);
     let mut outcomes: Vec<CostOutcome> = fit.outcomes();
-    if let (true, Some(found), Some(cost)) = (search.intervals, outcomes.first_mut(), costs.first()) {
+    if let (true, Some(found), Some(cost)) =
+        (search.intervals && !is_cut, outcomes.first_mut(), costs.first())
+    {
         let draw = found.draw();
         found.identify(own, theta, cost.as_ref(), &[], draw, &cancel).map_err(wrong)?;
     }

@@ -1,8 +1,11 @@
 //! The program, in Python's process.
 
-use crate::errors::failed;
+use crate::errors::{failed, to_py_err};
 use crate::watch::waited;
+use gaitfit_physics::JointParameter;
+use gaitfit_sim::Candidate;
 use pyo3::prelude::*;
+use serde_json::json;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -16,4 +19,28 @@ pub fn program(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
 #[pyfunction]
 pub fn explain(py: Python<'_>, robot: PathBuf, logs: PathBuf, lenient: bool) -> PyResult<String> {
     waited(py, move || gaitfit_cli::explain(&robot, &logs, lenient))?.map_err(failed)
+}
+
+/// What a robot's file states of the whole robot and of its joints, as JSON.
+#[pyfunction]
+pub fn robot_numbers(robot: PathBuf, lenient: bool) -> PyResult<String> {
+    let model = gaitfit::robot::named(&robot, lenient).map_err(|error| to_py_err(&error))?;
+    let nominal = Candidate::nominal(&model);
+    let limits = nominal.robot.joints(JointParameter::TorqueLimit);
+    let joints = model.joints.iter().zip(limits).map(|(joint, limit)| {
+        json!({
+            "name": joint.name,
+            "range": joint.range,
+            "frictionloss": joint.frictionloss,
+            "armature": joint.armature,
+            "damping": joint.damping,
+            "stiffness": joint.stiffness,
+            "rest": joint.springref,
+            "torque_limit": Some(limit).filter(|limit| limit.is_finite()),
+            "velocity_limit": joint.velocity_limit,
+        })
+    });
+    let mass: f64 = model.bodies.iter().map(|body| body.mass).sum();
+    let document = json!({ "name": model.name, "mass": mass, "joints": joints.collect::<Vec<_>>() });
+    serde_json::to_string(&document).map_err(failed)
 }

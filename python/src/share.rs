@@ -162,7 +162,7 @@ impl Helper {
         };
         let act = policy.as_ref().and_then(Source::act);
         let whose = &calling;
-        let opened = watched_acting(py, None, act, move |_, caller| {
+        let opened = watched_acting(py, None, None, act, move |_, caller| {
             set(whose, Some(caller));
             let thread = std::thread::Builder::new().name("gaitfit-helper".to_owned()).spawn(body);
             let found = open.recv();
@@ -190,7 +190,7 @@ impl Helper {
         let ended = || failed("the helper has ended; make another one");
         let tasks = self.tasks.lock().unwrap_or_else(PoisonError::into_inner).clone().ok_or_else(ended)?;
         let act = self.policy.as_ref().and_then(Source::act);
-        let answer = watched_acting(py, None, act, move |watch, caller| {
+        let answer = watched_acting(py, None, None, act, move |watch, caller| {
             set(&self.calling, Some(caller));
             // One that cannot be sent any more drops its sender: there is no answer.
             let _ = tasks.send((task, sender, Arc::clone(&stop)));

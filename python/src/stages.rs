@@ -4,7 +4,7 @@ use crate::errors::{failed, to_py_err, value};
 use crate::own_policy::Source;
 use crate::share::OwnCrew;
 use crate::watch::{Caller, watched, watched_acting};
-use gaitfit::adapt::{Opening, ValidateRequest};
+use gaitfit::adapt::{Limit, Opening, ValidateRequest};
 use gaitfit::device::{Device, Devices};
 use gaitfit::evaluate::{Evaluation, GroundChoice};
 use gaitfit::finetune::{Files, Request};
@@ -28,6 +28,7 @@ pub struct Run {
     resume: Resume,
     threads: Option<usize>,
     device: String,
+    max_seconds: Option<f64>,
 }
 
 /// Whether to continue an earlier run.
@@ -107,8 +108,10 @@ pub fn adapt(
     let (threads, devices) = (run.threads()?.map(NonZeroUsize::get), run.devices()?);
     let path = run.path();
     let crew = crew.map(|crew| Arc::new(OwnCrew::new(crew)));
+    // A fit gives what it has when its time is over; other stages stop.
+    let limit = run.max_seconds.map(Limit::new);
     let act = policy.as_ref().and_then(Source::act);
-    let found = watched_acting(py, progress.as_ref(), act, |watch, caller| {
+    let found = watched_acting(py, progress.as_ref(), None, act, |watch, caller| {
         let policy = policy.as_ref().map_or(Ok(None), |policy| policy.policy(caller.asked()))?;
         let mut setup = Opening::new(&config, path)
             .threads(threads)
@@ -116,6 +119,7 @@ pub fn adapt(
             .policy(policy.as_ref())
             .watch(watch)
             .open()?;
+        setup.limit = limit;
         let folder = RunFolder::begin(Path::new(&config.runs), &name, run.resumes(&config.runs, &name))?;
         if let Some(crew) = &crew {
             crew.open(&setup)?;
@@ -142,7 +146,7 @@ pub fn validate(
     policy: Option<Source>,
 ) -> PyResult<String> {
     let act = policy.as_ref().and_then(Source::act);
-    json(watched_acting(py, None, act, |watch, caller| {
+    json(watched_acting(py, None, None, act, |watch, caller| {
         let policy = policy.as_ref().map_or(Ok(None), |policy| policy.policy(caller.asked()))?;
         gaitfit::adapt::validate(&ValidateRequest { theta, logs, config, set: sets, threads, policy }, watch)
     })?)
@@ -189,10 +193,29 @@ pub fn train(
     run: Run,
     robot: Option<String>,
     seeds: Option<Vec<u64>>,
+    terms: Option<Py<PyAny>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let setup = training(&run, robot, seeds)?;
-    json(watched(py, progress.as_ref(), |watch| {
+    trained(py, &run, setup, terms.as_ref(), progress.as_ref())
+}
+
+/// Trains. `terms` are functions of the user that change rewards and ends of episodes.
+fn trained(
+    py: Python<'_>,
+    run: &Run,
+    mut setup: gaitfit::train::Setup,
+    terms: Option<&Py<PyAny>>,
+    progress: Option<&Py<PyAny>>,
+) -> PyResult<String> {
+    if let Some(terms) = terms {
+        let interface = serde_json::to_string(&setup.scene.walker.interface).map_err(failed)?;
+        terms.call_method1(py, "begin", (interface,))?;
+        // A run that has terms does not continue without.
+        setup.inputs.settings.push_str("-with-terms");
+    }
+    json(watched_acting(py, progress, run.max_seconds, terms, |watch, caller| {
+        setup.scene.user_terms = terms.map(|_| crate::terms::user_terms(caller));
         gaitfit::train::train(&setup, run.resumes(&setup.plan.runs, &setup.plan.name), watch)
     })?)
 }
@@ -257,12 +280,11 @@ pub fn finetune(
     run: Run,
     world: World,
     seeds: Option<Vec<u64>>,
+    terms: Option<Py<PyAny>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let setup = tuning(&run, world, seeds)?;
-    json(watched(py, progress.as_ref(), |watch| {
-        gaitfit::train::train(&setup, run.resumes(&setup.plan.runs, &setup.plan.name), watch)
-    })?)
+    trained(py, &run, setup, terms.as_ref(), progress.as_ref())
 }
 
 /// The loop.
@@ -276,7 +298,7 @@ pub fn run_loop(py: Python<'_>, run: Run, progress: Option<Py<PyAny>>) -> PyResu
     let opened = config.check(run.path()).and_then(|()| loop_::Setup::open(config, run.path(), threads));
     let setup = loop_::Setup { devices: run.devices()?, ..opened.map_err(|error| to_py_err(&error))? };
     let resume = run.resumes(&setup.config.runs, &name);
-    json(watched(py, progress.as_ref(), |watch| loop_::run(&setup, &name, resume, watch))?)
+    json(watched(py, progress.as_ref(), run.max_seconds, |watch| loop_::run(&setup, &name, resume, watch))?)
 }
 
 /// A policy and the simulator it runs in.
@@ -294,6 +316,7 @@ pub struct World {
     preset: String,
     seed: u64,
     threads: Option<usize>,
+    max_seconds: Option<f64>,
 }
 
 impl World {
@@ -341,6 +364,7 @@ pub fn evaluate(
     trajectories: usize,
     seconds: f64,
     drift: usize,
+    drift_speeds: Option<[f64; 3]>,
     terrain: &str,
     device: &str,
     progress: Option<Py<PyAny>>,
@@ -350,14 +374,15 @@ pub fn evaluate(
         trajectories,
         seconds,
         drift,
-        drift_speeds: None,
+        drift_speeds,
         ground: GroundChoice::read(terrain).map_err(|error| to_py_err(&error))?,
         ground_robots: 32,
         device: device_of(device)?,
     };
-    let found = watched_acting(py, progress.as_ref(), world.policy.act(), |watch, caller| {
-        gaitfit::evaluate_in(world.open(&settings.world, caller)?, &settings, watch)
-    })?;
+    let found =
+        watched_acting(py, progress.as_ref(), world.max_seconds, world.policy.act(), |watch, caller| {
+            gaitfit::evaluate_in(world.open(&settings.world, caller)?, &settings, watch)
+        })?;
     let found = found.map_err(|error| to_py_err(&error))?;
     let mut document = serde_json::to_value(&found.measured.evaluation).map_err(failed)?;
     if let Some(fields) = document.as_object_mut() {
@@ -401,9 +426,10 @@ pub fn collect(
         commands,
         device,
     };
-    let found = watched_acting(py, progress.as_ref(), world.policy.act(), |watch, caller| {
-        gaitfit::collect_in(world.open(&settings.world, caller)?, &settings, &out, watch)
-    })?;
+    let found =
+        watched_acting(py, progress.as_ref(), world.max_seconds, world.policy.act(), |watch, caller| {
+            gaitfit::collect_in(world.open(&settings.world, caller)?, &settings, &out, watch)
+        })?;
     let found = found.map_err(|error| to_py_err(&error))?;
     Ok((found.simulator, found.files, found.falls))
 }

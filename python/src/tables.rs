@@ -44,7 +44,8 @@ impl Table {
 #[pyfunction]
 pub fn reproduce(py: Python<'_>, table: Table, progress: Option<Py<PyAny>>) -> PyResult<String> {
     let request = table.request()?;
-    let found = watched(py, progress.as_ref(), |watch| run(&request, watch).map(|(results, _)| results))?;
+    let found =
+        watched(py, progress.as_ref(), None, |watch| run(&request, watch).map(|(results, _)| results))?;
     serde_json::to_string(&found.map_err(|error| to_py_err(&error))?).map_err(failed)
 }
 
@@ -60,5 +61,6 @@ pub fn reproduce_plan(py: Python<'_>, table: Table) -> PyResult<String> {
 #[pyfunction]
 pub fn reproduce_part(py: Python<'_>, table: Table, part: &str, progress: Option<Py<PyAny>>) -> PyResult<()> {
     let (request, part): (Request, Part) = (table.request()?, serde_json::from_str(part).map_err(value)?);
-    watched(py, progress.as_ref(), |watch| make(&request, &part, watch))?.map_err(|error| to_py_err(&error))
+    watched(py, progress.as_ref(), None, |watch| make(&request, &part, watch))?
+        .map_err(|error| to_py_err(&error))
 }

@@ -5,6 +5,7 @@ use gaitfit::device::Device;
 use gaitfit::settings::{self, TrainConfig};
 use gaitfit::{replay, train};
 use gaitfit_learn::{MEND_DIVERGENCE, max_diverged, task};
+use gaitfit_sim::Candidate;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -16,6 +17,8 @@ const MAX_ENVIRONMENTS: usize = 1 << 20;
 #[pyclass(module = "gaitfit._gaitfit", frozen)]
 pub struct Task {
     pub scene: Arc<task::Task>,
+    /// The robot with the numbers of a fit; without one the robot of its file.
+    pub candidate: Option<Candidate>,
     #[pyo3(get)]
     pub observation_width: usize,
     #[pyo3(get)]
@@ -48,12 +51,37 @@ pub struct Task {
 impl Task {
     /// The task of a training's configuration.
     #[new]
-    fn new(config: Option<PathBuf>, sets: Vec<String>, robot: Option<String>) -> PyResult<Self> {
+    fn new(
+        config: Option<PathBuf>,
+        sets: Vec<String>,
+        robot: Option<String>,
+        theta: Option<PathBuf>,
+    ) -> PyResult<Self> {
         let mut settings: TrainConfig =
             settings::load(config.as_deref(), &sets).map_err(|error| to_py_err(&error))?;
         settings.robot = robot.or(settings.robot);
         let setup = train::setup(&settings, "env", config.as_deref(), 1, &Device::Cpu.into());
-        let task = setup.map_err(|error| to_py_err(&error))?.scene;
+        let setup = setup.map_err(|error| to_py_err(&error))?;
+        let (mut task, mut candidate) = (setup.scene, None);
+        if let Some(path) = theta {
+            let read = |path| {
+                let file = gaitfit::theta::read(path)?;
+                gaitfit::theta::candidate(&file, path, &setup.model)
+            };
+            let robot = read(&path).map_err(|error| to_py_err(&error))?;
+            // A robot remembers targets for as long as its longest delay.
+            let delay = gaitfit::world::longest_delay(&robot);
+            let interface = task.walker.interface.clone();
+            task = task::Task::with_interface(
+                &setup.model,
+                &settings.task.settings,
+                interface,
+                settings.preset,
+                delay,
+            )
+            .map_err(failed)?;
+            candidate = Some(robot);
+        }
         let walker = &task.walker;
         let widths = gaitfit_learn::widths(&task);
         Ok(Self {
@@ -69,6 +97,7 @@ impl Task {
             settings: toml::to_string(&task.settings).map_err(failed)?,
             shape: serde_json::to_string(&replay::shape("robot", walker.model(), &[])).map_err(failed)?,
             scene: Arc::new(task),
+            candidate,
         })
     }
 }
@@ -95,7 +124,7 @@ pub fn bearable(
     }
     let first = first()?.unwrap_or_default();
     Err(failed(format!(
-        "{diverged} of {count} environments diverged, the first of them environment {first}: its state or reward is not \
+        "{diverged} of {count} robots diverged, the first of them robot {first}: its state or reward is not \
          finite, or impossible. {MEND_DIVERGENCE}, or smaller actions"
     )))
 }

@@ -2,6 +2,7 @@
 
 use crate::errors::value;
 use crate::task::{Task, bearable, checked};
+use crate::terms::motion;
 use crate::vec_rows::{Rows, advance, chunks, row, rows};
 use gaitfit_learn::task::{self, Ended, Environment, Saved, Snapshot, TaskError};
 use gaitfit_sim::pool;
@@ -93,10 +94,13 @@ impl Robots {
     ) -> PyResult<Self> {
         checked(count)?;
         let threads = threads.unwrap_or_else(gaitfit::machine::threads).clamp(1, count.div_ceil(TILE));
+        let candidate = task.candidate.clone();
         let scene = py.detach(|| {
             Scene::try_new(task.scene.clone(), |task| -> Result<Tiles<'_>, TaskError> {
                 let tile = |first: usize| {
-                    let mut tile = Environment::new(task, None, seed, first as u32, TILE.min(count - first))?;
+                    let robot = candidate.as_ref();
+                    let mut tile =
+                        Environment::new(task, robot, seed, first as u32, TILE.min(count - first))?;
                     if stagger {
                         tile.stagger();
                     }
@@ -306,26 +310,14 @@ impl Robots {
     /// How all robots move: position, orientation (wxyz), linear and angular velocity of their bases, then positions, velocities and
     /// torques of the joints that the policy moves, in its order; row by row.
     fn motion<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f32>>>> {
-        let mut signals: [(usize, Vec<f32>); 7] = Default::default();
+        let mut signals: Vec<(usize, Vec<f32>)> = Vec::new();
         self.scene.with_dependent(|task, tiles| {
-            let (all, moved) = (task.walker.model().joints.len().max(1), &task.walker.joints);
             for tile in tiles {
-                let tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
-                let motion = tile.motion();
-                let whole = [
-                    (3, &motion.base_position),
-                    (4, &motion.base_quaternion),
-                    (3, &motion.base_linear),
-                    (3, &motion.base_angular),
-                ];
-                for ((width, into), (columns, from)) in signals.iter_mut().zip(whole) {
+                let tables = motion(task, &tile.lock().unwrap_or_else(PoisonError::into_inner));
+                signals.resize_with(tables.len(), Default::default);
+                for ((width, into), (columns, from)) in signals.iter_mut().zip(tables) {
                     *width = columns;
                     into.extend(from);
-                }
-                let of_joints = [&motion.joint_position, &motion.joint_velocity, &motion.torque];
-                for ((width, into), from) in signals[4..].iter_mut().zip(of_joints) {
-                    *width = moved.len();
-                    into.extend(from.chunks(all).flat_map(|row| moved.iter().map(|&joint| row[joint])));
                 }
             }
         });

@@ -7,6 +7,7 @@
 
 use crate::errors::{Stopped, in_python};
 use crate::forked::Home;
+use crate::terms;
 use gaitfit::Error;
 use gaitfit::watch::{Event, Watch};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
@@ -17,7 +18,7 @@ use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender, SyncSender};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often signals are looked for, also while nothing happens.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -66,6 +67,8 @@ enum Message {
     Reported(Report, Option<SyncSender<()>>),
     /// A policy is to act.
     Asked(Asked),
+    /// Terms of a training are to be computed, and where they go.
+    Terms(Option<terms::Step>, SyncSender<terms::Answer>),
     /// The stage has ended.
     Done,
 }
@@ -102,6 +105,14 @@ impl Caller {
     }
 }
 
+impl Caller {
+    /// What the user's terms make of a step; nothing if they raised, now or before.
+    pub fn terms(&self, step: terms::Step) -> Option<terms::Answer> {
+        let (reply, answer) = mpsc::sync_channel(1);
+        self.0.send(Message::Terms(Some(step), reply)).ok().and_then(|()| answer.recv().ok())
+    }
+}
+
 /// Says that the stage has ended, however it does.
 struct Ending(Sender<Message>);
 
@@ -121,14 +132,38 @@ fn acted(py: Python<'_>, act: &Py<PyAny>, asked: &mut Asked) -> PyResult<Vec<f32
     Ok(actions.as_array().iter().copied().collect())
 }
 
+/// How long a stage may take.
+struct Limit {
+    begun: Instant,
+    seconds: Option<f64>,
+}
+
+impl Limit {
+    fn new(seconds: Option<f64>) -> Self {
+        Self { begun: Instant::now(), seconds }
+    }
+
+    /// Stops the stage when the time is over.
+    fn check(&self) -> PyResult<()> {
+        match self.seconds.filter(|seconds| self.begun.elapsed().as_secs_f64() >= *seconds) {
+            None => Ok(()),
+            Some(seconds) => Err(Stopped::new_err(format!(
+                "stopped after {seconds} s (max_seconds). A training or a loop keeps what is done in its run_folder: \
+                 resume=True continues it"
+            ))),
+        }
+    }
+}
+
 /// Runs `stage` on a thread of its own. `progress(kind, text, done, total, metrics)` is called on the calling thread. When it
-/// raises or returns `False`, or a signal asks to, the stage stops, and that exception comes back.
+/// raises or returns `False`, a signal asks to, or `max_seconds` are over, the stage stops, and that exception comes back.
 pub fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
+    max_seconds: Option<f64>,
     stage: impl FnOnce(&Watch<'_>) -> Result<T, Error> + Send,
 ) -> PyResult<Result<T, Error>> {
-    watched_acting(py, progress, None, |watch, _| stage(watch))
+    watched_acting(py, progress, max_seconds, None, |watch, _| stage(watch))
 }
 
 /// As [`watched`]; the stage may have the calling thread call `act`, a policy. When that raises, the stage stops, and that
@@ -136,10 +171,12 @@ pub fn watched<T: Send>(
 pub fn watched_acting<T: Send>(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
+    max_seconds: Option<f64>,
     act: Option<&Py<PyAny>>,
     stage: impl FnOnce(&Watch<'_>, Caller) -> Result<T, Error> + Send,
 ) -> PyResult<Result<T, Error>> {
     let (stop, home) = (AtomicBool::new(false), Home::here());
+    let limit = Limit::new(max_seconds);
     let (sender, messages) = mpsc::channel::<Message>();
     let (result, raised) = py.detach(move || {
         std::thread::scope(|scope| {
@@ -177,6 +214,7 @@ pub fn watched_acting<T: Send>(
                 }
                 let mut call = |py: Python<'_>| {
                     py.check_signals()?;
+                    limit.check()?;
                     match (&mut message, progress, act) {
                         (Some(Message::Reported(report, _)), Some(progress), _) => {
                             reported(py, progress, report)?
@@ -185,6 +223,12 @@ pub fn watched_acting<T: Send>(
                             let actions = acted(py, act, asked)?;
                             // Who asked waits.
                             let _ = asked.reply.send(actions);
+                        }
+                        (Some(Message::Terms(step, reply)), _, Some(act)) => {
+                            if let Some(step) = step.take() {
+                                // Who asked waits.
+                                let _ = reply.send(terms::called(py, act, step)?);
+                            }
                         }
                         _ => {}
                     }

@@ -1,13 +1,15 @@
 """What new users looked for and did not find."""
 
+import inspect
 import sys
 import unittest
+from typing import get_type_hints
 from unittest import mock
 
 import numpy as np
 
 import gaitfit
-from gaitfit.config import Finetune, TrueNumber, TrueParameter
+from gaitfit.config import Finetune, Parameter, TrueNumber, TrueParameter
 
 from .common import DEMO, Case
 
@@ -66,6 +68,40 @@ class Worlds(Case):
         self.assertIn(found.causes[0].text, repr(found))
 
 
+    def test_values_are_named_where_results_and_errors_say_what_walked(self) -> None:
+        calves = TrueParameter("frictionloss", joints=["*_calf_joint"], value=0.3)
+        found = gaitfit.evaluate(POLICY, theta=calves, **SHORT)
+        self.assertEqual(found.simulator, "go2: frictionloss 0.3 at *_calf_joint")
+        difference = gaitfit.compare(found, gaitfit.evaluate(POLICY, **SHORT))
+        self.assertEqual(difference.on, "go2: frictionloss 0.3 at *_calf_joint / go2, nominal")
+        assert difference.reward is not None
+        self.assertGreater(difference.reward.ci95, 0.0)
+        with self.assertRaisesRegex(gaitfit.GaitfitError, r"^theta \(frictionloss 0.3 at \*claf\*\): .*matches no joint"):
+            gaitfit.evaluate(POLICY, theta=TrueParameter("frictionloss", joints=["*claf*"], value=0.3), **SHORT)
+
+    def test_a_robots_file_tells_what_values_replace(self) -> None:
+        go2, file = gaitfit.read_robot(), gaitfit.read_robot("assets/go2.xml")
+        self.assertEqual((go2.name, len(go2.joints), round(file.mass, 3)), ("go2", 12, 15.206))
+        calf = file.joints["FL_calf_joint"]
+        self.assertEqual((calf.frictionloss, calf.torque_limit, calf.range), (0.0, 45.43, (-2.7227, -0.83776)))
+        with self.assertRaisesRegex(FileNotFoundError, "there is no file no.xml"):
+            gaitfit.read_robot("no.xml")
+        with self.assertRaisesRegex(KeyError, "there is no 'knee'; there are FL_hip_joint"):
+            go2.joints["knee"]
+
+    def test_an_explanation_without_causes_says_what_it_looked_for(self) -> None:
+        gaitfit.collect(POLICY, self.folder / "logs", trajectories=3, seconds=8.0, progress=False)
+        notes: list[str] = []
+        found = gaitfit.explain(self.folder / "logs", progress=lambda event: notes.append(event.text))
+        self.assertEqual(found.causes, ())
+        self.assertIn("odd_joints", repr(found))
+        self.assertRegex(notes[0], "is read; this takes some seconds for each log")
+        try:
+            self.assertIn("text", found.to_dataframe().columns)
+        except ImportError as missing:
+            self.skipTest(str(missing))
+
+
 class Runs(Case):
     def test_a_stage_stops_at_the_step_at_which_it_is_asked_to(self) -> None:
         seen: list[tuple[str, int]] = []
@@ -74,7 +110,7 @@ class Runs(Case):
             seen.extend([(event.kind, event.done)] if event.kind in ("begin", "step", "end") else [])
             return (event.kind, event.done) != ("step", 2)
 
-        size = {"train.environments": 32, "train.iterations": 4}
+        size = {"train.num_envs": 32, "train.iterations": 4}
         common = {"runs": self.folder, "name": "t", "settings": size}
         with self.assertRaises(gaitfit.Stopped):
             gaitfit.train(**common, progress=stop)
@@ -87,7 +123,7 @@ class Runs(Case):
         self.assertAlmostEqual(float(np.mean([row["reward"] for row in rows])), trained.seeds[0].reward)
 
     def test_a_configuration_names_the_policy(self) -> None:
-        size = {"train.environments": 32, "train.iterations": 1}
+        size = {"train.num_envs": 32, "train.iterations": 1}
         tuned = gaitfit.finetune(config=Finetune(policy=POLICY), runs=self.folder, settings=size, progress=False)
         self.assertEqual(tuned.seeds[0].iterations, 1)
         with self.assertRaisesRegex(TypeError, "the policy is missing"):
@@ -111,6 +147,45 @@ class Runs(Case):
 
 
 class Steps(Case):
+    def test_robots_are_those_of_a_fit(self) -> None:
+        stiff = [TrueParameter("frictionloss", value=3.0), TrueParameter("delay", value=0.03)]
+        fitted, nominal = (gaitfit.Robots(policy=POLICY, num_envs=3, seed=1, theta=theta) for theta in (stiff, None))
+        np.testing.assert_array_equal(fitted.observation, nominal.observation)
+        for robots in (fitted, nominal):
+            for _ in range(10):
+                robots.step(np.ones((3, 12)))
+        travelled = [np.abs(robots.motion().joint_velocity).mean() for robots in (fitted, nominal)]
+        self.assertLess(travelled[0], 0.7 * travelled[1])
+        # A value that the file has anyway changes nothing.
+        same = gaitfit.Robots(policy=POLICY, num_envs=3, seed=1, theta=TrueParameter("frictionloss", value=0.0))
+        for _ in range(10):
+            same.step(np.ones((3, 12)))
+        np.testing.assert_array_equal(same.observation, nominal.observation)
+
+    def test_a_misspelt_attribute_is_not_set(self) -> None:
+        robots = gaitfit.Robots(num_envs=2)
+        with self.assertRaisesRegex(AttributeError, "Robots have no 'comands' to set; did you mean 'commands'"):
+            robots.comands = [0.5, 0.0, 0.0]  # type: ignore[attr-defined]
+
+    def test_what_is_misspelt_or_given_twice_is_named(self) -> None:
+        log = gaitfit.read_log(DEMO / "fit.csv")
+        for call, words in (
+            (lambda: Parameter("friction"), "; did you mean 'frictionloss'"),  # type: ignore[arg-type]
+            (lambda: gaitfit.fit(logs=log, settings={"costs": "wasss"}), "costs has 'wasss'; did you mean 'wass'"),
+            (lambda: gaitfit.fit(logs=[log] * 2, runs=self.folder), "logs has the same log twice"),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(ValueError, words):
+                call()
+
+    def test_hints_can_be_read(self) -> None:
+        for name in gaitfit.__all__:
+            one = getattr(gaitfit, name)
+            if inspect.isfunction(one) or (inspect.isclass(one) and one.__module__.startswith("gaitfit")):
+                with self.subTest(name):
+                    get_type_hints(one)
+        self.assertIn("config", get_type_hints(gaitfit.fit))
+        self.assertIn("theta", get_type_hints(gaitfit.Robots.__init__))
+
     def test_robots_at_a_policys_own_task_follow_given_commands(self) -> None:
         policy = gaitfit.load_policy(POLICY)
         robots = gaitfit.Robots(policy=policy, num_envs=3, seed=1)

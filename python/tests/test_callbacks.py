@@ -118,7 +118,7 @@ class Callbacks(Case):
 
     def test_a_training_has_its_numbers(self) -> None:
         events: list[Event] = []
-        size = {"train.environments": 32, "train.iterations": 2}
+        size = {"train.num_envs": 32, "train.iterations": 2}
         trained = gaitfit.train(runs=self.folder, name="t", settings=size, progress=events.append)
         steps = [event for event in events if event.kind == "step" and event.metrics]
         self.assertEqual([event.done for event in steps], [1, 2])

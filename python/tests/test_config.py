@@ -36,6 +36,18 @@ class Generated(Case):
                 chosen = {name: value for name, value in known.to_dict().items() if value != {}}
                 self.assertEqual(tomllib.loads(_gaitfit.resolve_settings(stage, sets(chosen))), resolved, stage)
 
+    def test_earlier_names_are_taken(self) -> None:
+        from gaitfit.config import Size
+
+        earlier = Size(environments=64)  # type: ignore[call-arg]
+        self.assertEqual((earlier, earlier.num_envs), (Size(num_envs=64), 64))
+        self.assertEqual(Train(train=earlier).to_dict(), {"train": {"environments": 64}})
+        self.assertEqual(Train.from_dict({"train": {"environments": 64}}).train, earlier)
+        self.assertEqual(in_file("train.num_envs"), "train.environments")
+        for name in ("train.num_envs", "train.environments"):
+            with self.assertRaisesRegex(gaitfit.GaitfitError, "train.num_envs is 0; it must be from 1"):
+                gaitfit.train(settings={name: 0}, progress=False)
+
     def test_every_choice_is_one_of_the_program(self) -> None:
         for name, values, template in (
             ("costs", get_args(choices.Cost), 'costs=["{}"]'),

@@ -110,7 +110,7 @@ class Examples(Case):
             "result": result,
             "walked": walked,
             "trained": gaitfit.train(
-                runs=runs, name="t", settings={"train.environments": 32, "train.iterations": 2}, progress=False
+                runs=runs, name="t", settings={"train.num_envs": 32, "train.iterations": 2}, progress=False
             ),
             "collected": gaitfit.collect(POLICY, self.folder / "logs", trajectories=2, seconds=0.2, progress=False),
             "fleet": gaitfit.fleet(dict.fromkeys("abcde", result)),

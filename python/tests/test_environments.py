@@ -101,7 +101,7 @@ class ForLearners(Case):
                 GaitfitVecEnv(num_envs=32, terms=Terms(**wrong)).step(np.zeros((32, 12)))
         with self.assertRaisesRegex(TypeError, "reward is 3; give a function"):
             Terms(reward=3)
-        with self.assertRaisesRegex(TypeError, "give gaitfit.gym.Terms"):
+        with self.assertRaisesRegex(TypeError, "give gaitfit.Terms"):
             GaitfitVecEnv(num_envs=2, terms=3)
 
     def test_autoreset_modes(self) -> None:

@@ -90,7 +90,7 @@ def progress(event):
     if not heard:
         heard.append(forked(ends(3)))
 with tempfile.TemporaryDirectory() as runs:
-    size = {"train.environments": 16, "train.iterations": 2}
+    size = {"train.num_envs": 16, "train.iterations": 2}
     trained = gaitfit.train(runs=runs, name="small", settings=size, progress=progress)
 print(len(trained.seeds), *heard, flush=True)
 seen = []

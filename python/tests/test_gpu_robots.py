@@ -288,7 +288,7 @@ class OnGpu(GpuCase):
         np.testing.assert_array_equal(robots.last_observation.numpy()[[7, 270]], 0.0)
         self.assertTrue(np.isfinite(robots.observation.numpy()).all())
         actions[1:13] = 1e30
-        with self.assertRaisesRegex(gaitfit.GaitfitError, "13 of 300 environments diverged, the first of them environment 1"):
+        with self.assertRaisesRegex(gaitfit.GaitfitError, "13 of 300 robots diverged, the first of them robot 1"):
             robots.step(actions)
 
     def test_a_state_is_taken_up_again_to_the_same_bits(self) -> None:

@@ -95,7 +95,7 @@ class Interrupts(Case):
         self.assertEqual(resumed.to_dict()["parameters"], whole.to_dict()["parameters"])
 
     def test_a_training_stops_within_a_second(self) -> None:
-        settings = {"train.environments": 64, "train.iterations": 1000}
+        settings = {"train.num_envs": 64, "train.iterations": 1000}
         press = Press(written(self.folder, "t*/seed-*/metrics.jsonl"))
         self.stopped(press, lambda: gaitfit.train(runs=self.folder, name="t", settings=settings, progress=False))
 
@@ -167,7 +167,7 @@ class Interrupts(Case):
         self.assertEqual(list(self.folder.rglob("*.csv")), [])
 
     def test_a_run_that_was_stopped_tells_where_it_is(self) -> None:
-        settings = {"train.environments": 32, "train.iterations": 20}
+        settings = {"train.num_envs": 32, "train.iterations": 20}
         common: dict[str, object] = {"runs": self.folder, "settings": settings}
 
         def second(event: gaitfit.Event) -> bool:

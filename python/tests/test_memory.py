@@ -158,7 +158,7 @@ class Stages(Case):
         for cell in CELLS:
             with self.subTest(cell):
                 config = Train(
-                    train=Size(environments=16, steps=8, iterations=2),
+                    train=Size(num_envs=16, steps=8, iterations=2),
                     ppo=Ppo(memory=Memory(cell=cell, width=8, layers=1), actor_hidden=[16], critic_hidden=[16], minibatches=2),
                 )
                 trained = gaitfit.train(config, runs=self.folder, name=cell, progress=False)

@@ -152,7 +152,7 @@ class Charts(Case):
         walked = gaitfit.evaluate("assets/go2-walk.safetensors", trajectories=8, seconds=0.5, drift=1, progress=False)
         self.assertEqual(len(walked.plot().axes[0].lines), 7)
         self.assertIn(walked.verdict[:10], walked._repr_html_())
-        size = {"train.environments": 32, "train.iterations": 2}
+        size = {"train.num_envs": 32, "train.iterations": 2}
         trained = gaitfit.train(runs=self.folder, name="t", settings=size, progress=False)
         self.assertEqual(list(trained.plot().axes[0].lines[0].get_xdata()), [1, 2])
 

@@ -82,6 +82,45 @@ class Observers(Case):
             angle = 2.0 * np.pi * 1.5 * 0.02 * step
             np.testing.assert_allclose(observer(joint_position=[0.7]), [np.sin(angle), np.cos(angle), np.sin(angle), 0.2], atol=1e-5)
 
+    def test_a_motion_is_filled_in(self) -> None:
+        """Three joints of which the first turns the anchor; the motion turns 0.4 rad/s from 40° on."""
+        time = np.arange(101) / 100.0
+        position = np.stack([0.0 * time, 0.5 * time, -time], axis=1)
+        yaw = np.deg2rad(40.0) + 0.4 * time
+        table = np.column_stack([time, position, np.tile([0.0, 0.5, -1.0], (101, 1)), np.cos(yaw / 2), 0 * yaw, 0 * yaw, np.sin(yaw / 2)])
+        names = ["time", "q_a", "q_b", "q_c", "dq_a", "dq_b", "dq_c", *(f"base_quat_{axis}" for axis in "wxyz")]
+        np.savetxt(self.folder / "dance.csv", table, delimiter=",", header=",".join(names), comments="")
+        common = (
+            'joints = ["a", "b", "c"]\ndefault_pose = 0.1\naction_scale = 0.3\nkp = 1.0\nkd = 0.1\ncontrol_dt = 0.02\n'
+            'observation = [{ quantity = "reference_joint_position" }, { quantity = "reference_joint_velocity", ahead = 5 },\n'
+            '    { quantity = "reference_orientation" }, { quantity = "reference_phase" }, { quantity = "joint_velocity" }]\n'
+        )
+        anchor = 'reference = { file = "dance.csv", anchor = [{ joint = "a", axis = [0, 0, 1] }] }\n'
+        for reference, needed in (('reference = "dance.csv"\n', []), (anchor, ["joint_position"])):
+            (self.folder / "p.toml").write_text(common + reference)
+            interface = gaitfit.Interface.read(self.folder / "p.toml")
+            observer = gaitfit.Observer(interface)
+            self.assertEqual(observer.quantities, ["base_quaternion", *needed, "joint_velocity"])
+            for episode, heading in enumerate((0.7, -1.1)):
+                observer.reset()
+                for step in range(60):
+                    now = min(0.02 * step, 1.0)
+                    # The robot turns by 0.1 rad/s, half of it in the base if the anchor is behind joint `a`.
+                    turned = 0.1 * 0.02 * step
+                    base = heading + (0.5 * turned if needed else turned)
+                    given = {"base_quaternion": [np.cos(base / 2), 0.0, 0.0, np.sin(base / 2)], "joint_velocity": np.zeros(3)}
+                    if needed:
+                        given["joint_position"] = [0.5 * turned, 0.2, 0.3]
+                    apart = 0.4 * now - turned
+                    moves = [0.0, 0.5, -1.0] if 0.02 * (step + 5) <= 1.0 + 1e-9 else [0.0] * 3
+                    c, s = np.cos(apart), np.sin(apart)
+                    expected = [0.0, 0.5 * now, -now, *moves, c, -s, s, c, 0.0, 0.0, now, 0.0, 0.0, 0.0]
+                    np.testing.assert_allclose(observer(**given), expected, atol=2e-6, err_msg=f"{episode}, {step}")
+            # What was read can be written, and read again.
+            self.assertEqual(gaitfit.Observer(interface).quantities, observer.quantities)
+            (self.folder / "again.toml").write_text(interface.to_toml())
+            self.assertEqual(gaitfit.Interface.read(self.folder / "again.toml"), interface)
+
     def test_what_does_not_fit_is_named(self) -> None:
         observer = gaitfit.Observer(gaitfit.Interface(["a", "b"], 0.0, 0.3, 1.0, 0.1, 0.02, ["command", "joint_position"]))
         good: dict[str, Any] = {"command": [0.0, 0.0, 0.0], "joint_position": [0.0, 0.0]}

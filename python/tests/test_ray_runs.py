@@ -125,7 +125,7 @@ class Trainings(Ray):
     def test_seeds_are_those_of_one_machine(self) -> None:
         import gaitfit.ray
 
-        settings = {"train.environments": 64, "train.iterations": 3}
+        settings = {"train.num_envs": 64, "train.iterations": 3}
         arguments = {"seeds": [1, 2], "settings": settings, "runs": self.folder, "progress": False}
         alone = gaitfit.train(name="alone", **arguments).to_dict()
         shared = gaitfit.ray.train(name="shared", **arguments).to_dict()
@@ -139,7 +139,7 @@ class Trainings(Ray):
     def test_fine_tunings_are_those_of_one_machine(self) -> None:
         import gaitfit.ray
 
-        settings = {"train.environments": 64, "train.iterations": 3}
+        settings = {"train.num_envs": 64, "train.iterations": 3}
         arguments = {"seeds": [1, 2], "settings": settings, "runs": self.folder, "progress": False}
         gaitfit.finetune(FILE, name="alone", **arguments)
         shared = gaitfit.ray.finetune(FILE, name="shared", **arguments).to_dict()

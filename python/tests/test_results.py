@@ -104,7 +104,7 @@ class Others(Case):
         self.assertEqual(walked.fall_rate.mean, document["fall_rate"]["mean"])
         self.assertEqual(walked.drift[0].path[-1], tuple(document["drift"][0]["path"][-1]))
         self.assertEqual(walked.rows()[0]["quantity"], "linear_velocity_error")
-        size = {"train.environments": 32, "train.iterations": 2}
+        size = {"train.num_envs": 32, "train.iterations": 2}
         trained = gaitfit.train(runs=self.folder, name="t", settings=size, progress=False)
         self.assertEqual((trained.seeds[0].iterations, trained.policy.is_file()), (2, True))
         self.assertEqual(gaitfit.load(trained.run_folder), trained)

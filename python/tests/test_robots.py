@@ -62,7 +62,7 @@ class Many(Case):
             self.assertTrue(np.isfinite(rows).all())
         # Those of rows 7 and 270 among them: smooth rewards of both overflow again.
         actions[1:11] = 1e30
-        with self.assertRaisesRegex(gaitfit.GaitfitError, "11 of 300 environments diverged, the first of them environment 1:"):
+        with self.assertRaisesRegex(gaitfit.GaitfitError, "11 of 300 robots diverged, the first of them robot 1:"):
             robots.step(actions)
 
     def test_a_few_robots_that_all_diverge_have_fallen(self) -> None:

@@ -90,6 +90,8 @@ pub struct Runner<'a> {
     pub tally: Tally,
     /// The first robot that diverged in it.
     pub divergence: Option<Divergence>,
+    /// Whether the task's function of the caller failed in it.
+    pub terms_failed: bool,
     /// Reward and steps since each episode began.
     pub(crate) returns: Vec<[f32; 2]>,
     ended: Vec<Ended>,
@@ -105,6 +107,7 @@ impl<'a> Runner<'a> {
             recorder,
             tally: Tally::default(),
             divergence: None,
+            terms_failed: false,
             returns: vec![[0.0; 2]; count],
             ended: vec![Ended::No; count],
             ends: vec![End::No; count],
@@ -115,9 +118,9 @@ impl<'a> Runner<'a> {
     /// Steps are numbered from `first_step`. A robot that diverges has fallen: its step pays nothing, and a new episode
     /// begins.
     pub fn rollout(&mut self, learner: &Learner, first_step: u32) {
-        let Self { environment, recorder, tally, divergence, returns, ended, ends } = self;
+        let Self { environment, recorder, tally, divergence, terms_failed, returns, ended, ends } = self;
         *tally = Tally::default();
-        *divergence = None;
+        (*divergence, *terms_failed) = (None, false);
         recorder.begin();
         for t in 0..recorder.samples.steps {
             let step = first_step + t as u32;
@@ -127,6 +130,9 @@ impl<'a> Runner<'a> {
             recorder.act(learner, step);
             let (action, reward) = recorder.exchange();
             environment.step(step, action, reward, ended);
+            if let Some(terms) = environment.user_terms().filter(|_| !*terms_failed) {
+                *terms_failed = !terms.apply(environment, reward, ended);
+            }
             if let Some(first) = ended.iter().position(|&ended| ended == Ended::Diverged) {
                 let term = environment.broken_term(first).map(str::to_owned);
                 divergence.get_or_insert(Divergence { step: t, environment: first, term });

@@ -21,7 +21,7 @@ use gaitfit_policy::{Front, Policy, Provenance};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrainingSettings {
-    /// Robots.
+    /// Robots that are stepped together.
     pub environments: usize,
     /// Control steps of a rollout.
     pub steps: usize,
@@ -130,6 +130,12 @@ pub enum TrainingError {
         step: usize,
         /// The reward term that was not finite, if the robot's state still was.
         term: Option<String>,
+    },
+    /// The function of the caller.
+    #[error("iteration {iteration}: the function that gives rewards and ends of episodes failed")]
+    UserTerms {
+        /// Iteration.
+        iteration: u32,
     },
     /// The update.
     #[error("iteration {iteration}: {error}")]
@@ -396,12 +402,16 @@ impl<'a> Training<'a> {
         let rollout_seconds = begin.elapsed().as_secs_f64();
         let begin = Instant::now();
         let mut tally = Tally::default();
-        let mut first = None;
+        let (mut first, mut terms_failed) = (None, false);
         for (tile, runner) in self.runners.iter_mut().enumerate() {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
             tally.add(&runner.tally);
+            terms_failed |= runner.terms_failed;
             let found = runner.divergence.take();
             first = first.or(found.map(|one| (tile * TILE + one.environment, one)));
+        }
+        if terms_failed {
+            return Err(TrainingError::UserTerms { iteration: number });
         }
         let max = max_diverged(self.settings.environments);
         if let Some((environment, Divergence { step, term, .. })) = first.filter(|_| tally.diverged > max) {

@@ -24,12 +24,12 @@ const MAX_ROWS: f64 = 2e7;
 /// Latest start of a log, s.
 const LATEST: f64 = 10.0;
 
-/// What is recorded.
+/// What a collection of logs records.
 #[derive(Clone, Debug)]
 pub struct CollectSettings {
     /// The policy and its simulator, with seed and threads.
     pub world: WorldSettings,
-    /// Trajectories.
+    /// Trajectories, one log each.
     pub trajectories: usize,
     /// Length of each, s.
     pub seconds: f64,

@@ -30,9 +30,8 @@ pub use gaitfit_run::{Access, ErrorKind, brief, files, machine, policy_file, run
 pub use gaitfit_settings::{Error, Spring, SpringError, paths, robot, settings};
 pub use gaitfit_train::evaluate::{EvaluateSettings, evaluate, evaluate_in};
 pub use gaitfit_train::{evaluate, finetune, gait, train};
-pub use gaitfit_world::{device, init, replay, robot_file, world};
+pub use gaitfit_world::{device, init, replay, robot_file, theta, world};
 
 #[cfg(feature = "report")]
 use gaitfit_fit::pieces;
 use gaitfit_train::crew;
-use gaitfit_world::theta;

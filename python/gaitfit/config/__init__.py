@@ -26,8 +26,15 @@ per = "all"
 >>> Fit.from_toml(config.to_toml()) == config
 True
 
-:func:`gaitfit.fit` takes a :class:`Fit`, :func:`gaitfit.train` a :class:`Train`, :func:`gaitfit.finetune` a :class:`Finetune` and
-:func:`gaitfit.loop` a :class:`Loop`. A setting that is ``None`` has gaitfit's default, which may depend on other settings.
+:func:`gaitfit.fit` and :func:`gaitfit.validate` take a :class:`Fit` as ``config=``, :func:`gaitfit.train` and robots a
+:class:`Train`, :func:`gaitfit.finetune` a :class:`Finetune`, :func:`gaitfit.evaluate` an :class:`Evaluate`, :func:`gaitfit.collect` a
+:class:`Collect` and :func:`gaitfit.loop` a :class:`Loop`. The other functions have arguments alone. A setting that is ``None`` has
+gaitfit's default, which may depend on other settings.
+
+Counts of robots have one word each. ``num_envs``: robots that are stepped together, in trainings and in :class:`gaitfit.Robots`.
+``trajectories``: robots of an evaluation or a collection, each of which walks once under random commands; ``drift``: robots of
+each trial with a constant command. ``population``: candidates of a generation of a fit, each simulated from ``starts`` starts
+under every log. Simulated robots are those whose logs correct a fit; their number follows from ``replicates``.
 """
 
 from .._settings import Settings, helpful
@@ -45,7 +52,7 @@ from ._fit import (
     Simulation,
     ValidateGains,
 )
-from ._loop import Controls, Evaluate, Loop, Target, TrueNumber, TrueParameter, Truth
+from ._loop import Collect, Controls, Evaluate, Loop, Target, TrueNumber, TrueParameter, Truth
 from ._task import (
     Command,
     Curriculum,
@@ -63,6 +70,7 @@ from ._train import Finetune, Memory, Ppo, Size, Train
 
 __all__ = [
     "Check",
+    "Collect",
     "Command",
     "Controls",
     "Cost",

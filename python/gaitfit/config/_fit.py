@@ -297,9 +297,9 @@ class Optimizer(Settings):
         prior_weight: Cost of a distance of one standard error from a ``[prior]``. Default: 0.0005.
         tolerance: A seed stops once its search distribution is this small: largest standard deviation of any parameter,
             relative to its initial deviation. 0 never stops early. Default: 0.0001.
-        max_seconds: Wall time after which the search stops, s; 0: no limit. Then intervals are measured, which takes as
-            long again or longer. Estimates of a search that this limit ended are not corrected by simulated logs, and the
-            result has the doubt ``not_converged``. Default: 0.0.
+        max_seconds: Wall time after which the search stops with what it has, s; 0 has no limit. Intervals are measured
+            after it, which takes as long again or longer. Estimates of a search that was cut off are not corrected by
+            simulated logs, and have no intervals where such a correction belongs to the fit. Default: 0.0.
 
     >>> settings = Fit(optimizer=Optimizer(generations=50, seeds=3))
     """
@@ -371,10 +371,11 @@ class Fit(Settings):
             Default: ['matcho'], of walks ['wass'].
         odd_joints: Whether to look for joints that differ from the same joint of other legs, and to fit a spring on
             those. Default: False.
-        swings: Whether estimates of friction, damping, armature and delay from legs in the air are priors of a fit of
-            walks. Default: False, of walks True.
+        swings: Whether what legs in the air show of friction, damping, armature and delay becomes a prior of a walk's
+            fit; by default only where the settings name no parameters. Default: False, of walks True.
         effects: Whether a fit of walks gets further parameters for effects that its logs show without a simulation.
-            Examples are play, soft ground and a tilted IMU. Default: False, of walks True.
+            Examples are play, soft ground and a tilted IMU. By default only where the settings name no parameters.
+            Default: False, of walks True.
         runs: Folder that holds the run folders. Default: 'runs'.
         checkpoint_seconds: Seconds between checkpoints. Default: 5.0.
         joint_names: Joint names of the logs → joint names of the robot, where they differ.

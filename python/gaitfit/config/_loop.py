@@ -1,4 +1,4 @@
-"""Settings of loops. Written by tools/make_python_config.py from the settings' structs: do not edit."""
+"""Settings of loops, evaluations and collections. Written by tools/make_python_config.py from the settings' structs: do not edit."""
 
 from __future__ import annotations
 
@@ -153,16 +153,17 @@ class Target(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluate(Settings):
-    """What a loop measures of every policy. ``gaitfit.evaluate`` takes the same numbers as arguments.
+    """How policies are measured: in a loop, and by ``gaitfit.evaluate`` as its ``config``. Their defaults differ.
 
     Attributes:
-        trajectories: Trajectories with random commands. Default: 2000.
+        trajectories: Trajectories with random commands. Default: of a loop 2000, of gaitfit.evaluate 10000.
         seconds: Length of each, s. Default: 4.0.
-        drift: Robots in each constant-command trial; 0 leaves them out. Default: 32.
+        drift: Robots in each constant-command trial; 0 leaves them out. Default: of a loop 32, of gaitfit.evaluate 64.
         drift_speeds: Speeds of these: ahead and to the side, m/s, and turning, rad/s; half of the task's greatest
             commands when absent.
         seed: Seed of commands, starts and noise. Default: 0.
-        preset: Solver effort in the fitted simulator. One of ``fast``, ``accurate``, ``converged``. Default: 'accurate'.
+        preset: Solver effort in the simulator. One of ``fast``, ``accurate``, ``converged``. Default: of a loop
+            'accurate', of gaitfit.evaluate 'fast'.
 
     >>> settings = Loop(evaluate=Evaluate(trajectories=300))
     """
@@ -173,6 +174,32 @@ class Evaluate(Settings):
     drift_speeds: tuple[float, float, float] | None = None
     seed: int | None = None
     preset: Preset | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Collect(Settings):
+    """What a collection of logs records.
+
+    Attributes:
+        trajectories: Trajectories, one log each. Default: 64.
+        seconds: Length of each, s. Default: 4.0.
+        log_shift: Each log begins this long after the robot, drawn between the two, s. Default: (0.0, 0.0).
+        privileged: Whether logs have the base's position and velocity too, which a robot does not measure. Default:
+            False.
+        commands: A file of commands to play, one sequence a trajectory, instead of drawing them.
+        preset: Solver effort. One of ``fast``, ``accurate``, ``converged``. Default: 'fast'.
+        seed: Seed of commands, starts and noise. Default: 0.
+
+    >>> settings = Collect(trajectories=8, seconds=10.0, privileged=True)
+    """
+
+    trajectories: int | None = None
+    seconds: float | None = None
+    log_shift: tuple[float, float] | None = None
+    privileged: bool | None = None
+    commands: str | os.PathLike[str] | None = None
+    preset: Preset | None = None
+    seed: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,14 +22,14 @@ class Size(Settings):
     """How much is trained.
 
     Attributes:
-        environments: Robots. Default: 4096.
+        num_envs: Robots that are stepped together. In a file: ``environments``. Default: 4096.
         steps: Control steps of a rollout. Default: 24.
         iterations: Rollouts and updates. Default: 400, of finetune 150.
 
-    >>> settings = Train(train=Size(environments=512, iterations=300))
+    >>> settings = Train(train=Size(num_envs=512, iterations=300))
     """
 
-    environments: int | None = None
+    num_envs: int | None = None
     steps: int | None = None
     iterations: int | None = None
 
@@ -81,7 +81,8 @@ class Ppo(Settings):
         max_gradient_norm: Limit on the Euclidean norm of the whole gradient (actor, critic and log-std together).
             Default: 1.0.
         critic_warmup: Updates at the start in which only the critic learns, its loss unclipped and its learning rate
-            constant; none is 0. A critic of another simulator, or a fresh one, then does not mislead the actor.
+            constant. By default 0; of a fine-tuning 5, or 20 if the policy has no critic. A critic of another simulator,
+            or a fresh one, then does not mislead the actor.
         epochs: Passes over the samples in an update. Default: 5.
         minibatches: Gradient steps in a pass; with a memory each is over whole robots. Default: 4.
         memory: Recurrent layers before both networks, which see what these make of their observations; without it each

@@ -59,7 +59,7 @@ def train(
     how = {"what": "training", "robot": robot}
 
     def rest(run: Mapping[str, Any], seeds: Sequence[int], listen: Listener) -> str:
-        return _gaitfit.train(run, robot, seeds, listen)
+        return _gaitfit.train(run, robot, seeds, None, listen)
 
     return _parts(cluster, every, progress, run, plan, how, rest)
 
@@ -112,7 +112,7 @@ def finetune(
     how = {"what": "finetuning", "world": world}
 
     def rest(run: Mapping[str, Any], seeds: Sequence[int], listen: Listener) -> str:
-        return _gaitfit.finetune(run, world, seeds, listen)
+        return _gaitfit.finetune(run, world, seeds, None, listen)
 
     return _parts(cluster, every, progress, run, plan, how, rest)
 

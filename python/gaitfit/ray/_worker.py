@@ -84,6 +84,6 @@ def _work(how: Mapping[str, Any], progress: Any) -> None:
     elif how["what"] == "fit":
         _gaitfit.adapt(how["run"], None, progress, None)
     elif how["what"] == "finetuning":
-        _gaitfit.finetune(how["run"], how["world"], how["seeds"], progress)
+        _gaitfit.finetune(how["run"], how["world"], how["seeds"], None, progress)
     else:
-        _gaitfit.train(how["run"], how["robot"], how["seeds"], progress)
+        _gaitfit.train(how["run"], how["robot"], how["seeds"], None, progress)

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+else:
+    from .._hints import Figure, pd
 
 Interval = tuple[float, float]
 Triple = tuple[float, float, float]
@@ -112,7 +114,11 @@ class Result:
             import pandas
         except ImportError as missing:
             raise ImportError("to_dataframe() needs pandas: pip install pandas. rows() needs nothing") from missing
-        return pandas.DataFrame(self.rows())
+        return pandas.DataFrame(self.rows(), columns=self._columns() if not self.rows() else None)
+
+    def _columns(self) -> list[str] | None:
+        """The columns of a table without rows."""
+        return None
 
     @property
     def report(self) -> Path | None:

@@ -34,14 +34,14 @@ class FittedParameter:
 
     Attributes:
         name: Its name, for example ``"frictionloss_hip"``.
-        value: The estimate.
+        value: The estimate; corrected by simulated logs where that belongs to the fit (``uncorrected`` is the search's).
         unit: Its unit; ``"-"`` for a ratio.
         lower, upper: Bounds of the search.
         start: Where the search began.
-        at_bound: Whether the estimate is at a bound. The true value may then be beyond it.
-        interval: The 95 % interval, ``(lower, upper)``, or ``None`` if it was not measured.
-        identified: Whether the logs determine it: the interval is narrower than half the distance of the search's bounds. ``None`` if
-            that was not measured.
+        at_bound: Whether the estimate is at a bound: the true value may be beyond.
+        interval: The 95 % interval, ``(lower, upper)``, or ``None`` if it was not measured, as after a time limit.
+        identified: Whether the logs determine it: the interval is narrower than half of the search's bounds. ``None`` if that was not
+            measured.
         spread: Standard deviation of the estimates of several seeds, or ``None`` with one.
         uncorrected: The estimate before simulated logs corrected it, or ``None`` without correction.
         truth: The true value, from the settings' ``truth``.
@@ -385,7 +385,8 @@ class Cause:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Explanation(Result):
-    """The result of :func:`gaitfit.explain`.
+    """The result of :func:`gaitfit.explain`. It looks for play and twist of gears, friction that grows with load, a joint unlike its
+    siblings, soft ground, and late or tilted sensors.
 
     Attributes:
         logs: The log or the folder.
@@ -406,7 +407,13 @@ class Explanation(Result):
         return [flat(row) for row in self.document["causes"]]
 
     def _headline(self) -> str:
-        return "; ".join(one.text for one in self.causes) or "nothing that the model lacks shows in these logs"
+        return "; ".join(one.text for one in self.causes) or (
+            "none of the effects that it looks for shows in these logs; a joint that differs from its siblings shows in a fit with "
+            "odd_joints=True"
+        )
+
+    def _columns(self) -> list[str]:
+        return ["kind", "of", "size.value", "size.error", "size.unit", "weight", "text"]
 
 
 def _row(one: FittedParameter) -> dict[str, Any]:

@@ -66,6 +66,8 @@ class Comparison:
         angular_velocity_error: Error of yaw rate, rad/s.
         tracking_error: Sum of both errors, m/s and rad/s.
         fall_rate: Share of falls.
+        reward: Of :func:`gaitfit.compare`: the summed reward of a trajectory. Its interval is that of independent means, also where
+            the trajectories are the same ones; ``None`` in a loop.
 
     >>> [one.tracking_error.mean for one in looped.comparisons]
     []
@@ -80,6 +82,7 @@ class Comparison:
     angular_velocity_error: Estimate
     tracking_error: Estimate
     fall_rate: Estimate
+    reward: Estimate | None = None
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -73,7 +73,7 @@ def validation_result(document: Mapping[str, Any]) -> ValidationResult:
 
 def training_result(document: Mapping[str, Any]) -> Training:
     """A training's document as a result."""
-    return decoded(Training, document, document=dict(document))
+    return decoded(Training, document, document=dict(document), num_envs=document["environments"])
 
 
 def evaluation_result(document: Mapping[str, Any]) -> Evaluation:

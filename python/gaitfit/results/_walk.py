@@ -114,8 +114,8 @@ class Training(Result):
     Attributes:
         name: Name of the run.
         robot: Name of the robot.
-        task: The built-in task from which its settings began.
-        environments: Number of robots.
+        task: The built-in task that it began with.
+        num_envs: Robots that were stepped together.
         steps: Control steps of a rollout.
         seeds: One training a seed.
         run_folder: The folder with the run's files.
@@ -124,14 +124,14 @@ class Training(Result):
         doubts: Reasons not to use it as it is.
         warnings: What to know before trusting the result.
 
-    >>> trained.policy.name, trained.environments
+    >>> trained.policy.name, trained.num_envs
     ('policy.safetensors', 32)
     """
 
     name: str
     robot: str
     task: str
-    environments: int
+    num_envs: int
     steps: int
     seeds: tuple[SeedResult, ...]
     run_folder: Path
@@ -144,6 +144,11 @@ class Training(Result):
     def policy(self) -> Path:
         """The policy of the first seed."""
         return self.seeds[0].policy
+
+    @property
+    def environments(self) -> int:
+        """The earlier name of :attr:`num_envs`."""
+        return self.num_envs
 
     def rows(self) -> list[dict[str, Any]]:
         """One row a seed."""

@@ -74,7 +74,10 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     }
     // Only a limit of time ends a run without a reason of its own.
     if ended.is_none() && best.is_some() && reasons.len() > settled {
-        reasons.insert(settled, "Its time limit ended it: raise optimizer.max_seconds.".into());
+        reasons.insert(
+            settled,
+            "Its time limit ended it (max_seconds or optimizer.max_seconds): raise it.".into(),
+        );
     }
     reasons
 }

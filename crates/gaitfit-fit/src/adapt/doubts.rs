@@ -51,11 +51,11 @@ pub fn doubts(
     let likeness = outcome.regression.as_ref().and_then(|regression| regression.likeness);
     if let Some(likeness) = likeness.filter(Likeness::unlike) {
         let text = format!(
-            "The logs differ by more than chance from those of {} robots that were simulated with the regression's values. The mean \
+            "The logs differ by more than chance from those of simulated robots with the regression's values. The mean \
              square difference is {:.1} times their variance; chance explains at most {:.1}. The model lacks an effect, or the \
              regression's values are not near enough. So the intervals are {:.1} times as wide. `gaitfit explain` looks for \
-             effects.",
-            likeness.robots,
+             effects. If it names none, fit more parameters (the default ones), or look for a joint that differs from its \
+             siblings: `odd_joints` with the cost `matchr1`.",
             likeness.distance,
             likeness.by_chance,
             likeness.ratio()
@@ -102,7 +102,7 @@ fn unidentified(fit: &CostFit) -> Option<String> {
         let found = &parameter.found;
         let [lower, upper] = parameter.interval.filter(|_| parameter.identified == Some(false))?;
         let unit = if found.unit == "-" { String::new() } else { format!(" {}", found.unit) };
-        Some(format!("{} (anything from {lower:.3} to {upper:.3}{unit} fits as well)", found.name))
+        Some(format!("{} (anything from {lower:.3} to {upper:.3}{unit} is possible)", found.name))
     };
     let ranges: Vec<String> = fit.parameters.iter().filter_map(range).collect();
     (!ranges.is_empty()).then(|| format!("the logs do not identify {}", ranges.join(", ")))

@@ -14,6 +14,7 @@ mod ignored;
 mod inputs;
 mod known;
 mod leftover;
+mod limit;
 mod log_set;
 mod method;
 mod odd;
@@ -47,6 +48,7 @@ pub use held_out::{Distance, Floor, HeldOut, Trials, Verdict};
 pub use inputs::{Robot, ValidationLogs, method as simulated, validation as read_logs};
 pub use known::priors;
 pub use leftover::{Leftover, Suspect};
+pub use limit::Limit;
 pub use log_set::LogSet;
 pub use method::Method;
 pub use odd::{JointSpring, OddJoints};
@@ -83,6 +85,7 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
         watch.note(&note);
     }
     let protocol = files::protocol(folder, setup)?;
+    limit::reopen(&protocol, folder, setup)?;
     let results = protocol.run(watch, || {
         let odd = match setup.config.odd_joints {
             true => Some(odd::find(setup, folder, &protocol.inputs, watch)?),

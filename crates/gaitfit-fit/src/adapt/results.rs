@@ -341,12 +341,12 @@ fn cost_fits(
     let mut uncorrected: Vec<String> = Vec::new();
     for outcome in outcomes {
         let Some(cost) = setup.costs.iter().position(|cost| cost.name() == outcome.cost) else { continue };
-        let (mut outcome, refused) = identified(setup, cost, outcome.clone(), course, folder, watch)?;
+        let (mut outcome, warning) = identified(setup, cost, outcome.clone(), course, folder, watch)?;
         if outcome.correction.is_none() && !outcome.regression.as_ref().is_some_and(|one| one.taken) {
             // What the search paid for going away from what was known is no distance from the logs.
             outcome.best_cost -= setup.theta.prior_cost(&outcome.values());
         }
-        uncorrected.extend(refused.map(|reason| doubts::uncorrected(&outcome, &reason)));
+        uncorrected.extend(warning);
         let noise_alone = outcome.uncertainty.is_some();
         let left = leftover(setup, cost, &outcome.values(), outcome.best_cost, noise_alone, &|| watch.stop());
         // What was cut short is no failure.

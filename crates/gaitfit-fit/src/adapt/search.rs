@@ -46,6 +46,7 @@ pub fn fit(
 ) -> Result<(Vec<CostOutcome>, f64), Error> {
     let (mut fit, before) = start(setup, folder, inputs)?;
     let limit = setup.config.optimizer.max_seconds;
+    let whole = setup.limit.filter(|_| limit == 0.0);
     let begun = Instant::now();
     let seconds = || before + begun.elapsed().as_secs_f64();
     let counting = watch.begin(Work {
@@ -97,7 +98,15 @@ pub fn fit(
         }
         if limit > 0.0 && seconds() >= limit && !fit.finished() {
             watch.note(&format!(
-                "stopped after {limit} s (optimizer.max_seconds), generation {}; intervals are measured next",
+                "stopped after {limit} s (optimizer.max_seconds), generation {}",
+                fit.generation()
+            ));
+            break;
+        }
+        if let Some(whole) = whole.filter(|whole| whole.search_over() && !fit.finished()) {
+            watch.note(&format!(
+                "the search stopped after {} s, half of max_seconds, generation {}; intervals are measured next",
+                whole.search_seconds(),
                 fit.generation()
             ));
             break;

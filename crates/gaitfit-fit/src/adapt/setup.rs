@@ -3,6 +3,7 @@
 use super::alternatives::{Alternatives, alternatives};
 use super::ignored::ignored;
 use super::inputs::{self, Logs, Robot};
+use super::limit::Limit;
 use super::log_set::LogSet;
 use super::method::Method;
 use super::replicas::Replicas;
@@ -72,6 +73,8 @@ pub struct Setup {
     pub swings: Option<SwingFindings>,
     /// The workers that simulate besides this process, if there are some.
     pub shares: Option<Shares>,
+    /// How long the whole fit may take; without one as long as it needs.
+    pub limit: Option<Limit>,
 }
 
 impl Setup {
@@ -179,6 +182,7 @@ impl Setup {
             own_policy: given.is_some(),
             swings,
             shares: None,
+            limit: None,
         };
         setup.options.falls.random = setup.has_draws();
         setup.warnings.extend(ignored(&setup));

@@ -1,7 +1,9 @@
 //! How far the values of a fit can be trusted: their correction and their intervals.
 
 use super::alternatives::Other;
-use super::robots::{self, Refused};
+use super::doubts;
+use super::limit::within;
+use super::robots;
 use super::scan::Scan;
 use super::setup::Setup;
 use crate::Error;
@@ -22,22 +24,42 @@ pub(super) fn identified(
     folder: &RunFolder,
     watch: &Watch<'_>,
 ) -> Result<(CostOutcome, Option<String>), Error> {
-    let (number, cost) = (cost, setup.costs[cost].as_ref());
-    let scan = Scan::new(setup.searched().simulator.as_ref(), cost.name(), watch);
-    let stop = || watch.stop();
-    let measured = if setup.options.method.least_squares(cost, &setup.theta).map_err(Error::failed)? {
-        let (theta, draw) = (&setup.theta, outcome.draw());
-        let problem = Problem { simulator: &scan, theta, cost, draw, cancel: &stop };
-        trusted(setup, number, &mut outcome, problem, watch)
-    } else {
-        choose_among_last(setup, number, &mut outcome, course, watch)
-            .and_then(|()| measured(setup, number, &mut outcome, course, &scan, watch))
-    };
+    let least_squares = setup
+        .options
+        .method
+        .least_squares(setup.costs[cost].as_ref(), &setup.theta)
+        .map_err(Error::failed)?;
+    let searched = outcome.clone();
+    let measured = within(setup.limit, watch, |watch| {
+        let (number, cost) = (cost, setup.costs[cost].as_ref());
+        let scan = Scan::new(setup.searched().simulator.as_ref(), cost.name(), watch);
+        let stop = || watch.stop();
+        if least_squares {
+            let (theta, draw) = (&setup.theta, outcome.draw());
+            let problem = Problem { simulator: &scan, theta, cost, draw, cancel: &stop };
+            return trusted(setup, number, &mut outcome, problem, watch);
+        }
+        choose_among_last(setup, number, &mut outcome, course, watch)?;
+        measured(setup, number, &mut outcome, course, &scan, watch)
+    });
     match measured {
-        Ok(refused) => Ok((outcome, refused)),
+        Ok(Some(refused)) => {
+            let warning = refused.map(|reason| doubts::uncorrected(&outcome, &reason));
+            Ok((outcome, warning))
+        }
+        // Intervals of values that are not corrected would be too narrow.
+        Ok(None) => {
+            let name = &searched.cost;
+            let warning =
+                format!("{name}: the time limit (max_seconds) was over before the end. {NO_INTERVALS}");
+            Ok((searched, Some(warning)))
+        }
         Err(error) => Err(stopped(error, folder)),
     }
 }
+
+/// What follows from a time limit.
+const NO_INTERVALS: &str = "So the parameters have no intervals: the same fit, resumed with a higher limit or without one, measures them.";
 
 /// Takes the best of the last candidates over fresh draws of the torque noise and of the starts. Where a simulation has neither,
 /// nothing changes.
@@ -75,14 +97,15 @@ pub(super) fn stopped(error: FitError, folder: &RunFolder) -> Error {
 }
 
 /// Why `outcome` is not corrected, if its time limit ended it. A correction takes minutes, and needs a search that was not cut
-/// short.
+/// short. Without it there are no intervals: they would be narrower than those of a search that ended.
 fn cut_short(outcome: &CostOutcome) -> Option<String> {
     let cut = outcome.runs.iter().any(|run| run.stop.is_none());
-    cut.then(|| "The time limit ended the search (optimizer.max_seconds).".to_owned())
+    cut.then(|| format!("The time limit ended the search. {NO_INTERVALS}"))
 }
 
 /// Corrects what CMA-ES found by simulated robots, where that can be, or else scans the cost around it. Returns why it does
-/// not correct, if it should. Intervals reach to all values on the search's way that fit as well.
+/// not correct, if it should. Intervals reach to all values on the search's way that fit as well. Without a correction because of
+/// a time limit there are none.
 fn measured(
     setup: &Setup,
     number: usize,
@@ -94,8 +117,11 @@ fn measured(
     let (cost, theta, stop) = (setup.costs[number].as_ref(), &setup.theta, || watch.stop());
     let replicas =
         setup.replicas.as_ref().filter(|_| robots::applies(&setup.config, setup.config.costs[number]));
-    let mut refused = replicas.and_then(|_| cut_short(outcome)).map(|why| Refused { why, regression: None });
-    if let Some(replicas) = replicas.filter(|_| refused.is_none()) {
+    if let Some(why) = replicas.and_then(|_| cut_short(outcome)) {
+        return Ok(Some(why));
+    }
+    let mut refused = None;
+    if let Some(replicas) = replicas {
         let problem =
             Problem { simulator: setup.searched().simulator.as_ref(), theta, cost, draw: 0, cancel: &stop };
         refused = robots::correct(setup, replicas, outcome, problem, watch)?;
@@ -130,10 +156,12 @@ fn trusted(
 ) -> Result<Option<String>, FitError> {
     let quiet = Problem { simulator: setup.fit.simulator.as_ref(), ..problem };
     let replicas = setup.replicas.as_ref().filter(|_| setup.config.costs[cost].needs_imu());
-    let refused = match (replicas, cut_short(outcome)) {
-        (None, _) => None,
-        (Some(_), Some(reason)) => Some(reason),
-        (Some(replicas), None) => replicas.correct(setup, cost, outcome, quiet, watch)?,
+    if let Some(why) = replicas.and_then(|_| cut_short(outcome)) {
+        return Ok(Some(why));
+    }
+    let refused = match replicas {
+        None => None,
+        Some(replicas) => replicas.correct(setup, cost, outcome, quiet, watch)?,
     };
     let corrected = outcome.correction.is_some();
     let others = setup.alternatives.iter().filter(|other| !(corrected && other.corrected));

@@ -120,7 +120,8 @@ pub(super) fn enough(
         if horizon > 0.0 {
             because += &format!(", at most {horizon} s of each (`simulation.horizon_seconds`)");
         }
-        let seconds = seconds.max(0.0);
+        // The sum of no durations is −0.
+        let seconds = seconds.max(0.0) + 0.0;
         match purpose {
             Purpose::Fit => format!(
                 "{shown}: the logs hold {seconds:.1} s of walking that count{because}; a fit needs at least {MIN_S} s, \

@@ -14,7 +14,7 @@ use super::moment::BaseMoment;
 use super::reward::Scratch;
 use super::start::start;
 use super::terrain::Way;
-use super::{Interval, Task, TaskError};
+use super::{Interval, Task, TaskError, UserTerms};
 
 /// One tile of robots at a task; rows are environments.
 ///
@@ -138,6 +138,16 @@ impl<'a> Environment<'a> {
     /// Environments in the tile.
     pub fn count(&self) -> usize {
         self.steps.len()
+    }
+
+    /// The task.
+    pub fn task(&self) -> &'a Task {
+        self.task
+    }
+
+    /// The function of the caller that changes rewards and ends of episodes, if the task has one.
+    pub fn user_terms(&self) -> Option<&'a UserTerms> {
+        self.task.user_terms.as_ref()
     }
 
     /// The tile's motion after the last step.

@@ -26,6 +26,7 @@ mod start;
 #[allow(clippy::module_inception, reason = "the file is the task")]
 mod task;
 mod terrain;
+mod user_terms;
 
 pub use command::commands;
 pub use environment::Environment;
@@ -40,3 +41,4 @@ pub use settings::*;
 pub use snapshot::Snapshot;
 pub use task::Task;
 pub use terrain::{Cell, Course, Kinds, TerrainKind, TerrainSettings};
+pub use user_terms::UserTerms;

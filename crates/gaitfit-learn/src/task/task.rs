@@ -13,7 +13,7 @@ use super::error::refuse;
 use super::joint_number::by_joint;
 use super::randomise::randomised;
 use super::reward::{self, Rewards, Value, WeightedTerm};
-use super::{Course, JointNumber, Moment, TaskError, TaskSettings, TerrainSettings};
+use super::{Course, JointNumber, Moment, TaskError, TaskSettings, TerrainSettings, UserTerms};
 
 /// A task on a robot: commands, rewards, randomisation, noise and episodes. Joint vectors are in the model's order.
 pub struct Task {
@@ -33,6 +33,8 @@ pub struct Task {
     pub(super) body_geoms: Vec<usize>,
     /// Terms of non-zero weight.
     pub(super) rewards: Rewards,
+    /// A function of the caller that changes rewards and ends of episodes, in trainings on the CPU.
+    pub user_terms: Option<UserTerms>,
 }
 
 impl Task {
@@ -140,6 +142,7 @@ impl Task {
             course,
             gait_group: gait_groups(settings)?,
             body_geoms,
+            user_terms: None,
         })
     }
 

@@ -74,7 +74,7 @@ impl<'de> Deserialize<'de> for Decided {
     }
 }
 
-/// What a loop measures of every policy. `gaitfit.evaluate` takes the same numbers as arguments.
+/// How policies are measured: in a loop, and by `gaitfit.evaluate` as its `config`. Their defaults differ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EvaluateConfig {
@@ -89,7 +89,7 @@ pub struct EvaluateConfig {
     pub drift_speeds: Option<[f64; 3]>,
     /// Seed of commands, starts and noise.
     pub seed: u64,
-    /// Solver effort in the fitted simulator.
+    /// Solver effort in the simulator.
     #[serde(with = "super::preset")]
     pub preset: Preset,
 }

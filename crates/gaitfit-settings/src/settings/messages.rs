@@ -65,7 +65,8 @@ fn meant_for(unknown: &str, known: &[&str]) -> Option<&'static str> {
     let (loops, fits) = (known.contains(&"finetune"), known.contains(&"parameter"));
     if trains && (OF_LOOPS.contains(&unknown) || ["policy", "logs"].contains(&unknown)) {
         Some(
-            ". This looks like the configuration of a loop or of a fit of walks: run `gaitfit loop` or `gaitfit fit` with it",
+            ". This looks like the configuration of a fine-tuning, a loop or a fit of walks, which `gaitfit finetune`, \
+             `gaitfit loop` and `gaitfit fit` take",
         )
     } else if (trains || loops) && OF_FITS.contains(&unknown) {
         Some(". This looks like the configuration of a fit: run `gaitfit fit` with it")

@@ -69,10 +69,11 @@ pub struct AdaptConfig {
     pub costs: Vec<CostKind>,
     /// Whether to look for joints that differ from the same joint of other legs, and to fit a spring on those.
     pub odd_joints: bool,
-    /// Whether estimates of friction, damping, armature and delay from legs in the air are priors of a fit of walks.
+    /// Whether what legs in the air show of friction, damping, armature and delay becomes a prior of a walk's fit; by default
+    /// only where the settings name no parameters.
     pub swings: bool,
     /// Whether a fit of walks gets further parameters for effects that its logs show without a simulation. Examples are play,
-    /// soft ground and a tilted IMU.
+    /// soft ground and a tilted IMU. By default only where the settings name no parameters.
     pub effects: bool,
     /// Folder that holds the run folders.
     pub runs: String,
@@ -234,9 +235,9 @@ pub struct OptimizerConfig {
     /// A seed stops once its search distribution is this small: largest standard deviation of any
     /// parameter, relative to its initial deviation. 0 never stops early.
     pub tolerance: f64,
-    /// Wall time after which the search stops, s; 0: no limit. Then intervals are measured, which takes as long again or longer.
-    /// Estimates of a search that this limit ended are not corrected by simulated logs, and the result has the doubt
-    /// `not_converged`.
+    /// Wall time after which the search stops with what it has, s; 0 has no limit. Intervals are measured after it, which takes
+    /// as long again or longer. Estimates of a search that was cut off are not corrected by simulated logs, and have no
+    /// intervals where such a correction belongs to the fit.
     pub max_seconds: f64,
 }
 

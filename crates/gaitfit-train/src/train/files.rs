@@ -155,7 +155,7 @@ pub fn results(folder: &RunFolder, setup: &Setup, watch: &Watch<'_>) -> Result<R
     }
     let doubts = match plan.trains() {
         true => not_learnt(setup, &trained).into_iter().collect(),
-        false => vec![Doubt::new(DoubtKind::Untrained, "")],
+        false => vec![Doubt::new(DoubtKind::Untrained, plan.untrained().unwrap_or_default())],
     };
     let results = Results {
         trained: plan.trains(),

@@ -7,7 +7,7 @@ use crate::device::{Devices, Trainer, start_training, store_training};
 use crate::run::RunFolder;
 use crate::tensorboard::EventFile;
 use crate::watch::{Watch, Work};
-use gaitfit_learn::Training;
+use gaitfit_learn::{Training, TrainingError};
 use gaitfit_policy::weights;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -110,6 +110,11 @@ impl Session<'_> {
             None => self.save()?,
         }
         let gpus = self.devices.open()?;
+        if !gpus.is_empty() && self.setup.scene.user_terms.is_some() {
+            return Err(Error::settings(
+                "rewards and ends of episodes by a function of yours need the device cpu",
+            ));
+        }
         if !gpus.is_empty() {
             match start_training(&gpus, &mut self.training) {
                 Ok(trainer) => self.trainer = Some(trainer),
@@ -164,6 +169,10 @@ impl Session<'_> {
                 },
                 None => match self.training.iterate(self.setup.threads) {
                     Ok(iteration) => iteration,
+                    // Who stops a function in the middle of an iteration stops the training.
+                    Err(TrainingError::UserTerms { .. }) if self.watch.stop() => {
+                        return Err(self.interrupted());
+                    }
                     Err(error) => return Err(self.stopped(&error, saved.1)),
                 },
             };
