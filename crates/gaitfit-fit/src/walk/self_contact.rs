@@ -45,16 +45,13 @@ impl Closeness {
 /// Looks for parts that the robot file lets touch, and that do so in `logs` of the robot `model`. Parts count if the logs have all
 /// joints between them: where a held arm swings, its logs do not say.
 pub fn in_logs(model: &Model, logs: &[Log]) -> Touching {
-    let nothing = Touching { chosen: None, notes: Vec::new() };
-    // The file lets nothing touch, or so much that a fit would take too long.
-    let Ok((all, _)) = model.touching_itself(&SelfContact::File) else { return nothing };
     let logged: Vec<Vec<Option<usize>>> = logs
         .iter()
         .map(|log| log.trajectory.joints.iter().map(|joint| model.find_joint(joint)).collect())
         .collect();
     let is_known = |joint: usize| logged.iter().all(|joints| joints.contains(&Some(joint)));
-    let mut pairs: Vec<Closeness> = all
-        .self_pairs
+    let mut pairs: Vec<Closeness> = model
+        .self_pairs_of_file()
         .into_iter()
         .filter(|pair| joints_between(model, pair).all(is_known))
         .map(|pair| Closeness { pair, overlaps: Vec::new() })

@@ -4,6 +4,7 @@
 //! a body and the one that carries it (MuJoCo documentation, Computation, "Selection").
 
 mod distance;
+mod error;
 mod rod;
 
 use std::collections::BTreeSet;
@@ -16,6 +17,8 @@ use crate::kinematics::{Frame, rest_frames};
 use crate::model::{ContactPair, Dropped, Geom, Model, Shape};
 use crate::shown::shown;
 use crate::spec::{GeomKind, Spec, Surface};
+
+pub use error::SelfContactError;
 
 /// Most pairs of own parts of a robot.
 const MAX_PAIRS: usize = 512;
@@ -106,49 +109,6 @@ pub struct SelfPair {
     pub solimp: [f64; 5],
     /// Distance below which the contact's constraint is active, m.
     pub margin: f64,
-}
-
-/// Why own parts cannot touch as asked for.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SelfContactError {
-    /// Not a pattern.
-    #[error(
-        "self_contact: `{}` is no pattern: {reason}; write a name with * for what may be anything",
-        shown(pattern)
-    )]
-    Syntax {
-        /// The pattern.
-        pattern: String,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// No geom or body of that name.
-    #[error(
-        "self_contact: `{}` is no geom or body of {} with a shape; the nearest names are {nearest}",
-        shown(name),
-        shown(robot)
-    )]
-    Unknown {
-        /// The name.
-        name: String,
-        /// The robot.
-        robot: String,
-        /// Names that are there, for the message.
-        nearest: String,
-    },
-    /// Nothing is left of what was asked for.
-    #[error("self_contact: nothing of {} can touch: {why}", shown(what))]
-    Nothing {
-        /// What was asked for.
-        what: String,
-        /// Why nothing is left.
-        why: String,
-    },
-    /// More pairs than are computed.
-    #[error(
-        "self_contact: more than {MAX_PAIRS} pairs of geoms; name fewer, for example only feet and shanks"
-    )]
-    TooMany,
 }
 
 /// What a file says about the robot's own shapes.
@@ -396,8 +356,14 @@ impl Model {
         model.self_pairs.clear();
         let (mut others, mut simplified) = (Vec::new(), Vec::new());
         let frames = rest_frames(self);
-        for [a, b] in wanted {
-            match parts.pair(a, b, &frames) {
+        let found: Vec<Result<Computed, String>> =
+            wanted.into_iter().map(|[a, b]| parts.pair(a, b, &frames)).collect();
+        // Each pair costs time. Rods stand for other shapes where a pair is named, or where nothing else could touch.
+        let is_named = matches!(chosen, SelfContact::Pairs(_));
+        let exact = !is_named && found.iter().flatten().any(|one| one.simplified.is_none());
+        for found in found {
+            match found {
+                Ok(Computed { simplified: Some(words), .. }) if exact => others.push(words),
                 Ok(found) if model.self_pairs.len() < MAX_PAIRS => {
                     model.self_pairs.push(found.pair);
                     simplified.extend(found.simplified);
@@ -415,7 +381,13 @@ impl Model {
             ));
         }
         if !others.is_empty() {
-            let shapes = "meshes, ellipsoids and short cylinders touch only the ground";
+            let shapes = match exact {
+                true => {
+                    "spheres touch spheres, capsules and boxes, and capsules touch capsules; rods stand for other boxes and \
+                     cylinders if self_contact names the pair"
+                }
+                false => "meshes, ellipsoids and short cylinders touch only the ground",
+            };
             let (count, words) = (others.len(), some(&others));
             left_out.push(format!("self_contact: {count} pairs are left out ({words}): {shapes}"));
             model.dropped.push(Dropped {
@@ -433,12 +405,20 @@ impl Model {
         Ok((model, left_out))
     }
 
+    /// All pairs that the file lets touch and whose contact can be computed, also those with rods for other shapes; none if they are
+    /// too many.
+    pub fn self_pairs_of_file(&self) -> Vec<SelfPair> {
+        let frames = rest_frames(self);
+        let pairs = self.parts.of_file();
+        let found = pairs.into_iter().filter_map(|[a, b]| Some(self.parts.pair(a, b, &frames).ok()?.pair));
+        let found: Vec<SelfPair> = found.take(MAX_PAIRS + 1).collect();
+        if found.len() > MAX_PAIRS { Vec::new() } else { found }
+    }
+
     /// How many pairs of own parts the file lets touch, and of how many of them the contact is computed.
     pub fn self_contact_of_file(&self) -> (usize, usize) {
-        let (parts, frames) = (&self.parts, rest_frames(self));
-        let pairs = parts.of_file();
-        let known = pairs.iter().filter(|[a, b]| parts.pair(*a, *b, &frames).is_ok()).count();
-        (pairs.len(), known)
+        let known = self.touching_itself(&SelfContact::File).map_or(0, |(model, _)| model.self_pairs.len());
+        (self.parts.of_file().len(), known)
     }
 }
 
