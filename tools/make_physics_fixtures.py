@@ -1,4 +1,4 @@
-"""Writes the physics fixtures: states and short rollouts of nine robots, computed with MuJoCo in float64.
+"""Writes the physics fixtures: states and short rollouts of ten robots, computed with MuJoCo in float64.
 
 Reads the MJCF files beside the fixtures (crates/gaitfit-physics/tests/fixtures/*.xml) and writes one .npz per robot
 and option variant; README.md in that folder describes every array. The same MuJoCo version gives the same numbers.
@@ -69,6 +69,7 @@ VARIANTS = {
         Variant("ell_imp1_fl_implicitfast", ELLIPTIC, integrator=IMPLICITFAST),
         Variant("pyr_imp1_nofl_noeulerdamp", frictionloss=False, eulerdamp=False),
     ],
+    "rover": [Variant("pyr_imp1_fl"), Variant("ell_imp10_fl_implicitfast", ELLIPTIC, 10, integrator=IMPLICITFAST)],
     "crab": [Variant("pyr_imp1_fl"), Variant("ell_imp10_nofl", ELLIPTIC, 10, frictionloss=False)],
     "twins": [Variant("pyr_imp1_nofl_implicitfast", integrator=IMPLICITFAST, frictionloss=False), Variant("ell_imp1_fl", ELLIPTIC)],
     "terrain": [Variant("pyr_imp1_fl"), Variant("ell_imp10_nofl", ELLIPTIC, 10, frictionloss=False)],
@@ -82,7 +83,7 @@ VARIANTS = {
 # Robots whose own parts touch each other.
 OWN = ("crab", "twins")
 # The variant of each robot whose fall is recorded, and the steps recorded.
-ROLLOUTS = {"twins": "ell_imp1_fl", "biped": "pyr_imp1_fl", "humanoid": "ell_imp1_fl", "arm": "pyr_imp1_fl_implicitfast", "go2": "pyr_imp1_fl"}
+ROLLOUTS = {"twins": "ell_imp1_fl", "biped": "pyr_imp1_fl", "humanoid": "ell_imp1_fl", "arm": "pyr_imp1_fl_implicitfast", "rover": "pyr_imp1_fl", "go2": "pyr_imp1_fl"}
 
 
 def load(robot, variant):
@@ -373,7 +374,8 @@ def write_rollout(robot, variant, out):
     mujoco.mj_resetDataKeyframe(model, data, 0)
     data.ctrl[:] += random_ctrl(model, rng, 0.05)
     if model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE:
-        tilt = np.array([1, *rng.normal(0, 0.15, 3)])
+        # The rover is to roll.
+        tilt = np.array([1, *rng.normal(0, 0.02 if robot == "rover" else 0.15, 3)])
         data.qpos[3:7] = tilt / np.linalg.norm(tilt)
         place(model, data, 0.01)
     data.qvel[:] = rng.normal(0, 0.2, model.nv)

@@ -91,6 +91,8 @@ class Policy:
             per_joint = ("default_pose", "action_scale", "kp", "kd")
             self.pose, self.scale, self.kp, self.kd = (np.array(interface[key], float) for key in per_joint)
             self.joints, self.dt = interface["joints"], float(interface["control_dt"])
+            # Joints whose targets are velocities, rad/s: torque = kd (target - dq).
+            self.rolls = np.isin(self.joints, interface.get("velocity_joints", []))
             # Joints that the policy does not move: [{joint, position, kp, kd}].
             self.held = interface.get("held", [])
             self.motion = Motion(interface) if "reference" in interface else None
@@ -251,6 +253,8 @@ class Robot:
         self.position, self.velocity = model.jnt_qposadr[ids], model.jnt_dofadr[ids]
         self.motors = np.array([motors[j] for j in ids])
         self._drive(world, self.motors, world.strength * policy.kp, world.strength * policy.kd)
+        rolling = np.asarray(self.motors)[policy.rolls]
+        self.model.actuator_gainprm[rolling, 0] = world.strength * policy.kd[policy.rolls]
         ids = [joints[bare(name)] for name in held]
         self.held_motors = np.array([motors[j] for j in ids], int)
         self.held_position = model.jnt_qposadr[ids]

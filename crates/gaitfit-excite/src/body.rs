@@ -145,6 +145,7 @@ impl Body {
             gains: Some(self.gains.clone()),
             lead: None,
             simulated_step: None,
+            velocity_joints: Vec::new(),
             fell: false,
         }
     }

@@ -147,6 +147,7 @@ impl Look<'_> {
             gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
             lead: None,
             simulated_step: None,
+            velocity_joints: Vec::new(),
             fell: false,
         }
     }

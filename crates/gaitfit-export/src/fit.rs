@@ -100,6 +100,13 @@ fn spread(gains: &Gains, of: &[usize], model: &Model) -> Gains {
 /// A joint that the robot lacks.
 pub(super) fn of_policy(policy: &gaitfit_policy::Policy, path: &Path, model: &Model) -> Result<Gains, Error> {
     let interface = &policy.interface;
+    if let Some(joint) = interface.velocity_joints.first() {
+        return Err(Error::settings(format!(
+            "{}: the policy gives `{joint}` velocities, and the files for other simulators have position controllers only; \
+             leave --policy out, and write the controllers yourself",
+            path.display()
+        )));
+    }
     let place = |joint: &String| {
         model
             .find_joint(joint)

@@ -140,9 +140,11 @@ pub(crate) fn trajectory(
     let command = all.group(&COMMAND);
     let has_quaternion = QUATERNION.iter().all(|name| columns.contains_key(*name));
     let angles = all.group(&ROLL_PITCH_YAW).filter(|_| !has_quaternion && mapping.imu.mounting.is_none());
+    let velocities: Vec<&String> = sources.iter().flat_map(|source| &source.velocity_joints).collect();
     let mut trajectory = Trajectory {
         source: None,
         robot: mapping.robot.clone().or_else(|| sources.iter().find_map(|source| source.robot.clone())),
+        velocity_joints: joints.iter().filter(|joint| velocities.contains(joint)).cloned().collect(),
         joints,
         time,
         rate_hz,

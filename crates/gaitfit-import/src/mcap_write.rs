@@ -251,7 +251,9 @@ pub fn mcap_bytes(log: &Trajectory) -> Result<(Vec<u8>, Vec<&'static str>), Impo
     }
     file.finish()?;
     drop(file);
+    let velocities = !log.velocity_joints.is_empty();
     let left_out = [
+        (velocities, "the header's velocity_joints: which targets are velocities"),
         (base.position.is_some(), "the base's position"),
         (base.linear_velocity.is_some(), "the base's velocity"),
     ];

@@ -65,6 +65,7 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
             let mapping = Mapping { rate_hz, ..mapping.clone() };
             text::read(&name, &bytes, &mapping, &mut budget).map(|source| Source {
                 robot: source.robot.or_else(|| stated.robot.clone()),
+                velocity_joints: stated.velocity_joints.clone(),
                 simulated_step: source.simulated_step.or(stated.simulated_step),
                 stated,
                 ..source
@@ -269,6 +270,7 @@ fn read_log(path: &Path, options: &Options) -> Result<Source, ImportError> {
     source.robot = log.robot.clone();
     source.fell = log.fell;
     source.lead = log.lead;
+    source.velocity_joints = log.velocity_joints.clone();
     source.simulated_step = log.simulated_step;
     source.thinned = every > 1;
     source.gains = log.gains.map(|gains| (gains.kp, gains.kd));

@@ -58,6 +58,8 @@ pub(crate) struct Source {
     pub lead: Option<Lead>,
     /// What comment lines above a text's header, and the files beside it, state.
     pub stated: Stated,
+    /// Joints whose targets are velocities, where the file says it.
+    pub velocity_joints: Vec<String>,
     /// Physics step of the simulator that made it, s.
     pub simulated_step: Option<f64>,
     /// The robot's name, where the file says it.

@@ -135,6 +135,7 @@ impl Recorder {
             source: None,
             robot: Some(task.walker.model().name.clone()),
             joints: interface.joints.clone(),
+            velocity_joints: interface.velocity_joints.clone(),
             time: Vec::new(),
             rate_hz: 1.0 / dt,
             position: Vec::new(),

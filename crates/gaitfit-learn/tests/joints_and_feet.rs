@@ -4,11 +4,12 @@
 use crate::task_common;
 
 use gaitfit_learn::evaluate::{Subject, record_gait};
+use gaitfit_learn::task::expression::{Expression, Names};
 use gaitfit_learn::task::{Ended, Environment, JointNumber, Task, TaskSettings};
 use gaitfit_model::{Model, SelfContact, Shape};
 use gaitfit_physics::Preset;
-use gaitfit_policy::ActionClip;
-use gaitfit_sim::Candidate;
+use gaitfit_policy::{ActionClip, Quantity};
+use gaitfit_sim::{Candidate, Start};
 use task_common::{calm, constant_policy, go2, scene};
 
 fn table(entries: &[(&str, f64)]) -> JointNumber {
@@ -79,6 +80,85 @@ fn wrong_numbers_of_joints_are_named() {
         let error = wrong(change);
         assert!(error.contains(message), "{error}");
     }
+}
+
+/// The task with velocities for the hips: they turn as wheels do.
+fn turning() -> TaskSettings {
+    let mut task = calm();
+    task.policy.velocity_joints = vec!["*_hip".to_owned()];
+    task.policy.kp = table(&[("*", 25.0), ("*_hip", 0.0)]);
+    task.policy.kd = table(&[("*", 0.5), ("*_hip", 2.0)]);
+    task.policy.action_scale = table(&[("*", 0.25), ("*_hip", 3.0)]);
+    task.policy.default_pose.retain(|name, _| !name.contains("hip"));
+    task
+}
+
+#[test]
+fn joints_with_velocity_targets_turn_at_the_velocity_asked_for() {
+    let mut model = go2();
+    model.joints.iter_mut().filter(|joint| joint.name.contains("hip")).for_each(|joint| joint.range = None);
+    // Legs in the air, far above the ground.
+    let mut settings = turning();
+    settings.fall.height = -1e3;
+    settings.fall.tilt = 180.0;
+    settings.fall.contacts.clear();
+    let task = Task::new(&model, &settings, Preset::Fast).unwrap();
+    let interface = &task.walker.interface;
+    assert_eq!(interface.velocity_joints.len(), 4);
+    let hips: Vec<usize> = (0..12).filter(|&joint| interface.velocity_targets()[joint]).collect();
+    assert_eq!(hips, [0, 3, 6, 9]);
+    // Actions of half a unit: 1.5 rad/s on the hips, the default pose of the others and an eighth of a radian.
+    let mut targets = vec![0.0; 12];
+    task.walker.targets(&[0.5; 12], &mut targets);
+    assert_eq!((targets[0], targets[1]), (1.5, task.walker.default_pose[1] + 0.125));
+    let robot = task.walker.robot(&Candidate::nominal(&model)).params(task.walker.model()).unwrap();
+    let mut tile = task.walker.engine.tile(&task.walker.batch, &[robot], &[]).unwrap();
+    let angles: Vec<f64> = task.walker.default_pose.iter().map(|&angle| f64::from(angle)).collect();
+    let stands = task.walker.standing([0.0; 2], [1.0, 0.0, 0.0, 0.0], &angles);
+    tile.place(0, &Start { base_position: [0.0, 0.0, 20.0], ..stands });
+    let mut motion = task.walker.batch.motion(1);
+    tile.observe(&mut motion);
+    for _ in 0..50 {
+        tile.step(&targets, &[], &mut motion);
+    }
+    for &hip in &hips {
+        let found = motion.joint_velocity[hip];
+        assert!((found - 1.5).abs() < 0.2, "joint {hip} turns at {found} rad/s");
+        assert!(motion.joint_position[hip] > 1.0, "joint {hip} has not turned");
+    }
+}
+
+#[test]
+fn angles_of_joints_with_velocity_targets_are_neither_seen_nor_paid_for() {
+    let scene = scene(&turning());
+    let interface = &scene.walker.interface;
+    let first = interface.observation.iter().find(|term| term.quantity == Quantity::JointPosition).unwrap();
+    assert_eq!(first.scale, [0.0, 1.0, 1.0].repeat(4));
+    let names = Names::new(&scene.settings, &scene.walker);
+    let width = |text: &str| match Expression::new(text, &names).unwrap().folds() {
+        [fold] => fold.width,
+        folds => panic!("{folds:?}"),
+    };
+    assert_eq!((width("sum(qpos - default_pose)"), width("sum(qvel)")), (8, 12));
+    assert_eq!(width("sum(qpos[\"*_hip\", \"FL_calf\"])"), 5, "a pattern picks wheels too");
+    let bounds = scene.action_bounds();
+    assert_eq!((bounds[0], bounds[1][0] < -1.0), ([-100.0 / 3.0, 100.0 / 3.0], true));
+
+    let text = toml::to_string(&turning()).unwrap();
+    assert_eq!(toml::from_str::<TaskSettings>(&text).unwrap(), turning());
+    let held = wrong(|task| {
+        *task = turning();
+        task.policy.joints = vec!["*_thigh".to_owned(), "*_calf".to_owned()];
+    });
+    assert!(
+        held.contains("task.policy.velocity_joints covers `FL_hip_joint`, which the policy does not"),
+        "{held}"
+    );
+    let stiff = wrong(|task| {
+        *task = turning();
+        task.policy.kp = JointNumber::All(20.0);
+    });
+    assert!(stiff.contains("velocity_joints names FL_hip_joint, whose kp is 20"), "{stiff}");
 }
 
 #[test]

@@ -92,6 +92,7 @@ pub(crate) fn assemble(
     let mut trajectory = Trajectory {
         source: Some(path.to_owned()),
         robot: metadata.robot.map(|robot| robot.value),
+        velocity_joints: metadata.velocity_joints.map(|names| names.value).unwrap_or_default(),
         joints,
         time: samples.time,
         rate_hz,

@@ -90,6 +90,7 @@ pub(crate) struct Metadata {
     pub rate_hz: Option<Sourced<f64>>,
     pub kp: Option<Sourced<PerJoint>>,
     pub kd: Option<Sourced<PerJoint>>,
+    pub velocity_joints: Option<Sourced<Vec<String>>>,
     pub fell: Option<Sourced<bool>>,
     pub target_lead_s: Option<Sourced<f64>>,
     pub target_lead_spread_s: Option<Sourced<f64>>,
@@ -109,6 +110,7 @@ pub(crate) struct Statements {
     pub rate_hz: Option<f64>,
     pub kp: Option<PerJoint>,
     pub kd: Option<PerJoint>,
+    pub velocity_joints: Option<Vec<String>>,
     pub fell: Option<bool>,
     pub target_lead_s: Option<f64>,
     pub target_lead_spread_s: Option<f64>,
@@ -123,11 +125,12 @@ pub(crate) struct Statements {
 /// Most characters of what the TOML reader says.
 const REASON: usize = 200;
 
-const KEYS: [&str; 14] = [
+const KEYS: [&str; 15] = [
     "robot",
     "rate_hz",
     "kp",
     "kd",
+    "velocity_joints",
     "fell",
     "target_lead_s",
     "target_lead_spread_s",
@@ -152,6 +155,7 @@ impl Metadata {
         fill(&mut self.rate_hz, statements.rate_hz, place);
         fill(&mut self.kp, statements.kp, place);
         fill(&mut self.kd, statements.kd, place);
+        fill(&mut self.velocity_joints, statements.velocity_joints, place);
         fill(&mut self.fell, statements.fell, place);
         fill(&mut self.target_lead_s, statements.target_lead_s, place);
         fill(&mut self.target_lead_spread_s, statements.target_lead_spread_s, place);
@@ -199,6 +203,7 @@ impl Metadata {
             "target_lead_s" => self.target_lead_s.as_ref().map(|said| &said.place),
             "target_lead_spread_s" => self.target_lead_spread_s.as_ref().map(|said| &said.place),
             "simulated_step_s" => self.simulated_step_s.as_ref().map(|said| &said.place),
+            "velocity_joints" => self.velocity_joints.as_ref().map(|said| &said.place),
             "fell" => self.fell.as_ref().map(|said| &said.place),
             "allow" => self.allow.as_ref().map(|said| &said.place),
             _ => None,
@@ -217,6 +222,7 @@ impl Metadata {
             rate_hz: self.rate_hz.or(other.rate_hz),
             kp: self.kp.or(other.kp),
             kd: self.kd.or(other.kd),
+            velocity_joints: self.velocity_joints.or(other.velocity_joints),
             fell: self.fell.or(other.fell),
             target_lead_s: self.target_lead_s.or(other.target_lead_s),
             target_lead_spread_s: self.target_lead_spread_s.or(other.target_lead_spread_s),
@@ -238,6 +244,8 @@ pub struct Stated {
     pub kp: Option<(PerJoint, String)>,
     /// Velocity gains, N·m·s/rad, and where they are stated.
     pub kd: Option<(PerJoint, String)>,
+    /// Joints whose targets are velocities.
+    pub velocity_joints: Vec<String>,
     /// Physics step of the simulator that made the log, s.
     pub simulated_step: Option<f64>,
 }
@@ -275,6 +283,7 @@ pub fn stated(path: &Path, text: &str) -> Result<Stated, LogError> {
         rate_hz: all.rate_hz.map(|said| said.value),
         kp: all.kp.map(placed),
         kd: all.kd.map(placed),
+        velocity_joints: all.velocity_joints.map(|said| said.value).unwrap_or_default(),
         simulated_step: all.simulated_step_s.map(|said| said.value),
     })
 }

@@ -80,10 +80,16 @@ impl Trajectory {
         self.column_at(signal, self.joint(joint)?)
     }
 
-    /// As [`Trajectory::column`], by the joint's column number.
+    /// Whether the targets of the joint of this column number are velocities.
+    pub fn has_velocity_target(&self, joint: usize) -> bool {
+        self.joints.get(joint).is_some_and(|name| self.velocity_joints.contains(name))
+    }
+
+    /// As [`Trajectory::column`], by the joint's column number. The target of a joint is an angle: there is none of a joint
+    /// with velocity targets.
     pub fn column_at(&self, signal: Signal, joint: usize) -> Option<Vec<f64>> {
         let width = self.joints.len();
-        if joint >= width {
+        if joint >= width || signal == Signal::Target && self.has_velocity_target(joint) {
             return None;
         }
         Some(self.signal(signal)?.iter().skip(joint).step_by(width).copied().collect())
@@ -105,6 +111,11 @@ impl Trajectory {
             if !seen.insert(name) {
                 return refuse("joints", format!("`{}` twice; joint names must be distinct", shown(name)));
             }
+        }
+        if let Some(name) = self.velocity_joints.iter().find(|name| !seen.contains(name)) {
+            let problem =
+                format!("`{}` is not one of the log's joints; name them as its columns do", shown(name));
+            return refuse("velocity_joints", problem);
         }
         if let Some(bad) = self.time.iter().position(|time| !time.is_finite()) {
             return refuse(
@@ -240,8 +251,10 @@ impl Trajectory {
             values.chunks_exact(width).flat_map(|row| columns.iter().map(|&column| row[column])).collect()
         };
         let gains = self.gains.as_ref().map(|gains| Gains { kp: pick(&gains.kp), kd: pick(&gains.kd) });
-        let joints = columns.iter().map(|&column| self.joints[column].clone()).collect();
+        let joints: Vec<String> = columns.iter().map(|&column| self.joints[column].clone()).collect();
+        let velocities = self.velocity_joints.iter().filter(|joint| joints.contains(joint));
         Ok(Trajectory {
+            velocity_joints: velocities.cloned().collect(),
             joints,
             gains,
             position: pick(&self.position),

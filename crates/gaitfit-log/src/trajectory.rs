@@ -22,8 +22,11 @@ pub struct Trajectory {
     pub position: Vec<f64>,
     /// Joint velocities, rad/s; `len × joints`.
     pub velocity: Vec<f64>,
-    /// Joint position targets of the PD controller, rad; `len × joints`; may be absent.
+    /// Joint position targets of the PD controller, rad; of `velocity_joints` velocities, rad/s; `len × joints`; may be
+    /// absent.
     pub target: Option<Vec<f64>>,
+    /// Those of `joints` whose targets are velocities, rad/s, such as wheels.
+    pub velocity_joints: Vec<String>,
     /// Policy actions (unitless); `len × joints`; may be absent.
     pub action: Option<Vec<f64>>,
     /// Commands: vx (m/s), vy (m/s), yaw rate (rad/s); `len × 3`; may be absent.
@@ -95,6 +98,7 @@ impl Trajectory {
             position,
             velocity,
             target: None,
+            velocity_joints: Vec::new(),
             action: None,
             command: None,
             motion: None,

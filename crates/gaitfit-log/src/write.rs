@@ -97,6 +97,10 @@ fn write_to(out: &mut impl Write, trajectory: &Trajectory) -> std::io::Result<()
         writeln!(out, "# kp = {:?}", gains.kp)?;
         writeln!(out, "# kd = {:?}", gains.kd)?;
     }
+    if !trajectory.velocity_joints.is_empty() {
+        let names = trajectory.velocity_joints.iter().map(|name| toml::Value::from(name.as_str()));
+        writeln!(out, "# velocity_joints = {}", toml::Value::Array(names.collect()))?;
+    }
 
     let named = |prefix: &str| -> Vec<String> {
         trajectory.joints.iter().map(|joint| format!("{prefix}{joint}")).collect()

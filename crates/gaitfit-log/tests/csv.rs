@@ -53,6 +53,7 @@ fn full_trajectory() -> Trajectory {
         gains: Some(Gains { kp: vec![20.0, 1.0 / 7.0], kd: vec![0.0, 1e-9] }),
         lead: Some(Lead { seconds: 0.0003, spread: 1e-5 }),
         simulated_step: Some(0.0025),
+        velocity_joints: vec!["FR_hip".into()],
         fell: true,
     }
 }
@@ -81,6 +82,7 @@ fn what_is_written_reads_back_to_the_same_bits() {
         gains: None,
         lead: None,
         simulated_step: None,
+        velocity_joints: Vec::new(),
         fell: false,
         position: vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, 1.0, 2.0],
         ..log

@@ -31,6 +31,7 @@ fn log() -> Trajectory {
         gains: Some(Gains { kp: vec![1.0, 2.0], kd: vec![3.0, 4.0] }),
         lead: None,
         simulated_step: None,
+        velocity_joints: Vec::new(),
         fell: false,
     }
 }

@@ -140,10 +140,10 @@ impl<'c, 's> BodyReader<'c, 's> {
                 "geom" => self.read_geom(child, scope, mass)?,
                 "site" => self.read_site(child, scope)?,
                 "camera" | "light" => {}
-                "composite" | "flexcomp" | "attach" | "plugin" => self.ctx.refuse(
+                "composite" | "flexcomp" | "plugin" => self.ctx.refuse(
                     child.at,
                     child.label(),
-                    "generated and attached parts are not expanded",
+                    "generated parts are not expanded",
                     "save the compiled model from MuJoCo and read that file",
                 )?,
                 _ => self.ctx.refuse(child.at, child.label(), "not known in a body", "remove it")?,

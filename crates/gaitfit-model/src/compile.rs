@@ -76,6 +76,7 @@ pub(crate) fn compile(
         obstacles: Vec::new(),
         pairs: Vec::new(),
         self_pairs: Vec::new(),
+        velocity_targets: Vec::new(),
         parts: Parts::new(&spec, &welds, &member),
         free_joint: free_joint(&spec, root).filter(|_| attachment == Root::Floating),
         actuators: Vec::new(),

@@ -39,6 +39,10 @@ impl Default for Class {
     }
 }
 
+/// Name of a section of default classes that inherit from MuJoCo's own defaults, not from the file's. No element of a file
+/// can have it.
+pub(crate) const APART: &str = "default apart";
+
 /// Most default classes of one file.
 const MAX_CLASSES: usize = 512;
 
@@ -95,6 +99,16 @@ impl Defaults {
         let name = a.text("class").unwrap_or("");
         let at = a.at("class");
         let index = match parent {
+            None if element.name == APART => {
+                if self.classes.len() >= MAX_CLASSES || self.names.contains_key(name) {
+                    let message =
+                        format!("default classes of two attached files are called \"{}\"", shown(name));
+                    return Err(ctx.invalid(at, message, "give every <attach> a `prefix` of its own"));
+                }
+                self.classes.push(Class::default());
+                self.names.insert(name.to_string(), self.classes.len() - 1);
+                self.classes.len() - 1
+            }
             None if name.is_empty() || name == "main" => 0,
             None => {
                 return Err(ctx.invalid(

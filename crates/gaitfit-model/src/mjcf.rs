@@ -1,9 +1,10 @@
 //! The sections of an MJCF file, in the order in which they depend on each other.
 
 use crate::actuator::{FOREIGN_KINDS, KINDS};
+use crate::attach::attached;
 use crate::attributes::{Attributes, Context};
 use crate::bodies::BodyReader;
-use crate::defaults::Defaults;
+use crate::defaults::{APART, Defaults};
 use crate::error::ModelError;
 use crate::floor::add_floor;
 use crate::mend::{self, Locked, lock_coupled};
@@ -20,8 +21,8 @@ use crate::xml::Element;
 /// Sections whose content has no influence on the motion.
 const IGNORED: [&str; 4] = ["size", "visual", "statistic", "asset"];
 /// Sections that are read.
-const READ: [&str; 8] =
-    ["compiler", "option", "default", "worldbody", "contact", "actuator", "keyframe", "custom"];
+const READ: [&str; 9] =
+    ["compiler", "option", "default", APART, "worldbody", "contact", "actuator", "keyframe", "custom"];
 
 /// Reads the element tree of a `<mujoco>` document. `wanted`: how the caller attaches the root.
 pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) -> Result<Spec, ModelError> {
@@ -32,6 +33,8 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
     for section in document.children.iter().filter(|child| child.name == "compiler") {
         compiler.read(ctx, section)?;
     }
+    let attached = attached(ctx, document)?;
+    let document = attached.as_ref().unwrap_or(document);
     let expanded = expand(ctx, document, &compiler)?;
     let document = expanded.as_ref().unwrap_or(document);
     let sections = |wanted: &'static str| document.children.iter().filter(move |c| c.name == wanted);
@@ -42,7 +45,7 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
         read_option(ctx, section, &mut options, &mut disabled)?;
     }
     let mut defaults = Defaults::new();
-    for section in sections("default") {
+    for section in sections("default").chain(sections(APART)) {
         defaults.read(ctx, section, &compiler)?;
     }
     let mut fields = Fields::default();

@@ -88,6 +88,18 @@ pub struct Model {
     /// What reading added or mended: a floor, a root link folded into its child, an inertia that cannot be.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub changed: Vec<Changed>,
+    /// Joints whose targets are velocities, by index; see [`Model::with_velocity_targets`]. None as a file is read.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub velocity_targets: Vec<usize>,
+}
+
+impl Model {
+    /// The robot with motors that get a target velocity (rad/s) on `joints`, by index, such as those of wheels. The motors
+    /// of all other joints get a target position.
+    #[must_use]
+    pub fn with_velocity_targets(&self, joints: &[usize]) -> Self {
+        Self { velocity_targets: joints.to_vec(), ..self.clone() }
+    }
 }
 
 /// Solver and integration options (MuJoCo's names).

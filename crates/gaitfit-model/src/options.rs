@@ -49,6 +49,21 @@ impl Default for Compiler {
 }
 
 impl Compiler {
+    /// The first setting by which `other` reads numbers differently.
+    pub fn differs(&self, other: &Self) -> Option<&'static str> {
+        let checks = [
+            ("angle", self.units.degree == other.units.degree),
+            ("eulerseq", self.units.eulerseq == other.units.eulerseq),
+            ("autolimits", self.autolimits == other.autolimits),
+            ("inertiafromgeom", self.inertia_from_geom == other.inertia_from_geom),
+            ("inertiagrouprange", self.inertia_groups == other.inertia_groups),
+            ("balanceinertia", self.balance_inertia == other.balance_inertia),
+            ("boundmass", self.bound_mass == other.bound_mass),
+            ("boundinertia", self.bound_inertia == other.bound_inertia),
+        ];
+        checks.into_iter().find(|(_, same)| !same).map(|(setting, _)| setting)
+    }
+
     /// Reads one `<compiler>` element over the present values.
     pub fn read(&mut self, ctx: &mut Context, element: &Element) -> Result<(), ModelError> {
         let mut a = Attributes::new(element);

@@ -14,7 +14,7 @@ use crate::scan::MAX_NODES;
 use crate::xml::{At, Attribute, Element};
 
 /// Sections whose elements refer to bodies, joints, geoms and sites.
-const REFERRING: [&str; 5] = ["contact", "actuator", "sensor", "tendon", "equality"];
+pub(crate) const REFERRING: [&str; 5] = ["contact", "actuator", "sensor", "tendon", "equality"];
 
 /// Names that a copy gave a suffix.
 struct Copy {

@@ -106,7 +106,8 @@ impl Sources {
 pub(crate) fn load(path: &Path, sources: &mut Sources) -> Result<Element, ModelError> {
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
     sources.folder = Some(folder.clone());
-    let mut loader = Loader { sources, base: Some(folder), seen: HashSet::new(), bytes: 0, nodes: 0 };
+    let mut loader =
+        Loader { sources, base: Some(folder), seen: HashSet::new(), bytes: 0, nodes: 0, models: 0 };
     let text = loader.read(path)?;
     loader.seen.insert(canonical(path));
     loader.parse(path.display().to_string(), text, 1)
@@ -114,7 +115,7 @@ pub(crate) fn load(path: &Path, sources: &mut Sources) -> Result<Element, ModelE
 
 /// Parses a text called `name` in messages; includes are refused because there is no folder to look in.
 pub(crate) fn parse(name: &str, text: &str, sources: &mut Sources) -> Result<Element, ModelError> {
-    let mut loader = Loader { sources, base: None, seen: HashSet::new(), bytes: 0, nodes: 0 };
+    let mut loader = Loader { sources, base: None, seen: HashSet::new(), bytes: 0, nodes: 0, models: 0 };
     loader.count(name, text.len())?;
     loader.parse(name.to_string(), text.to_string(), 1)
 }
@@ -126,6 +127,8 @@ struct Loader<'a> {
     seen: HashSet<PathBuf>,
     bytes: usize,
     nodes: usize,
+    /// Files named by `<model>`.
+    models: usize,
 }
 
 impl Loader<'_> {
@@ -228,10 +231,52 @@ impl Loader<'_> {
                 // The included root stands where the parent stands: its children join the parent's.
                 element.children.extend(self.include(child, file, depth)?.children);
             } else {
-                element.children.push(self.convert(child, file, depth + 1)?);
+                let mut inner = self.convert(child, file, depth + 1)?;
+                if element.name == "asset" && inner.name == "model" {
+                    inner.children.push(self.model(&inner)?);
+                }
+                element.children.push(inner);
             }
         }
         Ok(element)
+    }
+
+    /// The document that a `<model>` of the assets names.
+    fn model(&mut self, element: &Element) -> Result<Element, ModelError> {
+        let place = self.sources.place(element.at);
+        let invalid = |message: String, remedy: &str| ModelError::Invalid {
+            place: place.clone(),
+            message,
+            remedy: remedy.to_string(),
+        };
+        let Some(wanted) = element.get("file") else {
+            return Err(invalid("<model> names no file".into(), "add file=\"...\""));
+        };
+        let Some(base) = self.base.clone() else {
+            let remedy = "read the model from a file";
+            return Err(invalid("<model> in a text without a folder".into(), remedy));
+        };
+        if self.models >= MAX_FILES {
+            return Err(ModelError::TooLarge {
+                place,
+                message: format!("more than {MAX_FILES} files named by <model>, or one that names itself"),
+                remedy: "merge them".into(),
+            });
+        }
+        self.models += 1;
+        let path = base.join(wanted);
+        let text = self.read(&path).map_err(|error| match error {
+            ModelError::Io { source, .. } => {
+                invalid(format!("cannot read {}: {source}", shown_path(&path)), "correct the file name")
+            }
+            other => other,
+        })?;
+        // Its includes and models lie beside it, and it may include what this file includes.
+        let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        let (base, seen) = (self.base.replace(folder), std::mem::take(&mut self.seen));
+        let document = self.parse(path.display().to_string(), text, 1);
+        (self.base, self.seen) = (base, seen);
+        document
     }
 
     fn include(&mut self, node: Node, file: u32, depth: usize) -> Result<Element, ModelError> {

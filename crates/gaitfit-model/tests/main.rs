@@ -1,5 +1,6 @@
 //! The tests of `gaitfit-model`: one program, one module for each subject.
 
+mod attach;
 mod free_joint;
 mod ground;
 mod hostile;

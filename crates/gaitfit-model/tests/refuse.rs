@@ -65,7 +65,6 @@ fn what_is_not_simulated_is_refused_and_leniently_dropped() {
         ("base", "<geom type=\"ellipsoid\" size=\"1 1 1\"/>", "ellipsoid"),
         ("base", "<geom type=\"mesh\" mesh=\"m\" contype=\"0\" conaffinity=\"0\"/>", "mass of"),
         ("world", "<body name=\"free\"><freejoint align=\"true\"/><geom size=\"1\"/></body>", "align"),
-        ("base", "<attach model=\"m\" body=\"b\"/>", "attach"),
         ("base", "<banana/>", "banana"),
         ("base", "<body><joint type=\"slide\"/><geom size=\"1\"/></body>", "slide"),
         ("base", "<body><joint type=\"ball\"/><geom size=\"1\"/></body>", "ball"),

@@ -163,6 +163,7 @@ pub(crate) fn compile_with<T: Real>(
         self_contact,
         impratio: model.options.impratio,
         elliptic: settings.cone == gaitfit_model::Cone::Elliptic,
+        velocity_targets: (0..hinges.len()).map(|joint| model.velocity_targets.contains(&joint)).collect(),
         settings: *settings,
     })
 }

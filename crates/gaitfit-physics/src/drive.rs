@@ -31,7 +31,7 @@ impl<T: Real> Drive<T> {
 /// PD torques of all joints in the physics step that begins `clock` physics steps after the start of a control period
 /// of `substeps`.
 ///
-/// `targets` holds the sent targets (rad), newest first: `targets[k · joints + j]` was sent `k` control periods
+/// `targets` holds the sent targets (rad; rad/s where `velocities` is set), newest first: `targets[k · joints + j]` was sent `k` control periods
 /// ago. A target acts from its sending time plus the joint's delay until the next one does; the step uses the
 /// mean over its own duration of the target in force, so that the result is continuous in the delay. The oldest
 /// target stands for all before it.
@@ -39,10 +39,11 @@ impl<T: Real> Drive<T> {
 /// With the settings' `centred` the mean is over the interval around the step's start instead.
 ///
 /// torque = clamp(torque_scale · (kp (target − reading) − kd q̇) + torque_offset, ± torque_limit),
-/// reading = q + encoder_bias. Where a joint has a no-load speed its limits are those of [`motor`].
+/// reading = q + encoder_bias. Where a joint's target is a velocity, kd · target stands for the term with kp. Where a joint has a no-load speed its limits are those of [`motor`].
 #[inline(always)]
 pub(crate) fn pd<T: Real>(
     settings: &Settings,
+    velocities: &[bool],
     params: &Params<T>,
     state: &State<T>,
     targets: &[T],
@@ -72,8 +73,10 @@ pub(crate) fn pd<T: Real>(
             }
             target = sum;
         }
-        let error = target - (state.qpos[j] + p.encoder_bias);
-        let torque = p.torque_scale.fma(p.kd.fnma(state.qvel[j], p.kp * error), p.torque_offset);
+        // The same branch for all lanes: the kind of a target is part of the robot's structure.
+        let push =
+            if velocities[j] { p.kd * target } else { p.kp * (target - (state.qpos[j] + p.encoder_bias)) };
+        let torque = p.torque_scale.fma(p.kd.fnma(state.qvel[j], push), p.torque_offset);
         let mut reach = [Reach { limit: p.torque_limit, fall: z }; 2];
         let falling = p.no_load_speed.unless_ge(T::lit(MAX_SPEED));
         if T::enter(falling) {

@@ -23,7 +23,8 @@ pub fn begin<T: Real>(p: &mut Period<'_, T>) {
 /// of the control period. `disturbance`: torques of this step, N·m, one a joint, or empty.
 #[inline(always)]
 pub fn before<T: Real>(p: &mut Period<'_, T>, clock: T, disturbance: &[T]) {
-    pd(&p.tree.settings, p.params, p.state, p.targets, clock, p.substeps, p.drives);
+    let (settings, velocities) = (&p.tree.settings, &p.tree.velocity_targets[..]);
+    pd(settings, velocities, p.params, p.state, p.targets, clock, p.substeps, p.drives);
     for (drive, &torque) in p.drives.iter_mut().zip(disturbance) {
         drive.torque = drive.torque + torque;
     }

@@ -204,6 +204,8 @@ pub struct Tree<K> {
     pub(crate) self_contact: SelfContacts<K>,
     pub(crate) impratio: f64,
     pub(crate) elliptic: bool,
+    /// For each joint, whether its target is a velocity.
+    pub(crate) velocity_targets: Vec<bool>,
     pub(crate) settings: Settings,
 }
 

@@ -123,6 +123,7 @@ mod tests {
             action_clip: None,
             kp: vec![20.0; 2],
             kd: vec![0.5; 2],
+            velocity_joints: Vec::new(),
             held: Vec::new(),
             control_dt: 0.02,
             gait_frequency: None,

@@ -59,7 +59,8 @@ fn is_zero(ahead: &usize) -> bool {
 /// What a policy sees and what its outputs mean. Per-joint vectors are in the order of `joints`.
 ///
 /// target = default_pose + action_scale · clamp(action, ± action_clip), held for `control_dt` by the PD controller
-/// torque = kp (target − q) − kd q̇. Held joints have a target of their own.
+/// torque = kp (target − q) − kd q̇. Held joints have a target of their own. The target of a joint of `velocity_joints` is a
+/// velocity: torque = kd (target − q̇).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Interface {
@@ -69,7 +70,7 @@ pub struct Interface {
     pub joints: Vec<String>,
     /// Pose at action zero, rad.
     pub default_pose: Vec<f64>,
-    /// Target change per unit action, rad.
+    /// Target change per unit action, rad; rad/s for joints with velocity targets.
     pub action_scale: Vec<f64>,
     /// Largest action magnitude, before scaling; none is unbounded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -78,6 +79,9 @@ pub struct Interface {
     pub kp: Vec<f64>,
     /// Velocity gain, N·m·s/rad.
     pub kd: Vec<f64>,
+    /// Those of `joints` whose targets are velocities, rad/s, such as wheels. Their pose and their position gain are 0.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub velocity_joints: Vec<String>,
     /// Joints that the policy does not move and a PD controller holds. Joints that are neither here nor in `joints` are
     /// limp.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -192,7 +196,8 @@ impl Interface {
                 }
             }
         }
-        if self.kp.iter().all(|&kp| kp == 0.0) {
+        self.check_velocity_joints()?;
+        if self.kp.iter().all(|&kp| kp == 0.0) && self.velocity_joints.is_empty() {
             return Err(InterfaceError("kp is zero for every joint: no action would have an effect".into()));
         }
         let [min, max] = CONTROL_DT;

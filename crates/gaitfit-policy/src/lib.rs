@@ -21,6 +21,7 @@ mod policy;
 pub mod predict;
 mod quantity;
 mod reference;
+mod velocity_joints;
 pub mod walker;
 
 pub use error::PolicyError;

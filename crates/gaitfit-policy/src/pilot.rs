@@ -6,7 +6,7 @@ use crate::network::{Memory, Scratch};
 use crate::observation::{LastAction, Layout, Past, Sensed};
 use crate::{Interface, InterfaceError, MotionPlace, Policy};
 
-/// Position target of a joint, rad: `pose + scale · clamp(action, ± clip)`; not a number for such an action. Kernels are
+/// Target of a joint, rad (rad/s where the target is a velocity, and the pose 0): `pose + scale · clamp(action, ± clip)`; not a number for such an action. Kernels are
 /// written from this.
 pub fn target<R: Real>(pose: R, scale: R, clip: R, action: R) -> R {
     let above = R::select_lt(action, -clip, -clip, action);
@@ -69,7 +69,7 @@ impl<'a> Pilot<'a> {
     }
 
     /// One control period. `sensed` needs base, joints and command; last action, gait clock and the place in a motion are filled
-    /// in here. Returns action and position targets (rad), policy order.
+    /// in here. Returns action and targets (rad; rad/s for [`Interface::velocity_joints`]), policy order.
     ///
     /// # Panics
     /// If `sensed` is of another number of joints: an error of the caller.

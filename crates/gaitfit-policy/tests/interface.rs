@@ -56,6 +56,26 @@ fn contradictions_are_named() {
         (|i| i.held = vec![held("FL_hip_joint", 1.0)], "held joint FL_hip_joint is listed twice, or is one"),
         (|i| i.held = vec![held("", 1.0)], "held: `` is no name"),
         (|i| i.held = vec![held("arm", -1.0)], "kp of held joint arm is -1"),
+        (
+            |i| i.velocity_joints = vec!["FL_hip_joint".into(); 2],
+            "velocity_joints names FL_hip_joint, whose kp is",
+        ),
+        (|i| i.velocity_joints = vec!["FL_wheel".into()], "names FL_wheel, which is not among joints"),
+        (
+            |i| {
+                i.velocity_joints = vec!["FL_hip_joint".into()];
+                i.kp[0] = 0.0;
+                i.kd[0] = 0.0;
+            },
+            "whose kd is 0; its torque is kd (target - velocity)",
+        ),
+        (
+            |i| {
+                i.velocity_joints = vec!["FL_thigh_joint".into()];
+                i.kp[1] = 0.0;
+            },
+            "whose default_pose is 0.8; action 0 is the velocity 0",
+        ),
         (|i| i.joints[1] = "FL_hip_joint".into(), "joints names FL_hip_joint twice"),
         (|i| i.joints.clear(), "joints names 0 joints"),
         (|i| i.robot = "go2\n".into(), "robot: `go2\\n` is no name"),

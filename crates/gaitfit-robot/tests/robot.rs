@@ -13,8 +13,8 @@ mod each_robot;
 #[path = "robot/faults.rs"]
 mod faults;
 #[cfg(all(feature = "dds", target_os = "linux"))]
-#[path = "robot/humanoid_faults.rs"]
-mod humanoid_faults;
+#[path = "robot/kinds_faults.rs"]
+mod kinds_faults;
 #[path = "robot/limits.rs"]
 mod limits;
 #[cfg(all(feature = "dds", target_os = "linux"))]

@@ -193,6 +193,7 @@ fn play(
             source: None,
             robot: Some(walker.model().name.clone()),
             joints: interface.joints.clone(),
+            velocity_joints: interface.velocity_joints.clone(),
             time: (0..all).map(|sample| sample as f64 * dt).collect(),
             rate_hz: 1.0 / dt,
             position: interface.default_pose.repeat(all),

@@ -64,9 +64,11 @@ class TaskPolicy(Settings):
         critic_observation: The critic's observation, part by part.
         joints: Patterns over the joints that the policy moves; all of them if there is none. The others are held in the
             default pose by their gains.
+        velocity_joints: Patterns over those of the policy's joints whose targets are velocities, rad/s, such as wheels:
+            torque = kd (target − velocity). Their kp and their pose are 0, and the policy observes no position of them.
         history: How past frames lie in a row, where terms have a history.
         default_pose: Pose at action zero, rad; 0 where no pattern matches.
-        action_scale: Target change per unit action, rad. Default: 0.25.
+        action_scale: Target change per unit action, rad; rad/s for ``velocity_joints``. Default: 0.25.
         action_clip: Largest action magnitude, before scaling; absent: not limited.
         kp: Position gain, N·m/rad. Default: 25.0.
         kd: Velocity gain, N·m·s/rad. Default: 0.5.
@@ -78,6 +80,7 @@ class TaskPolicy(Settings):
     observation: Sequence[Term] | None = None
     critic_observation: Sequence[Term] | None = None
     joints: Sequence[str] | None = None
+    velocity_joints: Sequence[str] | None = None
     history: History | None = None
     default_pose: Mapping[str, float] | None = None
     action_scale: float | Mapping[str, float] | None = None
@@ -311,7 +314,7 @@ class Task(Settings):
     - ``uprightness``: cosine of the angle between actual and wanted posture
     - ``height``: height of the base's origin above the ground under it, m
     - ``qpos``, ``default_pose``, ``target`` (joints): joint positions; positions at action 0; position targets of this
-      step, rad
+      step, rad. Without names, joints with velocity targets are left out
     - ``qvel``, ``qacc`` (joints): joint velocities, rad/s, and accelerations, rad/s²
     - ``tau`` (joints): motor torques, N·m
     - ``action``, ``last_action`` (joints of the policy): this step's action and the previous one, as the policy gives

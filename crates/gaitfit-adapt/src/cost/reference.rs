@@ -437,6 +437,7 @@ mod tests {
             gains: None,
             lead: None,
             simulated_step: None,
+            velocity_joints: Vec::new(),
             fell: false,
         };
         let recorded = Recorded::from_trajectory(&trajectory, &names(&["hip", "calf"]), 0).unwrap();

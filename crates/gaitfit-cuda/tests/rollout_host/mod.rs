@@ -133,6 +133,34 @@ fn cxx_steps_of_held_joints_and_other_feet_are_the_cpus() {
     compare("held", &task, &Candidate::nominal(&model));
 }
 
+/// Wheels: joints without limits under velocity targets, whose angles are neither seen nor paid for.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_on_wheels_are_the_cpus() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../gaitfit-physics/tests/fixtures/rover.xml");
+    let model =
+        gaitfit_model::read(std::path::Path::new(path), &gaitfit_model::ReadOptions::default()).unwrap();
+    let mut settings = lively("velocity");
+    let table = |entries: &[(&str, f64)]| {
+        JointNumber::Table(entries.iter().map(|(pattern, value)| ((*pattern).to_owned(), *value)).collect())
+    };
+    let wheels = ["FL_wheel", "FR_wheel", "RL_wheel", "RR_wheel"].map(str::to_owned);
+    settings.policy.velocity_joints = vec!["*_wheel".to_owned()];
+    settings.policy.kp = table(&[("*", 60.0), ("*_wheel", 0.0)]);
+    settings.policy.kd = table(&[("*", 1.5), ("*_wheel", 0.6)]);
+    settings.policy.action_scale = table(&[("*", 0.25), ("*_wheel", 10.0)]);
+    settings.policy.default_pose =
+        [("*_hip", 0.4), ("*_knee", -0.8)].map(|(name, at)| (name.to_owned(), at)).into();
+    settings.feet = wheels.to_vec();
+    settings.gait =
+        vec![vec![wheels[0].clone(), wheels[3].clone()], vec![wheels[1].clone(), wheels[2].clone()]];
+    settings.fall.contacts = vec!["trunk".to_owned()];
+    settings.fall.tilt = 6.0;
+    settings.height = 0.43;
+    let task = Task::new(&model, &settings, Preset::Fast).unwrap();
+    compare("wheels", &task, &Candidate::nominal(&model));
+}
+
 /// Reward terms that are expressions, with every quantity and operator.
 #[test]
 #[ignore = "needs g++"]

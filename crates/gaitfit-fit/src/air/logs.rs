@@ -111,6 +111,12 @@ pub fn recording(trajectory: &Trajectory, path: &Path) -> Result<Recording, Erro
             "{shown}: the log has no position targets (columns qdes_…); a replay needs the targets that the robot was sent."
         )));
     };
+    if let Some(joint) = trajectory.velocity_joints.first() {
+        return Err(Error::failed(format!(
+            "{shown}: the targets of joint `{joint}` are velocities, which a replay cannot send yet; record with the wheels \
+             held, or leave their columns out."
+        )));
+    }
     let Some(gains) = trajectory.gains.clone() else {
         return Err(Error::failed(format!("{shown}: the log has no PD gains.")));
     };

@@ -63,6 +63,7 @@ pub fn puppet(policy: &Policy, number: usize, seconds: f64) -> Trajectory {
         gains: None,
         lead: None,
         simulated_step: None,
+        velocity_joints: Vec::new(),
         fell: false,
     };
     let mut scratch = Scratch::default();

@@ -107,6 +107,7 @@ mod tests {
             gains: None,
             lead: None,
             simulated_step: None,
+            velocity_joints: Vec::new(),
             fell: false,
         }
     }

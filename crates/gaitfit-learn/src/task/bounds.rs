@@ -4,6 +4,8 @@ use super::Task;
 
 /// Largest action of a joint whose range or effort does not bound it, in units of the action scale.
 const LARGEST: f64 = 100.0;
+/// Largest velocity that a joint with velocity targets is asked for, rad/s.
+const FASTEST: f64 = 100.0;
 /// How far a joint without limits is sent, rad from the default pose: half a turn each way.
 const HALF_TURN: f64 = std::f64::consts::PI;
 
@@ -16,6 +18,10 @@ impl Task {
         let bounds = |(index, name): (usize, &String)| {
             let joint = model.find_joint(name);
             let (home, scale) = (interface.default_pose[index], interface.action_scale[index].abs());
+            if interface.velocity_joints.contains(name) {
+                let largest = interface.clip(index).min(LARGEST).min(FASTEST / scale) as f32;
+                return [-largest, largest];
+            }
             let range = joint.and_then(|joint| model.joints[joint].range);
             let [low, high] = range.unwrap_or([home - HALF_TURN, home + HALF_TURN]);
             let effort = joint.and_then(|joint| model.effort(joint)).filter(|effort| effort.is_finite());

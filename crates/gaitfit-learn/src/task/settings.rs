@@ -86,12 +86,16 @@ pub struct PolicySettings {
     /// pose by their gains.
     #[serde(default, skip_serializing_if = "Vec::is_empty", deserialize_with = "some_patterns")]
     pub joints: Vec<String>,
+    /// Patterns over those of the policy's joints whose targets are velocities, rad/s, such as wheels: torque =
+    /// kd (target − velocity). Their kp and their pose are 0, and the policy observes no position of them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub velocity_joints: Vec<String>,
     /// How past frames lie in a row, where terms have a history.
     #[serde(default, skip_serializing_if = "is_usual")]
     pub history: History,
     /// Pose at action zero, rad; 0 where no pattern matches.
     pub default_pose: JointTable,
-    /// Target change per unit action, rad.
+    /// Target change per unit action, rad; rad/s for `velocity_joints`.
     pub action_scale: JointNumber,
     /// Largest action magnitude, before scaling; absent: not limited.
     #[serde(default, skip_serializing_if = "Option::is_none")]

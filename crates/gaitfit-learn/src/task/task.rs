@@ -4,7 +4,7 @@ use gaitfit_model::{Ground, Model, Shape, patterns, shown, shown_number};
 use gaitfit_physics::{Params, Preset, Robot};
 use gaitfit_policy::observation::Sensed;
 use gaitfit_policy::walker::{FootGeoms, Walker, WalkerOptions};
-use gaitfit_policy::{ActionClip, Held, Interface};
+use gaitfit_policy::{ActionClip, Held, Interface, Quantity, Term};
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::{Candidate, Start};
 
@@ -58,6 +58,9 @@ impl Task {
             Some(JointNumber::All(clip)) => Some(ActionClip::All(*clip)),
             Some(clip) => Some(ActionClip::Each(clip.of_joints(model, &moved, "policy.action_clip")?)),
         };
+        let velocities = velocity_joints(model, &policy.velocity_joints, &moved)?;
+        let unseen: Vec<bool> = moved.iter().map(|joint| velocities.contains(joint)).collect();
+        let seen = |terms: &[Term]| terms.iter().map(|term| without_angles(term, &unseen)).collect();
         let held = all.iter().filter(|joint| !moved.contains(joint));
         let held = held.map(|&joint| Held {
             joint: name(&joint),
@@ -73,13 +76,14 @@ impl Task {
             action_clip: clip,
             kp: moved.iter().map(|&joint| kp[joint]).collect(),
             kd: moved.iter().map(|&joint| kd[joint]).collect(),
+            velocity_joints: velocities.iter().map(name).collect(),
             held: held.collect(),
             control_dt: settings.control_dt,
             gait_frequency: policy.gait_frequency,
             reference: None,
             history: policy.history,
-            observation: policy.observation.clone(),
-            critic_observation: policy.critic_observation.clone(),
+            observation: seen(&policy.observation),
+            critic_observation: seen(&policy.critic_observation),
         };
         check_terms(&interface)?;
         interface.check().map_err(TaskError::Policy)?;
@@ -310,6 +314,42 @@ fn moved(model: &Model, wanted: &[String]) -> Result<Vec<usize>, TaskError> {
     let joints: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
     patterns::covered(wanted, &model.name, &joints)
         .or_else(|error| refuse("policy.joints", format!("is wrong: {error}")))
+}
+
+/// The joints with velocity targets, by index in the model; `moved`: those that the policy moves.
+fn velocity_joints(model: &Model, wanted: &[String], moved: &[usize]) -> Result<Vec<usize>, TaskError> {
+    if wanted.is_empty() {
+        return Ok(Vec::new());
+    }
+    let names: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
+    let found = patterns::covered(wanted, &model.name, &names)
+        .or_else(|error| refuse("policy.velocity_joints", format!("is wrong: {error}")))?;
+    match found.iter().find(|joint| !moved.contains(joint)) {
+        Some(&joint) => {
+            let what = format!(
+                "covers `{}`, which the policy does not move; add it to policy.joints",
+                shown(&model.joints[joint].name)
+            );
+            refuse("policy.velocity_joints", what)
+        }
+        None => Ok(found),
+    }
+}
+
+/// A term of an observation without the angles of joints that turn without end: their factor is 0.
+fn without_angles(term: &Term, unseen: &[bool]) -> Term {
+    let mut term = term.clone();
+    if term.quantity == Quantity::JointPosition && unseen.contains(&true) {
+        let factor = |joint: usize| match term.scale[..] {
+            [] => 1.0,
+            [one] => one,
+            _ => term.scale.get(joint).copied().unwrap_or(1.0),
+        };
+        let factors =
+            unseen.iter().enumerate().map(|(joint, &unseen)| if unseen { 0.0 } else { factor(joint) });
+        term.scale = factors.collect();
+    }
+    term
 }
 
 /// Gait group of each foot.

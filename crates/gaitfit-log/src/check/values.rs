@@ -216,7 +216,7 @@ fn units(findings: &mut Findings, spec: &CheckSpec) {
                         && high.to_radians() < max + POSITION_IMPOSSIBLE
                 };
                 let possible = spec.position_limits.get(&log.joints[joint]).map_or(!turns(joint), within);
-                high.max(-low) > TWO_TURNS && possible
+                high.max(-low) > TWO_TURNS && possible && !log.has_velocity_target(joint)
             })
             .collect();
         if joints.is_empty() {
@@ -248,8 +248,10 @@ fn units(findings: &mut Findings, spec: &CheckSpec) {
 fn constant(findings: &mut Findings) {
     let log = findings.log;
     let joints = log.joints.len();
+    // A signal that the log lacks is empty, and so is one of a joint whose targets are velocities.
     let columns = |signal: Signal| -> Vec<Vec<f64>> {
-        (0..joints).filter_map(|joint| log.column_at(signal, joint)).collect()
+        let there = log.signal(signal).is_some();
+        (0..joints).filter(|_| there).map(|joint| log.column_at(signal, joint).unwrap_or_default()).collect()
     };
     let is_constant = |column: &Vec<f64>| range(column).is_some_and(|(low, high)| low == high);
     let pick =

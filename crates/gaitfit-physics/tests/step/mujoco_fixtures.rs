@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use crate::common::compare::{self, Limits};
 use crate::common::{Arrays, Ledger, converged, difference, here, robot, touching, variant};
 use gaitfit_model::Model;
-use gaitfit_physics::{Forward, state_from, state_to};
+use gaitfit_physics::in_f64::control_period;
+use gaitfit_physics::{Drive, Forward, Period, Robot, Work, compile, state_from, state_to};
 
 /// Fixture files whose names start so, sorted.
 fn files(start: &str) -> Vec<PathBuf> {
@@ -90,6 +91,55 @@ fn states_of_robots_that_touch_themselves() {
         }
         compare_states_of(name, &model, &[(1, "next"), (5, "next5")]);
     }
+}
+
+/// Wheels without limits under velocity servos: cylinders, a ball and a rod.
+#[test]
+fn states_of_the_rover() {
+    compare_states("rover");
+}
+
+/// Our PD controller with velocity targets on the wheels is MuJoCo's `<velocity>` servo: 200 steps of a robot that begins to
+/// roll.
+#[test]
+fn velocity_targets_are_mujocos_velocity_servos() {
+    let data = Arrays::open(&here("tests/fixtures/rollout_rover_pyr_imp1_fl.npz"));
+    let base = variant(&robot("rover"), &data);
+    let wheels: Vec<usize> =
+        (0..base.joints.len()).filter(|&joint| base.joints[joint].name.ends_with("_wheel")).collect();
+    let model = base.with_velocity_targets(&wheels);
+    let tree = compile::<f64>(&model, &converged(&model)).unwrap();
+    let mut robot = Robot::nominal(&model);
+    for joint in 0..model.joints.len() {
+        (robot.kp[joint], robot.kd[joint]) = if wheels.contains(&joint) { (0.0, 0.6) } else { (60.0, 1.5) };
+    }
+    let params = robot.params(&model).unwrap();
+    let mut state = state_from(&tree, data.row("qpos", 0), data.row("qvel", 0)).unwrap();
+    let (mut work, mut drives) = (Work::new(&tree), vec![Drive::zero(); tree.joints()]);
+    let mut ledger = Ledger::default();
+    for step in 1..data.len("qpos") {
+        control_period(&mut Period {
+            tree: &tree,
+            params: &params,
+            targets: &mut data.all("ctrl").to_vec(),
+            disturbance: &[],
+            modifications: &[],
+            memory: &mut [],
+            substeps: 1,
+            state: &mut state,
+            work: &mut work,
+            drives: &mut drives,
+        });
+        let (q, v) = state_to(&tree, &state);
+        let limit = if step <= 50 { 1e-9 } else { 1e-6 };
+        let place = || format!("step {step}");
+        ledger.note("qpos", difference(&q, data.row("qpos", step)), limit, place);
+        ledger.note("qvel", difference(&v, data.row("qvel", step)), 10.0 * limit, place);
+    }
+    ledger.check("velocity targets");
+    // It rolls.
+    let (_, v) = state_to(&tree, &state);
+    assert!(v[0] > 0.4, "{v:?}");
 }
 
 #[test]

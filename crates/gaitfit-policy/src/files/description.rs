@@ -58,6 +58,9 @@ pub struct Description {
     pub kp: PerJoint,
     /// Velocity gain, N·m·s/rad.
     pub kd: PerJoint,
+    /// Those of `joints` whose targets are velocities, rad/s, such as wheels; their pose and kp are 0.
+    #[serde(default)]
+    pub velocity_joints: Vec<String>,
     /// Joints that the policy does not move and a PD controller holds: `[[held]]` with `joint`, `position`, `kp`, `kd`.
     #[serde(default)]
     pub held: Vec<Held>,
@@ -160,6 +163,7 @@ impl Description {
             action_clip: self.action_clip.clone(),
             kp: self.kp.spread(joints),
             kd: self.kd.spread(joints),
+            velocity_joints: self.velocity_joints.clone(),
             held: self.held.clone(),
             control_dt: self.control_dt,
             gait_frequency: self.gait_frequency,

@@ -88,6 +88,10 @@ impl Walker {
         }
         let joints = interface.resolve(model)?;
         interface.check()?;
+        let mut velocities = joints.clone();
+        let mut kinds = interface.velocity_targets().into_iter();
+        velocities.retain(|_| kinds.next().unwrap_or(false));
+        let model = &model.with_velocity_targets(&velocities);
         let WalkerOptions { substeps, preset, emulated_step, max_delay, feet, posture, start_pitch, fall } =
             options;
         let control_dt = interface.control_dt;
@@ -160,7 +164,7 @@ impl Walker {
         candidate.robot(&kp, &kd)
     }
 
-    /// Position targets (rad, model order) of `actions` (policy order); one row an environment in both.
+    /// Targets (rad; rad/s for joints with velocity targets; model order) of `actions` (policy order); one row an environment in both.
     pub fn targets(&self, actions: &[f32], targets: &mut [f32]) {
         let rows = targets.chunks_exact_mut(self.default_pose.len());
         for (row, actions) in rows.zip(actions.chunks_exact(self.joints.len())) {

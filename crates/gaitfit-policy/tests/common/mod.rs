@@ -69,6 +69,7 @@ pub fn interface() -> Interface {
         action_clip: Some(gaitfit_policy::ActionClip::All(100.0)),
         kp: vec![25.0; 12],
         kd: vec![0.5; 12],
+        velocity_joints: Vec::new(),
         held: Vec::new(),
         control_dt: 0.02,
         gait_frequency: None,

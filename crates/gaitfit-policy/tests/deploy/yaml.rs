@@ -129,6 +129,7 @@ fn controller_yaml_holds_the_whole_interface() {
             action_clip: found.action_clip.map(ActionClip::Each),
             kp: found.kp,
             kd: found.kd,
+            velocity_joints: Vec::new(),
             held,
             control_dt: wanted.control_dt,
             gait_frequency: observation.gait_frequency,
@@ -264,6 +265,20 @@ fn what_unitree_rl_lab_cannot_run_has_no_deploy_yaml_and_a_reason() {
         let why = made.unsaid.iter().find(|line| line.starts_with("no params/deploy.yaml")).unwrap();
         assert!(why.contains(part), "{why}");
     }
+    // Targets that are velocities are named in what can hold them.
+    let mut rolling = interface();
+    rolling.velocity_joints = vec![rolling.joints[0].clone()];
+    (rolling.kp[0], rolling.default_pose[0]) = (0.0, 0.0);
+    let rolling = seeing(rolling, &[8]);
+    let made = deploy::bundle(&rolling, None).unwrap();
+    let why = made.unsaid.iter().find(|line| line.starts_with("no params/deploy.yaml")).unwrap();
+    assert!(why.contains("the targets of FL_hip_joint are velocities"), "{why}");
+    let controller = text(&made, "controller.yaml");
+    for line in ["velocity_joints: [\"FL_hip_joint\"]", "command_interfaces: [\"position\", \"velocity\"]"] {
+        assert!(controller.contains(line), "{controller}");
+    }
+    let header = text(&deploy::cxx(&rolling, None).unwrap(), "policy.hpp");
+    assert!(header.contains("kVelocityTarget[kJoints] = {true, false, false,"), "no kVelocityTarget");
     let recurrent = read(&fixture("lstm.toml")).unwrap();
     let error = deploy::bundle(&recurrent, None).unwrap_err().to_string();
     assert!(error.contains("--cpp"), "{error}");

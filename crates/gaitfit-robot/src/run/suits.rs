@@ -36,6 +36,12 @@ pub fn suits(policy: &Policy, robot: &Robot) -> Result<(), RobotError> {
             "check control_dt, which is in seconds".to_owned(),
         );
     }
+    if let Some(joint) = interface.velocity_joints.first() {
+        return unfit(
+            format!("gives joint `{}` velocities, and the link sends positions", joint.escape_debug()),
+            "train a policy that brakes the wheels: leave velocity_joints out, and give them kp".to_owned(),
+        );
+    }
     robot.motors_of(&interface.joints)?;
     let postures = robot.postures(interface)?;
     // What `gaitfit_policy::read` gives has a number for each joint.

@@ -37,6 +37,7 @@ fn swing(robot: &Robot) -> Policy {
         action_clip: None,
         kp: each(&|k| robot.motors[k].kp),
         kd: each(&|k| robot.motors[k].kd),
+        velocity_joints: Vec::new(),
         held: Vec::new(),
         control_dt: 0.02,
         gait_frequency: None,

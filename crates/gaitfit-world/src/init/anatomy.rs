@@ -36,11 +36,11 @@ pub struct Leg {
 pub struct Anatomy {
     /// The legs.
     pub legs: Vec<Leg>,
-    /// Joints of any leg that the policy moves, by index.
+    /// Joints of any leg that the policy gives positions, by index.
     pub moved: Vec<usize>,
     /// Joints of legs without a motor, in a file that gives others one: springs and slack.
     pub passive: Vec<usize>,
-    /// Joints on which a leg's foot turns as a wheel.
+    /// Joints with a motor on which a leg's foot turns as a wheel: the policy gives them velocities.
     pub wheels: Vec<usize>,
     /// Groups of legs that move together; none where the sides do not match.
     pub gait: Vec<Vec<usize>>,
@@ -119,11 +119,30 @@ impl Anatomy {
         let driven = |joint: &usize| model.actuators.iter().any(|actuator| actuator.joint == *joint);
         let passive: Vec<usize> =
             of_legs().filter(|joint| of_legs().any(|other| driven(&other)) && !driven(joint)).collect();
+        let wheels: Vec<usize> = wheels.into_iter().filter(|joint| !passive.contains(joint)).collect();
         let moves = |joint: &usize| !wheels.contains(joint) && !passive.contains(joint);
         let moved: Vec<usize> = of_legs().filter(moves).collect();
         legs.iter_mut().for_each(|leg| leg.joints.retain(moves));
         let base_geoms = contacts.into_iter().filter(|&geom| path_of(geom).is_empty()).collect();
         Ok(Self { gait: gait(&legs), moved, passive, wheels, base_geoms, legs })
+    }
+
+    /// Joints that the policy gives positions or velocities, by index.
+    pub fn acting(&self) -> Vec<usize> {
+        let mut acting: Vec<usize> = self.moved.iter().chain(&self.wheels).copied().collect();
+        acting.sort_unstable();
+        acting
+    }
+
+    /// Radius of the wheel that turns on this joint, m; `None` if it is no wheel.
+    pub fn wheel_radius(&self, model: &Model, joint: usize) -> Option<f64> {
+        let leg = self.legs.iter().find(|leg| leg.path.last() == Some(&joint))?;
+        match model.geoms[*leg.geoms.first().filter(|_| self.wheels.contains(&joint))?].shape {
+            Shape::Sphere { radius } | Shape::Capsule { radius, .. } | Shape::Cylinder { radius, .. } => {
+                Some(radius)
+            }
+            Shape::Box { .. } => None,
+        }
     }
 
     /// Whether it walks on two legs.

@@ -52,7 +52,7 @@ pub struct Gains {
     pub kp: Vec<f64>,
     /// N·m·s/rad.
     pub kd: Vec<f64>,
-    /// rad; only for joints that the policy moves.
+    /// rad, of wheels rad/s; only for joints that the policy moves.
     pub scale: Vec<f64>,
     /// Physics steps in a control period.
     pub substeps: usize,
@@ -82,6 +82,8 @@ struct Chooser<'a> {
     stiffness: f64,
     /// m g l of the robot, N·m.
     unit: f64,
+    /// Largest command forward, m/s.
+    forward: f64,
     /// What each joint feels in the air, kg·m².
     inertia: Vec<f64>,
     /// Torque of a usual motor, N·m.
@@ -112,6 +114,7 @@ impl<'a> Chooser<'a> {
             anatomy,
             stiffness,
             unit: sizes.mass * sizes.gravity * sizes.leg,
+            forward: sizes.forward,
             inertia: params.joints.iter().map(|joint| joint.weight).collect(),
             usual_effort: median(efforts),
             servos: (0..model.joints.len()).map(|joint| servo(model, joint)).collect(),
@@ -143,11 +146,12 @@ impl<'a> Chooser<'a> {
             return ([0.0, 0.0, SCALE], false);
         }
         let (model, inertia) = (self.model, self.inertia[joint]);
+        if let Some(radius) = self.anatomy.wheel_radius(model, joint) {
+            return self.roll(joint, radius);
+        }
         let moved = self.anatomy.moved.contains(&joint);
         let [stiff, thick] = if moved { [STIFFEST, THICKEST] } else { [HELD_STIFFEST, HELD_THICKEST] };
         let (stiffest, thickest) = (stiff * inertia / (STEP * STEP), thick * inertia / STEP);
-        // A braked wheel carries the robot as a foot does.
-        let moved = moved || self.anatomy.wheels.contains(&joint);
         let [p, d] = match (moved, self.servos[joint]) {
             (true, Some([p, d])) if takes_servos && d > 0.0 => [p, d],
             (true, Some([p, _])) if takes_servos => [p, (DAMPING * p - model.joints[joint].damping).max(0.0)],
@@ -163,6 +167,16 @@ impl<'a> Chooser<'a> {
         let torque = model.effort(joint).map_or(SCALE, |effort| 0.5 * effort / kp);
         let scale = digits(SCALE.min(torque).max(0.1), 2);
         ([kp, tidy(d.min(thickest)), scale], moved && (p > stiffest || d > thickest))
+    }
+
+    /// Gains of a wheel: a unit of action is the largest command, and from a standstill half of the motor's torque.
+    fn roll(&self, joint: usize, radius: f64) -> ([f64; 3], bool) {
+        let speed = digits(self.forward / radius, 2).max(1e-3);
+        let torque = self.model.effort(joint).map_or(f64::INFINITY, |effort| 0.5 * effort);
+        let torque = torque.min(SCALE * self.stiffness * self.unit);
+        let thickest = THICKEST * self.inertia[joint] / STEP;
+        let wanted = torque / speed;
+        ([0.0, tidy(wanted.min(thickest)).max(1e-3), speed], wanted > thickest)
     }
 
     /// Where the gains are from, in words; `ratio` as of [`Self::ratio`].

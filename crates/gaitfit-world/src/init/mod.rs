@@ -244,7 +244,7 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
             sizes.doubt.as_ref().map(|doubt| format!("; {doubt}")).unwrap_or_default()
         ),
     );
-    let others = model.joints.len() - anatomy.moved.len();
+    let others = model.joints.len() - anatomy.acting().len();
     let names = |joints: &[usize]| {
         joints.iter().map(|&joint| shown(&model.joints[joint].name)).collect::<Vec<_>>().join(", ")
     };
@@ -253,7 +253,7 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
         say(
             "wheels",
             format!(
-                "{wheels}: braked, the robot walks on them; a policy gives positions, which roll no wheel"
+                "{wheels}: they roll; the policy gives them velocities. Steps and commands to the side are off"
             ),
         );
     }

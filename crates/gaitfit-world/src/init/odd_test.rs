@@ -65,6 +65,50 @@ fn no_more_mass_is_taken_from_the_base_than_it_has() {
     }
 }
 
+/// The robot on wheels: joints without limits behind the shanks.
+fn rover(wheel_joint: &str) -> Model {
+    let mut text = format!("<robot name=\"rover\"><link name=\"trunk\">{}</link>", inertial(20.0, 0.3));
+    for (leg, x, y) in [("FL", 0.2, 0.1), ("FR", 0.2, -0.1), ("RL", -0.2, 0.1), ("RR", -0.2, -0.1)] {
+        let [thigh, shank, wheel] = ["thigh", "shank", "wheel"].map(|part| format!("{leg}_{part}"));
+        text += &format!("<link name=\"{thigh}\">{}</link>", inertial(1.0, 0.004));
+        text += &format!("<link name=\"{shank}\">{}</link>", inertial(0.3, 0.001));
+        text += &format!(
+            "<link name=\"{wheel}\">{}<collision><origin rpy=\"1.5707963 0 0\"/><geometry><cylinder radius=\"0.08\" \
+             length=\"0.04\"/></geometry></collision></link>",
+            inertial(0.6, 0.01)
+        );
+        text += &joint(&format!("{leg}_hip"), "revolute", "trunk", &thigh, [x, y, 0.0]);
+        text += &joint(&format!("{leg}_knee"), "revolute", &thigh, &shank, [0.0, 0.0, -0.2]);
+        text += &joint(&format!("{leg}_roll"), wheel_joint, &shank, &wheel, [0.0, 0.0, -0.2]);
+    }
+    read_urdf_str(&(text + "</robot>"), &ReadOptions::default()).unwrap()
+}
+
+#[test]
+fn wheels_get_velocities_and_roll() {
+    let model = rover("continuous");
+    let found = look(&model).unwrap();
+    let settings = &found.settings;
+    assert_eq!(settings.policy.velocity_joints, ["FL_roll", "FR_roll", "RL_roll", "RR_roll"]);
+    assert!(settings.policy.joints.is_empty(), "the policy moves all joints: {:?}", settings.policy.joints);
+    assert_eq!([settings.rewards["foot_slip"], settings.rewards["gait"]], [0.0; 2]);
+    assert_eq!((settings.command.y, settings.command.x[1] > 0.5), ([0.0; 2], true));
+    let task = Task::new(&model, settings, Preset::Fast).unwrap();
+    let interface = &task.walker.interface;
+    let wheel = interface.joints.iter().position(|joint| joint == "RR_roll").unwrap();
+    assert_eq!((interface.kp[wheel], interface.default_pose[wheel]), (0.0, 0.0));
+    // A unit of action is the largest command; from a standstill it takes half of the motor's 20 N·m.
+    let scale = interface.action_scale[wheel];
+    assert!((0.08 * scale / settings.command.x[1] - 1.0).abs() < 0.05, "{scale}");
+    assert!((scale * interface.kd[wheel] / 10.0 - 1.0).abs() < 0.1, "{}", interface.kd[wheel]);
+    assert_eq!(varied(&model, settings), Ok(300));
+    assert!(found.text.contains("wheels: their targets are velocities"), "{}", found.text);
+
+    // With limits it is a round foot.
+    let feet = look(&rover("revolute")).unwrap().settings;
+    assert!(feet.policy.velocity_joints.is_empty() && feet.rewards["foot_slip"] < 0.0);
+}
+
 #[test]
 fn a_base_frame_at_the_floor_is_no_missing_foot() {
     let usual = look(&robot(1.0, 0.0, BALL)).unwrap().settings;

@@ -77,6 +77,8 @@ impl Sizes {
         });
         let speed = (gravity * leg).sqrt();
         let (forward, sideways) = if anatomy.biped() { (0.3, 0.12) } else { (0.58, 0.58) };
+        // Wheels do not roll sideways.
+        let sideways = if anatomy.wheels.is_empty() { sideways } else { 0.0 };
         Self {
             mass: model.total_mass(),
             gravity,

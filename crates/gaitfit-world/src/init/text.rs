@@ -25,7 +25,10 @@ fn list(items: impl Iterator<Item = String>) -> String {
 /// A setting with a comment.
 fn line(text: &mut String, setting: &str, value: impl std::fmt::Display, comment: &str) {
     let setting = format!("{setting} = {value}");
-    let _ = writeln!(text, "{setting:<32}{}{comment}", if comment.is_empty() { "" } else { " # " });
+    let _ = match comment {
+        "" => writeln!(text, "{setting}"),
+        _ => writeln!(text, "{setting:<32} # {comment}"),
+    };
 }
 
 /// Numbers of joints: one for all, or a table with the most common one first.
@@ -89,13 +92,18 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     );
     line(&mut text, "yaw_tracking_width", float(tidy(0.5 * sizes.turning)), "rad/s");
 
-    let some = anatomy.moved.len() < model.joints.len();
-    if some || biped {
+    let acting = anatomy.acting();
+    let some = acting.len() < model.joints.len();
+    if some || biped || !anatomy.wheels.is_empty() {
         let _ = writeln!(text, "\n[task.policy]");
     }
     if some {
-        let names = list(anatomy.moved.iter().map(|&joint| quoted(&model.joints[joint].name)));
+        let names = list(acting.iter().map(|&joint| quoted(&model.joints[joint].name)));
         line(&mut text, "joints", names, "those of the legs; the others are held in the default pose");
+    }
+    if !anatomy.wheels.is_empty() {
+        let names = list(anatomy.wheels.iter().map(|&joint| quoted(&model.joints[joint].name)));
+        line(&mut text, "velocity_joints", names, "wheels: their targets are velocities, rad/s");
     }
     if biped {
         line(
@@ -107,13 +115,16 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
         text.push_str(&biped_observations());
     }
     let all: Vec<usize> = (0..model.joints.len()).collect();
-    numbers(&mut text, model, &anatomy.moved, "action_scale", &gains.scale, "rad per unit action");
+    let unit =
+        if anatomy.wheels.is_empty() { "rad per unit action" } else { "rad per unit action; wheels: rad/s" };
+    numbers(&mut text, model, &acting, "action_scale", &gains.scale, unit);
     numbers(&mut text, model, &all, "kp", &gains.kp, &format!("N·m/rad: {}", gains.how));
     let guessed = if gains.how.contains("(a guess)") { "N·m·s/rad (a guess)" } else { "N·m·s/rad" };
     numbers(&mut text, model, &all, "kd", &gains.kd, guessed);
     let _ = writeln!(text, "\n[task.policy.default_pose]       # rad: {}", pose.how());
-    for (joint, angle) in model.joints.iter().zip(&pose.angles) {
-        let _ = writeln!(text, "{} = {:?}", quoted(&joint.name), digits(round(*angle), 4));
+    for (index, (joint, angle)) in model.joints.iter().zip(&pose.angles).enumerate() {
+        let angle = if anatomy.wheels.contains(&index) { 0.0 } else { digits(round(*angle), 4) };
+        let _ = writeln!(text, "{} = {angle:?}", quoted(&joint.name));
     }
 
     let _ = writeln!(
@@ -121,9 +132,11 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
         "\n[task.command]                   # Froude number v/√(g l) of the Go2's, {}",
         if biped { "half of it on two legs" } else { "leg length l" }
     );
-    let range = |max: f64| format!("[{:?}, {max:?}]", -max);
+    let range = |max: f64| format!("[{:?}, {max:?}]", 0.0 - max);
     line(&mut text, "x", range(sizes.forward), "m/s forward");
-    line(&mut text, "y", range(sizes.sideways), "m/s left");
+    let sideways =
+        if anatomy.wheels.is_empty() { "m/s left" } else { "m/s left: wheels do not roll sideways" };
+    line(&mut text, "y", range(sizes.sideways), sideways);
     line(&mut text, "yaw", range(sizes.turning), "rad/s");
 
     falls_and_draws(&mut text, model, anatomy, sizes, gains);
@@ -178,7 +191,7 @@ fn round(angle: f64) -> f64 {
 /// 1/(m g l)², of an angular acceleration with (l/g)², and sums over joints with their number.
 fn rewards(text: &mut String, anatomy: &Anatomy, sizes: &Sizes) {
     let (length, torque) = (sizes.length(), sizes.torque());
-    let joints = 12.0 / anatomy.moved.len().max(1) as f64;
+    let joints = 12.0 / anatomy.acting().len().max(1) as f64;
     let _ = writeln!(text, "\n[task.rewards]                   # the built-in weights in this robot's units");
     let scaled: &[(&str, f64, f64)] = if anatomy.biped() {
         &[
@@ -212,10 +225,17 @@ fn rewards(text: &mut String, anatomy: &Anatomy, sizes: &Sizes) {
             ("stand_still", -1.0, joints),
         ]
     };
-    for (name, weight, factor) in scaled {
+    let rolls = !anatomy.wheels.is_empty();
+    for (name, weight, factor) in scaled.iter().filter(|(name, ..)| !(rolls && OF_STEPS.contains(name))) {
         let _ = writeln!(text, "{name} = {:?}", tidy(weight * factor));
     }
+    for (index, name) in OF_STEPS.iter().enumerate().filter(|_| rolls) {
+        line(text, name, float(0.0), if index == 0 { "wheels roll: steps are not paid for" } else { "" });
+    }
 }
+
+/// Reward terms that pay for steps, or fine a foot that moves on the ground.
+const OF_STEPS: [&str; 5] = ["gait", "air_time", "swing_height", "step_clock", "foot_slip"];
 
 /// What a policy on two legs observes: a clock says which foot is to be up.
 const BIPED_TERMS: &str = "\

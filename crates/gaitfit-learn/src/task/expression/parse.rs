@@ -273,8 +273,8 @@ impl Parser<'_> {
     /// A quantity, after its name: all of it, or the elements that patterns in brackets pick.
     fn quantity(&mut self, at: usize, quantity: Quantity) -> Read<Part> {
         let names = quantity.elements().names(self.names);
-        let mut places: Vec<usize> = (0..names.len().max(1)).collect();
-        if quantity.elements() != Elements::None && names.is_empty() {
+        let mut places = quantity.places(self.names);
+        if quantity.elements() != Elements::None && places.is_empty() {
             let problem = Problem::NoElement {
                 pattern: "*".to_owned(),
                 quantity: quantity.name(),
@@ -307,7 +307,7 @@ impl Parser<'_> {
                 }
             }
             self.expect("]")?;
-            places.retain(|&place| picked[place]);
+            places = (0..names.len()).filter(|&place| picked[place]).collect();
         }
         let width = places.len();
         self.part(at, Node::Quantity(quantity, places), width)

@@ -11,6 +11,8 @@ use crate::task::{Foot, Moment, Task, TaskSettings};
 pub struct Names<'a> {
     /// The robot's joints, in its order.
     pub joints: Vec<&'a str>,
+    /// Those of `joints` whose targets are velocities, by place: their angles are no pose.
+    pub velocity_joints: Vec<usize>,
     /// The policy's joints, in its order.
     pub actions: Vec<&'a str>,
     /// The feet, as the task lists them.
@@ -22,6 +24,7 @@ impl<'a> Names<'a> {
     pub fn new(settings: &'a TaskSettings, walker: &'a Walker) -> Self {
         Self {
             joints: walker.model().joints.iter().map(|joint| joint.name.as_str()).collect(),
+            velocity_joints: walker.model().velocity_targets.clone(),
             actions: walker.interface.joints.iter().map(String::as_str).collect(),
             feet: settings.feet.iter().map(String::as_str).collect(),
         }
@@ -56,6 +59,16 @@ impl Elements {
             Self::Actions => names.actions.clone(),
             Self::Feet => names.feet.clone(),
         }
+    }
+}
+
+impl Quantity {
+    /// Places of the quantity's numbers where an expression picks none. Angles are those of joints with position targets:
+    /// wheels turn without end.
+    pub(super) fn places(self, names: &Names<'_>) -> Vec<usize> {
+        let angles = matches!(self, Self::Qpos | Self::DefaultPose | Self::Target);
+        let all = 0..self.elements().names(names).len().max(1);
+        all.filter(|place| !(angles && names.velocity_joints.contains(place))).collect()
     }
 }
 

@@ -19,6 +19,7 @@ struct Page {
     action_clip: Option<String>,
     kp: String,
     kd: String,
+    velocity_joints: Option<String>,
     effort_limit: Option<String>,
     held: Option<Held>,
     width: usize,
@@ -79,6 +80,8 @@ pub(super) fn write(
                 .map(|clip| numbers((0..joints).map(|joint| clip.limit(joint)))),
             kp: numbers(&interface.kp),
             kd: numbers(&interface.kd),
+            velocity_joints: (!interface.velocity_joints.is_empty())
+                .then(|| names(&mut interface.velocity_joints.iter())),
             effort_limit: moved.map(numbers),
             held: (!of_held.is_empty()).then(|| Held {
                 joints: names(&mut of_held.iter().map(|held| &held.joint)),

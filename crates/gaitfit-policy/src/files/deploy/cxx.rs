@@ -25,6 +25,8 @@ struct Page {
     action_clip: String,
     kp: String,
     kd: String,
+    /// Whether each joint's target is a velocity; absent if none is.
+    velocities: Option<String>,
     effort_limit: Option<String>,
     held: Vec<Held>,
     slots: Vec<Seen>,
@@ -127,6 +129,10 @@ pub(super) fn header(policy: &Policy, efforts: Option<&[f64]>) -> Result<String,
         action_clip: array(&(0..joints).map(clip).collect::<Vec<_>>()),
         kp: single(&interface.kp),
         kd: single(&interface.kd),
+        velocities: (!interface.velocity_joints.is_empty()).then(|| {
+            let kinds = interface.velocity_targets();
+            kinds.iter().map(bool::to_string).collect::<Vec<_>>().join(", ")
+        }),
         effort_limit: efforts.map(single),
         held: interface.held.iter().map(held).collect(),
         slots: layout.slots().iter().map(seen).collect(),

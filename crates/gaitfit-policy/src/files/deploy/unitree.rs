@@ -35,6 +35,11 @@ pub(super) fn obstacle(interface: &Interface) -> Option<String> {
     if places(interface).is_none() {
         return Some("its joints are not all those of one of Unitree's robots (Go2, H1, G1)".to_owned());
     }
+    if let Some(joint) = interface.velocity_joints.first() {
+        return Some(format!(
+            "the targets of {joint} are velocities, and its JointPositionAction takes positions"
+        ));
+    }
     if let Some(why) = unmeasured(interface) {
         return Some(why);
     }

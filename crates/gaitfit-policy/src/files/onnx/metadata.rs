@@ -52,6 +52,8 @@ pub fn entries(policy: &Policy) -> Result<Vec<Entry>, PolicyError> {
     let json = serde_json::to_string(&header).map_err(|error| invalid(error.to_string()))?;
     let numbers = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
     let names: Vec<&str> = interface.observation.iter().map(|term| term.quantity.name()).collect();
+    let velocities = (!interface.velocity_joints.is_empty())
+        .then(|| ("velocity_joint_names", interface.velocity_joints.join(",")));
     let list = [
         (KEY, json),
         ("robot", interface.robot.clone()),
@@ -63,7 +65,7 @@ pub fn entries(policy: &Policy) -> Result<Vec<Entry>, PolicyError> {
         ("observation_names", names.join(",")),
         ("control_dt", interface.control_dt.to_string()),
     ];
-    Ok(list.into_iter().map(|(key, value)| Entry { key: key.to_owned(), value }).collect())
+    Ok(list.into_iter().chain(velocities).map(|(key, value)| Entry { key: key.to_owned(), value }).collect())
 }
 
 /// What stands before the digits of the checksum in a file's bytes; `None` of a file without one.

@@ -18,6 +18,7 @@ fn interface() -> Interface {
         action_clip: None,
         kp: vec![20.0; 3],
         kd: vec![0.5; 3],
+        velocity_joints: Vec::new(),
         held: Vec::new(),
         control_dt: 0.02,
         gait_frequency: Some(1.0),

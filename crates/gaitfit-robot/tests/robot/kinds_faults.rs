@@ -1,5 +1,6 @@
-//! Faults over DDS of robots that speak `unitree_hg`: joints with motors behind the robot's messages, with the rules of a real
-//! robot (checksum, counter), and a run on the clock at the other end.
+//! Faults over DDS of the robots besides the Go2: joints with motors behind the robot's messages (`unitree_hg` of humanoids,
+//! `unitree_go` of the others), with the rules of a real robot (checksum, counter, battery), and a run on the clock at the
+//! other end.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,10 +10,12 @@ use gaitfit_random::{Purpose, Stream};
 use gaitfit_robot::guard::GuardSettings;
 use gaitfit_robot::link::{Dds, Link};
 use gaitfit_robot::run::real_time;
-use gaitfit_robot::unitree::hg;
+use gaitfit_robot::unitree::{LowCmd, LowState, hg};
 use gaitfit_robot::{Command, MotorCommand, PerMotor, Robot, RobotState, Times, damping};
 use rustdds::policy::{History, Reliability};
 use rustdds::{DomainParticipantBuilder, QosPolicyBuilder, ReadCondition, TopicKind};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use crate::dds::alone;
 use crate::each_robot::run_guarded;
@@ -55,6 +58,81 @@ struct Felt {
     faulty: bool,
 }
 
+/// A robot's kind of messages.
+trait Spoken {
+    type State: Serialize + std::fmt::Debug;
+    type Command: DeserializeOwned + 'static;
+    /// The package of the messages.
+    const KIND: &'static str;
+    /// The state as a robot says it; with a wrong checksum if it is `damaged`.
+    fn said(state: &RobotState, damaged: bool) -> Self::State;
+    /// What the first `motors` feel of a command; whether its checksum is wrong, or motors beyond them are to do something.
+    fn felt(message: &Self::Command, motors: usize) -> (Command, bool);
+    /// Whether a command states the robot's kind of machine.
+    fn fits(message: &Self::Command) -> bool;
+}
+
+struct Humanoid;
+
+impl Spoken for Humanoid {
+    type State = hg::LowState;
+    type Command = hg::LowCmd;
+    const KIND: &'static str = "unitree_hg";
+
+    fn said(state: &RobotState, damaged: bool) -> hg::LowState {
+        let mut said = message(state);
+        said.crc ^= u32::from(damaged);
+        said
+    }
+
+    fn felt(message: &hg::LowCmd, motors: usize) -> (Command, bool) {
+        let idle = |motor: &hg::MotorCmd| motor.mode == 0 && motor.kp == 0.0 && motor.kd == 0.0;
+        let beyond = !message.motor_cmd.as_flattened()[motors..].iter().all(idle);
+        (felt(message, motors), message.checksum() != message.crc || beyond)
+    }
+
+    fn fits(message: &hg::LowCmd) -> bool {
+        message.mode_machine == MACHINE
+    }
+}
+
+/// A Go2-W or a B2.
+struct Quadruped;
+
+impl Spoken for Quadruped {
+    type State = LowState;
+    type Command = LowCmd;
+    const KIND: &'static str = "unitree_go";
+
+    fn said(state: &RobotState, damaged: bool) -> LowState {
+        let mut message = LowState { tick: state.tick, ..LowState::default() };
+        for (motor, slot) in message.motor_state.iter_mut().take(state.q.len()).enumerate() {
+            (slot.q, slot.dq, slot.tau_est) = (state.q[motor], state.dq[motor], state.torque[motor]);
+            slot.temperature = state.temperature[motor] as u8;
+        }
+        let imu = &mut message.imu_state;
+        (imu.quaternion, imu.gyroscope, imu.accelerometer) =
+            (state.quaternion, state.gyroscope, state.accelerometer);
+        (message.bms_state.soc, message.power_v) = (80, 29.0);
+        let mut message = message.sealed();
+        message.crc ^= u32::from(damaged);
+        message
+    }
+
+    fn felt(message: &LowCmd, motors: usize) -> (Command, bool) {
+        let command = PerMotor::from_fn(motors, |motor| {
+            let one = &message.motor_cmd[motor];
+            MotorCommand { q: one.q, dq: one.dq, tau: one.tau, kp: one.kp, kd: one.kd }
+        });
+        let beyond = message.motor_cmd[motors..].iter().any(|motor| motor.kp != 0.0 || motor.kd != 0.0);
+        (command, message.checksum() != message.crc || beyond)
+    }
+
+    fn fits(_: &LowCmd) -> bool {
+        true
+    }
+}
+
 fn message(state: &RobotState) -> hg::LowState {
     let mut message = hg::LowState { tick: state.tick, mode_machine: MACHINE, ..hg::LowState::default() };
     for (motor, slot) in message.motor_state.as_flattened_mut().iter_mut().take(state.q.len()).enumerate() {
@@ -75,7 +153,7 @@ fn felt(message: &hg::LowCmd, motors: usize) -> Command {
 }
 
 /// The robot's side until `done`; `fault` begins `after` the first command.
-fn side(robot: &Robot, domain: u16, fault: Fault, after: Duration, done: &AtomicBool) -> Felt {
+fn side<S: Spoken>(robot: &Robot, domain: u16, fault: Fault, after: Duration, done: &AtomicBool) -> Felt {
     let loopback: std::net::IpAddr = std::net::Ipv4Addr::LOCALHOST.into();
     let participant = DomainParticipantBuilder::new(domain).with_only_networks([loopback]).build().unwrap();
     let reliable = Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
@@ -83,13 +161,13 @@ fn side(robot: &Robot, domain: u16, fault: Fault, after: Duration, done: &Atomic
     let topic = |name: &str, kind: &str| {
         participant.create_topic(name.to_owned(), kind.to_owned(), &qos, TopicKind::NoKey).unwrap()
     };
-    let lowstate = topic("rt/lowstate", "unitree_hg::msg::dds_::LowState_");
-    let lowcmd = topic("rt/lowcmd", "unitree_hg::msg::dds_::LowCmd_");
+    let lowstate = topic("rt/lowstate", &format!("{}::msg::dds_::LowState_", S::KIND));
+    let lowcmd = topic("rt/lowcmd", &format!("{}::msg::dds_::LowCmd_", S::KIND));
     let states = participant.create_publisher(&qos).unwrap();
-    let states = states.create_datawriter_no_key_cdr::<hg::LowState>(&lowstate, Some(qos.clone())).unwrap();
+    let states = states.create_datawriter_no_key_cdr::<S::State>(&lowstate, Some(qos.clone())).unwrap();
     let commands = participant.create_subscriber(&qos).unwrap();
     let mut commands =
-        commands.create_datareader_no_key_cdr::<hg::LowCmd>(&lowcmd, Some(qos.clone())).unwrap();
+        commands.create_datareader_no_key_cdr::<S::Command>(&lowcmd, Some(qos.clone())).unwrap();
     let (mut toy, motors) = (Toy::lying(robot), robot.motors.len());
     let (begin, mut stepped) = (Instant::now(), Duration::ZERO);
     let (mut found, mut first, mut other) = (Felt::default(), None, None);
@@ -124,37 +202,40 @@ fn side(robot: &Robot, domain: u16, fault: Fault, after: Duration, done: &Atomic
         }
         for sample in commands.take(100, ReadCondition::any()).unwrap() {
             let sample = sample.into_value();
-            let command = felt(&sample, motors);
+            let (command, is_wrong) = S::felt(&sample, motors);
             first.get_or_insert(now);
             found.commands += 1;
-            let idle = |motor: &hg::MotorCmd| motor.mode == 0 && motor.kp == 0.0 && motor.kd == 0.0;
-            let beyond = !sample.motor_cmd.as_flattened()[motors..].iter().all(idle);
             let ours = other.is_none();
-            found.wrong += u64::from(
-                sample.checksum() != sample.crc || beyond || ours && sample.mode_machine != MACHINE,
-            );
+            found.wrong += u64::from(is_wrong || ours && !S::fits(&sample));
             if !recent.iter().any(|(_, state)| violation_of(robot, &command, state).is_none()) {
                 found.outside = found.outside.or(violation_of(robot, &command, &toy.state));
             }
             found.last = Some(command);
         }
-        let mut said = message(&state);
-        if found.faulty && fault == Fault::WrongChecksum {
-            said.crc ^= 1;
-        }
-        states.write(said, None).unwrap();
+        let damaged = found.faulty && fault == Fault::WrongChecksum;
+        states.write(S::said(&state, damaged), None).unwrap();
     }
     found
 }
 
 #[test]
 fn a_humanoid_over_dds_whose_messages_fail_is_damped_inside_its_limits() {
+    fail::<Humanoid>(["unitree-g1", "unitree-h1-2"]);
+}
+
+#[test]
+fn another_quadruped_over_dds_whose_messages_fail_is_damped_inside_its_limits() {
+    fail::<Quadruped>(["unitree-go2w", "unitree-b2"]);
+}
+
+/// Faults of every kind, five of the one robot after five of the other.
+fn fail<S: Spoken>(robots: [&str; 2]) {
     let _alone = alone();
     // `GAITFIT_DDS_FAULTS` says how many; a machine that gives no real-time priority gets more time.
     let count: usize = std::env::var("GAITFIT_DDS_FAULTS").ok().and_then(|n| n.parse().ok()).unwrap_or(5);
     let patience = Duration::from_millis(if real_time() { 60 } else { 300 });
     for number in 0..count {
-        let robot = Robot::built_in(["unitree-g1", "unitree-h1-2"][number / FAULTS.len() % 2]).unwrap();
+        let robot = Robot::built_in(robots[number / FAULTS.len() % 2]).unwrap();
         let (fault, words) = FAULTS[number % FAULTS.len()];
         let draws = Stream::new(32, Purpose::RESET).environment(number as u32);
         let after = Duration::from_millis(100 + u64::from(draws.word(0) % 2000));
@@ -165,7 +246,7 @@ fn a_humanoid_over_dds_whose_messages_fail_is_damped_inside_its_limits() {
         let guard = GuardSettings { late_policy: 2 * CONTROL + patience, ..guard };
         let folder = tempfile::tempdir().unwrap();
         let (summary, felt) = std::thread::scope(|scope| {
-            let side = scope.spawn(|| side(&robot, domain, fault, after, &done));
+            let side = scope.spawn(|| side::<S>(&robot, domain, fault, after, &done));
             let summary = run_guarded(&robot, domain, folder.path(), 20.0, guard, times, &mut |_| ());
             done.store(true, Ordering::SeqCst);
             (summary, side.join().unwrap())

@@ -1,0 +1,157 @@
+//! Bodies of other files (`<attach>`): what MuJoCo 4.0.0 makes of the same files.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use gaitfit_model::{Model, ModelError, ReadOptions, read};
+
+const ARM: &str = r#"<mujoco model="arm">
+  <compiler angle="radian"/><option timestep="0.005" gravity="0 0 -3"/>
+  <default>
+    <joint damping="0.7" armature="0.02"/><geom contype="0" conaffinity="1"/>
+    <default class="big"><joint damping="2"/><geom density="500"/></default>
+  </default>
+  <worldbody>
+    <body name="base" pos="0.1 0.2 0.3" quat="0.9 0.1 0.2 0.3">
+      <joint name="yaw" axis="0 0 1"/><geom name="g" size="0.05"/><site name="tip" pos="0 0 0.1"/>
+      <body name="link" pos="0 0 0.1" childclass="big">
+        <joint name="elbow" axis="0 1 0" range="-1 1"/><geom size="0.03 0.1" type="capsule"/>
+      </body>
+    </body>
+    <body name="other"><joint name="lost"/><geom size="0.1"/></body>
+  </worldbody>
+  <contact><exclude body1="base" body2="link"/></contact>
+  <actuator>
+    <motor name="m" joint="elbow" gear="3"/><position joint="yaw" kp="20" class="big"/><motor name="x" joint="lost"/>
+  </actuator>
+  <keyframe><key name="up" qpos="0.3 0.4 0"/></keyframe>
+</mujoco>"#;
+
+/// A trunk that attaches an arm; `attach`: twice, in the file of the test that MuJoCo read.
+fn robot(attach: &str, compiler: &str) -> String {
+    format!(
+        r#"<mujoco model="robot">
+  <compiler angle="{compiler}"/><default><joint damping="0.1"/><geom density="2000" contype="0" conaffinity="1"/></default>
+  <asset><model name="arm" file="parts/arm.xml"/></asset>
+  <worldbody>
+    <geom name="floor" type="plane" size="0 0 1" contype="1" conaffinity="0"/>
+    <body name="trunk" pos="0 0 1">
+      <freejoint/><geom name="trunk" type="box" size="0.2 0.1 0.05"/>
+      {attach}
+      <body name="tail"><joint name="t" axis="0 1 0"/><geom size="0.02"/></body>
+    </body>
+  </worldbody>
+  <actuator><motor name="tm" joint="t"/></actuator>
+</mujoco>"#
+    )
+}
+
+const BOTH: &str = r#"<frame pos="0.1 0 0" euler="0 0 0.5"><attach model="arm" body="base" prefix="L_"/></frame>
+      <attach model="arm" body="base" prefix="R_"/>"#;
+
+fn read_files(robot: &str, arm: &str) -> Result<Model, ModelError> {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("parts")).unwrap();
+    std::fs::write(folder.path().join("parts/arm.xml"), arm).unwrap();
+    std::fs::write(folder.path().join("robot.xml"), robot).unwrap();
+    read(&folder.path().join("robot.xml"), &ReadOptions::default())
+}
+
+fn error(robot: &str, arm: &str) -> String {
+    read_files(robot, arm).unwrap_err().to_string()
+}
+
+#[test]
+fn two_arms_are_attached_as_mujoco_attaches_them() {
+    let model = read_files(&robot(BOTH, "radian"), ARM).unwrap();
+    // MuJoCo 4.0.0: body_pos, body_quat, body_mass.
+    let wanted = [
+        ("trunk", [0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0], 16.0),
+        (
+            "L_base",
+            [0.091_873_15, 0.223_459_07, 0.3],
+            [0.818_525_52, 0.048_642_1, 0.224_199_74, 0.526_672_95],
+            0.523_598_78,
+        ),
+        ("L_link", [0.0, 0.0, 0.1], [1.0, 0.0, 0.0, 0.0], 0.339_292_01),
+        ("R_base", [0.1, 0.2, 0.3], [0.923_380_52, 0.102_597_84, 0.205_195_67, 0.307_793_51], 0.523_598_78),
+        ("R_link", [0.0, 0.0, 0.1], [1.0, 0.0, 0.0, 0.0], 0.339_292_01),
+        ("tail", [0.0; 3], [1.0, 0.0, 0.0, 0.0], 0.067_020_64),
+    ];
+    assert_eq!(model.bodies.len(), wanted.len());
+    for (body, (name, pos, quat, mass)) in model.bodies.iter().zip(wanted) {
+        assert_eq!(body.name, name);
+        assert!(body.pos.iter().zip(pos).all(|(a, b)| (a - b).abs() < 1e-7), "{body:?}");
+        assert!(body.quat.iter().zip(quat).all(|(a, b)| (a - b).abs() < 1e-7), "{body:?}");
+        assert!((body.mass - mass).abs() < 1e-7, "{body:?}");
+    }
+    // Names, damping and armature: classes of the arm inherit nothing from those of the robot.
+    let joints: Vec<_> =
+        model.joints.iter().map(|joint| (joint.name.as_str(), joint.damping, joint.armature)).collect();
+    let [yaw, elbow] = [(0.7, 0.02), (2.0, 0.02)];
+    assert_eq!(
+        joints,
+        [
+            ("L_yaw", yaw.0, yaw.1),
+            ("L_elbow", elbow.0, elbow.1),
+            ("R_yaw", yaw.0, yaw.1),
+            ("R_elbow", elbow.0, elbow.1),
+            ("t", 0.1, 0.0)
+        ]
+    );
+    assert_eq!(model.joints[1].range, Some([-1.0, 1.0]));
+    let actuators: Vec<_> =
+        model.actuators.iter().map(|one| (one.name.as_str(), one.joint, one.gain, one.gear)).collect();
+    assert_eq!(
+        actuators,
+        [
+            ("tm", 4, 1.0, 1.0),
+            ("L_m", 1, 1.0, 3.0),
+            ("actuator2", 0, 20.0, 1.0),
+            ("R_m", 3, 1.0, 3.0),
+            ("actuator4", 2, 20.0, 1.0)
+        ]
+    );
+    // The robot's options count, and so do its keyframes alone.
+    assert_eq!((model.options.timestep, model.options.gravity[2]), (0.002, -9.81));
+    assert!(model.keyframes.is_empty());
+    assert!(
+        model.dropped.iter().any(|one| one.what.contains("<keyframe> of an attached file")),
+        "{:?}",
+        model.dropped
+    );
+    assert_eq!(model.sites.len(), 2);
+}
+
+#[test]
+fn a_whole_world_is_attached_without_a_body() {
+    let model = read_files(&robot(r#"<attach model="arm" prefix="a-"/>"#, "radian"), ARM).unwrap();
+    let names: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
+    assert_eq!(names, ["a-yaw", "a-elbow", "a-lost", "t"]);
+    assert_eq!(model.actuators.len(), 4);
+}
+
+#[test]
+fn what_cannot_be_attached_is_named() {
+    let one = |attributes: &str| robot(&format!("<attach {attributes}/>"), "radian");
+    for (robot, arm, wanted) in [
+        (one(r#"model="leg" body="base""#), ARM, "model \"leg\", which <asset> does not have"),
+        (one(r#"model="arm" body="hand""#), ARM, "the model \"arm\" has no body \"hand\""),
+        (robot(BOTH, "degree"), ARM, "has another `angle` of <compiler>"),
+        (
+            robot(&BOTH.replace("R_", "L_"), "radian"),
+            ARM,
+            "default classes of two attached files are called \"L_main\"",
+        ),
+        (one(r#"model="arm" body="base" prefix="L_""#), "<mujoco>", "arm.xml"),
+        (one(r#"model="arm""#).replace("parts/arm.xml", "none.xml"), ARM, "cannot read"),
+    ] {
+        let found = error(&robot, arm);
+        assert!(found.contains(wanted), "`{wanted}` is not in `{found}`");
+    }
+    // A file that names itself, and one that is attached again and again.
+    let own = ARM.replace("<worldbody>", "<asset><model name=\"me\" file=\"arm.xml\"/></asset><worldbody>");
+    let found = error(&robot(BOTH, "radian"), &own);
+    assert!(found.contains("more than 64 files named by <model>, or one that names itself"), "{found}");
+    let many = (0..20_000).map(|number| format!("<attach model=\"arm\" prefix=\"p{number}\"/>"));
+    let found = error(&robot(&many.collect::<String>(), "radian"), ARM);
+    assert!(found.contains("elements with those of <attach>"), "{found}");
+}
