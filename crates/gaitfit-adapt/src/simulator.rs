@@ -131,6 +131,11 @@ pub trait Simulator {
         self.identity().signals.contains(&signal)
     }
 
+    /// The simulator that this one wraps, if it wraps one: it computes derivatives in this one's place.
+    fn inner(&self) -> Option<&dyn Simulator> {
+        None
+    }
+
     /// Simulates every candidate on every recording as one batch. A diverging candidate shows as non-finite
     /// signals, a falling one by [`Signals::fell_at`], neither as an error. The signals depend on the rollout
     /// alone: not on what else is in the batch, nor on the number of threads. Once `cancel` says so it returns within
@@ -148,18 +153,18 @@ pub trait Simulator {
 
     /// The derivatives of the signals of `candidate` by every entry of θ, in a signal's unit over the entry's. Each goes to
     /// `consume(entry, recording, derivatives)`. `false`, without a result, of a simulator that has none: then
-    /// differences of simulations stand in for them. By default there are none.
+    /// differences of simulations stand in for them. By default those of [`Self::inner`], or none.
     ///
     /// # Errors
     /// As [`Self::simulate`].
     fn differentiate(
         &self,
-        _theta: &Theta,
-        _candidate: &Rollout,
-        _consume: &Consume<'_>,
-        _cancel: &Cancel<'_>,
+        theta: &Theta,
+        candidate: &Rollout,
+        consume: &Consume<'_>,
+        cancel: &Cancel<'_>,
     ) -> Result<bool, SimulatorError> {
-        Ok(false)
+        self.inner().map_or(Ok(false), |inner| inner.differentiate(theta, candidate, consume, cancel))
     }
 
     /// What every job costs, in their order, before falls and regularisation are charged. By default the candidates
