@@ -131,6 +131,11 @@ pub trait Simulator {
         self.identity().signals.contains(&signal)
     }
 
+    /// The simulator that this one wraps, if it wraps one: it computes derivatives in this one's place.
+    fn inner(&self) -> Option<&dyn Simulator> {
+        None
+    }
+
     /// Simulates every candidate on every recording as one batch. A diverging candidate shows as non-finite
     /// signals, a falling one by [`Signals::fell_at`], neither as an error. The signals depend on the rollout
     /// alone: not on what else is in the batch, nor on the number of threads. Once `cancel` returns true, it returns
@@ -148,18 +153,18 @@ pub trait Simulator {
 
     /// The derivatives of the signals of `candidate` by every entry of θ, in a signal's unit over the entry's. Each goes to
     /// `consume(entry, recording, derivatives)`. It returns `false` if the simulator has no derivatives: then differences of
-    /// simulations replace them. By default there are none.
+    /// simulations replace them. By default the derivatives are those of [`Self::inner`], or there are none.
     ///
     /// # Errors
     /// As [`Self::simulate`].
     fn differentiate(
         &self,
-        _theta: &Theta,
-        _candidate: &Rollout,
-        _consume: &Consume<'_>,
-        _cancel: &Cancel<'_>,
+        theta: &Theta,
+        candidate: &Rollout,
+        consume: &Consume<'_>,
+        cancel: &Cancel<'_>,
     ) -> Result<bool, SimulatorError> {
-        Ok(false)
+        self.inner().map_or(Ok(false), |inner| inner.differentiate(theta, candidate, consume, cancel))
     }
 
     /// The cost of every job, in order, without the charges for falls and regularisation. By default the candidates

@@ -3,8 +3,8 @@
 
 use gaitfit_adapt::Signals;
 use gaitfit_adapt::cost::{
-    Breakdown, Cost, CostError, MatchO, Recorded, Reference, Signal, Wass, Weights, position_rmse, sort_f32,
-    wasserstein1,
+    Breakdown, Cost, CostError, Recorded, Reference, Signal, TimeAligned, Wass, Weights, position_rmse,
+    sort_f32, wasserstein1,
 };
 use serde::Deserialize;
 use std::sync::Arc;
@@ -132,7 +132,7 @@ fn match_o_and_rmse_agree_with_their_definition() {
     let target = target(&costs);
     let aligned = singles(&costs.aligned);
     let weights = Weights { position: 1.0, velocity: 0.5, action: 2.0, ..Weights::default() };
-    let breakdown = evaluate(&MatchO::new(Arc::clone(&target), weights).unwrap(), &aligned).unwrap();
+    let breakdown = evaluate(&TimeAligned::match_o(Arc::clone(&target), weights).unwrap(), &aligned).unwrap();
     for (group, expected) in breakdown.groups.iter().zip(costs.match_o) {
         close(group.value, expected, &group.signal.to_string());
     }
@@ -161,7 +161,7 @@ fn the_robot_itself_costs_nothing() {
 fn both(target: &Arc<Reference>, weights: Weights) -> [Box<dyn Cost>; 2] {
     [
         Box::new(Wass::new(Arc::clone(target), weights).unwrap()),
-        Box::new(MatchO::new(Arc::clone(target), weights).unwrap()),
+        Box::new(TimeAligned::match_o(Arc::clone(target), weights).unwrap()),
     ]
 }
 
@@ -232,7 +232,7 @@ fn wrong_setups_are_refused() {
         let ragged = Signals { position: &runs[0].position[1..], ..runs[0].view() };
         assert!(matches!(accumulator.add(0, ragged), Err(CostError::Shape { .. })));
     }
-    let match_o = MatchO::new(Arc::clone(&target), weights).unwrap();
+    let match_o = TimeAligned::match_o(Arc::clone(&target), weights).unwrap();
     let mut accumulator = match_o.begin();
     accumulator.add(0, runs[0].view()).unwrap();
     assert_eq!(accumulator.add(0, runs[0].view()).unwrap_err(), CostError::Repeated(0));

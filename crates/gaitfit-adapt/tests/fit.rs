@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
-use gaitfit_adapt::cost::{Cost, MatchO, Recorded, Reference, Wass, Weights};
+use gaitfit_adapt::cost::{Cost, Recorded, Reference, TimeAligned, Wass, Weights};
 use gaitfit_adapt::fit::{
     Checkpoint, CostOutcome, FallPenalty, FinalComparison, Fit, FitError, FitOptions, Job, Method,
     RandomNumbers, RunOutcome, Stop, compare, evaluate, simulate_one,
@@ -111,7 +111,7 @@ fn costs_at(simulator: &Sines, truth: &[f64]) -> Vec<Box<dyn Cost>> {
     let target = Arc::new(Reference::new(simulator.identity.joints.clone(), &recorded, 0).unwrap());
     let weights = Weights::from_reference(&target);
     vec![
-        Box::new(MatchO::new(Arc::clone(&target), weights).unwrap()),
+        Box::new(TimeAligned::match_o(Arc::clone(&target), weights).unwrap()),
         Box::new(Wass::new(target, weights).unwrap()),
     ]
 }

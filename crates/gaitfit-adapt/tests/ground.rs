@@ -6,7 +6,7 @@ mod identified;
 
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::{
-    Cost, CostError, CostKind, MatchR, MatchS, Recorded, Reference, Signal, Wass, Weights,
+    Cost, CostError, CostKind, MatchR, Recorded, Reference, Signal, TimeAligned, Wass, Weights,
 };
 use gaitfit_adapt::fit::{
     Alternative, FallPenalty, Fit, FitOptions, Job, Method, NoiseSource, Predicted, RandomNumbers, evaluate,
@@ -249,7 +249,7 @@ fn samples_lost_to_a_fall_count_as_the_whole_range() {
         accumulator.add(1, second.signals()).unwrap();
         accumulator.finish().unwrap().total
     };
-    let aligned = MatchS::new(Arc::clone(&target), Weights::POSITION, None).unwrap();
+    let aligned = TimeAligned::match_s(Arc::clone(&target), Weights::POSITION, None).unwrap();
     assert_eq!(run(&aligned, &good), 0.0);
     // Two of eight samples at 2: √(2 · 4 / 8).
     assert_eq!(run(&aligned, &bad), 1.0);

@@ -3,7 +3,7 @@
 
 use gaitfit_adapt::Signals;
 use gaitfit_adapt::cost::{
-    Cost, MatchO, MatchS, Pieces, Recorded, Reference, Signal, Wass, Weights, sort_f32, wasserstein1,
+    Cost, Pieces, Recorded, Reference, Signal, TimeAligned, Wass, Weights, sort_f32, wasserstein1,
 };
 use gaitfit_random::{Purpose, Stream};
 use std::sync::Arc;
@@ -96,8 +96,8 @@ fn costs_from_pieces_are_the_costs() {
     let weights = Weights { velocity: 0.5, ..Weights::from_reference(&reference) };
     let costs: [Box<dyn Cost>; 3] = [
         Box::new(Wass::new(reference.clone(), weights).unwrap()),
-        Box::new(MatchO::new(reference.clone(), weights).unwrap()),
-        Box::new(MatchS::new(reference.clone(), Weights::PRIVILEGED, None).unwrap()),
+        Box::new(TimeAligned::match_o(reference.clone(), weights).unwrap()),
+        Box::new(TimeAligned::match_s(reference.clone(), Weights::PRIVILEGED, None).unwrap()),
     ];
     for cost in &costs {
         let whole = both(cost.as_ref(), [None; 3]);

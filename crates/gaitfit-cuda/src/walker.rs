@@ -4,6 +4,9 @@ use gaitfit_policy::observation::Layout;
 use gaitfit_policy::walker::{TOUCH, Walker};
 use gaitfit_policy::{HistoryStart, Quantity, frames, target};
 
+use crate::emit::Class;
+use crate::physics::Period;
+use crate::ppo::{Array, Kind};
 use crate::traced::function;
 use crate::words::{Words, double, single};
 
@@ -13,6 +16,22 @@ pub(crate) type Observed<'a> = (&'a Layout, &'a dyn Fn(Quantity) -> f32);
 /// Numbers of a row that are kept from step to step: none without past frames.
 pub(crate) fn kept(layout: &Layout) -> usize {
     if layout.frames() > 1 { layout.width() } else { 0 }
+}
+
+/// The physics' arrays for `tiles` tiles, and the class of numbers that each holds.
+pub(crate) fn physics_arrays(period: &Period, tiles: usize) -> [(Class, Array); 6] {
+    [
+        ("robot_state", Class::State),
+        ("robot_params", Class::Params),
+        ("robot_targets", Class::Targets),
+        ("robot_memory", Class::Memory),
+        ("robot_report", Class::Report),
+        ("robot_disturbance", Class::Disturbance),
+    ]
+    .map(|(name, class)| {
+        let times = if class == Class::Disturbance { period.substeps() } else { 1 };
+        (class, Array { name, kind: Kind::F32, length: times * tiles * period.layout().size(class) })
+    })
 }
 
 impl Words {

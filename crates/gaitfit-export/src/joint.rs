@@ -56,7 +56,7 @@ impl JointNumbers {
 pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains>) -> Vec<JointNumbers> {
     let robot = &candidate.robot;
     let numbers = |(j, joint): (usize, &gaitfit_model::Joint)| {
-        let (own, rest) = (joint.stiffness, joint.springref);
+        let (stiffness, rest) = (joint.stiffness, joint.springref);
         let scale = robot.torque_scale[j];
         let (kp_factor, kd_factor) = (scale * robot.kp_scale[j], scale * robot.kd_scale[j]);
         let (kp, kd) = gains.map_or((0.0, 0.0), |gains| (kp_factor * gains.kp[j], kd_factor * gains.kd[j]));
@@ -67,8 +67,8 @@ pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains
             frictionloss: robot.frictionloss[j],
             stiction: robot.stiction[j],
             load_friction: robot.load_friction[j],
-            stiffness: own + robot.stiffness[j],
-            spring_torque: own * rest + robot.spring_torque[j],
+            stiffness: stiffness + robot.stiffness[j],
+            spring_torque: stiffness * rest + robot.spring_torque[j],
             kp,
             kd,
             kp_factor,

@@ -250,14 +250,8 @@ impl<S: OnGpu> Simulator for GpuSimulator<S> {
     }
 
     /// The CPU computes derivatives.
-    fn differentiate(
-        &self,
-        theta: &Theta,
-        candidate: &Rollout,
-        consume: &Consume<'_>,
-        cancel: &Cancel<'_>,
-    ) -> Result<bool, SimulatorError> {
-        self.host.differentiate(theta, candidate, consume, cancel)
+    fn inner(&self) -> Option<&dyn Simulator> {
+        Some(&self.host)
     }
 
     fn costs(
@@ -312,7 +306,7 @@ impl<S: OnGpu> Simulator for GpuSimulator<S> {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use gaitfit_adapt::cost::{MatchO, MatchS, Recorded, Wass, Weights, sort_f32, wasserstein1};
+    use gaitfit_adapt::cost::{Recorded, TimeAligned, Wass, Weights, sort_f32, wasserstein1};
 
     const LENGTHS: [usize; 2] = [30, 24];
     const JOINTS: usize = 2;
@@ -371,8 +365,8 @@ mod tests {
         let weights = Weights::from_reference(&reference);
         let costs: [Box<dyn Cost>; 3] = [
             Box::new(Wass::new(reference.clone(), weights).unwrap()),
-            Box::new(MatchO::new(reference.clone(), weights).unwrap()),
-            Box::new(MatchS::new(reference.clone(), Weights::PRIVILEGED, None).unwrap()),
+            Box::new(TimeAligned::match_o(reference.clone(), weights).unwrap()),
+            Box::new(TimeAligned::match_s(reference.clone(), Weights::PRIVILEGED, None).unwrap()),
         ];
         for cost in &costs {
             for (ends, falls) in [(LENGTHS, 0), ([17, 24], 1), ([30, 1], 1)] {

@@ -211,7 +211,6 @@ impl Choice {
 /// A joint group: its name and the indices of its joints.
 type Named = (String, Vec<usize>);
 
-/// A solution of all groups, and its variances.
 /// The groups of joints whose swings with more clearance than `above` determine them.
 fn groups<'a>(
     windows: &'a [Window],
@@ -236,6 +235,7 @@ fn groups<'a>(
     (names, groups)
 }
 
+/// A solution of all groups, and its variances.
 #[derive(Clone)]
 struct Fit {
     names: Vec<Named>,

@@ -1,7 +1,6 @@
 //! What several pages show and results keep: settings, links, doubts, estimates and drift.
 
-use crate::nullable;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// Why no page came out.
 #[derive(Debug, thiserror::Error)]
@@ -12,7 +11,7 @@ pub enum ReportError {
 }
 
 /// A name and what it was set to.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Setting {
     /// Name, dotted as in the configuration file.
     pub name: String,
@@ -21,8 +20,7 @@ pub struct Setting {
 }
 
 /// A file to look at.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Link {
     /// What it says.
     pub text: String,
@@ -160,11 +158,16 @@ impl DoubtKind {
 #[serde(default)]
 pub struct Estimate {
     /// The mean.
-    #[serde(with = "nullable::scalar")]
+    #[serde(deserialize_with = "null_is_nan")]
     pub mean: f64,
     /// Half-width of the mean's 95 % confidence interval.
-    #[serde(with = "nullable::scalar")]
+    #[serde(deserialize_with = "null_is_nan")]
     pub ci95: f64,
+}
+
+/// JSON has `null` for NaN, which `serde_json` writes and does not read back.
+fn null_is_nan<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))
 }
 
 impl Default for Estimate {
@@ -174,23 +177,19 @@ impl Default for Estimate {
 }
 
 /// Stand, one constant command, stand: where the robot ends, compared with where the command leads.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Drift {
     /// The command in words, e.g. `+x 0.5 m/s`.
     pub name: String,
     /// Forward and left (m/s), yaw rate (rad/s).
-    #[serde(with = "nullable::array")]
     pub command: [f64; 3],
     /// Trials averaged.
     pub trials: u32,
     /// Trials that ended in a fall.
     pub falls: u32,
     /// Mean final error in x (m), y (m), yaw (rad), in the frame of the start.
-    #[serde(with = "nullable::array")]
     pub error: [f64; 3],
     /// Half the width of the 95 % interval of each mean; NaN with one trial.
-    #[serde(with = "nullable::array")]
     pub ci95: [f64; 3],
     /// Base positions x, y of one trial over time, m, in the frame of the start.
     pub path: Vec<[f64; 2]>,

@@ -7,9 +7,9 @@
 //! [`SideBySide`], [`RunsReport`]) and get text
 //! back; writing it to disk is theirs. All drawing is done with the kit in [`chart`].
 //!
-//! Conventions of all data: an unknown number is NaN (shown as "–", written to JSON as `null`); an empty list or `None`
-//! leaves its section out. Names are untrusted, because they come from files: pages escape them and leave out control
-//! characters. Every list that speaks of joints carries their names.
+//! Conventions of all data: an unknown number is NaN (shown as "–"); an empty list or `None` leaves its section out.
+//! Names are untrusted, because they come from files: pages escape them and leave out control characters. Every list
+//! that speaks of joints carries their names.
 
 #[cfg(feature = "pages")]
 pub mod chart;
@@ -26,7 +26,6 @@ pub mod gait;
 pub mod log_picture;
 #[cfg(feature = "pages")]
 pub mod loop_report;
-mod nullable;
 #[cfg(feature = "pages")]
 mod page;
 pub mod replay;

@@ -273,23 +273,3 @@ fn histograms_count_every_sample_once() {
     assert!(Histogram::from_samples(&[f64::NAN], 10).counts.is_empty());
     assert_eq!(Histogram::from_samples(&[2.0; 7], 0).counts, [7]);
 }
-
-#[test]
-fn data_survive_json_with_their_unknowns() {
-    let mut report = invented::training(1, 3);
-    report.seeds[0].progress[0].values[1] = f64::NAN;
-    report.seeds[0].result.reward = f64::NAN;
-    let json = serde_json::to_string(&report).unwrap();
-    let back: TrainingReport = serde_json::from_str(&json).unwrap();
-    assert!(back.seeds[0].progress[0].values[1].is_nan() && back.seeds[0].result.reward.is_nan());
-    assert_eq!(serde_json::to_string(&back).unwrap(), json);
-
-    let mut report = invented::evaluation(10);
-    report.drift[0].error[1] = f64::NAN;
-    let json = serde_json::to_string(&report).unwrap();
-    let back: EvaluationReport = serde_json::from_str(&json).unwrap();
-    assert!(back.drift[0].error[1].is_nan());
-    assert_eq!(serde_json::to_string(&back).unwrap(), json);
-    let wrong = serde_json::from_str::<EvaluationReport>(r#"{"drift": [{"error": [1, 2]}]}"#);
-    assert!(wrong.unwrap_err().to_string().contains("length 2"));
-}

@@ -1,6 +1,6 @@
 //! Costs by name.
 
-use super::{Cost, CostError, MatchO, MatchR, MatchS, Reference, Wass, Weights};
+use super::{Cost, CostError, MatchR, Reference, TimeAligned, Wass, Weights};
 use crate::{Resets, Simulator};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -15,9 +15,9 @@ use std::sync::Arc;
 pub enum CostKind {
     /// [`Wass`].
     Wass,
-    /// [`MatchO`].
+    /// [`TimeAligned::match_o`].
     MatchO,
-    /// [`MatchS`], with the samples between resets.
+    /// [`TimeAligned::match_s`], with the samples between resets.
     MatchS(Option<NonZeroUsize>),
     /// [`MatchR`], with the samples between readings.
     MatchR(NonZeroUsize),
@@ -44,8 +44,8 @@ impl CostKind {
         let (reference, shared) = (Arc::clone(reference), Weights::shared(reference, simulator));
         Ok(match self {
             Self::Wass => Box::new(Wass::new(reference, shared)?),
-            Self::MatchO => Box::new(MatchO::new(reference, shared)?),
-            Self::MatchS(horizon) => Box::new(MatchS::new(reference, Weights::PRIVILEGED, horizon)?),
+            Self::MatchO => Box::new(TimeAligned::match_o(reference, shared)?),
+            Self::MatchS(horizon) => Box::new(TimeAligned::match_s(reference, Weights::PRIVILEGED, horizon)?),
             Self::MatchR(horizon) => Box::new(MatchR::new(reference, horizon)?),
         })
     }

@@ -87,7 +87,7 @@ impl Weights {
     /// Joint position and velocity.
     pub const JOINTS: Self = Self { velocity: 1.0, ..Self::POSITION };
 
-    /// Joint position and velocity, base position and velocity: what [`super::MatchS`] compares.
+    /// Joint position and velocity, base position and velocity: what [`super::TimeAligned::match_s`] compares.
     pub const PRIVILEGED: Self = Self { base_position: 1.0, base_velocity: 1.0, ..Self::JOINTS };
 
     /// Weight 1 for every joint signal that `reference` has: Wass and MatchO as the paper defines them.

@@ -85,10 +85,10 @@ impl Crossing {
         for (index, node) in program.nodes.iter().enumerate() {
             let set = self.merged.contains(&(index as u32));
             for (k, &operand) in node.operands().iter().enumerate() {
-                let own = if set && k == 1 { operand as usize } else { index };
+                let user = if set && k == 1 { operand as usize } else { index };
                 // A sign is written where its operand is used.
                 if node.op != Op::Neg {
-                    used.push((program.bare(operand).0, program.home[own], index as u32));
+                    used.push((program.bare(operand).0, program.home[user], index as u32));
                 }
             }
         }
@@ -104,7 +104,7 @@ impl Crossing {
                 .flat_map(|&(first, next)| [program.bare(first).0, program.bare(next).0])
                 .collect();
             for (place, &(first, next)) in carried.iter().enumerate() {
-                let own = |op: Op| {
+                let is_handed = |op: Op| {
                     matches!(op, Op::Variable(of, at) | Op::Result(of, at)
                         if (of, at) == (index as u32, place as u32))
                 };
@@ -112,11 +112,12 @@ impl Crossing {
                 let (Some(end), true) = (home(next), guarded(program, home(first))) else { continue };
                 let end = program.regions[end as usize].nodes.end;
                 let mut fits = guarded(program, home(next));
-                for &(node, from, by) in uses.iter().filter(|one| own(program.nodes[one.0 as usize].op)) {
+                for &(node, from, by) in uses.iter().filter(|one| is_handed(program.nodes[one.0 as usize].op))
+                {
                     let late = by >= end && matches!(program.nodes[node as usize].op, Op::Variable(..));
                     fits &= guarded(program, from) && !late;
                 }
-                let handed = |node: &u32| own(program.nodes[*node as usize].op);
+                let handed = |node: &u32| is_handed(program.nodes[*node as usize].op);
                 fits &= !others.iter().any(handed);
                 fits &= !program.outputs.iter().any(|&output| handed(&program.bare(output).0));
                 if fits {

@@ -86,11 +86,6 @@ impl Lanes {
         }
         result
     }
-
-    /// The lanes of a number that a loop hands on.
-    pub fn of_carried(&self, region: u32, place: u32) -> u8 {
-        self.carried.get(&(region, place)).copied().unwrap_or(0)
-    }
 }
 
 fn name(op: Op) -> &'static str {

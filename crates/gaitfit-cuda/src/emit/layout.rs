@@ -166,12 +166,12 @@ impl Layout {
 
     /// Where in its tile a number of the tile's environment `environment` lies; weights have none.
     pub fn offset(&self, place: Place, environment: usize) -> usize {
-        let own = self.slots(place.class).own;
+        let lanes_slots = self.slots(place.class).own;
         match (place.class, place.lane) {
             (Class::Weights, Some(lane)) => place.slot * self.lanes + lane,
-            (Class::Weights, None) => own * self.lanes + place.slot,
+            (Class::Weights, None) => lanes_slots * self.lanes + place.slot,
             (_, Some(lane)) => place.slot * TILE + environment * self.lanes + lane,
-            (_, None) => own * TILE + place.slot * self.environments() + environment,
+            (_, None) => lanes_slots * TILE + place.slot * self.environments() + environment,
         }
     }
 }

@@ -254,7 +254,7 @@ impl Planner<'_> {
     /// Lane sums of a chain that ends with `root`.
     fn reduction(&mut self, item: u32, root: u32) -> Result<(), EmitError> {
         let kind = self.chains.kind(root).ok_or(EmitError::Unlike)?;
-        let mut own: Vec<Vec<Term>> = vec![Vec::new(); self.count];
+        let mut per_lane: Vec<Vec<Term>> = vec![Vec::new(); self.count];
         let mut shared = Vec::new();
         for term in self.chains.terms(root)? {
             let zero = self.source.nodes[term.a as usize].op == Op::Constant(0);
@@ -266,16 +266,17 @@ impl Planner<'_> {
             mask |= term.gate.map_or(0, |(guard, _)| self.lanes.mask[guard as usize]);
             match mask.count_ones() {
                 0 => shared.push(vec![term; self.count]),
-                1 => own[mask.trailing_zeros() as usize].push(term),
+                1 => per_lane[mask.trailing_zeros() as usize].push(term),
                 _ => return Err(EmitError::Mixes("a product")),
             }
         }
-        let length = own[0].len();
-        if own.iter().any(|terms| terms.len() != length) {
+        let length = per_lane[0].len();
+        if per_lane.iter().any(|terms| terms.len() != length) {
             return Err(EmitError::Unlike);
         }
-        let own: Vec<Vec<Term>> = (0..length).map(|k| own.iter().map(|terms| terms[k]).collect()).collect();
-        let part = self.chain(kind, own)?.ok_or(EmitError::Unlike)?;
+        let per_place: Vec<Vec<Term>> =
+            (0..length).map(|k| per_lane.iter().map(|terms| terms[k]).collect()).collect();
+        let part = self.chain(kind, per_place)?.ok_or(EmitError::Unlike)?;
         let all = self.chain(kind, shared)?;
         let op = match kind {
             Kind::Sum => Op::LaneSum,

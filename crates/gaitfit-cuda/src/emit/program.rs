@@ -90,15 +90,15 @@ impl Draft {
         // Guards by the recording's node in lane 0.
         let mut guards = HashMap::new();
         for item in order {
-            let own = plan.items[item as usize];
-            nodes.current = source.home[own.place.0 as usize];
+            let planned = plan.items[item as usize];
+            nodes.current = source.home[planned.place.0 as usize];
             let mut args = [0; 4];
-            for k in 0..own.op.arity() {
-                args[k] = made[own.args[k] as usize].ok_or(EmitError::Order)?;
+            for k in 0..planned.op.arity() {
+                args[k] = made[planned.args[k] as usize].ok_or(EmitError::Order)?;
             }
-            let node = nodes.make(own.op, args);
-            if own.op == Op::Unless {
-                guards.insert(own.place.0, node);
+            let node = nodes.make(planned.op, args);
+            if planned.op == Op::Unless {
+                guards.insert(planned.place.0, node);
             }
             made[item as usize] = Some(node);
         }

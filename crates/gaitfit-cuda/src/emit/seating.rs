@@ -25,9 +25,13 @@ pub struct Seating {
 impl Seating {
     /// Everything in one thread.
     pub fn alone(outline: &[LinkOutline]) -> Self {
-        let own = |twin| Place { lane: None, twin };
+        let in_all = |twin| Place { lane: None, twin };
         let pairs = outline.iter().map(|link| link.pairs.end).max().unwrap_or(0);
-        Self { lanes: 1, links: (0..outline.len()).map(own).collect(), pairs: (0..pairs).map(own).collect() }
+        Self {
+            lanes: 1,
+            links: (0..outline.len()).map(in_all).collect(),
+            pairs: (0..pairs).map(in_all).collect(),
+        }
     }
 
     /// Limbs shared among `lanes` threads, two or four; `None` if the robot has no limbs to share.

@@ -81,10 +81,10 @@ impl Source {
                 }
             };
             let kept = guard.is_some() || turns.is_some();
-            let own = if kept { index as u32 } else { parent };
-            stands_for.push(own);
+            let region_id = if kept { index as u32 } else { parent };
+            stands_for.push(region_id);
             if kept {
-                home[region.nodes.start as usize..region.nodes.end as usize].fill(own);
+                home[region.nodes.start as usize..region.nodes.end as usize].fill(region_id);
             }
             regions.push(SourceRegion { guard, turns, parent });
         }

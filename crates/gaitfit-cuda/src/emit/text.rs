@@ -223,9 +223,9 @@ impl<'a> Writer<'a> {
             (Class::Disturbance, "disturbance"),
         ] {
             let kind = if self.written(class) { "float" } else { "const float" };
-            let (own, size) = (self.layout.slots(class).own, self.layout.size(class));
+            let (slots, size) = (self.layout.slots(class).own, self.layout.size(class));
             if size > 0 {
-                self.line(&format!("PLACE({kind}, {}, {base}, {own}, {size})", class.letter()));
+                self.line(&format!("PLACE({kind}, {}, {base}, {slots}, {size})", class.letter()));
             }
         }
         let size = self.layout.size(Class::Weights);

@@ -7,7 +7,7 @@ use super::text::{program, widest};
 use crate::emit::Class;
 use crate::ppo::{Array, Id, Kind, Launch, Value};
 use crate::runtime::{Program, Shape};
-use crate::walker::kept;
+use crate::walker::{kept, physics_arrays};
 use gaitfit_sim::IMU_NUMBERS;
 
 /// Threads of a block, where each has an environment.
@@ -68,25 +68,11 @@ impl Plan {
         let environments = sizes.environments();
         let places = sizes.tiles * scene.period.layout().environments();
         let joints = scene.joints();
-        let mut arrays = Vec::new();
-        let mut physics = Vec::new();
-        for (name, class) in [
-            ("robot_state", Class::State),
-            ("robot_params", Class::Params),
-            ("robot_targets", Class::Targets),
-            ("robot_memory", Class::Memory),
-            ("robot_report", Class::Report),
-            ("robot_disturbance", Class::Disturbance),
-        ] {
-            let times = if class == Class::Disturbance { scene.period.substeps() } else { 1 };
-            arrays.push(Array {
-                name,
-                kind: Kind::F32,
-                length: times * sizes.tiles * scene.period.layout().size(class),
-            });
-            physics.push(Some(class));
-        }
-        let mut own = vec![
+        let (mut physics, mut arrays): (Vec<_>, Vec<_>) = physics_arrays(scene.period, sizes.tiles)
+            .into_iter()
+            .map(|(class, array)| (Some(class), array))
+            .unzip();
+        let mut others = vec![
             ("numbers", Kind::F32, sizes.candidates * scene.params.len()),
             ("factors", Kind::F64, sizes.candidates * 3 * joints),
             ("every", Kind::U32, sizes.candidates),
@@ -96,23 +82,23 @@ impl Plan {
             ("imus", Kind::F32, IMU_NUMBERS * sizes.candidates),
             ("lengths", Kind::U32, sizes.recordings),
         ];
-        own.extend(tables.singles.iter().map(|(name, numbers)| (*name, Kind::F32, numbers.len())));
-        own.extend(tables.doubles.iter().map(|(name, numbers)| (*name, Kind::F64, numbers.len())));
+        others.extend(tables.singles.iter().map(|(name, numbers)| (*name, Kind::F32, numbers.len())));
+        others.extend(tables.doubles.iter().map(|(name, numbers)| (*name, Kind::F64, numbers.len())));
         let block = match scene.subject {
             Subject::Walk(walker, policy) => {
-                own.push(("last_action", Kind::F32, places * walker.joints.len()));
-                own.push(("past", Kind::F32, places * kept(&walker.observation)));
+                others.push(("last_action", Kind::F32, places * walker.joints.len()));
+                others.push(("past", Kind::F32, places * kept(&walker.observation)));
                 // No replay: these are not looked at.
-                own.push(("gains", Kind::F64, 0));
+                others.push(("gains", Kind::F64, 0));
                 // Of layers of 128 numbers no thread is idle.
                 let threads = (sizes.rows / sizes.group.max(1)).clamp(1, 4) as u32 * THREADS_OF_GROUP;
                 Some((threads, u32::try_from(8 * widest(policy) * sizes.rows).unwrap_or(u32::MAX)))
             }
             Subject::Replay(_) => None,
         };
-        own.push(("signals", Kind::F32, environments * sizes.samples * scene.subject.dimensions()));
-        own.push(("ends", Kind::U32, environments));
-        for (name, kind, length) in own {
+        others.push(("signals", Kind::F32, environments * sizes.samples * scene.subject.dimensions()));
+        others.push(("ends", Kind::U32, environments));
+        for (name, kind, length) in others {
             arrays.push(Array { name, kind, length });
             physics.push(None);
         }

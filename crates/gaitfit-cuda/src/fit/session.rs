@@ -12,8 +12,8 @@ use super::{FitError, Numbers};
 use crate::costs::{self, Comparison};
 use crate::emit::Class;
 use crate::physics::{Batch, Period};
-use crate::ppo::{Id, Launch, Storage, Stored, Value};
-use crate::runtime::{Argument, Buffer, CudaError, Device, Graph, Kernel, Stream};
+use crate::ppo::{Id, Launch, Storage, Stored};
+use crate::runtime::{Buffer, CudaError, Device, Graph, Kernel, Stream};
 
 /// Most samples of which the steps are one graph; more are started one by one.
 const MAX_RECORDED: usize = 16_384;
@@ -116,11 +116,7 @@ impl Session {
         let parts: Vec<(&str, u64)> = owned.map(|(array, _)| (array.name, array.bytes())).collect();
         device.check_room(&parts)?;
         let module = device.load(&plan.program)?;
-        let kernels = plan
-            .kernels()
-            .into_iter()
-            .map(|name| Ok((name, module.kernel(name)?)))
-            .collect::<Result<_, CudaError>>()?;
+        let kernels = module.kernels(plan.kernels())?;
         let own = plan
             .arrays
             .iter()
@@ -238,23 +234,10 @@ impl Session {
     }
 
     fn launch(&self, stream: &Stream, launch: &Launch) -> Result<(), CudaError> {
-        let missing =
-            |reason: &str| CudaError::Launch { kernel: launch.kernel.into(), reason: reason.into() };
-        let arguments = launch.arguments.iter().map(|value| -> Result<Argument, CudaError> {
-            let Id(number) = match *value {
-                Value::Array(id) => id,
-                Value::U32(word) => return Ok(word.into()),
-                Value::F32(number) => return Ok(number.into()),
-            };
-            match self.plan.physics[number] {
-                Some(class) => Ok(self.batch.numbers(class)),
-                None => self.own[number].as_ref().map(Storage::argument).ok_or_else(|| missing("no array")),
-            }
-        });
-        let arguments = arguments.collect::<Result<Vec<_>, _>>()?;
-        let kernel = self.kernels.iter().find(|(name, _)| *name == launch.kernel);
-        let (_, kernel) = kernel.ok_or_else(|| missing("the plan does not have it"))?;
-        kernel.launch(stream, launch.shape, &arguments)
+        launch.start(stream, &self.kernels, |number| match self.plan.physics[number] {
+            Some(class) => Some(self.batch.numbers(class)),
+            None => self.own[number].as_ref().map(Storage::argument),
+        })
     }
 
     fn results(&self) -> Option<(&Buffer<f32>, &Buffer<u32>)> {

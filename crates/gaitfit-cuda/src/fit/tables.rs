@@ -103,8 +103,8 @@ impl Tables {
         let mut logged = vec![0.0; recordings.len() * samples * joints];
         let (mut velocities, mut gains) = (Vec::new(), Vec::new());
         for (number, one) in recordings.iter().enumerate() {
-            let own = &mut logged[number * samples * joints..];
-            for (to, &target) in own.iter_mut().zip(&one.target) {
+            let targets = &mut logged[number * samples * joints..];
+            for (to, &target) in targets.iter_mut().zip(&one.target) {
                 *to = target as f32;
             }
             velocities.extend(one.dq0.iter().map(|&velocity| velocity as f32));

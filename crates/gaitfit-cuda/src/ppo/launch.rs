@@ -1,6 +1,6 @@
 //! What a plan is made of.
 
-use crate::runtime::Shape;
+use crate::runtime::{Argument, CudaError, Kernel, Shape, Stream};
 
 /// Which of the equal parts of a training's robots a GPU has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,4 +112,25 @@ pub struct Launch {
     pub shape: Shape,
     /// Arguments in order.
     pub arguments: Vec<Value>,
+}
+
+impl Launch {
+    /// Starts it with the kernel of its name; `array` gives the argument for the array of a number.
+    pub(crate) fn start(
+        &self,
+        stream: &Stream,
+        kernels: &[(&'static str, Kernel)],
+        array: impl Fn(usize) -> Option<Argument>,
+    ) -> Result<(), CudaError> {
+        let missing = |reason: &str| CudaError::Launch { kernel: self.kernel.into(), reason: reason.into() };
+        let argument = |value: &Value| match *value {
+            Value::Array(Id(number)) => array(number).ok_or_else(|| missing("an array of it is missing")),
+            Value::U32(word) => Ok(word.into()),
+            Value::F32(number) => Ok(number.into()),
+        };
+        let arguments = self.arguments.iter().map(argument).collect::<Result<Vec<_>, _>>()?;
+        let kernel = kernels.iter().find(|(name, _)| *name == self.kernel);
+        let (_, kernel) = kernel.ok_or_else(|| missing("the plan does not have it"))?;
+        kernel.launch(stream, self.shape, &arguments)
+    }
 }

@@ -5,7 +5,7 @@ use super::text::program;
 use crate::emit::Class;
 use crate::ppo::{Array, Id, Kind, Launch, Value};
 use crate::runtime::{Program, Shape};
-use crate::walker::kept;
+use crate::walker::{kept, physics_arrays};
 use gaitfit_learn::task::{Foot, Interval};
 use gaitfit_sim::IMU_NUMBERS;
 
@@ -89,20 +89,10 @@ impl Plan {
         let only = |mode: Mode, length: usize| if scene.is(mode) { length } else { 0 };
         // Steps one by one have no learner: what would be its arrays is their own.
         let (own, learner) = (Home::Own, if stepwise { Home::Own } else { Home::Caller });
-        let mut arrays = Vec::new();
-        let mut homes = Vec::new();
-        for (name, class) in [
-            ("robot_state", Class::State),
-            ("robot_params", Class::Params),
-            ("robot_targets", Class::Targets),
-            ("robot_memory", Class::Memory),
-            ("robot_report", Class::Report),
-            ("robot_disturbance", Class::Disturbance),
-        ] {
-            let times = if class == Class::Disturbance { scene.period.substeps() } else { 1 };
-            arrays.push(Array { name, kind: Kind::F32, length: times * tiles * scene.size(class) });
-            homes.push(Home::Physics(class));
-        }
+        let (mut homes, mut arrays): (Vec<_>, Vec<_>) = physics_arrays(scene.period, tiles)
+            .into_iter()
+            .map(|(class, array)| (Home::Physics(class), array))
+            .unzip();
         for (name, home, kind, length) in [
             ("observation", learner, Kind::F32, rows * observation),
             ("critic_observation", learner, Kind::F32, rows * critic),

@@ -10,7 +10,7 @@ use super::scene::{Scene, Sizes};
 use super::{Packed, RolloutError, imu_rows};
 use crate::emit::Class;
 use crate::physics::{self, Batch, Period};
-use crate::ppo::{Id, Launch, Learner, Storage, Stored, Value};
+use crate::ppo::{Id, Launch, Learner, Storage, Stored};
 use crate::runtime::{Argument, CudaError, Device, Kernel, Stream};
 
 /// A task's environments in a GPU's memory.
@@ -48,11 +48,7 @@ impl<'a> Rollout<'a> {
         let parts: Vec<(&str, u64)> = owned.map(|(array, _)| (array.name, array.bytes())).collect();
         device.check_room(&parts)?;
         let module = device.load(&plan.program)?;
-        let kernels = plan
-            .kernels()
-            .into_iter()
-            .map(|name| Ok((name, module.kernel(name)?)))
-            .collect::<Result<_, CudaError>>()?;
+        let kernels = module.kernels(plan.kernels())?;
         let mut batch = Batch::new(device, &period, sizes.environments, 1)?;
         if let Some(candidate) = candidates.first().filter(|candidate| !candidate.networks.is_empty()) {
             let weights =
@@ -341,24 +337,10 @@ impl<'a> Rollout<'a> {
         caller: &dyn Fn(&str) -> Option<Argument>,
         launch: &Launch,
     ) -> Result<(), CudaError> {
-        let missing =
-            |reason: &str| CudaError::Launch { kernel: launch.kernel.into(), reason: reason.into() };
-        let arguments = launch.arguments.iter().map(|value| -> Result<Argument, CudaError> {
-            let Id(number) = match *value {
-                Value::Array(id) => id,
-                Value::U32(word) => return Ok(word.into()),
-                Value::F32(number) => return Ok(number.into()),
-            };
-            let found = match self.plan.homes[number] {
-                Home::Own => self.own[number].as_ref().map(|storage| storage.argument()),
-                Home::Physics(class) => Some(self.batch.numbers(class)),
-                Home::Caller => caller(self.plan.arrays[number].name),
-            };
-            found.ok_or_else(|| missing("an array of it is missing"))
-        });
-        let arguments = arguments.collect::<Result<Vec<_>, _>>()?;
-        let kernel = self.kernels.iter().find(|(name, _)| *name == launch.kernel);
-        let (_, kernel) = kernel.ok_or_else(|| missing("the plan does not have it"))?;
-        kernel.launch(stream, launch.shape, &arguments)
+        launch.start(stream, &self.kernels, |number| match self.plan.homes[number] {
+            Home::Own => self.own[number].as_ref().map(|storage| storage.argument()),
+            Home::Physics(class) => Some(self.batch.numbers(class)),
+            Home::Caller => caller(self.plan.arrays[number].name),
+        })
     }
 }

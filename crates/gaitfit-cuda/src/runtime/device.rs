@@ -168,32 +168,32 @@ impl Device {
     /// # Errors
     /// [`CudaError::Call`].
     pub fn reach(&self, other: &Self) -> Result<bool, CudaError> {
-        let (own, far) = (&self.context, &other.context);
-        if own.info.ordinal == far.info.ordinal {
+        let (near, far) = (&self.context, &other.context);
+        if near.info.ordinal == far.info.ordinal {
             return Ok(true);
         }
-        own.enter()?;
-        let doing = || format!("asking whether GPU {} reaches GPU {}", own.info.ordinal, far.info.ordinal);
+        near.enter()?;
+        let doing = || format!("asking whether GPU {} reaches GPU {}", near.info.ordinal, far.info.ordinal);
         let mut devices = [0; 2];
-        for (device, context) in devices.iter_mut().zip([own, far]) {
+        for (device, context) in devices.iter_mut().zip([near, far]) {
             // SAFETY: the driver stores one int; the number is that of an opened GPU.
-            let code = unsafe { (own.driver.device_get)(device, context.info.ordinal as c_int) };
-            own.driver.check(code, doing)?;
+            let code = unsafe { (near.driver.device_get)(device, context.info.ordinal as c_int) };
+            near.driver.check(code, doing)?;
         }
         let mut reached = 0;
         // SAFETY: the driver stores one int.
-        let code = unsafe { (own.driver.can_reach)(&raw mut reached, devices[0], devices[1]) };
-        own.driver.check(code, doing)?;
+        let code = unsafe { (near.driver.can_reach)(&raw mut reached, devices[0], devices[1]) };
+        near.driver.check(code, doing)?;
         if reached == 0 {
             return Ok(false);
         }
         // SAFETY: both contexts are retained; the only flags are 0.
-        let code = unsafe { (own.driver.reach)(far.handle, 0) };
+        let code = unsafe { (near.driver.reach)(far.handle, 0) };
         if code == ALREADY_REACHED {
             return Ok(true);
         }
-        let doing = || format!("letting GPU {} read from GPU {}", own.info.ordinal, far.info.ordinal);
-        own.driver.check(code, doing).map(|()| true)
+        let doing = || format!("letting GPU {} read from GPU {}", near.info.ordinal, far.info.ordinal);
+        near.driver.check(code, doing).map(|()| true)
     }
 
     /// Waits until all work on it is done, that of other libraries of this process too.

@@ -211,14 +211,14 @@ impl<T: Number> Buffer<T> {
         }
         self.context.enter()?;
         let to = self.address + (first * size_of::<T>()) as u64;
-        let (own, far) = (self.context.handle, other.context.handle);
+        let (near, far) = (self.context.handle, other.context.handle);
         // SAFETY: both arrays have that many bytes from there on, each in its context's memory, and live at least until the
         // driver frees them, which waits for the GPU.
-        let code = if own == far {
+        let code = if near == far {
             unsafe { (self.context.driver.copy_within)(to, other.address, other.bytes(), stream.handle()) }
         } else {
             let driver = self.context.driver;
-            unsafe { (driver.copy_across)(to, own, other.address, far, other.bytes(), stream.handle()) }
+            unsafe { (driver.copy_across)(to, near, other.address, far, other.bytes(), stream.handle()) }
         };
         self.context.driver.check(code, || format!("copying `{}` to `{}`", other.name, self.name))
     }

@@ -12,7 +12,6 @@ use super::memory::{Buffer, Number};
 use super::stream::Stream;
 
 /// `CU_FUNC_ATTRIBUTE_…` of `cuda.h`.
-const SHARED_BYTES: c_int = 1;
 const LOCAL_BYTES: c_int = 3;
 const REGISTERS: c_int = 4;
 const MAX_DYNAMIC_SHARED: c_int = 8;
@@ -105,6 +104,14 @@ impl Module {
     /// Whether the program came from the cache.
     pub fn cached(&self) -> bool {
         self.loaded.cached
+    }
+
+    /// Kernels by their names, with these.
+    ///
+    /// # Errors
+    /// [`CudaError::NoKernel`].
+    pub fn kernels(&self, names: Vec<&'static str>) -> Result<Vec<(&'static str, Kernel)>, CudaError> {
+        names.into_iter().map(|name| Ok((name, self.kernel(name)?))).collect()
     }
 
     /// A kernel by its name, `extern "C" __global__` in the text.
@@ -233,14 +240,6 @@ impl Kernel {
     /// As [`Kernel::registers`].
     pub fn local_bytes(&self) -> Result<i32, CudaError> {
         self.attribute(LOCAL_BYTES)
-    }
-
-    /// Bytes of shared memory that the text declares.
-    ///
-    /// # Errors
-    /// As [`Kernel::registers`].
-    pub fn shared_bytes(&self) -> Result<i32, CudaError> {
-        self.attribute(SHARED_BYTES)
     }
 
     /// Blocks of this many threads and bytes of launched shared memory that one multiprocessor runs at once.

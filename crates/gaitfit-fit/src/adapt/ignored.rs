@@ -22,14 +22,14 @@ pub(super) fn ignored(setup: &Setup) -> Option<String> {
 
 /// Settings of CMA-ES that are not the defaults.
 fn changed(config: &AdaptConfig) -> Vec<&'static str> {
-    let (own, default) = (&config.optimizer, OptimizerConfig::default());
+    let (chosen, default) = (&config.optimizer, OptimizerConfig::default());
     let settings = [
-        ("optimizer.population", own.population != default.population),
-        ("optimizer.patience", own.patience != default.patience),
-        ("optimizer.restarts", own.restarts != default.restarts),
-        ("optimizer.covariance", own.covariance != default.covariance),
-        ("optimizer.bounds", own.bounds != default.bounds),
-        ("optimizer.random_numbers", own.random_numbers != default.random_numbers),
+        ("optimizer.population", chosen.population != default.population),
+        ("optimizer.patience", chosen.patience != default.patience),
+        ("optimizer.restarts", chosen.restarts != default.restarts),
+        ("optimizer.covariance", chosen.covariance != default.covariance),
+        ("optimizer.bounds", chosen.bounds != default.bounds),
+        ("optimizer.random_numbers", chosen.random_numbers != default.random_numbers),
         ("falls.penalty", config.falls.penalty.is_some()),
     ];
     settings.into_iter().filter_map(|(name, changed)| changed.then_some(name)).collect()

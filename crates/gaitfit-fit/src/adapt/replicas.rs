@@ -110,8 +110,8 @@ struct Robots<'a> {
 
 impl World for Robots<'_> {
     fn shares(&self, entry: &Entry) -> bool {
-        let (own, robot) = (self.setup.method.physics_step(), self.replicas.recorder.physics_step());
-        !entry.depends_on_step() || own.is_some_and(|own| (own / robot - 1.0).abs() < 1e-6)
+        let (fitted, robot) = (self.setup.method.physics_step(), self.replicas.recorder.physics_step());
+        !entry.depends_on_step() || fitted.is_some_and(|fitted| (fitted / robot - 1.0).abs() < 1e-6)
     }
 
     fn replicates(&self, values: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Replicate>, String> {

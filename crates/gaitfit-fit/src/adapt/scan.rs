@@ -75,13 +75,7 @@ impl Simulator for Scan<'_> {
         self.simulator.views(theta, views, rollouts, &notify, cancel)
     }
 
-    fn differentiate(
-        &self,
-        theta: &Theta,
-        candidate: &Rollout,
-        consume: &Consume<'_>,
-        cancel: &Cancel<'_>,
-    ) -> Result<bool, SimulatorError> {
-        self.simulator.differentiate(theta, candidate, consume, cancel)
+    fn inner(&self) -> Option<&dyn Simulator> {
+        Some(self.simulator)
     }
 }

@@ -91,12 +91,13 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, MessageError> {
             let bare = line.trim();
             (bare.len() >= 10 && bare.bytes().all(|byte| byte == b'=')).then_some((start, at))
         });
-        let (own, after) = end.map_or((rest, None), |(start, after)| (&rest[..start], Some(&rest[after..])));
+        let (definition, after) =
+            end.map_or((rest, None), |(start, after)| (&rest[..start], Some(&rest[after..])));
         if texts.len() >= MAX_TYPES {
             return Err(MessageError::DefinitionTypes);
         }
-        if !own.trim().is_empty() || !key.is_empty() {
-            texts.entry(std::mem::take(&mut key)).or_insert(own);
+        if !definition.trim().is_empty() || !key.is_empty() {
+            texts.entry(std::mem::take(&mut key)).or_insert(definition);
         }
         let Some(after) = after else { break };
         let (first, others) = after.split_once('\n').unwrap_or((after, ""));

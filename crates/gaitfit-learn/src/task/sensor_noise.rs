@@ -38,8 +38,8 @@ impl<'a> SensorNoise<'a> {
         if half <= 0.0 {
             return;
         }
-        let (own, rest) = self.words.split_at(values.len().div_ceil(4));
-        for (chunk, words) in values.chunks_mut(4).zip(own) {
+        let (drawn, rest) = self.words.split_at(values.len().div_ceil(4));
+        for (chunk, words) in values.chunks_mut(4).zip(drawn) {
             for (value, word) in chunk.iter_mut().zip(words) {
                 let uniform = (word >> 8) as f32 * (1.0 / (1 << 24) as f32);
                 *value += half * (2.0 * uniform - 1.0);

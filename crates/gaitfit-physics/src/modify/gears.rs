@@ -2,7 +2,7 @@
 
 use super::Modify;
 use crate::smooth::dry_friction;
-use crate::{Drive, Owner, Params, Real, Settings, Slot, State};
+use crate::{Drive, Owner, Params, Real, Settings, State};
 
 /// Numbers that a gear remembers: the link's angle, velocity and acceleration less the motor's.
 const MEMORY: usize = 3;
@@ -43,6 +43,7 @@ pub struct Engaged<T> {
     motor: [T; 2],
 }
 
+// Zeros at the start: links in the middle of their play.
 impl<K: Copy> Modify<K> for Gears {
     fn memory(&self) -> usize {
         MEMORY * self.joints
@@ -50,18 +51,6 @@ impl<K: Copy> Modify<K> for Gears {
 
     fn memory_owner(&self, place: usize) -> Owner {
         Owner::Joint(place / MEMORY)
-    }
-
-    fn settles_at_zero(&self) -> bool {
-        true
-    }
-
-    fn visit_weights_mut(&mut self, _visit: impl FnMut(Slot, &mut K)) {}
-
-    /// Links in the middle of their play.
-    #[inline(always)]
-    fn settle<T: Real<K = K>>(&self, _params: &Params<T>, _state: &State<T>, memory: &mut [T]) {
-        memory.fill(T::zero());
     }
 
     /// Before the solver: replaces the motors' motion in `state` by that of the links, and hands the gears' torques to

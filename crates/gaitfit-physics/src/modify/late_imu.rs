@@ -1,7 +1,7 @@
 //! What an inertial unit whose readings arrive late reads.
 
 use super::Modify;
-use crate::{Drive, Owner, Params, Real, Settings, Slot, State};
+use crate::{Drive, Owner, Params, Real, Settings, State};
 
 /// Numbers of a reading: orientation of the base (wxyz) and its angular velocity (rad/s, body frame).
 pub const IMU_READING: usize = 7;
@@ -35,6 +35,7 @@ fn share<T: Real>(settings: &Settings, params: &Params<T>, steps: T) -> T {
     (late + T::lit(1.0) - steps).clamp(T::zero(), T::lit(1.0))
 }
 
+// Zeros at the start: a robot that has stood still reads its state.
 impl<K: Copy> Modify<K> for LateImu {
     fn memory(&self) -> usize {
         IMU_PERIODS * PART
@@ -42,18 +43,6 @@ impl<K: Copy> Modify<K> for LateImu {
 
     fn memory_owner(&self, _place: usize) -> Owner {
         Owner::Base
-    }
-
-    fn settles_at_zero(&self) -> bool {
-        true
-    }
-
-    fn visit_weights_mut(&mut self, _visit: impl FnMut(Slot, &mut K)) {}
-
-    /// A robot that has stood still reads its state.
-    #[inline(always)]
-    fn settle<T: Real<K = K>>(&self, _params: &Params<T>, _state: &State<T>, memory: &mut [T]) {
-        memory.fill(T::zero());
     }
 
     /// The next reading becomes this one.

@@ -31,14 +31,17 @@ pub trait Modify<K: Copy> {
 
     /// Whether [`Modify::settle`] writes zeros. Otherwise it writes readings of joints' angles and velocities in turn.
     fn settles_at_zero(&self) -> bool {
-        false
+        true
     }
 
     /// Calls `visit` with every weight and its name, to change it.
-    fn visit_weights_mut(&mut self, visit: impl FnMut(Slot, &mut K));
+    fn visit_weights_mut(&mut self, _visit: impl FnMut(Slot, &mut K)) {}
 
     /// Writes the memory of a robot that has been in this state for long.
-    fn settle<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>, memory: &mut [T]);
+    #[inline(always)]
+    fn settle<T: Real<K = K>>(&self, _params: &Params<T>, _state: &State<T>, memory: &mut [T]) {
+        memory.fill(T::zero());
+    }
 
     /// May change the position targets about to be sent (rad, one a joint); once a control period, which has `_substeps`
     /// physics steps.

@@ -24,6 +24,10 @@ impl<K: Copy> Modify<K> for ResidAct<K> {
         self.0.get(place / PAST).map_or(Owner::Base, |network| Owner::Joint(network.joint))
     }
 
+    fn settles_at_zero(&self) -> bool {
+        false
+    }
+
     fn visit_weights_mut(&mut self, mut visit: impl FnMut(Slot, &mut K)) {
         for network in &mut self.0 {
             network.visit_weights_mut("resid_act", &mut visit);

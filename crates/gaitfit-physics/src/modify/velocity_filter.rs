@@ -1,7 +1,7 @@
 //! Joint velocities as slow sensors read them.
 
 use super::Modify;
-use crate::{Drive, Owner, Params, Real, Settings, Slot, State};
+use crate::{Drive, Owner, Params, Real, Settings, State};
 
 /// A first-order low-pass filter of all joint velocities, with the time constant [`RobotParams::velocity_lag`](crate::RobotParams), advanced at every
 /// physics step by backward Euler: f' = f + h / (lag + h) · (v' − f). Slow motions are read late by the time constant, whatever
@@ -22,6 +22,7 @@ fn velocity<T: Real>(settings: &Settings, state: &State<T>, joint: usize) -> T {
     if lead == 0.0 { state.qvel[joint] } else { T::lit(lead).fma(state.qacc[joint], state.qvel[joint]) }
 }
 
+// Zeros at the start: a robot that has moved evenly reads its velocity.
 impl<K: Copy> Modify<K> for VelocityFilter {
     fn memory(&self) -> usize {
         self.joints
@@ -29,18 +30,6 @@ impl<K: Copy> Modify<K> for VelocityFilter {
 
     fn memory_owner(&self, place: usize) -> Owner {
         Owner::Joint(place)
-    }
-
-    fn settles_at_zero(&self) -> bool {
-        true
-    }
-
-    fn visit_weights_mut(&mut self, _visit: impl FnMut(Slot, &mut K)) {}
-
-    /// A robot that has moved evenly reads its velocity.
-    #[inline(always)]
-    fn settle<T: Real<K = K>>(&self, _params: &Params<T>, _state: &State<T>, memory: &mut [T]) {
-        memory.fill(T::zero());
     }
 
     /// At the start of a step: f in the place of f − v.

@@ -180,7 +180,7 @@ pub fn fly(
     link: &mut dyn Link,
     turns: &mut dyn Turns,
     mut flight: Flight,
-    told: &mut dyn FnMut(Stage),
+    report: &mut dyn FnMut(Stage),
     stop: &dyn Fn() -> Option<Reason>,
 ) -> Result<Flown, RobotError> {
     let (mut first, mut stage) = (None, Stage::Idle);
@@ -214,7 +214,7 @@ pub fn fly(
         }
         if flight.stage() != stage {
             stage = flight.stage();
-            told(stage);
+            report(stage);
         }
         if flight.is_over(now) {
             return Ok(flight.flown());

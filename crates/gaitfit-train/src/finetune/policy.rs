@@ -21,16 +21,16 @@ pub fn read(path: &Path) -> Result<(Policy, String), Error> {
 /// Settles what the policy's networks decide.
 ///
 /// # Errors
-/// In words: networks asked for that are not the policy's.
-pub fn settle(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), String> {
+/// Networks asked for that are not the policy's.
+pub fn settle(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), Error> {
     let defaults = ppo::Settings::default();
     let kept = |name: &str, asked: &[usize], usual: &[usize], own: &[usize]| {
         if asked == own || asked == usual {
             return Ok(own.to_vec());
         }
-        Err(format!(
+        Err(Error::settings(format!(
             "`ppo.{name}` is {asked:?}, and the policy has {own:?}: fine-tuning keeps its networks, leave it out"
-        ))
+        )))
     };
     let actor = &policy.actor.shape;
     ppo.actor_hidden = kept("actor_hidden", &ppo.actor_hidden, &defaults.actor_hidden, &actor.hidden)?;
@@ -39,10 +39,10 @@ pub fn settle(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), String> {
         ppo.critic_hidden = kept("critic_hidden", &ppo.critic_hidden, &defaults.critic_hidden, existing)?;
     }
     if ppo.activation != defaults.activation && ppo.activation != actor.activation {
-        return Err(format!(
+        return Err(Error::settings(format!(
             "`ppo.activation` is {:?}, and the policy has {:?}: fine-tuning keeps its networks, leave it out",
             ppo.activation, actor.activation
-        ));
+        )));
     }
     ppo.activation = actor.activation;
     settle_memory(ppo, policy)?;
@@ -51,7 +51,7 @@ pub fn settle(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), String> {
 }
 
 /// The policy's memory counts; one of layers of several widths has no settings.
-fn settle_memory(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), String> {
+fn settle_memory(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), Error> {
     let words = |memory: &MemorySettings| {
         let MemorySettings { cell, width, layers } = *memory;
         format!("{layers} × {} of {width} units", cell.name())
@@ -66,11 +66,11 @@ fn settle_memory(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), String>
         (Some(asked), Some(kept)) if asked == kept => {}
         (Some(asked), kept) => {
             let kept = kept.as_ref().map_or_else(|| "none".to_owned(), words);
-            return Err(format!(
+            return Err(Error::settings(format!(
                 "`ppo.memory` is {}, and the policy has {kept}: fine-tuning keeps its networks, leave it out; \
                  a new policy with a memory is trained by `gaitfit train`",
                 words(&asked)
-            ));
+            )));
         }
     }
     ppo.memory = kept;

@@ -96,10 +96,15 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
     let robot_file =
         files.robot.as_deref().map(|path| robot_file::record(path, config.lenient)).transpose()?;
     let changed = !config.task.is_empty();
-    let (plan, settings, new_critic) = plan(&mut config, &arguments, &mut policy, run).map_err(&wrong)?;
+    let (plan, settings, new_critic) =
+        plan(&mut config, &arguments, &mut policy, run).map_err(|error| wrong(error.to_string()))?;
     let mut warnings: Vec<String> =
         plan.untrained().into_iter().chain(files.notes.clone()).chain(notes).collect();
-    let drawn = if config.randomise_theta { Some(files.draws().map_err(&wrong)?) } else { None };
+    let drawn = if config.randomise_theta {
+        Some(files.draws().map_err(|error| wrong(error.to_string()))?)
+    } else {
+        None
+    };
     let of_task = |error: Error| {
         // Settings of [task] lie upon those of the file.
         if changed && error.is_of_task() { wrong(error.to_string()) } else { arguments.of_task(error) }
@@ -138,13 +143,13 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
 /// decides.
 ///
 /// # Errors
-/// In words.
+/// Settings that do not fit the policy.
 fn plan(
     config: &mut FinetuneConfig,
     arguments: &WorldSettings,
     policy: &mut Policy,
     run: String,
-) -> Result<(Plan, TaskSettings, bool), String> {
+) -> Result<(Plan, TaskSettings, bool), Error> {
     let settings = task(arguments, policy, &mut config.task)?;
     policy::settle(&mut config.ppo, policy)?;
     let new_critic = policy.critic.is_none();
@@ -153,7 +158,9 @@ fn plan(
         policy.interface.critic_observation = settings.policy.critic_observation.clone();
     }
     if policy.interface.critic_observation.is_empty() {
-        return Err("neither policy nor task states what the critic observes (critic_observation)".to_owned());
+        return Err(Error::settings(
+            "neither policy nor task states what the critic observes (critic_observation)",
+        ));
     }
     let mut plan = Plan {
         name: run,
@@ -168,7 +175,7 @@ fn plan(
     };
     plan.check()?;
     // Seeds beyond TOML's numbers are refused by name before they are written.
-    plan.configuration = configuration(config).map_err(|error| error.to_string())?;
+    plan.configuration = configuration(config)?;
     Ok((plan, settings, new_critic))
 }
 
@@ -242,13 +249,11 @@ impl Found {
     /// The draws of the fit.
     ///
     /// # Errors
-    /// In words: that there is no fit.
-    fn draws(&self) -> Result<PathBuf, String> {
-        let theta = self.theta.as_deref().ok_or(
-            "`randomise_theta` takes draws of fitted parameters, and there are none: give `theta` (--theta), or set it \
-             to false",
-        )?;
-        Ok(draws::beside(theta))
+    /// There is no fit.
+    fn draws(&self) -> Result<PathBuf, Error> {
+        let missing = "`randomise_theta` takes draws of fitted parameters, and there are none: give `theta` (--theta), or \
+                       set it to false";
+        self.theta.as_deref().map(draws::beside).ok_or_else(|| Error::settings(missing))
     }
 
     fn all(&self) -> impl Iterator<Item = &Path> {
@@ -277,32 +282,32 @@ fn pinned(asked: &mut Option<String>, found: Option<&String>, path: &Path) -> Re
 /// The task: the policy's own or the one asked for, with the changes of the configuration, which becomes the whole.
 ///
 /// # Errors
-/// In words.
-fn task(arguments: &WorldSettings, policy: &Policy, changes: &mut Table) -> Result<TaskSettings, String> {
+/// Settings that do not fit the policy.
+fn task(arguments: &WorldSettings, policy: &Policy, changes: &mut Table) -> Result<TaskSettings, Error> {
     for (key, why) in
         [("base", "name the built-in task with --task"), ("policy", "the policy's own interface decides it")]
     {
         if changes.contains_key(key) {
-            return Err(format!("`task.{key}` cannot be set in fine-tuning: {why}"));
+            return Err(Error::settings(format!("`task.{key}` cannot be set in fine-tuning: {why}")));
         }
     }
     let control_dt = policy.interface.control_dt;
-    let mut settings = world::task(arguments, policy).map_err(|error| error.to_string())?;
+    let mut settings = world::task(arguments, policy)?;
     settings.control_dt = control_dt;
     // The policy knows the final commands: it begins with them, unless [task] says otherwise.
     settings.command.curriculum = None;
-    let whole = Table::try_from(&settings).map_err(|error| error.to_string())?;
+    let whole = Table::try_from(&settings).map_err(Error::failed)?;
     let mut whole = changed(whole, changes);
     let settings: TaskSettings = whole
         .clone()
         .try_into()
-        .map_err(|error| format!("[task] {}", tamed(error.to_string().trim_end(), 4000)))?;
+        .map_err(|error| Error::settings(format!("[task] {}", tamed(error.to_string().trim_end(), 4000))))?;
     if settings.control_dt != control_dt {
         let asked = settings.control_dt;
-        return Err(format!(
+        return Err(Error::settings(format!(
             "`task.control_dt` is {} s, and the policy acts every {control_dt} s: leave it out",
             shown_number(asked)
-        ));
+        )));
     }
     whole.remove("policy");
     *changes = whole;

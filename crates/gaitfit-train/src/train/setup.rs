@@ -98,7 +98,7 @@ pub fn setup(
         task: config.task.base.name().to_owned(),
         configuration: Table::new(),
     };
-    plan.check().map_err(|wrong| Error::settings(advice(path, &wrong, printed_by)))?;
+    plan.check().map_err(|wrong| Error::settings(advice(path, &wrong.to_string(), printed_by)))?;
     // Seeds beyond TOML's numbers are refused by name before they are written.
     plan.configuration = table(&config)?;
     let robot_path = match &config.robot {
@@ -244,8 +244,8 @@ impl Plan {
         })
     }
 
-    /// Refuses settings out of range, in words.
-    pub fn check(&self) -> Result<(), String> {
+    /// Refuses settings out of range.
+    pub fn check(&self) -> Result<(), Error> {
         let seeds = &self.seeds;
         let samples = self.train.environments.saturating_mul(self.train.steps);
         let wrong = if seeds.is_empty() || seeds.len() > MAX_SEEDS {
@@ -269,9 +269,9 @@ impl Plan {
         } else {
             let train = self.train.check();
             let memory = self.ppo.memory.map(|_| self.train.check_sequences(self.ppo.minibatches));
-            return train.and(memory.unwrap_or(Ok(()))).map_err(|error| error.to_string());
+            return train.and(memory.unwrap_or(Ok(()))).map_err(Error::settings);
         };
-        Err(wrong)
+        Err(Error::settings(wrong))
     }
 }
 

@@ -1,14 +1,11 @@
 //! What the report of an evaluation shows, filled in by whoever ran it.
 
 use crate::gait::GaitPicture;
-use crate::nullable;
 use crate::replay::Replay;
 use crate::{Doubt, Drift, Link, Setting};
-use serde::{Deserialize, Serialize};
 
 /// Everything the page shows of one evaluated policy.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct EvaluationReport {
     /// Heading, e.g. the policy's file name.
     pub title: String,
@@ -17,7 +14,6 @@ pub struct EvaluationReport {
     /// When the evaluation ended, as it is to be printed.
     pub created: String,
     /// Wall-clock time, s.
-    #[serde(with = "nullable::scalar")]
     pub wall_seconds: f64,
     /// Why the result must not be taken as it stands.
     pub doubts: Vec<Doubt>,
@@ -26,7 +22,6 @@ pub struct EvaluationReport {
     /// Trajectories with random commands.
     pub trajectories: u64,
     /// Length of each, s.
-    #[serde(with = "nullable::scalar")]
     pub seconds: f64,
     /// What was measured on them.
     pub measures: Vec<Measure>,
@@ -52,18 +47,15 @@ pub struct EvaluationReport {
 }
 
 /// A mean over trajectories.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Measure {
     /// What it is, as it is to be printed.
     pub name: String,
     /// Its unit; empty when it has none.
     pub unit: String,
     /// The mean.
-    #[serde(with = "nullable::scalar")]
     pub mean: f64,
     /// Half-width of the mean's 95 % confidence interval.
-    #[serde(with = "nullable::scalar")]
     pub ci95: f64,
     /// Decimals of both; none: as many as the interval says.
     pub decimals: Option<usize>,
@@ -76,19 +68,16 @@ pub struct Measure {
 }
 
 /// Counts between edges.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Histogram {
     /// Ascending; one more than counts. What lies beyond the ends is counted in the first and the last bin.
-    #[serde(with = "nullable::list")]
     pub edges: Vec<f64>,
     /// Trajectories between each two edges.
     pub counts: Vec<u64>,
 }
 
 /// Robots that cross one level of one kind of uneven ground.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Ground {
     /// Kind of ground.
     pub name: String,
@@ -99,13 +88,10 @@ pub struct Ground {
     /// Robots.
     pub robots: u32,
     /// Share that crossed it without a fall, 0 to 1.
-    #[serde(with = "nullable::scalar")]
     pub crossed: f64,
     /// Share that fell, 0 to 1.
-    #[serde(with = "nullable::scalar")]
     pub falls: f64,
     /// Mean speed from where they started, m/s.
-    #[serde(with = "nullable::scalar")]
     pub speed: f64,
 }
 

@@ -3,14 +3,11 @@
 use super::log::LogSummary;
 use super::signals::{JointTrace, SignalDistribution};
 use crate::loop_report::HeldOut;
-use crate::nullable;
 use crate::{Doubt, Setting};
-use serde::{Deserialize, Serialize};
 
 /// Everything `report.html` shows of one fit, of logs with a clamped base or of walking logs. What does not apply
 /// stays empty.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct FitReport {
     /// Heading, e.g. the name of the run folder.
     pub title: String,
@@ -19,7 +16,6 @@ pub struct FitReport {
     /// When the fit ended, as it is to be printed (ISO 8601 by preference).
     pub created: String,
     /// Wall-clock time of the fit, s; zero or NaN when unknown.
-    #[serde(with = "nullable::scalar")]
     pub wall_seconds: f64,
     /// Why the result must not be taken as it stands. The page adds that a fit is worse than the nominal robot where
     /// its numbers say so.
@@ -57,16 +53,13 @@ pub struct FitReport {
 }
 
 /// What one cost found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
     /// Name of the cost, e.g. `Wass`.
     pub cost_name: String,
     /// Cost of the nominal simulator on the logs.
-    #[serde(with = "nullable::scalar")]
     pub nominal_cost: f64,
     /// Cost of the fitted simulator.
-    #[serde(with = "nullable::scalar")]
     pub fitted_cost: f64,
     /// One optimiser run a restart or seed.
     pub runs: Vec<OptimizerRun>,
@@ -75,47 +68,36 @@ pub struct Fit {
 }
 
 /// How well one predictor reproduces the logs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Score {
     /// What predicted, e.g. `best pure delay (70 ms)`.
     pub name: String,
     /// Cost on the fit logs; unknown: that of the first of [`FitReport::fits`].
-    #[serde(with = "nullable::scalar")]
     pub cost: f64,
     /// Free-running position RMSE over all joints of the fit logs, rad.
-    #[serde(with = "nullable::scalar")]
     pub rmse_fit_rad: f64,
     /// The same on the validation logs, rad; the headline uses it when the fitted and nominal scores have it.
-    #[serde(with = "nullable::scalar")]
     pub rmse_validation_rad: f64,
 }
 
 /// One entry of θ after the fit.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
     /// Name in θ.
     pub name: String,
     /// Unit of every number below; empty for ratios.
     pub unit: String,
     /// Fitted value.
-    #[serde(with = "nullable::scalar")]
     pub value: f64,
     /// Lower bound of the search.
-    #[serde(with = "nullable::scalar")]
     pub lower: f64,
     /// Upper bound of the search.
-    #[serde(with = "nullable::scalar")]
     pub upper: f64,
     /// Where the search began.
-    #[serde(with = "nullable::scalar")]
     pub start: f64,
     /// Standard deviation of `per_run`; NaN with fewer than two runs.
-    #[serde(with = "nullable::scalar")]
     pub spread: f64,
     /// Best value of each run, in the order of [`Fit::runs`].
-    #[serde(with = "nullable::list")]
     pub per_run: Vec<f64>,
     /// The bound that the value rests on.
     pub at_bound: Option<Bound>,
@@ -130,8 +112,7 @@ pub struct Parameter {
 }
 
 /// Which end of the search interval.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
     /// The lower bound.
     Lower,
@@ -140,7 +121,7 @@ pub enum Bound {
 }
 
 /// An interval from the literature, in the parameter's unit.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct PublishedRange {
     /// Smallest published value.
     pub lower: f64,
@@ -151,51 +132,39 @@ pub struct PublishedRange {
 }
 
 /// One optimiser run; all lists are one a generation and may be empty when not recorded.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct OptimizerRun {
     /// How the run is called, e.g. `seed 3`.
     pub label: String,
     /// Best cost of the whole run.
-    #[serde(with = "nullable::scalar")]
     pub best_cost: f64,
     /// Best cost within the generation.
-    #[serde(with = "nullable::list")]
     pub best: Vec<f64>,
     /// Mean cost of the generation.
-    #[serde(with = "nullable::list")]
     pub mean: Vec<f64>,
     /// CMA-ES step size σ (no unit: it multiplies the per-coordinate initial deviations).
-    #[serde(with = "nullable::list")]
     pub sigma: Vec<f64>,
 }
 
 /// Free-running prediction of one log that the fit did not see.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Validation {
     /// The log.
     pub file: String,
     /// Cost of the fitted simulator on this log alone.
-    #[serde(with = "nullable::scalar")]
     pub cost: f64,
     /// Cost of the nominal simulator.
-    #[serde(with = "nullable::scalar")]
     pub nominal_cost: f64,
     /// Position RMSE of the fitted simulator over all joints, rad.
-    #[serde(with = "nullable::scalar")]
     pub rmse_rad: f64,
     /// Position RMSE of the nominal simulator over all joints, rad.
-    #[serde(with = "nullable::scalar")]
     pub nominal_rmse_rad: f64,
     /// Joint name and position RMSE of the fitted simulator, rad. (In JSON an unknown number is `null`.)
-    #[serde(with = "nullable::named")]
     pub rmse_per_joint: Vec<(String, f64)>,
 }
 
 /// Two fits of one θ side by side.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Comparison {
     /// Name of the first fit, e.g. `MatchO (time-aligned)`.
     pub first: String,
@@ -208,24 +177,19 @@ pub struct Comparison {
 }
 
 /// One parameter as two fits see it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ComparisonEntry {
     /// Name in θ.
     pub name: String,
     /// Unit of the numbers below.
     pub unit: String,
     /// Value of the first fit.
-    #[serde(with = "nullable::scalar")]
     pub first: f64,
     /// The longer side of the first fit's interval.
-    #[serde(with = "nullable::scalar")]
     pub first_half: f64,
     /// Value of the second fit.
-    #[serde(with = "nullable::scalar")]
     pub second: f64,
     /// The longer side of the second fit's interval.
-    #[serde(with = "nullable::scalar")]
     pub second_half: f64,
     /// Whether they agree by the caller's criterion; `None` when it cannot be said.
     pub agrees: Option<bool>,

@@ -2,27 +2,23 @@
 
 use super::commands;
 use crate::format::{clean, clean_prose, duration, grouped};
-use crate::nullable;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Parts of the command space listed at most.
 const MAX_UNCOVERED: usize = 20;
 
 /// What was recorded and what of it was used.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LogSummary {
     /// Where it is from, e.g. a file name.
     pub source: String,
     /// Trajectories recorded.
     pub trajectories: u64,
     /// Length of all of them together, s.
-    #[serde(with = "nullable::scalar")]
     pub seconds: f64,
     /// Falls found.
     pub falls: u64,
     /// Length of what was cut because of falls, margins included, s.
-    #[serde(with = "nullable::scalar")]
     pub cut_seconds: f64,
     /// Commands given: forward and left (m/s), yaw rate (rad/s), each as often as it is to count. The page thins them.
     pub commands: Vec<[f64; 3]>,

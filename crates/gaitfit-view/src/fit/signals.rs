@@ -1,62 +1,46 @@
 //! Joints' signals as a page shows them: over time, and as distributions.
 
-use crate::nullable;
-use serde::{Deserialize, Serialize};
-
 /// Positions of one joint over one log, rad. The series share `time_s`; an empty series is not drawn. The page
 /// thins them out by itself.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct JointTrace {
     /// Joint name.
     pub joint: String,
     /// The log shown.
     pub file: String,
     /// Sample times, s, ascending.
-    #[serde(with = "nullable::list")]
     pub time_s: Vec<f64>,
     /// The robot's encoder.
-    #[serde(with = "nullable::list")]
     pub measured: Vec<f64>,
     /// The fitted simulator.
-    #[serde(with = "nullable::list")]
     pub fitted: Vec<f64>,
     /// The simulator before the fit.
-    #[serde(with = "nullable::list")]
     pub nominal: Vec<f64>,
     /// The position target sent, held until the next sample.
-    #[serde(with = "nullable::list")]
     pub target: Vec<f64>,
 }
 
 /// How one joint's signal is distributed, as quantiles at equal steps of probability (0, 1/n, …, 1).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SignalDistribution {
     /// Joint name.
     pub joint: String,
     /// What is distributed.
     pub signal: Signal,
     /// Quantiles of the robot's log, in the signal's unit, ascending.
-    #[serde(with = "nullable::list")]
     pub log: Vec<f64>,
     /// Quantiles of the nominal simulator; may be empty.
-    #[serde(with = "nullable::list")]
     pub nominal: Vec<f64>,
     /// Quantiles of the fitted simulator; may be empty.
-    #[serde(with = "nullable::list")]
     pub fitted: Vec<f64>,
     /// Wasserstein-1 distance from nominal to log in the signal's unit, when known.
-    #[serde(with = "nullable::scalar")]
     pub distance_nominal: f64,
     /// Wasserstein-1 distance from fitted to log in the signal's unit, when known.
-    #[serde(with = "nullable::scalar")]
     pub distance_fitted: f64,
 }
 
 /// A signal of a joint.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Signal {
     /// Joint position, rad.
     #[default]

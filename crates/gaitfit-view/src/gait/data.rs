@@ -1,15 +1,10 @@
 //! What a picture of a gait shows, in plain vectors.
 
-use crate::nullable;
-use serde::{Deserialize, Serialize};
-
 /// A few seconds of walking. Every list over time has one entry a sample of `time_s`; missing numbers are NaN, and
 /// an empty list leaves its part out.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct GaitPicture {
     /// Sample times, s, ascending.
-    #[serde(with = "nullable::list")]
     pub time_s: Vec<f64>,
     /// Feet from top to bottom; by convention FL, FR, RL, RR.
     pub feet: Vec<FootTrack>,
@@ -20,40 +15,32 @@ pub struct GaitPicture {
 }
 
 /// One foot over time.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct FootTrack {
     /// Its name.
     pub name: String,
     /// Whether it touches the ground.
     pub contact: Vec<bool>,
     /// Height of its lowest point above the ground, m.
-    #[serde(with = "nullable::list")]
     pub height_m: Vec<f64>,
 }
 
 /// One component of the base's velocity over time.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct VelocityTrack {
     /// What was asked for.
-    #[serde(with = "nullable::list")]
     pub command: Vec<f64>,
     /// What the base did.
-    #[serde(with = "nullable::list")]
     pub measured: Vec<f64>,
 }
 
 /// Power spectral density of the torques of a group of joints.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct TorqueSpectrum {
     /// Name of the group.
     pub group: String,
     /// Frequencies, Hz, ascending.
-    #[serde(with = "nullable::list")]
     pub frequency_hz: Vec<f64>,
     /// One-sided density averaged over the group's joints, (N·m)²/Hz; without the mean torque.
-    #[serde(with = "nullable::list")]
     pub density: Vec<f64>,
 }

@@ -3,15 +3,12 @@
 //! Policies and simulators are matched by name.
 
 use crate::fit::{Fit, LogSummary, Signal, SignalDistribution};
-use crate::nullable;
 use crate::replay::Replay;
 use crate::training::SeedCurve;
 use crate::{Doubt, Drift, Estimate, Link, Setting};
-use serde::{Deserialize, Serialize};
 
 /// Everything `report.html` shows of one loop.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoopReport {
     /// Heading, e.g. the name of the run folder.
     pub title: String,
@@ -20,7 +17,6 @@ pub struct LoopReport {
     /// When the loop ended, as it is to be printed.
     pub created: String,
     /// Wall-clock time of the whole loop, s.
-    #[serde(with = "nullable::scalar")]
     pub wall_seconds: f64,
     /// Why the result must not be taken as it stands.
     pub doubts: Vec<Doubt>,
@@ -61,13 +57,11 @@ pub struct LoopReport {
 }
 
 /// One repetition: a log, the simulators fitted to it, and the training in the fitted simulator.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Round {
     /// What it is called, e.g. `Round 1: π₀ → π₁`; empty: its number.
     pub name: String,
     /// Wall-clock time, s; zero or NaN when unknown.
-    #[serde(with = "nullable::scalar")]
     pub wall_seconds: f64,
     /// The robot's log.
     pub log: Option<LogSummary>,
@@ -82,8 +76,7 @@ pub struct Round {
 }
 
 /// How far simulated walks are from logs that were not fitted.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct HeldOut {
     /// The result in a sentence.
     pub sentence: String,
@@ -96,21 +89,17 @@ pub struct HeldOut {
 }
 
 /// Wasserstein-1 distance of one joint's signal to the held-out logs, in the signal's unit; NaN when unknown.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct JointDistance {
     /// The joint's name.
     pub joint: String,
     /// The signal.
     pub signal: Signal,
     /// Of the simulator before the fit.
-    #[serde(with = "nullable::scalar")]
     pub nominal: f64,
     /// Of the fitted simulator.
-    #[serde(with = "nullable::scalar")]
     pub fitted: f64,
     /// Of the robot to itself.
-    #[serde(with = "nullable::scalar")]
     pub floor: f64,
 }
 
@@ -122,8 +111,7 @@ impl Default for JointDistance {
 }
 
 /// How well one policy follows random commands on one simulator.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tracking {
     /// The policy's name.
     pub policy: String,
@@ -142,8 +130,7 @@ pub struct Tracking {
 }
 
 /// One policy minus another on one simulator.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Difference {
     /// The policy's name.
     pub policy: String,
@@ -162,8 +149,7 @@ pub struct Difference {
 }
 
 /// Constant-command trials of one policy on one simulator.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct DriftTrials {
     /// The policy's name.
     pub policy: String,

@@ -5,10 +5,9 @@ use crate::chart::intervals::{Mark, Row as Drawn};
 use crate::chart::{Axis, Look, Plot, Series};
 use crate::fit::parameters::{Entry, Group, group};
 use crate::format::{UNKNOWN, clean, clean_prose, duration, significant, with_spread};
-use crate::nullable;
 use crate::page::{self, ShownLink};
 use crate::{Link, ReportError};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Runs listed, fits compared, parameters and trainings drawn at most: as many colours as there are, and no page without end.
 const MAX_RUNS: usize = 500;
@@ -18,8 +17,7 @@ const MAX_TRAININGS: usize = 8;
 const MAX_CHARTS: usize = 12;
 
 /// What the page shows. Names are untrusted.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunsReport {
     /// Heading, e.g. the folder of the runs.
     pub title: String,
@@ -34,8 +32,7 @@ pub struct RunsReport {
 }
 
 /// A run.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Run {
     /// Its name.
     pub name: String,
@@ -46,7 +43,6 @@ pub struct Run {
     /// When it began.
     pub begun: String,
     /// How long it took, s; NaN when unknown.
-    #[serde(with = "nullable::scalar")]
     pub wall_seconds: f64,
     /// The robot.
     pub robot: String,
@@ -55,38 +51,33 @@ pub struct Run {
 }
 
 /// A fit.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fit {
     /// Name of its run.
     pub name: String,
     /// Name of its cost.
     pub cost_name: String,
     /// The cost of the robot before the fit, and after it.
-    #[serde(with = "nullable::list")]
     pub cost: Vec<f64>,
     /// The fitted parameters.
     pub parameters: Vec<Parameter>,
 }
 
 /// A fitted parameter.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Parameter {
     /// Name.
     pub name: String,
     /// Unit of value and interval; may be empty.
     pub unit: String,
     /// Value.
-    #[serde(with = "nullable::scalar")]
     pub value: f64,
     /// Its 95 % interval, where it has one.
     pub interval: Option<[f64; 2]>,
 }
 
 /// A training.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Training {
     /// Name of its run.
     pub name: String,
@@ -95,18 +86,15 @@ pub struct Training {
 }
 
 /// A quantity over the iterations of a training.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Curve {
     /// What it is; trainings share a chart where the names agree.
     pub name: String,
     /// Its unit; may be empty.
     pub unit: String,
     /// Iterations, ascending.
-    #[serde(with = "nullable::list")]
     pub iteration: Vec<f64>,
     /// Its values, one an iteration.
-    #[serde(with = "nullable::list")]
     pub value: Vec<f64>,
 }
 

@@ -6,7 +6,7 @@ use crate::format::{clean, clean_prose, significant};
 use crate::page;
 use crate::replay::{Motion, Replay};
 use crate::{ReportError, Setting};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Joints drawn at most.
 const MAX_JOINTS: usize = 64;
@@ -16,8 +16,7 @@ const POINT_BUDGET: usize = 110_000;
 const CURVES: usize = 6;
 
 /// What the page shows. Names are untrusted.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SideBySide {
     /// Heading, e.g. the log's file name.
     pub title: String,

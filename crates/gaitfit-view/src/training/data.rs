@@ -1,14 +1,11 @@
 //! What the report of a training run shows, filled in by whoever ran it.
 
 use crate::gait::GaitPicture;
-use crate::nullable;
 use crate::replay::Replay;
 use crate::{Doubt, Link, Setting};
-use serde::{Deserialize, Serialize};
 
 /// Everything `report.html` shows of one training run, over one or several seeds.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrainingReport {
     /// Heading, e.g. the name of the run folder.
     pub title: String,
@@ -17,7 +14,6 @@ pub struct TrainingReport {
     /// When the run ended, as it is to be printed.
     pub created: String,
     /// Wall-clock time of all seeds together, s.
-    #[serde(with = "nullable::scalar")]
     pub wall_seconds: f64,
     /// Why the result must not be taken as it stands.
     pub doubts: Vec<Doubt>,
@@ -46,8 +42,7 @@ pub struct TrainingReport {
 }
 
 /// One seed: how it ended and how it came there.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SeedCurve {
     /// The seed.
     pub seed: u64,
@@ -64,41 +59,32 @@ pub struct SeedCurve {
 }
 
 /// How one seed ended; what is not known stays NaN.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeedResult {
     /// Mean summed reward of a trajectory.
-    #[serde(with = "nullable::scalar")]
     pub reward: f64,
     /// Mean linear-velocity tracking error, m/s.
-    #[serde(with = "nullable::scalar")]
     pub linear_velocity_error: f64,
     /// Mean angular-velocity tracking error, rad/s.
-    #[serde(with = "nullable::scalar")]
     pub angular_velocity_error: f64,
     /// Share of trajectories that ended in a fall, 0 to 1.
-    #[serde(with = "nullable::scalar")]
     pub fall_rate: f64,
     /// Iterations done.
     pub iterations: u32,
     /// Wall-clock time of this seed, s.
-    #[serde(with = "nullable::scalar")]
     pub wall_seconds: f64,
     /// Simulated control steps a second of training, over all environments.
-    #[serde(with = "nullable::scalar")]
     pub samples_per_second: f64,
 }
 
 /// A number over the iterations. Series of one name are drawn in one chart, whatever the seed.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Series {
     /// What it is, as it is to be printed.
     pub name: String,
     /// Its unit; empty when it has none.
     pub unit: String,
     /// One value an iteration.
-    #[serde(with = "nullable::list")]
     pub values: Vec<f64>,
     /// Draw it on a logarithmic axis (only where all values are positive).
     pub log: bool,

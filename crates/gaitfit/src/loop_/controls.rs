@@ -97,7 +97,7 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
         let measured = |one: &&Measurement| one.on == found.on && one.evaluation.policy == policy;
         evaluations.iter().find(measured).map(|one: &Measurement| tracking_error(&one.evaluation))
     };
-    let (own, other) = (error(&found.policy)?, error(&found.against)?);
+    let (fitted, other) = (error(&found.policy)?, error(&found.against)?);
     let less = |small: f64, large: f64| {
         let share = 100.0 * (1.0 - small / large);
         if share.is_finite() { format!("{share:.0} % ") } else { String::new() }
@@ -105,7 +105,7 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
     let numbers = found.numbers();
     Some(match found.better() {
         Better::Policy => {
-            format!("The fit gave {}less tracking error than {than}: {numbers}.", less(own, other))
+            format!("The fit gave {}less tracking error than {than}: {numbers}.", less(fitted, other))
         }
         Better::Neither => match less_of(found) {
             Some(which) => format!(
@@ -119,7 +119,7 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
         Better::Other => format!(
             "The fit gave nothing: a policy trained with {than} and no logs has {}less tracking error. Fitted minus \
              other: {numbers}.",
-            less(other, own)
+            less(other, fitted)
         ),
     })
 }

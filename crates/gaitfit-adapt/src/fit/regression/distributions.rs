@@ -41,10 +41,10 @@ impl<'a> Distributions<'a> {
         let group = |(signal, column): (Signal, usize)| (signal as usize, column * GROUPS / joints);
         let mut groups: Vec<((usize, usize), Range<usize>)> = Vec::new();
         for (k, (signal, column, ..)) in self.dimensions().enumerate() {
-            let (own, numbers) = (group((signal, column)), k * PARTS..(k + 1) * PARTS);
-            match groups.last_mut().filter(|(last, _)| *last == own) {
+            let (key, numbers) = (group((signal, column)), k * PARTS..(k + 1) * PARTS);
+            match groups.last_mut().filter(|(last, _)| *last == key) {
                 Some((_, range)) => range.end = numbers.end,
-                None => groups.push((own, numbers)),
+                None => groups.push((key, numbers)),
             }
         }
         groups.into_iter().map(|(_, range)| range).collect()

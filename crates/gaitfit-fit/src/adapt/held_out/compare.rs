@@ -163,12 +163,12 @@ fn trials(
     let paired = |walks: &[Predicted]| -> Option<Vec<Predicted>> {
         pairs.iter().map(|(log, _)| Some(tail(walks.get(*log)?, skip, count))).collect()
     };
-    let (own, walked) = (paired(recorded)?, paired(after)?);
+    let (logged, walked) = (paired(recorded)?, paired(after)?);
     let other =
         |(_, other): &(usize, usize)| Some(tail(&self::recorded(&others[*other], joints)?, skip, count));
     let other: Vec<Predicted> = pairs.iter().map(other).collect::<Option<_>>()?;
-    let (_, cost) = cost_against(&own, joints, set)?;
-    let all: Vec<usize> = (0..own.len()).collect();
+    let (_, cost) = cost_against(&logged, joints, set)?;
+    let all: Vec<usize> = (0..logged.len()).collect();
     let distances = |walks: &[Predicted]| -> Option<[f64; 2]> {
         let pooled = total(&chosen_blocks(cost.as_ref(), walks, &all))?;
         let one = |log: usize| total(&chosen_blocks(cost.subset(&[log])?.as_ref(), walks, &[log]));

@@ -102,15 +102,9 @@ impl Simulator for Shared {
         self.done(theta, &pieces, |piece| Work::Signals(candidates[piece].to_vec()), take, cancel)
     }
 
-    /// All at once, so that sharing has nothing to gain.
-    fn differentiate(
-        &self,
-        theta: &Theta,
-        candidate: &Rollout,
-        consume: &Consume<'_>,
-        cancel: &Cancel<'_>,
-    ) -> Result<bool, SimulatorError> {
-        self.local.differentiate(theta, candidate, consume, cancel)
+    /// It computes derivatives all at once, so that sharing has nothing to gain.
+    fn inner(&self) -> Option<&dyn Simulator> {
+        Some(self.local.as_ref())
     }
 
     fn costs(

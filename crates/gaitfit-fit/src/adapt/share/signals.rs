@@ -60,9 +60,9 @@ fn number(rest: &mut &[u8]) -> Option<usize> {
 
 fn matrix(rest: &mut &[u8]) -> Option<Option<Vec<f32>>> {
     let Some(count) = number(rest)?.checked_sub(1) else { return Some(None) };
-    let (own, others) = rest.split_at_checked(count.checked_mul(size_of::<f32>())?)?;
+    let (bytes, others) = rest.split_at_checked(count.checked_mul(size_of::<f32>())?)?;
     *rest = others;
-    let (numbers, _) = own.as_chunks::<4>();
+    let (numbers, _) = bytes.as_chunks::<4>();
     Some(Some(numbers.iter().map(|number| f32::from_le_bytes(*number)).collect()))
 }
 

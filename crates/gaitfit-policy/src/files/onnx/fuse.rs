@@ -127,9 +127,9 @@ impl Nodes<'_> {
             if let Some(value) = self.scalar(name) {
                 number *= value;
             } else if let Some(product) = self.made_by(name, "Mul").filter(|_| deep > 0) {
-                let (own, factor) = self.factors(product, inner, deep - 1)?;
+                let (inner_names, factor) = self.factors(product, inner, deep - 1)?;
                 inner.push(product);
-                names.extend(own);
+                names.extend(inner_names);
                 number *= factor;
             } else {
                 names.push(name.clone());

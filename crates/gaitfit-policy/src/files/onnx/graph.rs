@@ -121,8 +121,8 @@ fn graph_of(bytes: &[u8]) -> Result<(Graph, Vec<Vec<u8>>, i64), PolicyError> {
     let graph =
         model.graph.ok_or_else(|| invalid("it holds no graph, so it is no ONNX model or it is cut short"))?;
     let sets = decode_all::<OperatorSet>(&model.opset_import, "operator set")?;
-    let own = sets.iter().find(|set| matches!(set.domain.as_str(), "" | "ai.onnx"));
-    let version = own.map_or(LATEST, |set| set.version);
+    let onnx = sets.iter().find(|set| matches!(set.domain.as_str(), "" | "ai.onnx"));
+    let version = onnx.map_or(LATEST, |set| set.version);
     Ok((decode_message(&graph, "graph")?, model.metadata_props, version))
 }
 

@@ -1,4 +1,4 @@
-//! The privileged time-aligned cost with resets.
+//! The time-aligned costs, without resets and with them.
 
 use super::aligned::{AlignedSums, Norm};
 use super::{
@@ -8,28 +8,42 @@ use crate::Resets;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 
-/// MatchS(H): time-aligned L2 over joint position, joint velocity, base position and base velocity, the simulated
-/// robot reset to the recording's state every H samples (H infinite: never). Computed as [`super::MatchO`] is.
-/// Privileged: it needs the base's state, which robots do not log by themselves; a baseline.
+/// Time-aligned L2 between simulated and recorded signals, in the reference's fixed scaling. With e the scaled difference of
+/// one joint at one sample, T all samples of all recordings and J the joints, a group costs √(1/(T·J) Σ_t Σ_j e²); the groups
+/// are summed, each with its weight. The two sides need the same clock and the same sample counts. A sample lost to a fall
+/// counts as e = 2, the robot's whole range.
 ///
-/// With H = 1 each sample is predicted from the one before. Errors are then as small as one control period makes
-/// them, and with noise-free data the cost rises linearly from 0 at the truth (its square: as the square of the
-/// parameters' error).
+/// Per joint the breakdown gives √(1/T Σ_t e²), so the group is the root mean square of its joints.
 #[derive(Clone, Debug)]
-pub struct MatchS {
+pub struct TimeAligned {
     reference: Arc<Reference>,
     weights: Weights,
-    horizon: Option<NonZeroUsize>,
+    resets: Resets,
     name: String,
 }
 
-impl MatchS {
-    /// The cost against `reference`, with resets every `horizon` samples.
+impl TimeAligned {
+    /// MatchO(∞): joint signals, without resets.
+    ///
+    /// # Errors
+    /// As [`Weights::check`].
+    pub fn match_o(reference: Arc<Reference>, weights: Weights) -> Result<Self, CostError> {
+        weights.check(&reference)?;
+        Ok(Self { reference, weights, resets: Resets::Never, name: CostKind::MatchO.to_string() })
+    }
+
+    /// MatchS(H): joint position, joint velocity, base position and base velocity, the simulated robot reset to the
+    /// recording's state every `horizon` samples (H infinite: never). Privileged: it needs the base's state, which robots do
+    /// not log by themselves; a baseline.
+    ///
+    /// With H = 1 each sample is predicted from the one before. Errors are then as small as one control period makes
+    /// them, and with noise-free data the cost rises linearly from 0 at the truth (its square: as the square of the
+    /// parameters' error).
     ///
     /// # Errors
     /// [`CostError::Privileged`] without the base's position and velocity in every recording where `weights` ask
     /// for them; as [`Weights::check`].
-    pub fn new(
+    pub fn match_s(
         reference: Arc<Reference>,
         weights: Weights,
         horizon: Option<NonZeroUsize>,
@@ -51,18 +65,19 @@ impl MatchS {
             weights.base_velocity = 0.0;
         }
         weights.check(&reference)?;
-        Ok(Self { reference, weights, horizon, name })
+        // Never is no reset after the first: the simulated robot starts in the recording's state.
+        let resets = Resets::State(horizon.map_or(usize::MAX, NonZeroUsize::get));
+        Ok(Self { reference, weights, resets, name })
     }
 }
 
-impl Cost for MatchS {
+impl Cost for TimeAligned {
     fn name(&self) -> &str {
         &self.name
     }
 
     fn resets(&self) -> Resets {
-        // Never is no reset after the first: the simulated robot starts in the recording's state.
-        Resets::State(self.horizon.map_or(usize::MAX, NonZeroUsize::get))
+        self.resets
     }
 
     fn begin(&self) -> Box<dyn Accumulator + '_> {
