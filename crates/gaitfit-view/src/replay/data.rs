@@ -3,8 +3,10 @@
 //! Lengths are in m, angles in rad, times in s; z is up. Quaternions are wxyz and need not be of unit length. The
 //! page holds only base poses and joint angles: it computes the poses of bodies itself.
 
+use serde::Serialize;
+
 /// One page: robots that move side by side in the same time.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Replay {
     /// Heading.
     pub title: String,
@@ -17,7 +19,7 @@ pub struct Replay {
 }
 
 /// One robot and its motion.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ReplayRobot {
     /// Label, e.g. `before` or the name of the policy.
     pub name: String,
@@ -34,7 +36,7 @@ pub struct ReplayRobot {
 }
 
 /// Heights over a grid, drawn as a surface.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Ground {
     /// x and y of the first height, m.
     pub corner: [f64; 2],
@@ -47,7 +49,7 @@ pub struct Ground {
 }
 
 /// A rigid body.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Body {
     /// Its name.
     pub name: String,
@@ -62,7 +64,7 @@ pub struct Body {
 }
 
 /// A hinge.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Joint {
     /// Its name.
     pub name: String,
@@ -75,7 +77,7 @@ pub struct Joint {
 }
 
 /// A shape fixed to a body.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Geom {
     /// Index of the body that carries it.
     pub body: usize,
@@ -90,7 +92,8 @@ pub struct Geom {
 }
 
 /// A shape about its own centre; axes of revolution are z.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Shape {
     /// A box.
     Box {
@@ -119,7 +122,7 @@ pub enum Shape {
 }
 
 /// One instant. Numbers that are not finite repeat the frame before.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Frame {
     /// Origin of the base in the world, m.
     pub base_position: [f64; 3],
