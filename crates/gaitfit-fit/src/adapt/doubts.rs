@@ -43,7 +43,8 @@ pub fn doubts(
         let text = format!(
             "No simulated robot has logs like these. A search found values with a {} of {:.3}; the values by a regression \
              on simulated robots have {cost:.3}. Robots with the search's values are nearer to the logs. The \
-             model lacks an effect, and these values compensate for it. `gaitfit explain` looks for such effects.",
+             model lacks an effect, and these values compensate for it. `gaitfit explain` looks for such effects; `odd_joints` \
+             with the cost `matchr1` looks for a joint that differs from its siblings.",
             outcome.cost, outcome.best_cost
         );
         doubts.push(Doubt::new(DoubtKind::Unexplained, text));

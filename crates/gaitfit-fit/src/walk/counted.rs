@@ -94,10 +94,10 @@ pub(super) fn enough(
         return Ok(());
     }
     let shown = config_path.display();
-    let falls = cuts.iter().filter(|cut| cut.fall);
-    let fell: f64 = falls.clone().map(|cut| cut.to_s - cut.from_s).sum();
+    let downs = cuts.iter().filter(|cut| cut.is_down());
+    let down: f64 = downs.clone().map(|cut| cut.to_s - cut.from_s).sum();
     let min = config.min_stretch() + skipped;
-    Err(Error::failed(if logs.is_empty() && falls.count() >= read {
+    Err(Error::failed(if logs.is_empty() && downs.count() >= read {
         format!(
             "{shown}: in all logs the robot falls or does not walk before {min} s have passed ({}). A fit \
              needs walking: record next time with slower commands, on better ground, or with a policy that stands; \
@@ -105,8 +105,8 @@ pub(super) fn enough(
             cuts.first().map_or("", |cut| &cut.reason)
         )
     } else {
-        let mut because = if fell > 0.0 {
-            format!(" ({fell:.1} s of falls or of a robot that hangs are cut)")
+        let mut because = if down > 0.0 {
+            format!(" ({down:.1} s of falls or of a robot that hangs are cut)")
         } else {
             String::new()
         };

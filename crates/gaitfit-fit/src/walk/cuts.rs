@@ -28,6 +28,13 @@ pub struct Cut {
     pub fall: bool,
 }
 
+impl Cut {
+    /// Whether the robot does not walk there; else samples are lost.
+    pub fn is_down(&self) -> bool {
+        self.reason != LOST
+    }
+}
+
 /// Samples in which the robot does not walk.
 pub struct Down {
     /// The samples.
@@ -141,8 +148,8 @@ pub fn cut_text(cuts: &[Cut], logs: usize) -> Vec<String> {
     type Kind = fn(&Cut) -> bool;
     let kinds: [(Kind, &str); 3] = [
         (|cut| cut.fall, "the robot fell"),
-        (|cut| !cut.fall && cut.reason != LOST, "the robot does not walk"),
-        (|cut| cut.reason == LOST, LOST),
+        (|cut| !cut.fall && cut.is_down(), "the robot does not walk"),
+        (|cut| !cut.is_down(), LOST),
     ];
     for (is_of_kind, what) in kinds {
         let these: Vec<&Cut> = cuts.iter().filter(|cut| is_of_kind(cut)).collect();
