@@ -149,8 +149,7 @@ fn shared_each_robot_swings_its_joints_on_the_vendors_server() {
 fn checked(robot: &Robot, domain: u16) -> (Vec<String>, Option<Moved>) {
     let stop = || None;
     let mut link = Dds::open(robot, "lo", domain, true).unwrap();
-    let (heard, others) =
-        listen(&mut link, &mut Beat::default(), Duration::from_secs(5), &stop).unwrap();
+    let (heard, others) = listen(&mut link, &mut Beat::default(), Duration::from_secs(5), &stop).unwrap();
     let (_, mut findings) = Listened::new(&heard, others, robot, true);
     drop(link);
     let shown = |findings: &[Finding]| findings.iter().map(|one| format!("{one:?}")).collect::<Vec<_>>();
