@@ -1,8 +1,8 @@
 """Runs Unitree's simulator server for any robot of the link: the vendor's bridge as it is, over DDS.
 
 The robot hangs: its base is fixed, and each motor of the robot's file (crates/gaitfit-robot/robots/*.toml) turns a joint with
-a small inertia, friction and the file's range, in MuJoCo. So no robot description is needed, and gravity and contacts are
-left out. The server ends after SECONDS, when its standard input is closed, or when it is killed. Its last line is a JSON
+a small inertia, friction and the file's range, in MuJoCo. So no robot description is needed, and contacts are left out.
+Gravity acts on the inertial unit alone: every link's centre of mass is on its axis. The server ends after SECONDS, when its standard input is closed, or when it is killed. Its last line is a JSON
 object: states published, commands taken, commands whose checksum is not the SDK's, commands that do not repeat the machine's
 kind (humanoids), commands with motors beyond the robot's, the largest torque in parts of the motor's, and how far each joint
 moved, rad.
@@ -42,7 +42,7 @@ def model_text(motors):
             lines.append(f'<{kind} name="{name}_{kind}" joint="{name}"/>')
     sensors = "".join(line for lines in sensors.values() for line in lines)
     return (
-        f'<mujoco><compiler autolimits="false" angle="radian"/><option timestep="{DT}" gravity="0 0 0" integrator="implicitfast"/>'
+        f'<mujoco><compiler autolimits="false" angle="radian"/><option timestep="{DT}" gravity="0 0 -9.81" integrator="implicitfast"/>'
         f'<worldbody><body name="base" pos="0 0 1"><inertial pos="0 0 0" mass="10" diaginertia="1 1 1"/><site name="imu"/>'
         f"{''.join(bodies)}</body></worldbody><actuator>{''.join(actuators)}</actuator><sensor>{sensors}"
         '<framequat name="imu_quat" objtype="site" objname="imu"/><gyro name="imu_gyro" site="imu"/>'

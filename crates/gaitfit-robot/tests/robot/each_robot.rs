@@ -10,6 +10,7 @@ use gaitfit_log::{ReadOptions, read_csv};
 use gaitfit_policy::{Interface, Policy, Quantity, Term};
 use gaitfit_robot::guard::GuardSettings;
 use gaitfit_robot::link::Dds;
+use gaitfit_robot::preflight::{Beat, Finding, Flight, Listened, Moved, fly, listen, moved, passed, sampled};
 use gaitfit_robot::robot::BUILT_IN;
 use gaitfit_robot::run::{Controller, Live, Recorder, Script, Sender, Summary, WALK, live, real_time, suits};
 use gaitfit_robot::{Phase, Robot, Supervisor, Times};
@@ -140,6 +141,58 @@ fn shared_each_robot_swings_its_joints_on_the_vendors_server() {
             let way = moved[&motor.joint].as_f64().unwrap();
             assert!(way < 0.05, "{} is kept where it is: {way}", motor.joint);
         }
+        assert!(felt["load"].as_f64().unwrap() <= 1.1, "{name}: {}", felt["load"]);
+    }
+}
+
+/// Listens to the robot and moves it as `gaitfit preflight --move` does; the names of what is found at all, and its motions.
+fn checked(robot: &Robot, domain: u16) -> (Vec<String>, Option<Moved>) {
+    let stop = || None;
+    let mut link = Dds::open(robot, "lo", domain, true).unwrap();
+    let (heard, others) = listen(&mut link, &mut Beat::default(), Duration::from_secs(5), &stop).unwrap();
+    let (_, mut findings) = Listened::new(&heard, others, robot, true);
+    drop(link);
+    let shown = |findings: &[Finding]| findings.iter().map(|one| format!("{one:?}")).collect::<Vec<_>>();
+    if !passed(&findings) {
+        return (shown(&findings), None);
+    }
+    let patience = Duration::from_millis(400);
+    let guard = GuardSettings { stale: patience, late: patience, simulator: true, ..robot.guard(CONTROL) };
+    let mut link = Dds::open(robot, "lo", domain, false).unwrap();
+    let flight = Flight::new(robot, guard);
+    let flown = fly(&mut link, &mut Beat::default(), flight, &mut |_| (), &stop).unwrap();
+    let rows = sampled(&flown);
+    let (found, more) = moved(&flown, &rows, robot, None);
+    findings.extend(more);
+    (shown(&findings), Some(found))
+}
+
+#[test]
+#[ignore = "needs ../shared with the vendor's simulator, and cyclonedds and mujoco in .venv"]
+fn shared_each_robot_is_checked_on_the_vendors_server() {
+    let _alone = alone();
+    real_time();
+    for (number, (name, _)) in BUILT_IN.iter().enumerate() {
+        let domain = DOMAIN + 20 + number as u16;
+        let robot = Robot::built_in(name).unwrap();
+        let Some(server) = server(name, domain) else { return };
+        let (findings, motions) = checked(&robot, domain);
+        let felt = server.end();
+        for finding in &findings {
+            eprintln!("{name}: {finding}");
+        }
+        let motions = motions.unwrap_or_else(|| panic!("{name} is not moved: {findings:?}"));
+        eprintln!(
+            "{name}: {} joints moved, {} commands, {} changed; delay {:?}; {felt}",
+            motions.joints.len(),
+            motions.commands,
+            motions.changed,
+            motions.delay
+        );
+        assert_eq!(motions.reason, None, "{name}");
+        assert_eq!(felt["wrong"], 0, "{name}");
+        let moving = robot.motors.iter().filter(|motor| motor.kp > 0.0).count();
+        assert_eq!(motions.joints.len(), moving, "{name}");
         assert!(felt["load"].as_f64().unwrap() <= 1.1, "{name}: {}", felt["load"]);
     }
 }
