@@ -222,6 +222,6 @@ def compare(policy: Evaluation, against: Evaluation) -> Comparison:
         if not isinstance(one, Evaluation):
             raise TypeError(f"{name} is {one!r}; give what gaitfit.evaluate returned")
     on = policy.simulator if policy.simulator == against.simulator else f"{policy.simulator} / {against.simulator}"
-    one, other = policy.reward, against.reward
-    reward = {"mean": one.mean - other.mean, "ci95": math.hypot(one.ci95, other.ci95)}
+    paid, less = policy.reward, against.reward
+    reward = {"mean": paid.mean - less.mean, "ci95": math.hypot(paid.ci95, less.ci95)}
     return decoded(Comparison, {**json.loads(_gaitfit.compare(policy.to_json(), against.to_json(), on)), "reward": reward})

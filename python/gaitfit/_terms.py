@@ -13,8 +13,8 @@ from ._arrays import numbers
 from ._robots import Robots
 from ._robots_state import Motion
 
-#: What a term is: a function of all robots and their motion.
-Function = Callable[[Robots, Motion], ArrayLike]
+#: What a term is: a function of all robots (:class:`gaitfit.Robots`, in a training :class:`gaitfit.TrainingRobots`) and their motion.
+Function = Callable[[Any, Motion], ArrayLike]
 
 
 @dataclass(frozen=True)
