@@ -300,10 +300,19 @@ fn a_robot_without_a_root_or_of_impossible_size_is_named() {
     let refused = |text: &str| urdf(text).unwrap_err().to_string();
     let empty = refused(&robot(&[]));
     assert!(empty.contains("the robot has no <link>"), "{empty}");
-    let ring = refused(&robot(&[link("a"), link("b"), joint("j", "a", "b", "0 0 0"), joint("k", "b", "a", "0 0 0")]));
+    let ring = refused(&robot(&[
+        link("a"),
+        link("b"),
+        joint("j", "a", "b", "0 0 0"),
+        joint("k", "b", "a", "0 0 0"),
+    ]));
     assert!(ring.contains("the joints form a ring, which goes through link \"a\""), "{ring}");
     let far = refused(&robot(&[link("a"), link("b"), joint("j", "a", "b", "1e300 0 0")]));
     assert!(far.contains("body \"b\" has a position of 1e300 m"), "{far}");
-    let heavy = robot(&[link("a"), link("b").replace("value=\"1\"", "value=\"1e300\""), joint("j", "a", "b", "0 0 0")]);
+    let heavy = robot(&[
+        link("a"),
+        link("b").replace("value=\"1\"", "value=\"1e300\""),
+        joint("j", "a", "b", "0 0 0"),
+    ]);
     assert!(refused(&heavy).contains("body \"b\" has a mass of 1e300 kg"), "{}", refused(&heavy));
 }

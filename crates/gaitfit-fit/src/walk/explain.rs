@@ -298,7 +298,7 @@ fn slack(group: &str, effects: &[Effect]) -> bool {
 mod tests {
     use super::*;
     use crate::walk::swing::Standing;
-    use gaitfit_adapt::{RobotNumber, RobotRule, Rules};
+    use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Rules, Sharing};
     use gaitfit_log::Sensors;
 
     fn findings(effects: &[(EffectKind, &str, f64, f64, f64)]) -> SwingFindings {
@@ -363,5 +363,29 @@ mod tests {
         let doubt = missing(&late, &theta(&[RobotNumber::ImuRoll]), &base).unwrap_or_default();
         assert!(doubt.contains("by 4.0 ms") && doubt.contains("fit it: velocity_lag"), "{doubt}");
         assert_eq!(missing(&late, &theta(&[RobotNumber::VelocityLag]), &base), None);
+    }
+
+    #[test]
+    fn friction_of_another_joint_does_not_cover_the_odd_one() {
+        let base = Candidate::nominal(&crate::robot::go2().unwrap());
+        let joints = ["FL_calf_joint".to_owned(), "waist_joint".to_owned()];
+        let theta = |joint: &str| {
+            let rule = ParameterRule {
+                per: Sharing::Joint,
+                joints: vec![joint.to_owned()],
+                ..ParameterRule::new(JointParameter::FrictionLoss)
+            };
+            Rules { parameter: vec![rule], ..Rules::default() }.theta(&[], &joints, &[]).unwrap()
+        };
+        let odd = Cause {
+            kind: CauseKind::OddFriction,
+            of: "FL_calf_joint".to_owned(),
+            size: Estimate { value: 0.12, error: 0.01 },
+            unit: "N·m".to_owned(),
+            weight: 1.0,
+            text: "odd".to_owned(),
+        };
+        assert!(covered(&odd, &theta("FL_calf_joint"), &base));
+        assert!(!covered(&odd, &theta("waist_joint"), &base), "a group of one joint is another joint's");
     }
 }

@@ -155,6 +155,21 @@ mod tests {
     }
 
     #[test]
+    fn a_robot_that_starts_leaning_has_its_motion_turned_with_it() {
+        use crate::walk::fixtures;
+        let scene = fixtures::scene();
+        let plain = fixtures::logs(&scene, &fixtures::policy(&scene, 3), true).remove(0);
+        for pitch in [0.1, 1.0] {
+            let mut log = Trajectory { motion: Some([0.0, 0.8].repeat(plain.len())), ..plain.clone() };
+            log.base.as_mut().unwrap().quaternion = Some(from_rpy(0.0, pitch, 0.8).repeat(plain.len()));
+            let script = crate::walk::simulator::script(&scene.walker, &log);
+            // The simulated robot faces along x, and so must the motion.
+            let faces = heading(script.start.base_quaternion.map(f64::from));
+            assert!(faces.abs() < 1e-6 && (script.turned_back - 0.8).abs() < 1e-6, "{pitch}: {}", script.turned_back);
+        }
+    }
+
+    #[test]
     fn holes_in_the_orientation_and_times_after_the_motion_are_named() {
         let broken = |row: usize| {
             let mut log = log(0.0);

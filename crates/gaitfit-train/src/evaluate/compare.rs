@@ -94,7 +94,10 @@ fn independent(policy: &Evaluation, against: &Evaluation) -> Comparison {
         angular_velocity_error: angular,
         // Errors of one trajectory go together: at most their intervals add.
         tracking_error: Estimate { mean: linear.mean + angular.mean, ci95: linear.ci95 + angular.ci95 },
-        motion_error: policy.motion_error.zip(against.motion_error).map(|(one, other)| difference(one, other)),
+        motion_error: policy
+            .motion_error
+            .zip(against.motion_error)
+            .map(|(one, other)| difference(one, other)),
         fall_rate: difference(policy.fall_rate, against.fall_rate),
     }
 }
@@ -153,7 +156,10 @@ impl Comparison {
         let how = if self.paired { "paired" } else { "not paired" };
         if let Some(motion) = self.motion_error {
             let count = self.trajectories;
-            return format!("distance from the motion {} ({how}, {count} trajectories)", shown(motion, "rad"));
+            return format!(
+                "distance from the motion {} ({how}, {count} trajectories)",
+                shown(motion, "rad")
+            );
         }
         format!(
             "linear error {}, angular error {} ({how}, {} trajectories)",
@@ -232,7 +238,8 @@ mod tests {
     #[test]
     fn policies_that_follow_a_motion_are_compared_by_their_distance_from_it() {
         let follower = |name: &str, distance: f64| {
-            let distances: Vec<Option<f64>> = (0..400).map(|k| Some(distance + 0.001 * f64::from(k % 7))).collect();
+            let distances: Vec<Option<f64>> =
+                (0..400).map(|k| Some(distance + 0.001 * f64::from(k % 7))).collect();
             let mean = estimate(&distances.iter().flatten().copied().collect::<Vec<_>>());
             // Its velocity errors say the opposite, and mean nothing.
             let plain = evaluation(name, -distance, true);
