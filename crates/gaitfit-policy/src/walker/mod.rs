@@ -88,6 +88,9 @@ impl Walker {
         }
         let joints = interface.resolve(model)?;
         interface.check()?;
+        if let Some(reference) = &interface.reference {
+            reference.check_anchor(model, &interface.joints, &joints)?;
+        }
         let mut velocities = joints.clone();
         let mut kinds = interface.velocity_targets().into_iter();
         velocities.retain(|_| kinds.next().unwrap_or(false));

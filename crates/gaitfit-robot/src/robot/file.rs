@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use gaitfit_model::with_meant;
+
 use super::{Motor, Robot};
 use crate::RobotError;
 
@@ -9,6 +11,15 @@ use crate::RobotError;
 const MAX_BYTES: u64 = 1 << 18;
 /// Largest number in a file; beyond it lies no robot.
 const LARGEST: f32 = 1e5;
+
+/// The message of an error with its place in the text.
+fn placed(text: &str, error: &toml::de::Error) -> String {
+    let message = with_meant(error.message()).replace('\n', "; ");
+    let Some(before) = error.span().and_then(|span| text.get(..span.start)) else { return message };
+    let line = before.matches('\n').count() + 1;
+    let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
+    format!("line {line}, column {column}: {message}")
+}
 
 impl Robot {
     /// Reads a robot's file.
@@ -29,8 +40,7 @@ impl Robot {
     pub fn parse(text: &str, file: &str) -> Result<Self, RobotError> {
         let refuse =
             |problem: String| RobotError::File { file: file.to_owned(), problem: format!(": {problem}") };
-        let robot: Self =
-            toml::from_str(text).map_err(|error| refuse(error.to_string().trim_end().to_owned()))?;
+        let robot: Self = toml::from_str(text).map_err(|error| refuse(placed(text, &error)))?;
         match robot.wrong() {
             Some(problem) => Err(refuse(problem)),
             None => Ok(robot),

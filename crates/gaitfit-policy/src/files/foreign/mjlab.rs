@@ -9,12 +9,14 @@
 use super::{Known, names, numbers, terms};
 use crate::error::invalid;
 use crate::{PolicyError, Quantity};
-use gaitfit_model::shown;
+use gaitfit_model::{shown, shown_number};
 
 /// Control period of mjlab's tasks: four physics steps of 5 ms.
 const CONTROL_DT: f64 = 0.02;
 /// Bounds beyond which a clipped term counts as not clipped.
 const FAR: f64 = 50.0;
+/// Max frames of a history.
+const MAX_HISTORY: f64 = 256.0;
 /// Most entries of a list.
 const MAX_ENTRIES: usize = 1024;
 
@@ -68,11 +70,8 @@ pub(in crate::files) fn read(
         ));
     }
     if let Some(body) = tracks {
-        notes.push(format!(
-            "it follows a motion, whose file a TOML file names: file = \"…\", reference = \"MOTION.csv\". Its anchor is `{}`: if \
-             that is not the base, `reference` also lists the joints up to it (docs/policies-motion.md)",
-            shown(body)
-        ));
+        // Where it is shows on a robot.
+        table.insert("anchor_body".into(), body.into());
     }
     Ok(Some(Known { table, notes }))
 }
@@ -118,6 +117,12 @@ impl Terms {
     fn new(named: &[String], tracks: bool) -> Result<Self, PolicyError> {
         let mut quantities = Vec::new();
         for (number, name) in named.iter().enumerate() {
+            if !tracks && terms::is_of_tracking(name) {
+                return Err(invalid(format!(
+                    "it observes `{name}`, and its metadata has no `anchor_body_name`, the body that it is of; export it \
+                     again with mjlab, or describe it in a TOML file (docs/policies-motion.md)"
+                )));
+            }
             let of_term = match if tracks { terms::of_motion(name) } else { None } {
                 Some(several) => several.to_vec(),
                 None => vec![Quantity::from_foreign(name).ok_or_else(|| invalid(terms::unknown(name)))?],
@@ -157,9 +162,16 @@ impl Terms {
     /// Frames of each quantity, and whether they follow from the network's width alone.
     fn histories(&self, entries: &Entries, inputs: usize) -> Result<(Vec<usize>, bool), PolicyError> {
         if let Some(lengths) = self.lists(entries, "observation_terms_history_length")? {
-            let length =
-                |numbers: &Vec<f64>| numbers.first().map_or(1, |&one| (one as usize).clamp(1, 1 << 20));
-            return Ok((lengths.iter().map(length).collect(), false));
+            let length = |numbers: &Vec<f64>| match numbers.first().copied().unwrap_or(0.0) {
+                length if (0.0..=MAX_HISTORY).contains(&length) && length.fract() == 0.0 => {
+                    Ok((length as usize).max(1))
+                }
+                length => Err(invalid(format!(
+                    "`observation_terms_history_length` of its metadata has {}; a history has 0 to {MAX_HISTORY} frames",
+                    shown_number(length)
+                ))),
+            };
+            return Ok((lengths.iter().map(length).collect::<Result<Vec<usize>, _>>()?, false));
         }
         let per_frame: usize =
             self.quantities.iter().map(|(_, quantity)| quantity.width(entries.outputs)).sum();
