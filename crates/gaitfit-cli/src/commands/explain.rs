@@ -130,5 +130,5 @@ pub fn run(args: &Explain) -> Result<(), Failure> {
     if args.json {
         return output::print_json(&looked.document(&args.robot, &args.logs, &causes));
     }
-    output::print(&format!("{}{}", looked.line(&args.logs), swings::causes(&causes)))
+    output::print(&format!("{}{}", swings::causes(&causes), looked.line(&args.logs)))
 }

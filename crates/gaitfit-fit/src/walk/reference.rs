@@ -165,7 +165,11 @@ mod tests {
             let script = crate::walk::simulator::script(&scene.walker, &log);
             // The simulated robot faces along x, and so must the motion.
             let faces = heading(script.start.base_quaternion.map(f64::from));
-            assert!(faces.abs() < 1e-6 && (script.turned_back - 0.8).abs() < 1e-6, "{pitch}: {}", script.turned_back);
+            assert!(
+                faces.abs() < 1e-6 && (script.turned_back - 0.8).abs() < 1e-6,
+                "{pitch}: {}",
+                script.turned_back
+            );
         }
     }
 
