@@ -59,7 +59,7 @@ impl Looked {
         if self.left_out > 0 {
             let _ = write!(
                 line,
-                "; {} left out: they have errors, or are more than are looked at (gaitfit inspect {} names errors)",
+                "; {} left out: they have errors, or are more than are looked at. `gaitfit inspect {}` prints errors",
                 counted(self.left_out, "log"),
                 argument(logs)
             );
