@@ -77,23 +77,16 @@ pub fn argument(path: &Path) -> String {
 /// Similarity from which on a known name is what was meant.
 const ALIKE: f64 = 0.75;
 
-/// Names of a list that a message keeps.
-const FEW: usize = 3;
-
-/// A message of a reader such as "unknown field `a`, expected one of `b`, `c`" with the name that was meant, instead of the list
-/// if it is long; as it is if no name is like it.
+/// A message of a reader such as "unknown field `a`, expected one of `b`, `c`" with the name that was meant instead of the list;
+/// as it is if none is like it.
 pub fn with_meant(message: &str) -> String {
     let message = message.trim_end();
     let mut quoted = message.split('`').skip(1).step_by(2);
     let (Some(unknown), true) = (quoted.next(), message.starts_with("unknown ")) else {
         return message.to_owned();
     };
-    let known: Vec<&str> = quoted.collect();
-    let scored = known.iter().map(|known| (strsim::jaro_winkler(unknown, known), *known));
+    let scored = quoted.map(|known| (strsim::jaro_winkler(unknown, known), known));
     match scored.max_by(|a, b| a.0.total_cmp(&b.0)) {
-        Some((score, meant)) if score > ALIKE && known.len() <= FEW => {
-            format!("{message}. Did you mean `{meant}`?")
-        }
         Some((score, known)) if score > ALIKE => {
             let what = message.split('`').next().unwrap_or_default().trim_end();
             format!("{what} `{}`. Did you mean `{known}`?", shown(unknown))
@@ -178,10 +171,8 @@ mod tests {
 
     #[test]
     fn the_name_that_was_meant_is_said() {
-        let found = with_meant("unknown field `refrence`, expected one of `a`, `file`, `reference`, `robot`");
+        let found = with_meant("unknown field `refrence`, expected one of `file`, `reference`, `robot`");
         assert_eq!(found, "unknown field `refrence`. Did you mean `reference`?");
-        let few = "unknown variant `go3`, expected `go2` or `hg`";
-        assert_eq!(with_meant(few), format!("{few}. Did you mean `go2`?"));
         let other = "unknown field `zzz`, expected one of `file`, `robot`";
         assert_eq!(with_meant(other), other);
         assert_eq!(with_meant("invalid type"), "invalid type");
