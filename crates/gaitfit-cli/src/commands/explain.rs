@@ -59,7 +59,7 @@ impl Looked {
         if self.left_out > 0 {
             let _ = write!(
                 line,
-                "; {} left out: they have errors, or are more than are looked at (gaitfit inspect {} names errors)",
+                "; {} left out: they have errors, or are more than are looked at. `gaitfit inspect {}` prints errors",
                 counted(self.left_out, "log"),
                 argument(logs)
             );
@@ -130,5 +130,5 @@ pub fn run(args: &Explain) -> Result<(), Failure> {
     if args.json {
         return output::print_json(&looked.document(&args.robot, &args.logs, &causes));
     }
-    output::print(&format!("{}{}", looked.line(&args.logs), swings::causes(&causes)))
+    output::print(&format!("{}{}", swings::causes(&causes), looked.line(&args.logs)))
 }

@@ -161,7 +161,7 @@ mod tests {
             ("lying = 0.0", "lying = 3.0", "`lying` is outside"),
             ("damping = 2", "damping = 0", "must resist"),
             ("torque = 23.7", "torque = nan", "`torque` is NaN"),
-            ("unitree_go\"", "unitree_go3\"", "unitree_hg"),
+            ("unitree_go\"", "unitree_go3\"", "Did you mean `unitree_go`?"),
             ("tilt", "lean", "unknown field"),
             ("joint = \"FR_hip\"", "slot = 20, joint = \"FR_hip\"", "slots are 0 to 19"),
             ("joint = \"FR_hip\"", "slot = 1, joint = \"FR_hip\"", "`FR_thigh` is in slot 1"),
