@@ -12,13 +12,16 @@ use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::scan::MAX_NAME;
 use crate::self_contact::Parts;
 use crate::servo::{resolve_damping_ratios, resolve_springs};
-use crate::shown::{escaped, shown};
+use crate::shown::{escaped, shown, shown_number};
 use crate::spec::{GeomKind, GeomSpec, Spec};
 use crate::terrain::{Ground, Obstacle, ObstacleShape};
 use crate::xml::At;
 
 /// Below this a moving mass or inertia counts as none (`mjMINVAL`).
 const MIN_MASS: f64 = 1e-15;
+/// Largest distance of a link from its parent, or of its centre of mass from its frame, m, and largest mass, kg.
+const MAX_DISTANCE: f64 = 1000.0;
+const MAX_MASS: f64 = 1e6;
 
 /// Builds the model. `stem` names it if the file does not; `wanted` overrides how the root is attached.
 pub(crate) fn compile(
@@ -47,6 +50,7 @@ pub(crate) fn compile(
     if ctx.mend {
         fill_masses(ctx, &mut spec, &welds, &member);
     }
+    check_sizes(ctx, &spec, &member)?;
     check_masses(ctx, &spec, &welds, &member)?;
     let pairs = candidates(ctx, &spec, &welds, &member)?;
     let ignored = self_collisions(&spec, &welds, &member);
@@ -223,6 +227,27 @@ fn weld_roots(spec: &Spec, root: usize, floating: bool, member: &[bool]) -> Vec<
 }
 
 /// Everything that moves needs mass and inertia, its own or of parts welded to it.
+/// Refuses bodies that no robot has: the simulation of one diverges, and nothing then names the file.
+fn check_sizes(ctx: &Context, spec: &Spec, member: &[bool]) -> Result<(), ModelError> {
+    for body in spec.bodies.iter().zip(member).filter_map(|(body, member)| member.then_some(body)) {
+        let farthest = body.pos.iter().chain(&body.inertial.pos).map(|x| x.abs()).fold(0.0, f64::max);
+        let problem = if farthest > MAX_DISTANCE {
+            Some((format!("has a position of {} m", shown_number(farthest)), "give lengths in metres"))
+        } else if body.inertial.mass > MAX_MASS {
+            Some((
+                format!("has a mass of {} kg", shown_number(body.inertial.mass)),
+                "give masses in kilograms",
+            ))
+        } else {
+            None
+        };
+        if let Some((what, remedy)) = problem {
+            return Err(ctx.invalid(body.at, format!("body \"{}\" {what}", shown(&body.name)), remedy));
+        }
+    }
+    Ok(())
+}
+
 fn check_masses(ctx: &Context, spec: &Spec, welds: &[usize], member: &[bool]) -> Result<(), ModelError> {
     for (index, body) in spec.bodies.iter().enumerate().skip(1) {
         if welds[index] != index || !member[index] {

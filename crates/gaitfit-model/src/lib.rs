@@ -81,7 +81,9 @@ pub use model::*;
 pub use outline::{Form, MeshFile, Outline};
 pub use read::{ReadOptions, read, read_mjcf_str, read_urdf_str};
 pub use self_contact::{Parts, SelfContact, SelfContactError, SelfPair};
-pub use shown::{escaped, shown, shown_number, shown_path};
+pub use shown::{
+    argument, counted, escaped, shown, shown_number, shown_path, significant, with_decimals, with_meant,
+};
 pub use summary::*;
 pub use surface::{LeaningField, Surface, SurfaceBlock, SurfaceField};
 pub use terrain::{Ground, HeightField, Obstacle, ObstacleShape};

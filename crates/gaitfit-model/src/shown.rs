@@ -28,6 +28,73 @@ pub fn shown_number(value: f64) -> String {
     }
 }
 
+/// `value` for a message with `digits` significant digits, without trailing zeros: `0`, `5.66`, `0.00037`, `1e300`. Values below
+/// 0.0001 and from 1,000,000 on have an exponent.
+pub fn significant(value: f64, digits: usize) -> String {
+    let rounded: f64 = format!("{value:.*e}", digits.saturating_sub(1)).parse().unwrap_or(value);
+    let size = rounded.abs();
+    if size == 0.0 {
+        "0".to_owned()
+    } else if !size.is_finite() || (1e-4..1e6).contains(&size) {
+        rounded.to_string()
+    } else {
+        format!("{rounded:e}")
+    }
+}
+
+/// `value` with so many decimals, for a message; what rounds to zero has no sign, and what is huge has an exponent.
+pub fn with_decimals(value: f64, decimals: usize) -> String {
+    if value.abs() >= 1e9 {
+        return significant(value, 3);
+    }
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(zero) if zero.bytes().all(|byte| matches!(byte, b'0' | b'.')) => zero.to_owned(),
+        _ => text,
+    }
+}
+
+/// `count` and a noun in the number that it needs: `1 log`, `2 logs`. `noun`: its singular, whose plural has an `s` more.
+pub fn counted(count: usize, noun: &str) -> String {
+    if count == 1 { format!("1 {noun}") } else { format!("{count} {noun}s") }
+}
+
+/// A path as one argument of a command that a reader may copy: in quotes where a shell would take it apart. Control characters are
+/// written as escapes of the shell's `$'…'`.
+pub fn argument(path: &Path) -> String {
+    let text = path.to_string_lossy();
+    let plain = |c: char| c.is_alphanumeric() || "_-./+=:@%,~".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        return text.into_owned();
+    }
+    if text.chars().any(commands) {
+        let inner = text.replace('\\', "\\\\").replace('\'', "\\'");
+        return format!("$'{}'", escaped(&inner, MAX_PATH_CHARS));
+    }
+    format!("'{}'", text.replace('\'', "'\\''"))
+}
+
+/// Similarity from which on a known name is what was meant.
+const ALIKE: f64 = 0.75;
+
+/// A message of a reader such as "unknown field `a`, expected one of `b`, `c`" with the name that was meant instead of the list;
+/// as it is if none is like it.
+pub fn with_meant(message: &str) -> String {
+    let message = message.trim_end();
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    let (Some(unknown), true) = (quoted.next(), message.starts_with("unknown ")) else {
+        return message.to_owned();
+    };
+    let scored = quoted.map(|known| (strsim::jaro_winkler(unknown, known), known));
+    match scored.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        Some((score, known)) if score > ALIKE => {
+            let what = message.split('`').next().unwrap_or_default().trim_end();
+            format!("{what} `{}`. Did you mean `{known}`?", shown(unknown))
+        }
+        _ => message.to_owned(),
+    }
+}
+
 /// As [`shown`], cut to `max` characters.
 pub fn escaped(text: &str, max: usize) -> String {
     let mut out = String::new();
@@ -87,5 +154,49 @@ mod tests {
         assert_eq!(shown_number(-1e-300), "-1e-300");
         assert_eq!(shown_number(f64::NAN), "NaN");
         assert!(shown_number(1.234_567_890_123_456e-300).len() < 30);
+    }
+
+    #[test]
+    fn paths_are_one_argument_each() {
+        for (path, text) in [
+            ("logs/a_1.csv", "logs/a_1.csv"),
+            ("my robot.toml", "'my robot.toml'"),
+            ("it's.toml", r"'it'\''s.toml'"),
+            ("m\n2.toml", r"$'m\n2.toml'"),
+            ("", "''"),
+        ] {
+            assert_eq!(argument(Path::new(path)), text);
+        }
+    }
+
+    #[test]
+    fn the_name_that_was_meant_is_said() {
+        let found = with_meant("unknown field `refrence`, expected one of `file`, `reference`, `robot`");
+        assert_eq!(found, "unknown field `refrence`. Did you mean `reference`?");
+        let other = "unknown field `zzz`, expected one of `file`, `robot`";
+        assert_eq!(with_meant(other), other);
+        assert_eq!(with_meant("invalid type"), "invalid type");
+    }
+
+    #[test]
+    fn numbers_have_no_needless_exponents_signs_and_zeros() {
+        for (value, text) in [
+            (0.0, "0"),
+            (-0.0, "0"),
+            (5.66, "5.66"),
+            (0.3721, "0.372"),
+            (5.0, "5"),
+            (99.96, "100"),
+            (0.000_037_2, "3.72e-5"),
+            (1e300, "1e300"),
+            (1_234_567.0, "1.23e6"),
+            (f64::NAN, "NaN"),
+        ] {
+            assert_eq!(significant(value, 3), text);
+        }
+        for (value, text) in [(-0.0001, "0.000"), (-0.25, "-0.250"), (1e300, "1e300"), (0.0, "0.000")] {
+            assert_eq!(with_decimals(value, 3), text);
+        }
+        assert_eq!([counted(1, "log"), counted(0, "log"), counted(2, "log")], ["1 log", "0 logs", "2 logs"]);
     }
 }

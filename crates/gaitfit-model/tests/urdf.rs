@@ -281,3 +281,38 @@ fn a_revolute_joint_whose_file_gives_no_limits_turns_and_it_is_said() {
     let half = SMALL.replace("continuous", "revolute").replace("limit effort", "limit upper=\"0\" effort");
     assert!(urdf(&half).unwrap_err().to_string().contains("lower < upper"));
 }
+
+#[test]
+fn a_robot_without_a_root_or_of_impossible_size_is_named() {
+    let link = |name: &str| {
+        format!(
+            "<link name=\"{name}\"><inertial><mass value=\"1\"/><inertia ixx=\"0.1\" iyy=\"0.1\" izz=\"0.1\" ixy=\"0\" ixz=\"0\" \
+             iyz=\"0\"/></inertial></link>"
+        )
+    };
+    let joint = |name: &str, parent: &str, child: &str, xyz: &str| {
+        format!(
+            "<joint name=\"{name}\" type=\"revolute\"><parent link=\"{parent}\"/><child link=\"{child}\"/>\
+             <origin xyz=\"{xyz}\"/><axis xyz=\"0 1 0\"/><limit lower=\"-1\" upper=\"1\" effort=\"1\" velocity=\"1\"/></joint>"
+        )
+    };
+    let robot = |parts: &[String]| format!("<robot name=\"r\">\n{}\n</robot>", parts.join("\n"));
+    let refused = |text: &str| urdf(text).unwrap_err().to_string();
+    let empty = refused(&robot(&[]));
+    assert!(empty.contains("the robot has no <link>"), "{empty}");
+    let ring = refused(&robot(&[
+        link("a"),
+        link("b"),
+        joint("j", "a", "b", "0 0 0"),
+        joint("k", "b", "a", "0 0 0"),
+    ]));
+    assert!(ring.contains("the joints form a ring, which goes through link \"a\""), "{ring}");
+    let far = refused(&robot(&[link("a"), link("b"), joint("j", "a", "b", "1e300 0 0")]));
+    assert!(far.contains("body \"b\" has a position of 1e300 m"), "{far}");
+    let heavy = robot(&[
+        link("a"),
+        link("b").replace("value=\"1\"", "value=\"1e300\""),
+        joint("j", "a", "b", "0 0 0"),
+    ]);
+    assert!(refused(&heavy).contains("body \"b\" has a mass of 1e300 kg"), "{}", refused(&heavy));
+}

@@ -144,7 +144,26 @@ fn assemble(
 ) -> Result<(Vec<BodySpec>, Vec<Actuator>), ModelError> {
     let mut roots = (0..links.len()).filter(|&l| links[l].held_by.is_none());
     let Some(mut root) = roots.next() else {
-        return Err(ctx.invalid(at, "no link without a parent", "a robot is a tree with one root link"));
+        let Some(first) = links.first() else {
+            return Err(ctx.invalid(at, "the robot has no <link>", "give it links and joints"));
+        };
+        // Every link hangs on another: from any of them on, the way up leads into a ring.
+        let mut on_the_way = Vec::new();
+        let mut link = 0;
+        while !on_the_way.contains(&link) {
+            on_the_way.push(link);
+            let Some(held_by) = links[link].held_by else { break };
+            link = connections[held_by].parent;
+        }
+        let at = links[link].held_by.map_or(first.body.at, |joint| connections[joint].element);
+        return Err(ctx.invalid(
+            at,
+            format!(
+                "every link has a parent, so the joints form a ring, which goes through link \"{}\"",
+                shown(&links[link].body.name)
+            ),
+            "a robot is a tree with one root link: remove a joint of the ring",
+        ));
     };
     if let Some(other) = roots.next() {
         return Err(ctx.invalid(
