@@ -2,7 +2,7 @@
 
 use crate::attitude::orientation_of_gravity;
 use crate::check::stats::{median, short};
-use crate::check::{settle_angles, settle_imu};
+use crate::check::{CheckSpec, FallSign, Finding, FindingKind, Severity, falls, settle_angles, settle_imu};
 use crate::columns::Layout;
 use crate::metadata::Metadata;
 use crate::motor::{self, MotorColumns};
@@ -57,9 +57,7 @@ pub(crate) fn assemble(
         Some(rate) => rate,
         None => measured_rate(&samples.time).ok_or_else(|| LogError::Metadata {
             place: shown_path(path),
-            problem: "time does not say the sample rate (one sample, or time stands still); state it as \
-                      `# rate_hz = 200` above the header or in the sidecar"
-                .into(),
+            problem: without_rate(&samples.time),
         })?,
     };
 
@@ -120,7 +118,7 @@ pub(crate) fn assemble(
         gains,
         lead,
         simulated_step: metadata.simulated_step_s.map(|step| step.value),
-        fell: metadata.fell.is_some_and(|fell| fell.value),
+        fell: metadata.fell.as_ref().is_some_and(|fell| fell.value),
     };
     trajectory.validate()?;
     // A mounted unit's angles have been turned.
@@ -130,7 +128,42 @@ pub(crate) fn assemble(
         report.noticed.extend(settled);
     }
     report.noticed.extend(settle_imu(&mut trajectory, &metadata.imu));
+    if metadata.fell.as_ref().is_some_and(|fell| !fell.value) {
+        report.noticed.extend(fell_after_all(&trajectory));
+    }
     Ok((trajectory, report))
+}
+
+/// What to know of a log that states that the robot did not fall, and shows that it did.
+fn fell_after_all(log: &Trajectory) -> Option<Finding> {
+    let found = falls(log, &CheckSpec::default());
+    let fall = found.iter().find(|fall| matches!(fall.sign, FallSign::Tilt | FallSign::Height))?;
+    Some(Finding {
+        kind: FindingKind::Fallen,
+        severity: Severity::Warning,
+        joints: Vec::new(),
+        span: None,
+        message: format!(
+            "the log states `fell = false`, and its base is tilted or low as that of a robot that fell, from {} s on: what the \
+             signals show counts, and this part is cut off. If the robot stood, correct orientation or height",
+            shown_number(log.time[fall.samples.start])
+        ),
+    })
+}
+
+/// Why times have no sample rate, and what to do.
+fn without_rate(time: &[f64]) -> String {
+    match time.windows(2).position(|pair| pair[1] < pair[0]) {
+        Some(row) => format!(
+            "time runs backwards, first from {} s to {} s after sample {}; sort the rows by time, or correct the time column",
+            shown_number(time[row]),
+            shown_number(time[row + 1]),
+            row + 1
+        ),
+        None => "time does not say the sample rate (one sample, or time stands still); state it as `# rate_hz = 200` above the \
+                 header or in the sidecar"
+            .to_owned(),
+    }
 }
 
 /// Converts the time column to seconds, from the unit that its name says or its values show.
@@ -205,6 +238,16 @@ fn even_rows(
             let hint = hint.map_or(String::new(), |rate| {
                 format!(" (the velocities fit about {} rows a second)", short(rate))
             });
+            if let Some(rate) = stated_hz {
+                let rate = shown_number(rate);
+                return Err(LogError::Metadata {
+                    place: shown_path(path),
+                    problem: format!(
+                        "{coarse}. {why}: {rate} Hz is stated, so the times are wrong or the rate is{hint}. Record the times \
+                         again, write evenly spaced times (row / {rate}), or correct the stated rate"
+                    ),
+                });
+            }
             Err(LogError::Metadata {
                 place: shown_path(path),
                 problem: format!(

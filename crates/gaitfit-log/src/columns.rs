@@ -234,6 +234,15 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
 
     let command = header.group(&COMMAND);
     let motion = header.group(&MOTION);
+    if motion.is_none()
+        && let Some(lacking) = MOTION.iter().find(|name| !names.iter().any(|own| own == *name))
+        && MOTION.iter().any(|name| header.index.contains_key(name))
+    {
+        let remedy = "a log that states its place in the motion has both `motion_time` and `motion_heading`; write 0 as the \
+                      heading if the motion has no orientations"
+            .to_owned();
+        return Err(missing(path, line, lacking, remedy));
+    }
     let base_position = header.group(&BASE_POSITION);
     let base_quaternion = header.group(&BASE_QUATERNION);
     let mut roll_pitch_yaw = header.group(&ROLL_PITCH_YAW);
@@ -273,6 +282,9 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
 }
 
 fn time_remedy(names: &[String]) -> String {
+    if names.first().is_some_and(|name| name.starts_with('<')) {
+        return "the file is XML, such as a robot's; name a log".into();
+    }
     if let [only] = names
         && (only.contains(';') || only.contains('\t'))
     {

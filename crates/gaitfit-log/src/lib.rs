@@ -48,6 +48,7 @@ mod imu_fit;
 mod imu_settings;
 mod lines;
 mod metadata;
+mod motion;
 mod motor;
 mod names;
 mod ops;

@@ -179,7 +179,10 @@ impl Metadata {
                 "fell" | "fall" | "fallen" => "fell",
                 "lead" | "leads" | "targetlead" | "targetleads" => "target_lead_s",
                 "simulatedstep" | "simulatedsteps" | "simulatorstep" => "simulated_step_s",
-                _ => return Ok(Some(key.to_owned())),
+                other => match slip(other) {
+                    Some(meant) => meant,
+                    None => return Ok(Some(key.to_owned())),
+                },
             };
             return Err(refuse(format!("`{}` is not a key of log headers; write `{meant} = …`", shown(key))));
         }
@@ -225,6 +228,16 @@ impl Metadata {
             allow: self.allow.or(other.allow),
         }
     }
+}
+
+/// The key that `folded`, a key in small letters and digits alone, is one slip away from: a letter too many or too few, two
+/// swapped, or, in a longer word, another letter.
+fn slip(folded: &str) -> Option<&'static str> {
+    KEYS.into_iter().find(|key| {
+        let key: String = key.chars().filter(|c| c.is_alphanumeric()).collect();
+        let replaced = strsim::hamming(&key, folded).is_ok_and(|letters| letters == 1);
+        key.len() > 3 && strsim::damerau_levenshtein(&key, folded) == 1 && (!replaced || key.len() > 5)
+    })
 }
 
 /// What a log's comments and the files beside it state of it, for readers of other kinds of text.

@@ -5,7 +5,7 @@ use crate::columns::{Layout, layout};
 use crate::imu;
 use crate::lines::Lines;
 use crate::metadata::{Metadata, Statements, read_sidecars};
-use crate::{ConvertedTime, EvenRows, Finding, FindingKind, LogError, PerJoint, Trajectory};
+use crate::{ConvertedTime, EvenRows, Finding, FindingKind, LogError, PerJoint, Trajectory, motion};
 use gaitfit_model::shown_path;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -207,9 +207,9 @@ fn channels(layout: &Layout) -> [Channel<'_>; 16] {
         needed(some(&layout.target)),
         needed(some(&layout.action)),
         needed(some(&layout.command)),
-        needed(some(&layout.motion)),
+        Channel { columns: some(&layout.motion), optional: false, refuse: Some(motion::place as Refuse) },
         base(&layout.base_position),
-        sensed(&layout.base_quaternion, imu::orientation as Refuse),
+        sensed(&layout.base_quaternion, imu::orientation),
         sensed(&layout.roll_pitch_yaw, imu::angles),
         base(&layout.base_velocity),
         sensed(&layout.base_rates, imu::rates),

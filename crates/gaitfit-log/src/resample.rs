@@ -1,6 +1,6 @@
 //! Trajectories at other sample rates.
 
-use crate::{BaseState, Gains, LogError, Trajectory};
+use crate::{BaseState, Gains, LogError, Trajectory, motion};
 use gaitfit_model::rotation::{blend, quat_of};
 use gaitfit_model::shown_number;
 
@@ -104,7 +104,7 @@ impl Trajectory {
             target: self.target.as_deref().map(|values| hold(values, joints)),
             action: self.action.as_deref().map(|values| hold(values, joints)),
             command: self.command.as_deref().map(|values| hold(values, 3)),
-            motion: self.motion.as_deref().map(|values| blend(values, 2)),
+            motion: self.motion.as_deref().map(|values| motion::at(&self.time, values, &places.measured)),
             base: self.base.as_ref().map(|base| BaseState {
                 position: base.position.as_deref().map(|values| blend(values, 3)),
                 quaternion: base

@@ -43,7 +43,7 @@ fn full_trajectory() -> Trajectory {
         target: Some(take(2, 6)),
         action: Some(take(3, 6)),
         command: Some(take(4, 9)),
-        motion: Some(take(2, 6)),
+        motion: Some(vec![0.1 + 0.2, -0.0, 1.0 / 3.0, 5e-324, 12.3, -2.5e-17]),
         base: Some(BaseState {
             position: Some(take(5, 9)),
             quaternion: Some([0.1 + 0.2, -0.0, 0.91_f64.sqrt(), 5e-324].repeat(3)),

@@ -9,3 +9,4 @@ mod imu;
 mod motors;
 mod ops;
 mod recorded;
+mod remarks;

@@ -16,6 +16,8 @@ const LAG: f64 = 0.0025;
 const LONG_LAG: f64 = 0.012;
 /// Standard errors that a bias or a lag must exceed.
 const SURE: f64 = 3.0;
+/// RMS turning, rad/s, of an orientation that is not read.
+const STILL: f64 = 1e-6;
 /// RMS rate, rad/s, and change of the vertical, rad, of a base that does not move. A slow walk has 0.19.
 const STILL_RATE: f64 = 0.03;
 const STILL_TILT: f64 = 0.02;
@@ -175,6 +177,15 @@ pub(super) fn check(findings: &mut Findings, clock_is_right: bool) {
             percent(left)
         );
         findings.add(kind, Severity::Error, &[], None, message);
+        return;
+    }
+    if verdict.as_named > APART && clock_is_right && verdict.rms[0] < STILL {
+        let message = format!(
+            "the orientation of the base does not change, and its rates (wx, wy, wz) are {} rad/s RMS: the orientation is not that \
+             of this run; record both from one unit, or leave out the columns that are wrong",
+            short(verdict.rms[1])
+        );
+        findings.add(FindingKind::ImuMismatch, Severity::Error, &[], None, message);
         return;
     }
     if verdict.as_named > APART && clock_is_right {

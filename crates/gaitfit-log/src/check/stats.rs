@@ -37,19 +37,11 @@ pub(crate) fn correlation(a: &[f64], b: &[f64]) -> f64 {
     if aa > 0.0 && bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
 }
 
-/// `value` with so many decimals; what is huge in scientific form, for 1e300 has 300 digits.
-pub(crate) fn decimals(value: f64, decimals: usize) -> String {
-    if value.abs() < 1e9 { format!("{value:.decimals$}") } else { format!("{value:.2e}") }
-}
+pub(crate) use gaitfit_model::with_decimals as decimals;
 
 /// `value` with four significant digits.
 pub(crate) fn short(value: f64) -> String {
-    if !(1e-3..1e6).contains(&value.abs()) {
-        return format!("{value:.3e}");
-    }
-    let digits = (3.0 - value.abs().log10().floor()).max(0.0) as usize;
-    let text = format!("{value:.digits$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    gaitfit_model::significant(value, 4)
 }
 
 /// Value below which half of `values` lie (upper median); `None` for none. Reorders `values`.

@@ -14,6 +14,8 @@ const JITTER: f64 = 0.05;
 const RATE_ERROR: f64 = 0.02;
 /// Share of repeated rows. A bus that is read a little faster than it updates repeats 5–10 %.
 const REPEATED: f64 = 0.3;
+/// Share of repeated rows from which on the rest is no log of a motion.
+const NEARLY_ALL: f64 = 0.98;
 
 /// `velocity_over_derivative`: how many times the velocities of most joints are the derivative of the positions by the
 /// time column. Returns whether a finding says already that the time column does not fit them.
@@ -82,16 +84,19 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
 
     let gaps: Vec<usize> = spacing.lost.iter().map(|lost| lost.after).collect();
     if let Some(&longest) = gaps.iter().max_by(|&&a, &&b| steps[a].total_cmp(&steps[b])) {
+        let severity =
+            if steps[longest] > LONG_GAP_S.max(3.0 * typical) { Severity::Error } else { Severity::Warning };
+        let remedy = match (replayed(log), severity) {
+            (true, Severity::Error) => "a fit replays the log of a clamped robot as a whole: cut it there",
+            _ => "fits leave gaps out, better logs have none",
+        };
         let message = format!(
-            "{} gap(s), about {} samples lost; the longest is {} s after {:?} s; fits leave gaps out, better \
-             logs have none",
+            "{} gap(s), about {} samples lost; the longest is {} s after {:?} s; {remedy}",
             gaps.len(),
             spacing.count(),
             decimals(steps[longest], 4),
             log.time[longest]
         );
-        let severity =
-            if steps[longest] > LONG_GAP_S.max(3.0 * typical) { Severity::Error } else { Severity::Warning };
         findings.add(FindingKind::TimeGap, severity, &[], Some(longest..longest + 2), message);
     }
 
@@ -119,7 +124,14 @@ fn repeated_rows(findings: &mut Findings, typical: f64) {
     let repeated = (1..log.len()).filter(|&i| repeats(&log.position, i) && repeats(&log.velocity, i)).count();
     let share = repeated as f64 / (log.len() - 1) as f64;
     // A log where nothing moves at all repeats every row for another reason, reported elsewhere.
-    if moving && share > REPEATED {
+    if moving && share > NEARLY_ALL {
+        let message = format!(
+            "{:.1} % of the rows repeat positions and velocities of the row before: the robot's state was hardly read; record again",
+            100.0 * share
+        );
+        let severity = if replayed(log) { Severity::Error } else { Severity::Warning };
+        findings.add(FindingKind::RepeatedRows, severity, &[], None, message);
+    } else if moving && share > REPEATED {
         let message = format!(
             "{:.0} % of the rows repeat positions and velocities of the row before; the robot reports at about {} Hz: \
              record or resample at that rate, for example with `gaitfit import LOG --every {} --out LESS.csv`",

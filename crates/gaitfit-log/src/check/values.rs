@@ -3,7 +3,7 @@
 use super::falls::stretches;
 use super::stats::{decimals, deviation, range};
 use super::{CheckSpec, FindingKind, Findings, Severity};
-use crate::{Signal, Trajectory};
+use crate::{Signal, Trajectory, motion};
 use gaitfit_model::{shown, shown_number};
 use std::collections::HashSet;
 
@@ -28,6 +28,11 @@ const MOVES: f64 = 0.01;
 
 pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     not_finite(findings);
+    if let Some(motion) = &findings.log.motion
+        && let Some(message) = motion::runs_wrongly(&findings.log.time, motion)
+    {
+        findings.add(FindingKind::SuspectUnit, Severity::Error, &[], None, message);
+    }
     units(findings, spec);
     position_limits(findings, spec);
     velocity_limits(findings, spec);
@@ -58,7 +63,7 @@ fn not_finite(findings: &mut Findings) {
     let base = log.base.clone().unwrap_or_default();
     for (what, values, width, severity) in [
         ("command", &log.command, 3, Severity::Error),
-        ("motion", &log.motion, 2, Severity::Error),
+        ("motion_time or motion_heading", &log.motion, 2, Severity::Error),
         ("base position", &base.position, 3, Severity::Warning),
         ("base orientation", &base.quaternion, 4, Severity::Warning),
         ("base velocity", &base.linear_velocity, 3, Severity::Warning),
