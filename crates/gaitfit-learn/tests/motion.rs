@@ -31,6 +31,7 @@ fn motion(joints: &[String], pose: &[f64]) -> Reference {
         velocity: rows(&|t, joint| 6.0 * swing(joint) * (6.0 * t).cos()),
         orientation: turn(2, 1.2).map(|x| x as f32).repeat(201),
         anchor: Vec::new(),
+        anchor_body: None,
     }
 }
 

@@ -219,6 +219,14 @@ impl Interface {
         if self.observation.is_empty() {
             return Err(InterfaceError("observation has no terms; list what the policy sees".into()));
         }
+        let follows = |terms: &[Term]| terms.iter().any(|term| term.quantity.is_of_reference());
+        if self.reference.is_some() && !follows(&self.observation) && !follows(&self.critic_observation) {
+            return Err(InterfaceError(
+                "`reference` names a motion, and no term of the observation reads it; leave `reference` out, or list what the \
+                 policy observes of it, such as reference_joint_position"
+                    .to_owned(),
+            ));
+        }
         self.check_terms("observation", &self.observation)?;
         self.check_terms("critic_observation", &self.critic_observation)
     }

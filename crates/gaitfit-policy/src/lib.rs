@@ -3,6 +3,7 @@
 //! Everything is batched: arrays of rows, one row an environment, row-major, never an object an environment. Joints
 //! are in the order of [`Interface::joints`] and matched to a model by name.
 
+mod anchor;
 mod check;
 mod error;
 mod files;
@@ -25,8 +26,8 @@ pub mod walker;
 
 pub use error::PolicyError;
 pub use files::{
-    DescribedTerm, Description, EncoderTensors, Frames, Inputs, MemoryTensors, NormaliserTensors, Passes,
-    PerJoint, ReferenceSource, Taken, checksum, deploy, files_of, interface_of, onnx, read, unsealed,
+    Anchored, DescribedTerm, Description, EncoderTensors, Frames, Inputs, MemoryTensors, NormaliserTensors,
+    Passes, PerJoint, ReferenceSource, Taken, checksum, deploy, files_of, interface_of, onnx, read, unsealed,
     weights,
 };
 pub use front::{Encoder, Front, Latent};

@@ -31,6 +31,9 @@ pub struct Reference {
     /// not be turned where their angles are 0.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub anchor: Vec<AnchorJoint>,
+    /// The anchor's name, where the policy's file has it; a robot on which it is elsewhere is refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub anchor_body: Option<String>,
 }
 
 /// A joint between the base and the anchor of a motion.
@@ -82,6 +85,7 @@ impl Reference {
             velocity: in_order(&log.velocity),
             orientation: quaternion.unwrap_or_default().iter().map(|&x| x as f32).collect(),
             anchor,
+            anchor_body: None,
         })
     }
 
@@ -95,11 +99,18 @@ impl Reference {
             return refuse(format!("has a rate of {} Hz; give a positive number", self.rate_hz));
         }
         let (found, width) = (self.position.len(), joints.len().max(1));
-        if found == 0 || found % width != 0 || found > MAX_NUMBERS || self.velocity.len() != found {
+        if found == 0 || found % width != 0 || self.velocity.len() != found {
             return refuse(format!(
-                "has {found} angles and {} velocities for {width} joints; give as many rows of both, at most {MAX_NUMBERS} \
-                 numbers",
+                "has {found} angles and {} velocities for {width} joints; give as many rows of both",
                 self.velocity.len()
+            ));
+        }
+        if found > MAX_NUMBERS {
+            let (rows, max) = (found / width, MAX_NUMBERS / width);
+            return refuse(format!(
+                "has {rows} rows of {width} joints, and at most {max} rows are read; take fewer, for example with `gaitfit import \
+                 FILE --every {} --out LESS.csv`",
+                rows.div_ceil(max.max(1))
             ));
         }
         if !self.orientation.is_empty() && self.orientation.len() != 4 * (found / width) {
@@ -116,7 +127,10 @@ impl Reference {
         if self.orientation.chunks_exact(4).any(|q| q.iter().map(|x| x * x).sum::<f32>() < 0.25) {
             return refuse("has orientations that are not unit quaternions".to_owned());
         }
-        for AnchorJoint { joint, axis } in &self.anchor {
+        for (place, AnchorJoint { joint, axis }) in self.anchor.iter().enumerate() {
+            if self.anchor[..place].iter().any(|other| other.joint == *joint) {
+                return refuse(format!("names `{joint}` twice in `anchor`; name each joint once"));
+            }
             if !joints.contains(joint) {
                 return refuse(format!("names `{joint}` in `anchor`, which is not a joint of the policy"));
             }
@@ -134,6 +148,11 @@ impl Reference {
 }
 
 impl Interface {
+    /// Whether the policy observes a command. One that follows a motion, as a rule, does not.
+    pub fn observes_command(&self) -> bool {
+        self.observation.iter().any(|term| term.quantity == Quantity::Command)
+    }
+
     /// Whether a term has the motion that it needs.
     pub(crate) fn check_reference(&self, name: &str, term: &Term) -> Result<(), InterfaceError> {
         let quantity = term.quantity.name();

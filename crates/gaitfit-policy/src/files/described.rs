@@ -1,11 +1,8 @@
 //! Parts of a description: terms, numbers over joints, and where safetensors hold what stands before the actor.
 
-use crate::error::invalid;
 use crate::network::Cell;
-use crate::{AnchorJoint, PolicyError, Quantity, Reference, Term};
-use gaitfit_log::{ReadOptions, read_csv};
+use crate::{AnchorJoint, Quantity, Reference, Term};
 use serde::Deserialize;
-use std::path::Path;
 
 /// One number for all joints, or one a joint.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -68,43 +65,41 @@ impl DescribedTerm {
 }
 
 /// Where the motion is that a policy follows.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(untagged, expecting = "give the motion's file, or a table with `file` and `anchor`")]
+#[derive(Clone, Debug, PartialEq)]
 pub enum ReferenceSource {
     /// A log, relative to the description.
     File(String),
     /// A log, and the joints between the base and the body whose orientations it holds.
-    Anchored {
-        /// The log, relative to the description.
-        file: String,
-        /// The joints, from the base on.
-        anchor: Vec<AnchorJoint>,
-    },
+    Anchored(Anchored),
     /// The motion itself.
     Motion(Reference),
 }
 
-impl ReferenceSource {
-    /// The file's name, where there is one.
-    pub(super) fn file(&self) -> Option<&str> {
-        match self {
-            Self::File(file) | Self::Anchored { file, .. } => Some(file),
-            Self::Motion(_) => None,
-        }
-    }
+/// A motion's file and the joints to its anchor.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Anchored {
+    /// The log, relative to the description.
+    pub file: String,
+    /// The joints, from the base on; an empty list: the anchor is the base.
+    pub anchor: Option<Vec<AnchorJoint>>,
+}
 
-    /// The motion of `joints`; files are relative to `folder`.
-    pub(super) fn read(&self, folder: &Path, joints: &[String]) -> Result<Reference, PolicyError> {
-        let (file, anchor) = match self {
-            Self::Motion(reference) => return Ok(reference.clone()),
-            Self::File(file) => (file, Vec::new()),
-            Self::Anchored { file, anchor } => (file, anchor.clone()),
-        };
-        let path = folder.join(file);
-        let inside = |source| PolicyError::In { path: path.clone(), source: Box::new(source) };
-        let log = read_csv(&path, &ReadOptions::default())
-            .map_err(|error| invalid(format!("the reference motion does not read: {error}")))?;
-        Reference::from_log(&log, joints, anchor).map_err(|error| inside(error.into()))
+impl<'de> Deserialize<'de> for ReferenceSource {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        use serde::de::Error as _;
+        let message = |error: toml::de::Error| D::Error::custom(format!("reference: {}", error.message()));
+        match toml::Value::deserialize(deserializer)? {
+            toml::Value::String(file) => Ok(Self::File(file)),
+            // What a policy's own file has.
+            toml::Value::Table(table) if table.contains_key("position") => {
+                table.try_into().map(Self::Motion).map_err(message)
+            }
+            toml::Value::Table(table) => table.try_into().map(Self::Anchored).map_err(message),
+            _ => Err(D::Error::custom(
+                "reference: give the motion's file, or a table with `file` and `anchor`",
+            )),
+        }
     }
 }
 

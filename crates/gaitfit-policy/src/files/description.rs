@@ -11,6 +11,7 @@ use crate::error::invalid;
 use crate::network::{Activation, LayerNorm, Network};
 use crate::{ActionClip, FrameOrder, Front, Held, History, Interface, InterfaceError, Quantity};
 use crate::{Policy, PolicyError, Provenance};
+use gaitfit_model::with_meant;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -67,6 +68,8 @@ pub struct Description {
     pub gait_frequency: Option<f64>,
     /// The motion that the policy follows: a log, relative to the description.
     pub reference: Option<ReferenceSource>,
+    /// Name of the body whose orientation the motion holds, as the policy's own file has it.
+    pub anchor_body: Option<String>,
     /// What each input of an ONNX graph takes of the observation, where their widths do not say it.
     #[serde(default)]
     pub inputs: Inputs,
@@ -97,7 +100,7 @@ impl Description {
     /// Wrong TOML, or unknown and missing keys, with line and column.
     pub fn parse(text: &str) -> Result<Self, PolicyError> {
         toml::from_str(text).map_err(|error| {
-            let message = error.message().trim_end();
+            let message = with_meant(error.message());
             match error.span() {
                 Some(span) => {
                     let before = text.get(..span.start).unwrap_or_default();
@@ -116,9 +119,10 @@ impl Description {
     /// Unknown and missing keys.
     pub fn from_table(table: toml::Table) -> Result<Self, PolicyError> {
         // What it shows names the key, beneath the message.
-        table
-            .try_into()
-            .map_err(|error: toml::de::Error| invalid(error.to_string().trim_end().replace('\n', " ")))
+        table.try_into().map_err(|error: toml::de::Error| {
+            let shown = error.to_string().replace(error.message(), &with_meant(error.message()));
+            invalid(shown.trim_end().replace('\n', " "))
+        })
     }
 
     /// What the description says about the robot, with files relative to the present folder.
@@ -163,7 +167,11 @@ impl Description {
             held: self.held.clone(),
             control_dt: self.control_dt,
             gait_frequency: self.gait_frequency,
-            reference: self.reference.as_ref().map(|source| source.read(folder, &self.joints)).transpose()?,
+            reference: self
+                .reference
+                .as_ref()
+                .map(|source| source.read(folder, &self.joints, self.anchor_body.as_deref()))
+                .transpose()?,
             history: self.history,
             observation: terms(&self.observation),
             critic_observation: terms(&self.critic_observation),
@@ -181,6 +189,9 @@ impl Description {
         let mut interface = self.interface_in(folder)?;
         if !(self.std > 0.0 && self.std.is_finite()) {
             return Err(invalid(format!("std is {}; give a positive number", self.std)));
+        }
+        if self.file.is_empty() {
+            return Err(invalid("`file` is empty; it must name an .onnx or .safetensors file"));
         }
         let path = folder.join(&self.file);
         let inside = |source| PolicyError::In { path: path.clone(), source: Box::new(source) };

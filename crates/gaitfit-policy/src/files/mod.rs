@@ -11,13 +11,15 @@ mod encoder;
 mod foreign;
 mod inputs;
 mod layers;
+mod messages;
+mod motion;
 pub mod onnx;
 mod read;
 mod tensors;
 mod torch;
 pub mod weights;
 
-pub use described::{DescribedTerm, MemoryTensors, NormaliserTensors, PerJoint, ReferenceSource};
+pub use described::{Anchored, DescribedTerm, MemoryTensors, NormaliserTensors, PerJoint, ReferenceSource};
 pub use description::Description;
 pub use encoder::{EncoderTensors, Passes};
 pub use inputs::{Frames, Inputs, Taken};

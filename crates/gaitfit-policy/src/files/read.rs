@@ -1,11 +1,9 @@
 //! A policy from a path, whatever wrote it.
 
 use super::foreign::{self, Known};
-use super::torch;
-use super::{Description, onnx, weights};
+use super::{Description, messages, onnx, torch, weights};
 use crate::error::invalid;
 use crate::{Interface, Policy, PolicyError};
-use serde::Deserialize;
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read};
 use std::path::{Path, PathBuf};
@@ -33,7 +31,11 @@ pub fn read(path: &Path) -> Result<Policy, PolicyError> {
         Some(ending) if torch::ENDINGS.contains(&ending) => {
             Err(inside(torch::refuse(path, &bytes(path)?, None)))
         }
-        _ => Err(inside(invalid("no policy by its ending; give a .safetensors, .onnx or .toml file"))),
+        _ => {
+            // A name that is mistyped has no ending either.
+            std::fs::metadata(path).map_err(|source| PolicyError::Read { path: path.to_owned(), source })?;
+            Err(inside(invalid("no policy by its ending; give a .safetensors, .onnx or .toml file")))
+        }
     }
 }
 
@@ -143,8 +145,11 @@ fn known_of_foreign(path: &Path, bytes: &[u8]) -> Result<Option<Known>, PolicyEr
 }
 
 /// What a weights file says of its interface, which a description then need not repeat.
-fn known(path: &Path) -> Option<Known> {
-    let bytes = bytes(path).ok()?;
+///
+/// # Errors
+/// What another program says of it, if that is wrong.
+fn known(path: &Path) -> Result<Option<Known>, PolicyError> {
+    let Ok(bytes) = bytes(path) else { return Ok(None) };
     let interface = match ending(path).as_deref() {
         Some("safetensors") => weights::interface(&bytes),
         Some("onnx") => onnx::interface(&bytes),
@@ -152,30 +157,43 @@ fn known(path: &Path) -> Option<Known> {
     };
     match interface {
         Some(interface) => {
-            toml::Table::try_from(interface).ok().map(|table| Known { table, ..Known::default() })
+            Ok(toml::Table::try_from(interface).ok().map(|table| Known { table, ..Known::default() }))
         }
-        None if ending(path).as_deref() == Some("onnx") => known_of_foreign(path, &bytes).ok()?,
-        None => None,
+        None if ending(path).as_deref() == Some("onnx") => known_of_foreign(path, &bytes)
+            .map_err(|source| PolicyError::In { path: path.to_owned(), source: Box::new(source) }),
+        None => Ok(None),
     }
 }
 
 /// A description, completed by what its weights file says, and notes on that.
 fn description(path: &Path) -> Result<(Description, Vec<String>), PolicyError> {
-    /// What is needed before all the rest.
-    #[derive(Deserialize)]
-    struct Named {
-        file: String,
-    }
     let inside = |source| PolicyError::In { path: path.to_owned(), source: Box::new(source) };
     let text = text(path)?;
-    let named = toml::from_str::<Named>(&text).ok();
-    match named.and_then(|named| known(&folder(path).join(named.file))) {
-        None => Ok((Description::parse(&text).map_err(inside)?, Vec::new())),
-        Some(Known { table: mut entries, mut notes }) => {
-            let given: toml::Table =
-                toml::from_str(&text).map_err(|error| inside(invalid(error.message())))?;
+    let Ok(given) = toml::from_str::<toml::Table>(&text) else {
+        // Where the mistake is.
+        return Ok((Description::parse(&text).map_err(inside)?, Vec::new()));
+    };
+    if let Some(kind) = messages::other_kind(&given) {
+        return Err(inside(invalid(kind)));
+    }
+    let file = given.get("file").and_then(toml::Value::as_str).filter(|file| !file.is_empty());
+    match file.map_or(Ok(None), |file| known(&folder(path).join(file))) {
+        Ok(None) => Ok((Description::parse(&text).map_err(inside)?, Vec::new())),
+        // A description that says all that the file should say needs nothing of it.
+        Err(of_file) => match Description::parse(&text) {
+            Ok(description) => Ok((description, Vec::new())),
+            Err(error) if error.to_string().contains("missing field") => Err(of_file),
+            Err(error) => Err(inside(error)),
+        },
+        Ok(Some(Known { table: mut entries, mut notes })) => {
             if ["control_dt", "observation"].iter().all(|key| given.contains_key(*key)) {
                 notes.clear();
+            }
+            // A slip in a name has a place in the text; what the file adds has none.
+            if let Err(error) = Description::parse(&text)
+                && error.to_string().contains("unknown ")
+            {
+                return Err(inside(error));
             }
             entries.extend(given);
             Ok((Description::from_table(entries).map_err(inside)?, notes))
@@ -186,7 +204,10 @@ fn description(path: &Path) -> Result<(Description, Vec<String>), PolicyError> {
 fn text(path: &Path) -> Result<String, PolicyError> {
     String::from_utf8(bytes(path)?).map_err(|error| PolicyError::In {
         path: path.to_owned(),
-        source: Box::new(invalid(error.to_string())),
+        source: Box::new(invalid(format!(
+            "not a text in UTF-8, from byte {} on; a description is a TOML file",
+            error.utf8_error().valid_up_to()
+        ))),
     })
 }
 

@@ -88,6 +88,9 @@ impl Walker {
         }
         let joints = interface.resolve(model)?;
         interface.check()?;
+        if let Some(reference) = &interface.reference {
+            reference.check_anchor(model, &interface.joints, &joints)?;
+        }
         let WalkerOptions { substeps, preset, emulated_step, max_delay, feet, posture, start_pitch, fall } =
             options;
         let control_dt = interface.control_dt;

@@ -9,12 +9,14 @@
 use super::{Known, names, numbers, terms};
 use crate::error::invalid;
 use crate::{PolicyError, Quantity};
-use gaitfit_model::shown;
+use gaitfit_model::{shown, shown_number};
 
 /// Control period of mjlab's tasks: four physics steps of 5 ms.
 const CONTROL_DT: f64 = 0.02;
 /// Bounds beyond which a clipped term counts as not clipped.
 const FAR: f64 = 50.0;
+/// Max frames of a history.
+const MAX_HISTORY: f64 = 256.0;
 /// Most entries of a list.
 const MAX_ENTRIES: usize = 1024;
 
@@ -55,6 +57,12 @@ pub(in crate::files) fn read(
     let (mut quantities, mut of) = (Vec::new(), Vec::new());
     let named = list(observed, "observation_names")?;
     for (number, name) in named.iter().enumerate() {
+        if tracks.is_none() && terms::is_of_tracking(name) {
+            return Err(invalid(format!(
+                "it observes `{name}`, and its metadata has no `anchor_body_name`, the body that it is of; export it again with \
+                 mjlab, or describe it in a TOML file (docs/policies-motion.md)"
+            )));
+        }
         let found = match tracks {
             Some(_) => terms::of_motion(name),
             None => None,
@@ -95,9 +103,16 @@ pub(in crate::files) fn read(
     let per_frame: usize = quantities.iter().map(|quantity| quantity.width(outputs)).sum();
     let (histories, is_guessed) = match &stated {
         Some(lengths) => {
-            let length =
-                |numbers: &Vec<f64>| numbers.first().map_or(1, |&one| (one as usize).clamp(1, 1 << 20));
-            (lengths.iter().map(length).collect(), false)
+            let length = |numbers: &Vec<f64>| match numbers.first().copied().unwrap_or(0.0) {
+                length if (0.0..=MAX_HISTORY).contains(&length) && length.fract() == 0.0 => {
+                    Ok((length as usize).max(1))
+                }
+                length => Err(invalid(format!(
+                    "`observation_terms_history_length` of its metadata has {}; a history has 0 to {MAX_HISTORY} frames",
+                    shown_number(length)
+                ))),
+            };
+            (lengths.iter().map(length).collect::<Result<Vec<usize>, _>>()?, false)
         }
         None => {
             let length = inputs.checked_div(per_frame).unwrap_or(0);
@@ -183,11 +198,8 @@ pub(in crate::files) fn read(
         ));
     }
     if let Some(body) = tracks {
-        notes.push(format!(
-            "it follows a motion, whose file a TOML file names: file = \"…\", reference = \"MOTION.csv\". Its anchor is `{}`: if \
-             that is not the base, `reference` also lists the joints up to it (docs/policies-motion.md)",
-            shown(body)
-        ));
+        // Where it is shows on a robot.
+        table.insert("anchor_body".into(), body.into());
     }
     Ok(Some(Known { table, notes }))
 }

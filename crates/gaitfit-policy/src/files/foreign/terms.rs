@@ -13,6 +13,11 @@ pub(super) fn of_motion(name: &str) -> Option<&'static [Quantity]> {
     }
 }
 
+/// Whether only policies that follow a motion have a term of this name.
+pub(super) fn is_of_tracking(name: &str) -> bool {
+    name == "motion_anchor_ori_b"
+}
+
 /// What to say of a term without a quantity.
 pub(super) fn unknown(name: &str) -> String {
     if name == "motion_anchor_pos_b" {

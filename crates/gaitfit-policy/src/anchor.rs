@@ -1,0 +1,158 @@
+//! The anchor of a motion on a robot: whether the joints that lead to it are the robot's.
+
+use crate::{AnchorJoint, InterfaceError, Reference};
+use gaitfit_model::{Model, shown};
+
+/// Cosine of the angle between axes that are one.
+const ALONG: f64 = 0.999;
+/// Real part of the rotation of a link that is not turned.
+const STRAIGHT: f64 = 0.999_99;
+
+impl Reference {
+    /// Checks the anchor on a robot. `joints`: the policy's; `resolved`: their places in the model.
+    ///
+    /// # Errors
+    /// Joints that do not follow each other from the base on, another axis, a link that is turned at angle 0, or another body than
+    /// the policy's file names.
+    pub(crate) fn check_anchor(
+        &self,
+        model: &Model,
+        joints: &[String],
+        resolved: &[usize],
+    ) -> Result<(), InterfaceError> {
+        let refuse = |what: String| Err(InterfaceError(format!("the reference motion's `anchor` {what}")));
+        let mut body = 0;
+        let mut before: Option<usize> = None;
+        for AnchorJoint { joint, axis } in &self.anchor {
+            let place = joints.iter().position(|name| name == joint).and_then(|place| resolved.get(place));
+            let Some(&index) = place else { continue };
+            let found = &model.joints[index];
+            let chain = links(model, found.body, body);
+            let follows = match before {
+                // Several joints of one body act in the order of the list.
+                Some(last) if found.body == body => last < index,
+                _ => chain.is_some() && found.body != body,
+            };
+            if !follows {
+                let from =
+                    before.map_or(model.bodies[0].name.as_str(), |last| model.joints[last].name.as_str());
+                return refuse(format!(
+                    "has `{}` after `{}`, which does not carry it on robot `{}`; list each joint from the base to the anchor once, \
+                     in this order",
+                    shown(joint),
+                    shown(from),
+                    shown(&model.name)
+                ));
+            }
+            let size = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let cosine = axis.iter().zip(found.axis).map(|(a, b)| a * b).sum::<f64>() / size;
+            if cosine < ALONG {
+                return refuse(format!(
+                    "turns `{}` about {axis:?}, and robot `{}` turns it about {:?}; write the robot's axis",
+                    shown(joint),
+                    shown(&model.name),
+                    found.axis
+                ));
+            }
+            if let Some(turned) =
+                chain.into_iter().flatten().find(|&link| model.bodies[link].quat[0].abs() < STRAIGHT)
+            {
+                return refuse(format!(
+                    "leads over `{}`, which is turned where its angle is 0: such anchors are not read",
+                    shown(&model.bodies[turned].name)
+                ));
+            }
+            (body, before) = (found.body, Some(index));
+        }
+        let Some(name) = self.anchor_body.as_deref() else { return Ok(()) };
+        let Some(named) = model.bodies.iter().position(|body| body.name == name) else {
+            return refuse(format!(
+                "is not known: the policy's file names the body `{}`, which robot `{}` does not have. Write [reference] with `file` \
+                 and `anchor`: the joints from the base to it, or [] if it is the base",
+                shown(name),
+                shown(&model.name)
+            ));
+        };
+        let moves = |body: usize| model.joints.iter().any(|joint| joint.body == body);
+        if named == body || (!moves(named) && links(model, named, body).is_some()) {
+            return Ok(());
+        }
+        let mut up: Vec<usize> =
+            std::iter::successors(Some(named), |&body| model.bodies[body].parent).collect();
+        up.reverse();
+        let listed: Vec<String> = up
+            .iter()
+            .flat_map(|body| model.joints.iter().filter(move |joint| joint.body == *body))
+            .map(|joint| format!("{{ joint = \"{}\", axis = {:?} }}", shown(&joint.name), joint.axis))
+            .collect();
+        refuse(format!(
+            "is missing: the policy's file names the body `{}`, which is not the base of robot `{}`. Write [reference] with `file` \
+             and anchor = [{}]",
+            shown(name),
+            shown(&model.name),
+            listed.join(", ")
+        ))
+    }
+}
+
+/// The bodies from `to`, which is left out, down to `body`, if no joint but those of `body` moves between them.
+fn links(model: &Model, body: usize, to: usize) -> Option<Vec<usize>> {
+    let moves = |body: usize| model.joints.iter().any(|joint| joint.body == body);
+    let mut found = Vec::new();
+    let mut at = body;
+    while at != to {
+        if at != body && moves(at) {
+            return None;
+        }
+        found.push(at);
+        at = model.bodies[at].parent?;
+    }
+    Some(found)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_anchor_is_held_against_the_robot() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2.xml");
+        let model = gaitfit_model::read(file.as_ref(), &Default::default()).unwrap();
+        let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+        let resolved: Vec<usize> = (0..joints.len()).collect();
+        let hip = |axis: [f64; 3]| AnchorJoint { joint: "FL_hip_joint".into(), axis };
+        let thigh = AnchorJoint { joint: "FL_thigh_joint".into(), axis: [0.0, 1.0, 0.0] };
+        let found = |anchor: Vec<AnchorJoint>, body: Option<&str>| {
+            let reference = Reference {
+                rate_hz: 50.0,
+                position: vec![0.0; 12],
+                velocity: vec![0.0; 12],
+                orientation: Vec::new(),
+                anchor,
+                anchor_body: body.map(str::to_owned),
+            };
+            reference.check_anchor(&model, &joints, &resolved).map_err(|error| error.to_string())
+        };
+        let along = hip([2.0, 0.0, 0.0]);
+        assert_eq!(found(vec![along.clone(), thigh.clone()], Some("FL_thigh")), Ok(()));
+        assert_eq!(found(vec![along.clone()], None), Ok(()));
+        assert_eq!(found(Vec::new(), Some("base")), Ok(()));
+        for (anchor, body, word) in [
+            (vec![hip([0.0, 0.0, 1.0])], None, "write the robot's axis"),
+            (vec![hip([-1.0, 0.0, 0.0])], None, "write the robot's axis"),
+            (vec![thigh.clone()], None, "does not carry it"),
+            (vec![thigh, along.clone()], None, "does not carry it"),
+            (
+                Vec::new(),
+                Some("FL_thigh"),
+                "anchor = [{ joint = \"FL_hip_joint\", axis = [1.0, 0.0, 0.0] }, { joint = \"FL_thigh_joint\"",
+            ),
+            (vec![along], Some("FL_thigh"), "names the body `FL_thigh`, which is not the base"),
+            (Vec::new(), Some("torso_link"), "names the body `torso_link`, which robot"),
+        ] {
+            let text = found(anchor, body).unwrap_err();
+            assert!(text.contains(word), "`{word}` is not in `{text}`");
+        }
+    }
+}
