@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use gaitfit_model::with_meant;
+
 use super::{Motor, Robot};
 use crate::RobotError;
 
@@ -9,6 +11,15 @@ use crate::RobotError;
 const MAX_BYTES: u64 = 1 << 18;
 /// Largest number in a file; beyond it lies no robot.
 const LARGEST: f32 = 1e5;
+
+/// The message of an error with its place in the text.
+fn placed(text: &str, error: &toml::de::Error) -> String {
+    let message = with_meant(error.message()).replace('\n', "; ");
+    let Some(before) = error.span().and_then(|span| text.get(..span.start)) else { return message };
+    let line = before.matches('\n').count() + 1;
+    let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
+    format!("line {line}, column {column}: {message}")
+}
 
 impl Robot {
     /// Reads a robot's file.
@@ -29,8 +40,7 @@ impl Robot {
     pub fn parse(text: &str, file: &str) -> Result<Self, RobotError> {
         let refuse =
             |problem: String| RobotError::File { file: file.to_owned(), problem: format!(": {problem}") };
-        let robot: Self =
-            toml::from_str(text).map_err(|error| refuse(error.to_string().trim_end().to_owned()))?;
+        let robot: Self = toml::from_str(text).map_err(|error| refuse(placed(text, &error)))?;
         match robot.wrong() {
             Some(problem) => Err(refuse(problem)),
             None => Ok(robot),
@@ -151,7 +161,7 @@ mod tests {
             ("lying = 0.0", "lying = 3.0", "`lying` is outside"),
             ("damping = 2", "damping = 0", "must resist"),
             ("torque = 23.7", "torque = nan", "`torque` is NaN"),
-            ("unitree_go\"", "unitree_go3\"", "unitree_hg"),
+            ("unitree_go\"", "unitree_go3\"", "Did you mean `unitree_go`?"),
             ("tilt", "lean", "unknown field"),
             ("joint = \"FR_hip\"", "slot = 20, joint = \"FR_hip\"", "slots are 0 to 19"),
             ("joint = \"FR_hip\"", "slot = 1, joint = \"FR_hip\"", "`FR_thigh` is in slot 1"),

@@ -12,11 +12,20 @@ const SLOWEST: f64 = 0.1;
 /// gains that were not in force.
 ///
 /// # Errors
-/// A policy of another robot, gains beyond the limits, a default pose outside the joints' ranges, a control period above
+/// A policy that follows a motion, or of another robot, gains beyond the limits, a default pose outside the joints' ranges, a control period above
 /// 0.1 s; joints that are held so.
 pub fn suits(policy: &Policy, robot: &Robot) -> Result<(), RobotError> {
     let (interface, limits, title) = (&policy.interface, robot.limits(), &robot.title);
     let unfit = |problem: String, remedy: String| Err(RobotError::Unfit { problem, remedy });
+    if interface.reference.is_some() {
+        return unfit(
+            "follows a motion, which gaitfit does not run on a robot yet: the motion would play while the robot stands and waits, \
+             and jump back to its beginning at each walk"
+                .to_owned(),
+            "evaluate it in a simulator (`gaitfit evaluate`), and run it on the robot with the program that it was made for"
+                .to_owned(),
+        );
+    }
     let named = interface.robot.to_lowercase();
     if !named.is_empty() && !robot.policies.iter().any(|name| named.contains(name)) {
         return unfit(
