@@ -312,7 +312,7 @@ pub(super) fn results(
     let swings = setup.swings.clone().or_else(|| swing::findings(&setup.method, &setup.fit.logs));
     checked(CHECKS)?;
     let mut causes = swings.as_ref().map_or_else(Vec::new, explain::causes);
-    causes.retain(|cause| !explain::covered(cause.kind, &setup.theta, &setup.base));
+    causes.retain(|cause| !explain::covered(cause, &setup.theta, &setup.base));
     doubts.extend(
         explain::missing(&causes, &setup.theta, &setup.base)
             .map(|text| Doubt::new(DoubtKind::Unexplained, text)),

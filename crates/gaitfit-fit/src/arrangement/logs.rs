@@ -123,6 +123,11 @@ pub struct LogMatch {
     pub policy_match: PolicyMatch,
     /// Doubts, each a sentence; empty if the policy walked in this log.
     pub doubts: Vec<String>,
+    /// What was assumed, each a sentence.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
+    /// Whether another policy walked in this log. Without it, what else is doubtful need not be wrong.
+    pub is_other: bool,
     /// An arrangement with which they follow, where they do not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub diagnosis: Option<Diagnosis>,
@@ -139,7 +144,8 @@ pub fn match_log(policy: &Policy, name: &str, model: &Model, path: &Path) -> Res
     let shown = path.display().to_string();
     if log.command.is_none() {
         return Err(Error::failed(format!(
-            "{shown}: the log has no commands (columns vx_cmd, vy_cmd, wz_cmd)"
+            "{shown}: the log has no commands (columns vx_cmd, vy_cmd, wz_cmd); record them, or write zeros if the policy observes \
+             none"
         )));
     }
     if log.action.is_none() {
@@ -156,11 +162,14 @@ pub fn match_log(policy: &Policy, name: &str, model: &Model, path: &Path) -> Res
     let failed = |error: gaitfit_log::LogError| Error::failed(format!("{shown}: {error}"));
     let log = rate::to_control(&log, policy.interface.control_dt).map_err(failed)?.trajectory;
     let policy_match = policy_check::check(policy, &[&log]);
-    let diagnosis = if policy_match.agrees() { None } else { of_logs(policy, model, &[&log]) };
-    let mut doubts = match policy_match.judge(name, &[&shown]) {
-        Ok(warnings) => warnings,
-        Err(error) => vec![error.to_string()],
+    let diagnosis = if policy_match.agrees() || !policy_match.is_enough() {
+        None
+    } else {
+        of_logs(policy, model, &[&log])
     };
-    doubts.extend(placed);
-    Ok(LogMatch { policy_match, doubts, diagnosis })
+    let (doubts, is_other) = match policy_match.judge(name, &[&shown]) {
+        Ok(warnings) => (warnings, false),
+        Err(error) => (vec![error.to_string()], true),
+    };
+    Ok(LogMatch { policy_match, doubts, notes: placed.into_iter().collect(), is_other, diagnosis })
 }

@@ -8,6 +8,7 @@ use crate::log::Log;
 use crate::settings::AdaptConfig;
 use gaitfit_learn::task::Task;
 use gaitfit_log::Regular;
+use gaitfit_model::with_decimals;
 use std::ops::Range;
 use std::path::Path;
 
@@ -120,14 +121,14 @@ pub(super) fn enough(
         if horizon > 0.0 {
             because += &format!(", at most {horizon} s of each (`simulation.horizon_seconds`)");
         }
-        let seconds = seconds.max(0.0);
+        let seconds = with_decimals(seconds.max(0.0), 1);
         match purpose {
             Purpose::Fit => format!(
-                "{shown}: the logs hold {seconds:.1} s of walking that count{because}; a fit needs at least {MIN_S} s, \
+                "{shown}: the logs hold {seconds} s of walking that count{because}; a fit needs at least {MIN_S} s, \
                  and does well with some minutes: record more and longer, with varied commands."
             ),
             Purpose::Validation => format!(
-                "{shown}: the validation logs hold {seconds:.1} s of walking that count{because}; record longer ones."
+                "{shown}: the validation logs hold {seconds} s of walking that count{because}; record longer ones."
             ),
         }
     }))

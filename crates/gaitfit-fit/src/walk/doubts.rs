@@ -48,6 +48,7 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
     });
     let text = |(count, text): (usize, String)| match count {
         1 => text,
+        2 => format!("{text} (1 more log has similar findings)"),
         _ => format!("{text} ({} more logs have similar findings)", count - 1),
     };
     kinds.into_values().map(text).collect()

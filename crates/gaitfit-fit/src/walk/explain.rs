@@ -128,7 +128,7 @@ pub fn missing(causes: &[Cause], theta: &Theta, base: &Candidate) -> Option<Stri
     let harmless = [CauseKind::GyroBias, CauseKind::EncoderStep];
     let listed: Vec<&str> = causes
         .iter()
-        .filter(|cause| !harmless.contains(&cause.kind) && !covered(cause.kind, theta, base))
+        .filter(|cause| !harmless.contains(&cause.kind) && !covered(cause, theta, base))
         .take(NAMED)
         .map(|cause| cause.text.as_str())
         .collect();
@@ -141,25 +141,26 @@ pub fn missing(causes: &[Cause], theta: &Theta, base: &Candidate) -> Option<Stri
 }
 
 /// Whether the fitted simulator has an effect: θ contains its parameters, or `base` has values for them.
-pub fn covered(kind: CauseKind, theta: &Theta, base: &Candidate) -> bool {
+pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate) -> bool {
     let Candidate { robot, sensors, .. } = base;
     let some = |numbers: &[f64]| numbers.iter().any(|number| *number != 0.0);
-    let has = |kind: &str, alone: bool| {
-        theta.entries().iter().any(|entry| entry.kind == kind && (!alone || entry.joints.len() == 1))
-    };
-    match kind {
+    let has = |kind: &str| theta.entries().iter().any(|entry| entry.kind == kind);
+    match cause.kind {
         CauseKind::GyroBias => {
-            ["gyro_bias_x", "gyro_bias_y", "gyro_bias_z"].iter().all(|kind| has(kind, false))
+            ["gyro_bias_x", "gyro_bias_y", "gyro_bias_z"].iter().all(|kind| has(kind))
                 || some(&sensors.gyro_bias)
         }
         CauseKind::EncoderStep => false,
-        CauseKind::VelocityLag => has("velocity_lag", false) || robot.velocity_lag != 0.0,
-        CauseKind::Tilt => (has("imu_roll", false) && has("imu_pitch", false)) || some(&sensors.imu_tilt),
-        CauseKind::LoadFriction => has("load_friction", false) || some(&robot.load_friction),
-        CauseKind::OddFriction => has("frictionloss", true),
-        CauseKind::Backlash => has("play", false) || some(&robot.play),
-        CauseKind::Elasticity => has("compliance", false) || some(&robot.compliance),
-        CauseKind::Ground => has("ground_softness", false) || robot.ground_softness != 0.0,
+        CauseKind::VelocityLag => has("velocity_lag") || robot.velocity_lag != 0.0,
+        CauseKind::Tilt => (has("imu_roll") && has("imu_pitch")) || some(&sensors.imu_tilt),
+        CauseKind::LoadFriction => has("load_friction") || some(&robot.load_friction),
+        CauseKind::OddFriction => theta
+            .entries()
+            .iter()
+            .any(|entry| entry.kind == "frictionloss" && entry.joints.iter().eq([&cause.of])),
+        CauseKind::Backlash => has("play") || some(&robot.play),
+        CauseKind::Elasticity => has("compliance") || some(&robot.compliance),
+        CauseKind::Ground => has("ground_softness") || robot.ground_softness != 0.0,
     }
 }
 
@@ -297,7 +298,7 @@ fn slack(group: &str, effects: &[Effect]) -> bool {
 mod tests {
     use super::*;
     use crate::walk::swing::Standing;
-    use gaitfit_adapt::{RobotNumber, RobotRule, Rules};
+    use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Rules, Sharing};
     use gaitfit_log::Sensors;
 
     fn findings(effects: &[(EffectKind, &str, f64, f64, f64)]) -> SwingFindings {
@@ -362,5 +363,29 @@ mod tests {
         let doubt = missing(&late, &theta(&[RobotNumber::ImuRoll]), &base).unwrap_or_default();
         assert!(doubt.contains("by 4.0 ms") && doubt.contains("fit it: velocity_lag"), "{doubt}");
         assert_eq!(missing(&late, &theta(&[RobotNumber::VelocityLag]), &base), None);
+    }
+
+    #[test]
+    fn friction_of_another_joint_does_not_cover_the_odd_one() {
+        let base = Candidate::nominal(&crate::robot::go2().unwrap());
+        let joints = ["FL_calf_joint".to_owned(), "waist_joint".to_owned()];
+        let theta = |joint: &str| {
+            let rule = ParameterRule {
+                per: Sharing::Joint,
+                joints: vec![joint.to_owned()],
+                ..ParameterRule::new(JointParameter::FrictionLoss)
+            };
+            Rules { parameter: vec![rule], ..Rules::default() }.theta(&[], &joints, &[]).unwrap()
+        };
+        let odd = Cause {
+            kind: CauseKind::OddFriction,
+            of: "FL_calf_joint".to_owned(),
+            size: Estimate { value: 0.12, error: 0.01 },
+            unit: "N·m".to_owned(),
+            weight: 1.0,
+            text: "odd".to_owned(),
+        };
+        assert!(covered(&odd, &theta("FL_calf_joint"), &base));
+        assert!(!covered(&odd, &theta("waist_joint"), &base), "a group of one joint is another joint's");
     }
 }

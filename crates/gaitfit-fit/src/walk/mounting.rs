@@ -5,7 +5,7 @@
 //! vertical. Of the 24 turns by right angles one makes the logged actions the policy's.
 
 use super::logs::Read;
-use super::{policy_check, rate};
+use super::{policy_check, rate, reference};
 use gaitfit_log::{ImuSettings, Trajectory};
 use gaitfit_policy::Policy;
 
@@ -34,7 +34,7 @@ pub fn settle(reads: &mut [Read], policy: &Policy) -> Option<String> {
     let turned = |mounting: [f64; 3]| -> Option<f64> {
         let settings = ImuSettings { mounting: Some(mounting), ..ImuSettings::default() };
         let mut logs = logs.clone();
-        logs.iter_mut().filter_map(|log| log.base.as_mut()).for_each(|base| settings.apply(base));
+        logs.iter_mut().for_each(|log| turn(log, policy, &settings));
         policy_check::mismatch(policy, &logs.iter().collect::<Vec<_>>())
     };
     let here = policy_check::mismatch(policy, &logs.iter().collect::<Vec<_>>())?;
@@ -48,17 +48,22 @@ pub fn settle(reads: &mut [Read], policy: &Policy) -> Option<String> {
         return None;
     }
     let settings = ImuSettings { mounting: Some(mounting), ..ImuSettings::default() };
-    for read in reads.iter_mut() {
-        if let Some(base) = &mut read.trajectory.base {
-            settings.apply(base);
-        }
-    }
+    reads.iter_mut().for_each(|read| turn(&mut read.trajectory, policy, &settings));
     let [roll, pitch, yaw] = mounting;
     Some(format!(
         "the inertial unit is mounted turned: the logged actions follow from the policy with mounting = [{roll}, {pitch}, {yaw}] \
          (difference {best:.3} of their spread, and {here:.3} without), so orientation and rates were turned. State it in the \
          table [imu] of log.toml"
     ))
+}
+
+/// Turns the inertial unit of a log, and with it the motion whose heading it showed.
+fn turn(log: &mut Trajectory, policy: &Policy, settings: &ImuSettings) {
+    reference::turn_unit(log, &policy.interface, |log| {
+        if let Some(base) = &mut log.base {
+            settings.apply(base);
+        }
+    });
 }
 
 #[cfg(test)]

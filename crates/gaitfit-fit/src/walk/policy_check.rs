@@ -9,6 +9,7 @@ use super::imu_search::{Search, clipped};
 use super::observation::{self, Given};
 use crate::Error;
 use gaitfit_log::Trajectory;
+use gaitfit_model::counted;
 use gaitfit_policy::Policy;
 use gaitfit_policy::network::Scratch;
 use gaitfit_policy::observation::{Layout, Past};
@@ -49,6 +50,9 @@ pub struct PolicyMatch {
     pub correlation: Vec<(String, f64)>,
     /// As `mismatch`, a log each.
     pub by_log: Vec<f64>,
+    /// Whether the policy follows a motion, in which logs may have a wrong place.
+    #[serde(skip)]
+    pub follows_motion: bool,
 }
 
 /// Compares the actions of `logs` (joints in the policy's order, at its rate) with `policy`'s.
@@ -62,6 +66,7 @@ pub fn check(policy: &Policy, logs: &[&Trajectory]) -> PolicyMatch {
         slope: here.slope(),
         correlation: here.correlation(&policy.interface.joints),
         by_log: (0..logs.len()).map(|log| here.mismatch(Some(log))).collect(),
+        follows_motion: policy.interface.reference.is_some(),
     }
 }
 
@@ -264,6 +269,11 @@ impl PolicyMatch {
         self.samples >= MIN_SAMPLES && self.mismatch < DOUBTFUL
     }
 
+    /// Whether there is enough to compare.
+    pub fn is_enough(&self) -> bool {
+        self.samples >= MIN_SAMPLES && self.mismatch.is_finite()
+    }
+
     /// The measurements, for messages.
     fn numbers(&self) -> String {
         let (joint, correlation) = self.worst();
@@ -280,12 +290,26 @@ impl PolicyMatch {
     /// # Errors
     /// Another policy: named, with the log that fits least.
     pub fn judge(&self, policy: &str, logs: &[&str]) -> Result<Vec<String>, Error> {
-        if self.samples < MIN_SAMPLES || !self.mismatch.is_finite() {
+        if !self.is_enough() {
+            let why = match self.samples {
+                samples if samples < MIN_SAMPLES => {
+                    format!(
+                        "only {} can be compared, and {MIN_SAMPLES} are needed",
+                        counted(samples, "sample")
+                    )
+                }
+                _ => "positions, velocities or actions are not finite".to_owned(),
+            };
             return Ok(vec![format!(
-                "the logs do not show whether their actions are those of {policy}: only {} samples can be compared",
-                self.samples
+                "the logs do not show whether their actions are those of {policy}: {why}"
             )]);
         }
+        let place = match self.follows_motion {
+            true => {
+                " The policy follows a motion: do motion_time (s) and motion_heading (rad) state where the logs are in it?"
+            }
+            false => "",
+        };
         let numbers = self.numbers();
         let [earlier, later] = self.shifted;
         // A slow walk changes little in a sample: what counts there is how much better the other sample fits.
@@ -311,7 +335,7 @@ impl PolicyMatch {
         if self.mismatch < ANOTHER {
             return Ok(vec![format!(
                 "the logs' actions are not quite those of {policy} ({numbers}, best factor {:.2}): are filters, delays or \
-                 another observation scale between the log and the policy?",
+                 another observation scale between the log and the policy?{place}",
                 self.slope
             )]);
         }
@@ -321,7 +345,7 @@ impl PolicyMatch {
             worst.map_or(String::new(), |(mismatch, log)| format!("; worst: {log} with {mismatch:.2}"));
         Err(Error::failed(format!(
             "the logs' actions do not follow from {policy}: {numbers}{worst}. Give the policy that walked while the logs \
-             were recorded, and check its joint order, default pose and scales (`gaitfit inspect` shows a log)."
+             were recorded, and check its joint order, default pose and scales (`gaitfit inspect` shows a log).{place}"
         )))
     }
 }

@@ -294,7 +294,7 @@ fn begun(walker: &Walker, log: &Trajectory) -> Script {
     let base = log.base.as_ref();
     let attitude = base.and_then(|base| base.quaternion.as_deref()?.first_chunk::<4>());
     let rates = base.and_then(|base| base.angular_velocity.as_deref()?.first_chunk::<3>());
-    if let Some(&attitude) = attitude {
+    if let Some(&attitude) = attitude.filter(|attitude| attitude.iter().all(|x| x.is_finite())) {
         let width = walker.joints.len().min(log.position.len());
         let angles: Vec<f64> = in_model(walker, &log.position[..width], &walker.default_pose)
             .into_iter()
@@ -304,7 +304,7 @@ fn begun(walker: &Walker, log: &Trajectory) -> Script {
         script.start.base_quaternion = attitude.map(|x| x as f32);
         script.turned_back = 0.0;
     }
-    if let Some(rates) = rates {
+    if let Some(rates) = rates.filter(|rates| rates.iter().all(|x| x.is_finite())) {
         script.start.base_angular = rates.map(|x| x as f32);
     }
     script.states.clear();

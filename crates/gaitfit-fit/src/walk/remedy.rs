@@ -29,7 +29,7 @@ impl Remedies {
     pub fn new(found: &SwingFindings, theta: &Theta, base: &Candidate) -> Self {
         let mut remedies =
             Self { parameter: Vec::new(), number: Vec::new(), split_groups: Vec::new(), effects: Vec::new() };
-        for cause in causes(found).iter().filter(|cause| !covered(cause.kind, theta, base)) {
+        for cause in causes(found).iter().filter(|cause| !covered(cause, theta, base)) {
             if remedies.add(cause.kind, found) {
                 remedies.effects.push(cause.effect().to_owned());
             }

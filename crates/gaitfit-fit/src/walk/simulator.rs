@@ -316,7 +316,8 @@ pub fn script(walker: &Walker, log: &Trajectory) -> Script {
             };
             (start, heading)
         }
-        None => (walker.start_from_joints(&angles, &velocities), 0.0),
+        // The robot faces along x all the same, and the motion that it follows was turned with the log's.
+        None => (walker.start_from_joints(&angles, &velocities), first_heading(log)),
     };
     let motion = match &log.motion {
         Some(_) => (0..samples).map(|row| reference::place(log, row)).collect(),
@@ -324,6 +325,13 @@ pub fn script(walker: &Walker, log: &Trajectory) -> Script {
     };
     let (states, actions) = (states(log, posture), actions(log));
     Script { commands, start, others: Vec::new(), states, actions, motion, turned_back }
+}
+
+/// Heading of the log's first orientation, rad; 0 if it has none.
+fn first_heading(log: &Trajectory) -> f64 {
+    let quaternion = log.base.as_ref().and_then(|base| base.quaternion.as_deref()?.first_chunk::<4>());
+    let heading = quaternion.map_or(0.0, |quaternion| rotation::heading(rotation::normalize(*quaternion)));
+    if heading.is_finite() { heading } else { 0.0 }
 }
 
 /// Orientation (turned to heading 0), body rates (rad/s) and heading (rad) at the log's first sample, if it has them and the

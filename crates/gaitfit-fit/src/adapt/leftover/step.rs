@@ -20,8 +20,9 @@ pub(super) fn finer(setup: &Setup, problem: Problem<'_>, values: &[f64]) -> Resu
     Ok(found.map_err(Error::failed)?.map(|(moved, cost)| Suspect {
         what: format!("physics steps of {:.2} ms", 1e3 * step),
         remedy: format!(
-            "the fit's steps of {:.2} ms are too long for this robot; set simulation.timestep = {step:.3e}",
-            1e3 * step * PARTS as f64
+            "the fit's steps of {:.2} ms are too long for this robot; set simulation.timestep = {}",
+            1e3 * step * PARTS as f64,
+            gaitfit_model::significant(step, 4)
         ),
         values: Vec::new(),
         cost,
