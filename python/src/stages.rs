@@ -348,7 +348,7 @@ pub fn evaluate(
     let settings = EvaluateSettings {
         world: world.settings()?,
         trajectories,
-        seconds,
+        seconds: Some(seconds),
         drift,
         drift_speeds: None,
         ground: GroundChoice::read(terrain).map_err(|error| to_py_err(&error))?,

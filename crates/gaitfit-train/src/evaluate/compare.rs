@@ -30,6 +30,9 @@ pub struct Comparison {
     pub angular_velocity_error: Estimate,
     /// Of both errors added, m/s and rad/s.
     pub tracking_error: Estimate,
+    /// Of the joints' distance from the motion, rad, if both policies follow one. It counts then, and the errors above do not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion_error: Option<Estimate>,
     /// Of the share of falls.
     pub fall_rate: Estimate,
 }
@@ -38,6 +41,7 @@ pub struct Comparison {
 pub fn compare(on: &str, policy: &Evaluation, against: &Evaluation) -> Comparison {
     let same = policy.seed == against.seed
         && policy.seconds == against.seconds
+        && policy.drawn == against.drawn
         && !policy.errors.is_empty()
         && policy.errors.len() == against.errors.len();
     let found = if same { paired(policy, against) } else { independent(policy, against) };
@@ -68,6 +72,7 @@ fn paired(policy: &Evaluation, against: &Evaluation) -> Comparison {
         linear_velocity_error: difference(|errors| errors[0]),
         angular_velocity_error: difference(|errors| errors[1]),
         tracking_error: difference(|errors| errors[0] + errors[1]),
+        motion_error: paired_motion(policy, against),
         fall_rate,
     }
 }
@@ -89,8 +94,20 @@ fn independent(policy: &Evaluation, against: &Evaluation) -> Comparison {
         angular_velocity_error: angular,
         // Errors of one trajectory go together: at most their intervals add.
         tracking_error: Estimate { mean: linear.mean + angular.mean, ci95: linear.ci95 + angular.ci95 },
+        motion_error: policy
+            .motion_error
+            .zip(against.motion_error)
+            .map(|(one, other)| difference(one, other)),
         fall_rate: difference(policy.fall_rate, against.fall_rate),
     }
+}
+
+/// The difference of the distances from the motion, trajectory by trajectory; `None` unless both policies follow one.
+fn paired_motion(policy: &Evaluation, against: &Evaluation) -> Option<Estimate> {
+    policy.motion_error.zip(against.motion_error)?;
+    let pairs = policy.motion_errors.iter().zip(&against.motion_errors);
+    let both = pairs.filter_map(|(one, other)| Some(one.as_ref()? - other.as_ref()?));
+    Some(estimate(&both.collect::<Vec<f64>>()))
 }
 
 /// Mean and half the 95 % confidence interval of a few independent values; what is unknown is NaN.
@@ -116,9 +133,10 @@ pub enum Better {
 }
 
 impl Comparison {
-    /// Which of both tracks better: the sign of the difference of both errors added, if its interval excludes zero.
+    /// Which of both tracks better: the sign of the difference of both errors added, or of the distances from a motion that both
+    /// follow, if its interval excludes zero.
     pub fn better(&self) -> Better {
-        let Estimate { mean, ci95 } = self.tracking_error;
+        let Estimate { mean, ci95 } = self.motion_error.unwrap_or(self.tracking_error);
         // Without an interval nothing is known.
         if mean + ci95 < 0.0 {
             Better::Policy
@@ -136,6 +154,13 @@ impl Comparison {
             false => format!("{:+.4} {unit}", of.mean),
         };
         let how = if self.paired { "paired" } else { "not paired" };
+        if let Some(motion) = self.motion_error {
+            let count = self.trajectories;
+            return format!(
+                "distance from the motion {} ({how}, {count} trajectories)",
+                shown(motion, "rad")
+            );
+        }
         format!(
             "linear error {}, angular error {} ({how}, {} trajectories)",
             shown(self.linear_velocity_error, "m/s"),
@@ -172,13 +197,17 @@ mod tests {
             linear_velocity_error: column(0),
             angular_velocity_error: column(1),
             motion_error: None,
+            motion_error_at_rest: None,
+            motion_seconds: None,
             fall_rate: column(2),
             action_rate: Estimate::default(),
             diverged: 0,
             drift: Vec::new(),
             gait: None,
             ground: Vec::new(),
+            drawn: Some("a".to_owned()),
             errors: if errors { rows } else { Vec::new() },
+            motion_errors: Vec::new(),
         }
     }
 
@@ -198,7 +227,31 @@ mod tests {
         assert!(!plain.paired && plain.better() == Better::Neither, "{plain:?}");
         assert!((plain.linear_velocity_error.mean - found.linear_velocity_error.mean).abs() < 1e-12);
         // Other trajectories are no pairs.
-        assert!(!compare("target", &one, &Evaluation { seed: 8, ..other }).paired);
+        assert!(!compare("target", &one, &Evaluation { seed: 8, ..other.clone() }).paired);
+        // Commands or starts that another task drew are no pairs either.
+        assert!(
+            !compare("target", &one, &Evaluation { drawn: Some("b".to_owned()), ..other.clone() }).paired
+        );
+        assert!(!compare("target", &one, &Evaluation { drawn: None, ..other }).paired);
+    }
+
+    #[test]
+    fn policies_that_follow_a_motion_are_compared_by_their_distance_from_it() {
+        let follower = |name: &str, distance: f64| {
+            let distances: Vec<Option<f64>> =
+                (0..400).map(|k| Some(distance + 0.001 * f64::from(k % 7))).collect();
+            let mean = estimate(&distances.iter().flatten().copied().collect::<Vec<_>>());
+            // Its velocity errors say the opposite, and mean nothing.
+            let plain = evaluation(name, -distance, true);
+            Evaluation { motion_error: Some(mean), motion_errors: distances, ..plain }
+        };
+        let (near, far) = (follower("near", 0.05), follower("far", 0.09));
+        let found = compare("target", &near, &far);
+        assert!((found.motion_error.map_or(f64::NAN, |one| one.mean) + 0.04).abs() < 1e-9, "{found:?}");
+        assert_eq!(found.better(), Better::Policy);
+        assert!(found.numbers().starts_with("distance from the motion -0.0400"), "{}", found.numbers());
+        let walker = evaluation("walks", 0.0, true);
+        assert_eq!(compare("target", &near, &walker).motion_error, None);
     }
 
     #[test]

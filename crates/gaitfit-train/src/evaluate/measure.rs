@@ -1,6 +1,6 @@
 //! How well a policy walks, as `gaitfit evaluate --json` prints it and other programs may.
 
-use super::{GroundResult, TrajectoryErrors};
+use super::{GroundResult, TrajectoryErrors, motion};
 use crate::Error;
 use crate::device::{self, Device};
 use crate::watch::Watch;
@@ -8,9 +8,11 @@ use crate::world::World;
 use gaitfit_learn::evaluate::{
     GaitRecord, GaitSummary, Subject, Trial, drift, record_gait, run_trials, summarise,
 };
+use gaitfit_learn::task::TaskSettings;
 use gaitfit_view::evaluation::Drift;
 use gaitfit_view::loop_report::Estimate;
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 /// What is measured.
 #[derive(Clone, Copy, Debug)]
@@ -58,6 +60,12 @@ pub struct Evaluation {
     /// Root-mean-square distance of the joints from the motion that the policy follows, rad.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion_error: Option<Estimate>,
+    /// The same of a robot that stays in the motion's first pose.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion_error_at_rest: Option<f64>,
+    /// Length of the motion, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion_seconds: Option<f64>,
     /// Share of falls.
     pub fall_rate: Estimate,
     /// Root-mean-square change of an action a step, per joint.
@@ -75,9 +83,16 @@ pub struct Evaluation {
     /// Crossings of uneven ground, kind by kind, level by level.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ground: Vec<GroundResult>,
+    /// Hash of what the trajectories are: their commands, and the settings that draw starts, noise and ground. Only policies with
+    /// the same one walked the same trajectories.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drawn: Option<String>,
     /// One a trajectory, in their order, so that policies can be compared on the same ones.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub errors: Vec<TrajectoryErrors>,
+    /// The distance from the motion of each trajectory, rad, of a policy that follows one; absent if its state stopped being a number.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub motion_errors: Vec<Option<f64>>,
 }
 
 impl Evaluation {
@@ -193,6 +208,8 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
         linear_velocity_error: estimate(summary.linear_velocity_error),
         angular_velocity_error: estimate(summary.angular_velocity_error),
         motion_error: follows.then(|| estimate(summary.motion_error)),
+        motion_error_at_rest: motion::at_rest(&world.scene.walker, plan.seconds),
+        motion_seconds: motion::seconds(&world.scene.walker.interface),
         fall_rate: estimate(summary.fall_rate),
         action_rate: estimate(summary.action_rate),
         diverged: summary.diverged,
@@ -211,9 +228,27 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
             .collect(),
         gait: walked.then(|| record.summary(&world.scene.gait_group)),
         ground: Vec::new(),
+        drawn: Some(drawn(world, &trials)),
         errors: trials.iter().map(errors).collect(),
+        motion_errors: match follows {
+            true => trials.iter().map(|trial| trial.motion_error.filter(|_| !trial.diverged)).collect(),
+            false => Vec::new(),
+        },
     };
     Ok(Measured { evaluation, trials, gait: walked.then_some(record) })
+}
+
+/// Hash of what was drawn for the trials in this world.
+fn drawn(world: &World, trials: &[Trial]) -> String {
+    let TaskSettings { start, noise, randomisation, push, terrain, .. } = &world.scene.settings;
+    let mut sum = Sha256::new();
+    for number in trials.iter().flat_map(|trial| trial.command) {
+        sum.update(number.to_bits().to_le_bytes());
+    }
+    // Settings are plain numbers and texts; what cannot be written is no setting.
+    let settings = serde_json::to_string(&(start, noise, randomisation, push, terrain)).unwrap_or_default();
+    sum.update(settings);
+    sum.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The trajectories with random commands, on the plan's device, or on the CPU if `auto` found a GPU that does not do them.

@@ -3,6 +3,7 @@
 mod compare;
 mod ground;
 mod measure;
+mod motion;
 mod verdict;
 
 pub use compare::{Better, Comparison, TrajectoryErrors, compare, of_few};
@@ -19,6 +20,8 @@ use crate::world::{World, WorldSettings};
 use gaitfit_model::shown_number;
 use std::time::Instant;
 
+/// Length of a trajectory by default, s.
+const SECONDS: f64 = 4.0;
 /// Longest trajectory, s, and most control steps of one call.
 const LONGEST: f64 = 3600.0;
 const MAX_STEPS: f64 = 2e9;
@@ -32,8 +35,8 @@ pub struct EvaluateSettings {
     pub world: WorldSettings,
     /// Trajectories with random commands.
     pub trajectories: usize,
-    /// Length of each, s.
-    pub seconds: f64,
+    /// Length of each, s; without one 4, or as long as the motion that the policy follows.
+    pub seconds: Option<f64>,
     /// Robots in each constant-command trial; 0 leaves them out.
     pub drift: usize,
     /// Speeds of these, m/s, m/s and rad/s; half of the task's greatest commands without them.
@@ -77,8 +80,11 @@ pub fn evaluate(settings: &EvaluateSettings, watch: &Watch<'_>) -> Result<Evalua
 /// As there.
 pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>) -> Result<Evaluated, Error> {
     world.warnings.iter().for_each(|warning| watch.note(warning));
-    let EvaluateSettings { trajectories, seconds, drift, .. } = *settings;
-    let period = world.scene.walker.interface.control_dt;
+    let EvaluateSettings { trajectories, drift, .. } = *settings;
+    let interface = &world.scene.walker.interface;
+    let period = interface.control_dt;
+    let whole = || motion::seconds(interface).map(|seconds| seconds.clamp(period, LONGEST));
+    let seconds = settings.seconds.or_else(whole).unwrap_or(SECONDS);
     check_length("`seconds` (--seconds)", trajectories, seconds, period)?;
     if drift > MAX_DRIFT {
         return Err(Error::settings(format!(

@@ -44,9 +44,8 @@ pub fn verdict(found: &Evaluation, command: &CommandSettings) -> Option<Verdict>
         return None;
     }
     if let Some(motion) = found.motion_error {
-        let text =
-            format!("Follows its motion: joints are {:.3} rad off it on average, and {fallen}.", motion.mean);
-        return Some(Verdict { walks: true, text });
+        let rest = found.motion_error_at_rest?;
+        return follows_motion(motion.mean, rest, &fallen);
     }
     let still = standing_error(command);
     if still == 0.0 || !error.is_finite() {
@@ -64,6 +63,28 @@ pub fn verdict(found: &Evaluation, command: &CommandSettings) -> Option<Verdict>
             ),
         },
     })
+}
+
+/// The verdict on joints that are `off` rad off a motion on average, where those of a robot that stays in its first pose are
+/// `rest` rad off; none for a motion that rests.
+fn follows_motion(off: f64, rest: f64, fallen: &str) -> Option<Verdict> {
+    if !off.is_finite() || rest <= 0.0 {
+        return None;
+    }
+    let walks = off < FOLLOWS * rest;
+    let share = 100.0 * off / rest;
+    let than =
+        format!("{share:.0} % of the distance of a robot that stays in its first pose ({rest:.3} rad)");
+    let text = match walks {
+        true => {
+            format!("Follows its motion: joints are {off:.3} rad off it on average, {than}, and {fallen}.")
+        }
+        false => format!(
+            "Its joints are {off:.3} rad off the motion on average, {than}; a policy that follows it has less than {:.0} %.",
+            100.0 * FOLLOWS
+        ),
+    };
+    Some(Verdict { walks, text })
 }
 
 /// That a mean velocity error, m/s, is nearly that of a robot that stands still; `None` if it is not.
@@ -136,6 +157,17 @@ mod tests {
         let diverged = said(f64::NAN, 1.0, 10).unwrap();
         assert!(!diverged.walks && diverged.text.contains("100.00 %") && diverged.text.contains("diverge"));
     }
+    #[test]
+    fn who_rests_does_not_follow_a_motion() {
+        let said = |off, rest| follows_motion(off, rest, "0.00 % of the trajectories end in a fall");
+        let follows = said(0.05, 0.25).unwrap();
+        assert!(follows.walks && follows.text.contains("20 % of the distance"), "{follows:?}");
+        let rests = said(1.245, 0.3).unwrap();
+        assert!(!rests.walks && rests.text.contains("less than 50 %"), "{rests:?}");
+        assert_eq!(said(0.01, 0.0), None, "the motion rests");
+        assert_eq!(said(f64::NAN, 0.3), None);
+    }
+
     #[test]
     fn a_robot_that_drifts_when_told_to_stand_does_not_walk() {
         let trial = |x: f64, yaw: f64| -> Vec<DriftResult> {
