@@ -257,6 +257,12 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     let threads = settings.threads.map_or_else(machine::threads, NonZeroUsize::get);
     let Robot { model, policy, base, .. } = Robot::read(&config, &settings.config, None)?;
     let policy = policy.ok_or_else(|| Error::settings("`policy` names no policy"))?;
+    if !policy.interface.observes_command() {
+        return Err(Error::settings(
+            "the policy observes no command, so no command changes what it does: collect logs of it as it is (`gaitfit collect`), or \
+             excite the legs in the air (leave --policy out)",
+        ));
+    }
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
     let rest = rest_angles(&policy, &model)?;
     let theta = config.rules().theta(&config.groups(&names), &names, &rest).map_err(Error::settings)?;

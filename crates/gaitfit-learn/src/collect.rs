@@ -4,6 +4,8 @@ use gaitfit_log::{BaseState, Gains, Trajectory};
 use gaitfit_policy::MotionPlace;
 use gaitfit_random::{Purpose, Stream};
 
+use std::sync::{Mutex, PoisonError};
+
 use crate::evaluate::Subject;
 use crate::player::Player;
 use crate::task::{Ended, Environment, Task, TaskError};
@@ -47,6 +49,33 @@ pub fn collect(
     threads: usize,
 ) -> Result<Vec<Collected>, TaskError> {
     in_tiles(options.count, TILE, threads, |first, count| collect_tile(subject, options, first, count))
+}
+
+/// The same logs, each given to `each` with its trajectory's number as soon as its tile is done, from any thread and in any order.
+///
+/// # Errors
+/// As [`collect`], and the first error of `each`, after which no further tile begins.
+pub fn collect_each<E: From<TaskError> + Send>(
+    subject: &Subject<'_>,
+    options: &CollectOptions,
+    threads: usize,
+    each: impl Fn(usize, Collected) -> Result<(), E> + Sync,
+) -> Result<(), E> {
+    let failed = Mutex::new(None);
+    let tile = |first: u32, count: usize| {
+        for (log, number) in collect_tile(subject, options, first, count)?.into_iter().zip(first as usize..) {
+            if let Err(error) = each(number, log) {
+                failed.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+                return Err(TaskError::Interrupted);
+            }
+        }
+        Ok(Vec::<()>::new())
+    };
+    let done = in_tiles(options.count, TILE, threads, tile);
+    match failed.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        Some(error) => Err(error),
+        None => Ok(done.map(drop)?),
+    }
 }
 
 fn collect_tile(

@@ -3,9 +3,9 @@
 
 use crate::task_common;
 
-use gaitfit_learn::collect::{CollectOptions, collect};
+use gaitfit_learn::collect::{CollectOptions, collect, collect_each};
 use gaitfit_learn::evaluate::Subject;
-use gaitfit_learn::task::Task;
+use gaitfit_learn::task::{Task, TaskError};
 use gaitfit_log::Trajectory;
 use gaitfit_model::rotation::rotate;
 use gaitfit_policy::network::Scratch;
@@ -163,4 +163,30 @@ fn commands_for_a_robot_are_those_of_a_collected_log() {
         assert_eq!(row.1.map(f64::from), logged[3 * sample..3 * sample + 3], "sample {sample}");
     }
     assert!((rows[6].0 - 0.56).abs() < 1e-9);
+}
+
+#[test]
+fn logs_one_by_one_are_those_of_all_together() {
+    let scene = reordered();
+    let policy = random_policy(&scene);
+    let subject = Subject { task: &scene, policy: &policy, candidate: None, seed: 5, cancel: None };
+    let options = CollectOptions { count: 70, seconds: 0.1, ..OPTIONS };
+    let all = collect(&subject, &options, 2).unwrap();
+    let found = std::sync::Mutex::new(vec![None; 70]);
+    collect_each::<TaskError>(&subject, &options, 2, |number, log| {
+        assert!(found.lock().unwrap()[number].replace(log).is_none());
+        Ok(())
+    })
+    .unwrap();
+    let found: Vec<_> = found.into_inner().unwrap().into_iter().flatten().collect();
+    assert!(found == all && all[0] != all[65]);
+    // The first error ends it.
+    let ended = collect_each(&subject, &options, 1, |number, _| match number {
+        3 => Err(TaskError::Interrupted),
+        number => {
+            assert!(number < 3);
+            Ok(())
+        }
+    });
+    assert!(matches!(ended, Err(TaskError::Interrupted)));
 }

@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::device::{self, Device};
 use crate::excite::playlist::{self, Sequence};
-use crate::log_folder::write_logs;
+use crate::log_folder::LogWriter;
 use crate::run::Owned;
 use crate::walk::recorder::Recorded;
 use crate::walk::simulator::script;
@@ -21,6 +21,8 @@ use std::sync::{Mutex, PoisonError};
 
 /// Most rows of one call: a robot's take about a kilobyte each.
 const MAX_ROWS: f64 = 2e7;
+/// Most logs of a folder: readers of folders look at no more.
+const MAX_LOGS: usize = 100_000;
 /// Latest start of a log, s.
 const LATEST: f64 = 10.0;
 
@@ -73,7 +75,7 @@ pub fn collect_in(
     folder: &Path,
     watch: &Watch<'_>,
 ) -> Result<Collected, Error> {
-    let world = world.with_plain_starts();
+    let world = plain_starts(world);
     world.warnings.iter().for_each(|warning| watch.note(warning));
     let CollectSettings { trajectories: count, seconds, log_shift: [low, high], privileged, .. } = *settings;
     if !(0.0 <= low && low <= high && high <= LATEST) {
@@ -104,25 +106,42 @@ pub fn collect_in(
     }
     let options = CollectOptions { count, seconds, shift: [low, high], privileged };
     let threads = settings.world.threads();
-    let logs = match &played {
+    let writer = LogWriter::new(folder, count)?;
+    let recorded = match &played {
         Some(sequences) => {
             only_the_cpu_plays(settings.device, watch)?;
             play(&world, &options, sequences, settings.world.seed, threads, watch)
+                .and_then(|logs| writer.put_all(&logs))
         }
         None => {
             let subject = world.subject(settings.world.seed);
-            walks(&subject, &options, threads, settings.device, watch)
+            write_walks(&subject, &options, threads, settings.device, watch, &writer)
         }
     };
     if watch.stop() {
         return Err(Error::interrupted_with_nothing("interrupted; no log was written"));
     }
-    let logs = logs?;
-    let written = write_logs(folder, &logs)?;
+    recorded?;
+    let written = writer.finish()?;
     for number in &written.without {
         watch.note(&format!("trajectory {number} fell before its log began; it has no file"));
     }
     Ok(Collected { simulator: world.description(), files: written.files, falls: written.falls })
+}
+
+/// The world with robots that begin where a fit of their logs lets them begin. The logs of a policy that follows a motion and no
+/// command would then all be one: its joints begin about the pose as the task says. A fit begins at a log's first angles.
+fn plain_starts(world: World) -> World {
+    let joints = world.scene.settings.start.joint_position;
+    let alike = {
+        let interface = &world.scene.walker.interface;
+        interface.reference.is_some() && !interface.observes_command()
+    };
+    let mut world = world.with_plain_starts();
+    if alike {
+        world.scene.settings.start.joint_position = joints;
+    }
+    world
 }
 
 /// Logs of walks under random commands, simulated on `device`, or on the CPU if `auto` found a GPU that does not simulate
@@ -137,20 +156,51 @@ pub(crate) fn walks(
     device: Device,
     watch: &Watch<'_>,
 ) -> Result<Vec<Recording>, Error> {
-    let cancel = || watch.stop();
-    if let Some(gpu) = device.open()? {
-        match device::collect(&gpu, subject, options, &cancel) {
-            // A GPU that was stopped has no logs.
-            Ok(_) if watch.stop() => return Err(TaskError::Interrupted.into()),
-            Ok(logs) => return Ok(logs),
-            Err(error) => match device.instead(&error) {
-                Some(note) => watch.note(&note),
-                None => return Err(error),
-            },
-        }
+    if let Some(logs) = on_gpu(subject, options, device, watch)? {
+        return Ok(logs);
     }
+    let cancel = || watch.stop();
     let subject = Subject { cancel: Some(&cancel), ..*subject };
     Ok(gaitfit_learn::collect::collect(&subject, options, threads)?)
+}
+
+/// The same logs, each written as soon as its tile is simulated, so that memory holds a few tiles.
+fn write_walks(
+    subject: &Subject<'_>,
+    options: &CollectOptions,
+    threads: usize,
+    device: Device,
+    watch: &Watch<'_>,
+    writer: &LogWriter,
+) -> Result<(), Error> {
+    if let Some(logs) = on_gpu(subject, options, device, watch)? {
+        return writer.put_all(&logs);
+    }
+    let cancel = || watch.stop();
+    let subject = Subject { cancel: Some(&cancel), ..*subject };
+    gaitfit_learn::collect::collect_each(&subject, options, threads, |number, log| writer.put(number, &log))
+}
+
+/// Logs from a GPU; `None` if the CPU is to simulate them.
+fn on_gpu(
+    subject: &Subject<'_>,
+    options: &CollectOptions,
+    device: Device,
+    watch: &Watch<'_>,
+) -> Result<Option<Vec<Recording>>, Error> {
+    let Some(gpu) = device.open()? else { return Ok(None) };
+    match device::collect(&gpu, subject, options, &|| watch.stop()) {
+        // A GPU that was stopped has no logs.
+        Ok(_) if watch.stop() => Err(TaskError::Interrupted.into()),
+        Ok(logs) => Ok(Some(logs)),
+        Err(error) => match device.instead(&error) {
+            Some(note) => {
+                watch.note(&note);
+                Ok(None)
+            }
+            None => Err(error),
+        },
+    }
 }
 
 /// Refuses a GPU that was asked for, or says that the one that was found is not used.
@@ -242,6 +292,11 @@ fn play(
 /// # Errors
 /// As it says.
 pub fn check_length(key: &str, count: usize, seconds: f64, period: f64) -> Result<(), Error> {
+    if count > MAX_LOGS {
+        return Err(Error::settings(format!(
+            "`trajectories` (--trajectories) is {count}: a folder of logs has at most {MAX_LOGS}; take fewer and longer ones"
+        )));
+    }
     let rows = count as f64 * seconds / period;
     if seconds > 0.0 && count > 0 && rows >= count as f64 && rows <= MAX_ROWS {
         return Ok(());

@@ -6,6 +6,7 @@ use gaitfit_log::write_csv;
 use gaitfit_model::{escaped, shown_path};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// What was written.
 pub struct Written {
@@ -22,23 +23,95 @@ pub struct Written {
 /// # Errors
 /// A file that cannot be written. None is left then: part of the logs is taken for all of them.
 pub fn write_logs(folder: &Path, logs: &[Collected]) -> Result<Written, Error> {
-    let mut files = Vec::with_capacity(logs.len());
-    let mut without = Vec::new();
-    let digits = logs.len().saturating_sub(1).to_string().len().max(2);
-    for (number, log) in logs.iter().enumerate() {
-        if log.trajectory.is_empty() {
-            without.push(number);
-            continue;
-        }
-        let path = folder.join(format!("trajectory_{number:0digits$}.csv"));
-        if let Err(error) = write_csv(&path, &log.trajectory) {
-            // What cannot be removed keeps a later call from the folder, and is seen there.
-            files.iter().for_each(|path| drop(fs::remove_file(path)));
-            return Err(error.into());
-        }
-        files.push(path);
+    let writer = LogWriter::new(folder, logs.len())?;
+    writer.put_all(logs)?;
+    writer.finish()
+}
+
+/// A folder's logs, one CSV a trajectory, written while others are still recorded. Until all are there they are in a hidden
+/// folder of their own, because part of the logs is taken for all of them; without [`LogWriter::finish`] none is left.
+pub struct LogWriter {
+    folder: PathBuf,
+    partial: tempfile::TempDir,
+    digits: usize,
+    /// Number of each trajectory that was put, whether it has a file, and whether its robot fell.
+    put: Mutex<Vec<(usize, bool, bool)>>,
+}
+
+impl LogWriter {
+    /// Of `count` trajectories, into a folder that exists.
+    ///
+    /// # Errors
+    /// A folder that cannot be written.
+    pub fn new(folder: &Path, count: usize) -> Result<Self, Error> {
+        let unwritable = |error: std::io::Error| Error::unwritable(folder, error);
+        remove_killed(folder, WRITING).map_err(unwritable)?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            partial: tempfile::Builder::new().prefix(WRITING).tempdir_in(folder).map_err(unwritable)?,
+            digits: count.saturating_sub(1).to_string().len().max(2),
+            put: Mutex::new(Vec::with_capacity(count)),
+        })
     }
-    Ok(Written { files, falls: logs.iter().filter(|log| log.fell).count(), without })
+
+    fn name(&self, number: usize) -> String {
+        let digits = self.digits;
+        format!("trajectory_{number:0digits$}.csv")
+    }
+
+    /// Writes the log of a trajectory; one without a row has no file.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn put(&self, number: usize, log: &Collected) -> Result<(), Error> {
+        let has_rows = !log.trajectory.is_empty();
+        if has_rows {
+            write_csv(&self.partial.path().join(self.name(number)), &log.trajectory)?;
+        }
+        self.put.lock().unwrap_or_else(PoisonError::into_inner).push((number, has_rows, log.fell));
+        Ok(())
+    }
+
+    /// The same of all trajectories in their order.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn put_all(&self, logs: &[Collected]) -> Result<(), Error> {
+        logs.iter().enumerate().try_for_each(|(number, log)| self.put(number, log))
+    }
+
+    /// Puts all logs in their place.
+    ///
+    /// # Errors
+    /// A file that cannot be moved. None is left then.
+    pub fn finish(self) -> Result<Written, Error> {
+        let mut put = std::mem::take(&mut *self.put.lock().unwrap_or_else(PoisonError::into_inner));
+        put.sort_unstable();
+        let mut files = Vec::with_capacity(put.len());
+        for (number, ..) in put.iter().filter(|(_, has_rows, _)| *has_rows) {
+            let (from, to) =
+                (self.partial.path().join(self.name(*number)), self.folder.join(self.name(*number)));
+            if let Err(error) = fs::rename(&from, &to) {
+                // What cannot be removed keeps a later call from the folder, and is seen there.
+                files.iter().for_each(|path: &PathBuf| drop(fs::remove_file(path)));
+                return Err(Error::unwritable(&to, error));
+            }
+            files.push(to);
+        }
+        let without = put.iter().filter(|(_, has_rows, _)| !has_rows).map(|(number, ..)| *number).collect();
+        Ok(Written { files, falls: put.iter().filter(|(.., fell)| *fell).count(), without })
+    }
+}
+
+/// Removes the folders in `parent` whose names begin so, which killed runs left.
+fn remove_killed(parent: &Path, prefix: &str) -> std::io::Result<()> {
+    for entry in fs::read_dir(parent)? {
+        let entry = entry?;
+        if entry.file_name().to_string_lossy().starts_with(prefix) && entry.path().is_dir() {
+            fs::remove_dir_all(entry.path())?;
+        }
+    }
+    Ok(())
 }
 
 /// How names of folders begin that are not whole yet.
@@ -55,13 +128,7 @@ pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Error>) -
     let unwritable = |error: std::io::Error| Error::unwritable(into, error);
     let prefix = format!("{WRITING}{name}");
     fs::create_dir_all(parent).map_err(unwritable)?;
-    // What killed runs left.
-    for entry in fs::read_dir(parent).map_err(unwritable)? {
-        let entry = entry.map_err(unwritable)?;
-        if entry.file_name().to_string_lossy().starts_with(&prefix) && entry.path().is_dir() {
-            fs::remove_dir_all(entry.path()).map_err(unwritable)?;
-        }
-    }
+    remove_killed(parent, &prefix).map_err(unwritable)?;
     let mut builder = tempfile::Builder::new();
     let partial = folder_like(&mut builder)
         .prefix(&format!("{prefix}-"))
@@ -177,6 +244,35 @@ mod tests {
         .unwrap();
         assert_eq!(csv_files(&into).unwrap(), [into.join("a.csv")]);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn logs_are_on_the_disk_before_all_are_recorded_and_none_is_left_of_a_part() {
+        let folder = tempfile::tempdir().unwrap();
+        let log = |fell: bool, rows: usize| {
+            let joints = vec!["knee".to_owned()];
+            let time = (0..rows).map(|row| 0.02 * row as f64).collect();
+            let trajectory =
+                gaitfit_log::Trajectory::of_joints(joints, 50.0, time, vec![0.1; rows], vec![0.0; rows]);
+            Collected { trajectory, fell }
+        };
+        let writer = LogWriter::new(folder.path(), 3).unwrap();
+        writer.put(1, &log(true, 5)).unwrap();
+        let hidden = fs::read_dir(folder.path()).unwrap().next().unwrap().unwrap().path();
+        assert!(hidden.join("trajectory_01.csv").is_file());
+        assert!(csv_files(folder.path()).unwrap().is_empty(), "a part of the logs is no folder of logs");
+        drop(writer);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        // What a killed program left.
+        fs::create_dir(folder.path().join(".writing-killed")).unwrap();
+        let writer = LogWriter::new(folder.path(), 3).unwrap();
+        for (number, one) in [(2, log(false, 5)), (0, log(true, 5)), (1, log(true, 0))] {
+            writer.put(number, &one).unwrap();
+        }
+        let written = writer.finish().unwrap();
+        assert_eq!((written.falls, written.without), (2, vec![1]));
+        assert_eq!(written.files, csv_files(folder.path()).unwrap());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
     #[test]

@@ -131,6 +131,13 @@ impl Task {
             .zip(start_angles(&walker))
             .map(|(angle, home)| angle.map_or(home, |a| a as f32))
             .collect();
+        let mut settings = settings.clone();
+        if walker.interface.reference.is_some() && !walker.interface.observes_command() {
+            // Nothing would follow them.
+            let command = &mut settings.command;
+            (command.x, command.y, command.yaw) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+        }
+        let settings = &settings;
         Ok(Self {
             settings: settings.clone(),
             rewards: Rewards::new(reward::listed(settings, &walker)?),
