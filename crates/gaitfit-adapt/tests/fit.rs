@@ -263,6 +263,11 @@ fn a_checkpoint_of_other_logs_bounds_or_settings_is_refused_by_name() {
     refused("/origin/costs/0/cost", json!("rmse"), "it minimises rmse");
     refused("/origin/options/population", json!(1000), "`population` was 1000");
     refused("/origin/options/tolerance", json!(0.5), "`tolerance` was 0.5");
+    refused("/origin/options/falls/robot_rate", json!(0.25), "`falls` was robot_rate = 0.25");
+    // The same logs, in which the robot fell otherwise.
+    let mut cost = saved["origin"]["costs"][0].clone();
+    (cost["recordings"], cost["fall_rate"]) = (json!("00"), json!(0.25));
+    refused("/origin/costs/0", cost, "in which the robot fell was 25 %, and it is 0 % now");
     // Logs of a robot that differs a little.
     let others = costs_at(&simulator, &[0.8, 0.02, -0.030_01]);
     let saved = serde_json::from_value(saved).unwrap();

@@ -127,9 +127,9 @@ impl Search {
         }
         let other_limit = |run: &&RunSummary| cut(run) || run.generations > limit;
         if let Some(other) = finished.iter().find(other_limit) {
-            let (run, done) = (other.run, other.generations);
+            let (run, done) = (u64::from(other.run) + 1, other.generations);
             return Err(CmaError::State(format!(
-                "its run {run} ended after {done} generations, and the limit is {limit} now"
+                "its search number {run} ended after {done} generations, and the limit is {limit} now: give at least {done}"
             )));
         }
         if current.generation() > limit {

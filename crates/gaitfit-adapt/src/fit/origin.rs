@@ -3,7 +3,7 @@
 use super::FitOptions;
 use crate::cost::{Cost, Weights};
 use crate::{Entry, Prior, Simulator, Theta};
-use gaitfit_model::{shown, shown_number};
+use gaitfit_model::{shown, shown_number, significant};
 use serde::{Deserialize, Serialize};
 
 /// The inputs on which the numbers of a checkpoint depend. The simulator's own computation is not known here.
@@ -52,6 +52,9 @@ pub struct Against {
     pub cost: String,
     /// SHA-256 of the recordings; `None` of a cost without [`Cost::compared`].
     pub recordings: Option<String>,
+    /// Part of the recordings in which the robot fell, 0 to 1; `None` in checkpoints of earlier builds.
+    #[serde(default)]
+    pub fall_rate: Option<f64>,
     /// Samples at the start of each recording that do not count.
     pub skip: usize,
     /// Weights of the signals.
@@ -71,6 +74,7 @@ impl Origin {
             Against {
                 cost: cost.name().to_owned(),
                 recordings: compared.map(|one| one.reference.fingerprint()),
+                fall_rate: compared.map(|one| one.reference.fall_rate()),
                 skip: compared.map_or(0, |one| one.reference.skip()),
                 weights: compared.map_or_else(Weights::default, |one| one.weights),
             }
@@ -128,6 +132,17 @@ impl Origin {
                     "the first {before} samples of its logs did not count, and now the first {now}"
                 ));
             }
+            if before.recordings != now.recordings && before.fall_rate != now.fall_rate {
+                let rate = |rate: Option<f64>| {
+                    rate.map_or_else(|| "unknown".to_owned(), |rate| format!("{} %", significant(100.0 * rate, 3)))
+                };
+                return Some(format!(
+                    "the part of its logs in which the robot fell was {}, and it is {} now: other logs, another `allow`, or an \
+                     earlier build, which counted falls otherwise",
+                    rate(before.fall_rate),
+                    rate(now.fall_rate)
+                ));
+            }
             if before.recordings != now.recordings {
                 return Some(
                     "its logs are others: positions, velocities or actions in them differ".to_owned(),
@@ -161,11 +176,22 @@ impl Origin {
             ("covariance", format!("{:?}", before.covariance), format!("{covariance:?}")),
             ("bounds", format!("{:?}", before.bounds), format!("{bounds:?}")),
             ("tolerance", shown_number(before.tolerance), shown_number(*tolerance)),
-            ("falls", format!("{:?}", before.falls), format!("{falls:?}")),
+            ("falls", in_words(&before.falls), in_words(falls)),
             ("random_numbers", format!("{:?}", before.random_numbers), format!("{random_numbers:?}")),
         ];
         let (name, before, now) = all.into_iter().find(|(_, before, now)| before != now)?;
         Some(format!("`{name}` was {}, and it is {} now", shown(&before), shown(&now)))
+    }
+}
+
+/// The values of settings by name, for a message.
+fn in_words(settings: &impl Serialize) -> String {
+    match serde_json::to_value(settings) {
+        Ok(serde_json::Value::Object(values)) if !values.is_empty() => {
+            let one = |(name, value): (&String, &serde_json::Value)| format!("{name} = {value}");
+            values.iter().map(one).collect::<Vec<_>>().join(", ")
+        }
+        _ => "as by default".to_owned(),
     }
 }
 
