@@ -57,6 +57,12 @@ pub fn explain(robot: &Path, logs: &Path, lenient: bool) -> Result<String, Strin
 fn usage(asked: &clap::Error) -> u8 {
     if asked.use_stderr() {
         let text = asked.render().to_string();
+        if let Some(variable) = cli::from_variable(asked) {
+            let text =
+                format!("{}\n\nThe value is that of the environment variable {variable}.\n", text.trim_end());
+            output::note(&gaitfit::brief(&text));
+            return Exit::Usage as u8;
+        }
         if let Some(meant) = cli::meant(asked) {
             let text = format!("{}\n\ndid you mean `gaitfit {meant}`?", text.trim_end());
             output::note(&gaitfit::brief(&text));

@@ -3,6 +3,7 @@
 use crate::table::table;
 use gaitfit::walk::explain::Cause;
 use gaitfit::walk::swing::{Beside, Estimate, FrictionLaw, SwingFindings, SwingReport, prior_toml};
+use gaitfit_model::significant;
 use std::fmt::Write;
 
 /// Usual physics step of a fit, s.
@@ -70,7 +71,7 @@ fn sensors(found: &SwingFindings) -> String {
         ("noise of the gyro, at most", sensors.gyro_noise, "rad/s"),
     ] {
         if let Some(value) = value {
-            rows.add_row([name.to_owned(), format!("{value:.2e}"), unit.to_owned()]);
+            rows.add_row([name.to_owned(), significant(value, 3), unit.to_owned()]);
         }
     }
     format!("{rows}\n")

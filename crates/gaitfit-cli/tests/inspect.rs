@@ -74,6 +74,7 @@ fn walks_show_joints_and_sensors_without_a_simulation() {
     let output = run(&["explain", logs, "--robot", "assets/go2.xml"]);
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.starts_with("gaitfit finds no effect"), "{text}");
+    assert!(text.contains("From 3 logs (12 s).") && !text.contains("left out"), "{text}");
     let log = folder.path().join("trajectory_00.csv");
     let degrees = |line: &str| {
         let cell = |(column, cell): (usize, &str)| match cell.parse::<f64>() {

@@ -119,6 +119,27 @@ fn a_policy_with_a_motion_is_evaluated_collected_from_and_fitted_with() {
     let error = evaluated["motion_error"]["mean"].as_f64().unwrap();
     assert!(error > 0.005 && error < 0.15, "{error}");
     assert_eq!(evaluated["fall_rate"]["mean"], 0.0);
+    // This policy lags its motion so far that a robot that rests is not much further off, and that is said.
+    let rests = evaluated["motion_error_at_rest"].as_f64().unwrap();
+    assert!(rests > error && rests < 2.0 * error, "{error} {rests}");
+    let verdict = evaluated["verdict"].as_str().unwrap();
+    assert!(verdict.contains("% of the distance of a robot that stays in its first pose"), "{verdict}");
+    // A motion is run to its end without further words.
+    let whole = run(&[
+        "evaluate",
+        &at("p.toml"),
+        "--trajectories",
+        "3",
+        "--drift",
+        "8",
+        "--report",
+        &at("page.html"),
+    ]);
+    let text = String::from_utf8_lossy(&whole.stdout).into_owned();
+    assert!(text.contains("3 trajectories of 10 s along a motion of 10 s"), "{text}{}", errors(&whole));
+    assert!(errors(&whole).contains("--drift has no effect"), "{}", errors(&whole));
+    let page = std::fs::read_to_string(at("page.html")).unwrap();
+    assert!(page.contains("distance from the motion"), "no distance on the page");
 
     let theta = format!(
         "format = 2\nrobot = \"go2\"\ncost_name = \"truth\"\ncost = 0.0\n[[parameter]]\nname = \"frictionloss\"\n\
@@ -156,6 +177,7 @@ fn a_policy_with_a_motion_is_evaluated_collected_from_and_fitted_with() {
     assert!((value - FRICTION).abs() < 0.1 * FRICTION, "{value}");
     // Its actions are the policy's at every sample: place in the motion, heading and encoders are as they were.
     let warnings = found["warnings"].to_string();
+    assert!(!warnings.contains("do not cover"), "it observes no command: {warnings}");
     assert!(!warnings.contains("action") && !warnings.contains("motion_time"), "{warnings}");
 
     // Without the columns a log must begin with the motion; this one does not, and its actions show it.
@@ -170,7 +192,52 @@ fn a_policy_with_a_motion_is_evaluated_collected_from_and_fitted_with() {
         assert_eq!(!shown.contains("taken to begin with the motion"), agrees, "{shown}");
     }
 
+    // One that does begin with the motion is right without them.
+    let out = at("begins");
+    let begins = [&collect[..5], &[&out[..], "--trajectories", "3", "--seconds", "4", "--json"]].concat();
+    let begun = run(&begins);
+    assert_eq!(begun.status.code(), Some(0), "{}", errors(&begun));
+    let files = json(&begun)["files"].clone();
+    let read = |number: usize| {
+        read_csv(Path::new(files[number].as_str().unwrap()), &ReadOptions::default()).unwrap()
+    };
+    // No command distinguishes the logs, so their starts do.
+    assert!(read(0).position != read(1).position && read(1).position != read(2).position);
+    assert!(read(0).command.unwrap().iter().all(|part| *part == 0.0));
+    let log = Trajectory { motion: None, ..read(0) };
+    write_csv(&folder.path().join("bare/begins.csv"), &log).unwrap();
+    let output =
+        run(&["inspect", &at("bare/begins.csv"), "--policy", &at("p.toml"), "--robot", "assets/go2.xml"]);
+    let shown = format!("{}{}", String::from_utf8_lossy(&output.stdout), errors(&output));
+    assert_eq!(output.status.code(), Some(0), "{shown}");
+    assert!(
+        shown.contains("taken to begin with the motion") && shown.contains("next: gaitfit new"),
+        "{shown}"
+    );
+
     for (args, word) in [
+        (
+            vec!["run", &at("p.toml"), "--robot", "simulated", "--random", "2", "--yes", "--out", &at("ran")],
+            "follows a motion, which gaitfit does not run on a robot yet",
+        ),
+        (
+            vec![
+                "collect",
+                &at("p.toml"),
+                "--robot",
+                "simulated",
+                "--seconds",
+                "2",
+                "--yes",
+                "--out",
+                &at("ran"),
+            ],
+            "follows a motion, which gaitfit does not run on a robot yet",
+        ),
+        (
+            vec!["excite", &at("fit.toml"), "--policy", &at("p.toml"), "--out", &at("commands.csv")],
+            "the policy observes no command",
+        ),
         (
             vec!["finetune", &at("p.toml"), "--name", "f", "--device", "cpu"],
             "a reference motion that it follows",

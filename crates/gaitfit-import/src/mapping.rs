@@ -2,6 +2,7 @@
 
 use crate::ImportError;
 use gaitfit_log::{FindingKind, ImuSettings, PerJoint, TimeUnit};
+use gaitfit_model::with_meant;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -233,7 +234,7 @@ impl Mapping {
 
 /// A TOML error's message with its line and column, without the picture of several lines.
 fn in_a_line(error: &toml::de::Error, text: &str) -> String {
-    let message = error.message().trim_end().replace('\n', "; ");
+    let message = with_meant(error.message()).replace('\n', "; ");
     let Some(before) = error.span().and_then(|span| text.get(..span.start)) else { return message };
     let line = before.matches('\n').count() + 1;
     let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;

@@ -69,7 +69,10 @@ pub fn joint_names(model: &Model) -> Vec<String> {
 /// reading took away, what bounds no torque or touches no ground.
 pub fn remarks(model: &Model) -> Vec<String> {
     let changed = model.changed.iter().map(|change| format!("{} {}", change.what, change.how));
-    changed.chain(model.warnings()).collect()
+    let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+    let unwritable = gaitfit_log::check_names(None, &names).err();
+    let unwritable = unwritable.map(|error| format!("logs of this robot cannot be written: {error}"));
+    changed.chain(model.warnings()).chain(unwritable).collect()
 }
 
 /// The files that a robot's file names, and those that they name: what it includes, and its height fields. What is

@@ -98,7 +98,7 @@ pub struct Excite {
     #[arg(long, conflicts_with = "policy")]
     pub force: bool,
     /// Seed of the joints' phases and of the simulated robots
-    #[arg(long, value_name = "N", default_value_t = 0, hide = true)]
+    #[arg(long, value_name = "N", default_value_t = 0, hide = true, value_parser = super::seed, allow_negative_numbers = true)]
     pub seed: u64,
     /// Print one JSON document
     #[arg(long)]

@@ -49,6 +49,24 @@ pub fn meant(error: &clap::Error) -> Option<String> {
     names.into_iter().find(|name| letters(name) == letters(unknown)).map(str::to_owned)
 }
 
+/// The environment variable whose value was refused, if the value was not on the command line.
+pub fn from_variable(error: &clap::Error) -> Option<&'static str> {
+    let text = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.as_str()),
+        _ => None,
+    };
+    let option = text(ContextKind::InvalidArg)?.starts_with("--isa");
+    let value = std::env::var(gaitfit_isa::VARIABLE).ok()?;
+    let given = std::env::args().any(|argument| argument.starts_with("--isa"));
+    (option && !given && text(ContextKind::InvalidValue) == Some(value.as_str()))
+        .then_some(gaitfit_isa::VARIABLE)
+}
+
+/// The number of a `--seed`.
+pub fn seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| "give a whole number, 0 or more".to_owned())
+}
+
 /// Names the option that lists the options that this help leaves out.
 fn hint(command: Command) -> Command {
     let rare = command.get_arguments().any(|option| option.is_hide_set() && !option.is_global_set());

@@ -20,17 +20,18 @@ pub use choices::{Config, ConfigOf, Preset};
 pub use excite::Excite;
 pub use export::Export;
 pub use gaitfit::device::{Device, Devices};
-pub use groups::{command, meant};
+pub use groups::{command, from_variable, meant};
 pub use logs::{Import, New, Runs};
 pub use preflight::Preflight;
 pub use robot::{Drift, LinkArgs, PATIENCE, Record, RobotKind, Run};
 pub use run::{Finetune, Fit, Loop, Reproduce, RunArgs, Sensitivity, Train, Validate};
 pub use view::View;
-pub use world::{Collect, Evaluate};
+pub use world::{Collect, DRIFT, Evaluate};
 
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 use gaitfit_isa::Isa;
+use groups::seed;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 

@@ -122,7 +122,15 @@ pub struct Run {
     #[arg(long, value_name = "N", requires = "random", conflicts_with_all = ["commands", "remote", "keyboard", "drift"])]
     pub trajectories: Option<NonZeroUsize>,
     /// Seed of the random commands
-    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with_all = ["commands", "remote", "keyboard", "drift"], hide = true)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        conflicts_with_all = ["commands", "remote", "keyboard", "drift"],
+        hide = true,
+        value_parser = super::seed,
+        allow_negative_numbers = true
+    )]
     pub seed: u64,
     /// Folder for the logs and the summary; it must not hold a run
     #[arg(long, value_name = "FOLDER")]

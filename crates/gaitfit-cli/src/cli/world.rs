@@ -35,7 +35,7 @@ pub struct WorldArgs {
     #[arg(long, value_enum, default_value_t = Preset::Fast, hide = true)]
     pub preset: Preset,
     /// Seed of commands, starts and noise
-    #[arg(long, value_name = "N", default_value_t = 0, hide = true)]
+    #[arg(long, value_name = "N", default_value_t = 0, hide = true, value_parser = super::seed, allow_negative_numbers = true)]
     pub seed: u64,
     /// Threads [default: one for each core]
     #[arg(long, value_name = "N", hide = true)]
@@ -67,6 +67,9 @@ impl WorldArgs {
     }
 }
 
+/// Robots in each drift trial of `evaluate` by default.
+pub const DRIFT: usize = 64;
+
 /// Arguments of `evaluate`.
 #[derive(Debug, Args)]
 pub struct Evaluate {
@@ -76,12 +79,12 @@ pub struct Evaluate {
     /// Number of trajectories with random commands
     #[arg(long, value_name = "N", default_value = "10000")]
     pub trajectories: std::num::NonZeroUsize,
-    /// Length of each trajectory, s
-    #[arg(long, value_name = "S", default_value_t = 4.0)]
-    pub seconds: f64,
-    /// Robots in each drift trial, which has a constant command; 0: no such trials
-    #[arg(long, value_name = "N", default_value_t = 64)]
-    pub drift: usize,
+    /// Length of each trajectory, s [default: 4, or the length of the motion that the policy follows]
+    #[arg(long, value_name = "S")]
+    pub seconds: Option<f64>,
+    /// Robots in each drift trial, which has a constant command; 0: no such trials [default: 64]
+    #[arg(long, value_name = "N")]
+    pub drift: Option<usize>,
     /// Speeds of the drift trials: ahead and to the side, m/s, and turning, rad/s [default: half of the task's largest
     /// commands]
     #[arg(

@@ -8,6 +8,7 @@ use crate::output;
 use crate::progress::Lines;
 use crate::watcher::watched;
 use gaitfit::CollectSettings;
+use gaitfit_model::{argument, counted};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -58,19 +59,19 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
         return output::print_json(&document);
     }
     output::print(&format!(
-        "{} logs of {} s in {}, {} falls ({})\n",
-        document.trajectories,
+        "{} of {} s in {}, {} ({})\n",
+        counted(document.trajectories, "log"),
         args.seconds,
         args.out.display(),
-        document.falls,
+        counted(document.falls, "fall"),
         document.simulator
     ))?;
     let robot =
-        args.world.robot.as_ref().map_or(String::new(), |robot| format!(" --robot {}", robot.display()));
-    let policy = args.world.policy.display();
+        args.world.robot.as_ref().map_or(String::new(), |robot| format!(" --robot {}", argument(robot)));
+    let policy = argument(&args.world.policy);
     output::next(&[format!(
         "gaitfit new --policy {policy}{robot} --logs {} --out my-robot.toml",
-        args.out.display()
+        argument(&args.out)
     )])
 }
 

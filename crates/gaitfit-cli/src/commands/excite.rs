@@ -11,7 +11,7 @@ use crate::watcher::watched;
 use gaitfit::excite::{Chirp, Commands, Expected, Swept, playlist};
 use gaitfit::files::{self, Output};
 use gaitfit::settings::{self, AdaptConfig};
-use gaitfit_model::shown;
+use gaitfit_model::{argument, shown, significant};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -54,7 +54,7 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
     }
     let header = ["parameter", "recorded", "random", "chosen", "unit", "chosen over random"];
     let mut rows = table(&header, &[1, 2, 3, 5]);
-    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2e}"));
+    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 3));
     for Expected { name, unit, counts, recorded, random, chosen } in &found.parameters {
         let ratio = random
             .zip(*chosen)
@@ -89,8 +89,8 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
     output::print(&text)?;
     output::next(&[format!(
         "gaitfit collect {} --commands {} --out logs{}",
-        policy.display(),
-        args.out.display(),
+        argument(policy),
+        argument(&args.out),
         super::adapt::robot_option(policy, &robot)
     )])
 }

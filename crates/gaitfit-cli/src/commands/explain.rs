@@ -10,7 +10,9 @@ use gaitfit::walk::swing::SwingFindings;
 use gaitfit_log::{
     CheckSpec, ReadOptions, Severity, Trajectory, csv_files, read_csv, read_csv_report, summarise_folder,
 };
+use gaitfit_model::{argument, counted};
 use serde::Serialize;
+use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -24,20 +26,58 @@ fn first_log(path: &Path) -> Option<Trajectory> {
 struct Document<'a> {
     logs: String,
     robot: String,
+    /// Logs that were read, and those that were left out.
+    read: usize,
+    left_out: usize,
     causes: &'a [Cause],
     without_simulation: &'a SwingFindings,
 }
 
+/// What logs show, and how many of them.
+struct Looked {
+    found: SwingFindings,
+    read: usize,
+    seconds: f64,
+    left_out: usize,
+}
+
+impl Looked {
+    fn document<'a>(&'a self, robot: &Path, logs: &Path, causes: &'a [Cause]) -> Document<'a> {
+        Document {
+            logs: logs.display().to_string(),
+            robot: robot.display().to_string(),
+            read: self.read,
+            left_out: self.left_out,
+            causes,
+            without_simulation: &self.found,
+        }
+    }
+
+    /// The logs behind the result, in a line.
+    fn line(&self, logs: &Path) -> String {
+        let mut line = format!("From {} ({:.0} s)", counted(self.read, "log"), self.seconds);
+        if self.left_out > 0 {
+            let _ = write!(
+                line,
+                "; {} left out: they have errors, or are more than are looked at. `gaitfit inspect {}` prints errors",
+                counted(self.left_out, "log"),
+                argument(logs)
+            );
+        }
+        line + ".\n"
+    }
+}
+
 /// What logs show of a robot without a simulation, or why they show nothing.
-fn findings(robot: &Path, logs: &Path, lenient: bool) -> Result<SwingFindings, Failure> {
+fn findings(robot: &Path, logs: &Path, lenient: bool) -> Result<Looked, Failure> {
     let path = Some(robot);
     let model = robot::named(robot, lenient)?;
-    let found = if logs.is_dir() {
+    let (all, used) = if logs.is_dir() {
         let spec = |log: &Trajectory| CheckSpec::of_robot(&model, &log.joints);
         let mut progress = |_, _| ControlFlow::Continue(());
         let summary =
             summarise_folder(logs, &ReadOptions::default(), &spec, &mut progress).map_err(Failure::failed)?;
-        look::of_folder(path, lenient, &summary)?
+        (summary.logs.len(), look::usable(&summary))
     } else {
         let (log, report) = read_csv_report(logs, &ReadOptions::default()).map_err(Failure::failed)?;
         let findings = log::findings(&log, &report, Some(&model));
@@ -47,8 +87,9 @@ fn findings(robot: &Path, logs: &Path, lenient: bool) -> Result<SwingFindings, F
                 logs.display()
             )));
         }
-        look::look(path, lenient, &[&log])?
+        (1, vec![log])
     };
+    let found = look::look(path, lenient, &used.iter().collect::<Vec<_>>())?;
     let found = found.ok_or_else(|| {
         Failure::failed(format!(
             "{}: none of the logs can be explained: {}",
@@ -56,9 +97,19 @@ fn findings(robot: &Path, logs: &Path, lenient: bool) -> Result<SwingFindings, F
             look::lacks(&model, first_log(logs).as_ref(), robot)
         ))
     })?;
-    match (&found.swings, &found.why_not) {
-        (None, Some(why)) => Err(Failure::failed(format!("{}: {why}", logs.display()))),
-        _ => Ok(found),
+    let seconds =
+        |log: &Trajectory| log.time.last().zip(log.time.first()).map_or(0.0, |(last, first)| last - first);
+    let looked = Looked {
+        read: used.len(),
+        seconds: used.iter().map(seconds).sum(),
+        left_out: all.saturating_sub(used.len()),
+        found,
+    };
+    match (&looked.found.swings, &looked.found.why_not) {
+        (None, Some(why)) => {
+            Err(Failure::failed(format!("{}: {why}. {}", logs.display(), looked.line(logs).trim_end())))
+        }
+        _ => Ok(looked),
     }
 }
 
@@ -67,28 +118,17 @@ fn findings(robot: &Path, logs: &Path, lenient: bool) -> Result<SwingFindings, F
 /// # Errors
 /// Files that cannot be used, in a sentence.
 pub fn document(robot: &Path, logs: &Path, lenient: bool) -> Result<String, Failure> {
-    let found = findings(robot, logs, lenient)?;
-    serde_json::to_string(&Document {
-        logs: logs.display().to_string(),
-        robot: robot.display().to_string(),
-        causes: &causes(&found),
-        without_simulation: &found,
-    })
-    .map_err(Failure::failed)
+    let looked = findings(robot, logs, lenient)?;
+    serde_json::to_string(&looked.document(robot, logs, &causes(&looked.found))).map_err(Failure::failed)
 }
 
 /// Prints the causes that the logs show, the weightiest first. A log that must not be used is refused, and left out of a
 /// folder.
 pub fn run(args: &Explain) -> Result<(), Failure> {
-    let found = findings(&args.robot, &args.logs, args.lenient)?;
-    let causes = causes(&found);
+    let looked = findings(&args.robot, &args.logs, args.lenient)?;
+    let causes = causes(&looked.found);
     if args.json {
-        return output::print_json(&Document {
-            logs: args.logs.display().to_string(),
-            robot: args.robot.display().to_string(),
-            causes: &causes,
-            without_simulation: &found,
-        });
+        return output::print_json(&looked.document(&args.robot, &args.logs, &causes));
     }
-    output::print(&swings::causes(&causes))
+    output::print(&format!("{}{}", swings::causes(&causes), looked.line(&args.logs)))
 }

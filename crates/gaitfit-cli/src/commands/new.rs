@@ -50,12 +50,17 @@ pub fn run(args: &New) -> Result<(), Failure> {
     if args.json { output::print_json(&written) } else { output::print(&text(&written)) }?;
     match written.problem {
         None => Ok(()),
-        Some(problem) => Err(Failure {
+        Some(mut problem) => Err(Failure {
             exit: Exit::Check,
-            message: format!(
-                "{} is written, but cannot be run yet: {problem} Correct the file, or the cause and run `gaitfit new` again with --force.",
-                written.file
-            ),
+            message: {
+                if !problem.ends_with(['.', '!', '?']) {
+                    problem.push('.');
+                }
+                format!(
+                    "{} is written, but cannot be run yet: {problem} Correct the file, or the cause and run `gaitfit new` again with --force.",
+                    written.file
+                )
+            },
         }),
     }
 }

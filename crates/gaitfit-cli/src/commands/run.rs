@@ -9,6 +9,7 @@ use crate::output::{self, note};
 use crate::signals;
 use gaitfit::policy_file::{self, PolicyFile};
 use gaitfit::run::Owned;
+use gaitfit_model::argument;
 use gaitfit_robot::guard::{GuardSettings, Reason};
 use gaitfit_robot::link::{Link, Simulated, simulation};
 use gaitfit_robot::run::{
@@ -266,8 +267,8 @@ fn finish(args: &Run, who: &Who, summary: Result<Summary, RobotError>) -> Result
             true => Ok(()),
             false => output::next(&[format!(
                 "gaitfit new --policy {} --logs {} --out my-robot.toml",
-                args.policy.display(),
-                args.out.display()
+                argument(&args.policy),
+                argument(&args.out)
             )]),
         };
     };

@@ -6,7 +6,7 @@ use crate::table::table;
 use crate::{output, viewer};
 use gaitfit::files::{self, Output};
 use gaitfit::runs;
-use gaitfit_model::shown;
+use gaitfit_model::{argument, shown};
 
 /// Lists the run folders and their results.
 pub fn run(args: &Runs) -> Result<(), Failure> {
@@ -43,6 +43,6 @@ pub fn run(args: &Runs) -> Result<(), Failure> {
     ))?;
     match &args.html {
         Some(page) => output::print(&format!("page: {}\n", page.display())),
-        None => output::next(&[format!("gaitfit runs {} --html runs.html", args.folder.display())]),
+        None => output::next(&[format!("gaitfit runs {} --html runs.html", argument(&args.folder))]),
     }
 }

@@ -8,6 +8,7 @@ use comfy_table::Table;
 use gaitfit::adapt::{Opening, ParameterSensitivity, SensitivityResults, sensitivity};
 use gaitfit::settings::{self, AdaptConfig};
 
+use gaitfit_model::{argument, significant};
 use std::fmt::Write;
 use std::num::NonZeroUsize;
 
@@ -23,7 +24,7 @@ pub fn run(args: &cli::Sensitivity) -> Result<(), Failure> {
         return output::print_json(&results);
     }
     output::print(&text(&results))?;
-    output::next(&[format!("gaitfit fit {}", args.config.display())])
+    output::next(&[format!("gaitfit fit {}", argument(&args.config))])
 }
 
 fn text(results: &SensitivityResults) -> String {
@@ -47,7 +48,7 @@ fn text(results: &SensitivityResults) -> String {
 pub fn parameters(all: &[ParameterSensitivity]) -> Table {
     let header = ["parameter", "at", "deviation", "if others known", "unit", "identified", "correlates with"];
     let mut rows = table(&header, &[1, 2, 3]);
-    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2e}"));
+    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 3));
     for ParameterSensitivity { name, unit, value, deviation, alone, identified, like } in all {
         rows.add_row([
             name.clone(),

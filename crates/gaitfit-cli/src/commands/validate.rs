@@ -28,7 +28,10 @@ pub fn run(args: &cli::Validate) -> Result<(), Failure> {
     } else {
         output::print(&text(&results))?;
         if results.failed_check().is_none() && results.refusal().is_none() {
-            output::next(&[format!("gaitfit export {} --out FOLDER", results.theta.display())])?;
+            output::next(&[format!(
+                "gaitfit export {} --out FOLDER",
+                gaitfit_model::argument(&results.theta)
+            )])?;
         }
     }
     checked(results.failed_check().or_else(|| results.refusal()))

@@ -56,9 +56,10 @@ pub fn run(args: &View) -> Result<(), Failure> {
     let warnings: String = viewed.warnings.iter().map(|warning| format!("note: {warning}\n")).collect();
     output::print(&format!("{}\n{warnings}page: {}\n", viewed.headline, page.display()))?;
     match (&args.theta, viewed.distance_rad) {
-        (None, [Some(_), _]) => {
-            output::next(&[format!("gaitfit view {} --theta runs/FIT/theta.toml", args.log.display())])
-        }
+        (None, [Some(_), _]) => output::next(&[format!(
+            "gaitfit view {} --theta runs/FIT/theta.toml",
+            gaitfit_model::argument(&args.log)
+        )]),
         _ => Ok(()),
     }
 }

@@ -24,7 +24,10 @@ const RULES: &[Rule] = &[
         "`robot` names no robot file; if the robot walked, add base = \"free\" and `policy`",
     ),
     (|config| config.logs.is_empty(), "`logs` names no log to fit"),
-    (|config| config.costs.is_empty(), "`costs` names no cost; take \"matcho\", \"wass\" or both"),
+    (
+        |config| config.costs.is_empty(),
+        "`costs` names no cost; take for example \"wass\" for walks or \"matcho\" for legs in the air (docs/costs.md)",
+    ),
     (
         |config| (1..config.costs.len()).any(|index| config.costs[..index].contains(&config.costs[index])),
         "`costs` names one cost twice",
@@ -84,7 +87,7 @@ const RULES: &[Rule] = &[
             config.falls.margin_seconds.is_some_and(|margin| !not_negative(margin))
                 || config.falls.penalty.is_some_and(|price| !not_negative(price))
         },
-        "`falls.margin_seconds` and `falls.penalty` must be at least 0",
+        "`falls.margin_seconds` and `falls.penalty` must be finite and at least 0",
     ),
     (|config| config.optimizer.generations == 0, "`optimizer.generations` must be at least 1"),
     (

@@ -185,7 +185,10 @@ fn apply<'a>(table: &mut DeTable<'a>, set: &str, path: &str, line: &'a str) -> R
     for key in path.split('.').map(str::trim) {
         at = enter(at, key).ok_or_else(|| {
             let [set, key, path] = [set, key, path].map(|text| tamed(text, MAX_SET));
-            Error::settings(format!("--set {set}: there is no `{key}` in `{path}`"))
+            Error::settings(match key.is_empty() {
+                true => format!("--set {set}: `{path}` has an empty name between its dots"),
+                false => format!("--set {set}: there is no `{key}` in `{path}`"),
+            })
         })?;
     }
     *at = parse_value(line);

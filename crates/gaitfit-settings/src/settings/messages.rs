@@ -31,6 +31,9 @@ fn in_words(message: &str) -> String {
             return format!("{before}expected a whole number above 0");
         }
         "f64" => return format!("{before}expected a number"),
+        name if name.starts_with("struct ") => {
+            return format!("{before}expected a table of settings, such as {{ key = value }}");
+        }
         _ => return message.to_owned(),
     };
     let max = max.map_or_else(|| " or more".to_owned(), |max| format!(" to {max}"));
@@ -59,10 +62,19 @@ const OF_FITS: [&str; 8] =
     ["parameter", "number", "costs", "groups", "gains", "validate", "base", "optimizer"];
 const OF_TRAININGS: [&str; 2] = ["ppo", "task"];
 
+/// Keys that only the configuration of a loop has.
+const KEYS_OF_LOOPS: [&str; 3] = ["held_out", "rounds", "improvement"];
+
 /// What a configuration is for whose key `unknown` its command does not have: `known` are the keys of that command.
 fn meant_for(unknown: &str, known: &[&str]) -> Option<&'static str> {
     let trains = known.contains(&"ppo");
     let (loops, fits) = (known.contains(&"finetune"), known.contains(&"parameter"));
+    if fits && KEYS_OF_LOOPS.contains(&unknown) {
+        return Some(". This is a setting of a loop: run `gaitfit loop` with its configuration");
+    }
+    if unknown == "format" && (trains || loops || fits || known.contains(&"rewards")) {
+        return Some(". This looks like a file of fitted parameters: give it as --theta");
+    }
     if trains && (OF_LOOPS.contains(&unknown) || ["policy", "logs"].contains(&unknown)) {
         Some(
             ". This looks like the configuration of a loop or of a fit of walks: run `gaitfit loop` or `gaitfit fit` with it",
@@ -99,7 +111,7 @@ fn nearest(message: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::nearest;
+    use super::{in_words, nearest};
 
     #[test]
     fn a_configuration_of_another_command_names_it() {
@@ -109,6 +121,14 @@ mod tests {
         assert!(nearest(of_loop).contains("`gaitfit fit`"), "{}", nearest(of_loop));
         let of_fit = "unknown field `ppo`, expected one of `parameter`, `policy`";
         assert!(nearest(of_fit).contains("`gaitfit train`"), "{}", nearest(of_fit));
+        let of_fit = "unknown field `held_out`, expected one of `parameter`, `odd_joints`";
+        assert!(nearest(of_fit).contains("a setting of a loop"), "{}", nearest(of_fit));
+        let of_task = "unknown field `format`, expected one of `command`, `rewards`";
+        assert!(nearest(of_task).contains("--theta"), "{}", nearest(of_task));
+        assert!(
+            in_words("invalid type: integer `1`, expected struct FallsConfig")
+                .ends_with("a table of settings, such as { key = value }")
+        );
         assert_eq!(
             nearest("unknown field `seed`, expected one of `seeds`, `ppo`"),
             ". Did you mean `seeds`?"

@@ -209,6 +209,12 @@ impl Serialize for Task {
 /// # Errors
 /// A file that cannot be read, or settings that there are not, with file, line and column.
 pub fn load_task(path: &Path, under: &str, model: &Model) -> Result<TaskSettings, Error> {
+    if !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
+        return Err(Error::settings(format!(
+            "{}: a task is a .toml file, or the name of a built-in one, velocity or biped",
+            path.display()
+        )));
+    }
     let text = read_text(path, MAX_BYTES)
         .map_err(|error| Error::settings(format!("cannot read {}: {error}", path.display())))?;
     let located = |error| located(path, &text, &error);

@@ -235,7 +235,7 @@ impl Found<'_> {
     /// The command's name, and its whole line.
     fn next(&self) -> String {
         let command = if self.trains() { "loop" } else { "fit" };
-        format!("gaitfit {command} {}", self.out.display())
+        format!("gaitfit {command} {}", gaitfit_model::argument(self.out))
     }
 
     /// Whether there is a policy that can be trained further.

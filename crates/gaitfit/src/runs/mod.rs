@@ -86,6 +86,13 @@ pub fn list(folder: &Path) -> Result<Vec<Run>, Error> {
     if is_run(folder) {
         return Ok(vec![read(folder)]);
     }
+    if !folder.exists() {
+        return Err(Error::settings(format!(
+            "{}: there is no such folder, so nothing has run here yet; `gaitfit fit`, `train`, `finetune` and `loop` write runs. \
+             If they are elsewhere, name their folder: gaitfit runs FOLDER",
+            folder.display()
+        )));
+    }
     let unreadable = |source| Error::unreadable(folder, source);
     let mut runs = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(unreadable)?.take(MAX_FOLDERS) {

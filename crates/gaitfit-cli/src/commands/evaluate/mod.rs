@@ -15,6 +15,7 @@ use gaitfit::files::{self, Output};
 use gaitfit::world::World;
 use gaitfit::{gait, policy_file, replay};
 use gaitfit_learn::evaluate::{record_gait, record_gait_on};
+use gaitfit_model::argument;
 use gaitfit_view::Replay;
 use serde::Serialize;
 use std::path::Path;
@@ -56,7 +57,7 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
         world: args.world.settings(),
         trajectories: args.trajectories.get(),
         seconds: args.seconds,
-        drift: args.drift,
+        drift: args.drift.unwrap_or(cli::DRIFT),
         drift_speeds,
         ground: GroundChoice::read(&args.terrain)?,
         ground_robots: args.terrain_robots,
@@ -68,6 +69,9 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     let Evaluated { measured, verdict, world, ground, diagnosis, wall_seconds } = found;
     let evaluation = &measured.evaluation;
     let verdict = verdict.as_ref();
+    if evaluation.motion_error.is_some() && args.drift.is_some_and(|robots| robots > 0) {
+        output::note("note: --drift has no effect: the policy follows a motion, not commands");
+    }
     if args.json {
         output::print_json(&Document {
             evaluation,
@@ -81,7 +85,7 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
             output::print(&format!("\nThis policy walks with another arrangement. {}.\n", diagnosis.text()))?;
         }
         if verdict.is_some_and(|one| one.walks) {
-            output::next(&[format!("gaitfit collect {} --out logs", args.world.policy.display())])?;
+            output::next(&[format!("gaitfit collect {} --out logs", argument(&args.world.policy))])?;
         }
     }
     // A page that cannot be written costs no numbers.

@@ -1,6 +1,6 @@
 //! The result as a page.
 
-use super::text::rows;
+use super::text::{MOTION, rows};
 use crate::cli;
 use crate::exit::Failure;
 use gaitfit::evaluate::{Measured, Verdict};
@@ -16,7 +16,7 @@ use gaitfit_view::{Doubt, DoubtKind, EvaluationReport, Replay, Setting};
 const BINS: usize = 40;
 
 /// The numbers in large print.
-const HEADLINE: [&str; 3] = ["linear-velocity error", "angular-velocity error", "falls"];
+const HEADLINE: [&str; 4] = ["linear-velocity error", "angular-velocity error", MOTION, "falls"];
 
 /// The number of a trajectory whose mean is this row; `None` for rates.
 fn of_trial(name: &str) -> Option<fn(&Trial) -> f64> {
@@ -24,6 +24,7 @@ fn of_trial(name: &str) -> Option<fn(&Trial) -> f64> {
         "summed reward" => Some(|trial| trial.reward),
         "linear-velocity error" => Some(|trial| trial.linear_velocity_error),
         "angular-velocity error" => Some(|trial| trial.angular_velocity_error),
+        MOTION => Some(|trial| trial.motion_error.unwrap_or(f64::NAN)),
         "action rate" => Some(|trial| trial.action_rate),
         _ => None,
     }
@@ -67,7 +68,7 @@ pub fn page(
         trajectories: document.trajectories as u64,
         seconds: document.seconds,
         measures: rows(document).into_iter().map(measure).collect(),
-        drift: document.drift.iter().map(|trial| trial.drawn(args.drift)).collect(),
+        drift: document.drift.iter().map(|trial| trial.drawn(args.drift.unwrap_or(cli::DRIFT))).collect(),
         ground: document
             .ground
             .iter()

@@ -2,6 +2,7 @@
 
 use crate::table::table;
 use gaitfit::evaluate::{Evaluation, Verdict};
+use gaitfit_model::{shown_number, significant};
 use gaitfit_view::DoubtKind;
 use gaitfit_view::loop_report::Estimate;
 use std::fmt::Write as _;
@@ -14,11 +15,14 @@ fn shown(estimate: Estimate, digits: usize) -> String {
     }
 }
 
+/// The row of a policy that follows a motion.
+pub const MOTION: &str = "distance from the motion";
+
 /// The measurements: name, mean, digits and unit.
 pub fn rows(document: &Evaluation) -> Vec<(&'static str, Estimate, usize, &'static str)> {
     let falls = document.fall_rate;
     let percent = Estimate { mean: 100.0 * falls.mean, ci95: 100.0 * falls.ci95 };
-    let motion = |error| vec![("distance from the motion", error, 4, "rad")];
+    let motion = |error| vec![(MOTION, error, 4, "rad")];
     let commands = || {
         vec![
             ("linear-velocity error", document.linear_velocity_error, 4, "m/s"),
@@ -29,6 +33,10 @@ pub fn rows(document: &Evaluation) -> Vec<(&'static str, Estimate, usize, &'stat
     let others = [("falls", percent, 2, "%"), ("action rate", document.action_rate, 4, "a step")];
     let reward = [("summed reward", document.reward, 3, "")];
     reward.into_iter().chain(followed).chain(others).collect()
+}
+
+fn trajectories(count: usize) -> String {
+    if count == 1 { "1 trajectory".to_owned() } else { format!("{count} trajectories") }
 }
 
 /// The doubts, then tables of means, drift and gait.
@@ -42,8 +50,15 @@ pub fn text(document: &Evaluation, verdict: Option<&Verdict>, wall_seconds: f64)
     let mut out: String = diverged.into_iter().chain(verdict).map(|line| format!("{line}\n\n")).collect();
     let _ = write!(
         out,
-        "{} in {}: {} trajectories of {} s with random commands\n\n",
-        document.policy, document.simulator, summary.trajectories, document.seconds
+        "{} in {}: {} of {} s {}\n\n",
+        document.policy,
+        document.simulator,
+        trajectories(summary.trajectories),
+        shown_number(document.seconds),
+        match document.motion_seconds {
+            Some(motion) => format!("along a motion of {} s", significant(motion, 4)),
+            None => "with random commands".to_owned(),
+        }
     );
     let mut means = table(&["", "mean ± 95 %", "unit"], &[1]);
     for (name, estimate, digits, unit) in rows(document) {

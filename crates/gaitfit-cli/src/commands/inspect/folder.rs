@@ -8,7 +8,7 @@ use crate::table::table;
 use gaitfit::robot;
 use gaitfit::walk::swing::SwingFindings;
 use gaitfit_log::{CheckSpec, FolderSummary, LogContent, ReadOptions, Severity, read_csv, summarise_folder};
-use gaitfit_model::{shown, shown_path};
+use gaitfit_model::{counted, shown, shown_path};
 use serde::Serialize;
 use std::fmt::Write;
 use std::ops::ControlFlow;
@@ -57,9 +57,9 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         .count();
     if bad > 0 {
         let message = format!(
-            "{}: {bad} of {} logs must not be used as they are",
+            "{}: {bad} of {} must not be used as they are",
             shown_path(&args.file),
-            summary.logs.len()
+            counted(summary.logs.len(), "log")
         );
         return Err(Failure { exit: Exit::Check, message });
     }
@@ -77,13 +77,13 @@ fn text(summary: &FolderSummary) -> String {
     let rates: Vec<String> = summary
         .rates
         .iter()
-        .map(|rate| format!("{} Hz ({} logs)", number(Some(rate.rate_hz)), rate.logs))
+        .map(|rate| format!("{} Hz ({})", number(Some(rate.rate_hz)), counted(rate.logs, "log")))
         .collect();
     let mut text = format!(
-        "{}: {} logs, {} samples in {} s\n",
+        "{}: {}, {} in {} s\n",
         shown_path(&summary.folder),
-        summary.logs.len(),
-        summary.samples,
+        counted(summary.logs.len(), "log"),
+        counted(summary.samples, "sample"),
         number(Some(summary.duration_s))
     );
     for (what, names) in [
@@ -120,7 +120,9 @@ fn text(summary: &FolderSummary) -> String {
     let _ = writeln!(text, "\n{logs}\n");
     if let Some(lag) = &summary.velocity_lag {
         let _ = writeln!(text, "warning: all logs together: {lag}");
-    } else if summary.findings.iter().all(|group| group.severity == Severity::Note) {
+    } else if summary.findings.iter().all(|group| group.severity == Severity::Note)
+        && !summary.logs.iter().any(|log| matches!(log.content, LogContent::Unreadable(_)))
+    {
         text.push_str("nothing suspicious\n");
     }
     for group in &summary.findings {

@@ -13,7 +13,7 @@ use gaitfit_log::{
     CheckSpec, Finding, LogSummary, ReadOptions, ReadReport, Severity, Signal, Trajectory, allow, check,
     read_csv_report, summary_with_report,
 };
-use gaitfit_model::{Model, shown};
+use gaitfit_model::{Model, argument, counted, shown};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -65,7 +65,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     }
     let swings = swings::look(args.robot.as_deref(), args.lenient, &[&log])?;
     let policy = args.policy.as_deref().map(|path| walked(args, path)).transpose()?;
-    let other = policy.as_ref().is_some_and(|found| !found.doubts.is_empty());
+    let other = policy.as_ref().is_some_and(|found| found.is_other);
     if args.json {
         let without_simulation = swings;
         output::print_json(&Document { summary: &summary, findings: &findings, without_simulation, policy })?;
@@ -98,13 +98,13 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
 pub fn next(args: &Inspect, log: &Trajectory) -> String {
     let walked = log.command.as_ref().is_some_and(|all| all.iter().any(|part| *part != 0.0));
     let given = |option: &str, path: Option<&PathBuf>, word: &str| match path {
-        Some(path) => format!(" {option} {}", path.display()),
+        Some(path) => format!(" {option} {}", argument(path)),
         None if word.is_empty() => String::new(),
         None => format!(" {option} {word}"),
     };
     let robot = given("--robot", args.robot.as_ref(), "ROBOT");
     let policy = given("--policy", args.policy.as_ref(), if walked { "POLICY" } else { "" });
-    format!("gaitfit new{robot}{policy} --logs {} --out my-robot.toml", args.file.display())
+    format!("gaitfit new{robot}{policy} --logs {} --out my-robot.toml", argument(&args.file))
 }
 
 /// The log beside a policy, on the robot that was named, or that of the policy's training.
@@ -116,11 +116,14 @@ fn walked(args: &Inspect, path: &Path) -> Result<LogMatch, Failure> {
 }
 
 fn policy_text(found: &LogMatch) -> String {
-    let mut text = format!(
-        "\npolicy: its actions differ from the logged ones by {:.3} of their spread over {} samples\n",
-        found.policy_match.mismatch, found.policy_match.samples
-    );
-    for doubt in &found.doubts {
+    let mut text = match found.policy_match.is_enough() {
+        true => format!(
+            "\npolicy: its actions differ from the logged ones by {:.3} of their spread over {} samples\n",
+            found.policy_match.mismatch, found.policy_match.samples
+        ),
+        false => "\npolicy: its actions cannot be compared with the logged ones\n".to_owned(),
+    };
+    for doubt in found.doubts.iter().chain(&found.notes) {
         let _ = writeln!(text, "  {doubt}");
     }
     if let Some(diagnosis) = &found.diagnosis {
@@ -131,14 +134,17 @@ fn policy_text(found: &LogMatch) -> String {
 
 fn text(log: &Trajectory, summary: &LogSummary, findings: &[Finding]) -> String {
     let mut text = format!(
-        "{}: {} joints, {} samples in {} s at {} Hz (intervals vary by {} ms, longest {} ms)\nchannels: {}\n",
+        "{}: {}, {} in {} s at {} Hz{}\nchannels: {}\n",
         summary.robot.as_deref().map_or("robot not named".to_owned(), shown),
-        summary.joints.len(),
-        summary.samples,
+        counted(summary.joints.len(), "joint"),
+        counted(summary.samples, "sample"),
         number(Some(summary.duration_s)),
         number(Some(summary.rate_hz)),
-        number(summary.jitter_s.map(|seconds| 1e3 * seconds)),
-        number(summary.longest_interval_s.map(|seconds| 1e3 * seconds)),
+        summary.jitter_s.map_or(String::new(), |jitter| format!(
+            " (intervals vary by {} ms, longest {} ms)",
+            number(Some(1e3 * jitter)),
+            number(summary.longest_interval_s.map(|seconds| 1e3 * seconds))
+        )),
         summary.channels.join(", ")
     );
     if let Some(lead) = &summary.lead {

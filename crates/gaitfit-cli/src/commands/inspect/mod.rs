@@ -11,6 +11,7 @@ use crate::cli::Inspect;
 use crate::exit::Failure;
 use crate::output;
 use gaitfit::policy_file::{self, PolicyFile};
+use gaitfit_model::{argument, significant, with_decimals};
 
 /// Tells robots, logs and policies by the file's ending, and prints what they hold; a folder is one of logs.
 pub fn run(args: &Inspect) -> Result<(), Failure> {
@@ -65,7 +66,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         ) => Err(Failure::usage(format!(
             "{}: this seems to be a recording of another program; `gaitfit import {} --out log.csv` makes a log of it",
             args.file.display(),
-            args.file.display()
+            argument(&args.file)
         ))),
         _ => Err(Failure::usage(format!(
             "{}: neither a robot (.xml, .mjcf, .urdf), a log (.csv), a folder of logs, nor a policy (.safetensors, \
@@ -92,10 +93,9 @@ fn policy(args: &Inspect) -> Result<(), Failure> {
 fn number(value: Option<f64>) -> String {
     match value {
         None => "–".to_owned(),
-        // 1e300 has 300 digits.
-        Some(value) if value.abs() >= 1e9 => format!("{value:.3e}"),
+        Some(value) if value.abs() >= 1e9 => significant(value, 4),
         Some(value) => {
-            let text = format!("{value:.4}");
+            let text = with_decimals(value, 4);
             if text.contains('.') {
                 text.trim_end_matches('0').trim_end_matches('.').to_owned()
             } else {

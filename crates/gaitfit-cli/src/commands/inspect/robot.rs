@@ -16,7 +16,10 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         return output::print_json(&summary);
     }
     output::print(&text(&summary))?;
-    output::next(&[format!("gaitfit new --robot {} --logs LOGS --out my-robot.toml", args.file.display())])
+    output::next(&[format!(
+        "gaitfit new --robot {} --logs LOGS --out my-robot.toml",
+        gaitfit_model::argument(&args.file)
+    )])
 }
 
 fn text(summary: &Summary) -> String {

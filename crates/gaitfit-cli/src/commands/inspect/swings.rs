@@ -85,15 +85,15 @@ pub fn of_folder(
     if robot.is_none() {
         return Ok(None);
     }
-    let usable = |content: &LogContent| matches!(content, LogContent::Log { worst, .. } if *worst != Some(Severity::Error));
-    let logs: Vec<Trajectory> = summary
-        .logs
-        .iter()
-        .filter(|log| usable(&log.content))
-        .take(LOGS)
-        .filter_map(|log| read_csv(&log.path, &ReadOptions::default()).ok())
-        .collect();
+    let logs = usable(summary);
     look(robot, lenient, &logs.iter().collect::<Vec<_>>())
+}
+
+/// The first logs of a folder that have no error.
+pub fn usable(summary: &FolderSummary) -> Vec<Trajectory> {
+    let sound = |content: &LogContent| matches!(content, LogContent::Log { worst, .. } if *worst != Some(Severity::Error));
+    let sound = summary.logs.iter().filter(|log| sound(&log.content)).take(LOGS);
+    sound.filter_map(|log| read_csv(&log.path, &ReadOptions::default()).ok()).collect()
 }
 
 /// Prints the tables.

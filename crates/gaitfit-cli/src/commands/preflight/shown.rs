@@ -3,6 +3,7 @@
 use super::Document;
 use crate::cli::Preflight;
 use crate::table::table;
+use gaitfit_model::{significant, with_decimals};
 use gaitfit_robot::preflight::{JointMotion, JointReport, Measured, Moved};
 use std::fmt::Write;
 
@@ -75,10 +76,10 @@ fn joints(all: &[JointReport]) -> String {
     for one in all {
         rows.add_row([
             one.joint.clone(),
-            format!("{:.3}", one.angle),
-            one.room.map_or("–".to_owned(), |room| format!("{room:.3}")),
-            format!("{:.4}", one.moved),
-            format!("{:.1e}", one.step),
+            with_decimals(one.angle, 3),
+            one.room.map_or("–".to_owned(), |room| with_decimals(room, 3)),
+            with_decimals(one.moved, 4),
+            significant(one.step, 2),
             format!("{:.3}", one.velocity_noise),
             one.temperature.to_string(),
             if one.is_at_stop() { "at its stop".to_owned() } else { String::new() },
