@@ -3,8 +3,11 @@
 //! Lengths are in m, angles in rad, times in s; z is up. Quaternions are wxyz and need not be of unit length. The
 //! page holds only base poses and joint angles: it computes the poses of bodies itself.
 
+use serde::{Deserialize, Serialize};
+
 /// One page: robots that move side by side in the same time.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Replay {
     /// Heading.
     pub title: String,
@@ -17,7 +20,8 @@ pub struct Replay {
 }
 
 /// One robot and its motion.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct ReplayRobot {
     /// Label, e.g. `before` or the name of the policy.
     pub name: String,
@@ -34,7 +38,8 @@ pub struct ReplayRobot {
 }
 
 /// Heights over a grid, drawn as a surface.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Ground {
     /// x and y of the first height, m.
     pub corner: [f64; 2],
@@ -47,7 +52,8 @@ pub struct Ground {
 }
 
 /// A rigid body.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Body {
     /// Its name.
     pub name: String,
@@ -62,7 +68,7 @@ pub struct Body {
 }
 
 /// A hinge.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Joint {
     /// Its name.
     pub name: String,
@@ -75,7 +81,7 @@ pub struct Joint {
 }
 
 /// A shape fixed to a body.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Geom {
     /// Index of the body that carries it.
     pub body: usize,
@@ -90,7 +96,8 @@ pub struct Geom {
 }
 
 /// A shape about its own centre; axes of revolution are z.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Shape {
     /// A box.
     Box {
@@ -119,7 +126,8 @@ pub enum Shape {
 }
 
 /// One instant. Numbers that are not finite repeat the frame before.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Frame {
     /// Origin of the base in the world, m.
     pub base_position: [f64; 3],
