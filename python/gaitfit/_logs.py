@@ -32,6 +32,7 @@ _FIXED = {
     "base_quaternion": ("base_quat_w", "base_quat_x", "base_quat_y", "base_quat_z"),
     "base_linear_velocity": ("base_vel_x", "base_vel_y", "base_vel_z"),
     "base_angular_velocity": ("wx", "wy", "wz"),
+    "motion": ("motion_time", "motion_heading"),
 }
 
 
@@ -64,9 +65,6 @@ class Log:
     """One recorded run of the robot, joints in the order of ``joints``. :func:`read_log`, :meth:`from_arrays` and
     :meth:`from_dataframe` make one. Arrays are 64-bit; two logs are equal if all their numbers are.
 
-    A ``Log`` does not keep the lead of targets (``target_lead_s``) and the place in a motion (``motion_time``,
-    ``motion_heading``) of a file. If a log states these, give its file to :func:`gaitfit.fit`, not a ``Log``.
-
     Attributes:
         position: Joint positions, rad, shape ``(samples, joints)``.
         velocity: Joint velocities, rad/s, shape ``(samples, joints)``.
@@ -85,6 +83,10 @@ class Log:
         robot: Name of the robot.
         simulated_step: Physics step of the simulator that made the log, s; ``None`` for a real robot.
         fell: Whether the recording ends because the robot fell.
+        motion: Place in the motion that the policy follows: its time, s, and the angle about the vertical by which it is turned, rad;
+            shape ``(samples, 2)``.
+        target_lead: How long after its sample a target was sent, s: the middle and the spread; ``None``: at the sample's time.
+        velocity_joints: Names of joints whose targets are velocities, rad/s (wheels).
 
     Raises ``ValueError`` for arrays whose shapes do not fit together, and ``TypeError`` for a value that is not an array of numbers.
 
@@ -110,6 +112,9 @@ class Log:
     robot: str | None = None
     simulated_step: float | None = None
     fell: bool = False
+    motion: Array | None = None
+    target_lead: tuple[float, float] | None = None
+    velocity_joints: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         checked: dict[str, Any] = {}
@@ -146,6 +151,13 @@ class Log:
         if self.dt is not None and not finite("dt", self.dt) > 0:
             raise ValueError(f"dt is {self.dt}; it must be above 0")
         flag("fell", self.fell)
+        if self.target_lead is not None:
+            lead = [finite("target_lead", one) for one in items("target_lead", self.target_lead, "numbers")]
+            if len(lead) != 2:
+                raise ValueError(f"target_lead has {len(lead)} numbers; needed: the middle and the spread, s")
+            checked["target_lead"] = (lead[0], lead[1])
+        wheels = items("velocity_joints", self.velocity_joints, "joints' names")
+        checked["velocity_joints"] = tuple(text("a name in velocity_joints", one) for one in wheels)
         for name, value in checked.items():
             object.__setattr__(self, name, value)
 
@@ -168,6 +180,9 @@ class Log:
         base_linear_velocity: ArrayLike | None = None,
         base_angular_velocity: ArrayLike | None = None,
         robot: str | None = None,
+        motion: ArrayLike | None = None,
+        target_lead: tuple[float, float] | None = None,
+        velocity_joints: Sequence[str] = (),
     ) -> Log:
         """Makes a log from arrays or lists, with the shapes and units of the fields. It needs ``dt`` or ``time``; ``kp`` and
         ``kd`` are one number for all joints, or one for each.
@@ -176,6 +191,7 @@ class Log:
             joints, position, velocity, dt, time, target, action, command, robot: As the fields.
             kp, kd: As the fields, or one number for all joints.
             base_position, base_quaternion, base_linear_velocity, base_angular_velocity: As the fields.
+            motion, target_lead, velocity_joints: As the fields.
 
         Raises ``ValueError`` for shapes that do not fit together.
 
@@ -192,9 +208,12 @@ class Log:
             **{"velocity": velocity, "target": target, "action": action, "kp": kp, "kd": kd, "command": command},
             **{"time": time, "base_position": base_position, "base_quaternion": base_quaternion},
             **{"base_linear_velocity": base_linear_velocity, "base_angular_velocity": base_angular_velocity},
+            "motion": motion,
         }
         given: dict[str, Any] = {name: None if one is None else numbers(name, one, np.float64) for name, one in arrays.items()}
-        return cls(position=q, joints=joints, dt=_spacing(given["time"]) if dt is None else dt, robot=robot, **given)
+        spacing = _spacing(given["time"]) if dt is None else dt
+        named: dict[str, Any] = {"robot": robot, "target_lead": target_lead, "velocity_joints": velocity_joints}
+        return cls(position=q, joints=joints, dt=spacing, **named, **given)
 
     @classmethod
     def from_dataframe(
@@ -206,6 +225,8 @@ class Log:
         kd: ArrayLike | None = None,
         robot: str | None = None,
         names: Mapping[str, str] | None = None,
+        target_lead: tuple[float, float] | None = None,
+        velocity_joints: Sequence[str] = (),
     ) -> Log:
         """Makes a log from a table with the columns of a CSV log. Other columns are left out.
 
@@ -213,7 +234,7 @@ class Log:
         A fit also needs ``qdes_J``, the target that the joint was sent, rad; walks may have ``act_J``, the policy's action,
         instead. ``time`` is in s. The base may have ``base_quat_w`` to ``base_quat_z`` (orientation), ``wx``, ``wy``, ``wz``
         (gyroscope, rad/s), ``base_pos_x`` … (m) and ``base_vel_x`` … (m/s), world frame. Commands are ``vx_cmd``, ``vy_cmd`` (m/s)
-        and ``wz_cmd`` (rad/s).
+        and ``wz_cmd`` (rad/s). Logs of a policy that follows a motion have ``motion_time`` (s) and ``motion_heading`` (rad).
 
         Arguments:
             table: A table of pandas or polars, or a dict of columns.
@@ -223,6 +244,7 @@ class Log:
             robot: Name of the robot.
             names: Names of columns in the table, each with its name in a log: ``{"t": "time", "knee_pos": "q_knee"}``. Other
                 columns keep their names.
+            target_lead, velocity_joints: As the fields.
 
         Raises ``ValueError`` if a column is missing.
 
@@ -254,7 +276,8 @@ class Log:
         }
         arrays |= {name: matrix(columns, False) for name, columns in _FIXED.items()}
         time = numbers("time", table["time"], np.float64) if "time" in columns_there else None
-        return cls.from_arrays(joints=joints, dt=dt, time=time, kp=kp, kd=kd, robot=robot, **arrays)
+        known: dict[str, Any] = {"robot": robot, "target_lead": target_lead, "velocity_joints": velocity_joints}
+        return cls.from_arrays(joints=joints, dt=dt, time=time, kp=kp, kd=kd, **known, **arrays)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -374,7 +397,8 @@ class Log:
         gains = {name: None if given[name] is None else given[name].tolist() for name in ("kp", "kd")}
         step = maybe(finite, "simulated_step", self.simulated_step)
         joints = list(self.joints)
-        return {**given, **gains, "joints": joints, "time": times, "rate_hz": 1.0 / dt, "simulated_step": step}
+        whole = {"joints": joints, "velocity_joints": list(self.velocity_joints), "simulated_step": step}
+        return {**given, **gains, **whole, "time": times, "rate_hz": 1.0 / dt}
 
 
 def _finding(found: Mapping[str, Any]) -> Finding:

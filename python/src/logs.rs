@@ -2,7 +2,7 @@
 
 use crate::errors::{failed, to_py_err};
 use gaitfit::log_check;
-use gaitfit_log::{BaseState, CheckSpec, Gains, Trajectory, check, write_csv};
+use gaitfit_log::{BaseState, CheckSpec, Gains, Lead, Trajectory, check, write_csv};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -40,6 +40,9 @@ pub fn read_log<'py>(py: Python<'py>, path: PathBuf, allow: Vec<String>) -> PyRe
     fields.set_item("kp", kp.map(|values| PyArray1::from_vec(py, values)))?;
     fields.set_item("kd", kd.map(|values| PyArray1::from_vec(py, values)))?;
     fields.set_item("robot", log.robot)?;
+    fields.set_item("motion", log.motion.map(|values| matrix(values, 2)).transpose()?)?;
+    fields.set_item("target_lead", log.lead.map(|lead| (lead.seconds, lead.spread)))?;
+    fields.set_item("velocity_joints", log.velocity_joints)?;
     fields.set_item("simulated_step", log.simulated_step)?;
     fields.set_item("fell", log.fell)?;
     Ok(fields)
@@ -63,6 +66,9 @@ pub struct Arrays<'py> {
     base_angular_velocity: Option<PyReadonlyArray2<'py, f64>>,
     kp: Option<Vec<f64>>,
     kd: Option<Vec<f64>>,
+    motion: Option<PyReadonlyArray2<'py, f64>>,
+    target_lead: Option<(f64, f64)>,
+    velocity_joints: Vec<String>,
     robot: Option<String>,
     simulated_step: Option<f64>,
     fell: bool,
@@ -89,6 +95,9 @@ impl Arrays<'_> {
             command: maybe(&self.command),
             base: (base != BaseState::default()).then_some(base),
             gains,
+            motion: maybe(&self.motion),
+            lead: self.target_lead.map(|(seconds, spread)| Lead { seconds, spread }),
+            velocity_joints: self.velocity_joints.clone(),
             simulated_step: self.simulated_step,
             fell: self.fell,
             ..Trajectory::of_joints(self.joints.clone(), self.rate_hz, time, position, velocity)

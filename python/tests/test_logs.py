@@ -25,6 +25,22 @@ class Logs(Case):
         self.assertEqual(one, other)
         self.assertIn("1800 samples, 12 joints, dt=0.005, position, velocity, target", repr(self.log))
 
+    def test_all_parts_of_a_log_are_kept(self) -> None:
+        walk = Log.from_arrays(
+            joints=["knee", "wheel"], dt=0.02, position=np.zeros((3, 2)), velocity=np.zeros((3, 2)), target=np.ones((3, 2)),
+            motion=[[0.0, 0.5], [0.02, 0.5], [0.04, 0.5]], target_lead=(0.004, 0.001), velocity_joints=["wheel"],
+        )  # fmt: skip
+        walk.write(self.folder / "walk.csv")
+        read = gaitfit.read_log(self.folder / "walk.csv")
+        self.assertEqual((read.target_lead, read.velocity_joints), ((0.004, 0.001), ("wheel",)))
+        np.testing.assert_array_equal(read.motion, walk.motion)
+        self.assertEqual(read, walk)
+        self.assertEqual((read[1:].target_lead, read[1:].motion[0, 0]), ((0.004, 0.001), 0.02))
+        table = Log.from_dataframe(read.columns(), target_lead=read.target_lead, velocity_joints=read.velocity_joints)
+        self.assertEqual(table, read)
+        with self.assertRaisesRegex(ValueError, "target_lead has 1 numbers"):
+            Log.from_arrays(joints=["a"], dt=0.1, position=[[0.0]], velocity=[[0.0]], target_lead=(0.004,))  # type: ignore[arg-type]
+
     def test_arrays_tables_and_files_are_the_same_log(self) -> None:
         log = self.log
         arrays = Log.from_arrays(
