@@ -104,7 +104,9 @@ fn what_contradicts_a_motion_is_named() {
             i.observation.push(Term::new(Quantity::ReferenceOrientation));
             i.reference.as_mut().unwrap().orientation.clear();
         }),
-        ("has `ahead`", |i| i.observation = vec![Term { ahead: 1, ..Term::new(Quantity::JointPosition) }]),
+        ("has `ahead`", |i| {
+            i.observation.push(Term { ahead: 1, ..Term::new(Quantity::JointPosition) });
+        }),
         ("angles and", |i| i.reference.as_mut().unwrap().velocity.truncate(3)),
         ("not a joint of the policy", |i| i.reference.as_mut().unwrap().anchor[0].joint = "tail".into()),
         ("names `FR_hip_joint` twice", |i| {
