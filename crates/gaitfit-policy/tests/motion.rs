@@ -206,10 +206,13 @@ fn a_description_may_have_the_name_of_its_motion() {
     assert_eq!(interface.reference.unwrap().samples(2), 100);
 }
 
+/// What is done to the cells of a row.
+type RowChange = Box<dyn Fn(usize, &mut Vec<f64>)>;
+
 #[test]
 fn a_motion_that_is_none_is_refused_with_its_place() {
     let reference = "reference = \"dance.csv\"\n";
-    let cases: [(&str, Box<dyn Fn(usize, &mut Vec<f64>)>); 6] = [
+    let cases: [(&str, RowChange); 6] = [
         ("time-gap", Box::new(|row, cells| cells[0] += if row > 50 { 1.4 } else { 0.0 })),
         ("non-monotonic-time", Box::new(|row, cells| cells[0] -= if row == 50 { 0.1 } else { 0.0 })),
         (
