@@ -224,7 +224,7 @@ mod tests {
             ),
             (1.0, Some(200.0), &["It may count samples", "The velocities fit 200 samples a second"]),
             (500.0, None, &["milliseconds (2 Hz) or microseconds (2000 Hz)", "# rate_hz = 200"]),
-            (5e12, None, &["5.000e12 apart, which is no sample interval"]),
+            (5e12, None, &["5e12 apart, which is no sample interval"]),
         ] {
             let text = unit(step, None, factor).map_or_else(|text| text, |found| format!("{found:?}"));
             assert!(parts.iter().all(|part| text.contains(part)), "{step}: {text}");

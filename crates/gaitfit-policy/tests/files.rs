@@ -275,6 +275,7 @@ fn paths_are_read_by_their_ending() {
     let graph = folder.path().join("a.onnx");
     std::fs::write(&graph, onnx::write(&policy).unwrap()).unwrap();
     assert!(largest_difference(&read(&graph).unwrap().log_std, &policy.log_std) == 0.0);
+    std::fs::write(folder.path().join("a.txt"), "a policy").unwrap();
     for (name, message) in [("a.txt", "no policy by its ending"), ("none.onnx", "cannot read")] {
         let error = read(&folder.path().join(name)).unwrap_err().to_string();
         assert!(error.contains(name) && error.contains(message), "{error}");

@@ -104,7 +104,9 @@ fn what_contradicts_a_motion_is_named() {
             i.observation.push(Term::new(Quantity::ReferenceOrientation));
             i.reference.as_mut().unwrap().orientation.clear();
         }),
-        ("has `ahead`", |i| i.observation.push(Term { ahead: 1, ..Term::new(Quantity::JointPosition) })),
+        ("has `ahead`", |i| {
+            i.observation.push(Term { ahead: 1, ..Term::new(Quantity::JointPosition) });
+        }),
         ("angles and", |i| i.reference.as_mut().unwrap().velocity.truncate(3)),
         ("not a joint of the policy", |i| i.reference.as_mut().unwrap().anchor[0].joint = "tail".into()),
         ("names `FR_hip_joint` twice", |i| {
@@ -204,11 +206,13 @@ fn a_description_may_have_the_name_of_its_motion() {
     assert_eq!(interface.reference.unwrap().samples(2), 100);
 }
 
+/// What is done to the cells of a row.
+type RowChange = Box<dyn Fn(usize, &mut Vec<f64>)>;
+
 #[test]
 fn a_motion_that_is_none_is_refused_with_its_place() {
     let reference = "reference = \"dance.csv\"\n";
-    type Change = Box<dyn Fn(usize, &mut Vec<f64>)>;
-    let cases: [(&str, Change); 6] = [
+    let cases: [(&str, RowChange); 6] = [
         ("time-gap", Box::new(|row, cells| cells[0] += if row > 50 { 1.4 } else { 0.0 })),
         ("non-monotonic-time", Box::new(|row, cells| cells[0] -= if row == 50 { 0.1 } else { 0.0 })),
         (

@@ -282,7 +282,7 @@ mod tests {
             ("optimizer.generations=-1", "expected a whole number, 0"),
             ("=", "write it as key=value"),
             ("=3", "write it as key=value"),
-            ("optimizer..seeds=1", "``"),
+            ("optimizer..seeds=1", "an empty name between its dots"),
         ] {
             let error = load_text("[[parameter]]\nkind = \"delay\"\n", &[set]).unwrap_err();
             assert!(error.to_string().contains(set) && error.to_string().contains(word), "{error}");
