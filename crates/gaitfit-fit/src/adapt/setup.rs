@@ -120,7 +120,7 @@ impl Setup {
         }));
         let logs = Logs::read(&config, config_path, &method)?;
         if walker.is_some() && method.self_contact().is_off() && config.simulation.self_contact.is_none() {
-            let touching = self_contact::in_logs(&robot, &logs.fit);
+            let touching = self_contact::in_logs(&robot, &logs.fit, feet.is_some_and(sized::is_biped));
             warnings.extend(touching.notes);
             if touching.chosen.is_some() {
                 config.simulation.self_contact = touching.chosen;

@@ -14,6 +14,11 @@ const TORQUE_NM: f64 = 23.7;
 const LIGHTER: f64 = 0.5;
 /// Standard deviation of a motor's position gain relative to the stated one.
 const KP_SCALE: f64 = 0.1;
+/// Whether a robot with so many feet is a biped.
+pub fn is_biped(feet: usize) -> bool {
+    feet <= BIPED
+}
+
 /// Standard deviation of the encoders' zeros of a biped, rad.
 const ZERO_RAD: f64 = 0.01;
 /// Standard deviation of the distance of a biped's load from the base, along each axis, m.
@@ -108,11 +113,11 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
             rule.lower = rule.lower.map(|lower| lower.max(-LIGHTER * base_mass(model)));
         }
     }
-    if feet <= BIPED && usual.parameter == given.parameter {
+    if is_biped(feet) && usual.parameter == given.parameter {
         config.parameter.retain(|rule| rule.kind != JointParameter::KpScale);
     }
     let base = RobotRule::new(RobotNumber::BaseMass);
-    if feet <= BIPED && usual.number == given.number && usual.number.contains(&base) {
+    if is_biped(feet) && usual.number == given.number && usual.number.contains(&base) {
         config.number.retain(|rule| rule.kind != base.kind);
         let scale = Scale::new(model, &every).mass;
         for kind in [RobotNumber::PayloadMass, RobotNumber::PayloadX, RobotNumber::PayloadZ] {
@@ -139,7 +144,7 @@ pub fn usual_priors(feet: usize) -> Vec<SwingNumber> {
         by_load: 0.0,
     };
     let mut priors = vec![prior(JointParameter::KpScale.name(), 1.0, KP_SCALE)];
-    if feet <= BIPED {
+    if is_biped(feet) {
         priors.push(prior(JointParameter::EncoderBias.name(), 0.0, ZERO_RAD));
         priors.push(prior(RobotNumber::PayloadX.name(), 0.0, LOAD_DISTANCE_M));
         priors.push(prior(RobotNumber::PayloadZ.name(), 0.0, LOAD_DISTANCE_M));
