@@ -98,7 +98,7 @@ def given_settings(settings: Settings | None) -> dict[str, Any]:
         if isinstance(value, Mapping) and not value:
             raise ValueError(f"settings has an empty dict for {name}, which changes nothing; name the settings in it, or leave it out")
     named = {in_file(name): value for name, value in given.items()}
-    if "costs" in named:
+    if isinstance(named.get("costs"), str):
         # One cost is a list of one, as in gaitfit.fit.
         named["costs"] = costs_of(named["costs"])
     return named

@@ -129,7 +129,7 @@ impl Search {
         if let Some(other) = finished.iter().find(other_limit) {
             let (run, done) = (u64::from(other.run) + 1, other.generations);
             return Err(CmaError::State(format!(
-                "its search number {run} ended after {done} generations, and the limit is {limit} now: give at least {done}"
+                "its search number {run} ended after {done} generations, and the limit is {limit} now: give {done}"
             )));
         }
         if current.generation() > limit {
