@@ -304,7 +304,12 @@ fn a_finished_fit_resumes_for_more_generations_to_the_bits_of_an_undisturbed_one
     let mut fit = Fit::new(&simulator, &theta, &costs, restarts(4)).unwrap();
     while fit.step(&never).unwrap().is_some() {}
     let error = Fit::resume(&simulator, &theta, &costs, restarts(9), fit.checkpoint()).err().unwrap();
-    assert!(error.to_string().contains("search number 1 ended after 4 generations, and the limit is 9 now: give 4"), "{error}");
+    assert!(
+        error
+            .to_string()
+            .contains("search number 1 ended after 4 generations, and the limit is 9 now: give 4"),
+        "{error}"
+    );
 }
 
 #[test]
