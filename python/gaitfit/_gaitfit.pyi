@@ -212,7 +212,7 @@ def run_loop(run: Mapping[str, Any], progress: Listener | None) -> str: ...
 def evaluate(
     world: Mapping[str, Any],
     trajectories: int,
-    seconds: float,
+    seconds: float | None,
     drift: int,
     drift_speeds: Sequence[float] | None,
     terrain: str,

@@ -232,7 +232,9 @@ def theta_file(theta: Any) -> str | None:
     needed = "a path, a gaitfit.FitResult, a gaitfit.config.TrueParameter or TrueNumber, or a list of these"
     if isinstance(theta, (bytes, Mapping)) or not isinstance(theta, Iterable):
         raise TypeError(f"theta is {theta!r}; it must be {needed}")
-    lines = ["format = 1\n"]
+    lines, theta = ["format = 1\n"], list(theta)
+    if not theta:
+        raise ValueError("theta is empty; give values, or leave it out for the robot of the file")
     for one in theta:
         if not isinstance(one, (TrueParameter, TrueNumber)):
             raise TypeError(f"theta has {one!r}; it must be {needed}")

@@ -16,7 +16,7 @@ Array = NDArray[np.float32]
 
 class Observer:
     """Makes the observations of a policy from the sensor readings of your robot or simulator, for a loop of your own: the terms in
-    their order, scaled, joint positions less the default pose, and past frames. It refuses policies that follow a motion.
+    their order, scaled, joint positions less the default pose, and past frames.
 
     Arguments:
         interface: What the policy sees: ``gaitfit.load_policy(file).interface``.

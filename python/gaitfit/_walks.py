@@ -161,7 +161,7 @@ def evaluate(
         config: A :class:`gaitfit.config.Evaluate` with ``trajectories``, ``seconds``, ``drift``, ``drift_speeds``, ``preset`` and
             ``seed``, as a loop has it. Arguments win over it.
         trajectories: Robots with random commands, one trajectory each; by default 10000.
-        seconds: Length of each trajectory, s; by default 4.
+        seconds: Length of each trajectory, s; by default 4, or the length of the motion that the policy follows.
         drift: Robots in each trial with a constant command; by default 64; 0: no such trials.
         drift_speeds: Speeds of these: ahead and to the side, m/s, and turning, rad/s; by default half of the task's greatest
             commands.
@@ -190,7 +190,7 @@ def evaluate(
     )
     robots, trials = count("trajectories", numbers["trajectories"], 1), count("drift", numbers["drift"], 0)
     speeds = maybe(_speeds, "drift_speeds", numbers.get("drift_speeds"))
-    length, terrain = real("seconds", numbers["seconds"]), text("terrain", terrain)
+    length, terrain = maybe(real, "seconds", numbers.get("seconds")), text("terrain", terrain)
     with given.theta_named(theta) as shown:
         found = _gaitfit.evaluate(world, robots, length, trials, speeds, terrain, text("device", device), listener(progress))
     document = json.loads(found)
@@ -269,7 +269,7 @@ def collect(
 
 
 #: Defaults of :func:`evaluate` and :func:`collect`; a loop has its own.
-_EVALUATE: dict[str, Any] = {"trajectories": 10_000, "seconds": 4.0, "drift": 64, "preset": "fast", "seed": 0}
+_EVALUATE: dict[str, Any] = {"trajectories": 10_000, "drift": 64, "preset": "fast", "seed": 0}
 _COLLECT: dict[str, Any] = {
     "trajectories": 64, "seconds": 4.0, "log_shift": (0.0, 0.0), "privileged": False, "preset": "fast", "seed": 0
 }

@@ -269,9 +269,9 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
     def set_state(self, state: State) -> Any:
         """Takes the state of an environment that was made with the same arguments. Returns what the robots observe. Raises
         ``ValueError`` for a state of other robots."""
-        robots, self._returns[:], self._lengths[:], over = state
-        self._over = over.copy()
+        robots, returns, lengths, over = state
         self._robots.set_state(robots)
+        self._returns[:], self._lengths[:], self._over = returns, lengths, over.copy()
         self._fresh = False
         return self._out(self._observed())
 

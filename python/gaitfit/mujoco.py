@@ -63,7 +63,7 @@ class ClampedRobot(Clamped):
         threads: int | None = None,
     ) -> None:
         super().__init__(model, logs, parameters, timestep=timestep, torque_limit=torque_limit)
-        self._threads = checked(threads) or len(os.sched_getaffinity(0))
+        self._threads = checked(threads) or len(os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1))
 
     def _simulated(
         self, models: list[mujoco.MjModel], start: NDArray[np.float64], control: NDArray[np.float64], every: int

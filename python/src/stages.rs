@@ -362,7 +362,7 @@ pub fn evaluate(
     py: Python<'_>,
     world: World,
     trajectories: usize,
-    seconds: f64,
+    seconds: Option<f64>,
     drift: usize,
     drift_speeds: Option<[f64; 3]>,
     terrain: &str,
@@ -372,7 +372,7 @@ pub fn evaluate(
     let settings = EvaluateSettings {
         world: world.settings()?,
         trajectories,
-        seconds: Some(seconds),
+        seconds,
         drift,
         drift_speeds,
         ground: GroundChoice::read(terrain).map_err(|error| to_py_err(&error))?,

@@ -66,20 +66,16 @@ impl Task {
         if let Some(path) = theta {
             let read = |path| {
                 let file = gaitfit::theta::read(path)?;
-                gaitfit::theta::candidate(&file, path, &setup.model)
+                Ok((gaitfit::theta::candidate(&file, path, &setup.model)?, file))
             };
-            let robot = read(&path).map_err(|error| to_py_err(&error))?;
+            let (robot, file) = read(&path).map_err(|error: gaitfit::Error| to_py_err(&error))?;
+            let task_settings = &mut settings.task.settings;
+            gaitfit::theta::touch(&file, task_settings);
             // A robot remembers targets for as long as its longest delay.
             let delay = gaitfit::world::longest_delay(&robot);
             let interface = task.walker.interface.clone();
-            task = task::Task::with_interface(
-                &setup.model,
-                &settings.task.settings,
-                interface,
-                settings.preset,
-                delay,
-            )
-            .map_err(failed)?;
+            task = task::Task::with_interface(&setup.model, task_settings, interface, settings.preset, delay)
+                .map_err(failed)?;
             candidate = Some(robot);
         }
         let walker = &task.walker;

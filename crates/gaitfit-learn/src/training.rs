@@ -266,7 +266,7 @@ impl<'a> Training<'a> {
         Ok(Learner::new(ppo.clone(), widths(task), seed)?)
     }
 
-    /// A learner that continues from `policy`: its networks, whose shapes count and not those of the settings, and its
+    /// A learner that continues from `policy`. It has the policy's networks, also if the settings state other shapes, and its
     /// normalisers, which continue to learn if the settings ask for it. A policy without a critic gets a new one, drawn
     /// from `seed`, for the task's critic observation, behind a memory like the actor's if there is one.
     ///

@@ -259,7 +259,7 @@ fn size(element: &Element) -> usize {
     1 + element.children.iter().map(size).sum::<usize>()
 }
 
-/// Most files that attach each other in turn.
+/// Max depth of files that attach each other.
 const MAX_NESTING: usize = 8;
 
 /// The body of this name in or below an element.

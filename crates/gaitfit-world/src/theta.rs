@@ -2,6 +2,7 @@
 
 use crate::{Error, files};
 use gaitfit_adapt::ThetaFile;
+use gaitfit_learn::task::TaskSettings;
 use gaitfit_model::Model;
 use gaitfit_sim::Candidate;
 use std::path::{Path, PathBuf};
@@ -31,6 +32,13 @@ pub fn doubts(file: &ThetaFile, path: &Path, model: &Model, step: Option<f64>) -
     let stepped = step.and_then(|step| file.step_doubt(step));
     let doubts = file.robot_doubt(model).into_iter().chain(stepped).chain(file.value_doubts());
     doubts.map(|doubt| format!("{}: {doubt}", path.display())).collect()
+}
+
+/// Gives a task the contacts of the robot's own parts that the fit simulated, unless the task has some.
+pub fn touch(file: &ThetaFile, settings: &mut TaskSettings) {
+    if settings.self_contact.is_off() {
+        settings.self_contact.clone_from(&file.self_contact);
+    }
 }
 
 /// The robot of `model` as the file at `path` has it.

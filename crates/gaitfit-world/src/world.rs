@@ -135,10 +135,7 @@ impl World {
             args.theta.as_deref().map(|path| Ok::<_, Error>((path, theta::read(path)?))).transpose()?;
         let mut candidate = match &theta {
             Some((path, file)) => {
-                // The robot is simulated as it was fitted.
-                if settings.self_contact.is_off() {
-                    settings.self_contact.clone_from(&file.self_contact);
-                }
+                theta::touch(file, &mut settings);
                 changes.push(format!("parameters of {}", path.display()));
                 theta::candidate(file, path, &model)?
             }

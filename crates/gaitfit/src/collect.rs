@@ -21,7 +21,7 @@ use std::sync::{Mutex, PoisonError};
 
 /// Most rows of one call: a robot's take about a kilobyte each.
 const MAX_ROWS: f64 = 2e7;
-/// Most logs of a folder: readers of folders look at no more.
+/// Max number of logs in a folder. Readers of folders stop there.
 const MAX_LOGS: usize = 100_000;
 /// Latest start of a log, s.
 const LATEST: f64 = 10.0;

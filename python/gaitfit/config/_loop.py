@@ -157,7 +157,7 @@ class Evaluate(Settings):
 
     Attributes:
         trajectories: Trajectories with random commands. Default: of a loop 2000, of gaitfit.evaluate 10000.
-        seconds: Length of each, s. Default: 4.0.
+        seconds: Length of each, s. Default: of a loop 4.0.
         drift: Robots in each constant-command trial; 0 leaves them out. Default: of a loop 32, of gaitfit.evaluate 64.
         drift_speeds: Speeds of these: ahead and to the side, m/s, and turning, rad/s; half of the task's greatest
             commands when absent.

@@ -64,8 +64,8 @@ class TaskPolicy(Settings):
         critic_observation: The critic's observation, part by part.
         joints: Patterns over the joints that the policy moves; all of them if there is none. The others are held in the
             default pose by their gains.
-        velocity_joints: Patterns over those of the policy's joints whose targets are velocities, rad/s, such as wheels:
-            torque = kd (target − velocity). Their kp and their pose are 0, and the policy observes no position of them.
+        velocity_joints: Names or patterns of joints with velocity targets, rad/s, such as wheels: torque = kd (target −
+            velocity). Their kp and their pose are 0, and the policy does not observe their positions.
         history: How past frames lie in a row, where terms have a history.
         default_pose: Pose at action zero, rad; 0 where no pattern matches.
         action_scale: Target change per unit action, rad; rad/s for ``velocity_joints``. Default: 0.25.

@@ -187,6 +187,8 @@ class Evaluation(Result):
         fall_rate: Share of falls.
         action_rate: Root-mean-square change of an action a step, per joint.
         diverged: Trajectories whose simulation diverged; they count as falls.
+        motion_error: Distance of the joints from the motion that the policy follows, rad; ``None`` if it follows none. It counts
+            then, and the errors of velocity mean nothing.
         drift: Trials under constant commands.
         gait: The gait straight ahead; ``None`` if the robot falls or the task has no walk ahead.
         verdict: Whether the policy walks, in a sentence; ``None`` if that cannot be judged.
@@ -207,6 +209,7 @@ class Evaluation(Result):
     fall_rate: Estimate
     action_rate: Estimate
     diverged: int = 0
+    motion_error: Estimate | None = None
     drift: tuple[Drift, ...] = ()
     gait: Gait | None = None
     verdict: str | None = None
@@ -220,10 +223,14 @@ class Evaluation(Result):
             "fall_rate": "-",
             "reward": "-",
             "action_rate": "-",
+            "motion_error": "rad",
         }
-        values: list[tuple[str, Estimate]] = [
+        velocities = [
             ("linear_velocity_error", self.linear_velocity_error),
             ("angular_velocity_error", self.angular_velocity_error),
+        ]
+        values: list[tuple[str, Estimate]] = [
+            *(velocities if self.motion_error is None else [("motion_error", self.motion_error)]),
             ("fall_rate", self.fall_rate),
             ("reward", self.reward),
             ("action_rate", self.action_rate),
@@ -231,10 +238,12 @@ class Evaluation(Result):
         return [{"quantity": name, "mean": one.mean, "ci95": one.ci95, "unit": units[name]} for name, one in values]
 
     def _headline(self) -> str:
-        errors = (
-            f"{self.policy} on {self.simulator}: velocity error {self.linear_velocity_error.mean:.3f} m/s, "
-            f"yaw-rate error {self.angular_velocity_error.mean:.3f} rad/s, {self.fall_rate.mean:.1%} fall"
-        )
+        if self.motion_error is not None:
+            walked = f"{self.motion_error.mean:.3f} rad off its motion"
+        else:
+            walked = f"velocity error {self.linear_velocity_error.mean:.3f} m/s, "
+            walked += f"yaw-rate error {self.angular_velocity_error.mean:.3f} rad/s"
+        errors = f"{self.policy} on {self.simulator}: {walked}, {self.fall_rate.mean:.1%} fall"
         return errors if self.verdict is None else f"{errors}. {self.verdict}"
 
 

@@ -114,7 +114,7 @@ pub struct Reference {
     skip: usize,
     /// In the order of [`Signal::ALL`].
     signals: [Option<ReferenceSignal>; Signal::ALL.len()],
-    /// Part of the recordings in which the robot fell.
+    /// Part of the recordings in which the robot would fall.
     fall_rate: f64,
 }
 
@@ -136,13 +136,13 @@ impl Reference {
         Ok(Self { joints, skip, signals, fall_rate: 0.0 })
     }
 
-    /// The same recordings of a robot that fell in the part `fall_rate` of them, 0 to 1. Recordings are cut before falls and do
-    /// not show them.
+    /// The same recordings of a robot that would fall in the part `fall_rate` of them, 0 to 1. Recordings are cut before falls and
+    /// do not show them.
     pub fn with_fall_rate(self, fall_rate: f64) -> Self {
         Self { fall_rate, ..self }
     }
 
-    /// Part of the recordings in which the robot fell.
+    /// Part of the recordings in which the robot would fall, 0 to 1.
     pub fn fall_rate(&self) -> f64 {
         self.fall_rate
     }

@@ -4,7 +4,7 @@ use crate::cost::Cost;
 use serde::{Deserialize, Serialize};
 
 /// Max number of falls that chance explains: the `expected` number plus two standard deviations (Poisson). The expected number
-/// rests on `observed` falls of the robot, whose number is due to chance too: the variances of both add.
+/// is estimated from `observed` falls of the robot, whose number is due to chance too: the variances of both add.
 pub fn max_falls_by_chance(expected: f64, observed: usize) -> usize {
     let variance = expected + expected * expected / observed.max(1) as f64;
     (expected + 2.0 * variance.sqrt()).ceil() as usize
@@ -22,10 +22,10 @@ pub struct FallPenalty {
     /// and then too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub penalty: Option<f64>,
-    /// Part of the recordings in which the robot itself fell (and which are cut there), 0 to 1. A part and not a number: a
-    /// search may simulate each recording several times.
+    /// Part of the recordings in which the robot itself would fall, 0 to 1. A part and not a number: a search may simulate each
+    /// recording several times.
     pub robot_rate: f64,
-    /// The falls of the robot that this part rests on.
+    /// Number of the robot's falls from which this part is estimated.
     pub robot_falls: usize,
     /// Whether torque noise or starts are drawn, so that chance decides whether the same values fall. If so, and if no penalty
     /// is stated and the robot never fell, candidates also pay for the falls that are expected of them.

@@ -31,7 +31,7 @@ pub struct ThetaFile {
     /// Physics step of the fit, s. What `resid_act` remembers is in steps, so another step gives another network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub physics_step: Option<f64>,
-    /// Contacts of the robot's own parts that the fit simulated; absent if there were none.
+    /// Contacts between parts of the robot that the fit simulated; absent if there were none.
     #[serde(default, skip_serializing_if = "SelfContact::is_off")]
     pub self_contact: SelfContact,
     /// Why walks that were not fitted contradict the fit, in words; absent if they do not, or there were none.

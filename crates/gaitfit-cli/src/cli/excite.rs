@@ -163,9 +163,9 @@ impl Excite {
 pub enum Turns {
     /// All together
     All,
-    /// The joints of one limb, then those of the next
+    /// One limb after another
     Limbs,
-    /// One after another
+    /// One joint after another
     Joints,
 }
 

@@ -197,7 +197,7 @@ fn drift(args: &Run, repeats: usize, policy: &Policy, task: &TaskSettings) -> Re
     Ok(Who::Trials(trials))
 }
 
-/// Max commands from a remote or keyboard: those of the policy's training, or small ones if these are not known.
+/// Max commands from a remote or keyboard: the largest of the policy's training; small ones if the training is not known.
 fn ranges(policy: &Policy, task: &TaskSettings) -> Ranges {
     if policy.provenance.task.is_empty() {
         note(

@@ -133,7 +133,7 @@ impl Method {
         }
     }
 
-    /// Which of the robot's own parts touch each other in simulations of walks.
+    /// The pairs of the robot's parts whose contact walks simulate; off for a clamped robot.
     pub fn self_contact(&self) -> SelfContact {
         self.walking().map_or_else(SelfContact::default, |walking| walking.task.settings.self_contact.clone())
     }

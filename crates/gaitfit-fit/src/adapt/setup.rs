@@ -119,8 +119,9 @@ impl Setup {
             doubts.into_iter().chain(known::replaced(file, path, &theta))
         }));
         let logs = Logs::read(&config, config_path, &method)?;
-        if walker.is_some() && method.self_contact().is_off() && config.simulation.self_contact.is_none() {
-            let touching = self_contact::in_logs(&robot, &logs.fit, feet.is_some_and(sized::is_biped));
+        let is_open = method.self_contact().is_off() && config.simulation.self_contact.is_none();
+        if is_open && feet.is_some_and(sized::is_biped) {
+            let touching = self_contact::in_logs(&robot, &logs.fit);
             warnings.extend(touching.notes);
             if touching.chosen.is_some() {
                 config.simulation.self_contact = touching.chosen;

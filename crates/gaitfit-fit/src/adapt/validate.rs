@@ -147,7 +147,7 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
         }
         _ => None,
     };
-    // If the robot falls now and then, one simulation does not tell: those of the held-out comparison do.
+    // If the robot sometimes falls, chance decides the cost of one simulation. The held-out comparison has several.
     let several = held_out.as_ref().filter(|found| kind == CostKind::Wass && found.robot_fall_rate > 0.0);
     let (cost, nominal_cost) = several.map_or((cost, nominal_cost), |found| (found.cost, found.nominal_cost));
     let mut results = ValidateResults {

@@ -1,6 +1,6 @@
 //! The parts of walking logs that count: stretches at the policy's rate that are long enough; and whether they are enough.
 
-use super::cuts::Cut;
+use super::cuts::{Cut, CutKind};
 use super::logs::{Purpose, Read};
 use super::rate;
 use crate::Error;
@@ -95,7 +95,7 @@ pub(super) fn enough(
         return Ok(());
     }
     let shown = config_path.display();
-    let downs = cuts.iter().filter(|cut| cut.is_down());
+    let downs = cuts.iter().filter(|cut| cut.kind != CutKind::Lost);
     let down: f64 = downs.clone().map(|cut| cut.to_s - cut.from_s).sum();
     let min = config.min_stretch() + skipped;
     Err(Error::failed(if logs.is_empty() && downs.count() >= read {

@@ -22,16 +22,34 @@ pub struct Cut {
     pub from_s: f64,
     /// Where it ends, s.
     pub to_s: f64,
-    /// Why, in words.
+    /// What shows it, in words.
     pub reason: String,
-    /// Whether the robot fell: it stood before.
-    pub fall: bool,
+    /// Why it does not count.
+    pub kind: CutKind,
 }
 
-impl Cut {
-    /// Whether the robot does not walk there; else samples are lost.
-    pub fn is_down(&self) -> bool {
-        self.reason != LOST
+/// Why a part of a log does not count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CutKind {
+    /// The robot stood and fell.
+    Fall,
+    /// The robot does not walk: it lies from the beginning, hangs or is stuck.
+    Down,
+    /// Samples were lost.
+    Lost,
+}
+
+impl CutKind {
+    const ALL: [Self; 3] = [Self::Fall, Self::Down, Self::Lost];
+
+    /// The beginning of a sentence about such cuts.
+    fn words(self) -> &'static str {
+        match self {
+            Self::Fall => "the robot fell",
+            Self::Down => "the robot does not walk",
+            Self::Lost => "samples were lost",
+        }
     }
 }
 
@@ -44,8 +62,6 @@ pub struct Down {
     /// Whether it is the end of a fall, if the robot stood before. One that hangs has not fallen.
     pub fall: bool,
 }
-
-const LOST: &str = "samples were lost";
 
 /// The signs of a fall, by the task's rule: the trunk is on the ground.
 pub fn fall_spec(scene: &Task) -> CheckSpec {
@@ -77,11 +93,11 @@ pub fn keep(name: &str, log: &Trajectory, downs: &[Down], margin: f64) -> (Vec<R
         let start = down.start.saturating_sub(at(margin));
         let end = if down.end >= samples { samples } else { (down.end + at(STANDS_S)).min(samples) };
         // A robot that is down when its log begins has not fallen in it.
-        let fall = *fall && down.start > begin;
+        let kind = if *fall && down.start > begin { CutKind::Fall } else { CutKind::Down };
         kept.push(begin..start.max(begin));
         begin = end.max(begin);
         let (from_s, to_s) = (time[start], time[end - 1]);
-        cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason: reason.clone(), fall });
+        cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason: reason.clone(), kind });
     }
     kept.push(begin..samples);
     let mut whole = Vec::new();
@@ -91,8 +107,9 @@ pub fn keep(name: &str, log: &Trajectory, downs: &[Down], margin: f64) -> (Vec<R
             if time[next] - time[next - 1] > rate::LONG_GAP_S.max(3.0 * log.dt()) {
                 whole.push(begin..next);
                 let (from_s, to_s) = (time[next - 1], time[next]);
-                let reason = LOST.to_owned();
-                cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason, fall: false });
+                let kind = CutKind::Lost;
+                let reason = kind.words().to_owned();
+                cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason, kind });
                 begin = next;
             }
         }
@@ -145,20 +162,15 @@ pub fn cut_felt(
 /// Sentences about the cuts.
 pub fn cut_text(cuts: &[Cut], logs: usize) -> Vec<String> {
     let mut warnings = Vec::new();
-    type Kind = fn(&Cut) -> bool;
-    let kinds: [(Kind, &str); 3] = [
-        (|cut| cut.fall, "the robot fell"),
-        (|cut| !cut.fall && cut.is_down(), "the robot does not walk"),
-        (|cut| !cut.is_down(), LOST),
-    ];
-    for (is_of_kind, what) in kinds {
-        let these: Vec<&Cut> = cuts.iter().filter(|cut| is_of_kind(cut)).collect();
+    for kind in CutKind::ALL {
+        let these: Vec<&Cut> = cuts.iter().filter(|cut| cut.kind == kind).collect();
         let Some(first) = these.first() else { continue };
         let seconds: f64 = these.iter().map(|cut| cut.to_s - cut.from_s).sum();
         let names: BTreeSet<&str> = these.iter().map(|cut| cut.log.as_str()).collect();
-        let why = if what == LOST { String::new() } else { format!(", {}", first.reason) };
+        let why = if kind == CutKind::Lost { String::new() } else { format!(", {}", first.reason) };
         warnings.push(format!(
-            "{what} in {} of {logs} logs; {seconds:.1} s do not count (the first: {} from {:.2} to {:.2} s{why})",
+            "{} in {} of {logs} logs; {seconds:.1} s do not count (the first: {} from {:.2} to {:.2} s{why})",
+            kind.words(),
             names.len(),
             first.log,
             first.from_s,

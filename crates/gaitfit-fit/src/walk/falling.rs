@@ -13,7 +13,7 @@ pub struct Falling {
 }
 
 impl Falling {
-    /// Of two sets of logs of one robot.
+    /// The sum for two sets of logs of one robot.
     pub fn and(self, other: Self) -> Self {
         Self { falls: self.falls + other.falls, seconds: self.seconds + other.seconds }
     }

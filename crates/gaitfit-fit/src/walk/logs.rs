@@ -3,7 +3,7 @@
 
 use super::counted::{count, enough, filled, long_enough, shorten};
 use super::coverage::Coverage;
-use super::cuts::{self, Cut, Down};
+use super::cuts::{self, Cut, CutKind, Down};
 use super::falling::Falling;
 use super::log_files::{self, LogFile};
 use super::mounting;
@@ -61,7 +61,7 @@ pub struct LogNotes {
 impl LogNotes {
     /// Log files in which the robot fell.
     pub fn falls(&self) -> usize {
-        let fallen = self.cuts.iter().filter(|cut| cut.fall).map(|cut| cut.log.as_str());
+        let fallen = self.cuts.iter().filter(|cut| cut.kind == CutKind::Fall).map(|cut| cut.log.as_str());
         fallen.collect::<BTreeSet<&str>>().len()
     }
 
@@ -231,7 +231,8 @@ pub fn read(
     for log in &mut logs {
         drop_broken_base(&mut log.trajectory);
     }
-    let falling = Falling { falls: removed.iter().filter(|cut| cut.fall).count(), seconds: on_feet_s };
+    let falling =
+        Falling { falls: removed.iter().filter(|cut| cut.kind == CutKind::Fall).count(), seconds: on_feet_s };
     Ok(LogNotes { files: reads.len(), logs, warnings, cuts: removed, falling, coverage, policy_match })
 }
 

@@ -1,9 +1,9 @@
-//! Which of the robot's own parts touch each other in its logs.
+//! Contacts between parts of the robot that its logs show.
 //!
 //! Feet that strike each other stop a leg as a larger inertia would, and a robot that falls over its own feet falls more often
 //! than a simulated one. So a biped's fit simulates the contacts that the logs show. Contacts cost time, so it leaves out all
-//! others. A real Go2's feet touch too, but its fits took over twice as long with these contacts and were no nearer to its logs (after 60 % of the search):
-//! with more than two feet a note names them.
+//! others. Fits of other robots do not look: a real Go2's feet touch too, but with these contacts its fits took over twice as
+//! long, and after 60 % of the search they were no nearer to its logs.
 
 use crate::log::Log;
 use gaitfit_model::kinematics::{Frame, body_frames};
@@ -45,8 +45,8 @@ impl Closeness {
 }
 
 /// Looks for parts that the robot file lets touch, and that do so in `logs` of the robot `model`. Parts count if the logs have all
-/// joints between them: where a held arm swings, its logs do not say. `simulated`: whether the fit simulates what is found.
-pub fn in_logs(model: &Model, logs: &[Log], simulated: bool) -> Touching {
+/// joints between them: where a held arm swings, its logs do not say.
+pub fn in_logs(model: &Model, logs: &[Log]) -> Touching {
     let logged: Vec<Vec<Option<usize>>> = logs
         .iter()
         .map(|log| log.trajectory.joints.iter().map(|joint| model.find_joint(joint)).collect())
@@ -84,25 +84,12 @@ pub fn in_logs(model: &Model, logs: &[Log], simulated: bool) -> Touching {
     pairs.sort_by_key(|one| std::cmp::Reverse(one.overlaps.len()));
     let (touching, too_large): (Vec<_>, Vec<_>) =
         pairs.into_iter().partition(|one| one.overlap() <= MAX_OVERLAP);
-    let names = |one: &Closeness| {
-        let [first, second] = &one.pair.geoms;
-        format!("{} with {}", first.name, second.name)
-    };
     let mut notes = Vec::new();
     if !touching.is_empty() {
         let words = |one: &Closeness| format!("{} in {:.1} % of the samples", names(one), 100.0 * share(one));
-        let advice = match simulated {
-            true => {
-                "The fit simulates these contacts, and so does what uses its theta.toml. Without them: \
-                 simulation.self_contact = \"off\""
-            }
-            false => {
-                "The fit does not simulate these contacts. With them it takes longer: simulation.self_contact, a list of such \
-                 pairs"
-            }
-        };
         notes.push(format!(
-            "parts of the robot touch each other in the logs ({}). {advice}",
+            "parts of the robot touch each other in the logs ({}). The fit simulates these contacts, and so do evaluations and \
+             trainings with its theta.toml. Without them: simulation.self_contact = \"off\"",
             listed(&touching, words)
         ));
     }
@@ -110,12 +97,11 @@ pub fn in_logs(model: &Model, logs: &[Log], simulated: bool) -> Touching {
         let words = |one: &Closeness| format!("{} by {:.0} mm", names(one), 1e3 * one.overlap());
         notes.push(format!(
             "shapes of the robot file overlap in the logs ({}). They are larger than the robot's parts, so the fit does not \
-             simulate their contact. With it: simulation.self_contact = \"file\"",
+             simulate their contact. With it: simulation.self_contact, a list of such pairs of names",
             listed(&too_large, words)
         ));
     }
-    let chosen =
-        (simulated && !touching.is_empty()).then(|| SelfContact::named(touching.iter().map(|one| &one.pair)));
+    let chosen = (!touching.is_empty()).then(|| SelfContact::named(touching.iter().map(|one| &one.pair)));
     Touching { chosen, notes }
 }
 
@@ -129,6 +115,11 @@ fn joints_between<'a>(model: &'a Model, pair: &SelfPair) -> impl Iterator<Item =
     joints
         .filter(move |(_, joint)| first.contains(&joint.body) != second.contains(&joint.body))
         .map(|(number, _)| number)
+}
+
+fn names(one: &Closeness) -> String {
+    let [first, second] = &one.pair.geoms;
+    format!("{} with {}", first.name, second.name)
 }
 
 /// The first of some pairs in words.
@@ -176,19 +167,17 @@ mod tests {
     fn parts_that_touch_in_the_logs_are_found_and_shapes_that_are_too_large_named() {
         let model = read_mjcf_str(LEGS, &ReadOptions::default()).unwrap();
         // The feet's inner edges are 7 cm from the middle: they meet where each leg turns by about 0.14 rad.
-        let apart = in_logs(&model, &[log(1000, |_| 0.1)], true);
+        let apart = in_logs(&model, &[log(1000, |_| 0.1)]);
         assert!(apart.chosen.is_none() && apart.notes.is_empty(), "{apart:?}");
-        let touching = in_logs(&model, &[log(1000, |at| if at % 50 == 0 { 0.145 } else { 0.1 })], true);
+        let touching = in_logs(&model, &[log(1000, |at| if at % 50 == 0 { 0.145 } else { 0.1 })]);
         let expected = SelfContact::Pairs(vec![["left_foot".to_owned(), "right_foot".to_owned()]]);
         assert_eq!(touching.chosen, Some(expected), "{touching:?}");
         assert!(touching.notes[0].contains("left_foot with right_foot in 2.0 %"), "{touching:?}");
         // The chosen pairs are read as names.
         assert_eq!(model.touching_itself(&touching.chosen.unwrap()).unwrap().0.self_pairs.len(), 1);
-        let noted = in_logs(&model, &[log(1000, |at| if at % 50 == 0 { 0.145 } else { 0.1 })], false);
-        assert!(noted.chosen.is_none() && noted.notes[0].contains("does not simulate"), "{noted:?}");
-        let overlapping = in_logs(&model, &[log(1000, |at| if at % 50 == 0 { 0.152 } else { 0.1 })], true);
+        let overlapping = in_logs(&model, &[log(1000, |at| if at % 50 == 0 { 0.152 } else { 0.1 })]);
         assert!(overlapping.chosen.is_none() && overlapping.notes[0].contains("larger"), "{overlapping:?}");
         // Once in a thousand samples is an accident; and what the arm does is in no log.
-        assert!(in_logs(&model, &[log(1000, |at| if at == 0 { 0.145 } else { 0.1 })], true).chosen.is_none());
+        assert!(in_logs(&model, &[log(1000, |at| if at == 0 { 0.145 } else { 0.1 })]).chosen.is_none());
     }
 }

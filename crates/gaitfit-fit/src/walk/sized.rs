@@ -14,11 +14,6 @@ const TORQUE_NM: f64 = 23.7;
 const LIGHTER: f64 = 0.5;
 /// Standard deviation of a motor's position gain relative to the stated one.
 const KP_SCALE: f64 = 0.1;
-/// Whether a robot with so many feet is a biped.
-pub fn is_biped(feet: usize) -> bool {
-    feet <= BIPED
-}
-
 /// Standard deviation of the encoders' zeros of a biped, rad.
 const ZERO_RAD: f64 = 0.01;
 /// Standard deviation of the distance of a biped's load from the base, along each axis, m.
@@ -27,6 +22,11 @@ const LOAD_DISTANCE_M: f64 = 0.15;
 const BIPED: usize = 2;
 /// Upper bounds are at least this many times the model's own value.
 const OWN: f64 = 3.0;
+
+/// Whether a robot with this number of feet is a biped.
+pub fn is_biped(feet: usize) -> bool {
+    feet <= BIPED
+}
 
 /// Size of a robot relative to the Go2, in powers of two, so that small differences keep the default bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]

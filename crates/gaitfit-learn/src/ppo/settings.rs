@@ -99,7 +99,8 @@ pub struct Settings {
     /// Limit on the Euclidean norm of the whole gradient (actor, critic and log-std together).
     pub max_gradient_norm: f64,
     /// Updates at the start in which only the critic learns, its loss unclipped and its learning rate constant. By default
-    /// 0; of a fine-tuning 5, or 20 if the policy has no critic. A critic of another simulator, or a fresh one, then does not mislead the actor.
+    /// 0; of a fine-tuning 5, or 20 if the policy has no critic. A critic of another simulator, or a fresh one, then does not
+    /// mislead the actor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub critic_warmup: Option<u32>,
     /// Passes over the samples in an update.

@@ -86,8 +86,8 @@ pub struct PolicySettings {
     /// pose by their gains.
     #[serde(default, skip_serializing_if = "Vec::is_empty", deserialize_with = "some_patterns")]
     pub joints: Vec<String>,
-    /// Patterns over those of the policy's joints whose targets are velocities, rad/s, such as wheels: torque =
-    /// kd (target − velocity). Their kp and their pose are 0, and the policy observes no position of them.
+    /// Names or patterns of joints with velocity targets, rad/s, such as wheels: torque = kd (target − velocity). Their kp and
+    /// their pose are 0, and the policy does not observe their positions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub velocity_joints: Vec<String>,
     /// How past frames lie in a row, where terms have a history.

@@ -22,8 +22,8 @@ pub fn single(values: &[f64]) -> Vec<f32> {
     values.iter().map(|&x| x as f32).collect()
 }
 
-/// The commands, states and actions of a log with the whole state, from its first state on. `joints`: the model's numbers from
-/// those of the log's joints.
+/// The commands, states and actions of a log with the whole state, from its first state on. `joints`: changes a
+/// row from the log's joints to the model's.
 pub fn script_with(log: &Trajectory, joints: impl Fn(&[f64]) -> Vec<f32>) -> Script {
     let base = log.base.as_ref().unwrap();
     let width = log.joints.len();

@@ -1,4 +1,4 @@
-//! Which of the robot's own parts may touch each other, and what a file says about it.
+//! Contact between parts of the robot: the pairs that may touch, by the robot file and by a setting.
 //!
 //! MuJoCo's filters decide for the file's own list: contact bits, explicit pairs, excluded bodies, and no contact between
 //! a body and the one that carries it (MuJoCo documentation, Computation, "Selection").
@@ -20,12 +20,12 @@ use crate::spec::{GeomKind, Spec, Surface};
 
 pub use error::SelfContactError;
 
-/// Most pairs of own parts of a robot.
+/// Max number of pairs.
 const MAX_PAIRS: usize = 512;
-/// Most words in a list of names.
+/// Max number of names in a list of a message.
 const MAX_NAMES: usize = 6;
 
-/// Which of the robot's own parts touch each other: a setting.
+/// The setting for contact between parts of the robot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub enum SelfContact {

@@ -11,6 +11,9 @@ use rustdds::no_key::{DataReaderCdr, DataWriterCdr};
 use rustdds::policy::{History, Reliability};
 use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicyBuilder, ReadCondition, TopicKind};
 
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
 use crate::toy::go2;
 
 /// Runs on the real clock have little time to answer: one at a time.
@@ -22,23 +25,34 @@ pub fn alone() -> MutexGuard<'static, ()> {
 /// A domain that no robot or simulator uses.
 const DOMAIN: u16 = 77;
 
-/// A robot's side of the link on the loopback interface: its states and the commands to it. Both live as long as the
-/// participant.
-pub fn robot_side(domain: u16) -> (DomainParticipant, DataWriterCdr<LowState>, DataReaderCdr<LowCmd>) {
+/// What a program at the other end writes and reads, on the loopback interface. Both live as long as the participant.
+pub type Side<W, R> = (DomainParticipant, DataWriterCdr<W>, DataReaderCdr<R>);
+
+/// The other end of a link: it writes to one topic and reads another. A topic is a name and a kind of messages.
+pub fn side<W: Serialize, R: DeserializeOwned + 'static>(
+    domain: u16,
+    written: (&str, &str),
+    read: (&str, &str),
+) -> Side<W, R> {
     let loopback: std::net::IpAddr = std::net::Ipv4Addr::LOCALHOST.into();
     let participant = DomainParticipantBuilder::new(domain).with_only_networks([loopback]).build().unwrap();
     let reliable = Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
     let qos = QosPolicyBuilder::new().reliability(reliable).history(History::KeepLast { depth: 16 }).build();
-    let topic = |name: &str, kind: &str| {
+    let topic = |(name, kind): (&str, &str)| {
         participant.create_topic(name.to_owned(), kind.to_owned(), &qos, TopicKind::NoKey).unwrap()
     };
-    let lowstate = topic("rt/lowstate", "unitree_go::msg::dds_::LowState_");
-    let lowcmd = topic("rt/lowcmd", "unitree_go::msg::dds_::LowCmd_");
-    let states = participant.create_publisher(&qos).unwrap();
-    let states = states.create_datawriter_no_key_cdr(&lowstate, Some(qos.clone())).unwrap();
-    let commands = participant.create_subscriber(&qos).unwrap();
-    let commands = commands.create_datareader_no_key_cdr(&lowcmd, Some(qos.clone())).unwrap();
-    (participant, states, commands)
+    let (written, read) = (topic(written), topic(read));
+    let publisher = participant.create_publisher(&qos).unwrap();
+    let writer = publisher.create_datawriter_no_key_cdr(&written, Some(qos.clone())).unwrap();
+    let subscriber = participant.create_subscriber(&qos).unwrap();
+    let reader = subscriber.create_datareader_no_key_cdr(&read, Some(qos.clone())).unwrap();
+    (participant, writer, reader)
+}
+
+/// A robot's side of the link: its states and the commands to it. `package`: that of the messages.
+pub fn robot_side<S: Serialize, C: DeserializeOwned + 'static>(domain: u16, package: &str) -> Side<S, C> {
+    let [state, command] = ["LowState_", "LowCmd_"].map(|name| format!("{package}::msg::dds_::{name}"));
+    side(domain, ("rt/lowstate", &state), ("rt/lowcmd", &command))
 }
 
 #[test]
@@ -46,7 +60,7 @@ fn states_and_commands_cross_the_loopback_interface_and_another_controller_is_se
     let done = Arc::new(AtomicBool::new(false));
     let stop = Arc::clone(&done);
     let robot = std::thread::spawn(move || {
-        let (_participant, states, mut commands) = robot_side(DOMAIN);
+        let (_participant, states, mut commands) = robot_side::<LowState, LowCmd>(DOMAIN, "unitree_go");
         let (mut tick, mut right, mut wrong) = (0, 0, 0);
         while !stop.load(Ordering::SeqCst) {
             tick += 2;

@@ -81,7 +81,7 @@ fn felt(message: &LowCmd) -> Command {
 
 /// The robot's side until `done`; `fault` begins `after` the first command.
 fn robot(domain: u16, fault: Fault, after: Duration, pause: Duration, done: &AtomicBool) -> Felt {
-    let (_participant, states, mut commands) = robot_side(domain);
+    let (_participant, states, mut commands) = robot_side::<LowState, LowCmd>(domain, "unitree_go");
     let batch = simulation(&gaitfit_model::builtin::go2().unwrap()).unwrap();
     let mut body = Simulated::new(&batch, &go2()).unwrap();
     let begin = Instant::now();

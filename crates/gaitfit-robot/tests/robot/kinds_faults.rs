@@ -12,12 +12,11 @@ use gaitfit_robot::link::{Dds, Link};
 use gaitfit_robot::run::real_time;
 use gaitfit_robot::unitree::{LowCmd, LowState, hg};
 use gaitfit_robot::{Command, MotorCommand, PerMotor, Robot, RobotState, Times, damping};
-use rustdds::policy::{History, Reliability};
-use rustdds::{DomainParticipantBuilder, QosPolicyBuilder, ReadCondition, TopicKind};
+use rustdds::ReadCondition;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::dds::alone;
+use crate::dds::{alone, robot_side};
 use crate::each_robot::run_guarded;
 use crate::limits::violation_of;
 use crate::toy::{CONTROL, TICK, Toy};
@@ -154,20 +153,7 @@ fn felt(message: &hg::LowCmd, motors: usize) -> Command {
 
 /// The robot's side until `done`; `fault` begins `after` the first command.
 fn side<S: Spoken>(robot: &Robot, domain: u16, fault: Fault, after: Duration, done: &AtomicBool) -> Felt {
-    let loopback: std::net::IpAddr = std::net::Ipv4Addr::LOCALHOST.into();
-    let participant = DomainParticipantBuilder::new(domain).with_only_networks([loopback]).build().unwrap();
-    let reliable = Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
-    let qos = QosPolicyBuilder::new().reliability(reliable).history(History::KeepLast { depth: 16 }).build();
-    let topic = |name: &str, kind: &str| {
-        participant.create_topic(name.to_owned(), kind.to_owned(), &qos, TopicKind::NoKey).unwrap()
-    };
-    let lowstate = topic("rt/lowstate", &format!("{}::msg::dds_::LowState_", S::KIND));
-    let lowcmd = topic("rt/lowcmd", &format!("{}::msg::dds_::LowCmd_", S::KIND));
-    let states = participant.create_publisher(&qos).unwrap();
-    let states = states.create_datawriter_no_key_cdr::<S::State>(&lowstate, Some(qos.clone())).unwrap();
-    let commands = participant.create_subscriber(&qos).unwrap();
-    let mut commands =
-        commands.create_datareader_no_key_cdr::<S::Command>(&lowcmd, Some(qos.clone())).unwrap();
+    let (_participant, states, mut commands) = robot_side::<S::State, S::Command>(domain, S::KIND);
     let (mut toy, motors) = (Toy::lying(robot), robot.motors.len());
     let (begin, mut stepped) = (Instant::now(), Duration::ZERO);
     let (mut found, mut first, mut other) = (Felt::default(), None, None);

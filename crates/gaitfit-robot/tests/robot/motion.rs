@@ -9,28 +9,20 @@ use std::time::{Duration, Instant};
 
 use gaitfit_robot::link::{MotionMode, MotionSwitcher};
 use gaitfit_robot::unitree::rpc::{Identity, Request, Response, ResponseHeader, Status};
-use rustdds::policy::{History, Reliability};
-use rustdds::{DomainParticipantBuilder, QosPolicyBuilder, ReadCondition, TopicKind};
+use rustdds::ReadCondition;
 
+use crate::dds::side;
 use crate::messages::sdk_python;
 
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A service whose mode is `name`, until it is released once more than `stubborn` times. Its calls by number.
 fn service(domain: u16, code: i32, mut stubborn: u32, calls: &Mutex<Vec<i64>>, done: &AtomicBool) {
-    let loopback: std::net::IpAddr = std::net::Ipv4Addr::LOCALHOST.into();
-    let participant = DomainParticipantBuilder::new(domain).with_only_networks([loopback]).build().unwrap();
-    let reliable = Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
-    let qos = QosPolicyBuilder::new().reliability(reliable).history(History::KeepLast { depth: 16 }).build();
-    let topic = |name: &str, kind: &str| {
-        participant.create_topic(name.to_owned(), kind.to_owned(), &qos, TopicKind::NoKey).unwrap()
-    };
-    let asked = topic("rt/api/motion_switcher/request", "unitree_api::msg::dds_::Request_");
-    let answered = topic("rt/api/motion_switcher/response", "unitree_api::msg::dds_::Response_");
-    let subscriber = participant.create_subscriber(&qos).unwrap();
-    let mut requests = subscriber.create_datareader_no_key_cdr::<Request>(&asked, Some(qos.clone())).unwrap();
-    let publisher = participant.create_publisher(&qos).unwrap();
-    let responses = publisher.create_datawriter_no_key_cdr::<Response>(&answered, Some(qos.clone())).unwrap();
+    let (_participant, responses, mut requests) = side::<Response, Request>(
+        domain,
+        ("rt/api/motion_switcher/response", "unitree_api::msg::dds_::Response_"),
+        ("rt/api/motion_switcher/request", "unitree_api::msg::dds_::Request_"),
+    );
     let mut name = "normal";
     while !done.load(Ordering::SeqCst) {
         for sample in requests.take(16, ReadCondition::any()).unwrap() {

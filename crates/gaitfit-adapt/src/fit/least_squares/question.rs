@@ -52,7 +52,7 @@ pub struct Question {
     pub noise: f64,
     /// The values whose predictions are compared with its logs.
     pub values: Vec<f64>,
-    /// Whose step is asked for; `None` if only the size of the differences is.
+    /// The slope whose step is wanted; `None` if only the size of the differences is wanted.
     pub step: Option<Slope>,
 }
 

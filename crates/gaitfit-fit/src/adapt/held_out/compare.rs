@@ -341,6 +341,11 @@ mod tests {
             inside += usize::from(alike.cost.unwrap() <= alike.mean + alike.range95);
             let wrong = judge(&blocks_of(seed + 100, 0.1, 0.05));
             assert_eq!(wrong.mean, alike.mean);
+            // Several simulations have the mean of their costs.
+            let logs: Vec<usize> = (0..96).map(|block| block / 6).collect();
+            let walks = [blocks_of(seed + 100, 0.1, 0.0), blocks_of(seed + 100, 0.1, 0.05)];
+            let both = floor(cost.as_ref(), &recorded_blocks, &walks, &logs).0.unwrap().cost.unwrap();
+            assert!((both - 0.5 * (alike.cost.unwrap() + wrong.cost.unwrap())).abs() < 1e-9, "{both}");
             assert!(wrong.cost.unwrap() > wrong.mean + wrong.range95, "{wrong:?}");
         }
         assert!(inside >= 18, "{inside} of 20 are explained");

@@ -46,10 +46,11 @@ pub struct HeldOut {
     pub falls: usize,
     /// The same before the fit.
     pub nominal_falls: usize,
-    /// Part of the log files in which the robot itself fell.
+    /// Part of the logs in which the robot itself would fall if it walked them again, 0 to 1 (see
+    /// [`Falling`](crate::walk::falling::Falling)).
     #[serde(default)]
     pub robot_fall_rate: f64,
-    /// The falls of the robot that this part rests on.
+    /// Number of the robot's falls from which this part is estimated.
     #[serde(default)]
     pub robot_falls: usize,
     /// Joint by joint, signal by signal.
