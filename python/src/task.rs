@@ -70,7 +70,7 @@ impl Task {
             };
             let (robot, file) = read(&path).map_err(|error: gaitfit::Error| to_py_err(&error))?;
             let task_settings = &mut settings.task.settings;
-            gaitfit::theta::touch(&file, task_settings);
+            gaitfit::theta::add_self_contact(&file, task_settings);
             // A robot remembers targets for as long as its longest delay.
             let delay = gaitfit::world::longest_delay(&robot);
             let interface = task.walker.interface.clone();

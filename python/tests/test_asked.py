@@ -1,5 +1,6 @@
 """What new users looked for and did not find."""
 
+import dataclasses
 import inspect
 import sys
 import unittest
@@ -41,6 +42,17 @@ class Worlds(Case):
                 gaitfit.evaluate(POLICY, theta=theta, **SHORT)
         with self.assertRaisesRegex(TypeError, "against is 3; give what gaitfit.evaluate returned"):
             gaitfit.compare(nominal, 3)  # type: ignore[arg-type]
+
+    def test_a_policy_that_follows_a_motion_is_measured_by_its_distance(self) -> None:
+        walked = gaitfit.evaluate(POLICY, trajectories=2, seconds=0.5, drift=0, progress=False)
+        self.assertIsNone(walked.motion_error)
+        follows = dataclasses.replace(walked, motion_error=gaitfit.results.Estimate(0.05, 0.01), verdict=None)
+        self.assertIn("0.050 rad off its motion", repr(follows))
+        rows = {row["quantity"]: row for row in follows.rows()}
+        self.assertEqual((rows["motion_error"]["mean"], rows["motion_error"]["unit"]), (0.05, "rad"))
+        self.assertNotIn("linear_velocity_error", rows)
+        with self.assertRaisesRegex(ValueError, "theta is empty"):
+            gaitfit.evaluate(POLICY, theta=[], trajectories=2, progress=False)
 
     def test_files_of_another_kind_are_named(self) -> None:
         for call, words in (
@@ -224,6 +236,12 @@ class Steps(Case):
             if (terminated | truncated).any():
                 break
         other.set_state(one.state())
+        three = GaitfitVecEnv(num_envs=3)
+        before = three.state()
+        with self.assertRaises(ValueError):
+            three.set_state((one.state()[0], np.ones(3), np.ones(3), np.ones(3, bool)))
+        for kept, now in zip(before[1:], three.state()[1:], strict=True):
+            np.testing.assert_array_equal(kept, now)
         for mine, theirs in zip(one.step(np.zeros((32, 12)))[:4], other.step(np.zeros((32, 12)))[:4]):
             np.testing.assert_array_equal(mine, theirs)
         self.assertTrue((other.robots.state().steps[terminated | truncated] == 0).all())

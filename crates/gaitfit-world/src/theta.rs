@@ -35,7 +35,7 @@ pub fn doubts(file: &ThetaFile, path: &Path, model: &Model, step: Option<f64>) -
 }
 
 /// Gives a task the contacts of the robot's own parts that the fit simulated, unless the task has some.
-pub fn touch(file: &ThetaFile, settings: &mut TaskSettings) {
+pub fn add_self_contact(file: &ThetaFile, settings: &mut TaskSettings) {
     if settings.self_contact.is_off() {
         settings.self_contact.clone_from(&file.self_contact);
     }

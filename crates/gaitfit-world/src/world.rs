@@ -135,7 +135,7 @@ impl World {
             args.theta.as_deref().map(|path| Ok::<_, Error>((path, theta::read(path)?))).transpose()?;
         let mut candidate = match &theta {
             Some((path, file)) => {
-                theta::touch(file, &mut settings);
+                theta::add_self_contact(file, &mut settings);
                 changes.push(format!("parameters of {}", path.display()));
                 theta::candidate(file, path, &model)?
             }
