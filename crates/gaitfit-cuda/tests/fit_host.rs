@@ -9,7 +9,7 @@ use std::sync::Mutex;
 
 use candidates::{apart, asset, files_of, of, tiled};
 use gaitfit_cuda::emit::Class;
-use gaitfit_cuda::fit::{Numbers, Plan, Scene, Sizes, Subject, Tables};
+use gaitfit_cuda::fit::{Begin, Numbers, Plan, Scene, Sizes, Subject, Tables};
 use gaitfit_cuda::physics::Period;
 use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::task::{Task, TaskSettings};
@@ -135,20 +135,50 @@ fn robots(task: &Task, scripts: &[Script], job: &Job, tracks: &[Track]) -> Vec<V
     found
 }
 
+/// A script that begins `earlier` samples before under its first command.
+fn earlier(script: &Script, earlier: usize) -> Script {
+    let mut script = script.clone();
+    script.commands.splice(0..0, std::iter::repeat_n(script.commands[0], earlier));
+    script.start.base_linear[0] += 0.01 * earlier as f32;
+    Script { others: Vec::new(), ..script }
+}
+
 /// Holds every kernel of a walk against the CPU: `jobs` of one structure on recordings of these lengths. Gives the falls.
 fn compare(
+    label: &str,
+    walking: &(Task, Policy),
+    jobs: &[Job],
+    lengths: &[usize],
+    blocks: [usize; 2],
+) -> usize {
+    compare_from(label, walking, jobs, lengths, blocks, None)
+}
+
+/// The same. `before`: the samples that robots that make logs walk before each recording begins.
+fn compare_from(
     label: &str,
     (task, policy): &(Task, Policy),
     jobs: &[Job],
     lengths: &[usize],
     [rows, group]: [usize; 2],
+    before: Option<&[usize]>,
 ) -> usize {
-    let scripts = scripts(task, policy, lengths);
+    let recordings = scripts(task, policy, lengths);
+    let scripts: Vec<Script> = match before {
+        Some(before) => {
+            recordings.iter().zip(before).map(|(script, &before)| earlier(script, before)).collect()
+        }
+        None => recordings.clone(),
+    };
     let walker = &task.walker;
     let subject = Subject::Walk(walker, policy);
     let period = subject.period(&jobs[0].candidate).unwrap();
     let scene = Scene::new(subject, &period);
-    let tables = Tables::walk(walker, policy, &scripts).unwrap();
+    let mut tables = Tables::walk(walker, policy, &recordings).unwrap();
+    if let Some(before) = before {
+        tables = tables.for_logs(*before.iter().max().unwrap());
+    }
+    let dimensions = tables.dimensions(subject);
     let environments = jobs.len() * scripts.len();
     let tiles = environments.div_ceil(period.layout().environments());
     let sizes = Sizes {
@@ -160,7 +190,15 @@ fn compare(
         group,
     };
     let plan = Plan::new(&scene, &tables, sizes);
-    let numbers = Numbers::new(subject, jobs, jobs.len(), tables.starts, 1).unwrap();
+    let mut numbers = Numbers::new(subject, jobs, jobs.len(), tables.starts, 1).unwrap();
+    if let Some(before) = before {
+        let begin = |(script, &before): (&Script, &usize)| Begin {
+            earlier: before as u32,
+            start: script.start.clone(),
+        };
+        let begins: Vec<Begin> = scripts.iter().zip(before).map(begin).collect();
+        numbers = numbers.beginning(&[&begins]);
+    }
     let wanted = tracks(task, policy, &scripts, jobs);
     let own = |job: usize| &wanted[job * scripts.len()..(job + 1) * scripts.len()];
     let motion: Vec<_> = (0..jobs.len()).map(|job| robots(task, &scripts, &jobs[job], own(job))).collect();
@@ -168,7 +206,7 @@ fn compare(
     let mut files = files_of(&tables, &numbers);
     let mut statements = call(&plan.spread());
     let f = |numbers: Vec<f32>| bytes(&numbers, f32::to_ne_bytes);
-    for sample in 0..tables.samples {
+    for sample in 0..plan.steps {
         statements.push_str(&call(&plan.step(sample)));
         for name in ["robot_state", "robot_targets", "robot_memory"] {
             statements.push_str(&keep(&plan.arrays, name, &format!("at{sample}")));
@@ -177,11 +215,12 @@ fn compare(
             statements.push_str(&call(&disturb));
             statements.push_str(&keep(&plan.arrays, "robot_disturbance", &format!("at{sample}")));
         }
-        if sample + 1 == tables.samples {
+        if sample + 1 == plan.steps {
             break;
         }
         let after = |class: Class, of: fn(&RobotState) -> Vec<f32>| {
-            let all: Vec<Vec<f32>> = motion.iter().flat_map(|job| job[sample].iter().map(of)).collect();
+            let all: Vec<Vec<f32>> =
+                motion.iter().flat_map(|job| job[sample.min(job.len() - 1)].iter().map(of)).collect();
             f(tiled(&period, class, tiles, &all))
         };
         files.insert(format!("robot_state.moved{sample}"), after(Class::State, |one| one.state.clone()));
@@ -209,15 +248,16 @@ fn compare(
     for (e, track) in wanted.iter().enumerate() {
         let (job, script) = (&jobs[e / scripts.len()], &scripts[e % scripts.len()]);
         let length = script.commands.len();
-        let end = track.fell_at.unwrap_or(length);
+        let before = before.map_or(0, |before| before[e % scripts.len()]);
+        let end = track.fell_at.map_or(length - before, |sample| sample.saturating_sub(before));
         assert_eq!(ends[e] as usize, end, "{label}: end of environment {e}");
-        falls += usize::from(end < length);
+        falls += usize::from(end < length - before);
         let mut want = Vec::new();
         walker.robot(&job.candidate).params(walker.model()).unwrap().visit(|_, &x| want.push(x as f32));
         assert_eq!(of(&period, Class::Params, &params, e), want, "{label}: parameters of environment {e}");
-        let size = tables.samples * subject.dimensions();
-        let rows = signals[e * size..][..length * subject.dimensions()].chunks_exact(subject.dimensions());
-        for (sample, row) in rows.enumerate() {
+        let size = tables.samples * dimensions;
+        let rows = signals[e * size..][..(length - before) * dimensions].chunks_exact(dimensions);
+        for (sample, row) in (before..).zip(rows) {
             let at = |all: &[f32], width: usize| all[sample * width..(sample + 1) * width].to_vec();
             let exact = [&row[..2 * width], &row[3 * width..]].concat();
             let want = [
@@ -225,6 +265,8 @@ fn compare(
                 at(&track.velocity, width),
                 at(&track.base_position, 3),
                 at(&track.base_velocity, 3),
+                if tables.earlier.is_some() { at(&track.base_quaternion, 4) } else { Vec::new() },
+                if tables.earlier.is_some() { at(&track.base_rates, 3) } else { Vec::new() },
             ];
             assert_eq!(apart(&exact, &want.concat()), 0.0, "{label}: environment {e}, sample {sample}");
             let error = apart(&row[2 * width..3 * width], &at(&track.action, width));
@@ -258,7 +300,7 @@ fn compare(
                     assert_eq!(found, want, "{label}: memory {place} of environment {e}");
                 }
             }
-            if sample + 1 < tables.samples {
+            if sample < motion[e / scripts.len()].len() {
                 let found = of(&period, Class::Targets, &kept("robot_targets"), e);
                 let want = &motion[e / scripts.len()][sample][e % scripts.len()].targets;
                 // An ActionDelta changes targets in the physics.
@@ -351,6 +393,23 @@ fn networks(kind: NetworkKind, amount: f64) -> JointNetworks {
     let weights = (0..12 * NETWORK_WEIGHTS).map(|k| amount * (0.7 * k as f64).sin()).collect();
     let scales = NetworkScales { position: 1.0, velocity: 0.05, output: 0.1 };
     JointNetworks { kind, joints: (0..12).collect(), rest: vec![0.1; 12], weights, scales }
+}
+
+/// Robots that make logs: each walks for a while before a recording begins, and its inertial unit is tilted.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_logs_are_the_cpus() {
+    let walking = walking(None, |_| ());
+    let job = |kp_scale: f64, torque_noise, seed| {
+        let mut candidate = Candidate { torque_noise, ..friction(0.2) };
+        candidate.robot.kp_scale = vec![kp_scale; 12];
+        candidate.sensors = Sensors { imu_tilt: [0.03, -0.05], gyro_bias: [0.02, -0.01, 0.005] };
+        Job { candidate, reset_every: None, seed }
+    };
+    // One of them falls.
+    let jobs = [job(1.0, 0.3, 3), job(0.2, 0.2, 7)];
+    let falls = compare_from("logs", &walking, &jobs, &[30, 43, 25], [8, 4], Some(&[0, 7, 20]));
+    assert!(falls > 0);
 }
 
 #[test]

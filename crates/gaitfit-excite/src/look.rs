@@ -7,7 +7,7 @@ use gaitfit_adapt::fit::{Problem, Sensitivity, sensitivity};
 use gaitfit_fit::adapt::{LogSet, Method};
 use gaitfit_fit::log::Log;
 use gaitfit_fit::walk::logs::{Purpose as Use, read};
-use gaitfit_fit::walk::recorder::{Recorded, Recorder};
+use gaitfit_fit::walk::recorder::{NoisyRobot, Recorded, Recorder};
 use gaitfit_fit::walk::walking::Walking;
 use gaitfit_log::{Gains, Trajectory};
 use gaitfit_random::{Purpose, derive_seed};
@@ -46,9 +46,12 @@ impl Look<'_> {
         let templates: Vec<Trajectory> = pool.iter().map(|one| self.template(one)).collect();
         let walks: Vec<&Trajectory> = templates.iter().collect();
         let recorder = Recorder::new(Arc::clone(&self.robot), self.base.clone(), &walks);
-        let seed = derive_seed(self.seed, Purpose::TORQUE_NOISE, round);
-        let stop = || watch.stop();
-        let made = recorder.record(self.theta, self.values, self.torque_noise, &[seed], &stop)?.pop();
+        let robot = NoisyRobot {
+            values: self.values.to_vec(),
+            noise: self.torque_noise,
+            seed: derive_seed(self.seed, Purpose::TORQUE_NOISE, round),
+        };
+        let made = recorder.record(self.theta, &[robot], &|| watch.stop())?.pop();
         if watch.stop() {
             return Err(interrupted());
         }

@@ -7,11 +7,13 @@ use gaitfit_policy::walker::WalkerError;
 use gaitfit_sim::pool;
 
 use super::session::{Physics, Session};
-use super::{FitError, Numbers, Structure, Subject, Tables};
+use super::{Begin, FitError, Numbers, Structure, Subject, Tables};
 use crate::runtime::{Device, Event, Stream};
 
 /// Most candidates whose signals are brought to the host at once.
 const MAX_SHOWN: usize = 64;
+/// Most bytes of signals of robots that make logs that are brought to the host at once, unless one robot alone has more.
+const MAX_SHOWN_BYTES: usize = 256 << 20;
 
 /// The robot's side of the costs.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -45,7 +47,7 @@ pub struct Parts {
 /// Signals of a candidate on a recording.
 #[derive(Clone, Copy, Debug)]
 pub struct Tracks<'a> {
-    /// `samples × dimensions`, in the order of [`Subject::dimensions`].
+    /// `samples × dimensions`, in the order of [`Tables::dimensions`].
     pub rows: &'a [f32],
     /// Numbers of a row.
     pub dimensions: usize,
@@ -130,7 +132,7 @@ impl Candidates {
                 let (now, later) = rest.split_at(rest.len().min(self.sessions[session].capacity()));
                 rest = later;
                 let distances = now.iter().filter(|&&job| compared[job] == Compared::Distances).count();
-                self.run(subject, session, now, jobs)?;
+                self.run(subject, session, now, jobs, None)?;
                 let (near, squares, ends) = self.sessions[session].compare(
                     &self.stream,
                     distances,
@@ -160,17 +162,61 @@ impl Candidates {
         consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
         cancel: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), FitError> {
-        let (recordings, dimensions) = (self.tables.recordings(), subject.dimensions());
+        self.walks(subject, jobs, None, MAX_SHOWN, consume, cancel)
+    }
+
+    /// The same of robots that make logs, on tables of [`Tables::for_logs`]: robot `job` begins recording `recording` as
+    /// `begins[job][recording]` says.
+    ///
+    /// # Errors
+    /// As [`Candidates::parts`]; beginnings of other jobs or recordings, or that are earlier than the tables'.
+    pub fn make_logs(
+        &mut self,
+        subject: Subject<'_>,
+        jobs: &[Job],
+        begins: &[Vec<Begin>],
+        consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
+        cancel: &(dyn Fn() -> bool + Sync),
+    ) -> Result<(), FitError> {
+        let recordings = self.tables.recordings();
+        let mut counts =
+            [(jobs.len(), begins.len())].into_iter().chain(begins.iter().map(|all| (recordings, all.len())));
+        if let Some((expected, found)) = counts.find(|(expected, found)| expected != found) {
+            return Err(FitError::Length { what: "the beginnings", expected, found });
+        }
+        let Some(max) = self.tables.earlier else {
+            return Err(FitError::Unsupported("logs on tables that are not for logs".to_owned()));
+        };
+        if let Some(begin) = begins.iter().flatten().find(|begin| begin.earlier as usize > max) {
+            let found = begin.earlier as usize;
+            return Err(FitError::Length { what: "samples before a recording", expected: max, found });
+        }
+        let each = 4 * recordings * self.tables.samples * self.tables.dimensions(subject);
+        let shown = (MAX_SHOWN_BYTES / each.max(1)).max(1);
+        self.walks(subject, jobs, Some(begins), shown, consume, cancel)
+    }
+
+    /// [`Candidates::tracks`] or [`Candidates::make_logs`]. `shown`: most candidates at once.
+    fn walks(
+        &mut self,
+        subject: Subject<'_>,
+        jobs: &[Job],
+        begins: Option<&[Vec<Begin>]>,
+        shown: usize,
+        consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
+        cancel: &(dyn Fn() -> bool + Sync),
+    ) -> Result<(), FitError> {
+        let (recordings, dimensions) = (self.tables.recordings(), self.tables.dimensions(subject));
         for (structure, own) in self.groups(subject, jobs)? {
             let mut rest = own.as_slice();
             while !rest.is_empty() {
                 if cancel() {
                     return Err(FitError::Cancelled);
                 }
-                let session = self.session(subject, &structure, &jobs[rest[0]], rest.len().min(MAX_SHOWN))?;
+                let session = self.session(subject, &structure, &jobs[rest[0]], rest.len().min(shown))?;
                 let (now, later) = rest.split_at(rest.len().min(self.sessions[session].capacity()));
                 rest = later;
-                self.run(subject, session, now, jobs)?;
+                self.run(subject, session, now, jobs, begins)?;
                 let (signals, ends) = self.sessions[session].read(&self.stream)?;
                 let lengths = &self.tables.lengths;
                 let size = self.tables.samples * dimensions;
@@ -243,10 +289,16 @@ impl Candidates {
         session: usize,
         now: &[usize],
         jobs: &[Job],
+        begins: Option<&[Vec<Begin>]>,
     ) -> Result<(), FitError> {
         let chosen: Vec<Job> = now.iter().map(|&job| jobs[job].clone()).collect();
         let session = &mut self.sessions[session];
-        let numbers = Numbers::new(subject, &chosen, session.capacity(), self.tables.starts, self.threads)?;
+        let mut numbers =
+            Numbers::new(subject, &chosen, session.capacity(), self.tables.starts, self.threads)?;
+        if let Some(begins) = begins {
+            let begins: Vec<&[Begin]> = now.iter().map(|&job| begins[job].as_slice()).collect();
+            numbers = numbers.beginning(&begins);
+        }
         session.run(&self.stream, &numbers)
     }
 

@@ -21,7 +21,7 @@ mod text;
 pub use candidates::{Candidates, Compared, Measured, Parts, Tracks};
 pub use error::FitError;
 pub use multi_gpu::MultiGpu;
-pub use numbers::Numbers;
+pub use numbers::{Begin, Numbers};
 pub use plan::{Plan, Sizes};
 pub use scene::{Scene, Structure, Subject};
 pub use tables::Tables;

@@ -1,10 +1,11 @@
 //! What of candidates goes to the GPU.
 
 use gaitfit_policy::follow::{Job, start_number};
-use gaitfit_sim::{Imu, SimError, pool};
+use gaitfit_sim::{Imu, SimError, Start, pool};
 
 use super::FitError;
 use super::scene::Subject;
+use super::tables;
 use crate::physics;
 
 /// Numbers of some candidates, one after the other.
@@ -18,8 +19,11 @@ pub struct Numbers {
     pub every: Vec<u32>,
     /// Seeds of torque noise, low word first.
     pub seeds: Vec<u32>,
-    /// Number of the start that each candidate begins at, among the starts of a recording.
+    /// Number of the start that each candidate begins at, among the starts of a recording; of robots that make logs, the
+    /// samples that each environment walks before its recording begins.
     pub begins: Vec<u32>,
+    /// States that robots that make logs begin in, one for each environment.
+    pub starts: Vec<f32>,
     /// Standard deviations of torque noise, N·m.
     pub deviation: Vec<f64>,
     /// Errors of the inertial units, [`IMU_NUMBERS`](gaitfit_sim::IMU_NUMBERS) each.
@@ -57,6 +61,27 @@ impl Numbers {
             all.weights.push(weights.clone());
         }
         Ok(all)
+    }
+}
+
+/// How a robot that makes logs begins one of them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Begin {
+    /// Samples that it walks before under the first command.
+    pub earlier: u32,
+    /// Where it starts to do so.
+    pub start: Start,
+}
+
+impl Numbers {
+    /// These candidates begin each recording in these ways: `begins[job][recording]`, repeated as the jobs are.
+    #[must_use]
+    pub fn beginning(mut self, begins: &[&[Begin]]) -> Self {
+        let candidates = self.begins.len();
+        let all = || (0..candidates).flat_map(|place| begins[place % begins.len()]);
+        self.starts = all().flat_map(|begin| tables::numbers(&begin.start)).collect();
+        self.begins = all().map(|begin| begin.earlier).collect();
+        self
     }
 }
 

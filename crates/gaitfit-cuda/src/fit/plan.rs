@@ -56,6 +56,8 @@ pub struct Plan {
     params: usize,
     /// Number of starts of each recording.
     starts: usize,
+    /// Samples that are simulated.
+    pub steps: usize,
     /// Physics steps of a control period, if torques disturb it.
     disturbed: Option<usize>,
     /// Threads and bytes of shared memory of a block of the policy's kernel; none of a replay.
@@ -66,6 +68,7 @@ impl Plan {
     /// Of `sizes.candidates` candidates on the recordings of `tables`.
     pub fn new(scene: &Scene<'_>, tables: &Tables, sizes: Sizes) -> Self {
         let environments = sizes.environments();
+        let logs = tables.earlier.is_some();
         let places = sizes.tiles * scene.period.layout().environments();
         let joints = scene.joints();
         let (mut physics, mut arrays): (Vec<_>, Vec<_>) = physics_arrays(scene.period, sizes.tiles)
@@ -77,7 +80,7 @@ impl Plan {
             ("factors", Kind::F64, sizes.candidates * 3 * joints),
             ("every", Kind::U32, sizes.candidates),
             ("seeds", Kind::U32, 2 * sizes.candidates),
-            ("begins", Kind::U32, sizes.candidates),
+            ("begins", Kind::U32, if logs { environments } else { sizes.candidates }),
             ("deviation", Kind::F64, sizes.candidates),
             ("imus", Kind::F32, IMU_NUMBERS * sizes.candidates),
             ("lengths", Kind::U32, sizes.recordings),
@@ -90,20 +93,23 @@ impl Plan {
                 others.push(("past", Kind::F32, places * kept(&walker.observation)));
                 // No replay: these are not looked at.
                 others.push(("gains", Kind::F64, 0));
+                if logs {
+                    others.push(("starts", Kind::F32, environments * (13 + 2 * joints)));
+                }
                 // Of layers of 128 numbers no thread is idle.
                 let threads = (sizes.rows / sizes.group.max(1)).clamp(1, 4) as u32 * THREADS_OF_GROUP;
                 Some((threads, u32::try_from(8 * widest(policy) * sizes.rows).unwrap_or(u32::MAX)))
             }
             Subject::Replay(_) => None,
         };
-        others.push(("signals", Kind::F32, environments * sizes.samples * scene.subject.dimensions()));
+        others.push(("signals", Kind::F32, environments * sizes.samples * tables.dimensions(scene.subject)));
         others.push(("ends", Kind::U32, environments));
         for (name, kind, length) in others {
             arrays.push(Array { name, kind, length });
             physics.push(None);
         }
         Self {
-            program: program(scene, sizes.rows, sizes.group),
+            program: program(scene, logs, sizes.rows, sizes.group),
             arrays,
             physics,
             sizes,
@@ -111,6 +117,7 @@ impl Plan {
             joints,
             params: scene.params.len(),
             starts: tables.starts,
+            steps: tables.steps(),
             disturbed: (!scene.spots.disturbance.is_empty()).then(|| scene.period.substeps()),
             block,
         }

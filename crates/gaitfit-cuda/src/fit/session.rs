@@ -67,7 +67,7 @@ impl Physics {
             };
             4 * times * layout.size(class) * tables.recordings() / layout.environments()
         };
-        let (samples, dimensions) = (tables.samples, subject.dimensions());
+        let (samples, dimensions) = (tables.samples, tables.dimensions(subject));
         let sizes =
             costs::Sizes { candidates: 1, recordings: tables.recordings(), samples, dimensions, skip: 0 };
         let compared: u64 = Comparison::parts(device, sizes).iter().map(|(_, bytes)| bytes).sum();
@@ -126,7 +126,7 @@ impl Session {
                 Some(_) => Ok(None),
             })
             .collect::<Result<_, CudaError>>()?;
-        let dimensions = subject.dimensions();
+        let dimensions = tables.dimensions(subject);
         let compare = |measured: &Measured| {
             let sizes = costs::Sizes {
                 candidates,
@@ -185,12 +185,15 @@ impl Session {
         self.write(stream, "every", &numbers.every)?;
         self.write(stream, "seeds", &numbers.seeds)?;
         self.write(stream, "begins", &numbers.begins)?;
+        if !numbers.starts.is_empty() {
+            self.write(stream, "starts", &numbers.starts)?;
+        }
         self.write(stream, "deviation", &numbers.deviation)?;
         self.write(stream, "imus", &numbers.imus)?;
         if numbers.weights.iter().any(|weights| !weights.is_empty()) {
             self.batch.write_weights(stream, &numbers.weights)?;
         }
-        if self.graph.is_none() && self.plan.sizes.samples <= MAX_RECORDED {
+        if self.graph.is_none() && self.plan.steps <= MAX_RECORDED {
             self.graph = Some(stream.record(|stream| self.start(stream))?);
         }
         match &mut self.graph {
@@ -202,9 +205,9 @@ impl Session {
 
     fn start(&self, stream: &Stream) -> Result<(), CudaError> {
         self.launch(stream, &self.plan.spread())?;
-        for sample in 0..self.plan.sizes.samples {
+        for sample in 0..self.plan.steps {
             self.launch(stream, &self.plan.step(sample))?;
-            if sample + 1 == self.plan.sizes.samples {
+            if sample + 1 == self.plan.steps {
                 break;
             }
             if let Some(disturb) = self.plan.disturb(sample) {
@@ -217,7 +220,7 @@ impl Session {
 
     /// Starts one part of every step, for timing: `step`, `disturb`, `physics`, or `all`.
     pub fn start_part(&self, stream: &Stream, part: &str) -> Result<(), CudaError> {
-        for sample in 0..self.plan.sizes.samples {
+        for sample in 0..self.plan.steps {
             match part {
                 "all" if sample == 0 => self.start(stream)?,
                 "all" => {}

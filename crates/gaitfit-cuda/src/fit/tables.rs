@@ -6,9 +6,12 @@ use gaitfit_policy::follow::Script;
 use gaitfit_policy::walker::Walker;
 use gaitfit_sim::{Replay, Start};
 
-use super::FitError;
 use super::text::copied;
+use super::{FitError, Subject};
 use crate::words::{unknown, unobserved};
+
+/// Numbers of the base's orientation and rates.
+const IMU_SIGNALS: usize = 7;
 
 /// What recordings give to the simulated robots. Recordings shorter than the longest are filled up.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -21,6 +24,8 @@ pub struct Tables {
     pub has_states: bool,
     /// Number of starts of each recording; 1 for a replay.
     pub starts: usize,
+    /// For robots that make logs ([`Tables::for_logs`]): the most samples that one walks before a recording begins.
+    pub earlier: Option<usize>,
     /// Arrays in single precision, by name.
     pub singles: Vec<(&'static str, Vec<f32>)>,
     /// Arrays in double precision, by name.
@@ -80,6 +85,7 @@ impl Tables {
             samples,
             has_states,
             starts: each,
+            earlier: None,
             singles: vec![
                 ("commands", commands),
                 ("starts", starts),
@@ -118,9 +124,29 @@ impl Tables {
             samples,
             has_states: false,
             starts: 1,
+            earlier: None,
             singles: vec![("logged", logged), ("velocities", velocities), ("rest", rest)],
             doubles: vec![("gains", gains)],
         })
+    }
+
+    /// For robots that make logs: each begins each recording in its own way ([`Begin`](super::Begin)), and the signals have what
+    /// its inertial unit reads, too. `earlier`: the most samples that one walks before a recording begins.
+    #[must_use]
+    pub fn for_logs(mut self, earlier: usize) -> Self {
+        self.singles.retain(|(name, _)| *name != "starts");
+        Self { earlier: Some(earlier), starts: 1, ..self }
+    }
+
+    /// Numbers of a sample's signals: those of [`Subject::dimensions`], and in logs the base's orientation (wxyz) and rates as
+    /// its inertial unit reads them.
+    pub fn dimensions(&self, subject: Subject<'_>) -> usize {
+        subject.dimensions() + if self.earlier.is_some() { IMU_SIGNALS } else { 0 }
+    }
+
+    /// Samples that are simulated: those of the longest recording, and those before it.
+    pub fn steps(&self) -> usize {
+        self.samples + self.earlier.unwrap_or(0)
     }
 
     /// Recordings.
@@ -130,7 +156,7 @@ impl Tables {
 }
 
 /// A start as the first numbers of a state.
-fn numbers(start: &Start) -> Vec<f32> {
+pub(super) fn numbers(start: &Start) -> Vec<f32> {
     let parts: [&[f32]; 6] = [
         &start.base_position,
         &start.base_quaternion,

@@ -9,8 +9,9 @@ use crate::rollout::GROUND_HEIGHTS;
 use crate::runtime::Program;
 use crate::words::{Words, single};
 
-/// The program of a scene, `rows` robots of a block together, `group` of a thread. Products and sums are rounded one by one, as the CPU does it.
-pub(super) fn program(scene: &Scene<'_>, rows: usize, group: usize) -> Program {
+/// The program of a scene, `rows` robots of a block together, `group` of a thread. `logs`: whether robots that walk make
+/// logs. Products and sums are rounded one by one, as the CPU does it.
+pub(super) fn program(scene: &Scene<'_>, logs: bool, rows: usize, group: usize) -> Program {
     let mut text = String::from(include_str!("../common.cuh"));
     text.push_str(include_str!("../rollout/kernels/structs.cu"));
     let mut words = Words { text };
@@ -24,6 +25,7 @@ pub(super) fn program(scene: &Scene<'_>, rows: usize, group: usize) -> Program {
             walk(&mut words, walker);
             network(&mut words, policy, rows);
             words.define("GROUP", group);
+            words.define("MAKES_LOGS", u32::from(logs));
             &[
                 include_str!("../rollout/kernels/draws.cu"),
                 include_str!("../rollout/kernels/ground.cu"),

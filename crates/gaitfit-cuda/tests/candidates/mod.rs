@@ -58,6 +58,9 @@ pub fn files_of(tables: &Tables, numbers: &Numbers) -> HashMap<String, Vec<u8>> 
     files.insert("every".to_owned(), words(&numbers.every));
     files.insert("seeds".to_owned(), words(&numbers.seeds));
     files.insert("begins".to_owned(), words(&numbers.begins));
+    if !numbers.starts.is_empty() {
+        files.insert("starts".to_owned(), bytes(&numbers.starts, f32::to_ne_bytes));
+    }
     files.insert("deviation".to_owned(), bytes(&numbers.deviation, f64::to_ne_bytes));
     files.insert("imus".to_owned(), bytes(&numbers.imus, f32::to_ne_bytes));
     files.insert("lengths".to_owned(), words(&tables.lengths));

@@ -6,7 +6,7 @@ mod several;
 use std::sync::Mutex;
 use std::time::Instant;
 
-use gaitfit_cuda::fit::{Candidates, Compared, Measured, Parts, Subject, Tables, Tracks};
+use gaitfit_cuda::fit::{Begin, Candidates, Compared, Measured, Parts, Subject, Tables, Tracks};
 use gaitfit_cuda::runtime::Device;
 use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_model::Model;
@@ -179,6 +179,68 @@ fn gpu_candidates_walk_as_the_cpus() {
         assert!(fell > 0 && most < 1e-2 && largest < 0.5 && worst[1] < 1e-2, "{worst:?}");
         println!("{:?}", candidates.resources().unwrap());
     }
+}
+
+/// Logs of robots that walk for a while before begin as the CPU's, and are the same twice.
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_logs_begin_as_the_cpus() {
+    let device = Device::open(0).unwrap();
+    let (task, policy) = walking(4);
+    let scripts = scripts(&task, &policy, 6, 40);
+    let subject = Subject::Walk(&task.walker, &policy);
+    let jobs: Vec<Job> = (0..3)
+        .map(|number| Job { candidate: robot(number, &[]), reset_every: None, seed: number as u64 })
+        .collect();
+    let before = |recording: usize| recording % 4;
+    let begins: Vec<Begin> = scripts
+        .iter()
+        .enumerate()
+        .map(|(number, script)| Begin { earlier: before(number) as u32, start: script.start.clone() })
+        .collect();
+    let longer: Vec<Script> = scripts
+        .iter()
+        .enumerate()
+        .map(|(number, script)| {
+            let mut script = script.clone();
+            script.commands.splice(0..0, std::iter::repeat_n(script.commands[0], before(number)));
+            script
+        })
+        .collect();
+    let wanted = tracks(&task, &policy, &longer, &jobs);
+    let tables = Tables::walk(&task.walker, &policy, &scripts).unwrap().for_logs(3);
+    let dimensions = tables.dimensions(subject);
+    let mut candidates = Candidates::new(&device, tables, 4).unwrap();
+    let run = |candidates: &mut Candidates| {
+        let found = Mutex::new(vec![Vec::new(); jobs.len() * scripts.len()]);
+        let consume = |job: usize, recording: usize, tracks: Tracks<'_>| {
+            found.lock().unwrap()[job * scripts.len() + recording] = tracks.rows.to_vec();
+        };
+        candidates.make_logs(subject, &jobs, &vec![begins.clone(); jobs.len()], &consume, &|| false).unwrap();
+        found.into_inner().unwrap()
+    };
+    let first = run(&mut candidates);
+    assert!(first == run(&mut candidates), "other bits the second time");
+    for (e, (found, want)) in first.iter().zip(&wanted).enumerate() {
+        let (script, before) = (e % scripts.len(), before(e % scripts.len()));
+        assert_eq!(found.len(), scripts[script].commands.len() * dimensions);
+        let wanted = rows(want, 12);
+        // Later samples of a walk are another motion: rounding alone decides when a foot touches.
+        for sample in 0..4 - before.min(3) {
+            let imu = [
+                &want.base_quaternion[4 * (sample + before)..][..4],
+                &want.base_rates[3 * (sample + before)..][..3],
+            ];
+            let want = [wanted[sample + before].clone(), imu.concat()].concat();
+            let row = &found[sample * dimensions..][..dimensions];
+            let error = row.iter().zip(&want).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+            assert!(error < 1e-2, "environment {e}, sample {sample}: off by {error}");
+        }
+    }
+    // Beginnings before those of the tables are refused.
+    let early = vec![vec![Begin { earlier: 4, ..begins[0].clone() }; scripts.len()]; jobs.len()];
+    let error = candidates.make_logs(subject, &jobs, &early, &|_, _, _| (), &|| false).unwrap_err();
+    assert!(error.to_string().contains("before a recording"), "{error}");
 }
 
 /// How long the candidates of a generation take: a line for each, and what of it the parts take.

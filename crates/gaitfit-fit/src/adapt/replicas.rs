@@ -3,9 +3,10 @@
 use super::log_set::LogSet;
 use super::setup::Setup;
 use crate::Error;
+use crate::device::Gpu;
 use crate::log::Log;
 use crate::settings::AdaptConfig;
-use crate::walk::recorder::{Recorded, Recorder};
+use crate::walk::recorder::{NoisyRobot, Recorded, Recorder};
 use crate::walk::walking::Walking;
 use crate::watch::{Counting, Event, Watch, Work};
 use gaitfit_adapt::fit::{
@@ -30,7 +31,7 @@ pub struct Replicas {
 }
 
 impl Replicas {
-    /// The robot of `model` that θ changes from `base`, which walks as in `logs`.
+    /// The robot of `model` that θ changes from `base`, which walks as in `logs`. `threads` and `gpus` simulate it.
     ///
     /// # Errors
     /// As [`Walking::new`].
@@ -40,10 +41,11 @@ impl Replicas {
         model: &Model,
         theta: &Theta,
         base: &Candidate,
-        threads: usize,
+        (threads, gpus): (usize, &[Gpu]),
         logs: &[Log],
     ) -> Result<Self, Error> {
         let robot = Walking::robot(config, policy, model, theta, base, threads)?;
+        let robot = Walking { gpus: gpus.to_vec(), ..robot };
         let trajectories: Vec<_> = logs.iter().map(|log| &log.trajectory).collect();
         Ok(Self { recorder: Recorder::new(Arc::new(robot), base.clone(), &trajectories), base: base.clone() })
     }
@@ -116,11 +118,14 @@ impl World for Robots<'_> {
 
     fn replicates(&self, values: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Replicate>, String> {
         let Setup { config, theta, .. } = self.setup;
-        let seed =
-            |&number: &u32| derive_seed(config.optimizer.seed, Purpose::TORQUE_NOISE, number.wrapping_add(1));
-        let seeds: Vec<u64> = numbers.iter().map(seed).collect();
+        let robot = |&number: &u32| NoisyRobot {
+            values: values.to_vec(),
+            noise,
+            seed: derive_seed(config.optimizer.seed, Purpose::TORQUE_NOISE, number.wrapping_add(1)),
+        };
+        let robots: Vec<NoisyRobot> = numbers.iter().map(robot).collect();
         let stop = || self.watch.stop();
-        let recorded = self.replicas.recorder.record(theta, values, noise, &seeds, &stop);
+        let recorded = self.replicas.recorder.record(theta, &robots, &stop);
         let recorded = recorded.map_err(|error| format!("The fitted robot cannot be simulated: {error}."))?;
         if stop() {
             return Err("interrupted".to_owned());

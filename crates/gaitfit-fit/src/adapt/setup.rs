@@ -250,8 +250,9 @@ fn swings(
     if let (true, Some(findings), Some(policy)) = (is_corrected, &mut swings, policy) {
         let known = known::priors(theta, &swing::numbers_of(method, findings), &config.prior);
         if known.len() > config.prior.len() {
-            let threads = method.walking().map_or(1, |walking| walking.threads);
-            let robot = swing_correction::Robot { config, policy, model, base, threads };
+            let (threads, gpus) =
+                method.walking().map_or((1, Vec::new()), |walking| (walking.threads, walking.gpus.clone()));
+            let robot = swing_correction::Robot { config, policy, model, base, threads, gpus };
             swing_correction::correct(findings, &robot, logs, watch)?;
         }
     }
@@ -289,7 +290,8 @@ fn replicas(
 ) -> Result<Option<Replicas>, Error> {
     let (Method::Walk(walking), Some(policy)) = (method, policy) else { return Ok(None) };
     let needed = corrected(config);
-    let new = || Replicas::new(config, policy.clone(), robot, theta, base, walking.threads, logs);
+    let there = (walking.threads, walking.gpus.as_slice());
+    let new = || Replicas::new(config, policy.clone(), robot, theta, base, there, logs);
     needed.then(new).transpose()
 }
 

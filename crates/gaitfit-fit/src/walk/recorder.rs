@@ -2,6 +2,7 @@
 
 use super::simulator::{in_model, script};
 use super::walking::Walking;
+use crate::gpu_logs::{Beginning, GpuLogs};
 use gaitfit_adapt::fit::Predicted;
 use gaitfit_adapt::{Cancel, Theta};
 use gaitfit_log::{BaseState, Trajectory};
@@ -11,7 +12,7 @@ use gaitfit_policy::follow::{self, Script, Track};
 use gaitfit_policy::walker::{Walker, WalkerError};
 use gaitfit_random::{Purpose, Stream, derive_seed};
 use gaitfit_sim::{Candidate, pool};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// A log with an unknown start begins up to this time after its robot, s: about a step of a gait.
 const EARLIER_S: f64 = 0.5;
@@ -28,6 +29,21 @@ pub struct Recorder {
     plain: Vec<Script>,
     /// Names of the model's joints, which θ names.
     model_joints: Vec<String>,
+    /// What makes the logs of [`Recorder::record`] on a GPU, if there is one.
+    recorded_there: OnceLock<Option<GpuLogs>>,
+    /// The same of [`Recorder::walk`].
+    walked_there: OnceLock<Option<GpuLogs>>,
+}
+
+/// A robot whose logs are made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NoisyRobot {
+    /// Values of θ.
+    pub values: Vec<f64>,
+    /// Deviation of the normal torques at its joints, N·m.
+    pub noise: f64,
+    /// Seed of these torques.
+    pub seed: u64,
 }
 
 impl Recorder {
@@ -43,6 +59,8 @@ impl Recorder {
             plain: logs.iter().map(|log| plain(walker, log)).collect(),
             model_joints: joints.iter().map(|joint| joint.name.clone()).collect(),
             walking,
+            recorded_there: OnceLock::new(),
+            walked_there: OnceLock::new(),
         }
     }
 
@@ -77,34 +95,63 @@ impl Recorder {
         Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Sets of logs of the robot with `values` of θ and normal torques of the deviation `noise` at its joints, N·m, one set
-    /// for each of `seeds`.
+    /// The logs of each robot.
     ///
     /// # Errors
     /// Values that are no robot's.
     pub fn record(
         &self,
         theta: &Theta,
-        values: &[f64],
-        noise: f64,
-        seeds: &[u64],
+        robots: &[NoisyRobot],
         cancel: &Cancel<'_>,
     ) -> Result<Vec<Vec<Recorded>>, WalkerError> {
         let Walking { policy, task, threads, .. } = self.walking.as_ref();
-        let mut candidate = self.candidate(theta, values);
-        candidate.torque_noise = noise;
-        let job = |&seed: &u64| follow::Job { candidate: candidate.clone(), reset_every: None, seed };
-        let jobs: Vec<follow::Job> = seeds.iter().map(job).collect();
-        let found = Mutex::new(vec![vec![Recorded::default(); self.scripts.len()]; seeds.len()]);
-        let keep = |set: usize, number: usize, track: &Track| {
+        let job = |robot: &NoisyRobot| follow::Job {
+            candidate: Candidate { torque_noise: robot.noise, ..self.candidate(theta, &robot.values) },
+            reset_every: None,
+            seed: robot.seed,
+        };
+        let jobs: Vec<follow::Job> = robots.iter().map(job).collect();
+        let found = Mutex::new(vec![vec![Recorded::default(); self.scripts.len()]; robots.len()]);
+        let keep = |robot: usize, number: usize, track: &Track| {
             let recorded = Recorded::new(&task.walker, &self.scripts[number], track);
             let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Some(slot) = found.get_mut(set).and_then(|set| set.get_mut(number)) {
+            if let Some(slot) = found.get_mut(robot).and_then(|set| set.get_mut(number)) {
                 *slot = recorded;
             }
         };
-        follow::follow(&task.walker, policy, &self.scripts, &jobs, *threads, &keep, cancel)?;
+        let there = self.recorded_there.get_or_init(|| GpuLogs::new(&self.walking, &self.scripts, 0));
+        let begins = |job: &follow::Job| -> Vec<Beginning> {
+            self.scripts.iter().map(|script| (0, script.begins(job.seed).clone())).collect()
+        };
+        let all = |robot: usize, tracks: Vec<Track>| {
+            tracks.iter().enumerate().for_each(|(number, track)| keep(robot, number, track));
+        };
+        let left = self.on_gpu(there.as_ref(), &jobs, &|robot| begins(&jobs[robot]), &all, cancel);
+        let rest: Vec<follow::Job> = left.iter().map(|&robot| jobs[robot].clone()).collect();
+        let pass = |robot: usize, number: usize, track: &Track| keep(left[robot], number, track);
+        follow::follow(&task.walker, policy, &self.scripts, &rest, *threads, &pass, cancel)?;
         Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Makes the logs of `jobs` on a GPU, if there is one. `begins(job)`: how the job begins each recording. Returns the jobs
+    /// that are left to the CPU.
+    fn on_gpu(
+        &self,
+        there: Option<&GpuLogs>,
+        jobs: &[follow::Job],
+        begins: &dyn Fn(usize) -> Vec<Beginning>,
+        keep: &(dyn Fn(usize, Vec<Track>) + Sync),
+        cancel: &Cancel<'_>,
+    ) -> Vec<usize> {
+        let numbers = 0..jobs.len();
+        match there {
+            Some(there) => {
+                let begins: Vec<Vec<Beginning>> = numbers.map(begins).collect();
+                there.make(&self.walking, jobs, &begins, keep, cancel)
+            }
+            None => numbers.collect(),
+        }
     }
 
     /// The logs of each of `robots` (values of θ), with unknown starts: the robot stands in the log's first joint angles, moves a
@@ -123,35 +170,49 @@ impl Recorder {
     ) -> Result<(), WalkerError> {
         let Walking { policy, task, threads, .. } = self.walking.as_ref();
         let (walker, joints) = (&task.walker, task.walker.joints.len());
+        let number = |robot: usize| u32::try_from(first + robot as u64).unwrap_or(u32::MAX);
+        let job = |robot: usize| follow::Job {
+            candidate: self.candidate(theta, &robots[robot]),
+            reset_every: None,
+            seed: derive_seed(seed, Purpose::TORQUE_NOISE, number(robot).wrapping_add(1)),
+        };
+        let there = self
+            .walked_there
+            .get_or_init(|| GpuLogs::new(&self.walking, &self.plain, self.most_samples_earlier()));
+        let jobs: Vec<follow::Job> = (0..robots.len()).map(job).collect();
+        let begins = |robot: usize| self.unknown_starts(seed, number(robot));
+        let all = |robot: usize, tracks: Vec<Track>| {
+            keep(robot, tracks.iter().map(|track| kept(track, joints, 0)).collect());
+        };
+        let left = self.on_gpu(there.as_ref(), &jobs, &begins, &all, cancel);
         let failed: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
         let one = |robot: usize| {
-            let number = u32::try_from(first + robot as u64).unwrap_or(u32::MAX);
-            let candidate = self.candidate(theta, &robots[robot]);
-            let job = follow::Job {
-                candidate,
-                reset_every: None,
-                seed: derive_seed(seed, Purpose::TORQUE_NOISE, number.wrapping_add(1)),
-            };
-            let (earlier, scripts): (Vec<usize>, Vec<Script>) =
-                self.unknown_starts(seed, number).into_iter().unzip();
+            let begins = begins(robot);
+            let scripts: Vec<Script> = self
+                .plain
+                .iter()
+                .zip(&begins)
+                .map(|(script, begin)| self.begun_earlier(script, begin))
+                .collect();
             let found = Mutex::new(vec![Predicted::default(); scripts.len()]);
             let take = |_: usize, log: usize, track: &Track| {
                 let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
                 if let Some(slot) = found.get_mut(log) {
-                    *slot = kept(track, joints, earlier[log]);
+                    *slot = kept(track, joints, begins[log].0);
                 }
             };
-            follow::follow(walker, policy, &scripts, &[job], 1, &take, cancel)?;
+            follow::follow(walker, policy, &scripts, std::slice::from_ref(&jobs[robot]), 1, &take, cancel)?;
             Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
         };
         pool::for_each(
-            robots.len(),
+            left.len(),
             *threads,
             || (),
-            |(), robot| {
+            |(), at| {
                 if cancel() {
                     return;
                 }
+                let robot = left[at];
                 match one(robot) {
                     Ok(logs) if !cancel() => keep(robot, logs),
                     Ok(_) => {}
@@ -167,29 +228,39 @@ impl Recorder {
         failed.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), |(_, error)| Err(error))
     }
 
-    /// The scripts, each with further samples under its first command at its beginning, and the number of these samples.
-    fn unknown_starts(&self, seed: u64, robot: u32) -> Vec<(usize, Script)> {
-        let period = self.walking.task.walker.interface.control_dt;
-        let max = EARLIER_S / period;
+    /// The most samples that a robot with unknown starts walks before a recording begins.
+    fn most_samples_earlier(&self) -> usize {
+        (EARLIER_S / self.walking.task.walker.interface.control_dt + 1.0) as usize
+    }
+
+    /// How the robot begins each recording if its starts are unknown.
+    fn unknown_starts(&self, seed: u64, robot: u32) -> Vec<Beginning> {
+        let max = EARLIER_S / self.walking.task.walker.interface.control_dt;
         let stream = Stream::new(seed, Purpose::SIMULATED_ROBOTS).environment(robot.wrapping_add(1 << 31));
         let scripts = self.plain.iter().enumerate();
         let begun = scripts.map(|(number, script)| {
             let draws = stream.step(u32::try_from(number).unwrap_or(u32::MAX));
             let earlier = (draws.uniform(0) * (max + 1.0)) as usize;
-            let mut script = script.clone();
-            let first = script.commands.first().copied().unwrap_or_default();
-            script.commands.splice(0..0, std::iter::repeat_n(first, earlier));
-            if let Some(&first) = script.motion.first() {
-                let before =
-                    |k: usize| MotionPlace { time: first.time - (earlier - k) as f64 * period, ..first };
-                script.motion.splice(0..0, (0..earlier).map(before));
-            }
-            for (axis, speed) in script.start.base_linear.iter_mut().take(2).enumerate() {
+            let mut start = script.start.clone();
+            for (axis, speed) in start.base_linear.iter_mut().take(2).enumerate() {
                 *speed += (BASE_SPEED * draws.normal(1 + axis as u32)) as f32;
             }
-            (earlier, script)
+            (earlier, start)
         });
         begun.collect()
+    }
+
+    /// `script` with further samples under its first command at its beginning.
+    fn begun_earlier(&self, script: &Script, (earlier, start): &Beginning) -> Script {
+        let period = self.walking.task.walker.interface.control_dt;
+        let mut script = Script { start: start.clone(), ..script.clone() };
+        let first = script.commands.first().copied().unwrap_or_default();
+        script.commands.splice(0..0, std::iter::repeat_n(first, *earlier));
+        if let Some(&first) = script.motion.first() {
+            let before = |k: usize| MotionPlace { time: first.time - (earlier - k) as f64 * period, ..first };
+            script.motion.splice(0..0, (0..*earlier).map(before));
+        }
+        script
     }
 }
 

@@ -1,8 +1,10 @@
 // A control step of robots that walk under a policy, but for the physics: what is recorded, falls, resets, the
 // observation, the action and its targets. The same as `gaitfit_policy::follow`.
 
-// Dimensions of the signals: joint positions, velocities, actions, the base's position, its velocity.
-#define DIMENSIONS (3 * ACTIONS + 6)
+// Dimensions of the signals: joint positions, velocities, actions, the base's position, its velocity; in logs its orientation
+// and rates, too, as its inertial unit reads them.
+#define IMU_AT (3 * ACTIONS + 6)
+#define DIMENSIONS (IMU_AT + (MAKES_LOGS ? 7 : 0))
 // Numbers of a logged state: those of the state up to the joint velocities.
 #define LOGGED (13 + 2 * JOINTS)
 
@@ -29,6 +31,8 @@ DEVICE bool ends_here(const float* state, const float* report, u32 e) {
 // `actions`: the log's, recordings x samples x their width. `starts`: `each` states for every recording. `begins`: for each
 // candidate, the number of its start among those `each`. `every`: for each candidate, the samples between resets, or 0.
 // `imus`: for each candidate, errors of its inertial unit. `ends`: for each environment, the sample of its fall or the end.
+// Robots that make logs have one state in `starts` and one number in `begins` for each environment: the samples that it walks
+// under the first command before the recording begins.
 KERNEL walk(
     u32 sample, u32 count, u32 places, u32 recordings, u32 samples, u32 each, const u32* lengths, const float* commands,
     const float* starts, const u32* begins, const float* states, const float* actions, const u32* every, const float* imus,
@@ -37,7 +41,7 @@ KERNEL walk(
 ) {
     POOL(pool);
     float *first = pool, *second = pool + WIDEST * ROWS;
-    __shared__ u32 recording[ROWS], length[ROWS];
+    __shared__ u32 recording[ROWS], before[ROWS], length[ROWS];
     __shared__ bool placed[ROWS];
     __shared__ const float *logged[ROWS], *imu[ROWS];
     u32 from = blockIdx.x * ROWS;
@@ -47,11 +51,12 @@ KERNEL walk(
         u32 own = source_of(from + thread, count), of = own % recordings, period = every[own / recordings];
         imu[thread] = imus + (u64)(own / recordings) * IMU_NUMBERS;
         recording[thread] = of;
-        length[thread] = lengths[of];
+        before[thread] = MAKES_LOGS ? begins[own] : 0;
+        length[thread] = before[thread] + lengths[of];
         bool reset = period > 0 && sample > 0 && sample % period == 0 && sample < lengths[of];
         placed[thread] = sample == 0 || reset;
-        logged[thread] = period > 0 ? states + ((u64)of * samples + sample) * LOGGED
-                                    : starts + ((u64)of * each + begins[own / recordings]) * LOGGED;
+        u64 start = MAKES_LOGS ? own : (u64)of * each + begins[own / recordings];
+        logged[thread] = period > 0 ? states + ((u64)of * samples + sample) * LOGGED : starts + start * LOGGED;
     }
     __syncthreads();
     if (sample == 0) {
@@ -59,7 +64,7 @@ KERNEL walk(
             place_number(state, imu[i / STATE_COUNT], logged[i / STATE_COUNT], from + i / STATE_COUNT, i % STATE_COUNT);
         for (int r = 0; r < rows; r++) begin_sensors(memory, from + r, thread, threads);
         for (int i = thread; i < rows * ACTIONS; i += threads) last_action[(u64)from * ACTIONS + i] = 0.0f;
-        if (thread < rows && from + thread < count) ends[from + thread] = length[thread];
+        if (thread < rows && from + thread < count) ends[from + thread] = length[thread] - before[thread];
         __syncthreads();
     }
     // What is recorded of the state that was reached.
@@ -67,19 +72,30 @@ KERNEL walk(
         int r = i / (2 * ACTIONS + 2), k = i % (2 * ACTIONS + 2);
         u32 e = from + r;
         if (e >= count || sample >= length[r]) continue;
-        float* row = signals + ((u64)e * samples + sample) * DIMENSIONS;
+        if (k > 2 * ACTIONS) {
+            bool walks = sample > 0 && ends[e] == length[r] - before[r];
+            if (walks && ends_here(state, report, e)) ends[e] = sample > before[r] ? sample - before[r] : 0;
+            continue;
+        }
+        if (sample < before[r]) continue;
+        float* row = signals + ((u64)e * samples + sample - before[r]) * DIMENSIONS;
         if (k < ACTIONS)
             row[k] = joint_position(state, params, e, JOINT_OF[k]);
         else if (k < 2 * ACTIONS)
             row[k] = read_velocity(state, memory, e, JOINT_OF[k - ACTIONS]);
-        else if (k == 2 * ACTIONS) {
+        else {
             Base base = base_of(state, e);
             for (int axis = 0; axis < 3; axis++) {
                 row[3 * ACTIONS + axis] = base.position[axis];
                 row[3 * ACTIONS + 3 + axis] = base.linear[axis];
             }
-        } else if (sample > 0 && ends[e] == length[r] && ends_here(state, report, e))
-            ends[e] = sample;
+#if MAKES_LOGS
+            base = read_base(state, memory, e);
+            for (int i = 0; i < 4; i++) row[IMU_AT + i] = attitude_number(imu[r], 1, base.quaternion, i);
+            read_rates(imu[r], 1, base.angular);
+            for (int i = 0; i < 3; i++) row[IMU_AT + 4 + i] = base.angular[i];
+#endif
+        }
     }
     __syncthreads();
     if (sample > 0) {
@@ -90,8 +106,8 @@ KERNEL walk(
             if (placed[r]) begin_sensors(memory, from + r, thread, threads);
         for (int i = thread; i < rows * ACTIONS; i += threads) {
             int r = i / ACTIONS;
-            u64 before = (u64)recording[r] * samples + sample - 1;
-            if (placed[r]) last_action[(u64)from * ACTIONS + i] = actions[before * ACTIONS + i % ACTIONS];
+            u64 last = (u64)recording[r] * samples + sample - 1;
+            if (placed[r]) last_action[(u64)from * ACTIONS + i] = actions[last * ACTIONS + i % ACTIONS];
         }
         __syncthreads();
     }
@@ -99,7 +115,8 @@ KERNEL walk(
     for (int i = thread; i < rows * PARTS; i += threads) {
         int r = i / PARTS;
         Part part = PART[i % PARTS];
-        u32 e = from + r, last = length[r] - 1, now = sample < last ? sample : last;
+        u32 e = from + r, last = length[r] - 1, here = sample < last ? sample : last;
+        u32 now = here > before[r] ? here - before[r] : 0;
         const float* command = commands + ((u64)recording[r] * samples + now) * 3;
         write_term(
             part.term, part.from, part.from + 4, SCALES, nullptr, HAS_PAST && sample > 0 ? past + (u64)e * OBSERVATION : nullptr, state, params, memory, sample, imu[r], command,
@@ -125,8 +142,8 @@ KERNEL walk(
         int r = i / ACTIONS, k = i % ACTIONS;
         u32 e = from + r;
         float wanted = chosen[k * ROWS + r];
-        if (e < count && sample < length[r])
-            signals[((u64)e * samples + sample) * DIMENSIONS + 2 * ACTIONS + k] = wanted;
+        if (e < count && sample >= before[r] && sample < length[r])
+            signals[((u64)e * samples + sample - before[r]) * DIMENSIONS + 2 * ACTIONS + k] = wanted;
         last_action[(u64)from * ACTIONS + i] = wanted;
         send_target(targets, e, JOINT_OF[k], target_of(k, wanted), placed[r]);
     }

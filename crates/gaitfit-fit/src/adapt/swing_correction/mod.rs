@@ -9,10 +9,11 @@ mod response;
 
 use super::replicas::WALKED;
 use crate::Error;
+use crate::device::Gpu;
 use crate::log::Log;
 use crate::settings::AdaptConfig;
 use crate::walk::explain::{self, Cause, CauseKind};
-use crate::walk::recorder::Recorder;
+use crate::walk::recorder::{NoisyRobot, Recorded, Recorder};
 use crate::walk::swing::{Estimate, GroupEstimate, SwingFindings, SwingReport, SwingSettings};
 use crate::walk::walking::Walking;
 use crate::watch::{Counting, Watch, Work};
@@ -70,6 +71,8 @@ pub struct Robot<'a> {
     pub base: &'a Candidate,
     /// Threads.
     pub threads: usize,
+    /// GPUs, which make the logs of simulated robots; without one the CPU does.
+    pub gpus: Vec<Gpu>,
 }
 
 /// Corrects the estimates from legs in the air in `found`, which come from `logs`. Stores the corrected ones there, or the
@@ -144,8 +147,10 @@ impl Robot<'_> {
         let theta = theta_of(&real, self.model).map_err(|error| error.to_string())?;
         let mut config = self.config.clone();
         config.simulation.robot_timestep.get_or_insert(STEP_S);
-        let walking = Walking::robot(&config, self.policy.clone(), self.model, &theta, self.base, 1)
-            .map_err(|error| error.to_string())?;
+        let walking =
+            Walking::robot(&config, self.policy.clone(), self.model, &theta, self.base, self.threads)
+                .map_err(|error| error.to_string())?;
+        let walking = Walking { gpus: self.gpus.clone(), ..walking };
         let mut left = SIMULATED_S;
         let short = |log: &Trajectory| {
             let first = left > 0.0;
@@ -282,35 +287,51 @@ impl World<'_> {
 
     /// The estimates from each robot's logs; `None` for a robot that falls in too many of them.
     fn observe(&self, robots: &[Vec<f64>], first: usize) -> Result<Vec<Option<SwingReport>>, String> {
-        let reports = Mutex::new(vec![Ok(None); robots.len()]);
-        pool::for_each(
-            robots.len(),
-            self.robot.threads,
-            || (),
-            |(), at| {
-                if self.watch.stop() {
-                    return;
-                }
-                let one = self.observe_one(&robots[at], first + at);
-                self.counting.step(self.done.fetch_add(1, Ordering::Relaxed) + 1, 1, "");
-                reports.lock().unwrap_or_else(PoisonError::into_inner)[at] = one;
-            },
-        );
-        reports.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().collect()
+        let walking = robots.iter().enumerate().map(|(at, robot)| self.walking(robot, first + at));
+        let walking = walking.collect::<Result<Vec<NoisyRobot>, String>>()?;
+        // A GPU makes all logs at once. On the CPU whoever watches sees robot after robot, and can stop.
+        let at_once = if self.robot.gpus.is_empty() { self.robot.threads } else { walking.len() };
+        let parts = walking.chunks(at_once.max(1)).map(|part| self.observe_part(part));
+        Ok(parts.collect::<Result<Vec<_>, String>>()?.concat())
     }
 
-    fn observe_one(&self, robot: &[f64], number: usize) -> Result<Option<SwingReport>, String> {
-        let (noise, values) = robot.split_last().ok_or("a robot without numbers")?;
-        let (noise, values) = (noise.max(0.0).sqrt(), self.in_theta(values));
-        let number = u32::try_from(number).unwrap_or(u32::MAX);
-        let seed =
-            derive_seed(self.robot.config.optimizer.seed, Purpose::TORQUE_NOISE, number.wrapping_add(1));
-        let set = self
+    fn observe_part(&self, robots: &[NoisyRobot]) -> Result<Vec<Option<SwingReport>>, String> {
+        if self.watch.stop() {
+            return Ok(vec![None; robots.len()]);
+        }
+        let recorded = self
             .recorder
-            .record(&self.theta, &values, noise, &[seed], &|| self.watch.stop())
-            .map_err(|error| format!("The robot cannot be simulated: {error}."))?
-            .pop()
-            .unwrap_or_default();
+            .record(&self.theta, robots, &|| self.watch.stop())
+            .map_err(|error| format!("The robot cannot be simulated: {error}."))?;
+        let sets: Vec<Mutex<Vec<Recorded>>> = recorded.into_iter().map(Mutex::new).collect();
+        let reports = pool::map(sets.len(), self.robot.threads, |at| {
+            if self.watch.stop() {
+                return Ok(None);
+            }
+            let set = std::mem::take(&mut *sets[at].lock().unwrap_or_else(PoisonError::into_inner));
+            let report = self.observe_one(set);
+            self.counting.step(self.done.fetch_add(1, Ordering::Relaxed) + 1, 1, "");
+            report
+        });
+        reports.into_iter().collect()
+    }
+
+    /// Robot number `number` of all, as it walks.
+    fn walking(&self, robot: &[f64], number: usize) -> Result<NoisyRobot, String> {
+        let (noise, values) = robot.split_last().ok_or("a robot without numbers")?;
+        let number = u32::try_from(number).unwrap_or(u32::MAX);
+        Ok(NoisyRobot {
+            values: self.in_theta(values),
+            noise: noise.max(0.0).sqrt(),
+            seed: derive_seed(
+                self.robot.config.optimizer.seed,
+                Purpose::TORQUE_NOISE,
+                number.wrapping_add(1),
+            ),
+        })
+    }
+
+    fn observe_one(&self, set: Vec<Recorded>) -> Result<Option<SwingReport>, String> {
         let before = (BEFORE_FALL_S / self.robot.policy.interface.control_dt).ceil() as usize;
         let pairs = self.logs.iter().zip(set);
         let walked = pairs

@@ -1,0 +1,120 @@
+//! Logs of simulated robots, made on a GPU.
+
+#[cfg(feature = "cuda")]
+pub use there::GpuLogs;
+
+/// A build without the feature `cuda` has no GPUs.
+#[cfg(not(feature = "cuda"))]
+pub use absent::GpuLogs;
+
+/// How a robot begins a recording: the samples that it walks before under the first command, and where it starts to do so.
+pub type Beginning = (usize, gaitfit_sim::Start);
+
+#[cfg(feature = "cuda")]
+mod there {
+    use super::Beginning;
+    use crate::walk::walking::Walking;
+    use gaitfit_cuda::fit::{Begin, Candidates, Subject, Tables, Tracks};
+    use gaitfit_policy::follow::{Job, Script, Track};
+    use std::sync::{Mutex, PoisonError};
+
+    /// Walks under the commands of some recordings, on the first GPU of a fit.
+    pub struct GpuLogs(Mutex<Candidates>);
+
+    impl GpuLogs {
+        /// Of robots that walk `earlier` samples at most before a recording begins. `None` if the fit has no GPU, or if its
+        /// GPU cannot run the policy.
+        pub fn new(walking: &Walking, scripts: &[Script], earlier: usize) -> Option<Self> {
+            let gpu = walking.gpus.first()?;
+            let tables = Tables::walk(&walking.task.walker, &walking.policy, scripts).ok()?;
+            Candidates::new(gpu, tables.for_logs(earlier), walking.threads).ok().map(Mutex::new).map(Self)
+        }
+
+        /// Calls `keep(job, tracks)` once for each job, from any thread, with the job's tracks on all recordings. Returns the
+        /// jobs that are left: all after a cancellation, and those that the GPU could not simulate.
+        pub fn make(
+            &self,
+            walking: &Walking,
+            jobs: &[Job],
+            begins: &[Vec<Beginning>],
+            keep: &(dyn Fn(usize, Vec<Track>) + Sync),
+            cancel: &(dyn Fn() -> bool + Sync),
+        ) -> Vec<usize> {
+            let subject = Subject::Walk(&walking.task.walker, &walking.policy);
+            let joints = walking.task.walker.joints.len();
+            let begin = |(earlier, start): &Beginning| Begin {
+                earlier: u32::try_from(*earlier).unwrap_or(u32::MAX),
+                start: start.clone(),
+            };
+            let begins: Vec<Vec<Begin>> = begins.iter().map(|all| all.iter().map(begin).collect()).collect();
+            let made: Vec<Mutex<Vec<Option<Track>>>> =
+                begins.iter().map(|all| Mutex::new(vec![None; all.len()])).collect();
+            let consume = |job: usize, recording: usize, tracks: Tracks<'_>| {
+                let track = track(joints, &tracks);
+                let mut of_job = made[job].lock().unwrap_or_else(PoisonError::into_inner);
+                of_job[recording] = Some(track);
+                if of_job.iter().all(Option::is_some) {
+                    let whole = std::mem::take(&mut *of_job);
+                    drop(of_job);
+                    keep(job, whole.into_iter().flatten().collect());
+                }
+            };
+            let mut candidates = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            // Whatever the GPU did not make, the CPU makes.
+            let _ = candidates.make_logs(subject, jobs, &begins, &consume, cancel);
+            let is_left = |job: &usize| !made[*job].lock().unwrap_or_else(PoisonError::into_inner).is_empty();
+            (0..jobs.len()).filter(is_left).collect()
+        }
+    }
+
+    /// The signals of a recording as the CPU keeps them.
+    fn track(joints: usize, tracks: &Tracks<'_>) -> Track {
+        let mut track = Track { fell_at: tracks.fell_at, ..Track::default() };
+        for row in tracks.rows.chunks_exact(tracks.dimensions) {
+            let mut rest = row;
+            for (signal, width) in [
+                (&mut track.position, joints),
+                (&mut track.velocity, joints),
+                (&mut track.action, joints),
+                (&mut track.base_position, 3),
+                (&mut track.base_velocity, 3),
+                (&mut track.base_quaternion, 4),
+                (&mut track.base_rates, 3),
+            ] {
+                let (own, behind) = rest.split_at(width);
+                signal.extend_from_slice(own);
+                rest = behind;
+            }
+        }
+        track
+    }
+}
+
+#[cfg(not(feature = "cuda"))]
+mod absent {
+    use super::Beginning;
+    use crate::walk::walking::Walking;
+    use gaitfit_policy::follow::{Job, Script, Track};
+
+    /// There is none.
+    pub enum GpuLogs {}
+
+    impl GpuLogs {
+        /// `None`.
+        pub fn new(_: &Walking, _: &[Script], _: usize) -> Option<Self> {
+            None
+        }
+
+        /// Cannot be called.
+        pub fn make(
+            &self,
+            _: &Walking,
+            _: &[Job],
+            _: &[Vec<Beginning>],
+            _: &(dyn Fn(usize, Vec<Track>) + Sync),
+            _: &(dyn Fn() -> bool + Sync),
+        ) -> Vec<usize> {
+            match *self {}
+        }
+    }
+}
