@@ -324,6 +324,27 @@ fn a_guess_that_does_not_walk_is_followed_by_the_next() {
     assert!(!folder.path().join("walk-stance.html").exists());
 }
 
+/// While commands grow, a training does not know what a robot that stands still would have: the evaluation decides.
+#[test]
+fn a_policy_that_stands_still_does_not_walk() {
+    let folder = tempfile::tempdir().unwrap();
+    let (robot, out) = (root().join("assets/go2.xml"), folder.path().join("stands.toml"));
+    let runs = format!("runs={}", folder.path().display());
+    let mut args =
+        vec!["init", robot.to_str().unwrap(), "--out", out.to_str().unwrap(), "--no-picture", "--json"];
+    args.extend(["--train", "--device", "cpu", "--set", &runs]);
+    args.extend([
+        "--set",
+        "task.command.curriculum={x=[-0.1,0.1],y=[-0.1,0.1],yaw=[-0.1,0.1],iterations=10}",
+    ]);
+    TINY.iter().for_each(|set| args.extend(["--set", set]));
+    let output = run(&args);
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    let first = &json(&output)["trainings"][0];
+    let said = first["result"].as_str().unwrap();
+    assert!(said.contains("policy.safetensors: Its velocity error is"), "{said}");
+}
+
 fn shared(name: &str) -> PathBuf {
     root().join("../shared/data/robots").join(name)
 }

@@ -2,12 +2,17 @@
 
 use crate::cli::{Devices, Init};
 use crate::exit::{Exit, Failure};
+use crate::progress::Lines;
 use crate::watcher::watched;
 use crate::{interrupt, output};
+use gaitfit::device::Device;
+use gaitfit::evaluate::{Evaluated, GroundChoice};
 use gaitfit::files::{self, Output};
 use gaitfit::init::{Guess, Look, Preparation, Prepared, other_guesses, prepare};
 use gaitfit::settings::{self, TrainConfig};
-use gaitfit::{paths, robot, train};
+use gaitfit::world::WorldSettings;
+use gaitfit::{EvaluateSettings, paths, robot, train};
+use gaitfit_physics::Preset;
 use serde::Serialize;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -178,11 +183,11 @@ fn train_guesses(args: &Init, files: &Files, prepared: &Prepared) -> Result<Vec<
         let gains = gains(look);
         output::note(&format!("guess {} of {}: {gains}", number + 1, others.len() + 1));
         let results = watched(super::train::LINES, |watch| train::train(&setup, false, watch))?;
-        let failed = results.unlearnt();
         let policy = results.seeds.first().map(|seed| seed.policy.clone());
-        let walks = failed.is_none();
-        let result =
-            failed.unwrap_or_else(|| format!("its policy walks: {}", policy.clone().unwrap_or_default()));
+        let (walks, result) = match (results.unlearnt(), &policy) {
+            (None, Some(policy)) => judge(policy, &config, threads)?,
+            (failed, _) => (false, failed.unwrap_or_default()),
+        };
         trainings.push(Training { gains, walks, result, policy });
         if walks {
             return Ok(trainings);
@@ -190,6 +195,45 @@ fn train_guesses(args: &Init, files: &Files, prepared: &Prepared) -> Result<Vec<
     }
     write_configuration(args, files, &prepared.look)?;
     Ok(trainings)
+}
+
+/// Trajectories with random commands that show whether a policy walks.
+const TRAJECTORIES: usize = 500;
+
+/// Whether a policy walks as `evaluate` judges it, without the exploration and pushes of its training; with the evidence.
+fn judge(policy: &str, config: &TrainConfig, threads: usize) -> Result<(bool, String), Failure> {
+    let settings = EvaluateSettings {
+        world: WorldSettings {
+            policy: PathBuf::from(policy),
+            robot: None,
+            lenient: config.lenient,
+            task: None,
+            theta: None,
+            spring: Vec::new(),
+            torque_noise: 0.0,
+            randomised: false,
+            preset: Preset::Accurate,
+            seed: 0,
+            threads: NonZeroUsize::new(threads),
+        },
+        trajectories: TRAJECTORIES,
+        seconds: None,
+        drift: 0,
+        drift_speeds: None,
+        ground: GroundChoice::Flat,
+        ground_robots: 1,
+        device: Device::Cpu,
+    };
+    let Evaluated { verdict, measured, .. } =
+        watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
+    Ok(match verdict {
+        Some(verdict) => (verdict.walks, format!("{policy}: {}", verdict.text)),
+        // A task that asks for no walking is judged by its training.
+        None => match measured.evaluation.divergence() {
+            Some(why) => (false, format!("{policy}: {why}")),
+            None => (true, format!("{policy}: it does not fall")),
+        },
+    })
 }
 
 /// A sentence about guessed gains.

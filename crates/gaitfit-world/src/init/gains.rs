@@ -190,9 +190,9 @@ impl<'a> Chooser<'a> {
         if takes_servos {
             return "kp and kd of the file's position actuators".to_owned();
         }
-        let stiffness = self.stiffness;
+        let (stiffness, shown) = (self.stiffness, tidy(self.stiffness));
         let mut how = format!(
-            "kp = {stiffness:?} m g l = {:?} N·m/rad, less for joints with weaker motors; kd = {DAMPING} s · kp (a guess)",
+            "kp = {shown:?} m g l = {:?} N·m/rad, less for joints with weaker motors; kd = {DAMPING} s · kp (a guess)",
             tidy(stiffness * self.unit)
         );
         if let Some(ratio) = ratio.filter(|_| source == Source::Likely) {
