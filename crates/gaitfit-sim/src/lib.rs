@@ -10,13 +10,13 @@ mod tile;
 
 pub mod bench;
 pub mod engine;
-pub mod pool;
 pub mod stats;
 
 pub use batch::{Batch, BatchOptions};
 pub use candidate::{Candidate, JointNetworks, NetworkKind, modifications};
 pub use engine::{Cpu, Engine};
 pub use error::SimError;
+pub use gaitfit_pool as pool;
 pub use motion::{Motion, Start};
 pub use replay::{Direction, JointSignals, Recording, Replay, ReplayOptions};
 pub use sensors::{IMU_NUMBERS, Imu, Sensors};

@@ -7,12 +7,12 @@
 
 use crate::SwingError;
 use crate::equations::{Window, windows};
+use crate::estimate::walks;
 use crate::feet::Ground;
 use crate::regression::{Group, SHARED, solve};
 use crate::report::{SwingReport, SwingSettings, usual_groups};
 use crate::stance;
 use crate::torques::Drag;
-use crate::walk::Walk;
 use gaitfit_log::{Estimate, Trajectory};
 use gaitfit_model::Model;
 use nalgebra::{DMatrix, DVector};
@@ -74,7 +74,7 @@ pub fn effects(
     settings: &SwingSettings,
 ) -> Result<Vec<Effect>, SwingError> {
     let groups = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
-    let walks = logs.iter().map(|log| Walk::new(model, log)).collect::<Result<Vec<_>, _>>()?;
+    let walks = walks(model, logs, settings.threads)?;
     let delay = swings.delay.value;
     let mut drag = vec![Drag::default(); model.joints.len()];
     for (name, joints) in &groups {
@@ -82,17 +82,13 @@ pub fn effects(
             joints.iter().for_each(|&joint| drag[joint] = group.drag());
         }
     }
-    let grounds: Vec<Ground> = walks
-        .iter()
-        .map(|walk| {
-            let first = Ground::new(model, walk, delay, &drag, None);
-            Ground::new(model, walk, delay, &drag, Some(&first))
-        })
-        .collect();
-    let mut seen = Vec::new();
-    for (log, (walk, ground)) in walks.iter().zip(&grounds).enumerate() {
-        seen.extend(windows(model, walk, ground, settings, settings.window_s, delay, log));
-    }
+    let grounds: Vec<Ground> = gaitfit_pool::map(walks.len(), settings.threads, |log| {
+        let first = Ground::new(model, &walks[log], delay, &drag, None);
+        Ground::new(model, &walks[log], delay, &drag, Some(&first))
+    });
+    let of_log =
+        |log: usize| windows(model, &walks[log], &grounds[log], settings, settings.window_s, delay, log);
+    let seen: Vec<Window> = gaitfit_pool::map(walks.len(), settings.threads, of_log).concat();
     let law = crate::FrictionLaw::ALL.iter().position(|law| *law == swings.law).unwrap_or_default();
     let steps = (delay - settings.delay_range_s[0]) / settings.delay_step_s;
     let mut found = Vec::new();

@@ -45,8 +45,8 @@ pub fn estimate(
     logs: &[&Trajectory],
     settings: &SwingSettings,
 ) -> Result<SwingReport, SwingError> {
-    let walks = logs.iter().map(|log| Walk::new(model, log)).collect::<Result<Vec<_>, _>>()?;
-    let mut grounds: Vec<Option<Ground>> = vec![None; walks.len()];
+    let walks = walks(model, logs, settings.threads)?;
+    let mut grounds: Vec<Ground> = Vec::new();
     let mut drag = vec![Drag::default(); model.joints.len()];
     let mut delay = FIRST_DELAY_S;
     let none = || SwingError::NoSwings {
@@ -54,17 +54,12 @@ pub fn estimate(
         least_ms: 1e3 * (settings.window_s + 2.0 * settings.margin_s),
     };
     for pass in 0..=PASSES {
-        for (walk, ground) in walks.iter().zip(&mut grounds) {
-            let next = Ground::new(model, walk, delay, &drag, ground.as_ref());
-            *ground = Some(next);
-        }
+        let next = |log: usize| Ground::new(model, &walks[log], delay, &drag, grounds.get(log));
+        grounds = gaitfit_pool::map(walks.len(), settings.threads, next);
         let all = |length: f64| -> Vec<Window> {
-            let windows_of_log = |(log, (walk, ground)): (usize, (&Walk, &Option<Ground>))| {
-                ground.as_ref().map_or_else(Vec::new, |ground| {
-                    windows(model, walk, ground, settings, length, delay, log)
-                })
-            };
-            walks.iter().zip(&grounds).enumerate().flat_map(windows_of_log).collect()
+            let of_log =
+                |log: usize| windows(model, &walks[log], &grounds[log], settings, length, delay, log);
+            gaitfit_pool::map(walks.len(), settings.threads, of_log).concat()
         };
         let seen = all(settings.window_s);
         let last = pass == PASSES;
@@ -81,6 +76,11 @@ pub fn estimate(
         }
     }
     Err(none())
+}
+
+/// The logs as walks.
+pub(crate) fn walks(model: &Model, logs: &[&Trajectory], threads: usize) -> Result<Vec<Walk>, SwingError> {
+    gaitfit_pool::map(logs.len(), threads, |log| Walk::new(model, logs[log])).into_iter().collect()
 }
 
 /// One way of choosing swings, and what it gives.
@@ -109,14 +109,23 @@ impl Choice {
             None => 1..2,
         };
         let every = if all { 1 } else { 3 };
-        let choice = |clearance: usize| {
-            laws.clone()
-                .filter_map(|law| Some((law, Fit::new(windows, &groups, settings, clearance, law, around)?)))
-                .min_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost))
-                .map(|(law, fit)| Self { clearance, law, fit })
-        };
-        let mut choices: Vec<Self> =
-            (0..settings.clearances_m.len()).step_by(every).filter_map(choice).collect();
+        let tried: Vec<(usize, usize)> = (0..settings.clearances_m.len())
+            .step_by(every)
+            .flat_map(|clearance| laws.clone().map(move |law| (clearance, law)))
+            .collect();
+        let fits = gaitfit_pool::map(tried.len(), settings.threads, |number| {
+            let (clearance, law) = tried[number];
+            Fit::new(windows, &groups, settings, clearance, law, around)
+        });
+        let mut choices: Vec<Self> = Vec::new();
+        for (&(clearance, law), fit) in tried.iter().zip(fits) {
+            let Some(fit) = fit else { continue };
+            match choices.last_mut().filter(|last| last.clearance == clearance) {
+                Some(last) if fit.cost.total_cmp(&last.fit.cost).is_lt() => (last.law, last.fit) = (law, fit),
+                Some(_) => {}
+                None => choices.push(Self { clearance, law, fit }),
+            }
+        }
         // Low feet may touch: from high feet, of which there must be enough, to lower ones as long as they agree.
         let logs = choices.iter().map(|choice| choice.fit.logs).max()?;
         let seen = choices.iter().map(|choice| choice.fit.names.len()).max()?;
@@ -142,18 +151,22 @@ impl Choice {
     ) -> SwingReport {
         let groups = &self.fit.names;
         let around = Some(self.fit.delay(settings));
-        let mut others = vec![self.fit.unbounded()];
-        for clearance in [self.clearance.wrapping_sub(1), self.clearance + 1] {
-            if clearance < settings.clearances_m.len() {
-                others.extend(Fit::new(windows, groups, settings, clearance, self.law, around));
-            }
-        }
-        for windows in lengths {
-            others.extend(Fit::new(windows, groups, settings, self.clearance, self.law, around));
-        }
+        let mut choices: Vec<(&[Window], usize, usize)> =
+            [self.clearance.wrapping_sub(1), self.clearance + 1]
+                .into_iter()
+                .filter(|&clearance| clearance < settings.clearances_m.len())
+                .map(|clearance| (windows, clearance, self.law))
+                .collect();
+        choices.extend(lengths.iter().map(|windows| (windows.as_slice(), self.clearance, self.law)));
         if settings.law.is_none() {
-            others.extend(Fit::new(windows, groups, settings, self.clearance, 1 - self.law, around));
+            choices.push((windows, self.clearance, 1 - self.law));
         }
+        let fits = gaitfit_pool::map(choices.len(), settings.threads, |number| {
+            let (windows, clearance, law) = choices[number];
+            Fit::new(windows, groups, settings, clearance, law, around)
+        });
+        let others: Vec<Fit> =
+            std::iter::once(self.fit.unbounded()).chain(fits.into_iter().flatten()).collect();
         let mut estimates = self.fit.estimates(model);
         let mut delay = self.fit.delay_estimate(settings);
         let others: Vec<(Vec<GroupEstimate>, Estimate)> = others

@@ -34,6 +34,9 @@ pub struct SwingSettings {
     pub bounded: bool,
     /// Whether swings are also chosen otherwise (clearance, window, law). Errors then contain how the estimates change.
     pub others: bool,
+    /// Threads that compute. The report does not depend on their number.
+    #[serde(skip)]
+    pub threads: usize,
 }
 
 impl Default for SwingSettings {
@@ -51,6 +54,7 @@ impl Default for SwingSettings {
             law: None,
             bounded: true,
             others: true,
+            threads: 1,
         }
     }
 }

@@ -33,22 +33,22 @@ pub struct Standing {
 }
 
 impl Standing {
-    /// Of logs of one robot on level ground.
+    /// Of logs of one robot on level ground. `threads` compute; the result does not depend on their number.
     ///
     /// # Errors
     /// Logs without what is needed, see [`SwingError`].
-    pub fn new(model: &Model, logs: &[&Trajectory]) -> Result<Self, SwingError> {
+    pub fn new(model: &Model, logs: &[&Trajectory], threads: usize) -> Result<Self, SwingError> {
         if model.root == Root::Fixed {
             return Ok(Self::default());
         }
-        let mut standing = Self { tilt: tilt(model, logs)? };
+        let mut standing = Self { tilt: tilt(model, logs, threads)? };
         // Which feet stand is judged by their heights too, so a first look sees a part of the tilt.
         for _ in 1..ROUNDS {
             let Some(known) = standing.tilt.filter(|tilt| tilt.iter().any(|axis| axis.matters(TILT))) else {
                 break;
             };
             let level: Vec<Trajectory> = logs.iter().map(|log| standing.corrected(log).0).collect();
-            let left = tilt(model, &level.iter().collect::<Vec<_>>())?;
+            let left = tilt(model, &level.iter().collect::<Vec<_>>(), threads)?;
             let Some(left) = left else { break };
             standing.tilt = Some(std::array::from_fn(|axis| Estimate {
                 value: left[axis].value + if known[axis].matters(TILT) { known[axis].value } else { 0.0 },
@@ -85,12 +85,16 @@ impl Standing {
 }
 
 /// The tilt that the heights of feet which stand together show.
-fn tilt(model: &Model, logs: &[&Trajectory]) -> Result<Option<[Estimate; 2]>, SwingError> {
+fn tilt(model: &Model, logs: &[&Trajectory], threads: usize) -> Result<Option<[Estimate; 2]>, SwingError> {
     let mut equations = Blocks::<2>::default();
     let drag = vec![Drag::default(); model.joints.len()];
-    for (number, log) in logs.iter().enumerate() {
-        let walk = Walk::new(model, log)?;
+    let walks = gaitfit_pool::map(logs.len(), threads, |log| {
+        let walk = Walk::new(model, logs[log])?;
         let ground = Ground::new(model, &walk, DELAY_S, &drag, None);
+        Ok((walk, ground))
+    });
+    for (number, walk) in walks.into_iter().enumerate() {
+        let (walk, ground) = walk?;
         let all = ground.feet.first().map_or(0, Vec::len);
         if all < MIN_FEET {
             return Ok(None);

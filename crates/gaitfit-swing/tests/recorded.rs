@@ -51,7 +51,7 @@ fn shared_two_trials_of_a_real_robot_show_the_same_joints() {
     let all: Vec<&Trajectory> = one.iter().chain(&two).collect();
     let lag = Sensors::new(&all).velocity_lag.unwrap();
     assert!(lag.value.abs() < 0.001, "{lag:?}");
-    let tilt = Standing::new(&gaitfit_model::builtin::go2().unwrap(), &all).unwrap().tilt.unwrap();
+    let tilt = Standing::new(&gaitfit_model::builtin::go2().unwrap(), &all, 1).unwrap().tilt.unwrap();
     assert!(tilt.iter().all(|axis| axis.value.to_degrees().abs() < 0.5), "{tilt:?}");
 }
 

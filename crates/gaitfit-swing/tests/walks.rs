@@ -35,8 +35,9 @@ fn swings_of_walks_show_the_joints() {
 fn a_level_unit_is_level_and_a_tilted_one_is_turned_back() {
     let model = gaitfit_model::builtin::go2().unwrap();
     let mut logs = logs(4);
-    let tilt =
-        |logs: &[Trajectory]| Standing::new(&model, &logs.iter().collect::<Vec<_>>()).unwrap().tilt.unwrap();
+    let tilt = |logs: &[Trajectory]| {
+        Standing::new(&model, &logs.iter().collect::<Vec<_>>(), 2).unwrap().tilt.unwrap()
+    };
     assert!(tilt(&logs).iter().all(|axis| axis.value.abs() < 0.006));
     let (roll, pitch) = (1.7f64.to_radians(), 1.2f64.to_radians());
     let angle = roll.hypot(pitch);

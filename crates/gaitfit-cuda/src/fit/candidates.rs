@@ -217,7 +217,7 @@ impl Candidates {
                 let (now, later) = rest.split_at(rest.len().min(self.sessions[session].capacity()));
                 rest = later;
                 self.run(subject, session, now, jobs, begins)?;
-                let (signals, ends) = self.sessions[session].read(&self.stream)?;
+                let (signals, ends) = self.sessions[session].read(&self.stream, now.len())?;
                 let lengths = &self.tables.lengths;
                 let size = self.tables.samples * dimensions;
                 pool::for_each(

@@ -254,10 +254,13 @@ impl Session {
         }
     }
 
-    /// Signals of all candidates, `candidates × recordings × samples × dimensions`, and where each recording ended.
-    pub fn read(&self, stream: &Stream) -> Result<(Vec<f32>, Vec<u32>), FitError> {
+    /// Signals of the first `candidates`, `candidates × recordings × samples × dimensions`, and where each recording ended.
+    pub fn read(&self, stream: &Stream, candidates: usize) -> Result<(Vec<f32>, Vec<u32>), FitError> {
         match self.results() {
-            Some((signals, ends)) => Ok((signals.read(stream)?, ends.read(stream)?)),
+            Some((signals, ends)) => {
+                let each = signals.len() / self.capacity().max(1);
+                Ok((signals.read_first(stream, candidates * each)?, ends.read(stream)?))
+            }
             None => Ok(Default::default()),
         }
     }

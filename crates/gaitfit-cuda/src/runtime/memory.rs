@@ -165,15 +165,31 @@ impl<T: Number> Buffer<T> {
     /// As there, or [`CudaError::Length`].
     pub fn read_into(&self, stream: &Stream, numbers: &mut [T]) -> Result<(), CudaError> {
         self.expect(numbers.len())?;
-        if self.length == 0 {
+        self.read_beginning(stream, numbers)
+    }
+
+    /// As [`Buffer::read`], of the first `count` numbers; of all, if there are fewer.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn read_first(&self, stream: &Stream, count: usize) -> Result<Vec<T>, CudaError> {
+        let mut numbers = vec![T::default(); count.min(self.length)];
+        self.read_beginning(stream, &mut numbers)?;
+        Ok(numbers)
+    }
+
+    /// Reads as many numbers as `numbers` has, which are no more than the buffer's.
+    fn read_beginning(&self, stream: &Stream, numbers: &mut [T]) -> Result<(), CudaError> {
+        if numbers.is_empty() {
             return stream.wait();
         }
+        let bytes = size_of_val(numbers).min(self.bytes());
         // The stream's earlier work first: its failures name their kernels.
         stream.wait()?;
         self.context.enter()?;
         let to = numbers.as_mut_ptr().cast::<c_void>();
         // SAFETY: both arrays have that many bytes, any bits are a number, and the wait ends the copy.
-        let code = unsafe { (self.context.driver.copy_out)(to, self.address, self.bytes(), stream.handle()) };
+        let code = unsafe { (self.context.driver.copy_out)(to, self.address, bytes, stream.handle()) };
         let copied = self.context.driver.check(code, || format!("copying from `{}`", self.name));
         stream.wait()?;
         copied

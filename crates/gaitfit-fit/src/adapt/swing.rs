@@ -12,9 +12,11 @@ use gaitfit_log::{Estimate, Gains};
 
 /// What the fitted logs show without a simulation; absent for a clamped robot.
 pub fn findings(method: &Method, logs: &[Log]) -> Option<SwingFindings> {
-    let interface = &method.walking()?.task.walker.interface;
+    let walking = method.walking()?;
+    let interface = &walking.task.walker.interface;
+    let settings = SwingSettings { threads: walking.threads, ..SwingSettings::default() };
     let gains = Gains { kp: interface.kp.clone(), kd: interface.kd.clone() };
-    Some(SwingFindings::of_logs(method.model(), logs, &gains, &SwingSettings::default()))
+    Some(SwingFindings::of_logs(method.model(), logs, &gains, &settings))
 }
 
 /// Factor on the standard errors of estimates that could not be corrected for torque noise. Uncorrected estimates of eight

@@ -73,7 +73,7 @@ impl SwingFindings {
         };
         let steady = better(&|log| sensors.corrected(log), logs);
         let steady: Vec<&Trajectory> = steady.iter().collect();
-        let standing = Standing::new(model, &steady).unwrap_or_default();
+        let standing = Standing::new(model, &steady, settings.threads).unwrap_or_default();
         let level = better(&|log| standing.corrected(log), &steady);
         let swings = estimate(model, &level.iter().collect::<Vec<_>>(), settings);
         taken_out.sort();

@@ -2,9 +2,9 @@
 
 use crate::exit::Failure;
 use crate::{output, swings};
-use gaitfit::robot;
 use gaitfit::walk::explain::causes;
 use gaitfit::walk::swing::{SwingFindings, SwingSettings};
+use gaitfit::{machine, robot};
 use gaitfit_log::{FolderSummary, LogContent, ReadOptions, Severity, Trajectory, read_csv};
 use gaitfit_model::{Model, Root, shown};
 use std::path::Path;
@@ -32,7 +32,8 @@ pub fn look(
     if model.root != Root::Floating || walks.is_empty() {
         return Ok(None);
     }
-    Ok(Some(SwingFindings::new(&model, &walks, &SwingSettings::default())))
+    let settings = SwingSettings { threads: machine::threads(), ..SwingSettings::default() };
+    Ok(Some(SwingFindings::new(&model, &walks, &settings)))
 }
 
 /// Why no log was used, and what to do. `log`: the first that could be read; `robot`: the file of `model`.
