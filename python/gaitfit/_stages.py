@@ -181,7 +181,8 @@ def explain(
         logs: A log of a walk, or a folder of some; as for :func:`fit`.
         robot: The robot's file, MJCF or URDF; by default the built-in Go2.
         lenient: Leave out what the engine cannot simulate in the robot's file.
-        progress: As for :func:`fit`; there is one note at the beginning. It takes some seconds for each log.
+        progress: As for :func:`fit`. It counts the logs of a folder as they are read, then the regressions, of which each takes some
+            0.1 s for a log.
 
     Returns the causes, the weightiest first. None does not mean that nothing is lacking: what stands in
     ``help(gaitfit.results.Explanation)`` is all that it looks for.
@@ -196,10 +197,7 @@ def explain(
     if len(one) != 1:
         raise TypeError(f"logs has {len(one)} elements; give one log, or a folder of some")
     file = given.robot_of(path("robot", robot))
-    lenient, listen = flag("lenient", lenient), listener(progress)
-    if listen is not None and not listen("note", f"{one[0]} is read; this takes some seconds for each log", 0, 0, {}):
-        raise _gaitfit.Stopped("stopped, because the progress function returned False")
-    found = _gaitfit.explain(str(file), one[0], lenient)
+    found = _gaitfit.explain(str(file), one[0], flag("lenient", lenient), listener(progress))
     return _read.explanation_result(json.loads(found))
 
 

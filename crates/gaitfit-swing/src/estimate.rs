@@ -1,6 +1,7 @@
 //! Friction, damping, armature and delay from legs in the air.
 
 use crate::SwingError;
+use crate::count::{Count, Progress};
 use crate::equations::{Window, windows};
 use crate::feet::Ground;
 use crate::regression::{Group, SHARED, solve};
@@ -12,9 +13,12 @@ use gaitfit_log::{Estimate, Trajectory};
 use gaitfit_model::Model;
 use nalgebra::DVector;
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
 
 /// Passes before the last one. Each judges with the joints of the one before which feet stand.
 const PASSES: usize = 2;
+/// Of so many clearances an early pass tries one.
+const EVERY: usize = 3;
 /// Delay of the first pass, s.
 const FIRST_DELAY_S: f64 = 0.005;
 /// Windows of these lengths too are tried, over the usual length.
@@ -45,6 +49,21 @@ pub fn estimate(
     logs: &[&Trajectory],
     settings: &SwingSettings,
 ) -> Result<SwingReport, SwingError> {
+    estimate_counted(model, logs, settings, &mut |_, _| ControlFlow::Continue(()))
+}
+
+/// As [`estimate`]. Before each regression and after the last, `progress` gets how many are done and how many there are, and
+/// can stop the work.
+///
+/// # Errors
+/// As [`estimate`], and [`SwingError::Stopped`].
+pub fn estimate_counted(
+    model: &Model,
+    logs: &[&Trajectory],
+    settings: &SwingSettings,
+    progress: &mut Progress<'_>,
+) -> Result<SwingReport, SwingError> {
+    let mut count = Count::new(regressions(settings), progress);
     let walks = logs.iter().map(|log| Walk::new(model, log)).collect::<Result<Vec<_>, _>>()?;
     let mut grounds: Vec<Option<Ground>> = vec![None; walks.len()];
     let mut drag = vec![Drag::default(); model.joints.len()];
@@ -69,11 +88,14 @@ pub fn estimate(
         let seen = all(settings.window_s);
         let last = pass == PASSES;
         let around = (pass > 0).then_some(delay);
-        let best = Choice::best(model, &seen, settings, around, last).ok_or_else(none)?;
+        let best = Choice::best(model, &seen, settings, around, last, &mut count);
+        count.check()?;
+        let best = best.ok_or_else(none)?;
         if last {
             let lengths: &[f64] = if settings.others { &LENGTHS } else { &[] };
             let other: Vec<_> = lengths.iter().map(|factor| all(factor * settings.window_s)).collect();
-            return Ok(best.report(model, &seen, &other, settings));
+            let report = best.report(model, &seen, &other, settings, &mut count);
+            return count.finish().map(|()| report);
         }
         delay = best.fit.delay(settings);
         for (group, (_, joints)) in best.fit.estimates(model).iter().zip(&best.fit.names) {
@@ -81,6 +103,15 @@ pub fn estimate(
         }
     }
     Err(none())
+}
+
+/// Max number of regressions of an estimate.
+fn regressions(settings: &SwingSettings) -> usize {
+    let clearances = settings.clearances_m.len();
+    let laws = if settings.law.is_none() { FrictionLaw::ALL.len() } else { 1 };
+    let lengths = if settings.others { LENGTHS.len() } else { 0 };
+    // Beside the best of the last pass: two neighbouring clearances, other lengths, the other law.
+    PASSES * clearances.div_ceil(EVERY) + laws * clearances + 2 + lengths + (laws - 1)
 }
 
 /// One way of choosing swings, and what it gives.
@@ -93,13 +124,14 @@ struct Choice {
 
 impl Choice {
     /// The lowest clearance whose numbers are those of higher ones, with the law that leaves less unexplained.
-    /// `around`: the delay as known, s; `all`: every clearance and law is tried, else every third clearance and one law.
+    /// `around`: the delay as known, s; `all`: every clearance and law is tried, else one of [`EVERY`] clearances and one law.
     fn best(
         model: &Model,
         windows: &[Window],
         settings: &SwingSettings,
         around: Option<f64>,
         all: bool,
+        count: &mut Count<'_, '_>,
     ) -> Option<Self> {
         let groups = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
         let laws = match settings.law {
@@ -108,15 +140,18 @@ impl Choice {
             None if all => 0..2,
             None => 1..2,
         };
-        let every = if all { 1 } else { 3 };
-        let choice = |clearance: usize| {
+        let every = if all { 1 } else { EVERY };
+        let mut choice = |clearance: usize| {
             laws.clone()
-                .filter_map(|law| Some((law, Fit::new(windows, &groups, settings, clearance, law, around)?)))
+                .filter_map(|law| {
+                    let fit = count.one(|| Fit::new(windows, &groups, settings, clearance, law, around));
+                    Some((law, fit?))
+                })
                 .min_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost))
                 .map(|(law, fit)| Self { clearance, law, fit })
         };
         let mut choices: Vec<Self> =
-            (0..settings.clearances_m.len()).step_by(every).filter_map(choice).collect();
+            (0..settings.clearances_m.len()).step_by(every).filter_map(&mut choice).collect();
         // Low feet may touch: from high feet, of which there must be enough, to lower ones as long as they agree.
         let logs = choices.iter().map(|choice| choice.fit.logs).max()?;
         let seen = choices.iter().map(|choice| choice.fit.names.len()).max()?;
@@ -139,20 +174,24 @@ impl Choice {
         windows: &[Window],
         lengths: &[Vec<Window>],
         settings: &SwingSettings,
+        count: &mut Count<'_, '_>,
     ) -> SwingReport {
         let groups = &self.fit.names;
         let around = Some(self.fit.delay(settings));
         let mut others = vec![self.fit.unbounded()];
+        let mut other = |windows: &[Window], clearance: usize, law: usize| {
+            others.extend(count.one(|| Fit::new(windows, groups, settings, clearance, law, around)));
+        };
         for clearance in [self.clearance.wrapping_sub(1), self.clearance + 1] {
             if clearance < settings.clearances_m.len() {
-                others.extend(Fit::new(windows, groups, settings, clearance, self.law, around));
+                other(windows, clearance, self.law);
             }
         }
         for windows in lengths {
-            others.extend(Fit::new(windows, groups, settings, self.clearance, self.law, around));
+            other(windows, self.clearance, self.law);
         }
         if settings.law.is_none() {
-            others.extend(Fit::new(windows, groups, settings, self.clearance, 1 - self.law, around));
+            other(windows, self.clearance, 1 - self.law);
         }
         let mut estimates = self.fit.estimates(model);
         let mut delay = self.fit.delay_estimate(settings);

@@ -89,7 +89,7 @@ def fit(
         result = _read.fit_result(json.loads(_gaitfit.adapt(run, given.own(policy), listen, crew)))
         sharing = crew.sharing(time.process_time() - begun, result)
         if listen is not None:
-            listen("note", str(sharing), 0, 0, {})
+            listen("note", str(sharing), 0, 0, {}, None)
         return replace(result, sharing=sharing)
     finally:
         crew.close()

@@ -49,7 +49,7 @@ class Orders:
         self._begin = cluster.remote("made", streams=True, max_retries=0)
 
     def _tell(self, kind: Kind, text: str = "", done: int = 0, total: int = 0) -> None:
-        if not self._listen(kind, text, done, total, {}) and kind != "end":
+        if not self._listen(kind, text, done, total, {}, None) and kind != "end":
             raise _gaitfit.Stopped(f"stopped, because the progress function returned False. {KEPT}")
 
     def make(self, orders: Sequence[Order]) -> None:
@@ -112,7 +112,9 @@ class Orders:
         )
 
 
-def silent(_kind: str, _text: str, _done: int, _total: int, _metrics: Mapping[str, float]) -> bool:
+def silent(
+    _kind: str, _text: str, _done: int, _total: int, _metrics: Mapping[str, float], _seed: int | None
+) -> bool:
     """A listener that says nothing."""
     return True
 

@@ -1,22 +1,28 @@
 //! What walking logs show of joints and sensors without a simulation.
 
 use crate::exit::Failure;
+use crate::progress::Lines;
+use crate::watcher::watched;
 use crate::{output, swings};
 use gaitfit::robot;
 use gaitfit::walk::explain::causes;
 use gaitfit::walk::swing::{SwingFindings, SwingSettings};
+use gaitfit::watch::Watch;
 use gaitfit_log::{FolderSummary, LogContent, ReadOptions, Severity, Trajectory, read_csv};
 use gaitfit_model::{Model, Root, shown};
 use std::path::Path;
 
 /// Logs of a folder that are looked at, the first ones: enough for small errors in little time.
 const LOGS: usize = 64;
+/// How often a line reports the progress where there is no terminal.
+pub const LINES: Lines = Lines::Seconds(5);
 
 /// The findings from logs of the named robot, if its base floats and the logs have an inertial unit's signals.
 pub fn look(
     robot: Option<&Path>,
     lenient: bool,
     logs: &[&Trajectory],
+    watch: &Watch<'_>,
 ) -> Result<Option<SwingFindings>, Failure> {
     let Some(path) = robot else { return Ok(None) };
     let model = robot::named(path, lenient)?;
@@ -32,7 +38,7 @@ pub fn look(
     if model.root != Root::Floating || walks.is_empty() {
         return Ok(None);
     }
-    Ok(Some(SwingFindings::new(&model, &walks, &SwingSettings::default())))
+    Ok(Some(SwingFindings::new(&model, &walks, &SwingSettings::default(), watch)))
 }
 
 /// Why no log was used, and what to do. `log`: the first that could be read; `robot`: the file of `model`.
@@ -86,7 +92,7 @@ pub fn of_folder(
         return Ok(None);
     }
     let logs = usable(summary);
-    look(robot, lenient, &logs.iter().collect::<Vec<_>>())
+    watched(LINES, |watch| look(robot, lenient, &logs.iter().collect::<Vec<_>>(), watch))
 }
 
 /// The first logs of a folder that have no error.
