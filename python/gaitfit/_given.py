@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from . import _gaitfit
-from ._arguments import count, flag, items, mapping, maybe, path, real, text, time_limit, unicode
+from ._arguments import count, existing, flag, items, mapping, maybe, path, real, text, time_limit, unicode
 from ._arguments import threads as checked_threads
 from ._log_files import kept
 from ._logs import Log
@@ -73,16 +73,6 @@ def configured(
         return None, {**chosen, **given_settings(settings)}
     file = None if config is None else path("config", config, f", or a gaitfit.config.{kind.__name__}")
     return file, given_settings(settings)
-
-
-def existing(name: str, file: PathLike | None) -> str | None:
-    """A file that must be there."""
-    if file is None:
-        return None
-    found = path(name, file)
-    if not os.path.exists(found):
-        raise FileNotFoundError(f"{name}: there is no file {found}")
-    return found
 
 
 def robot_of(robot: PathLike | None) -> str | None:

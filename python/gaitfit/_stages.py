@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from . import _gaitfit
 from . import _given as given
-from ._arguments import flag, maybe, path
+from ._arguments import existing, flag, maybe, path
 from ._arguments import threads as checked_threads
 from ._decode import decoded
 from ._given import Device, PathLike, Resume, Settings
@@ -122,7 +122,7 @@ def validate(
         raise TypeError(f"policy is {policy!r}; it must be a gaitfit.Policy: a policy's file is in the fit's configuration")
     threads = checked_threads(threads)
     files = given.log_files(logs, None)
-    fitted, file = given.existing("theta", theta), given.existing("config", file)
+    fitted, file = existing("theta", theta), existing("config", file)
     try:
         found = _gaitfit.validate(str(fitted), files, file, sets, threads, given.own(policy))
     except _gaitfit.GaitfitError as missing:

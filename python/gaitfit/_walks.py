@@ -8,7 +8,7 @@ from typing import Any
 
 from . import _gaitfit
 from . import _given as given
-from ._arguments import count, flag, items, maybe, path, real, text
+from ._arguments import count, existing, flag, items, maybe, path, real, text
 from ._given import Device, PathLike, Preset, Resume, Settings, Theta
 from ._policy import Policy
 from ._progress import Progresses, listener
@@ -252,7 +252,7 @@ def collect(
         policy, robot, lenient, task, theta, spring, torque_noise, randomised, solver, draws, threads, max_seconds
     )
     robots, length = count("trajectories", numbers["trajectories"], 1), real("seconds", numbers["seconds"])
-    out, moves = path("out", out), given.existing("commands", numbers.get("commands"))
+    out, moves = path("out", out), existing("commands", numbers.get("commands"))
     whole, shift = flag("privileged", numbers["privileged"]), numbers["log_shift"]
     try:
         low, high = (float(one) for one in shift)
