@@ -75,10 +75,17 @@ def configured(
     return file, given_settings(settings)
 
 
+#: The robot that needs no file.
+BUILT_IN = "unitree-go2"
+
+
 def robot_of(robot: PathLike | None) -> str | None:
-    """A robot's file, which must be there; names of built-in robots are no files."""
+    """A robot's file, which must be there, or the name of the built-in one."""
     found: str | None = maybe(path, "robot", robot)
-    return existing("robot", found) if found is not None and Path(found).suffix else found
+    if found is None or found == BUILT_IN or os.path.exists(found):
+        return found
+    other = "" if Path(found).suffix else f"; the built-in robot is {BUILT_IN!r}"
+    raise FileNotFoundError(f"robot: there is no file {found}{other}")
 
 
 def given_settings(settings: Settings | None) -> dict[str, Any]:

@@ -65,6 +65,7 @@ class Worlds(Case):
         for call, words in (
             (lambda: gaitfit.fit(logs="no.csv"), "logs: there is no file no.csv"),
             (lambda: gaitfit.fit(logs=DEMO / "fit.csv", robot="no.xml"), "robot: there is no file no.xml"),
+            (lambda: gaitfit.read_robot("unitree-go1"), "robot: there is no file unitree-go1; the built-in robot is 'unitree-go2'"),
             (lambda: gaitfit.evaluate("no.onnx", **SHORT), "policy: there is no file no.onnx"),
             (lambda: gaitfit.explain("no.csv", "assets/go2.xml"), "logs: there is no file no.csv"),
         ):
