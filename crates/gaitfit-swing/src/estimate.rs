@@ -4,7 +4,7 @@ use crate::SwingError;
 use crate::count::{Count, Progress};
 use crate::equations::{Window, windows};
 use crate::feet::Ground;
-use crate::regression::{Group, SHARED, solve};
+use crate::regression::{Group, Named, SHARED, groups, solve};
 use crate::report::{FrictionLaw, GroupEstimate, SwingReport, SwingSettings, usual_groups};
 use crate::together::{Together, together};
 use crate::torques::Drag;
@@ -245,33 +245,6 @@ impl Choice {
                 .collect(),
         }
     }
-}
-
-/// A joint group: its name and the indices of its joints.
-type Named = (String, Vec<usize>);
-
-/// The groups of joints whose swings with more clearance than `above` determine them.
-fn groups<'a>(
-    windows: &'a [Window],
-    named: &[Named],
-    above: f64,
-    law: usize,
-) -> (Vec<Named>, Vec<Group<'a>>) {
-    let (mut groups, mut names) = (Vec::new(), Vec::new());
-    for (name, joints) in named {
-        let group = Group::new(
-            windows
-                .iter()
-                .filter(|window| window.clearance > above && joints.contains(&window.joint))
-                .collect(),
-            law,
-        );
-        if solve(&group, 0.0).is_some() {
-            groups.push(group);
-            names.push((name.clone(), joints.clone()));
-        }
-    }
-    (names, groups)
 }
 
 /// A solution of all groups, and its variances.
