@@ -1,4 +1,4 @@
-"""Writes the licence texts of all Rust packages that are compiled into the Python package.
+"""Writes the licence texts of all Rust packages that are compiled into the Python package and its program, on this system.
 
 Usage: python tools/make_notices.py [FILE]      (default python/LICENSE-THIRD-PARTY.txt, which wheels and sdists take along)
 
@@ -18,9 +18,15 @@ OUT = ROOT / "python" / "LICENSE-THIRD-PARTY.txt"
 TEXTS = ("LICENSE*", "LICENCE*", "COPYING*", "NOTICE*", "UNLICENSE*", "license*", "licenses/*")
 
 
+def system() -> str:
+    """The target that is built for: Rust's name of this system."""
+    told = subprocess.run(["rustc", "-vV"], check=True, capture_output=True, text=True).stdout
+    return next(line.removeprefix("host: ") for line in told.splitlines() if line.startswith("host: "))
+
+
 def packages() -> list[dict]:
     """The packages of others that the Python package is linked with, in the order of their names."""
-    command = ["cargo", "metadata", "--format-version", "1", "--locked", "--filter-platform", "x86_64-unknown-linux-gnu"]
+    command = ["cargo", "metadata", "--format-version", "1", "--locked", "--filter-platform", system()]
     metadata = json.loads(subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout)
     known = {package["id"]: package for package in metadata["packages"]}
     nodes = {node["id"]: node for node in metadata["resolve"]["nodes"]}
@@ -53,7 +59,7 @@ def main() -> None:
         name = f"{package['name']} {package['version']} ({package['license'] or 'licence in its file'})"
         for text in texts(package) or [""]:
             groups.setdefault(text, []).append(name)
-    parts = ["The Python package gaitfit contains code of these packages. Their licence texts follow."]
+    parts = ["The program gaitfit, and the Python package, which contains it, have code of these packages. Their licence texts follow."]
     for text, names in sorted(groups.items(), key=lambda group: group[1][0]):
         parts.append("\n".join(names) + f"\n\n{text or 'The package has no licence text; the licence is stated above.'}")
     out.write_text(f"\n\n{'-' * 80}\n\n".join(parts) + "\n", encoding="utf-8")

@@ -75,6 +75,16 @@ def path(name: str, value: Any, otherwise: str = "") -> str:
     return os.fspath(value)
 
 
+def existing(name: str, file: str | os.PathLike[str] | None) -> str | None:
+    """A file that must be there."""
+    if file is None:
+        return None
+    found = path(name, file)
+    if not os.path.exists(found):
+        raise FileNotFoundError(f"{name}: there is no file {found}")
+    return found
+
+
 def maybe(check: Any, name: str, value: Any) -> Any:
     """What ``check`` takes, or nothing."""
     return None if value is None else check(name, value)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from . import _gaitfit
-from ._arguments import count, flag, items, mapping, maybe, path, real, text, time_limit, unicode
+from ._arguments import count, existing, flag, items, mapping, maybe, path, real, text, time_limit, unicode
 from ._arguments import threads as checked_threads
 from ._log_files import kept
 from ._logs import Log
@@ -75,20 +75,17 @@ def configured(
     return file, given_settings(settings)
 
 
-def existing(name: str, file: PathLike | None) -> str | None:
-    """A file that must be there."""
-    if file is None:
-        return None
-    found = path(name, file)
-    if not os.path.exists(found):
-        raise FileNotFoundError(f"{name}: there is no file {found}")
-    return found
+#: The robot that needs no file.
+BUILT_IN = "unitree-go2"
 
 
 def robot_of(robot: PathLike | None) -> str | None:
-    """A robot's file, which must be there; names of built-in robots are no files."""
+    """A robot's file, which must be there, or the name of the built-in one."""
     found: str | None = maybe(path, "robot", robot)
-    return existing("robot", found) if found is not None and Path(found).suffix else found
+    if found is None or found == BUILT_IN or os.path.exists(found):
+        return found
+    other = "" if Path(found).suffix else f"; the built-in robot is {BUILT_IN!r}"
+    raise FileNotFoundError(f"robot: there is no file {found}{other}")
 
 
 def given_settings(settings: Settings | None) -> dict[str, Any]:

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _gaitfit
 from ._alone import Alone
-from ._arguments import count, flag, items, path
+from ._arguments import count, existing, flag, items, path
 from ._arrays import numbers
-from ._given import existing
 from ._policy import Interface, interface_of
 
 if TYPE_CHECKING:

@@ -24,6 +24,8 @@ class Event:
         what: What is counted, for example ``"generation"`` or ``"seed 1, iteration"``.
         done: How many are done; of ``"begin"`` those before this run, where it continues one, of ``"end"`` the last step's.
         total: How many there are; work whose result is certain earlier ends before.
+        seed: The seed that ``"begin"``, ``"step"`` and ``"end"`` of a training belong to; ``None`` for other work. All seeds of a fit
+            are searched in the same generations: the names of its ``metrics`` have the seed.
         metrics: Numbers of a step by name. Of a fit, for each cost and seed: ``"wass/seed-1/best_so_far"``, ``best``, ``mean``,
             ``sigma``, ``diverged`` and ``fallen``. Of a training: ``"train/reward"``, ``train/episode_return``,
             ``train/episode_seconds``, ``train/fall_rate``, ``train/linear_velocity_error`` and
@@ -41,14 +43,15 @@ class Event:
     done: int = 0
     total: int = 0
     metrics: Mapping[str, float] = field(default_factory=dict)
+    seed: int | None = None
 
 
 #: What takes events: ``False`` stops the stage, every other answer continues.
 Progress = Callable[[Event], object]
 #: What ``progress=`` takes.
 Progresses = bool | Progress | Sequence[Progress | Literal[True]]
-#: What the native half calls: kind, text, done, total and numbers.
-Listener = Callable[[Kind | Literal["metrics"], str, int, int, Mapping[str, float]], bool]
+#: What the native half calls: kind, text, done, total, numbers and the seed.
+Listener = Callable[[Kind | Literal["metrics"], str, int, int, Mapping[str, float], int | None], bool]
 
 
 def listener(progress: Progresses) -> Listener | None:
@@ -73,16 +76,23 @@ class _Reported:
         self._listeners = listeners
         self._what, self._done, self._total = "", 0, 0
         self._metrics: Mapping[str, float] = {}
+        self._seed: int | None = None
 
     def __call__(
-        self, kind: Kind | Literal["metrics"], text: str, done: int, total: int, metrics: Mapping[str, float]
+        self,
+        kind: Kind | Literal["metrics"],
+        text: str,
+        done: int,
+        total: int,
+        metrics: Mapping[str, float],
+        seed: int | None,
     ) -> bool:
         if kind == "metrics":
             # They belong to the step that follows.
             self._metrics = metrics
             return True
         if kind == "begin":
-            self._what, self._total = text, total
+            self._what, self._total, self._seed = text, total, seed
         counted = kind in ("begin", "step", "end")
         self._done = self._done if kind not in ("begin", "step") else done
         event = Event(
@@ -92,6 +102,7 @@ class _Reported:
             self._done if counted else 0,
             self._total if counted else 0,
             self._metrics if kind == "step" else {},
+            self._seed if counted else None,
         )
         if kind == "step":
             self._metrics = {}

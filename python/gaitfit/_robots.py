@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from . import _gaitfit
 from ._arguments import count as whole
-from ._arguments import flag, text
+from ._arguments import existing, flag, text
 from ._arguments import threads as checked
 from ._arrays import numbers
-from ._given import Theta, configured, existing, robot_of, theta_file
+from ._given import Theta, configured, robot_of, theta_file
 from ._given import sets as as_sets
 from ._policy import Interface, interface_of
 from ._settings import meant

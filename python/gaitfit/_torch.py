@@ -90,14 +90,13 @@ class RecurrentActor(_Normalised):
         """
         several = observation.ndim == 3
         seen = (observation if several else observation.unsqueeze(0)) * self.scale + self.offset
-        if state is None:
-            state = seen.new_zeros(seen.shape[1], self.state_width)
+        before: torch.Tensor = seen.new_zeros(seen.shape[1], self.state_width) if state is None else state
         after: list[torch.Tensor] = []
         at = 0
         for layer, width in zip(self.memory, self.hidden):
             parts: list[torch.Tensor] = []
             for _ in range(2 if self.is_lstm else 1):
-                parts.append(state[:, at : at + width].unsqueeze(0).contiguous())
+                parts.append(before[:, at : at + width].unsqueeze(0).contiguous())
                 at += width
             seen, new = layer(seen, tuple(parts) if self.is_lstm else parts[0])
             after += [one[0] for one in (new if self.is_lstm else (new,))]

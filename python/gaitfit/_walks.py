@@ -8,7 +8,7 @@ from typing import Any
 
 from . import _gaitfit
 from . import _given as given
-from ._arguments import count, flag, items, maybe, path, real, text
+from ._arguments import count, existing, flag, items, maybe, path, real, text
 from ._given import Device, PathLike, Preset, Resume, Settings, Theta
 from ._policy import Policy
 from ._progress import Progresses, listener
@@ -170,7 +170,8 @@ def evaluate(
         preset: Solver effort of the physics; by default ``"fast"``.
         seed: Of commands, starts and noise; by default 0.
         max_seconds: Wall time of the call, s; after it :class:`Stopped` is raised, and nothing is kept.
-        device, threads, progress: As for :func:`fit`.
+        device, threads: As for :func:`fit`.
+        progress: As for :func:`fit`. There are notes alone: the trajectories are not counted.
 
     Returns errors of velocity, m/s and rad/s, and the share of falls, each as a mean with half the width of its 95 % interval.
     :func:`compare` returns the difference of two evaluations; with the same ``seed``, trajectory by trajectory.
@@ -252,7 +253,7 @@ def collect(
         policy, robot, lenient, task, theta, spring, torque_noise, randomised, solver, draws, threads, max_seconds
     )
     robots, length = count("trajectories", numbers["trajectories"], 1), real("seconds", numbers["seconds"])
-    out, moves = path("out", out), given.existing("commands", numbers.get("commands"))
+    out, moves = path("out", out), existing("commands", numbers.get("commands"))
     whole, shift = flag("privileged", numbers["privileged"]), numbers["log_shift"]
     try:
         low, high = (float(one) for one in shift)

@@ -120,8 +120,7 @@ class MLflow:
 
 def _named(event: Event) -> Mapping[str, float]:
     """The numbers of an event; of a training of several seeds with the seed, as each has the same names."""
-    seed, comma, _ = event.what.partition(",")
-    before = f"{seed.replace(' ', '-')}/" if comma and seed.startswith("seed ") else ""
+    before = "" if event.seed is None else f"seed-{event.seed}/"
     return {f"{before}{name}": value for name, value in event.metrics.items()}
 
 

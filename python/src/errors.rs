@@ -52,6 +52,9 @@ const NO_GAINS: &str = "the log does not state its PD gains";
 
 fn text(message: impl ToString) -> String {
     let mut text = in_python(&brief(&message.to_string())).replace("train.environments", "train.num_envs");
+    if text.contains("unknown field") {
+        text = text.replace("`environments`", "`num_envs`");
+    }
     // Without a configuration's file errors begin with "settings"; logs are none.
     if let Some(rest) =
         text.strip_prefix("settings: ").filter(|rest| rest.starts_with("the log") || rest.starts_with("log "))

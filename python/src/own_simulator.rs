@@ -262,6 +262,7 @@ fn searched(
         total: generations,
         first: fit.generation(),
         parts: "candidates",
+        seed: None,
     });
     let (cancel, begun) = (|| watch.stop(), Instant::now());
     let limit = search.max_seconds.unwrap_or(f64::INFINITY);

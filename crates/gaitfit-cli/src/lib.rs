@@ -17,6 +17,7 @@ mod watcher;
 
 use cli::{Cli, Command};
 use exit::{Exit, Failure};
+use gaitfit::watch::Watch;
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -49,8 +50,14 @@ pub fn program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
 ///
 /// # Errors
 /// Files that cannot be used, in a sentence.
-pub fn explain(robot: &Path, logs: &Path, lenient: bool) -> Result<String, String> {
-    commands::explain::document(robot, logs, lenient).map_err(|failure| failure.message)
+pub fn explain(
+    robot: &Path,
+    logs: &Path,
+    lenient: bool,
+    watch: &Watch<'_>,
+) -> Result<String, gaitfit::Error> {
+    commands::explain::document(robot, logs, lenient, watch)
+        .map_err(|failure| gaitfit::Error::failed(failure.message))
 }
 
 /// Prints help that was asked for, or what is wrong with the command line.

@@ -34,7 +34,7 @@ pub struct Progress {
 impl Progress {
     /// Starts counting.
     pub fn new(work: Work<'_>, lines: Lines) -> Self {
-        let Work { what, total, first, parts } = work;
+        let Work { what, total, first, parts, .. } = work;
         let terminal = std::io::stderr().is_terminal();
         let bar = terminal.then(|| {
             let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr());

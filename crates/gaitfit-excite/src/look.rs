@@ -82,7 +82,8 @@ impl Look<'_> {
         watch: &Watch<'_>,
     ) -> Result<Vec<Option<Sensitivity>>, Error> {
         let what = "identification by command sequences";
-        let counting = watch.begin(Work { what, total: logs.len(), first: 0, parts: "sequences" });
+        let counting =
+            watch.begin(Work { what, total: logs.len(), first: 0, parts: "sequences", seed: None });
         let mut found = Vec::with_capacity(logs.len());
         for (number, log) in logs.into_iter().enumerate() {
             if watch.stop() {

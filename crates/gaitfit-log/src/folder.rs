@@ -96,8 +96,8 @@ pub struct FindingGroup {
     pub example: String,
 }
 
-/// Reads and checks the logs of a folder, one at a time; `spec` says what a log is checked against. Before each log,
-/// `progress` gets how many are done and how many there are, and can stop the work.
+/// Reads and checks the logs of a folder, one at a time; `spec` says what a log is checked against. Before each log and
+/// after the last, `progress` gets how many are done and how many there are, and can stop the work.
 ///
 /// # Errors
 /// A folder that cannot be read or holds no `*.csv`; [`LogError::Stopped`]. A log that cannot be read is an entry of the
@@ -159,6 +159,9 @@ pub fn summarise_folder(
             }
         };
         summary.logs.push(LogEntry { path, content });
+    }
+    if progress(count, count).is_break() {
+        return Err(LogError::Stopped);
     }
     (summary.common_joints, summary.other_joints) = joints.split();
     summary.velocity_lag = lag.lag().filter(VelocityLag::matters);

@@ -17,7 +17,7 @@ fn summarise(folder: &Path) -> Result<FolderSummary, LogError> {
     };
     let summary =
         summarise_folder(folder, &ReadOptions::default(), &|_| CheckSpec::default(), &mut progress)?;
-    assert_eq!(seen, (0..summary.logs.len()).map(|done| (done, summary.logs.len())).collect::<Vec<_>>());
+    assert_eq!(seen, (0..=summary.logs.len()).map(|done| (done, summary.logs.len())).collect::<Vec<_>>());
     Ok(summary)
 }
 

@@ -36,6 +36,8 @@ pub struct Work<'a> {
     pub first: usize,
     /// What the work is made of, in the plural, for the speed, for example `evaluations`.
     pub parts: &'a str,
+    /// The seed that is trained; absent for work that is not of one seed.
+    pub seed: Option<u64>,
 }
 
 /// Work goes on.
@@ -95,7 +97,25 @@ impl<'a> Watch<'a> {
         self.tell(Event::Begin(work));
         Counting { watch: self }
     }
+
+    /// Does `work`, which counts `what`: the function that it is given reports the count and answers whether to continue.
+    pub fn counted<T>(&self, what: &str, parts: &str, work: impl FnOnce(&mut Count<'_>) -> T) -> T {
+        let mut counting = None;
+        let mut last = 0;
+        work(&mut |done, total| {
+            let counting =
+                counting.get_or_insert_with(|| self.begin(Work { what, total, first: 0, parts, seed: None }));
+            if done > last {
+                counting.step(done, done - last, "");
+                last = done;
+            }
+            if self.stop() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })
+    }
 }
+
+/// What a function calls that counts its work: how many are done and how many there are. It answers whether to continue.
+pub type Count<'a> = dyn FnMut(usize, usize) -> ControlFlow<()> + 'a;
 
 /// Countable work.
 pub struct Counting<'a> {
@@ -117,5 +137,34 @@ impl Counting<'_> {
 impl Drop for Counting<'_> {
     fn drop(&mut self) {
         self.watch.tell(Event::End);
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use std::sync::Mutex;
+
+    #[test]
+    fn counted_work_begins_with_its_first_count_and_stops() {
+        let seen = Mutex::new(Vec::new());
+        let callback = |event: Event<'_>| {
+            let mut seen = seen.lock().unwrap();
+            match event {
+                Event::Begin(work) => seen.push(format!("begin {} of {}", work.what, work.total)),
+                Event::Step(step) => seen.push(format!("step {} of {}", step.done, step.parts)),
+                Event::End => seen.push("end".to_owned()),
+                _ => {}
+            }
+            if seen.len() < 3 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let watch = Watch::new(&callback);
+        watch.counted("log", "logs", |_| ());
+        assert!(seen.lock().unwrap().is_empty());
+        let answers =
+            watch.counted("log", "logs", |count| [count(0, 9), count(2, 9), count(2, 9), count(5, 9)]);
+        assert_eq!(answers.map(|answer| answer.is_continue()), [true, true, true, false]);
+        assert_eq!(*seen.lock().unwrap(), ["begin log of 9", "step 2 of 2", "step 5 of 3", "end"]);
     }
 }

@@ -36,6 +36,9 @@ pub enum SwingError {
         /// Its length.
         seconds: f64,
     },
+    /// The caller asked to stop.
+    #[error("stopped")]
+    Stopped,
     /// No leg was seen in the air.
     #[error("no leg is in the air long enough in {logs} logs: legs must swing for {least_ms:.0} ms or more")]
     NoSwings {

@@ -1,9 +1,10 @@
 //! Friction, damping, armature and delay from legs in the air.
 
 use crate::SwingError;
+use crate::count::{Count, Progress};
 use crate::equations::{Window, windows};
 use crate::feet::Ground;
-use crate::regression::{Group, SHARED, solve};
+use crate::regression::{Group, Named, SHARED, groups, solve};
 use crate::report::{FrictionLaw, GroupEstimate, SwingReport, SwingSettings, usual_groups};
 use crate::together::{Together, together};
 use crate::torques::Drag;
@@ -12,9 +13,12 @@ use gaitfit_log::{Estimate, Trajectory};
 use gaitfit_model::Model;
 use nalgebra::DVector;
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
 
 /// Passes before the last one. Each judges with the joints of the one before which feet stand.
 const PASSES: usize = 2;
+/// Of so many clearances an early pass tries one.
+const EVERY: usize = 3;
 /// Delay of the first pass, s.
 const FIRST_DELAY_S: f64 = 0.005;
 /// Windows of these lengths too are tried, over the usual length.
@@ -45,6 +49,21 @@ pub fn estimate(
     logs: &[&Trajectory],
     settings: &SwingSettings,
 ) -> Result<SwingReport, SwingError> {
+    estimate_counted(model, logs, settings, &mut |_, _| ControlFlow::Continue(()))
+}
+
+/// As [`estimate`]. Before each regression and after the last, `progress` gets how many are done and how many there are, and
+/// can stop the work.
+///
+/// # Errors
+/// As [`estimate`], and [`SwingError::Stopped`].
+pub fn estimate_counted(
+    model: &Model,
+    logs: &[&Trajectory],
+    settings: &SwingSettings,
+    progress: &mut Progress<'_>,
+) -> Result<SwingReport, SwingError> {
+    let mut count = Count::new(regressions(settings), progress);
     let walks = walks(model, logs, settings.threads)?;
     let mut grounds: Vec<Ground> = Vec::new();
     let mut drag = vec![Drag::default(); model.joints.len()];
@@ -64,11 +83,14 @@ pub fn estimate(
         let seen = all(settings.window_s);
         let last = pass == PASSES;
         let around = (pass > 0).then_some(delay);
-        let best = Choice::best(model, &seen, settings, around, last).ok_or_else(none)?;
+        let best = Choice::best(model, &seen, settings, around, last, &mut count);
+        count.check()?;
+        let best = best.ok_or_else(none)?;
         if last {
             let lengths: &[f64] = if settings.others { &LENGTHS } else { &[] };
             let other: Vec<_> = lengths.iter().map(|factor| all(factor * settings.window_s)).collect();
-            return Ok(best.report(model, &seen, &other, settings));
+            let report = best.report(model, &seen, &other, settings, &mut count);
+            return count.finish().map(|()| report);
         }
         delay = best.fit.delay(settings);
         for (group, (_, joints)) in best.fit.estimates(model).iter().zip(&best.fit.names) {
@@ -76,6 +98,15 @@ pub fn estimate(
         }
     }
     Err(none())
+}
+
+/// Max number of regressions of an estimate.
+fn regressions(settings: &SwingSettings) -> usize {
+    let clearances = settings.clearances_m.len();
+    let laws = if settings.law.is_none() { FrictionLaw::ALL.len() } else { 1 };
+    let lengths = if settings.others { LENGTHS.len() } else { 0 };
+    // Beside the best of the last pass: two neighbouring clearances, other lengths, the other law.
+    PASSES * clearances.div_ceil(EVERY) + laws * clearances + 2 + lengths + (laws - 1)
 }
 
 /// The logs as walks.
@@ -93,13 +124,14 @@ struct Choice {
 
 impl Choice {
     /// The lowest clearance whose numbers are those of higher ones, with the law that leaves less unexplained.
-    /// `around`: the delay as known, s; `all`: every clearance and law is tried, else every third clearance and one law.
+    /// `around`: the delay as known, s; `all`: every clearance and law is tried, else one of [`EVERY`] clearances and one law.
     fn best(
         model: &Model,
         windows: &[Window],
         settings: &SwingSettings,
         around: Option<f64>,
         all: bool,
+        count: &mut Count<'_, '_>,
     ) -> Option<Self> {
         let groups = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
         let laws = match settings.law {
@@ -108,12 +140,12 @@ impl Choice {
             None if all => 0..2,
             None => 1..2,
         };
-        let every = if all { 1 } else { 3 };
+        let every = if all { 1 } else { EVERY };
         let tried: Vec<(usize, usize)> = (0..settings.clearances_m.len())
             .step_by(every)
             .flat_map(|clearance| laws.clone().map(move |law| (clearance, law)))
             .collect();
-        let fits = gaitfit_pool::map(tried.len(), settings.threads, |number| {
+        let fits = count.map(tried.len(), settings.threads, |number| {
             let (clearance, law) = tried[number];
             Fit::new(windows, &groups, settings, clearance, law, around)
         });
@@ -148,6 +180,7 @@ impl Choice {
         windows: &[Window],
         lengths: &[Vec<Window>],
         settings: &SwingSettings,
+        count: &mut Count<'_, '_>,
     ) -> SwingReport {
         let groups = &self.fit.names;
         let around = Some(self.fit.delay(settings));
@@ -161,7 +194,7 @@ impl Choice {
         if settings.law.is_none() {
             choices.push((windows, self.clearance, 1 - self.law));
         }
-        let fits = gaitfit_pool::map(choices.len(), settings.threads, |number| {
+        let fits = count.map(choices.len(), settings.threads, |number| {
             let (windows, clearance, law) = choices[number];
             Fit::new(windows, groups, settings, clearance, law, around)
         });
@@ -219,33 +252,6 @@ impl Choice {
                 .collect(),
         }
     }
-}
-
-/// A joint group: its name and the indices of its joints.
-type Named = (String, Vec<usize>);
-
-/// The groups of joints whose swings with more clearance than `above` determine them.
-fn groups<'a>(
-    windows: &'a [Window],
-    named: &[Named],
-    above: f64,
-    law: usize,
-) -> (Vec<Named>, Vec<Group<'a>>) {
-    let (mut groups, mut names) = (Vec::new(), Vec::new());
-    for (name, joints) in named {
-        let group = Group::new(
-            windows
-                .iter()
-                .filter(|window| window.clearance > above && joints.contains(&window.joint))
-                .collect(),
-            law,
-        );
-        if solve(&group, 0.0).is_some() {
-            groups.push(group);
-            names.push((name.clone(), joints.clone()));
-        }
-    }
-    (names, groups)
 }
 
 /// A solution of all groups, and its variances.

@@ -9,6 +9,7 @@
 //! Logs need targets, gains, and orientation and body rates of the base; legs of a clamped robot in the air need no
 //! inertial unit. Rates of 50 Hz do, higher ones are better.
 
+mod count;
 pub mod dynamics;
 mod effects;
 mod equations;
@@ -23,9 +24,10 @@ mod together;
 mod torques;
 mod walk;
 
+pub use count::Progress;
 pub use effects::{Effect, EffectKind, effects};
 pub use error::SwingError;
-pub use estimate::estimate;
+pub use estimate::{estimate, estimate_counted};
 pub use feet::{Foot, Ground};
 pub use gaitfit_log::Estimate;
 pub use report::{FrictionLaw, GroupEstimate, SwingReport, SwingSettings, usual_groups};

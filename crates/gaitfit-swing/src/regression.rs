@@ -101,3 +101,30 @@ fn accumulate(normal: &mut DMatrix<f64>, row: &[f64], weight: f64) {
 fn product(row: &[f64], values: &DVector<f64>) -> f64 {
     row.iter().zip(values.iter()).map(|(a, b)| a * b).sum()
 }
+
+/// A joint group: its name and the indices of its joints.
+pub(crate) type Named = (String, Vec<usize>);
+
+/// The groups of joints whose swings with more clearance than `above` determine them.
+pub(crate) fn groups<'a>(
+    windows: &'a [Window],
+    named: &[Named],
+    above: f64,
+    law: usize,
+) -> (Vec<Named>, Vec<Group<'a>>) {
+    let (mut groups, mut names) = (Vec::new(), Vec::new());
+    for (name, joints) in named {
+        let group = Group::new(
+            windows
+                .iter()
+                .filter(|window| window.clearance > above && joints.contains(&window.joint))
+                .collect(),
+            law,
+        );
+        if solve(&group, 0.0).is_some() {
+            groups.push(group);
+            names.push((name.clone(), joints.clone()));
+        }
+    }
+    (names, groups)
+}

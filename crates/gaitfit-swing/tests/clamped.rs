@@ -4,7 +4,8 @@
 use gaitfit_log::{Gains, Trajectory};
 use gaitfit_model::{Model, Root};
 use gaitfit_swing::dynamics::{BaseMotion, Motion};
-use gaitfit_swing::{FrictionLaw, SwingError, SwingSettings, estimate};
+use gaitfit_swing::{FrictionLaw, SwingError, SwingSettings, estimate, estimate_counted};
+use std::ops::ControlFlow;
 
 const FRICTION: [f64; 3] = [0.2, 0.15, 0.6];
 const DAMPING: [f64; 3] = [0.1, 0.05, 0.2];
@@ -131,4 +132,30 @@ fn what_is_missing_is_named() {
     let mut broken = whole;
     broken.position.fill(f64::NAN);
     assert!(estimate(&model, &[&broken], &SwingSettings::default()).is_err());
+}
+
+#[test]
+fn regressions_are_counted_and_can_be_stopped() {
+    let model = clamped();
+    let whole = log(&model, 0.0);
+    let settings = SwingSettings { hop_s: 0.05, ..SwingSettings::default() };
+    let mut seen = Vec::new();
+    let mut count = |done, total| {
+        seen.push((done, total));
+        ControlFlow::Continue(())
+    };
+    let counted = estimate_counted(&model, &[&whole], &settings, &mut count).unwrap();
+    assert_eq!(counted, estimate(&model, &[&whole], &settings).unwrap());
+    let total = seen[0].1;
+    assert!(seen.len() > 20 && seen.iter().all(|(_, all)| *all == total), "{seen:?}");
+    assert!(seen.iter().zip(0..).all(|((done, _), number)| *done == number || *done == total), "{seen:?}");
+    assert_eq!(seen.last(), Some(&(total, total)));
+    let mut calls = 0;
+    let mut stop = |done, _| {
+        calls += 1;
+        if done < 3 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    };
+    let stopped = estimate_counted(&model, &[&whole], &settings, &mut stop);
+    assert!(matches!(stopped, Err(SwingError::Stopped)), "{stopped:?}");
+    assert_eq!(calls, 4, "nobody is asked after the stop");
 }

@@ -21,6 +21,7 @@ from .._given import PathLike, Resume, Settings
 from .._logs import Log
 from ..config import Cost, Fit
 from ._cluster import Cluster, Place, library
+from ._limit import Limit
 from ._workers import Workers
 
 
@@ -35,6 +36,7 @@ def fit(
     name: str | None = None,
     runs: PathLike | None = None,
     resume: Resume = False,
+    max_seconds: float | None = None,
     threads: int | None = None,
     progress: Progresses = True,
     address: str | None = None,
@@ -46,6 +48,7 @@ def fit(
 
     Arguments:
         config, logs, robot, policy, costs, settings, name, runs, resume, progress: As for :func:`gaitfit.fit`.
+        max_seconds: As for :func:`gaitfit.fit`; the time to reach the cluster counts too.
         threads: Threads of this process.
         address: The cluster's, as :func:`ray.init` takes it.
         num_cpus: CPUs of a task, and its threads.
@@ -72,7 +75,7 @@ def fit(
     >>> result.sharing.tasks      # doctest: +SKIP
     {'costs': 2700}
     """
-    place = Place(num_cpus, num_gpus, retries)
+    limit, place = Limit(max_seconds), Place(num_cpus, num_gpus, retries)
     listen = listener(progress)
     if isinstance(policy, Policy) and num_gpus > 0:
         raise ValueError(f"the policy {policy.name} is a function, which GPUs do not simulate with: leave num_gpus out")
@@ -82,10 +85,11 @@ def fit(
     crew = Crew(Cluster(address, place), own)
     begun = time.process_time()
     try:
+        run["max_seconds"] = limit.left()
         result = _read.fit_result(json.loads(_gaitfit.adapt(run, given.own(policy), listen, crew)))
         sharing = crew.sharing(time.process_time() - begun, result)
         if listen is not None:
-            listen("note", str(sharing), 0, 0, {})
+            listen("note", str(sharing), 0, 0, {}, None)
         return replace(result, sharing=sharing)
     finally:
         crew.close()

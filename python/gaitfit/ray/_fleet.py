@@ -18,6 +18,7 @@ from .._progress import Progresses, listener
 from ..config import Cost, Fit
 from ..results import Fleet
 from ._cluster import Cluster, Place
+from ._limit import Limit
 from ._orders import Order, Orders, silent
 
 
@@ -33,6 +34,7 @@ def fleet(
     name: str = "fleet",
     runs: PathLike | None = None,
     resume: Resume = False,
+    max_seconds: float | None = None,
     progress: Progresses = True,
     address: str | None = None,
     num_cpus: float = 1,
@@ -49,6 +51,8 @@ def fleet(
         name: Folder of the robots' run folders; ``fleet.json`` in it is the result, which :func:`gaitfit.load` reads.
         runs: Folder of that folder; by default ``"runs"``.
         resume, progress: As for :func:`gaitfit.fit`; a step of progress is a robot.
+        max_seconds: Wall time of the call, s; after it the call stops with :class:`Stopped`. Robots that are done, and what workers sent
+            of the others, are kept, and ``resume=True`` continues.
         address, num_cpus, num_gpus, retries: As for :func:`gaitfit.ray.fit`, for each robot.
         every: Time between checkpoints that a worker sends, s.
 
@@ -60,7 +64,7 @@ def fleet(
     >>> logs = {name: f"logs/{name}" for name in ("a", "b", "c", "d")}      # doctest: +SKIP
     >>> fleet = gaitfit.ray.fleet(logs, "go2.toml", address="auto")      # doctest: +SKIP
     """
-    place, listen = Place(num_cpus, num_gpus, retries), listener(progress) or silent
+    limit, place, listen = Limit(max_seconds), Place(num_cpus, num_gpus, retries), listener(progress) or silent
     several = mapping("robots", robots, '{"robot-1": "logs/robot-1"}')
     if len(several) < MIN_ROBOTS:
         raise ValueError(f"there are {len(several)} robots; the scatter of a fleet needs at least {MIN_ROBOTS}")
@@ -84,7 +88,8 @@ def fleet(
             where, files = _gaitfit.adapt_plan(run(resume, None, "cpu"))
             how = {"what": "fit", "run": run(True, place.threads, place.device)}
             orders[one].append(Order(whose, os.fspath(where), [], how, [os.fspath(file) for file in files]))
-    Orders(cluster, {}, place.retries, every, listen).make([order for own in orders.values() for order in own])
+    makes = Orders(cluster, {}, every, listen, limit, folder)
+    makes.make([order for own in orders.values() for order in own])
     found = together({one: [order.folder for order in own] for one, own in orders.items()})
     found.write(os.path.join(folder, "fleet.json"))
     return found

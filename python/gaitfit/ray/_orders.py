@@ -11,6 +11,7 @@ from typing import Any
 from .. import _gaitfit
 from .._progress import Kind, Listener
 from ._cluster import Cluster
+from ._limit import KEPT, Limit
 from ._parts import read, write
 
 #: Parts for each place of the cluster that are begun at a time.
@@ -32,20 +33,34 @@ class Orders:
     """Makes parts on workers, and keeps what they write."""
 
     def __init__(
-        self, cluster: Cluster, sources: Mapping[str, bytes], retries: int, every: float, listen: Listener
+        self,
+        cluster: Cluster,
+        sources: Mapping[str, bytes],
+        every: float,
+        listen: Listener,
+        limit: Limit,
+        folder: str | os.PathLike[str],
     ) -> None:
-        self._cluster, self._retries, self._every, self._listen = cluster, retries, every, listen
+        self._cluster, self._every, self._listen = cluster, every, listen
+        self._limit, self._folder = limit, Path(folder)
         self._sources = cluster.put(sources)
         self._needs: dict[str, Any] = {}
         # A part that is lost is begun here again, from what came of it.
         self._begin = cluster.remote("made", streams=True, max_retries=0)
 
     def _tell(self, kind: Kind, text: str = "", done: int = 0, total: int = 0) -> None:
-        if not self._listen(kind, text, done, total, {}) and kind != "end":
-            raise _gaitfit.Stopped("stopped, because the progress function returned False. The same call continues")
+        if not self._listen(kind, text, done, total, {}, None) and kind != "end":
+            raise _gaitfit.Stopped(f"stopped, because the progress function returned False. {KEPT}")
 
     def make(self, orders: Sequence[Order]) -> None:
-        """Makes all of them; the first failure ends it, after what came was kept."""
+        """Makes all of them; the first failure ends it, after what came was kept. :class:`gaitfit.Stopped` has the run folder."""
+        try:
+            self._make(orders)
+        except _gaitfit.Stopped as stopped:
+            stopped.run_folder = self._folder
+            raise
+
+    def _make(self, orders: Sequence[Order]) -> None:
         lost = {order.name: 0 for order in orders}
         done = 0
         if not orders:
@@ -54,6 +69,7 @@ class Orders:
         waiting, open_ = deque(orders), dict[Any, Order]()
         try:
             while open_ or waiting:
+                self._limit.check()
                 # Files of a part are in the object store while it waits for its place: few wait at a time.
                 while waiting and len(open_) < AHEAD * max(1, self._cluster.places()):
                     order = waiting.popleft()
@@ -65,7 +81,7 @@ class Orders:
                     except self._cluster.lost as error:
                         open_.pop(stream)
                         lost[order.name] += 1
-                        if lost[order.name] > self._retries:
+                        if lost[order.name] > self._cluster.place.retries:
                             raise _gaitfit.GaitfitError(
                                 f"{order.name}: its worker was lost {lost[order.name]} times, which is more than chance: {error}. "
                                 "What is done is in the run folder; the same call continues."
@@ -96,7 +112,9 @@ class Orders:
         )
 
 
-def silent(_kind: str, _text: str, _done: int, _total: int, _metrics: Mapping[str, float]) -> bool:
+def silent(
+    _kind: str, _text: str, _done: int, _total: int, _metrics: Mapping[str, float], _seed: int | None
+) -> bool:
     """A listener that says nothing."""
     return True
 

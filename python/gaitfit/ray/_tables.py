@@ -15,6 +15,7 @@ from ..results import Table
 from ..results import _read
 from .._given import PathLike, Settings, sets
 from ._cluster import Cluster, Place
+from ._limit import Limit
 from ._orders import Order, Orders, silent, sources
 
 
@@ -27,6 +28,7 @@ def reproduce(
     settings: Settings | None = None,
     experiments: PathLike = "experiments",
     runs: PathLike | None = None,
+    max_seconds: float | None = None,
     threads: int | None = None,
     progress: Progresses = True,
     address: str | None = None,
@@ -45,6 +47,7 @@ def reproduce(
         settings: Changes of the experiments' settings, by name.
         experiments: Folder of the experiment files.
         runs: Folder of the run folders.
+        max_seconds: Wall time of the call, s; after it the call stops with :class:`Stopped`, and the same call continues.
         threads, progress: As for :func:`gaitfit.fit`.
         address, num_cpus, num_gpus, retries: As for :func:`gaitfit.ray.fit`, for each cell.
         every: Time between parts that a worker sends, s.
@@ -58,7 +61,7 @@ def reproduce(
 
     >>> table = gaitfit.ray.reproduce("1")      # doctest: +SKIP
     """
-    place, listen = Place(num_cpus, num_gpus, retries), listener(progress) or silent
+    limit, place, listen = Limit(max_seconds), Place(num_cpus, num_gpus, retries), listener(progress) or silent
     given = {} if settings is None else mapping("settings", settings, '{"target.trajectories": 8}')
     if runs is not None or "runs" in given:
         # Workers have an image of this folder, in which only relative paths are the same.
@@ -78,7 +81,7 @@ def reproduce(
     folder = plan["run_folder"]
     theirs = {**request, "threads": cluster.place.threads, "device": cluster.place.device}
     parts = [part for part in plan["parts"] if not part["finished"]]
-    orders = Orders(cluster, sources(plan["files"]), retries, every, listen)
+    orders = Orders(cluster, sources(plan["files"]), every, listen, limit, folder)
     shared = [part for part in parts if part["kind"] == "shared"]
     cells = [part for part in parts if part["kind"] == "cell"]
 

@@ -16,6 +16,7 @@ from .. import _given as given
 from .._given import PathLike, Resume, Settings
 from ..config import Finetune, Train
 from ._cluster import Cluster, Place
+from ._limit import Limit
 from ._orders import Order, Orders, silent, sources
 
 
@@ -28,6 +29,7 @@ def train(
     name: str | None = None,
     runs: PathLike | None = None,
     resume: Resume = False,
+    max_seconds: float | None = None,
     progress: Progresses = True,
     address: str | None = None,
     num_cpus: float = 1,
@@ -39,6 +41,7 @@ def train(
 
     Arguments:
         config, robot, seeds, settings, name, runs, resume, progress: As for :func:`gaitfit.train`.
+        max_seconds: As for :func:`gaitfit.train`; the time to reach the cluster counts too.
         address, num_cpus, num_gpus, retries: As for :func:`gaitfit.ray.fit`, for each seed.
         every: Time between checkpoints that a worker sends, s.
 
@@ -49,7 +52,7 @@ def train(
 
     >>> trained = gaitfit.ray.train("train.toml", seeds=range(1, 6), num_gpus=1)      # doctest: +SKIP
     """
-    cluster = Cluster(address, Place(num_cpus, num_gpus, retries))
+    limit, cluster = Limit(max_seconds), Cluster(address, Place(num_cpus, num_gpus, retries))
     config, robot = _seen(config), _seen(robot)
 
     def run(name: str | None, resume: Resume, threads: int | None, device: str) -> dict[str, Any]:
@@ -61,7 +64,7 @@ def train(
     def rest(run: Mapping[str, Any], seeds: Sequence[int], listen: Listener) -> str:
         return _gaitfit.train(run, robot, seeds, None, listen)
 
-    return _parts(cluster, every, progress, run, plan, how, rest)
+    return _parts(cluster, every, limit, progress, run, plan, how, rest)
 
 
 def finetune(
@@ -79,6 +82,7 @@ def finetune(
     name: str | None = None,
     runs: PathLike | None = None,
     resume: Resume = False,
+    max_seconds: float | None = None,
     progress: Progresses = True,
     address: str | None = None,
     num_cpus: float = 1,
@@ -91,7 +95,7 @@ def finetune(
     Arguments:
         policy, theta, robot, task, spring, torque_noise, lenient, config, seeds, settings, name, runs, resume, progress: As for
             :func:`gaitfit.finetune`.
-        address, num_cpus, num_gpus, retries, every: As for :func:`gaitfit.ray.train`.
+        max_seconds, address, num_cpus, num_gpus, retries, every: As for :func:`gaitfit.ray.train`.
 
     Files that the policy's file names by itself are not sent: give a
     ``.safetensors`` or ``.onnx``.
@@ -101,7 +105,7 @@ def finetune(
     >>> trained = gaitfit.ray.finetune("walk.safetensors", theta="theta.toml", seeds=[1, 2])      # doctest: +SKIP
     """
     named = os.path.relpath(given.file_of(policy))
-    cluster = Cluster(address, Place(num_cpus, num_gpus, retries))
+    limit, cluster = Limit(max_seconds), Cluster(address, Place(num_cpus, num_gpus, retries))
     config = _seen(config)
     world = given.world(named, _seen(robot), lenient, task, _seen(theta), spring, torque_noise)
 
@@ -114,12 +118,13 @@ def finetune(
     def rest(run: Mapping[str, Any], seeds: Sequence[int], listen: Listener) -> str:
         return _gaitfit.finetune(run, world, seeds, None, listen)
 
-    return _parts(cluster, every, progress, run, plan, how, rest)
+    return _parts(cluster, every, limit, progress, run, plan, how, rest)
 
 
 def _parts(
     cluster: Cluster,
     every: float,
+    limit: Limit,
     progress: Progresses,
     run: Callable[[str | None, Resume, int | None, str], dict[str, Any]],
     plan: tuple[str, str, list[int], list[str]],
@@ -135,7 +140,7 @@ def _parts(
         for seed in seeds
     ]
     read = sources([os.fspath(file) for file in files])
-    Orders(cluster, read, place.retries, every, listen).make(orders)
+    Orders(cluster, read, every, listen, limit, folder).make(orders)
     return _read.training_result(json.loads(rest(run(name, True, None, "cpu"), seeds, listen)))
 
 

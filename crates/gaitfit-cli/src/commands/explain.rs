@@ -3,17 +3,18 @@
 use crate::cli::Explain;
 use crate::commands::inspect::{log, swings as look};
 use crate::exit::Failure;
+use crate::watcher::watched;
 use crate::{output, swings};
 use gaitfit::robot;
 use gaitfit::walk::explain::{Cause, causes};
 use gaitfit::walk::swing::SwingFindings;
+use gaitfit::watch::{Count, Watch};
 use gaitfit_log::{
     CheckSpec, ReadOptions, Severity, Trajectory, csv_files, read_csv, read_csv_report, summarise_folder,
 };
 use gaitfit_model::{argument, counted};
 use serde::Serialize;
 use std::fmt::Write as _;
-use std::ops::ControlFlow;
 use std::path::Path;
 
 /// The log, or the first log of a folder that can be read.
@@ -69,14 +70,13 @@ impl Looked {
 }
 
 /// What logs show of a robot without a simulation, or why they show nothing.
-fn findings(robot: &Path, logs: &Path, lenient: bool) -> Result<Looked, Failure> {
+fn findings(robot: &Path, logs: &Path, lenient: bool, watch: &Watch<'_>) -> Result<Looked, Failure> {
     let path = Some(robot);
     let model = robot::named(robot, lenient)?;
     let (all, used) = if logs.is_dir() {
         let spec = |log: &Trajectory| CheckSpec::of_robot(&model, &log.joints);
-        let mut progress = |_, _| ControlFlow::Continue(());
-        let summary =
-            summarise_folder(logs, &ReadOptions::default(), &spec, &mut progress).map_err(Failure::failed)?;
+        let read = |count: &mut Count<'_>| summarise_folder(logs, &ReadOptions::default(), &spec, count);
+        let summary = watch.counted("log", "logs", read).map_err(Failure::failed)?;
         (summary.logs.len(), look::usable(&summary))
     } else {
         let (log, report) = read_csv_report(logs, &ReadOptions::default()).map_err(Failure::failed)?;
@@ -89,7 +89,7 @@ fn findings(robot: &Path, logs: &Path, lenient: bool) -> Result<Looked, Failure>
         }
         (1, vec![log])
     };
-    let found = look::look(path, lenient, &used.iter().collect::<Vec<_>>())?;
+    let found = look::look(path, lenient, &used.iter().collect::<Vec<_>>(), watch)?;
     let found = found.ok_or_else(|| {
         Failure::failed(format!(
             "{}: none of the logs can be explained: {}",
@@ -117,15 +117,15 @@ fn findings(robot: &Path, logs: &Path, lenient: bool) -> Result<Looked, Failure>
 ///
 /// # Errors
 /// Files that cannot be used, in a sentence.
-pub fn document(robot: &Path, logs: &Path, lenient: bool) -> Result<String, Failure> {
-    let looked = findings(robot, logs, lenient)?;
+pub fn document(robot: &Path, logs: &Path, lenient: bool, watch: &Watch<'_>) -> Result<String, Failure> {
+    let looked = findings(robot, logs, lenient, watch)?;
     serde_json::to_string(&looked.document(robot, logs, &causes(&looked.found))).map_err(Failure::failed)
 }
 
 /// Prints the causes that the logs show, the weightiest first. A log that must not be used is refused, and left out of a
 /// folder.
 pub fn run(args: &Explain) -> Result<(), Failure> {
-    let looked = findings(&args.robot, &args.logs, args.lenient)?;
+    let looked = watched(look::LINES, |watch| findings(&args.robot, &args.logs, args.lenient, watch))?;
     let causes = causes(&looked.found);
     if args.json {
         return output::print_json(&looked.document(&args.robot, &args.logs, &causes));

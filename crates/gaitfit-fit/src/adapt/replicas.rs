@@ -70,7 +70,8 @@ impl Replicas {
     ) -> Result<Option<String>, FitError> {
         let each = setup.config.optimizer.replicates;
         let what = format!("{}: correction, set of simulated logs", outcome.cost);
-        let counting = watch.begin(Work { what: &what, total: sets(each), first: 0, parts: "sets" });
+        let counting =
+            watch.begin(Work { what: &what, total: sets(each), first: 0, parts: "sets", seed: None });
         let world = Robots { replicas: self, setup, cost, watch, counting: &counting, made: Cell::new(0) };
         outcome.correct(problem, &world, each)
     }
@@ -92,7 +93,7 @@ impl Replicas {
             false => ControlFlow::Continue(()),
         };
         let watch = Watch::new(&callback);
-        let counting = watch.begin(Work { what: "set", total: 1, first: 0, parts: "sets" });
+        let counting = watch.begin(Work { what: "set", total: 1, first: 0, parts: "sets", seed: None });
         let (watch, counting, made) = (&watch, &counting, Cell::new(0));
         let world = Robots { replicas: self, setup, cost, watch, counting, made };
         answers(&world, problem, question, &[number])?.pop().ok_or(Failure::Fit(FitError::Incomplete))

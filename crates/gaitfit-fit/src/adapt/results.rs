@@ -249,8 +249,13 @@ pub(super) fn results(
     };
     let robot = Robot { theta: &setup.theta, values: &first.values() };
     let given = setup.config.costs[0].given();
-    let checks_done =
-        watch.begin(Work { what: "check of the result", total: CHECKS, first: 0, parts: "checks" });
+    let checks_done = watch.begin(Work {
+        what: "check of the result",
+        total: CHECKS,
+        first: 0,
+        parts: "checks",
+        seed: None,
+    });
     let checked = |done: usize| {
         checks_done.step(done, 1, "");
         let stopped = "interrupted while the result was checked; --resume continues";

@@ -44,8 +44,13 @@ pub fn correct(
 ) -> Result<Option<Refused>, FitError> {
     let each = Regression::each(setup.theta.len(), EACH, setup.config.optimizer.replicates as usize);
     let what = format!("{}: correction, simulated robot", outcome.cost);
-    let counting =
-        watch.begin(Work { what: &what, total: Regression::robots(each), first: 0, parts: "robots" });
+    let counting = watch.begin(Work {
+        what: &what,
+        total: Regression::robots(each),
+        first: 0,
+        parts: "robots",
+        seed: None,
+    });
     let distributions = Distributions::new(&setup.fit.reference);
     let seed = setup.config.optimizer.seed;
     let done = AtomicUsize::new(0);

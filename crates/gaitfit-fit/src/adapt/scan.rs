@@ -23,7 +23,7 @@ impl<'a> Scan<'a> {
 
     fn counting(&self, candidates: usize) -> Counting<'_> {
         let what = format!("{}: interval, candidate", self.cost);
-        self.watch.begin(Work { what: &what, total: candidates, first: 0, parts: "candidates" })
+        self.watch.begin(Work { what: &what, total: candidates, first: 0, parts: "candidates", seed: None })
     }
 }
 

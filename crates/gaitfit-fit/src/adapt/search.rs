@@ -54,6 +54,7 @@ pub fn fit(
         total: setup.options.max_generations(),
         first: fit.generation(),
         parts: "evaluations",
+        seed: None,
     });
     let mut saved = Instant::now();
     let every = Duration::try_from_secs_f64(setup.config.checkpoint_seconds).unwrap_or(Duration::MAX);

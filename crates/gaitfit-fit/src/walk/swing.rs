@@ -1,6 +1,7 @@
 //! Estimates of joints and sensors from walks without a simulation, for tables and for comparison with a fit's values.
 
 use crate::log::Log;
+use crate::watch::Watch;
 use gaitfit_adapt::{JointParameter, RobotNumber};
 use gaitfit_log::{Gains, ReadOptions, Sensors, Trajectory, read_csv};
 use gaitfit_model::Model;
@@ -10,7 +11,7 @@ use std::collections::BTreeMap;
 pub use gaitfit_log::Estimate;
 pub use gaitfit_swing::{
     Effect, EffectKind, FrictionLaw, GroupEstimate, Standing, SwingError, SwingReport, SwingSettings,
-    effects, estimate, usual_groups,
+    effects, estimate_counted, usual_groups,
 };
 
 /// What the logs of one robot show without a simulation.
@@ -39,9 +40,9 @@ pub struct SwingFindings {
 
 impl SwingFindings {
     /// The findings from logs as they were recorded. Faults of sensors are taken out first. The delay counts from rows, as in a
-    /// walk's fit, even if the log has the times at which targets were sent.
-    pub fn new(model: &Model, logs: &[&Trajectory], settings: &SwingSettings) -> Self {
-        let (mut found, level) = Self::without_effects(model, logs, settings);
+    /// walk's fit, even if the log has the times at which targets were sent. A caller that stops it gets a part of the findings.
+    pub fn new(model: &Model, logs: &[&Trajectory], settings: &SwingSettings, watch: &Watch<'_>) -> Self {
+        let (mut found, level) = Self::without_effects(model, logs, settings, watch);
         if let Some(report) = &found.swings {
             let level: Vec<&Trajectory> = level.iter().collect();
             found.effects = effects(model, &level, report, settings).unwrap_or_default();
@@ -54,6 +55,7 @@ impl SwingFindings {
         model: &Model,
         logs: &[&Trajectory],
         settings: &SwingSettings,
+        watch: &Watch<'_>,
     ) -> (Self, Vec<Trajectory>) {
         let rows: Vec<Trajectory> =
             logs.iter().map(|&log| Trajectory { lead: None, ..log.clone() }).collect();
@@ -75,7 +77,9 @@ impl SwingFindings {
         let steady: Vec<&Trajectory> = steady.iter().collect();
         let standing = Standing::new(model, &steady, settings.threads).unwrap_or_default();
         let level = better(&|log| standing.corrected(log), &steady);
-        let swings = estimate(model, &level.iter().collect::<Vec<_>>(), settings);
+        let swings = watch.counted("regression", "regressions", |count| {
+            estimate_counted(model, &level.iter().collect::<Vec<_>>(), settings, count)
+        });
         taken_out.sort();
         taken_out.dedup();
         let (swings, why_not) = match swings {
@@ -104,7 +108,7 @@ impl SwingFindings {
                 trajectory
             })
             .collect();
-        Self::new(model, &trajectories.iter().collect::<Vec<_>>(), settings)
+        Self::new(model, &trajectories.iter().collect::<Vec<_>>(), settings, &Watch::silent())
     }
 }
 

@@ -157,7 +157,8 @@ impl Session<'_> {
         let mut events = EventFile::open(&event_path, Some(u64::from(first))).map_err(unwritable)?;
         let total = (self.setup.plan.train.iterations as usize).max(first as usize);
         let what = format!("seed {}, iteration", self.seed);
-        let work = Work { what: &what, total, first: first as usize, parts: "samples" };
+        let work =
+            Work { what: &what, total, first: first as usize, parts: "samples", seed: Some(self.seed) };
         let counting = self.watch.begin(work);
         let every = Duration::try_from_secs_f64(self.setup.plan.checkpoint_seconds).unwrap_or(Duration::MAX);
         let mut saved = (Instant::now(), first);

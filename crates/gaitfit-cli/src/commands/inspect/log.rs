@@ -4,6 +4,7 @@ use super::{number, plot, swings};
 use crate::cli::Inspect;
 use crate::exit::{Exit, Failure};
 use crate::table::table;
+use crate::watcher::watched;
 use crate::{output, viewer};
 use gaitfit::arrangement::{LogMatch, match_log};
 use gaitfit::files::{self, Output};
@@ -63,7 +64,8 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     if let Some(path) = &args.plot {
         plot::write(&log, &findings, path)?;
     }
-    let swings = swings::look(args.robot.as_deref(), args.lenient, &[&log])?;
+    let swings =
+        watched(swings::LINES, |watch| swings::look(args.robot.as_deref(), args.lenient, &[&log], watch))?;
     let policy = args.policy.as_deref().map(|path| walked(args, path)).transpose()?;
     let other = policy.as_ref().is_some_and(|found| found.is_other);
     if args.json {

@@ -1,9 +1,12 @@
 //! What walking logs show of joints and sensors without a simulation.
 
 use crate::exit::Failure;
+use crate::progress::Lines;
+use crate::watcher::watched;
 use crate::{output, swings};
 use gaitfit::walk::explain::causes;
 use gaitfit::walk::swing::{SwingFindings, SwingSettings};
+use gaitfit::watch::Watch;
 use gaitfit::{machine, robot};
 use gaitfit_log::{FolderSummary, LogContent, ReadOptions, Severity, Trajectory, read_csv};
 use gaitfit_model::{Model, Root, shown};
@@ -11,12 +14,15 @@ use std::path::Path;
 
 /// Logs of a folder that are looked at, the first ones: enough for small errors in little time.
 const LOGS: usize = 64;
+/// How often a line reports the progress where there is no terminal.
+pub const LINES: Lines = Lines::Seconds(5);
 
 /// The findings from logs of the named robot, if its base floats and the logs have an inertial unit's signals.
 pub fn look(
     robot: Option<&Path>,
     lenient: bool,
     logs: &[&Trajectory],
+    watch: &Watch<'_>,
 ) -> Result<Option<SwingFindings>, Failure> {
     let Some(path) = robot else { return Ok(None) };
     let model = robot::named(path, lenient)?;
@@ -33,7 +39,7 @@ pub fn look(
         return Ok(None);
     }
     let settings = SwingSettings { threads: machine::threads(), ..SwingSettings::default() };
-    Ok(Some(SwingFindings::new(&model, &walks, &settings)))
+    Ok(Some(SwingFindings::new(&model, &walks, &settings, watch)))
 }
 
 /// Why no log was used, and what to do. `log`: the first that could be read; `robot`: the file of `model`.
@@ -87,7 +93,7 @@ pub fn of_folder(
         return Ok(None);
     }
     let logs = usable(summary);
-    look(robot, lenient, &logs.iter().collect::<Vec<_>>())
+    watched(LINES, |watch| look(robot, lenient, &logs.iter().collect::<Vec<_>>(), watch))
 }
 
 /// The first logs of a folder that have no error.

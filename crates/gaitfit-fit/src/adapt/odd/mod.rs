@@ -106,6 +106,7 @@ fn fit(setup: &Setup, theta: &Theta, watch: &Watch<'_>) -> Result<CostOutcome, F
         total: setup.options.generations,
         first: 0,
         parts: "evaluations",
+        seed: None,
     };
     let stop = || watch.stop();
     let counting = watch.begin(work);

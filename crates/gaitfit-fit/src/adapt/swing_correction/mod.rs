@@ -165,6 +165,7 @@ impl Robot<'_> {
             total: FIRST_ROBOTS + ROUNDS * robots_for(numbers_of(&real)),
             first: 0,
             parts: "robots",
+            seed: None,
         });
         let done = AtomicUsize::new(0);
         let world = World { robot: self, recorder, theta, settings, groups, logs, watch, counting, done };
@@ -358,7 +359,7 @@ impl World<'_> {
 /// The estimates from legs in the air, without a search for effects that the model lacks.
 fn estimate(model: &Model, logs: &[Trajectory], settings: &SwingSettings) -> Result<SwingReport, String> {
     let logs: Vec<&Trajectory> = logs.iter().collect();
-    let (found, _) = SwingFindings::without_effects(model, &logs, settings);
+    let (found, _) = SwingFindings::without_effects(model, &logs, settings, &Watch::silent());
     found.swings.ok_or_else(|| found.why_not.unwrap_or_default())
 }
 

@@ -1,0 +1,55 @@
+//! How many regressions an estimate has done, for progress and for stopping.
+
+use crate::SwingError;
+use std::ops::ControlFlow;
+
+/// What an estimate calls: how many regressions are done and how many there are. It answers whether to continue.
+pub type Progress<'a> = dyn FnMut(usize, usize) -> ControlFlow<()> + 'a;
+
+/// Counts the regressions of an estimate.
+pub(crate) struct Count<'a, 'b> {
+    done: usize,
+    total: usize,
+    progress: &'a mut Progress<'b>,
+    stopped: bool,
+}
+
+impl<'a, 'b> Count<'a, 'b> {
+    /// No regression is done; there are `total` at most.
+    pub(crate) fn new(total: usize, progress: &'a mut Progress<'b>) -> Self {
+        Self { done: 0, total, progress, stopped: false }
+    }
+
+    /// Does this many regressions, as many at a time as there are threads; none after the caller stopped.
+    pub(crate) fn map<T: Send>(
+        &mut self,
+        regressions: usize,
+        threads: usize,
+        regression: impl Fn(usize) -> Option<T> + Sync,
+    ) -> Vec<Option<T>> {
+        let mut found = Vec::with_capacity(regressions);
+        while found.len() < regressions {
+            let first = found.len();
+            let count = threads.clamp(1, regressions - first);
+            self.stopped = self.stopped || (self.progress)(self.done, self.total).is_break();
+            let one = |number: usize| if self.stopped { None } else { regression(first + number) };
+            found.extend(gaitfit_pool::map(count, threads, one));
+            self.done = (self.done + count).min(self.total);
+        }
+        found
+    }
+
+    /// Whether the caller stopped the work, which then lacks a part.
+    pub(crate) fn check(&self) -> Result<(), SwingError> {
+        if self.stopped { Err(SwingError::Stopped) } else { Ok(()) }
+    }
+
+    /// All are done.
+    pub(crate) fn finish(self) -> Result<(), SwingError> {
+        self.check()?;
+        match (self.progress)(self.total, self.total) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(SwingError::Stopped),
+        }
+    }
+}
