@@ -59,7 +59,7 @@ impl Walks for Toy {
 /// The logs of the real robot.
 fn real(toy: &Toy) -> Logs {
     let groups = (0..4).map(|group| 3 * group..3 * group + 3).collect();
-    Logs { numbers: toy.logs(&TRUTH, u32::MAX), groups }
+    Logs { numbers: toy.logs(&TRUTH, u32::MAX), groups, threads: 2 }
 }
 
 fn found(toy: &Toy, logs: &Logs) -> Regression {

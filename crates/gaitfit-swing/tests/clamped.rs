@@ -76,6 +76,12 @@ fn joints_of_a_clamped_robot_come_out_as_they_were_put_in() {
     let logs = [log(&model, 0.0), log(&model, 1.3)];
     let settings = SwingSettings { hop_s: 0.05, clearances_m: vec![0.02], ..SwingSettings::default() };
     let report = estimate(&model, &[&logs[0], &logs[1]], &settings).unwrap();
+    let threads = SwingSettings { threads: 3, ..settings };
+    assert_eq!(
+        estimate(&model, &[&logs[0], &logs[1]], &threads).unwrap(),
+        report,
+        "other threads, other numbers"
+    );
     assert!((report.delay.value - DELAY).abs() < 2e-4, "{:?}", report.delay);
     assert_eq!(report.law, FrictionLaw::Coulomb);
     assert_eq!(report.groups.len(), 3);

@@ -56,7 +56,8 @@ pub fn correct(
     let done = AtomicUsize::new(0);
     let world = World { setup, replicas, distributions, seed, watch, counting: &counting, done };
     let (theta, found) = (&setup.theta, outcome.values());
-    let logs = Logs { numbers: distributions.recorded(), groups: distributions.groups() };
+    let threads = setup.method.walking().map_or(1, |walking| walking.threads);
+    let logs = Logs { numbers: distributions.recorded(), groups: distributions.groups(), threads };
     match regress(theta, &found, &logs, &world, each, seed, problem.cancel)? {
         Ok(regression) => {
             let refused = outcome.adopt(problem, &regression)?;

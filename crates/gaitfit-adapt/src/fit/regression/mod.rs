@@ -169,6 +169,8 @@ pub struct Logs {
     pub numbers: Vec<f64>,
     /// Which of them belong together ([`Distributions::groups`]).
     pub groups: Vec<Range<usize>>,
+    /// Threads that learn from the groups. The estimates do not depend on their number.
+    pub threads: usize,
 }
 
 /// Estimates the values of the robot that made `logs` from `each` simulated robots a round. `found`: the result of the search
@@ -217,7 +219,7 @@ pub fn regress(
             all.logs.push(logs);
         }
         let near = all.between(&lower, &upper);
-        let Some(found) = near.estimate(&logs.numbers, &logs.groups) else {
+        let Some(found) = near.estimate(&logs.numbers, &logs.groups, logs.threads) else {
             return Ok(Err("The logs of simulated robots are all alike, or too few.".to_owned()));
         };
         let deviations = found.deviations();

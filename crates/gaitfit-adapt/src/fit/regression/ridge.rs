@@ -1,6 +1,6 @@
 //! A ridge regression that learns the values of robots from their logs.
 
-use gaitfit_sim::stats;
+use gaitfit_sim::{pool, stats};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use std::ops::Range;
 
@@ -63,11 +63,15 @@ impl Robots {
     /// Each group alone says the values, with an error that robots left out one by one show. A robot that is like the
     /// simulated ones differs among groups by these errors; one that is not differs by more. The mean and its standard error
     /// are those of a random-effects analysis (DerSimonian and Laird 1986), where the groups are the studies.
-    pub fn estimate(&self, logs: &[f64], groups: &[Range<usize>]) -> Option<Estimate> {
+    pub fn estimate(&self, logs: &[f64], groups: &[Range<usize>], threads: usize) -> Option<Estimate> {
         let entries = self.values.first().filter(|_| self.len() >= FEWEST)?.len();
-        let whole = self.learn(logs, 0..logs.len())?;
-        let parts: Vec<Vec<Prediction>> =
-            groups.iter().filter_map(|group| self.learn(logs, group.clone())).collect();
+        // All numbers together, then each group.
+        let mut learnt = pool::map(groups.len() + 1, threads, |part| {
+            self.learn(logs, part.checked_sub(1).map_or(0..logs.len(), |group| groups[group].clone()))
+        })
+        .into_iter();
+        let whole = learnt.next()??;
+        let parts: Vec<Vec<Prediction>> = learnt.flatten().collect();
         let mut found = Estimate {
             values: Vec::new(),
             errors: Vec::new(),
@@ -232,15 +236,15 @@ mod tests {
         let logs = |one: &Vec<f64>| vec![one[0] + one[1], one[0] - 2.0 * one[1], 3.0, one[1]];
         let robots = Robots { logs: values.iter().map(logs).collect(), values };
         let asked = logs(&vec![0.77, 2.5]);
-        let found = robots.estimate(&asked, &[0..2, 2..4]).map(|found| (found.values, found.errors));
+        let found = robots.estimate(&asked, &[0..2, 2..4], 2).map(|found| (found.values, found.errors));
         let (values, errors) = found.unwrap_or_default();
         assert!(
             (values[1] - 2.5).abs() < 1e-4 && errors.iter().all(|error| *error < 1e-3),
             "{values:?} {errors:?}"
         );
         let few = robots.between(&[0.0, 0.0], &[0.65, 9.0]);
-        assert!(few.len() == 7 && few.estimate(&asked, std::slice::from_ref(&(0..4))).is_none());
+        assert!(few.len() == 7 && few.estimate(&asked, std::slice::from_ref(&(0..4)), 1).is_none());
         let alike = Robots { logs: vec![vec![1.0]; 20], values: robots.values };
-        assert!(alike.estimate(&[1.0], std::slice::from_ref(&(0..1))).is_none());
+        assert!(alike.estimate(&[1.0], std::slice::from_ref(&(0..1)), 1).is_none());
     }
 }
