@@ -102,7 +102,9 @@ class Worlds(Case):
 
         with self.assertRaisesRegex(gaitfit.Stopped, "progress function returned False"):
             gaitfit.explain(self.folder / "logs", progress=stop)
-        self.assertEqual(seen, [1, 2])
+        # As many regressions end at once as there are threads.
+        self.assertEqual(seen, sorted(set(seen)))
+        self.assertEqual(len(seen), 2)
 
     def test_values_are_named_where_results_and_errors_say_what_walked(self) -> None:
         calves = TrueParameter("frictionloss", joints=["*_calf_joint"], value=0.3)
