@@ -18,15 +18,15 @@ OUT = ROOT / "python" / "LICENSE-THIRD-PARTY.txt"
 TEXTS = ("LICENSE*", "LICENCE*", "COPYING*", "NOTICE*", "UNLICENSE*", "license*", "licenses/*")
 
 
-def system() -> str:
-    """The target that is built for: Rust's name of this system."""
-    told = subprocess.run(["rustc", "-vV"], check=True, capture_output=True, text=True).stdout
-    return next(line.removeprefix("host: ") for line in told.splitlines() if line.startswith("host: "))
+def host_target() -> str:
+    """Rust's name of this system, which is the target of the build."""
+    output = subprocess.run(["rustc", "-vV"], check=True, capture_output=True, text=True).stdout
+    return next(line.removeprefix("host: ") for line in output.splitlines() if line.startswith("host: "))
 
 
 def packages() -> list[dict]:
     """The packages of others that the Python package is linked with, in the order of their names."""
-    command = ["cargo", "metadata", "--format-version", "1", "--locked", "--filter-platform", system()]
+    command = ["cargo", "metadata", "--format-version", "1", "--locked", "--filter-platform", host_target()]
     metadata = json.loads(subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout)
     known = {package["id"]: package for package in metadata["packages"]}
     nodes = {node["id"]: node for node in metadata["resolve"]["nodes"]}
@@ -59,7 +59,7 @@ def main() -> None:
         name = f"{package['name']} {package['version']} ({package['license'] or 'licence in its file'})"
         for text in texts(package) or [""]:
             groups.setdefault(text, []).append(name)
-    parts = ["The program gaitfit, and the Python package, which contains it, have code of these packages. Their licence texts follow."]
+    parts = ["The program gaitfit and its Python package contain code of these packages. Their licence texts follow."]
     for text, names in sorted(groups.items(), key=lambda group: group[1][0]):
         parts.append("\n".join(names) + f"\n\n{text or 'The package has no licence text; the licence is stated above.'}")
     out.write_text(f"\n\n{'-' * 80}\n\n".join(parts) + "\n", encoding="utf-8")

@@ -76,7 +76,7 @@ def path(name: str, value: Any, otherwise: str = "") -> str:
 
 
 def existing(name: str, file: str | os.PathLike[str] | None) -> str | None:
-    """A file that must be there."""
+    """The path of a file, after a check that the file exists."""
     if file is None:
         return None
     found = path(name, file)

@@ -75,12 +75,12 @@ def configured(
     return file, given_settings(settings)
 
 
-#: The robot that needs no file.
+#: Name of the built-in robot.
 BUILT_IN = "unitree-go2"
 
 
 def robot_of(robot: PathLike | None) -> str | None:
-    """A robot's file, which must be there, or the name of the built-in one."""
+    """The path of a robot's file, after a check that it exists, or the name of the built-in robot."""
     found: str | None = maybe(path, "robot", robot)
     if found is None or found == BUILT_IN or os.path.exists(found):
         return found

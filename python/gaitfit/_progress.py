@@ -24,8 +24,8 @@ class Event:
         what: What is counted, for example ``"generation"`` or ``"seed 1, iteration"``.
         done: How many are done; of ``"begin"`` those before this run, where it continues one, of ``"end"`` the last step's.
         total: How many there are; work whose result is certain earlier ends before.
-        seed: The seed that ``"begin"``, ``"step"`` and ``"end"`` of a training belong to; ``None`` for other work. All seeds of a fit
-            are searched in the same generations: the names of its ``metrics`` have the seed.
+        seed: The seed that ``"begin"``, ``"step"`` and ``"end"`` of a training belong to; ``None`` for other work. A fit searches with all
+            its seeds in the same generations, so the names of its ``metrics`` contain the seed.
         metrics: Numbers of a step by name. Of a fit, for each cost and seed: ``"wass/seed-1/best_so_far"``, ``best``, ``mean``,
             ``sigma``, ``diverged`` and ``fallen``. Of a training: ``"train/reward"``, ``train/episode_return``,
             ``train/episode_seconds``, ``train/fall_rate``, ``train/linear_velocity_error`` and

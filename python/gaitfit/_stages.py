@@ -181,8 +181,8 @@ def explain(
         logs: A log of a walk, or a folder of some; as for :func:`fit`.
         robot: The robot's file, MJCF or URDF; by default the built-in Go2.
         lenient: Leave out what the engine cannot simulate in the robot's file.
-        progress: As for :func:`fit`. It counts the logs of a folder as they are read, then the regressions, of which each takes some
-            0.1 s for 10 s of logs.
+        progress: As for :func:`fit`. It counts the logs of a folder while they are read, and then the regressions. Each regression takes
+            about 0.1 s for 10 s of logs.
 
     Returns the causes, the weightiest first. None does not mean that nothing is lacking: what stands in
     ``help(gaitfit.results.Explanation)`` is all that it looks for.

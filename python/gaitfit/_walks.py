@@ -171,7 +171,7 @@ def evaluate(
         seed: Of commands, starts and noise; by default 0.
         max_seconds: Wall time of the call, s; after it :class:`Stopped` is raised, and nothing is kept.
         device, threads: As for :func:`fit`.
-        progress: As for :func:`fit`. There are notes alone: the trajectories are not counted.
+        progress: As for :func:`fit`. Its events are only notes: the trajectories are not counted.
 
     Returns errors of velocity, m/s and rad/s, and the share of falls, each as a mean with half the width of its 95 % interval.
     :func:`compare` returns the difference of two evaluations; with the same ``seed``, trajectory by trajectory.

@@ -119,7 +119,7 @@ class MLflow:
 
 
 def _named(event: Event) -> Mapping[str, float]:
-    """The numbers of an event; of a training of several seeds with the seed, as each has the same names."""
+    """The numbers of an event by name. A training puts the seed before each name, because all seeds have the same names."""
     before = "" if event.seed is None else f"seed-{event.seed}/"
     return {f"{before}{name}": value for name, value in event.metrics.items()}
 

@@ -27,7 +27,7 @@ const PATIENCE: Duration = Duration::from_millis(50);
 /// What a panic is to users.
 const BROKEN: &str = "gaitfit stopped where it never should; please report it with what was printed above";
 
-/// An event that outlives its texts: what it is, a text, two counts, numbers by name, and the seed of work that begins.
+/// An event that owns its texts: its kind, a text, two counts, numbers by name, and the seed of the work that begins.
 type Report = (&'static str, String, usize, usize, Vec<(String, f64)>, Option<u64>);
 
 fn report(event: Event<'_>) -> Option<Report> {
@@ -265,16 +265,16 @@ pub fn watched_acting<T: Send>(
     }
 }
 
-/// What a thread that may be left behind has for the calling one.
-enum Left<T> {
-    /// It happened.
+/// What the working thread sends to the calling thread.
+enum FromWorker<T> {
+    /// An event of the work.
     Reported(Report),
-    /// The work has ended.
+    /// The work has ended, with this result.
     Done(T),
 }
 
-/// Runs `work`, which keeps nothing, on a thread of its own. When `progress` raises or returns `False`, or a signal asks to, that
-/// exception comes back at once; the thread ends later, at its next event.
+/// Runs `work`, which writes no files, on a thread of its own. If `progress` raises or returns `False`, or a signal asks to stop,
+/// this returns the exception at once. The thread ends later, at its next event.
 pub fn waited<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
@@ -286,13 +286,13 @@ pub fn waited<T: Send + 'static>(
     std::thread::spawn(move || {
         let callback = |event: Event<'_>| {
             if let Some(report) = report(event) {
-                // Nobody listens any more only after an exception; `stopped` is set then.
-                let _ = sender.send(Left::Reported(report));
+                // Sending fails only after an exception, when nobody listens. `stopped` is set then.
+                let _ = sender.send(FromWorker::Reported(report));
             }
             if stopped.load(Ordering::Acquire) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let result = work(&Watch::new(&callback));
-        let _ = sender.send(Left::Done(result));
+        let _ = sender.send(FromWorker::Done(result));
     });
     py.detach(move || {
         loop {
@@ -300,7 +300,7 @@ pub fn waited<T: Send + 'static>(
             let called = Python::attach(|py| {
                 py.check_signals()?;
                 match (&message, progress) {
-                    (Ok(Left::Reported(report)), Some(progress)) => reported(py, progress, report),
+                    (Ok(FromWorker::Reported(report)), Some(progress)) => reported(py, progress, report),
                     _ => Ok(()),
                 }
             });
@@ -309,9 +309,9 @@ pub fn waited<T: Send + 'static>(
                 return Err(raised);
             }
             match message {
-                Ok(Left::Done(result)) => return Ok(result),
+                Ok(FromWorker::Done(result)) => return Ok(result),
                 Err(RecvTimeoutError::Disconnected) => return Err(crate::errors::failed(BROKEN)),
-                Ok(Left::Reported(_)) | Err(RecvTimeoutError::Timeout) => {}
+                Ok(FromWorker::Reported(_)) | Err(RecvTimeoutError::Timeout) => {}
             }
         }
     })

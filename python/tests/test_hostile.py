@@ -366,11 +366,11 @@ class Program(Case):
 class Import(Case):
     def test_the_import_is_fast(self) -> None:
         code = (
-            # Processor time: waiting for other work is no slow import.
+            # It measures processor time, so waiting for other work does not count.
             "from time import process_time as now; t = now(); import numpy; n = now(); import gaitfit; gaitfit.fit; "
             "print(n - t, now() - n)"
         )
-        # Compiled modules are kept, as where pip installed them.
+        # Compiled modules are kept, as after an installation with pip.
         environment = {**os.environ, "PYTHONPYCACHEPREFIX": str(self.folder)}
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
         runs = [
@@ -381,7 +381,7 @@ class Import(Case):
         ]
         numpy, own = map(min, zip(*runs))
         print(f"import: {own:.3f} s after NumPy's {numpy:.3f} s")
-        # Other work makes both slower, also in processor time.
+        # Other work on the machine makes both imports slower, also in processor time.
         self.assertLess(own, numpy)
 
 

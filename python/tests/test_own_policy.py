@@ -97,14 +97,14 @@ class OwnPolicy(Case):
         found = [self.fit(policy, name) for policy, name in ((FILE, "file"), (Policy(network, FILE), "own"))]
         values = [one.rows()[0]["value"] for one in found]
         self.assertAlmostEqual(*values, delta=0.01)
-        # Costs at the answer are near 0: a twentieth of those where the search began is little.
-        little = 0.05 * found[0].history()[0]["mean"]
-        self.assertAlmostEqual(found[0].cost, found[1].cost, delta=little)
+        # The final costs are near 0, so they are compared with a twentieth of the mean cost at the start of the search.
+        tolerance = 0.05 * found[0].history()[0]["mean"]
+        self.assertAlmostEqual(found[0].cost, found[1].cost, delta=tolerance)
         checks = [
             gaitfit.validate(one.theta, self.folder / "logs", policy=policy)
             for one, policy in zip(found, (None, Policy(network, FILE)))
         ]
-        self.assertAlmostEqual(checks[0].cost, checks[1].cost, delta=little)
+        self.assertAlmostEqual(checks[0].cost, checks[1].cost, delta=tolerance)
         with self.assertRaisesRegex(gaitfit.GaitfitError, "the function network"):
             gaitfit.validate(found[1].theta, self.folder / "logs")
 

@@ -51,8 +51,8 @@ def fleet(
         name: Folder of the robots' run folders; ``fleet.json`` in it is the result, which :func:`gaitfit.load` reads.
         runs: Folder of that folder; by default ``"runs"``.
         resume, progress: As for :func:`gaitfit.fit`; a step of progress is a robot.
-        max_seconds: Wall time of the call, s; after it the call stops with :class:`Stopped`. Robots that are done, and what workers sent
-            of the others, are kept, and ``resume=True`` continues.
+        max_seconds: Wall time of the call, s; after it the call stops with :class:`Stopped`. It keeps the finished robots, and what the
+            workers sent for the others. ``resume=True`` continues.
         address, num_cpus, num_gpus, retries: As for :func:`gaitfit.ray.fit`, for each robot.
         every: Time between checkpoints that a worker sends, s.
 

@@ -8,18 +8,18 @@ from .. import _gaitfit
 from .._arguments import time_limit
 
 
-#: What a stopped call leaves.
-KEPT = "What the workers sent is in its run_folder: the same call continues, that of a fleet or a training with resume=True"
+#: The end of the message of a stopped call: what is kept, and how to continue.
+KEPT = "The run_folder keeps what the workers sent. Repeat the call to continue; a fleet or a training needs resume=True"
 
 
 class Limit:
-    """How long a call may take, s, with the time that it takes to reach the cluster; ``None``: as long as it needs."""
+    """How long a call may take, s. This includes the time to reach the cluster. ``None``: there is no limit."""
 
     def __init__(self, max_seconds: float | None) -> None:
         self._max, self._begun = time_limit(max_seconds), time.monotonic()
 
     def left(self) -> float | None:
-        """The time that is left, s; always above 0, as a stage takes it."""
+        """The time that is left, s. It is always above 0, because a stage refuses 0."""
         return None if self._max is None else round(max(self._max - (time.monotonic() - self._begun), 0.001), 3)
 
     def check(self) -> None:

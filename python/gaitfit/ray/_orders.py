@@ -53,7 +53,7 @@ class Orders:
             raise _gaitfit.Stopped(f"stopped, because the progress function returned False. {KEPT}")
 
     def make(self, orders: Sequence[Order]) -> None:
-        """Makes all of them; the first failure ends it, after what came was kept. :class:`gaitfit.Stopped` has the run folder."""
+        """Makes all orders. The first failure ends the work; what the workers sent is kept. :class:`gaitfit.Stopped` has the run folder."""
         try:
             self._make(orders)
         except _gaitfit.Stopped as stopped:

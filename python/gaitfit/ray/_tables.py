@@ -47,7 +47,7 @@ def reproduce(
         settings: Changes of the experiments' settings, by name.
         experiments: Folder of the experiment files.
         runs: Folder of the run folders.
-        max_seconds: Wall time of the call, s; after it the call stops with :class:`Stopped`, and the same call continues.
+        max_seconds: Wall time of the call, s; after it the call stops with :class:`Stopped`. Repeat the same call to continue.
         threads, progress: As for :func:`gaitfit.fit`.
         address, num_cpus, num_gpus, retries: As for :func:`gaitfit.ray.fit`, for each cell.
         every: Time between parts that a worker sends, s.

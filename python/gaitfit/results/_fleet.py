@@ -119,7 +119,7 @@ class Fleet(Result):
 
         ``result`` is a fit of the robot's logs that did not use the fleet, or several fits, each to logs of its own. The prior
         is combined with it after the fit: the product of two normal densities, for each number by itself. Numbers that the
-        fleet does not have are left out. Robots of the fleet have their estimates in :attr:`robots`; here their logs would count twice.
+        fleet does not have are left out. Do not pass a robot of the fleet: its logs would count twice. Its estimates are in :attr:`robots`.
 
         If the fleet's intervals are calibrated (:attr:`FleetNumber.calibration`), each fit must use as many logs as the
         fleet's fits do. Then give a robot with more logs more fits, not fits with more logs.

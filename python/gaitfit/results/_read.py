@@ -22,9 +22,8 @@ Loaded = FitResult | Training | Evaluation | LoopResult | ValidationResult | Tab
 def load(run: str | os.PathLike[str]) -> Loaded:
     """The result of an earlier run.
 
-    ``run`` is a run folder, its ``result.json``, the file of a fleet (:meth:`Fleet.write`), or one with what the program printed with
-    ``--json``. The kind of
-    result follows from the file: test it with ``isinstance``.
+    ``run`` is a run folder, its ``result.json``, a fleet's file (:meth:`Fleet.write`), or a file with the output of ``--json``.
+    The file determines the kind of result: test it with ``isinstance``.
 
     Returns what the stage returned.
 
@@ -43,7 +42,7 @@ def load(run: str | os.PathLike[str]) -> Loaded:
             raise FileNotFoundError(f"{file} has no result.json: it is no run folder, or its run has not ended yet{runs}")
         file = file / "result.json"
     if not file.exists():
-        raise FileNotFoundError(f"there is no {file}; give a run folder, its result.json, the file of a fleet, or one with the output of --json")
+        raise FileNotFoundError(f"there is no {file}; give a run folder, its result.json, a fleet's file, or a file with the output of --json")
     try:
         document = json.loads(file.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as wrong:
