@@ -324,7 +324,7 @@ fn a_guess_that_does_not_walk_is_followed_by_the_next() {
     assert!(!folder.path().join("walk-stance.html").exists());
 }
 
-/// While commands grow, a training does not know what a robot that stands still would have: the evaluation decides.
+/// While commands grow, a training cannot compare its policy with a robot that stands still. So the evaluation decides.
 #[test]
 fn a_policy_that_stands_still_does_not_walk() {
     let folder = tempfile::tempdir().unwrap();

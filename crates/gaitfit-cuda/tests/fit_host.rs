@@ -135,7 +135,7 @@ fn robots(task: &Task, scripts: &[Script], job: &Job, tracks: &[Track]) -> Vec<V
     found
 }
 
-/// A script that begins `earlier` samples before under its first command.
+/// `script` with `earlier` more samples under its first command at the beginning.
 fn earlier(script: &Script, earlier: usize) -> Script {
     let mut script = script.clone();
     script.commands.splice(0..0, std::iter::repeat_n(script.commands[0], earlier));
@@ -154,7 +154,7 @@ fn compare(
     compare_from(label, walking, jobs, lengths, blocks, None)
 }
 
-/// The same. `before`: the samples that robots that make logs walk before each recording begins.
+/// As `compare`. `before`: for robots that make logs, the number of samples that they walk before each recording.
 fn compare_from(
     label: &str,
     (task, policy): &(Task, Policy),
@@ -395,7 +395,7 @@ fn networks(kind: NetworkKind, amount: f64) -> JointNetworks {
     JointNetworks { kind, joints: (0..12).collect(), rest: vec![0.1; 12], weights, scales }
 }
 
-/// Robots that make logs: each walks for a while before a recording begins, and its inertial unit is tilted.
+/// Each robot walks for a while before a recording begins, and its inertial unit is tilted.
 #[test]
 #[ignore = "needs g++"]
 fn cxx_logs_are_the_cpus() {

@@ -1,29 +1,30 @@
 //! Logs of simulated robots, made on a GPU.
 
 #[cfg(feature = "cuda")]
-pub use there::GpuLogs;
+pub use with_cuda::GpuLogs;
 
 /// A build without the feature `cuda` has no GPUs.
 #[cfg(not(feature = "cuda"))]
-pub use absent::GpuLogs;
+pub use without_cuda::GpuLogs;
 
-/// How a robot begins a recording: the samples that it walks before under the first command, and where it starts to do so.
+/// How a robot begins a recording: the number of samples that it walks before under the first command, and its state at the
+/// start of them.
 pub type Beginning = (usize, gaitfit_sim::Start);
 
 #[cfg(feature = "cuda")]
-mod there {
+mod with_cuda {
     use super::Beginning;
     use crate::walk::walking::Walking;
     use gaitfit_cuda::fit::{Begin, Candidates, Subject, Tables, Tracks};
     use gaitfit_policy::follow::{Job, Script, Track};
     use std::sync::{Mutex, PoisonError};
 
-    /// Walks under the commands of some recordings, on the first GPU of a fit.
+    /// Simulates walks under the commands of recordings, on the first GPU of a fit.
     pub struct GpuLogs(Mutex<Candidates>);
 
     impl GpuLogs {
-        /// Of robots that walk `earlier` samples at most before a recording begins. `None` if the fit has no GPU, or if its
-        /// GPU cannot run the policy.
+        /// `earlier`: the max number of samples that a robot walks before a recording begins. `None` if the fit has no GPU, or
+        /// if its GPU cannot run the policy.
         pub fn new(walking: &Walking, scripts: &[Script], earlier: usize) -> Option<Self> {
             let gpu = walking.gpus.first()?;
             let tables = Tables::walk(&walking.task.walker, &walking.policy, scripts).ok()?;
@@ -31,7 +32,7 @@ mod there {
         }
 
         /// Calls `keep(job, tracks)` once for each job, from any thread, with the job's tracks on all recordings. Returns the
-        /// jobs that are left: all after a cancellation, and those that the GPU could not simulate.
+        /// jobs whose logs are missing, because of a cancellation or because the GPU could not simulate them.
         pub fn make(
             &self,
             walking: &Walking,
@@ -60,7 +61,7 @@ mod there {
                 }
             };
             let mut candidates = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-            // Whatever the GPU did not make, the CPU makes.
+            // The CPU makes the logs that the GPU did not make.
             let _ = candidates.make_logs(subject, jobs, &begins, &consume, cancel);
             let is_left = |job: &usize| !made[*job].lock().unwrap_or_else(PoisonError::into_inner).is_empty();
             (0..jobs.len()).filter(is_left).collect()
@@ -91,16 +92,16 @@ mod there {
 }
 
 #[cfg(not(feature = "cuda"))]
-mod absent {
+mod without_cuda {
     use super::Beginning;
     use crate::walk::walking::Walking;
     use gaitfit_policy::follow::{Job, Script, Track};
 
-    /// There is none.
+    /// This type has no values.
     pub enum GpuLogs {}
 
     impl GpuLogs {
-        /// `None`.
+        /// Always `None`.
         pub fn new(_: &Walking, _: &[Script], _: usize) -> Option<Self> {
             None
         }

@@ -36,7 +36,7 @@ pub struct Work<'a> {
     pub first: usize,
     /// What the work is made of, in the plural, for the speed, for example `evaluations`.
     pub parts: &'a str,
-    /// The seed that is trained; absent for work that is not of one seed.
+    /// The seed of a training; absent for other work.
     pub seed: Option<u64>,
 }
 
@@ -98,7 +98,7 @@ impl<'a> Watch<'a> {
         Counting { watch: self }
     }
 
-    /// Does `work`, which counts `what`: the function that it is given reports the count and answers whether to continue.
+    /// Does `work` and reports its progress. `work` calls its argument with each count; the answer states whether to continue.
     pub fn counted<T>(&self, what: &str, parts: &str, work: impl FnOnce(&mut Count<'_>) -> T) -> T {
         let mut counting = None;
         let mut last = 0;
@@ -114,7 +114,7 @@ impl<'a> Watch<'a> {
     }
 }
 
-/// What a function calls that counts its work: how many are done and how many there are. It answers whether to continue.
+/// A function that gets how many parts are done and how many there are. It answers whether to continue.
 pub type Count<'a> = dyn FnMut(usize, usize) -> ControlFlow<()> + 'a;
 
 /// Countable work.

@@ -3,7 +3,7 @@
 use crate::SwingError;
 use std::ops::ControlFlow;
 
-/// What an estimate calls: how many regressions are done and how many there are. It answers whether to continue.
+/// A function that gets how many regressions are done and how many there are. It answers whether to continue.
 pub type Progress<'a> = dyn FnMut(usize, usize) -> ControlFlow<()> + 'a;
 
 /// Counts the regressions of an estimate.
@@ -15,12 +15,12 @@ pub(crate) struct Count<'a, 'b> {
 }
 
 impl<'a, 'b> Count<'a, 'b> {
-    /// No regression is done; there are `total` at most.
+    /// A count at 0 of at most `total` regressions.
     pub(crate) fn new(total: usize, progress: &'a mut Progress<'b>) -> Self {
         Self { done: 0, total, progress, stopped: false }
     }
 
-    /// Does this many regressions, as many at a time as there are threads; none after the caller stopped.
+    /// Does this many regressions, one for each thread at a time. After the caller stopped, it does no more.
     pub(crate) fn map<T: Send>(
         &mut self,
         regressions: usize,
@@ -39,12 +39,12 @@ impl<'a, 'b> Count<'a, 'b> {
         found
     }
 
-    /// Whether the caller stopped the work, which then lacks a part.
+    /// An error if the caller stopped the work: the results are then incomplete.
     pub(crate) fn check(&self) -> Result<(), SwingError> {
         if self.stopped { Err(SwingError::Stopped) } else { Ok(()) }
     }
 
-    /// All are done.
+    /// Reports that all regressions are done.
     pub(crate) fn finish(self) -> Result<(), SwingError> {
         self.check()?;
         match (self.progress)(self.total, self.total) {

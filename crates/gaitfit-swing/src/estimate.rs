@@ -17,8 +17,8 @@ use std::ops::ControlFlow;
 
 /// Passes before the last one. Each judges with the joints of the one before which feet stand.
 const PASSES: usize = 2;
-/// Of so many clearances an early pass tries one.
-const EVERY: usize = 3;
+/// An early pass tries one of this many clearances.
+const CLEARANCE_STRIDE: usize = 3;
 /// Delay of the first pass, s.
 const FIRST_DELAY_S: f64 = 0.005;
 /// Windows of these lengths too are tried, over the usual length.
@@ -105,8 +105,8 @@ fn regressions(settings: &SwingSettings) -> usize {
     let clearances = settings.clearances_m.len();
     let laws = if settings.law.is_none() { FrictionLaw::ALL.len() } else { 1 };
     let lengths = if settings.others { LENGTHS.len() } else { 0 };
-    // Beside the best of the last pass: two neighbouring clearances, other lengths, the other law.
-    PASSES * clearances.div_ceil(EVERY) + laws * clearances + 2 + lengths + (laws - 1)
+    // The last pass compares its best choice with two neighbouring clearances, other lengths and the other law.
+    PASSES * clearances.div_ceil(CLEARANCE_STRIDE) + laws * clearances + 2 + lengths + (laws - 1)
 }
 
 /// The logs as walks.
@@ -124,7 +124,8 @@ struct Choice {
 
 impl Choice {
     /// The lowest clearance whose numbers are those of higher ones, with the law that leaves less unexplained.
-    /// `around`: the delay as known, s; `all`: every clearance and law is tried, else one of [`EVERY`] clearances and one law.
+    /// `around`: the known delay, s. `all`: it tries every clearance and law; else one of [`CLEARANCE_STRIDE`] clearances and
+    /// one law.
     fn best(
         model: &Model,
         windows: &[Window],
@@ -140,7 +141,7 @@ impl Choice {
             None if all => 0..2,
             None => 1..2,
         };
-        let every = if all { 1 } else { EVERY };
+        let every = if all { 1 } else { CLEARANCE_STRIDE };
         let tried: Vec<(usize, usize)> = (0..settings.clearances_m.len())
             .step_by(every)
             .flat_map(|clearance| laws.clone().map(move |law| (clearance, law)))

@@ -34,7 +34,7 @@ pub struct SwingSettings {
     pub bounded: bool,
     /// Whether swings are also chosen otherwise (clearance, window, law). Errors then contain how the estimates change.
     pub others: bool,
-    /// Threads that compute. The report does not depend on their number.
+    /// Number of threads. The report does not depend on it.
     #[serde(skip)]
     pub threads: usize,
 }

@@ -33,7 +33,7 @@ pub struct Standing {
 }
 
 impl Standing {
-    /// Of logs of one robot on level ground. `threads` compute; the result does not depend on their number.
+    /// From logs of one robot on level ground. The result does not depend on the number of `threads`.
     ///
     /// # Errors
     /// Logs without what is needed, see [`SwingError`].

@@ -163,5 +163,5 @@ fn regressions_are_counted_and_can_be_stopped() {
     };
     let stopped = estimate_counted(&model, &[&whole], &settings, &mut stop);
     assert!(matches!(stopped, Err(SwingError::Stopped)), "{stopped:?}");
-    assert_eq!(calls, 4, "nobody is asked after the stop");
+    assert_eq!(calls, 4, "progress was called after it stopped the work");
 }

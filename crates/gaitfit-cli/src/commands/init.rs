@@ -197,10 +197,11 @@ fn train_guesses(args: &Init, files: &Files, prepared: &Prepared) -> Result<Vec<
     Ok(trainings)
 }
 
-/// Trajectories with random commands that show whether a policy walks.
+/// Number of trajectories with random commands that decide whether a policy walks.
 const TRAJECTORIES: usize = 500;
 
-/// Whether a policy walks as `evaluate` judges it, without the exploration and pushes of its training; with the evidence.
+/// Whether a policy walks by the rule of `evaluate`, and a sentence with the evidence. The evaluation has no exploration and no
+/// pushes, unlike the training.
 fn judge(policy: &str, config: &TrainConfig, threads: usize) -> Result<(bool, String), Failure> {
     let settings = EvaluateSettings {
         world: WorldSettings {
@@ -228,7 +229,8 @@ fn judge(policy: &str, config: &TrainConfig, threads: usize) -> Result<(bool, St
         watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
     Ok(match verdict {
         Some(verdict) => (verdict.walks, format!("{policy}: {}", verdict.text)),
-        // A task that asks for no walking is judged by its training.
+        // `evaluate` gives no verdict for a task without walking. The training has judged such a policy, so here it fails only if a
+        // robot diverges.
         None => match measured.evaluation.divergence() {
             Some(why) => (false, format!("{policy}: {why}")),
             None => (true, format!("{policy}: it does not fall")),

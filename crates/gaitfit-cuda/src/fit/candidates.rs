@@ -10,9 +10,9 @@ use super::session::{Physics, Session};
 use super::{Begin, FitError, Numbers, Structure, Subject, Tables};
 use crate::runtime::{Device, Event, Stream};
 
-/// Most candidates whose signals are brought to the host at once.
+/// Max number of candidates whose signals are brought to the host at once.
 const MAX_SHOWN: usize = 64;
-/// Most bytes of signals of robots that make logs that are brought to the host at once, unless one robot alone has more.
+/// Max bytes of signals that are brought to the host at once when robots make logs. One robot alone may have more.
 const MAX_SHOWN_BYTES: usize = 256 << 20;
 
 /// The robot's side of the costs.
@@ -165,11 +165,12 @@ impl Candidates {
         self.walks(subject, jobs, None, MAX_SHOWN, consume, cancel)
     }
 
-    /// The same of robots that make logs, on tables of [`Tables::for_logs`]: robot `job` begins recording `recording` as
-    /// `begins[job][recording]` says.
+    /// As [`Candidates::tracks`], for robots that make logs, on tables of [`Tables::for_logs`]. `begins[job][recording]` states how
+    /// robot `job` begins a recording.
     ///
     /// # Errors
-    /// As [`Candidates::parts`]; beginnings of other jobs or recordings, or that are earlier than the tables'.
+    /// As [`Candidates::parts`]. Also if the numbers of beginnings differ from those of jobs and recordings, or if a robot walks
+    /// more samples before a recording than the tables allow.
     pub fn make_logs(
         &mut self,
         subject: Subject<'_>,
@@ -185,7 +186,9 @@ impl Candidates {
             return Err(FitError::Length { what: "the beginnings", expected, found });
         }
         let Some(max) = self.tables.earlier else {
-            return Err(FitError::Unsupported("logs on tables that are not for logs".to_owned()));
+            return Err(FitError::Unsupported(
+                "logs on tables that were not made by Tables::for_logs".to_owned(),
+            ));
         };
         if let Some(begin) = begins.iter().flatten().find(|begin| begin.earlier as usize > max) {
             let found = begin.earlier as usize;
@@ -196,7 +199,7 @@ impl Candidates {
         self.walks(subject, jobs, Some(begins), shown, consume, cancel)
     }
 
-    /// [`Candidates::tracks`] or [`Candidates::make_logs`]. `shown`: most candidates at once.
+    /// [`Candidates::tracks`] or [`Candidates::make_logs`]. `shown`: max number of candidates at once.
     fn walks(
         &mut self,
         subject: Subject<'_>,

@@ -19,10 +19,10 @@ pub struct Numbers {
     pub every: Vec<u32>,
     /// Seeds of torque noise, low word first.
     pub seeds: Vec<u32>,
-    /// Number of the start that each candidate begins at, among the starts of a recording; of robots that make logs, the
-    /// samples that each environment walks before its recording begins.
+    /// Number of the start that each candidate begins at, among the starts of a recording. For robots that make logs: the
+    /// number of samples that each environment walks before its recording begins.
     pub begins: Vec<u32>,
-    /// States that robots that make logs begin in, one for each environment.
+    /// For robots that make logs: the state at the start of each environment.
     pub starts: Vec<f32>,
     /// Standard deviations of torque noise, N·m.
     pub deviation: Vec<f64>,
@@ -67,14 +67,14 @@ impl Numbers {
 /// How a robot that makes logs begins one of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Begin {
-    /// Samples that it walks before under the first command.
+    /// Number of samples that it walks under the first command before the recording begins.
     pub earlier: u32,
-    /// Where it starts to do so.
+    /// Its state when it starts to walk.
     pub start: Start,
 }
 
 impl Numbers {
-    /// These candidates begin each recording in these ways: `begins[job][recording]`, repeated as the jobs are.
+    /// The same numbers with these beginnings of the recordings: `begins[job][recording]`. They repeat as the jobs do.
     #[must_use]
     pub fn beginning(mut self, begins: &[&[Begin]]) -> Self {
         let candidates = self.begins.len();

@@ -56,7 +56,7 @@ pub struct Plan {
     params: usize,
     /// Number of starts of each recording.
     starts: usize,
-    /// Samples that are simulated.
+    /// Number of samples that are simulated.
     pub steps: usize,
     /// Physics steps of a control period, if torques disturb it.
     disturbed: Option<usize>,

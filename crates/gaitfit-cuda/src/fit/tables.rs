@@ -24,7 +24,7 @@ pub struct Tables {
     pub has_states: bool,
     /// Number of starts of each recording; 1 for a replay.
     pub starts: usize,
-    /// For robots that make logs ([`Tables::for_logs`]): the most samples that one walks before a recording begins.
+    /// For robots that make logs ([`Tables::for_logs`]): the max number of samples that a robot walks before a recording begins.
     pub earlier: Option<usize>,
     /// Arrays in single precision, by name.
     pub singles: Vec<(&'static str, Vec<f32>)>,
@@ -130,21 +130,21 @@ impl Tables {
         })
     }
 
-    /// For robots that make logs: each begins each recording in its own way ([`Begin`](super::Begin)), and the signals have what
-    /// its inertial unit reads, too. `earlier`: the most samples that one walks before a recording begins.
+    /// Tables for robots that make logs. Each robot has its own beginning of each recording ([`Begin`](super::Begin)). The signals
+    /// also have the readings of its inertial unit. `earlier`: the max number of samples before a recording begins.
     #[must_use]
     pub fn for_logs(mut self, earlier: usize) -> Self {
         self.singles.retain(|(name, _)| *name != "starts");
         Self { earlier: Some(earlier), starts: 1, ..self }
     }
 
-    /// Numbers of a sample's signals: those of [`Subject::dimensions`], and in logs the base's orientation (wxyz) and rates as
-    /// its inertial unit reads them.
+    /// Number of signals of a sample: [`Subject::dimensions`], and for logs seven more. These are the base's orientation (wxyz) and
+    /// rates, as its inertial unit reads them.
     pub fn dimensions(&self, subject: Subject<'_>) -> usize {
         subject.dimensions() + if self.earlier.is_some() { IMU_SIGNALS } else { 0 }
     }
 
-    /// Samples that are simulated: those of the longest recording, and those before it.
+    /// Number of samples that are simulated: those of the longest recording, and those before it.
     pub fn steps(&self) -> usize {
         self.samples + self.earlier.unwrap_or(0)
     }

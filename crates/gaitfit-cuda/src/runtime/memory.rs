@@ -168,17 +168,17 @@ impl<T: Number> Buffer<T> {
         self.read_beginning(stream, numbers)
     }
 
-    /// As [`Buffer::read`], of the first `count` numbers; of all, if there are fewer.
+    /// As [`Buffer::read`], but only the first `count` numbers, or all if there are fewer.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Buffer::read`].
     pub fn read_first(&self, stream: &Stream, count: usize) -> Result<Vec<T>, CudaError> {
         let mut numbers = vec![T::default(); count.min(self.length)];
         self.read_beginning(stream, &mut numbers)?;
         Ok(numbers)
     }
 
-    /// Reads as many numbers as `numbers` has, which are no more than the buffer's.
+    /// Fills `numbers` from the beginning of the buffer. `numbers` is not longer than the buffer.
     fn read_beginning(&self, stream: &Stream, numbers: &mut [T]) -> Result<(), CudaError> {
         if numbers.is_empty() {
             return stream.wait();

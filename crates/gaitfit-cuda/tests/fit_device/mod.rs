@@ -181,7 +181,7 @@ fn gpu_candidates_walk_as_the_cpus() {
     }
 }
 
-/// Logs of robots that walk for a while before begin as the CPU's, and are the same twice.
+/// Robots walk for a while before their logs begin. The logs begin as on the CPU, and a second run gives the same bits.
 #[test]
 #[ignore = "needs an NVIDIA GPU"]
 fn gpu_logs_begin_as_the_cpus() {
@@ -237,7 +237,7 @@ fn gpu_logs_begin_as_the_cpus() {
             assert!(error < 1e-2, "environment {e}, sample {sample}: off by {error}");
         }
     }
-    // Beginnings before those of the tables are refused.
+    // A robot may not walk more samples before a recording than the tables allow.
     let early = vec![vec![Begin { earlier: 4, ..begins[0].clone() }; scripts.len()]; jobs.len()];
     let error = candidates.make_logs(subject, &jobs, &early, &|_, _, _| (), &|| false).unwrap_err();
     assert!(error.to_string().contains("before a recording"), "{error}");

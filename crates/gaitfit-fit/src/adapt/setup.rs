@@ -290,8 +290,8 @@ fn replicas(
 ) -> Result<Option<Replicas>, Error> {
     let (Method::Walk(walking), Some(policy)) = (method, policy) else { return Ok(None) };
     let needed = corrected(config);
-    let there = (walking.threads, walking.gpus.as_slice());
-    let new = || Replicas::new(config, policy.clone(), robot, theta, base, there, logs);
+    let devices = (walking.threads, walking.gpus.as_slice());
+    let new = || Replicas::new(config, policy.clone(), robot, theta, base, devices, logs);
     needed.then(new).transpose()
 }
 

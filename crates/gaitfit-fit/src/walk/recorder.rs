@@ -29,18 +29,18 @@ pub struct Recorder {
     plain: Vec<Script>,
     /// Names of the model's joints, which θ names.
     model_joints: Vec<String>,
-    /// What makes the logs of [`Recorder::record`] on a GPU, if there is one.
-    recorded_there: OnceLock<Option<GpuLogs>>,
-    /// The same of [`Recorder::walk`].
-    walked_there: OnceLock<Option<GpuLogs>>,
+    /// Makes the logs of [`Recorder::record`] on a GPU, if there is one.
+    record_gpu: OnceLock<Option<GpuLogs>>,
+    /// Makes the logs of [`Recorder::walk`] on a GPU, if there is one.
+    walk_gpu: OnceLock<Option<GpuLogs>>,
 }
 
-/// A robot whose logs are made.
+/// A simulated robot with torque noise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoisyRobot {
     /// Values of θ.
     pub values: Vec<f64>,
-    /// Deviation of the normal torques at its joints, N·m.
+    /// Standard deviation of the random torques at its joints, N·m.
     pub noise: f64,
     /// Seed of these torques.
     pub seed: u64,
@@ -59,8 +59,8 @@ impl Recorder {
             plain: logs.iter().map(|log| plain(walker, log)).collect(),
             model_joints: joints.iter().map(|joint| joint.name.clone()).collect(),
             walking,
-            recorded_there: OnceLock::new(),
-            walked_there: OnceLock::new(),
+            record_gpu: OnceLock::new(),
+            walk_gpu: OnceLock::new(),
         }
     }
 
@@ -120,35 +120,35 @@ impl Recorder {
                 *slot = recorded;
             }
         };
-        let there = self.recorded_there.get_or_init(|| GpuLogs::new(&self.walking, &self.scripts, 0));
+        let gpu = self.record_gpu.get_or_init(|| GpuLogs::new(&self.walking, &self.scripts, 0));
         let begins = |job: &follow::Job| -> Vec<Beginning> {
             self.scripts.iter().map(|script| (0, script.begins(job.seed).clone())).collect()
         };
         let all = |robot: usize, tracks: Vec<Track>| {
             tracks.iter().enumerate().for_each(|(number, track)| keep(robot, number, track));
         };
-        let left = self.on_gpu(there.as_ref(), &jobs, &|robot| begins(&jobs[robot]), &all, cancel);
+        let left = self.on_gpu(gpu.as_ref(), &jobs, &|robot| begins(&jobs[robot]), &all, cancel);
         let rest: Vec<follow::Job> = left.iter().map(|&robot| jobs[robot].clone()).collect();
         let pass = |robot: usize, number: usize, track: &Track| keep(left[robot], number, track);
         follow::follow(&task.walker, policy, &self.scripts, &rest, *threads, &pass, cancel)?;
         Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Makes the logs of `jobs` on a GPU, if there is one. `begins(job)`: how the job begins each recording. Returns the jobs
-    /// that are left to the CPU.
+    /// Makes the logs of `jobs` on a GPU, if there is one. `begins(job)`: how the robot of the job begins each recording.
+    /// Returns the jobs that remain for the CPU.
     fn on_gpu(
         &self,
-        there: Option<&GpuLogs>,
+        gpu: Option<&GpuLogs>,
         jobs: &[follow::Job],
         begins: &dyn Fn(usize) -> Vec<Beginning>,
         keep: &(dyn Fn(usize, Vec<Track>) + Sync),
         cancel: &Cancel<'_>,
     ) -> Vec<usize> {
         let numbers = 0..jobs.len();
-        match there {
-            Some(there) => {
+        match gpu {
+            Some(gpu) => {
                 let begins: Vec<Vec<Beginning>> = numbers.map(begins).collect();
-                there.make(&self.walking, jobs, &begins, keep, cancel)
+                gpu.make(&self.walking, jobs, &begins, keep, cancel)
             }
             None => numbers.collect(),
         }
@@ -176,15 +176,14 @@ impl Recorder {
             reset_every: None,
             seed: derive_seed(seed, Purpose::TORQUE_NOISE, number(robot).wrapping_add(1)),
         };
-        let there = self
-            .walked_there
-            .get_or_init(|| GpuLogs::new(&self.walking, &self.plain, self.most_samples_earlier()));
+        let gpu =
+            self.walk_gpu.get_or_init(|| GpuLogs::new(&self.walking, &self.plain, self.max_samples_before()));
         let jobs: Vec<follow::Job> = (0..robots.len()).map(job).collect();
         let begins = |robot: usize| self.unknown_starts(seed, number(robot));
         let all = |robot: usize, tracks: Vec<Track>| {
             keep(robot, tracks.iter().map(|track| kept(track, joints, 0)).collect());
         };
-        let left = self.on_gpu(there.as_ref(), &jobs, &begins, &all, cancel);
+        let left = self.on_gpu(gpu.as_ref(), &jobs, &begins, &all, cancel);
         let failed: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
         let one = |robot: usize| {
             let begins = begins(robot);
@@ -228,8 +227,8 @@ impl Recorder {
         failed.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), |(_, error)| Err(error))
     }
 
-    /// The most samples that a robot with unknown starts walks before a recording begins.
-    fn most_samples_earlier(&self) -> usize {
+    /// Max number of samples that a robot with unknown starts walks before a recording begins.
+    fn max_samples_before(&self) -> usize {
         (EARLIER_S / self.walking.task.walker.interface.control_dt + 1.0) as usize
     }
 

@@ -40,7 +40,7 @@ pub struct SwingFindings {
 
 impl SwingFindings {
     /// The findings from logs as they were recorded. Faults of sensors are taken out first. The delay counts from rows, as in a
-    /// walk's fit, even if the log has the times at which targets were sent. A caller that stops it gets a part of the findings.
+    /// walk's fit, even if the log has the times at which targets were sent. If the caller stops the work, the findings are incomplete.
     pub fn new(model: &Model, logs: &[&Trajectory], settings: &SwingSettings, watch: &Watch<'_>) -> Self {
         let (mut found, level) = Self::without_effects(model, logs, settings, watch);
         if let Some(report) = &found.swings {

@@ -1,8 +1,8 @@
 // A control step of robots that walk under a policy, but for the physics: what is recorded, falls, resets, the
 // observation, the action and its targets. The same as `gaitfit_policy::follow`.
 
-// Dimensions of the signals: joint positions, velocities, actions, the base's position, its velocity; in logs its orientation
-// and rates, too, as its inertial unit reads them.
+// Dimensions of the signals: joint positions, velocities, actions, the base's position, its velocity. Logs also have the base's
+// orientation and rates, as its inertial unit reads them.
 #define IMU_AT (3 * ACTIONS + 6)
 #define DIMENSIONS (IMU_AT + (MAKES_LOGS ? 7 : 0))
 // Numbers of a logged state: those of the state up to the joint velocities.
@@ -31,8 +31,8 @@ DEVICE bool ends_here(const float* state, const float* report, u32 e) {
 // `actions`: the log's, recordings x samples x their width. `starts`: `each` states for every recording. `begins`: for each
 // candidate, the number of its start among those `each`. `every`: for each candidate, the samples between resets, or 0.
 // `imus`: for each candidate, errors of its inertial unit. `ends`: for each environment, the sample of its fall or the end.
-// Robots that make logs have one state in `starts` and one number in `begins` for each environment: the samples that it walks
-// under the first command before the recording begins.
+// For robots that make logs, `starts` has one state and `begins` one number for each environment. The number counts the samples
+// that the robot walks under the first command before the recording begins.
 KERNEL walk(
     u32 sample, u32 count, u32 places, u32 recordings, u32 samples, u32 each, const u32* lengths, const float* commands,
     const float* starts, const u32* begins, const float* states, const float* actions, const u32* every, const float* imus,

@@ -71,7 +71,7 @@ pub struct Robot<'a> {
     pub base: &'a Candidate,
     /// Threads.
     pub threads: usize,
-    /// GPUs, which make the logs of simulated robots; without one the CPU does.
+    /// GPUs that make the logs of simulated robots. Without a GPU the CPU makes them.
     pub gpus: Vec<Gpu>,
 }
 
@@ -290,7 +290,7 @@ impl World<'_> {
     fn observe(&self, robots: &[Vec<f64>], first: usize) -> Result<Vec<Option<SwingReport>>, String> {
         let walking = robots.iter().enumerate().map(|(at, robot)| self.walking(robot, first + at));
         let walking = walking.collect::<Result<Vec<NoisyRobot>, String>>()?;
-        // A GPU makes all logs at once. On the CPU whoever watches sees robot after robot, and can stop.
+        // A GPU makes all logs at once. The CPU makes a few at a time, so that progress is visible and the user can stop.
         let at_once = if self.robot.gpus.is_empty() { self.robot.threads } else { walking.len() };
         let parts = walking.chunks(at_once.max(1)).map(|part| self.observe_part(part));
         Ok(parts.collect::<Result<Vec<_>, String>>()?.concat())
@@ -317,7 +317,7 @@ impl World<'_> {
         reports.into_iter().collect()
     }
 
-    /// Robot number `number` of all, as it walks.
+    /// The robot with this number, its values, noise and seed.
     fn walking(&self, robot: &[f64], number: usize) -> Result<NoisyRobot, String> {
         let (noise, values) = robot.split_last().ok_or("a robot without numbers")?;
         let number = u32::try_from(number).unwrap_or(u32::MAX);
