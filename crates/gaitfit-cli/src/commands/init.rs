@@ -233,7 +233,7 @@ fn judge(policy: &str, config: &TrainConfig, threads: usize) -> Result<(bool, St
         // robot diverges.
         None => match measured.evaluation.divergence() {
             Some(why) => (false, format!("{policy}: {why}")),
-            None => (true, format!("{policy}: it does not fall")),
+            None => (true, format!("{policy}: no robot of its evaluation diverged")),
         },
     })
 }
