@@ -9,6 +9,7 @@ pub mod air;
 pub mod arrangement;
 #[cfg(feature = "cuda")]
 mod gpu;
+mod gpu_ahead;
 mod gpu_logs;
 pub mod log;
 pub mod log_check;

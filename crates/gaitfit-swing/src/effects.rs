@@ -117,7 +117,8 @@ fn of_swings(
         .windows
         .iter()
         .map(|window| {
-            let mut row = group.row(window);
+            let mut row = vec![0.0; group.columns()];
+            group.row(window).iter().for_each(|&(place, factor)| row[place] += factor);
             row.push(window.torque(steps + 0.5) - window.torque(steps - 0.5));
             row
         })

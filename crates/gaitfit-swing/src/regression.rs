@@ -13,6 +13,9 @@ const ROUNDS: usize = 4;
 /// Unknowns that all windows of a group share: friction, damping, armature.
 pub(crate) const SHARED: usize = 3;
 
+/// Places of unknowns, and what each is multiplied by.
+pub(crate) type Factors = [(usize, f64); SHARED + 1];
+
 /// One group's windows; its unknowns are friction, damping, armature and an offset for each joint.
 pub(crate) struct Group<'a> {
     pub windows: Vec<&'a Window>,
@@ -31,14 +34,10 @@ impl<'a> Group<'a> {
         SHARED + self.offsets.len()
     }
 
-    /// What the unknowns are multiplied by in a window.
-    pub fn row(&self, window: &Window) -> Vec<f64> {
-        let mut row = vec![0.0; self.columns()];
-        row[..SHARED].copy_from_slice(&[window.signs[self.law], window.rates[0], window.rates[1]]);
-        if let Some(place) = self.offsets.get(&window.joint) {
-            row[SHARED + place] = 1.0;
-        }
-        row
+    /// What the unknowns are multiplied by in a window. The others are multiplied by 0.
+    pub fn row(&self, window: &Window) -> Factors {
+        let offset = self.offsets.get(&window.joint).map_or((0, 0.0), |place| (SHARED + place, 1.0));
+        [(0, window.signs[self.law]), (1, window.rates[0]), (2, window.rates[1]), offset]
     }
 }
 
@@ -57,7 +56,7 @@ pub(crate) fn solve(group: &Group<'_>, delay: f64) -> Option<Solution> {
     if count < 3 * columns {
         return None;
     }
-    let rows: Vec<Vec<f64>> = group.windows.iter().map(|window| group.row(window)).collect();
+    let rows: Vec<Factors> = group.windows.iter().map(|window| group.row(window)).collect();
     let known: Vec<f64> = group.windows.iter().map(|window| window.torque(delay)).collect();
     let mut weights = vec![1.0; count];
     let mut best = None;
@@ -66,7 +65,7 @@ pub(crate) fn solve(group: &Group<'_>, delay: f64) -> Option<Solution> {
         let mut right = DVector::zeros(columns);
         for ((row, known), weight) in rows.iter().zip(&known).zip(&weights) {
             accumulate(&mut normal, row, *weight);
-            for (place, value) in row.iter().enumerate() {
+            for &(place, value) in row {
                 right[place] += weight * value * known;
             }
         }
@@ -88,18 +87,17 @@ pub(crate) fn solve(group: &Group<'_>, delay: f64) -> Option<Solution> {
     best
 }
 
-fn accumulate(normal: &mut DMatrix<f64>, row: &[f64], weight: f64) {
-    for (i, a) in row.iter().enumerate() {
-        if *a != 0.0 {
-            for (j, b) in row.iter().enumerate() {
-                normal[(i, j)] += weight * a * b;
-            }
+/// Adds a weighted row's square.
+fn accumulate(normal: &mut DMatrix<f64>, row: &Factors, weight: f64) {
+    for &(i, a) in row {
+        for &(j, b) in row {
+            normal[(i, j)] += weight * a * b;
         }
     }
 }
 
-fn product(row: &[f64], values: &DVector<f64>) -> f64 {
-    row.iter().zip(values.iter()).map(|(a, b)| a * b).sum()
+fn product(row: &Factors, values: &DVector<f64>) -> f64 {
+    row.iter().map(|&(place, factor)| factor * values[place]).sum()
 }
 
 /// A joint group: its name and the indices of its joints.

@@ -6,7 +6,7 @@
 //! "Random-effects models for longitudinal data", Biometrics 38).
 
 use crate::equations::Window;
-use crate::regression::{Group, HUBER, Solution};
+use crate::regression::{Factors, Group, HUBER, SHARED, Solution};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use std::collections::BTreeMap;
 
@@ -37,8 +37,8 @@ pub(crate) struct Together {
 struct Row<'a> {
     window: &'a Window,
     group: usize,
-    first: usize,
-    own: Vec<f64>,
+    /// Factors of the group's unknowns, by their places among all.
+    own: Factors,
     weight: f64,
     /// Size of what is left beside the base's acceleration, N·m.
     left: f64,
@@ -55,18 +55,44 @@ impl Row<'_> {
         self.window.driven_at(values[values.len() - 1])
     }
 
-    /// Residual and the row of all unknowns, at these values.
-    fn at(&self, values: &DVector<f64>) -> (f64, DVector<f64>) {
+    /// Residual and the factors of the unknowns, at these values.
+    fn at(&self, values: &DVector<f64>) -> (f64, Unknowns) {
         let last = values.len() - 1;
         let delay = values[last];
-        let mut row = DVector::zeros(values.len());
         let mut residual = self.window.torque(delay);
-        for (place, value) in self.own.iter().enumerate() {
-            row[self.first + place] = *value;
-            residual -= value * values[self.first + place];
+        for &(place, factor) in &self.own {
+            residual -= factor * values[place];
         }
-        row[last] = -0.5 * (self.window.torque(delay + 1.0) - self.window.torque(delay - 1.0));
-        (residual, row)
+        let slope = -0.5 * (self.window.torque(delay + 1.0) - self.window.torque(delay - 1.0));
+        let [friction, damping, armature, offset] = self.own;
+        (residual, Unknowns([friction, damping, armature, offset, (last, slope)]))
+    }
+}
+
+/// The unknowns of a row and their factors: those of its group, then the delay.
+struct Unknowns([(usize, f64); SHARED + 2]);
+
+impl Unknowns {
+    /// Adds the factors, `times` each, to the numbers of all unknowns.
+    fn add(&self, times: f64, sum: &mut DVector<f64>) {
+        for &(place, factor) in &self.0 {
+            sum[place] += times * factor;
+        }
+    }
+
+    /// Adds the factors' products, `times` each, to those of all unknowns: below the diagonal and on it.
+    fn add_square(&self, times: f64, sum: &mut DMatrix<f64>) {
+        for &(column, b) in &self.0 {
+            for &(row, a) in &self.0 {
+                if row >= column {
+                    sum[(row, column)] += times * b * a;
+                }
+            }
+        }
+    }
+
+    fn dot(&self, values: &DVector<f64>) -> f64 {
+        self.0.iter().map(|&(place, factor)| factor * values[place]).sum()
     }
 }
 
@@ -108,11 +134,11 @@ impl<'a> Equations<'a> {
         for (number, (group, solution)) in groups.iter().zip(solutions).enumerate() {
             values.rows_mut(first, group.columns()).copy_from(&solution.values);
             for (window, weight) in group.windows.iter().zip(&solution.weights) {
-                let mut own = group.row(window);
-                held.iter().filter_map(|place| place.checked_sub(first)).for_each(|place| {
-                    own.get_mut(place).into_iter().for_each(|value| *value = 0.0);
+                let own = group.row(window).map(|(place, factor)| {
+                    let place = first + place;
+                    (place, if held.contains(&place) { 0.0 } else { factor })
                 });
-                let row = Row { window, group: number, first, own, weight: *weight, left: 0.0 };
+                let row = Row { window, group: number, own, weight: *weight, left: 0.0 };
                 moments.entry((window.log, (window.at * 1e4).round() as u64)).or_default().push(row);
             }
             first += group.columns();
@@ -131,17 +157,23 @@ impl<'a> Equations<'a> {
         let mut shakes = Vector3::zeros();
         let mut sizes: Vec<Vec<f64>> = vec![Vec::new(); self.groups.len()];
         for rows in self.moments.values_mut() {
-            let seen: Vec<(f64, DVector<f64>)> = rows.iter().map(|row| row.at(&self.values)).collect();
-            let Common { answer, spread } = Common::new(rows, &seen, &self.variances, &self.shaking)?;
+            let seen: Vec<(f64, Unknowns)> = rows.iter().map(|row| row.at(&self.values)).collect();
+            let known = (self.variances.as_slice(), &self.shaking);
+            let Common { answer, spread } = Common::new(rows, &seen, known, columns)?;
             let mean = spread * answer.1;
             // (Xᵀ D⁻¹ X − Xᵀ D⁻¹ Λ C Λᵀ D⁻¹ X), and the same with residuals.
             for (row, (residual, unknowns)) in rows.iter().zip(&seen) {
                 let precision = row.weight / self.variances[row.group];
-                normal.ger(precision, unknowns, unknowns, 1.0);
-                right.axpy(precision * residual, unknowns, 1.0);
+                unknowns.add_square(precision, &mut normal);
+                unknowns.add(precision * residual, &mut right);
             }
             let projected = &answer.0 * spread;
-            normal.gemm(-1.0, &projected, &answer.0.transpose(), 1.0);
+            for column in 0..columns {
+                let across = answer.0.row(column);
+                for row in column..columns {
+                    normal[(row, column)] -= projected.row(row).dot(&across);
+                }
+            }
             right -= &projected * answer.1;
             shakes += mean.component_mul(&mean) + spread.diagonal();
             for (row, (residual, _)) in rows.iter_mut().zip(&seen) {
@@ -154,6 +186,7 @@ impl<'a> Equations<'a> {
                 row.left = left.abs();
             }
         }
+        normal.fill_upper_triangle_with_lower_triangle();
         self.held.iter().for_each(|&place| normal[(place, place)] = 1.0);
         Some(Sums { normal, right, squares, shakes, sizes })
     }
@@ -186,10 +219,11 @@ impl<'a> Equations<'a> {
             let (residual, unknowns) = row.at(&self.values);
             (part(row, residual), unknowns)
         };
-        let seen: Vec<(f64, DVector<f64>)> = rows.iter().map(one).collect();
-        let Common { answer, spread } = Common::new(rows, &seen, &self.variances, &self.shaking)?;
+        let seen: Vec<(f64, Unknowns)> = rows.iter().map(one).collect();
+        let Common { answer, spread } =
+            Common::new(rows, &seen, (self.variances.as_slice(), &self.shaking), self.values.len())?;
         for (row, (part, unknowns)) in rows.iter().zip(&seen) {
-            sum.axpy(row.weight / self.variances[row.group] * part, unknowns, 1.0);
+            unknowns.add(row.weight / self.variances[row.group] * part, sum);
         }
         *sum -= &answer.0 * (spread * answer.1);
         Some(())
@@ -218,7 +252,7 @@ impl<'a> Equations<'a> {
         by_strength: &DVector<f64>,
         by_target: &DVector<f64>,
     ) -> [f64; 2] {
-        let by = |instrument: &dyn Fn(&Row<'_>, &DVector<f64>) -> f64| {
+        let by = |instrument: &dyn Fn(&Row<'_>, &Unknowns) -> f64| {
             let mut sums: BTreeMap<u64, [f64; 2]> = BTreeMap::new();
             for rows in self.moments.values() {
                 let sums = sums.entry(cluster(rows[0].window)).or_default();
@@ -313,18 +347,20 @@ struct Common {
 impl Common {
     fn new(
         rows: &[Row<'_>],
-        seen: &[(f64, DVector<f64>)],
-        variances: &[f64],
-        shaking: &Vector3<f64>,
+        seen: &[(f64, Unknowns)],
+        (variances, shaking): (&[f64], &Vector3<f64>),
+        columns: usize,
     ) -> Option<Self> {
-        let columns = seen.first()?.1.len();
         let mut across = nalgebra::OMatrix::<f64, nalgebra::Dyn, nalgebra::U3>::zeros(columns);
         let mut pull = Vector3::zeros();
         let mut precision = Matrix3::from_diagonal(&shaking.map(|variance| 1.0 / variance.max(1e-12)));
         for (row, (residual, unknowns)) in rows.iter().zip(seen) {
             let lever = Vector3::from(row.window.lever);
             let weight = row.weight / variances[row.group];
-            across.ger(weight, unknowns, &lever, 1.0);
+            for &(place, factor) in &unknowns.0 {
+                let mut place = across.row_mut(place);
+                place += lever.transpose() * (weight * factor);
+            }
             pull += lever * (weight * residual);
             precision += lever * lever.transpose() * weight;
         }

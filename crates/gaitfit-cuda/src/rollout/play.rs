@@ -6,7 +6,7 @@ use gaitfit_learn::ppo::Settings;
 use gaitfit_learn::task::{Environment, Snapshot};
 use gaitfit_sim::Candidate;
 
-use super::run::Rollout;
+use super::run::{Planned, Rollout};
 use super::scene::{Mode, Sizes};
 use super::{RolloutError, check};
 use crate::ppo::{Batch, Learner, PpoError, Precision, Share};
@@ -72,11 +72,14 @@ impl<'a> Play<'a> {
         let environments = count.clamp(ENVIRONMENTS.0, ENVIRONMENTS.1);
         let steps = STEPS.min(last as usize);
         let batch = Batch { steps, environments, tile: Training::TILE, share: Share::WHOLE };
-        let mut learner = Learner::new(device, &host, batch, Precision::F32)?;
-        learner.quiet()?;
         let networks = host.actor().parameters.len() + host.critic().parameters.len();
         let sizes = Sizes { steps, environments, networks, gamma: 1.0, remembered: 0, mode };
-        let rollout = Rollout::new(device, learner.stream(), task, &candidates, sizes, (seed, 0))?;
+        let planned = Planned::new(device, task, &candidates, sizes)?;
+        let _ahead = device.compile_ahead(planned.programs());
+        let mut learner = Learner::new(device, &host, batch, Precision::F32)?;
+        learner.quiet()?;
+        let (stream, planned) = (learner.stream(), (planned, sizes));
+        let rollout = Rollout::from_plan(device, stream, task, &candidates, planned, (seed, 0))?;
         let graph = learner.stream().record(|stream| rollout.start(stream, &learner))?;
         Ok(Self { graph, rollout, learner, subject: *subject, candidates, environments, steps, first: 0 })
     }

@@ -11,7 +11,7 @@ use super::{Packed, RolloutError, imu_rows};
 use crate::emit::Class;
 use crate::physics::{self, Batch, Period};
 use crate::ppo::{Id, Launch, Learner, Storage, Stored};
-use crate::runtime::{Argument, CudaError, Device, Kernel, Stream};
+use crate::runtime::{Argument, CudaError, Device, Kernel, Program, Stream};
 
 /// A task's environments in a GPU's memory.
 pub struct Rollout<'a> {
@@ -23,6 +23,35 @@ pub struct Rollout<'a> {
     /// The rollout's own arrays, by their numbers in the plan.
     own: Vec<Option<Arc<Storage>>>,
     kernels: Vec<(&'static str, Kernel)>,
+}
+
+/// What a rollout runs, before a GPU has it.
+pub struct Planned {
+    period: Arc<Period>,
+    plan: Plan,
+}
+
+impl Planned {
+    /// Environments of `task` around `candidates` on a GPU like `device`.
+    ///
+    /// # Errors
+    /// As [`Rollout::new`].
+    pub fn new(
+        device: &Device,
+        task: &Task,
+        candidates: &[Candidate],
+        sizes: Sizes,
+    ) -> Result<Self, RolloutError> {
+        let processors = usize::try_from(device.info().processors).unwrap_or(1);
+        let period = Arc::new(Scene::period(task, candidates, sizes.environments, processors)?);
+        let plan = Plan::new(&Scene::new(task, &period, sizes)?);
+        Ok(Self { period, plan })
+    }
+
+    /// Its programs.
+    pub fn programs(&self) -> [Program; 2] {
+        [self.period.program(), self.plan.program.clone()]
+    }
 }
 
 impl<'a> Rollout<'a> {
@@ -40,10 +69,24 @@ impl<'a> Rollout<'a> {
         sizes: Sizes,
         (seed, first): (u64, u32),
     ) -> Result<Self, RolloutError> {
-        let processors = usize::try_from(device.info().processors).unwrap_or(1);
-        let period = Arc::new(Scene::period(task, candidates, sizes.environments, processors)?);
-        let scene = Scene::new(task, &period, sizes)?;
-        let plan = Plan::new(&scene);
+        let planned = Planned::new(device, task, candidates, sizes)?;
+        let _ahead = device.compile_ahead(planned.programs());
+        Self::from_plan(device, stream, task, candidates, (planned, sizes), (seed, first))
+    }
+
+    /// As [`Rollout::new`], of what was planned for the same task, candidates and sizes.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn from_plan(
+        device: &Device,
+        stream: &Stream,
+        task: &'a Task,
+        candidates: &[Candidate],
+        (planned, sizes): (Planned, Sizes),
+        (seed, first): (u64, u32),
+    ) -> Result<Self, RolloutError> {
+        let Planned { period, plan } = planned;
         let owned = plan.arrays.iter().zip(&plan.homes).filter(|(_, home)| **home == Home::Own);
         let parts: Vec<(&str, u64)> = owned.map(|(array, _)| (array.name, array.bytes())).collect();
         device.check_room(&parts)?;

@@ -7,7 +7,7 @@ use gaitfit_learn::ppo::Diagnostics;
 use gaitfit_learn::{Growth, Iteration, Tally, Training, TrainingError, TrainingSettings, max_diverged};
 
 use super::RolloutError;
-use super::run::Rollout;
+use super::run::{Planned, Rollout};
 use super::scene::{Mode, Sizes};
 use super::sums::Sum;
 use crate::ppo::{Batch, Learner, PpoError, Precision, Share, run_together, update_together};
@@ -90,10 +90,13 @@ impl<'a> Trainer<'a> {
             let batch = Batch { steps, environments, tile: Training::TILE, share };
             let sizes = Sizes { steps, environments, networks, gamma, remembered, mode };
             let made = || -> Result<(Learner, Rollout<'a>), RolloutError> {
+                let candidates = training.candidates();
+                let planned = Planned::new(device, task, candidates, sizes)?;
+                let _ahead = device.compile_ahead(planned.programs());
                 let learner = Learner::new(device, host, batch, precision)?;
                 let (stream, first) = (learner.stream(), part.start as u32);
-                let candidates = training.candidates();
-                let rollout = Rollout::new(device, stream, task, candidates, sizes, (seed, first))?;
+                let planned = (planned, sizes);
+                let rollout = Rollout::from_plan(device, stream, task, candidates, planned, (seed, first))?;
                 Ok((learner, rollout))
             };
             let (learner, rollout) = made().map_err(|error| error.on(device, devices.len()))?;

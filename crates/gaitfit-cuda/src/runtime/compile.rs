@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::ahead;
 use super::cache::Cache;
 use super::error::CudaError;
 use super::nvrtc::{Image, Nvrtc};
@@ -50,9 +51,31 @@ pub struct Compiled {
     pub cached: bool,
 }
 
-/// Compiles `program` for a GPU of this compute capability, or takes it from `cache`. The cache's key is the text, the
-/// options, the architecture and the compiler's version. A cache that cannot be written is no error: the program is
-/// compiled at the next start again.
+/// Name of the program in the cache: a hash of the text, the options, the architecture and the compiler's version. With it
+/// the architecture.
+///
+/// # Errors
+/// [`CudaError::Compile`] if the compiler is older than the GPU and knows no PTX for it.
+pub(super) fn identity(
+    nvrtc: &Nvrtc,
+    program: &Program,
+    capability: (i32, i32),
+) -> Result<(String, String), CudaError> {
+    let (major, minor) = nvrtc.version;
+    let Some(architecture) = nvrtc.architecture(capability) else {
+        return Err(CudaError::Compile {
+            program: program.name.clone(),
+            architecture: format!("compute capability {}.{}", capability.0, capability.1),
+            log: format!("NVRTC {major}.{minor} knows no GPU that old"),
+        });
+    };
+    let options = program.options.join("\n");
+    let version = format!("{major}.{minor}");
+    Ok((Cache::key(&[&program.name, &program.text, &options, &architecture, &version]), architecture))
+}
+
+/// Compiles `program` for a GPU of this compute capability, or takes it from `cache`, or waits for a thread that is compiling
+/// it. A cache that cannot be written is no error: the program is compiled at the next start again.
 ///
 /// # Errors
 /// [`CudaError::Compile`], also if the compiler is older than the GPU and knows no PTX for it.
@@ -62,23 +85,23 @@ pub fn compile(
     capability: (i32, i32),
     cache: Option<&Cache>,
 ) -> Result<Compiled, CudaError> {
-    let Some(architecture) = nvrtc.architecture(capability) else {
-        let (major, minor) = nvrtc.version;
-        return Err(CudaError::Compile {
-            program: program.name.clone(),
-            architecture: format!("compute capability {}.{}", capability.0, capability.1),
-            log: format!("NVRTC {major}.{minor} knows no GPU that old"),
-        });
-    };
-    let version = format!("{}.{}", nvrtc.version.0, nvrtc.version.1);
-    let options = program.options.join("\n");
-    let key = Cache::key(&[&program.name, &program.text, &options, &architecture, &version]);
-    if let Some(image) = cache.and_then(|cache| cache.read(&key)) {
+    let (key, architecture) = identity(nvrtc, program, capability)?;
+    ahead::once(&key, || make(nvrtc, program, (&key, &architecture), cache))
+}
+
+/// As [`compile`], on the calling thread. `key` and `architecture`: of [`identity`].
+pub(super) fn make(
+    nvrtc: &Nvrtc,
+    program: &Program,
+    (key, architecture): (&str, &str),
+    cache: Option<&Cache>,
+) -> Result<Compiled, CudaError> {
+    if let Some(image) = cache.and_then(|cache| cache.read(key)) {
         return Ok(Compiled { image, cached: true });
     }
-    let image = nvrtc.compile(&program.name, &program.text, &architecture, &program.options)?;
+    let image = nvrtc.compile(&program.name, &program.text, architecture, &program.options)?;
     if let Some(cache) = cache {
-        let _ = cache.write(&key, &image);
+        let _ = cache.write(key, &image);
     }
     Ok(Compiled { image, cached: false })
 }

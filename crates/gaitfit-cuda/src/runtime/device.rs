@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
+use super::ahead::Ahead;
 use super::cache::Cache;
 use super::compile::{Program, compile};
 use super::driver::{Driver, Handle};
@@ -233,6 +234,11 @@ impl Device {
     pub fn check_room(&self, parts: &[(&str, u64)]) -> Result<(), CudaError> {
         let (free, total) = self.memory()?;
         super::memory::check(parts, self.info().ordinal, free, total)
+    }
+
+    /// Begins to compile `programs` on threads of their own, for a later [`Device::load`].
+    pub fn compile_ahead(&self, programs: impl IntoIterator<Item = Program>) -> Ahead {
+        Ahead::new(programs, self.info().capability)
     }
 
     /// Compiles a program (or takes it from the user's cache) and loads it.

@@ -27,13 +27,14 @@
 //!
 //! - [`find`] says what is there and what is missing; [`Device::open`] opens a GPU.
 //! - [`Program`] is CUDA C++ text. [`Device::load`] compiles it with [`Nvrtc`] or takes it from the [`Cache`];
-//!   [`compile()`] does it without a GPU.
+//!   [`compile()`] does it without a GPU. [`Device::compile_ahead`] begins on threads of their own.
 //! - [`Module::kernel`] finds a kernel, [`Kernel::launch`] starts it. Arguments are buffers and numbers, `into()`.
 //! - [`Buffer`] checks free memory before it allocates; [`Device::check_room`] does it for a whole plan.
 //! - [`Stream`] orders work, [`Stream::record`] makes a [`Graph`] of it, [`Event`] takes times. A failure of a kernel
 //!   shows when the stream is waited for, and names the kernels since the last wait.
 #![allow(unsafe_code, reason = "calls of the driver and the compiler, each with its reason")]
 
+mod ahead;
 mod cache;
 mod compile;
 mod device;
@@ -47,6 +48,7 @@ pub mod search;
 mod stream;
 mod table;
 
+pub use ahead::Ahead;
 pub use cache::Cache;
 pub use compile::{Compiled, Program, compile};
 pub use device::{Device, DeviceInfo, Visit};

@@ -4,6 +4,7 @@ use super::log_set::LogSet;
 use super::setup::Setup;
 use crate::Error;
 use crate::device::Gpu;
+use crate::gpu_ahead::{Ahead, compile_ahead};
 use crate::log::Log;
 use crate::settings::AdaptConfig;
 use crate::walk::recorder::{NoisyRobot, Recorded, Recorder};
@@ -28,6 +29,8 @@ pub(super) const WALKED: f64 = 0.5;
 pub struct Replicas {
     recorder: Recorder,
     base: Candidate,
+    /// Kept until the fit ends.
+    _program: Ahead,
 }
 
 impl Replicas {
@@ -47,7 +50,9 @@ impl Replicas {
         let robot = Walking::robot(config, policy, model, theta, base, threads)?;
         let robot = Walking { gpus: gpus.to_vec(), ..robot };
         let trajectories: Vec<_> = logs.iter().map(|log| &log.trajectory).collect();
-        Ok(Self { recorder: Recorder::new(Arc::new(robot), base.clone(), &trajectories), base: base.clone() })
+        let program = compile_ahead(&robot, theta, base);
+        let recorder = Recorder::new(Arc::new(robot), base.clone(), &trajectories);
+        Ok(Self { recorder, base: base.clone(), _program: program })
     }
 
     /// Makes the logs.

@@ -13,6 +13,7 @@ use super::swing_correction;
 use super::{known, swing};
 use crate::air::logs as air_logs;
 use crate::device::Devices;
+use crate::gpu_ahead;
 use crate::log::Log;
 use crate::settings::{AdaptConfig, Base, check};
 use crate::walk::logs::LogNotes;
@@ -129,6 +130,7 @@ impl Setup {
             }
         }
         let method = method.on(gpus.clone());
+        let _ahead = method.walking().map(|walking| gpu_ahead::compile_ahead(walking, &theta, &base));
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
         let swings = swings(&config, &method, walker.as_ref(), &robot, &theta, &base, &logs.fit, watch)?;

@@ -4,10 +4,11 @@
 
 use core::arch::x86_64::*;
 
+use super::Differentiable;
 use super::sincos::{sin_cos, turn};
 use super::x86::{intrinsic, lane_type};
 use crate::real::branching_guards;
-use crate::{Isa, Part, Period, control_period};
+use crate::{Dual, Isa, Part, Period, Real, control_period};
 
 lane_type! {
     /// Eight `f32` in one AVX register, with fused multiply-add.
@@ -51,15 +52,26 @@ lane_type! {
     }
     Lanes {
         fn control_period(period: &mut Period<'_, Self>) {
-            #[target_feature(enable = "avx2,fma")]
-            fn run(period: &mut Period<'_, F32x8>) {
-                control_period(period);
-            }
-            assert!(Isa::Avx2.available(), "this machine has no AVX2; ask `Isa::available` first");
-            // SAFETY: the set has just been found on the machine.
-            unsafe { run(period) }
+            compiled(period);
         }
     }
+}
+
+impl Differentiable for F32x8 {
+    fn period_along(period: &mut Period<'_, Dual<Self>>) {
+        compiled(period);
+    }
+}
+
+/// The control period, compiled for the set.
+fn compiled<T: Real>(period: &mut Period<'_, T>) {
+    #[target_feature(enable = "avx2,fma")]
+    fn run<T: Real>(period: &mut Period<'_, T>) {
+        control_period(period);
+    }
+    assert!(Isa::Avx2.available(), "this machine has no AVX2; ask `Isa::available` first");
+    // SAFETY: the set has just been found on the machine.
+    unsafe { run(period) }
 }
 
 #[inline(always)]

@@ -25,7 +25,7 @@ pub use portable::Portable;
 #[cfg(target_arch = "x86_64")]
 pub use sse2::F32x4 as Portable;
 
-use crate::{Dual, Params, Period, Real, control_period};
+use crate::{Dual, Params, Period, Real};
 
 /// Most lanes of any instruction set.
 pub const WIDEST: usize = 16;
@@ -42,21 +42,25 @@ pub trait Lanes: Real<K = f32, Guard = bool> + Send + Sync + 'static {
     fn control_period(period: &mut Period<'_, Self>);
 }
 
-/// Lanes with derivatives are compiled once, for what every machine has: a vector of them for each set would double the
-/// time that this crate takes to compile. Values are loaded and stored; a loaded number does not change along the
-/// direction.
-impl Lanes for Dual<Portable> {
-    const LANES: usize = Portable::LANES;
+/// Lanes whose step is also compiled for numbers with derivatives.
+pub trait Differentiable: Lanes {
+    /// [`crate::control_period`] with a derivative beside every number, compiled for the lanes' instruction set.
+    fn period_along(period: &mut Period<'_, Dual<Self>>);
+}
+
+/// Values are loaded and stored; a loaded number does not change along the direction.
+impl<T: Differentiable> Lanes for Dual<T> {
+    const LANES: usize = T::LANES;
     #[inline(always)]
     fn load(x: &[f32]) -> Self {
-        Self { value: Portable::load(x), tangent: Portable::load(&[0.0; WIDEST]) }
+        Self { value: T::load(x), tangent: T::load(&[0.0; WIDEST]) }
     }
     #[inline(always)]
     fn store(self, x: &mut [f32]) {
         self.value.store(x);
     }
     fn control_period(period: &mut Period<'_, Self>) {
-        control_period(period);
+        T::period_along(period);
     }
 }
 

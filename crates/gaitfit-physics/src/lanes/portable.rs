@@ -2,10 +2,10 @@
 
 use core::ops::{Add, Mul, Neg, Sub};
 
-use super::Lanes;
 use super::sincos::{sin_cos, turn};
+use super::{Differentiable, Lanes};
 use crate::real::branching_guards;
-use crate::{Period, Real, control_period};
+use crate::{Dual, Period, Real, control_period};
 
 const N: usize = 4;
 
@@ -71,6 +71,12 @@ fn round(x: Portable) -> Portable {
 #[inline(always)]
 fn quarters(k: Portable, s: Portable, c: Portable) -> (Portable, Portable) {
     turn(k, s, c, round)
+}
+
+impl Differentiable for Portable {
+    fn period_along(period: &mut Period<'_, Dual<Self>>) {
+        control_period(period);
+    }
 }
 
 #[inline(always)]

@@ -4,10 +4,11 @@
 
 use core::arch::x86_64::*;
 
+use super::Differentiable;
 use super::sincos::{sin_cos, turn};
 use super::x86::{intrinsic, lane_type};
 use crate::real::branching_guards;
-use crate::{Period, Real, control_period};
+use crate::{Dual, Period, Real, control_period};
 
 lane_type! {
     /// Four `f32` in one SSE register: what every x86-64 has.
@@ -40,6 +41,12 @@ lane_type! {
         fn control_period(period: &mut Period<'_, Self>) {
             control_period(period);
         }
+    }
+}
+
+impl Differentiable for F32x4 {
+    fn period_along(period: &mut Period<'_, Dual<Self>>) {
+        control_period(period);
     }
 }
 

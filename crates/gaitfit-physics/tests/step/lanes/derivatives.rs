@@ -1,7 +1,7 @@
 //! Derivatives of whole control periods: duals against differences of plain numbers.
 
 use super::*;
-use gaitfit_physics::{Dual, Portable, State};
+use gaitfit_physics::{Differentiable, Dual, Isa, State};
 
 const TAPS: usize = 3;
 const SUBSTEPS: usize = 2;
@@ -210,20 +210,26 @@ fn a_period_with_elliptic_cones_has_its_derivatives() {
     }
 }
 
-/// Lanes of duals compute what lanes compute.
+/// Lanes of duals compute what lanes compute, on each instruction set of this machine.
 #[test]
 fn lanes_of_duals_have_the_values_of_lanes() {
+    for isa in Isa::found() {
+        gaitfit_physics::with_lanes!(isa, T => values_of_duals::<T>(isa));
+    }
+}
+
+fn values_of_duals<T: Differentiable>(isa: Isa) {
     for (name, file) in [("go2", "states_go2_pyr_imp1_fl"), ("terrain", "states_terrain_pyr_imp1_fl")] {
         let mut model = robot(name);
         for cone in [Cone::Pyramidal, Cone::Elliptic] {
             model.options.cone = cone;
             let settings = Settings::new(&model.options, Preset::Accurate);
-            let cases = cases(&model, file, Portable::LANES);
-            let all: Vec<usize> = (0..Portable::LANES).collect();
-            let plain = run_block::<Portable>(&model, &settings, &cases, &all, 2);
-            let dual = run_block::<Dual<Portable>>(&model, &settings, &cases, &all, 2);
+            let cases = cases(&model, file, T::LANES);
+            let all: Vec<usize> = (0..T::LANES).collect();
+            let plain = run_block::<T>(&model, &settings, &cases, &all, 2);
+            let dual = run_block::<Dual<T>>(&model, &settings, &cases, &all, 2);
             for (index, (plain, dual)) in plain.iter().zip(&dual).enumerate() {
-                assert!(same_bits(plain, dual), "the values of duals differ in environment {index}");
+                assert!(same_bits(plain, dual), "{isa:?}: the values of duals differ in environment {index}");
             }
         }
     }

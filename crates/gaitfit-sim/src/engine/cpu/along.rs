@@ -1,6 +1,6 @@
 //! The derivatives of a replay, in blocks of lanes over threads: each lane takes a direction of its own.
 
-use gaitfit_physics::{Dual, Lanes, Params, Parts, Portable, Robot, State};
+use gaitfit_physics::{Differentiable, Dual, Params, Parts, Robot, State};
 
 use super::replay::{Block, Lane, Recorder, full, jobs, params};
 use crate::engine::{Cancel, ConsumeSignals};
@@ -8,7 +8,7 @@ use crate::replay::{Direction, Replay};
 use crate::{SimError, pool};
 
 /// See [`crate::engine::Engine::replay_along`].
-pub(super) fn run(
+pub(super) fn run<T: Differentiable>(
     replay: &Replay,
     directions: &[Direction],
     threads: usize,
@@ -26,12 +26,12 @@ pub(super) fn run(
     let ahead = directions.iter().map(|one| beside(&one.ahead)).collect::<Result<Vec<_>, _>>()?;
     let behind = directions.iter().map(|one| beside(&one.behind)).collect::<Result<Vec<_>, _>>()?;
     let jobs = jobs(replay, directions.len());
-    let width = Portable::LANES;
+    let width = T::LANES;
     let blocks: Vec<&[(usize, usize)]> = jobs.chunks(width).collect();
     pool::for_each(
         blocks.len(),
         threads,
-        || (Block::<Dual<Portable>>::new(&replay.tree, replay.taps), Recorder::new(replay, width)),
+        || (Block::<Dual<T>>::new(&replay.tree, replay.taps), Recorder::new(replay, width)),
         |(block, recorder), index| {
             let (mut lanes, mut rates) = (Vec::new(), Vec::new());
             for &(at, recording) in blocks[index] {
@@ -42,17 +42,17 @@ pub(super) fn run(
                 rates.push(up.rate(&down, direction.distance));
             }
             recorder.begin(replay, &rates);
-            let rate = Params::<Portable>::in_lanes(&full(&rates, width));
-            let values = Params::<Portable>::in_lanes(&full(&lanes, width));
+            let rate = Params::<T>::in_lanes(&full(&rates, width));
+            let values = Params::<T>::in_lanes(&full(&lanes, width));
             let packed = Params::along(&values, &rate);
             // The angle at the start is what the encoder read, less its bias.
-            let seed = |state: &mut State<Dual<Portable>>| {
+            let seed = |state: &mut State<Dual<T>>| {
                 for (angle, joint) in state.qpos.iter_mut().zip(&rate.joints) {
                     angle.tangent = -joint.encoder_bias;
                 }
             };
-            let record = |sample: usize, state: &State<Dual<Portable>>, beyond: &[Dual<Portable>]| {
-                let beyond: Vec<Portable> = beyond.iter().map(|number| number.tangent).collect();
+            let record = |sample: usize, state: &State<Dual<T>>, beyond: &[Dual<T>]| {
+                let beyond: Vec<T> = beyond.iter().map(|number| number.tangent).collect();
                 let numbers = |j: usize| [state.qpos[j], state.qvel[j], state.qacc[j]];
                 recorder.record(sample, &beyond, |j| numbers(j).map(|number| number.tangent));
             };

@@ -43,7 +43,7 @@ impl Engine for Cpu {
         consume: &ConsumeSignals<'_>,
         cancel: &Cancel<'_>,
     ) -> Result<(), SimError> {
-        along::run(replay, directions, self.threads, consume, cancel)
+        with_lanes!(replay.isa(), T => along::run::<T>(replay, directions, self.threads, consume, cancel))
     }
 
     fn tile<'a>(
