@@ -25,16 +25,17 @@ fn a_standing_policy_neither_falls_nor_follows() {
     let policy = standing(folder.path());
     let path = |name: &str| folder.path().join(name).display().to_string();
     let (page, replay) = (path("page.html"), path("replay.html"));
-    let shared = ["evaluate", &policy, "--trajectories", "8", "--seconds", "1", "--drift", "2", "--json"];
-    let measure = |more: &[&str]| {
-        let args: Vec<&str> = shared.iter().chain(more).copied().collect();
+    let shared = ["evaluate", &policy, "--trajectories", "8", "--seconds", "1", "--json"];
+    let measure_with = |drift: &'static str, more: &[&str]| {
+        let args: Vec<&str> = shared.iter().chain(&["--drift", drift]).chain(more).copied().collect();
         let output = run(&args);
         assert!(output.status.success(), "{}", errors(&output));
         let mut document = json(&output);
         assert!(document.as_object_mut().unwrap().remove("wall_seconds").unwrap().as_f64().unwrap() > 0.0);
         document
     };
-    let found = measure(&["--threads", "1", "--report", &page, "--replay", &replay]);
+    let measure = |more: &[&str]| measure_with("0", more);
+    let found = measure_with("2", &["--threads", "1", "--report", &page, "--replay", &replay]);
     assert_eq!(found["trajectories"], 8);
     assert_eq!(found["fall_rate"]["mean"], 0.0);
     for key in ["reward", "linear_velocity_error", "angular_velocity_error", "fall_rate"] {
@@ -58,7 +59,7 @@ fn a_standing_policy_neither_falls_nor_follows() {
         let html = std::fs::read_to_string(file).unwrap();
         assert!(html.trim_start().to_lowercase().starts_with("<!doctype html>"), "{file}");
     }
-    assert_eq!(measure(&["--threads", "2"]), found, "threads change results");
+    assert_eq!(measure_with("2", &["--threads", "2"]), found, "threads change results");
     assert!(measure(&["--seed", "7"])["reward"] != found["reward"]);
     // A spring that is stiffer than the motors bends the leg it is on.
     let sprung = measure(&["--spring", "RR_calf_joint=75@-2.2"]);

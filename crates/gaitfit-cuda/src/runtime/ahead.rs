@@ -69,3 +69,21 @@ impl Drop for Ahead {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::runtime::Image;
+
+    #[test]
+    fn what_was_compiled_ahead_is_used_once() {
+        let compiled = Compiled { image: Image { code: vec![1, 2], log: String::new() }, cached: false };
+        let entry = pending().entry("ahead".to_owned()).or_default().clone();
+        entry.get_or_init(|| Ok(compiled.clone()));
+        assert_eq!(once("ahead", || unreachable!("it is compiled")), Ok(compiled.clone()));
+        // Then it is forgotten: the cache on disk has it.
+        let other = Compiled { cached: true, ..compiled };
+        assert_eq!(once("ahead", || Ok(other.clone())), Ok(other));
+        assert!(!pending().contains_key("ahead"));
+    }
+}
