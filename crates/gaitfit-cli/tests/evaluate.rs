@@ -78,7 +78,7 @@ fn a_standing_policy_neither_falls_nor_follows() {
 #[test]
 fn robots_that_diverge_are_said_first_and_end_with_3() {
     let folder = tempfile::tempdir().unwrap();
-    let mut policy = gaitfit_policy::read(&common::root().join(FOREIGN)).unwrap();
+    let mut policy = trained();
     // The greatest number, its square, which is infinite, and that times 0.
     let shape = Shape { inputs: 45, hidden: vec![1, 1], outputs: 12, activation: Activation::Relu };
     let mut parameters = vec![0.0; shape.parameters()];
