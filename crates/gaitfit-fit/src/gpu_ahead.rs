@@ -10,17 +10,16 @@ pub type Ahead = gaitfit_cuda::runtime::Ahead;
 
 /// A build without the feature `cuda` compiles none.
 #[cfg(not(feature = "cuda"))]
-#[derive(Default)]
 pub struct Ahead;
 
-/// Begins to compile the physics of robots that θ makes of `base`, if GPUs of `walking` simulate them. The values lie
-/// between their bounds, so the program has every effect that θ can add.
+/// Begins to compile the physics of robots that θ makes of `base`, if GPUs of `walking` simulate them.
 #[cfg(feature = "cuda")]
 pub fn compile_ahead(walking: &Walking, theta: &Theta, base: &Candidate) -> Ahead {
     use gaitfit_cuda::fit::Subject;
     let Some(gpu) = walking.gpus.first() else { return Ahead::default() };
     let joints = &walking.task.walker.batch.model().joints;
     let names: Vec<String> = joints.iter().map(|joint| joint.name.clone()).collect();
+    // Within the bounds, so the program has every effect that θ can add. Not in their middle, which is often 0: no effect.
     let values: Vec<f64> =
         theta.entries().iter().map(|entry| 0.4 * entry.lower + 0.6 * entry.upper).collect();
     let mut candidate = base.clone();

@@ -38,7 +38,7 @@ struct Row<'a> {
     window: &'a Window,
     group: usize,
     /// Factors of the group's unknowns, by their places among all.
-    own: Factors,
+    factors: Factors,
     weight: f64,
     /// Size of what is left beside the base's acceleration, N·m.
     left: f64,
@@ -60,11 +60,11 @@ impl Row<'_> {
         let last = values.len() - 1;
         let delay = values[last];
         let mut residual = self.window.torque(delay);
-        for &(place, factor) in &self.own {
+        for &(place, factor) in &self.factors {
             residual -= factor * values[place];
         }
         let slope = -0.5 * (self.window.torque(delay + 1.0) - self.window.torque(delay - 1.0));
-        let [friction, damping, armature, offset] = self.own;
+        let [friction, damping, armature, offset] = self.factors;
         (residual, Unknowns([friction, damping, armature, offset, (last, slope)]))
     }
 }
@@ -134,11 +134,11 @@ impl<'a> Equations<'a> {
         for (number, (group, solution)) in groups.iter().zip(solutions).enumerate() {
             values.rows_mut(first, group.columns()).copy_from(&solution.values);
             for (window, weight) in group.windows.iter().zip(&solution.weights) {
-                let own = group.row(window).map(|(place, factor)| {
+                let factors = group.row(window).map(|(place, factor)| {
                     let place = first + place;
                     (place, if held.contains(&place) { 0.0 } else { factor })
                 });
-                let row = Row { window, group: number, own, weight: *weight, left: 0.0 };
+                let row = Row { window, group: number, factors, weight: *weight, left: 0.0 };
                 moments.entry((window.log, (window.at * 1e4).round() as u64)).or_default().push(row);
             }
             first += group.columns();

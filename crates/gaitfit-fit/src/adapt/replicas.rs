@@ -29,7 +29,7 @@ pub(super) const WALKED: f64 = 0.5;
 pub struct Replicas {
     recorder: Recorder,
     base: Candidate,
-    /// Kept until the fit ends.
+    /// Their program on a GPU is compiled while the search runs. Nobody reads this.
     _program: Ahead,
 }
 
