@@ -4,11 +4,10 @@
 
 use core::arch::x86_64::*;
 
-use super::Differentiable;
 use super::sincos::{sin_cos, turn};
-use super::x86::{intrinsic, lane_type};
+use super::x86::{compiled_for, intrinsic, lane_type};
 use crate::real::branching_guards;
-use crate::{Dual, Isa, Part, Period, Real, control_period};
+use crate::{Part, Period};
 
 lane_type! {
     /// Eight `f32` in one AVX register, with fused multiply-add.
@@ -57,22 +56,7 @@ lane_type! {
     }
 }
 
-impl Differentiable for F32x8 {
-    fn period_along(period: &mut Period<'_, Dual<Self>>) {
-        compiled(period);
-    }
-}
-
-/// The control period, compiled for the set.
-fn compiled<T: Real>(period: &mut Period<'_, T>) {
-    #[target_feature(enable = "avx2,fma")]
-    fn run<T: Real>(period: &mut Period<'_, T>) {
-        control_period(period);
-    }
-    assert!(Isa::Avx2.available(), "this machine has no AVX2; ask `Isa::available` first");
-    // SAFETY: the set has just been found on the machine.
-    unsafe { run(period) }
-}
+compiled_for!(F32x8, "avx2,fma", Avx2, "AVX2");
 
 #[inline(always)]
 fn all_ge(a: F32x8, b: F32x8) -> bool {

@@ -4,11 +4,10 @@
 
 use core::arch::x86_64::*;
 
-use super::Differentiable;
 use super::sincos::sin_cos;
-use super::x86::{intrinsic, lane_type};
+use super::x86::{compiled_for, intrinsic, lane_type};
 use crate::real::branching_guards;
-use crate::{Dual, Isa, Part, Period, Real, control_period};
+use crate::{Part, Period};
 
 lane_type! {
     /// Sixteen `f32` in one AVX-512 register.
@@ -56,22 +55,7 @@ lane_type! {
     }
 }
 
-impl Differentiable for F32x16 {
-    fn period_along(period: &mut Period<'_, Dual<Self>>) {
-        compiled(period);
-    }
-}
-
-/// The control period, compiled for the set.
-fn compiled<T: Real>(period: &mut Period<'_, T>) {
-    #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,fma")]
-    fn run<T: Real>(period: &mut Period<'_, T>) {
-        control_period(period);
-    }
-    assert!(Isa::Avx512.available(), "this machine has no AVX-512; ask `Isa::available` first");
-    // SAFETY: the set has just been found on the machine.
-    unsafe { run(period) }
-}
+compiled_for!(F32x16, "avx512f,avx512dq,avx512vl,avx512bw,fma", Avx512, "AVX-512");
 
 #[inline(always)]
 fn all_ge(a: F32x16, b: F32x16) -> bool {

@@ -125,3 +125,26 @@ macro_rules! lane_type {
     };
 }
 pub(super) use lane_type;
+
+/// `compiled`, the control period of `$name` compiled with these features, and with derivatives. `$words`: the set in messages.
+macro_rules! compiled_for {
+    ($name:ident, $features:literal, $isa:ident, $words:literal) => {
+        impl super::Differentiable for $name {
+            fn period_along(period: &mut Period<'_, crate::Dual<Self>>) {
+                compiled(period);
+            }
+        }
+
+        fn compiled<T: crate::Real>(period: &mut Period<'_, T>) {
+            #[target_feature(enable = $features)]
+            fn run<T: crate::Real>(period: &mut Period<'_, T>) {
+                crate::control_period(period);
+            }
+            let is_there = crate::Isa::$isa.available();
+            assert!(is_there, concat!("this machine has no ", $words, "; ask `Isa::available` first"));
+            // SAFETY: the set has just been found on the machine.
+            unsafe { run(period) }
+        }
+    };
+}
+pub(super) use compiled_for;
