@@ -1,6 +1,7 @@
 """Ray: the bits of one machine on a cluster of three nodes, whoever is lost on the way."""
 
 import json
+import os
 import pickle
 import sys
 import unittest
@@ -160,6 +161,68 @@ class Shared(Case):
         ):
             with self.subTest(words), self.assertRaisesRegex(error, words):
                 self.fit(DEMO / "adapt.toml", crew, settings=SETTINGS)
+
+
+class Lossy:
+    """A cluster that loses workers: each gives one file, and then it is gone."""
+
+    def __init__(self, retries: int, lost: Exception) -> None:
+        from gaitfit.ray._cluster import Cluster
+
+        self.place, self._lost, self.why = SimpleNamespace(retries=retries), lost, lambda error: Cluster.why(self, error)
+        self.lost, self._begun = (type(lost),), 0
+        names = ("OutOfMemoryError", "NodeDiedError", "ObjectLostError")
+        kinds = {name: type(name, (Exception,), {}) for name in names if name != type(lost).__name__}
+        self._ray = SimpleNamespace(exceptions=SimpleNamespace(**{type(lost).__name__: type(lost)}, **kinds))
+
+    def places(self) -> int:
+        return 1
+
+    def put(self, value: object) -> object:
+        return [value]
+
+    def remote(self, name: str, **options: object) -> object:
+        return lambda *arguments: iter([{f"step-{len(arguments[2][arguments[3]][0])}.txt": b"done"}])
+
+    def ready(self, streams: list) -> list:
+        return streams[:1]
+
+    def next(self, stream: object) -> object:
+        for files in stream:
+            return files
+        raise self._lost
+
+    def give_up(self, stream: object) -> None:
+        pass
+
+
+class Losses(Case):
+    def test_what_is_lost_too_often_is_named_with_the_cause_and_what_is_kept(self) -> None:
+        from gaitfit.ray._limit import Limit
+        from gaitfit.ray._orders import Order, Orders
+
+        for kind, said, why in (
+            ("OutOfMemoryError", "Task was killed due to the node running low on memory.\nMemory on the node", "too little memory"),
+            ("NodeDiedError", "", "its node left the cluster"),
+            ("WorkerCrashedError", "The worker died unexpectedly", "its process crashed or was ended"),
+        ):
+            events, folder = [], self.folder / kind
+            cluster = Lossy(2, type(kind, (Exception,), {})(said))
+            listen = lambda kind, text, *_: events.append((kind, text)) or True  # noqa: E731
+            orders = Orders(cluster, {}, 1.0, listen, Limit(None), folder)
+            part = os.path.relpath(folder / "seed-3")
+            with self.subTest(kind), self.assertRaises(gaitfit.GaitfitError) as raised:
+                orders.make([Order("go2, seed 3", part, [], {"what": "training"})])
+            text = str(raised.exception)
+            self.assertRegex(text, "^the training go2, seed 3: 3 workers of the Ray cluster were lost")
+            self.assertRegex(text, why)
+            for words in (part, "resume=True", "retries=2", "num_cpus", "ray status", said.split("\n")[0]):
+                self.assertIn(words, text)
+            notes = [text for kind, text in events if kind == "note"]
+            self.assertEqual(len(notes), 2)
+            self.assertRegex(notes[0], f"^the training go2, seed 3: its worker was lost, because .*{why}.*; another continues it$")
+            # Each worker had what those before it had sent.
+            self.assertEqual(sorted(file.name for file in (folder / "seed-3").iterdir()), ["step-0.txt", "step-1.txt", "step-2.txt"])
 
 
 class Absent(Case):

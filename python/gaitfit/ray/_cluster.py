@@ -12,6 +12,8 @@ from .. import _gaitfit
 
 #: How long to wait for an answer before saying that nothing happened, s.
 PATIENCE = 0.1
+#: Max number of characters of Ray's words in a message.
+SAID = 300
 #: How long what the cluster has is taken as known, s.
 KNOWN = 2.0
 
@@ -155,11 +157,41 @@ class Cluster:
                 raise cause from None
             raise _gaitfit.GaitfitError(str(error)) from None
         except self._gone as error:
-            raise Lost(str(error)) from None
+            raise Lost(self.why(error)) from None
+
+    def why(self, error: Exception) -> str:
+        """Why a worker is gone, in words, with the first line of what Ray says."""
+        if isinstance(error, Lost):
+            return str(error)
+        found = self._ray.exceptions
+        words = next(
+            (
+                words
+                for kind, words in (
+                    (found.OutOfMemoryError, "its node had too little memory, so Ray ended it"),
+                    (found.NodeDiedError, "its node left the cluster"),
+                    (found.ObjectLostError, "a node left the cluster, and data that it needs were there"),
+                )
+                if isinstance(error, kind)
+            ),
+            "its process crashed or was ended",
+        )
+        said = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
+        return f"{words} (Ray: {said[:SAID]})" if said else words
 
 
 class Lost(_gaitfit.GaitfitError):
     """A node or a worker is gone, and with it what it did."""
+
+
+def often_lost(what: str, times: int, retries: int, why: str, kept: str) -> str:
+    """The message about work whose worker is gone too often. ``kept``: what of it is there, and how to continue."""
+    return (
+        f"{what}: {times} workers of the Ray cluster were lost one after another while they did this (retries={retries}); the "
+        f"last one because {why}. {kept} Before that, find out why workers are lost: `ray status` lists the nodes, and "
+        "/tmp/ray/session_latest/logs on a node has what its workers wrote. If memory is short, a larger num_cpus puts "
+        "fewer tasks on a node."
+    )
 
 
 def _worker() -> type:

@@ -8,8 +8,10 @@ from .. import _gaitfit
 from .._arguments import time_limit
 
 
+#: How to continue.
+CONTINUE = "Repeat the call to continue; a fleet or a training needs resume=True"
 #: The end of the message of a stopped call: what is kept, and how to continue.
-KEPT = "The run_folder keeps what the workers sent. Repeat the call to continue; a fleet or a training needs resume=True"
+KEPT = f"The run_folder keeps what the workers sent. {CONTINUE}"
 
 
 class Limit:

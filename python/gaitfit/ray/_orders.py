@@ -10,10 +10,12 @@ from typing import Any
 
 from .. import _gaitfit
 from .._progress import Kind, Listener
-from ._cluster import Cluster
-from ._limit import KEPT, Limit
+from ._cluster import Cluster, often_lost
+from ._limit import CONTINUE, KEPT, Limit
 from ._parts import read, write
 
+#: What a part is, by what makes it.
+KINDS = {"fit": "the fit", "training": "the training", "finetuning": "the training", "cell": "the cell"}
 #: Parts for each place of the cluster that are begun at a time.
 AHEAD = 2
 
@@ -27,6 +29,10 @@ class Order:
         if os.path.isabs(folder):
             raise ValueError(f"{folder} is an absolute path, which workers do not share: give `runs` as seen from here")
         self.name, self.folder, self.needs, self.how, self.files = name, folder, needs, how, files
+
+    def title(self) -> str:
+        """What it is, and its name."""
+        return f"{KINDS[self.how['what']]} {self.name}"
 
 
 class Orders:
@@ -82,11 +88,9 @@ class Orders:
                         open_.pop(stream)
                         lost[order.name] += 1
                         if lost[order.name] > self._cluster.place.retries:
-                            raise _gaitfit.GaitfitError(
-                                f"{order.name}: its worker was lost {lost[order.name]} times, which is more than chance: {error}. "
-                                "What is done is in the run folder; the same call continues."
-                            ) from None
-                        self._tell("note", f"{order.name}: its worker was lost; another continues it")
+                            raise _gaitfit.GaitfitError(self._often(order, lost[order.name], error)) from None
+                        why = self._cluster.why(error)
+                        self._tell("note", f"{order.title()}: its worker was lost, because {why}; another continues it")
                         open_[self._start(order)] = order
                         continue
                     if files is None:
@@ -99,6 +103,12 @@ class Orders:
             for stream in open_:
                 self._cluster.give_up(stream)
             self._tell("end")
+
+    def _often(self, order: Order, times: int, error: Exception) -> str:
+        """That the worker of a part was lost too often."""
+        why, retries = self._cluster.why(error), self._cluster.place.retries
+        kept = f"What they had sent is in {order.folder}, and parts that are complete are kept too. {CONTINUE}."
+        return often_lost(order.title(), times, retries, why, kept)
 
     def _start(self, order: Order) -> Any:
         for needed in order.needs:

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from ._cluster import Cluster, Lost
+from ._cluster import Cluster, Lost, often_lost
 
 #: Tasks that a worker has at the same time, where enough are left: it need not wait for the next one.
 AHEAD = 2
@@ -56,9 +56,10 @@ class Workers:
                             lost[one] += 1
                         left.extendleft(reversed(again))
                         if lost[number] > self._cluster.place.retries:
+                            what = f"a share of the fit's simulations (one of {len(tasks)} that belong together)"
+                            kept = "The run folder keeps what the fit has done before; with resume=True it continues there."
                             raise Lost(
-                                f"a task's worker was lost {lost[number]} times, which is more than chance: {error}. What is "
-                                "done is in the run folder; resume=True continues it."
+                                often_lost(what, lost[number], self._cluster.place.retries, str(error), kept)
                             ) from None
                         continue
                     self._open[worker].remove(number)
