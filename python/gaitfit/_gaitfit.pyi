@@ -183,6 +183,7 @@ def validate(
     sets: Sequence[str],
     threads: int | None,
     policy: Mapping[str, Any] | None,
+    progress: Listener | None,
 ) -> str: ...
 def train(
     run: Mapping[str, Any],

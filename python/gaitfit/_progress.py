@@ -21,7 +21,8 @@ class Event:
         kind: ``"note"``: something worth knowing. ``"stage"``: a stage of a loop begins. ``"output"``: a line of a program that
             a loop runs. ``"begin"``, ``"step"`` and ``"end"``: countable work.
         text: The note, the stage, the line, or for a step how good the result is so far, in words.
-        what: What is counted, for example ``"generation"`` or ``"seed 1, iteration"``.
+        what: What is counted, for example ``"generation"`` of a fit, ``"seed 1, iteration"`` of a training, or
+            ``"random commands: simulated second"`` of an evaluation.
         done: How many are done; of ``"begin"`` those before this run, where it continues one, of ``"end"`` the last step's.
         total: How many there are; work whose result is certain earlier ends before.
         seed: The seed that ``"begin"``, ``"step"`` and ``"end"`` of a training belong to; ``None`` for other work. A fit searches with all

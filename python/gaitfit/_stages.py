@@ -95,6 +95,7 @@ def validate(
     settings: Settings | None = None,
     threads: int | None = None,
     policy: Policy | None = None,
+    progress: Progresses = True,
 ) -> ValidationResult:
     """How well a fit predicts other logs, as ``gaitfit validate``.
 
@@ -106,10 +107,12 @@ def validate(
         settings: Changes of its settings, by name.
         threads: Threads; by default one for each core.
         policy: The :class:`Policy` of a fit with a policy of your own.
+        progress: As for :func:`fit`. It counts the simulations of all logs.
 
     Returns the errors of the prediction, for all logs together and one by one.
 
-    Raises ``FileNotFoundError`` for a file that is missing, and :class:`GaitfitError` for logs that cannot be used.
+    Raises ``FileNotFoundError`` for a file that is missing, :class:`GaitfitError` for logs that cannot be used, and :class:`Stopped`
+    if ``progress`` returned ``False``.
 
     >>> checked = gaitfit.validate(result.theta, "examples/go2-demo/validate.csv")      # doctest: +SKIP
     >>> checked.rmse_rad      # doctest: +SKIP
@@ -124,7 +127,7 @@ def validate(
     files = given.log_files(logs, None)
     fitted, file = existing("theta", theta), existing("config", file)
     try:
-        found = _gaitfit.validate(str(fitted), files, file, sets, threads, given.own(policy))
+        found = _gaitfit.validate(str(fitted), files, file, sets, threads, given.own(policy), listener(progress))
     except _gaitfit.GaitfitError as missing:
         name = re.search(r"policy `(the function [^`,]*)", str(missing))
         if policy is None and name is not None:

@@ -171,7 +171,9 @@ def evaluate(
         seed: Of commands, starts and noise; by default 0.
         max_seconds: Wall time of the call, s; after it :class:`Stopped` is raised, and nothing is kept.
         device, threads: As for :func:`fit`.
-        progress: As for :func:`fit`. Its events are only notes: the trajectories are not counted.
+        progress: As for :func:`fit`. Each part counts simulated seconds, of all robots together, at most ten times a second: walks under
+            random commands, under constant commands (``drift``), and on uneven ground. If the policy does not walk and gaitfit did not
+            train it, other orders, signs and scales of its joints are tried, and counted too.
 
     Returns errors of velocity, m/s and rad/s, and the share of falls, each as a mean with half the width of its 95 % interval.
     :func:`compare` returns the difference of two evaluations; with the same ``seed``, trajectory by trajectory.
@@ -235,7 +237,9 @@ def collect(
         privileged: Also log the base's true state, which a real robot does not measure; by default it is not logged.
         commands: A CSV file with the commands of all walks; by default they are random.
         robot, theta, task, spring, torque_noise, lenient: As for :func:`finetune`.
-        seconds, randomised, preset, seed, max_seconds, device, threads, progress: As for :func:`evaluate`.
+        seconds, randomised, preset, seed, max_seconds, device, threads: As for :func:`evaluate`.
+        progress: As for :func:`fit`. It counts simulated seconds, of all robots together, at most ten times a second; with ``commands``
+            the logs.
 
     Returns the files; :func:`read_log` reads one.
 

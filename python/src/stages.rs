@@ -144,9 +144,10 @@ pub fn validate(
     sets: Vec<String>,
     threads: Option<usize>,
     policy: Option<Source>,
+    progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let act = policy.as_ref().and_then(Source::act);
-    json(watched_acting(py, None, None, act, |watch, caller| {
+    json(watched_acting(py, progress.as_ref(), None, act, |watch, caller| {
         let policy = policy.as_ref().map_or(Ok(None), |policy| policy.policy(caller.asked()))?;
         gaitfit::adapt::validate(&ValidateRequest { theta, logs, config, set: sets, threads, policy }, watch)
     })?)
@@ -388,6 +389,9 @@ pub fn evaluate(
     if let Some(fields) = document.as_object_mut() {
         if let Some(verdict) = &found.verdict {
             fields.insert("verdict".to_owned(), verdict.text.clone().into());
+        }
+        if let Some(diagnosis) = &found.diagnosis {
+            fields.insert("diagnosis".to_owned(), serde_json::to_value(diagnosis).map_err(failed)?);
         }
         fields.insert("wall_seconds".to_owned(), found.wall_seconds.into());
     }

@@ -96,7 +96,7 @@ impl Caller {
     /// Fills `actions` with those for `observation`, `rows × width`; false if the function raised, now or before.
     pub fn act(&self, rows: usize, observation: &[f32], actions: &mut [f32]) -> bool {
         let (reply, answer) = mpsc::sync_channel(1);
-        let asked = Asked { rows, observation: observation.to_vec(), reply };
+        let asked = Asked { rows, observation: of_robots(rows, observation), reply };
         let answer = self.0.send(Message::Asked(asked)).ok().and_then(|()| answer.recv().ok());
         match answer {
             Some(found) if found.len() == actions.len() => {
@@ -114,6 +114,22 @@ impl Caller {
         let (reply, answer) = mpsc::sync_channel(1);
         self.0.send(Message::Terms(Some(step), reply)).ok().and_then(|()| answer.recv().ok())
     }
+}
+
+/// Larger numbers in an observation are of a robot whose simulation is about to diverge.
+const ABSURD: f32 = 1e6;
+
+/// Observations as the user's policy gets them: a robot whose simulation has diverged observes zeros. Its walk is over, and a
+/// network's answer to what is no number would be blamed on the network.
+fn of_robots(rows: usize, observation: &[f32]) -> Vec<f32> {
+    let mut observation = observation.to_vec();
+    let width = observation.len() / rows.max(1);
+    for row in observation.chunks_exact_mut(width.max(1)) {
+        if row.iter().any(|value| value.is_nan() || value.abs() > ABSURD) {
+            row.fill(0.0);
+        }
+    }
+    observation
 }
 
 /// Says that the stage has ended, however it does.

@@ -10,9 +10,11 @@ from unittest import mock
 import numpy as np
 
 import gaitfit
+from gaitfit import Interface, Policy
 from gaitfit.config import Finetune, Parameter, TrueNumber, TrueParameter
 
 from .common import DEMO, Case
+from .test_own_policy import network
 
 POLICY = "assets/go2-walk.safetensors"
 SHORT = {"trajectories": 64, "seconds": 1.0, "drift": 0, "progress": False}
@@ -105,6 +107,73 @@ class Worlds(Case):
         # As many regressions end at once as there are threads.
         self.assertEqual(seen, sorted(set(seen)))
         self.assertEqual(len(seen), 2)
+
+    def test_evaluations_collections_and_validations_count_their_work(self) -> None:
+        counts: list[gaitfit.Event] = []
+        size = {"trajectories": 64, "seconds": 2.0}
+        logs = gaitfit.collect(POLICY, self.folder / "logs", **size, progress=counts.append)
+        self.counted(counts, {"logs: simulated second": 128})
+        gaitfit.evaluate(POLICY, **size, drift=2, terrain="rough", progress=counts.append)
+        walks = {"random commands: simulated second": 128, "constant commands: simulated second": 7 * 2 * 6}
+        self.counted(counts, {**walks, "uneven ground: simulated second": None})
+        settings = {"optimizer.generations": 2, "optimizer.seeds": 1}
+        fitted = gaitfit.fit(DEMO / "adapt.toml", runs=self.folder, settings=settings, progress=False)
+        gaitfit.validate(fitted.theta, DEMO / "validate.csv", progress=counts.append)
+        self.counted(counts, {"simulation of the logs": 4})
+        # Commands of a file are played log by log.
+        moves = self.folder / "moves.csv"
+        moves.write_text("trajectory,time,vx_cmd,vy_cmd,wz_cmd\n" + "".join(f"{one},0.0,0.3,0.0,0.0\n{one},1.0,0.0,0.0,0.0\n" for one in range(3)))
+        gaitfit.collect(POLICY, self.folder / "played", commands=moves, seconds=1.0, progress=counts.append)
+        self.counted(counts, {"log": 3})
+        self.assertEqual(len(logs.files), 64)
+
+    def counted(self, events: list[gaitfit.Event], totals: dict[str, int | None]) -> None:
+        """Each kind of work begins, has steps up to its total, and ends; forgets the events."""
+        events = [event for event in (events.copy(), events.clear())[0] if event.what]
+        self.assertEqual([event.what for event in events if event.kind == "begin"], list(totals))
+        for what, total in totals.items():
+            own = [event for event in events if event.what == what]
+            self.assertEqual((own[0].kind, own[-1].kind), ("begin", "end"))
+            done = [event.done for event in own[1:-1]]
+            self.assertEqual(done, sorted(set(done)))
+            self.assertEqual({event.kind for event in own[1:-1]}, {"step"})
+            self.assertEqual({event.total for event in own}, {done[-1] if total is None else total})
+            self.assertEqual(done[-1], own[-1].total)
+
+    def test_evaluations_and_collections_stop_at_a_step(self) -> None:
+        long = {"trajectories": 10_000, "seconds": 60.0}
+        for name, call in (
+            ("evaluate", lambda stop: gaitfit.evaluate(POLICY, **long, progress=stop)),
+            ("constant commands", lambda stop: gaitfit.evaluate(POLICY, trajectories=1, seconds=0.1, drift=4096, progress=stop)),
+            ("collect", lambda stop: gaitfit.collect(POLICY, self.folder / "logs", trajectories=300, seconds=60.0, progress=stop)),
+        ):
+            steps: list[gaitfit.Event] = []
+
+            def stop(event: gaitfit.Event) -> bool:
+                steps.extend([event] if event.kind == "step" and event.total > 1 else [])
+                return not steps
+
+            with self.subTest(name), self.assertRaisesRegex(gaitfit.Stopped, "progress function returned False"):
+                call(stop)
+            # One step, long before the end.
+            self.assertEqual(len(steps), 1)
+            self.assertLess(steps[0].done, 0.2 * steps[0].total)
+
+    def test_an_arrangement_with_which_a_policy_walks_is_named(self) -> None:
+        right = Interface.read(POLICY)
+        self.assertIsNone(gaitfit.evaluate(Policy(network, right), **SHORT).diagnosis)
+        mixed = [right.joints[3 * leg + joint] for joint in range(3) for leg in range(4)]
+        events: list[gaitfit.Event] = []
+        policy = Policy(network, dataclasses.replace(right, joints=mixed))
+        # Some of the arrangements that are tried let robots diverge: that is no fault of the policy.
+        found = gaitfit.evaluate(policy, **{**SHORT, "progress": events.append})
+        assert found.diagnosis is not None
+        self.assertEqual(found.diagnosis.changes, ("the joints in the order of the robot's file",))
+        self.assertIn(", ".join(f'"{joint}"' for joint in right.joints), found.diagnosis.settings[0])
+        self.assertLess(found.diagnosis.measure[1], 0.4 * found.diagnosis.measure[0])
+        self.assertIn("It walks with the joints in the order of the robot's file: set `joints = [", repr(found))
+        trials = [event for event in events if event.what == "order, signs and scales of joints: trial"]
+        self.assertEqual((trials[0].kind, trials[-1].kind, trials[-1].done), ("begin", "end", trials[-1].total))
 
     def test_values_are_named_where_results_and_errors_say_what_walked(self) -> None:
         calves = TrueParameter("frictionloss", joints=["*_calf_joint"], value=0.3)

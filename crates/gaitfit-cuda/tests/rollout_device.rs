@@ -203,7 +203,8 @@ fn gpu_trajectories_agree_with_the_cpus() {
     for settings in [settings.clone().calm(), settings] {
         let interface = policy.interface.clone();
         let task = Task::with_interface(&go2(), &settings, interface, Preset::Fast, 0.02).unwrap();
-        let subject = Subject { task: &task, policy: &policy, candidate: None, seed: SEED, cancel: None };
+        let subject =
+            Subject { task: &task, policy: &policy, candidate: None, seed: SEED, cancel: None, moved: None };
         let begin = std::time::Instant::now();
         let found = run_trials(&device, &subject, 10_000, 4.0, &|| false).unwrap().unwrap();
         let seconds = begin.elapsed().as_secs_f64();
@@ -259,8 +260,14 @@ fn gpu_logs_are_the_cpus_at_first() {
     ] {
         let interface = policy.interface.clone();
         let task = Task::with_interface(&go2(), &settings, interface, Preset::Fast, 0.02).unwrap();
-        let subject =
-            Subject { task: &task, policy: &policy, candidate: Some(&candidate), seed: SEED, cancel: None };
+        let subject = Subject {
+            task: &task,
+            policy: &policy,
+            candidate: Some(&candidate),
+            seed: SEED,
+            cancel: None,
+            moved: None,
+        };
         let options = CollectOptions { count: 301, seconds: 3.0, shift: [0.0, 0.1], privileged: true };
         let begin = std::time::Instant::now();
         let found = collect(&device, &subject, &options, &|| false).unwrap().unwrap();

@@ -25,6 +25,13 @@ pub struct CollectOptions {
     pub privileged: bool,
 }
 
+impl CollectOptions {
+    /// Robots times control periods of all logs, or a few more. `period`: the control period, s.
+    pub fn periods(&self, period: f64) -> usize {
+        self.count * ((self.seconds + self.shift[1]) / period).round().max(1.0) as usize
+    }
+}
+
 /// One trajectory and how it ended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Collected {

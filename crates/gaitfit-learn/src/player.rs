@@ -2,7 +2,6 @@
 
 use crate::evaluate::Subject;
 use crate::task::{Ended, Environment, TaskError};
-use gaitfit_policy::Policy;
 use gaitfit_policy::network::{Memory, Scratch};
 use gaitfit_policy::walker::WalkerError;
 
@@ -16,8 +15,7 @@ pub struct Player<'a> {
     pub reward: Vec<f32>,
     /// How each episode stands.
     pub ended: Vec<Ended>,
-    policy: &'a Policy,
-    cancel: Option<&'a (dyn Fn() -> bool + Sync)>,
+    subject: Subject<'a>,
     observation: Vec<f32>,
     memory: Memory,
     scratch: Scratch,
@@ -26,15 +24,14 @@ pub struct Player<'a> {
 impl<'a> Player<'a> {
     /// The policy of `subject` in `environment`, which is of its task.
     pub fn new(subject: &Subject<'a>, environment: Environment<'a>) -> Self {
-        let Subject { task, policy, cancel, .. } = *subject;
+        let Subject { task, policy, .. } = *subject;
         let count = environment.count();
         Self {
             environment,
             action: vec![0.0; count * task.walker.joints.len()],
             reward: vec![0.0; count],
             ended: vec![Ended::No; count],
-            policy,
-            cancel,
+            subject: *subject,
             observation: vec![0.0; count * task.walker.interface.observation_width()],
             memory: policy.memory(count),
             scratch: Scratch::default(),
@@ -46,17 +43,24 @@ impl<'a> Player<'a> {
     /// # Errors
     /// A policy's function that failed, or the subject's `cancel`.
     pub fn step(&mut self, step: u32) -> Result<(), TaskError> {
-        if self.cancel.is_some_and(|cancel| cancel()) {
+        if self.subject.cancel.is_some_and(|cancel| cancel()) {
             return Err(TaskError::Interrupted);
         }
         let count = self.environment.count();
         self.environment.observe(step, &mut self.observation);
-        let Self { policy, observation, memory, action, scratch, .. } = self;
+        let policy = self.subject.policy;
+        let Self { observation, memory, action, scratch, .. } = self;
         policy.act_with(count, observation, memory, action, scratch);
         if policy.has_failed() {
             return Err(WalkerError::Failed.into());
         }
         self.environment.step(step, &self.action, &mut self.reward, &mut self.ended);
+        self.skip(1);
         Ok(())
+    }
+
+    /// Counts control periods as done: the one that was simulated, or those that nobody needs.
+    pub fn skip(&self, periods: u32) {
+        self.subject.count(periods as usize * self.environment.count());
     }
 }

@@ -28,7 +28,8 @@ fn reordered() -> Task {
 
 fn logs(scene: &Task, policy: &Policy, options: &CollectOptions, threads: usize) -> Vec<Trajectory> {
     let noisy = Candidate { torque_noise: 1.0, ..Candidate::nominal(scene.walker.batch.model()) };
-    let subject = Subject { task: scene, policy, candidate: Some(&noisy), seed: 5, cancel: None };
+    let subject =
+        Subject { task: scene, policy, candidate: Some(&noisy), seed: 5, cancel: None, moved: None };
     let logs = collect(&subject, options, threads).unwrap();
     assert!(logs.iter().all(|log| !log.fell));
     logs.into_iter().map(|log| log.trajectory).collect()
@@ -140,7 +141,8 @@ fn threads_change_no_bit_and_falls_end_logs() {
     task.policy.kp = gaitfit_learn::task::JointNumber::All(1e-3);
     let slack = task_common::scene(&task);
     let policy = task_common::constant_policy(&slack, &[0.0; 12]);
-    let subject = Subject { task: &slack, policy: &policy, candidate: None, seed: 5, cancel: None };
+    let subject =
+        Subject { task: &slack, policy: &policy, candidate: None, seed: 5, cancel: None, moved: None };
     let fallen = collect(&subject, &CollectOptions { count: 1, seconds: 2.0, ..OPTIONS }, 1).unwrap();
     let rows = fallen[0].trajectory.time.len();
     assert!(fallen[0].fell && rows > 5 && rows < 100, "{rows} rows");
@@ -169,7 +171,8 @@ fn commands_for_a_robot_are_those_of_a_collected_log() {
 fn logs_one_by_one_are_those_of_all_together() {
     let scene = reordered();
     let policy = random_policy(&scene);
-    let subject = Subject { task: &scene, policy: &policy, candidate: None, seed: 5, cancel: None };
+    let subject =
+        Subject { task: &scene, policy: &policy, candidate: None, seed: 5, cancel: None, moved: None };
     let options = CollectOptions { count: 70, seconds: 0.1, ..OPTIONS };
     let all = collect(&subject, &options, 2).unwrap();
     let found = std::sync::Mutex::new(vec![None; 70]);

@@ -15,7 +15,7 @@ use task_common::{calm, constant_policy, random_policy, scene};
 const STILL: [f32; 12] = [0.0; 12];
 
 fn subject<'a>(scene: &'a Task, policy: &'a Policy) -> Subject<'a> {
-    Subject { task: scene, policy, candidate: None, seed: 11, cancel: None }
+    Subject { task: scene, policy, candidate: None, seed: 11, cancel: None, moved: None }
 }
 
 fn mean(estimate: Option<Estimate>) -> f64 {

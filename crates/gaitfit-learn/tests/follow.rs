@@ -38,7 +38,8 @@ fn policy(scene: &Task) -> Policy {
 }
 
 fn logs(scene: &Task, policy: &Policy, candidate: &Candidate, count: usize) -> Vec<Collected> {
-    let subject = Subject { task: scene, policy, candidate: Some(candidate), seed: 5, cancel: None };
+    let subject =
+        Subject { task: scene, policy, candidate: Some(candidate), seed: 5, cancel: None, moved: None };
     let options = CollectOptions { count, seconds: 0.6, shift: [0.0; 2], privileged: true };
     collect(&subject, &options, 2).unwrap()
 }
@@ -177,7 +178,14 @@ fn sensors_keep_the_true_robot_near_the_log() {
     let mut truth = Candidate::nominal(scene.walker.model());
     truth.robot.frictionloss.fill(0.1);
     truth.robot.encoder_bias[4] = 0.02;
-    let subject = Subject { task: &scene, policy: &policy, candidate: Some(&truth), seed: 5, cancel: None };
+    let subject = Subject {
+        task: &scene,
+        policy: &policy,
+        candidate: Some(&truth),
+        seed: 5,
+        cancel: None,
+        moved: None,
+    };
     let options = CollectOptions { count: 34, seconds: 1.5, shift: [0.3, 0.6], privileged: true };
     let logs = collect(&subject, &options, 2).unwrap();
     let courses: Vec<Course> = logs.iter().map(|log| course(&scene, &log.trajectory)).collect();

@@ -38,7 +38,8 @@ fn at_work(name: &str) -> (Policy, Task) {
 fn mjlabs_and_unitrees_files_run_without_a_description() {
     for name in ["mjlab.onnx", "unitree/exported/policy.onnx"] {
         let (policy, task) = at_work(name);
-        let subject = Subject { task: &task, policy: &policy, candidate: None, seed: 1, cancel: None };
+        let subject =
+            Subject { task: &task, policy: &policy, candidate: None, seed: 1, cancel: None, moved: None };
         let trials = run_trials(&subject, 3, 0.5, 1).unwrap();
         assert!(trials.iter().all(|trial| trial.steps > 2 && !trial.diverged), "{name}: {trials:?}");
         assert!(trials.iter().all(|trial| trial.action_rate > 0.0), "{name}");
@@ -57,7 +58,8 @@ fn mjlabs_and_unitrees_files_run_without_a_description() {
 fn a_recurrent_policy_walks_is_followed_and_trained() {
     for name in ["lstm.toml", "gru.toml"] {
         let (policy, task) = at_work(name);
-        let subject = Subject { task: &task, policy: &policy, candidate: None, seed: 5, cancel: None };
+        let subject =
+            Subject { task: &task, policy: &policy, candidate: None, seed: 5, cancel: None, moved: None };
         let options = CollectOptions { count: 2, seconds: 0.5, shift: [0.0; 2], privileged: true };
         let logs = collect(&subject, &options, 1).unwrap();
         let walker = &task.walker;

@@ -107,7 +107,8 @@ fn a_training_with_history_is_taken_up_again_with_the_same_bits_and_its_policy_i
     assert_eq!(weights::read(&weights::write(&policy).unwrap()).unwrap(), policy);
     let graph = onnx::read(&onnx::write(&policy).unwrap()).unwrap();
     assert_eq!((&graph.actor, &graph.interface), (&policy.actor, &policy.interface));
-    let subject = Subject { task: &scene, policy: &policy, candidate: None, seed: 3, cancel: None };
+    let subject =
+        Subject { task: &scene, policy: &policy, candidate: None, seed: 3, cancel: None, moved: None };
     let trials = run_trials(&subject, 4, 0.5, 1).unwrap();
     assert!(trials.iter().all(|trial| trial.steps > 0 && trial.reward.is_finite()));
 }
@@ -127,7 +128,8 @@ fn followed_it_repeats_its_log_and_after_a_reset_it_remembers_the_log() {
         (task.start.yaw, task.start.tilt, task.start.joint_position) = (0.0, 0.0, 0.0);
         let scene = scene(&task);
         let policy = random_policy(&scene);
-        let subject = Subject { task: &scene, policy: &policy, candidate: None, seed: 5, cancel: None };
+        let subject =
+            Subject { task: &scene, policy: &policy, candidate: None, seed: 5, cancel: None, moved: None };
         let options = CollectOptions { count: 1, seconds: 0.4, shift: [0.0; 2], privileged: true };
         let log = collect(&subject, &options, 1).unwrap().remove(0).trajectory;
         let script = Script {

@@ -240,7 +240,8 @@ fn box_feet_stand_as_balls_do() {
         let model = feet_of(shape);
         let task = Task::new(&model, &calm(), Preset::Fast).unwrap();
         let policy = constant_policy(&task, &[0.0; 12]);
-        let subject = Subject { task: &task, policy: &policy, candidate: None, seed: 3, cancel: None };
+        let subject =
+            Subject { task: &task, policy: &policy, candidate: None, seed: 3, cancel: None, moved: None };
         let gait = record_gait(&subject, &[(1.0, [0.0; 3])]).unwrap();
         assert!(!gait.fell, "{shape:?}");
         let heights: Vec<f64> = gait.base.iter().skip(2).step_by(7).copied().collect();
@@ -285,7 +286,8 @@ fn a_body_is_a_foot_with_all_its_geoms() {
     assert_eq!(geoms, ["FL_foot", "FL_lower_calf", "FL_upper_calf"]);
     assert!(task.foot_geoms().iter().all(|foot| foot.geoms.iter().all(|p| !task.body_geoms().contains(p))));
     let policy = constant_policy(&task, &[0.0; 12]);
-    let subject = Subject { task: &task, policy: &policy, candidate: None, seed: 3, cancel: None };
+    let subject =
+        Subject { task: &task, policy: &policy, candidate: None, seed: 3, cancel: None, moved: None };
     let gait = record_gait(&subject, &[(1.0, [0.0; 3])]).unwrap();
     let end = gait.steps() - 1;
     assert!(!gait.fell && gait.contact[4 * end..].iter().all(|&contact| contact));

@@ -60,7 +60,8 @@ fn repeats(yaw: f64) {
         ]);
     });
     let policy = random_policy(&scene);
-    let subject = Subject { task: &scene, policy: &policy, candidate: None, seed: 8, cancel: None };
+    let subject =
+        Subject { task: &scene, policy: &policy, candidate: None, seed: 8, cancel: None, moved: None };
     let options = CollectOptions { count: 2, seconds: 0.6, shift: [0.0; 2], privileged: true };
     for log in collect(&subject, &options, 1).unwrap().into_iter().map(|log| log.trajectory) {
         let script = turned_script(&log);

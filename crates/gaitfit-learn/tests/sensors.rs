@@ -145,7 +145,8 @@ fn walking() -> (Task, Policy) {
 }
 
 fn logs(scene: &Task, policy: &Policy, candidate: &Candidate) -> Vec<Trajectory> {
-    let subject = Subject { task: scene, policy, candidate: Some(candidate), seed: 5, cancel: None };
+    let subject =
+        Subject { task: scene, policy, candidate: Some(candidate), seed: 5, cancel: None, moved: None };
     let options = CollectOptions { count: 3, seconds: 0.5, shift: [0.0; 2], privileged: true };
     collect(&subject, &options, 1).unwrap().into_iter().map(|log| log.trajectory).collect()
 }

@@ -1,7 +1,12 @@
 //! Progress and cancelling: the one callback that every stage takes.
 
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+/// Least time between two steps of work that many threads do.
+const STEP_EVERY: Duration = Duration::from_millis(100);
 
 /// What a stage tells its caller.
 #[derive(Clone, Copy, Debug)]
@@ -112,6 +117,61 @@ impl<'a> Watch<'a> {
             if self.stop() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })
     }
+
+    /// Does `work`, which many threads may share, and reports its progress, at most ten times a second. `work` calls its argument
+    /// with each number of pieces that are done. If it succeeds, the last step has all that `amount` counts.
+    ///
+    /// # Errors
+    /// That of `work`.
+    pub fn shared<T, E>(
+        &self,
+        amount: Amount<'_>,
+        work: impl FnOnce(&(dyn Fn(usize) + Sync)) -> Result<T, E>,
+    ) -> Result<T, E> {
+        let Amount { what, parts, total, pieces } = amount;
+        let counting = self.begin(Work { what, total, first: 0, parts, seed: None });
+        let pieces_done = AtomicUsize::new(0);
+        // When a step was told, and how many were done.
+        let told = Mutex::new((Instant::now(), 0));
+        let result = work(&|more| {
+            pieces_done.fetch_add(more, Ordering::Relaxed);
+            // Who finds it locked goes on: another thread is telling.
+            let Ok(mut told) = told.try_lock() else { return };
+            let share = pieces_done.load(Ordering::Relaxed) as f64 / pieces.max(1) as f64;
+            let done = (total as f64 * share.min(1.0)) as usize;
+            if done > told.1 && told.0.elapsed() >= STEP_EVERY {
+                counting.step(done, done - told.1, "");
+                *told = (Instant::now(), done);
+            }
+        });
+        let before = told.into_inner().map_or(0, |told| told.1);
+        if result.is_ok() && before < total && !self.stop() {
+            counting.step(total, total - before, "");
+        }
+        result
+    }
+}
+
+/// How much work there is that many threads share.
+#[derive(Clone, Copy, Debug)]
+pub struct Amount<'a> {
+    /// What is counted, in the singular, for example `simulated second`.
+    pub what: &'a str,
+    /// The same in the plural, for the speed.
+    pub parts: &'a str,
+    /// How many there are.
+    pub total: usize,
+    /// Pieces in which the work counts itself: of all of them, not of one.
+    pub pieces: usize,
+}
+
+impl<'a> Amount<'a> {
+    /// Robots that move for so many control periods in all, counted in seconds. `what` ends in `simulated second`; `period`: the
+    /// control period, s.
+    pub fn simulated(what: &'a str, periods: usize, period: f64) -> Self {
+        let seconds = (periods as f64 * period).round().max(1.0) as usize;
+        Self { what, parts: "simulated seconds", total: seconds, pieces: periods }
+    }
 }
 
 /// A function that gets how many parts are done and how many there are. It answers whether to continue.
@@ -166,5 +226,63 @@ mod tests {
             watch.counted("log", "logs", |count| [count(0, 9), count(2, 9), count(2, 9), count(5, 9)]);
         assert_eq!(answers.map(|answer| answer.is_continue()), [true, true, true, false]);
         assert_eq!(*seen.lock().unwrap(), ["begin log of 9", "step 2 of 2", "step 5 of 3", "end"]);
+    }
+
+    #[test]
+    fn work_of_many_threads_has_steps_in_order_and_a_last_one() {
+        let seen = Mutex::new(Vec::new());
+        let callback = |event: Event<'_>| {
+            if let Event::Step(step) = event {
+                seen.lock().unwrap().push((step.done, step.parts));
+            }
+            ControlFlow::Continue(())
+        };
+        let watch = Watch::new(&callback);
+        let amount = Amount { what: "second", parts: "seconds", total: 10, pieces: 400 };
+        let threads = |done: &(dyn Fn(usize) + Sync)| {
+            std::thread::scope(|scope| {
+                for _ in 0..2 {
+                    scope.spawn(|| {
+                        for _ in 0..4 {
+                            std::thread::sleep(STEP_EVERY);
+                            done(50);
+                        }
+                    });
+                }
+            });
+            Ok::<(), ()>(())
+        };
+        watch.shared(amount, threads).unwrap();
+        let steps = std::mem::take(&mut *seen.lock().unwrap());
+        assert!((3..=9).contains(&steps.len()), "{steps:?}");
+        assert!(steps.is_sorted_by(|before, after| before.0 < after.0), "{steps:?}");
+        assert_eq!(steps.iter().map(|step| step.1).sum::<usize>(), 10);
+        assert_eq!(steps.last().unwrap().0, 10);
+        // More pieces than were said are no more than all; what failed has no last step.
+        watch.shared(amount, |done| Ok::<(), ()>(done(900))).unwrap();
+        assert_eq!(std::mem::take(&mut *seen.lock().unwrap()), [(10, 10)]);
+        assert_eq!(watch.shared(amount, |_| Err::<(), _>("failed")), Err("failed"));
+        assert!(seen.lock().unwrap().is_empty());
+    }
+
+    #[test]
+    fn who_stops_work_of_many_threads_gets_no_further_step() {
+        let steps = AtomicUsize::new(0);
+        let callback = |event: Event<'_>| {
+            if let Event::Step(_) = event {
+                steps.fetch_add(1, Ordering::Relaxed);
+                return ControlFlow::Break(());
+            }
+            ControlFlow::Continue(())
+        };
+        let watch = Watch::new(&callback);
+        let amount = Amount { what: "second", parts: "seconds", total: 10, pieces: 100 };
+        let work = |done: &(dyn Fn(usize) + Sync)| {
+            std::thread::sleep(STEP_EVERY);
+            done(50);
+            Ok::<bool, ()>(watch.stop())
+        };
+        assert_eq!(watch.shared(amount, work), Ok(true));
+        assert_eq!(steps.into_inner(), 1);
     }
 }

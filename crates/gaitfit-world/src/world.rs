@@ -185,6 +185,7 @@ impl World {
             candidate: Some(&self.candidate),
             seed,
             cancel: None,
+            moved: None,
         }
     }
 

@@ -7,7 +7,7 @@ use crate::log_folder::LogWriter;
 use crate::run::Owned;
 use crate::walk::recorder::Recorded;
 use crate::walk::simulator::script;
-use crate::watch::Watch;
+use crate::watch::{Amount, Watch};
 use crate::world::{World, WorldSettings};
 use gaitfit_learn::collect::{CollectOptions, Collected as Recording};
 use gaitfit_learn::evaluate::Subject;
@@ -156,12 +156,20 @@ pub(crate) fn walks(
     device: Device,
     watch: &Watch<'_>,
 ) -> Result<Vec<Recording>, Error> {
-    if let Some(logs) = on_gpu(subject, options, device, watch)? {
-        return Ok(logs);
-    }
     let cancel = || watch.stop();
-    let subject = Subject { cancel: Some(&cancel), ..*subject };
-    Ok(gaitfit_learn::collect::collect(&subject, options, threads)?)
+    watch.shared(amount(subject, options), |moved| {
+        let subject = Subject { cancel: Some(&cancel), moved: Some(moved), ..*subject };
+        match on_gpu(&subject, options, device, watch)? {
+            Some(logs) => Ok(logs),
+            None => Ok(gaitfit_learn::collect::collect(&subject, options, threads)?),
+        }
+    })
+}
+
+/// How much there is to simulate.
+fn amount(subject: &Subject<'_>, options: &CollectOptions) -> Amount<'static> {
+    let period = subject.task.walker.interface.control_dt;
+    Amount::simulated("logs: simulated second", options.periods(period), period)
 }
 
 /// The same logs, each written as soon as its tile is simulated, so that memory holds a few tiles.
@@ -173,12 +181,15 @@ fn write_walks(
     watch: &Watch<'_>,
     writer: &LogWriter,
 ) -> Result<(), Error> {
-    if let Some(logs) = on_gpu(subject, options, device, watch)? {
-        return writer.put_all(&logs);
-    }
     let cancel = || watch.stop();
-    let subject = Subject { cancel: Some(&cancel), ..*subject };
-    gaitfit_learn::collect::collect_each(&subject, options, threads, |number, log| writer.put(number, &log))
+    watch.shared(amount(subject, options), |moved| {
+        let subject = Subject { cancel: Some(&cancel), moved: Some(moved), ..*subject };
+        let put = |number, log| writer.put(number, &log);
+        match on_gpu(&subject, options, device, watch)? {
+            Some(logs) => writer.put_all(&logs),
+            None => gaitfit_learn::collect::collect_each(&subject, options, threads, put),
+        }
+    })
 }
 
 /// Logs from a GPU; `None` if the CPU is to simulate them.
@@ -274,7 +285,16 @@ fn play(
         }
         found.lock().unwrap_or_else(PoisonError::into_inner)[number] = Some((log, fell_at));
     };
-    follow::follow(walker, &world.policy, &scripts, &[job], threads, &keep, &|| watch.stop())?;
+    let amount = Amount { what: "log", parts: "logs", total: scripts.len(), pieces: scripts.len() };
+    watch.shared(amount, |done| {
+        let keep = |job: usize, number: usize, track: &follow::Track| {
+            keep(job, number, track);
+            done(1);
+        };
+        follow::follow(walker, &world.policy, &scripts, std::slice::from_ref(&job), threads, &keep, &|| {
+            watch.stop()
+        })
+    })?;
     let found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
     let cut = |(number, one): (usize, Option<(Trajectory, Option<usize>)>)| {
         // What is missing was not simulated: the watch stopped it.

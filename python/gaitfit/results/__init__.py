@@ -30,7 +30,7 @@ from ._fit import (
 from ._fleet import Fleet, FleetEstimate, FleetNumber
 from ._loop import Comparison, LoopResult, Measurement, Round, Table, TableRow
 from ._read import load
-from ._walk import Collection, Drift, Evaluation, Gait, SeedResult, Training
+from ._walk import Collection, Diagnosis, Drift, Evaluation, Gait, SeedResult, Training
 
 __all__ = [
     "Cause",
@@ -38,6 +38,7 @@ __all__ = [
     "Collection",
     "Comparison",
     "CostFit",
+    "Diagnosis",
     "Doubt",
     "Drift",
     "Estimate",

@@ -171,6 +171,26 @@ class Training(Result):
         return f"{self.name}: {first.iterations} iterations, velocity error {first.linear_velocity_error:.2f} m/s{falls}"
 
 
+@dataclass(frozen=True)
+class Diagnosis:
+    """An arrangement of joints with which a policy walks, where it does not as its file states them: their order, signs and scales.
+
+    Attributes:
+        changes: What is different, each in words.
+        settings: What to set in the policy's description, each a line.
+        measure: The measure of the given arrangement, and of this one; a smaller one is better.
+        measured: What the measure is, in words.
+
+    >>> walked.diagnosis is None
+    True
+    """
+
+    changes: tuple[str, ...]
+    settings: tuple[str, ...]
+    measure: tuple[float, float]
+    measured: str
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Evaluation(Result):
     """The result of :func:`gaitfit.evaluate`.
@@ -192,6 +212,8 @@ class Evaluation(Result):
         drift: Trials under constant commands.
         gait: The gait straight ahead; ``None`` if the robot falls or the task has no walk ahead.
         verdict: Whether the policy walks, in a sentence; ``None`` if that cannot be judged.
+        diagnosis: An arrangement of joints with which the policy walks. It is looked for if the policy does not walk, and if gaitfit
+            did not train it; ``None`` if none was found or looked for.
         wall_seconds: Wall time, s.
 
     >>> walked.trajectories, walked.fall_rate.mean
@@ -213,6 +235,7 @@ class Evaluation(Result):
     drift: tuple[Drift, ...] = ()
     gait: Gait | None = None
     verdict: str | None = None
+    diagnosis: Diagnosis | None = None
     wall_seconds: float = math.nan
 
     def rows(self) -> list[dict[str, Any]]:
@@ -244,7 +267,10 @@ class Evaluation(Result):
             walked = f"velocity error {self.linear_velocity_error.mean:.3f} m/s, "
             walked += f"yaw-rate error {self.angular_velocity_error.mean:.3f} rad/s"
         errors = f"{self.policy} on {self.simulator}: {walked}, {self.fall_rate.mean:.1%} fall"
-        return errors if self.verdict is None else f"{errors}. {self.verdict}"
+        errors = errors if self.verdict is None else f"{errors}. {self.verdict.removesuffix('.')}"
+        if self.diagnosis is None:
+            return errors
+        return f"{errors}. It walks with {' and '.join(self.diagnosis.changes)}: set {'; '.join(self.diagnosis.settings)}"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

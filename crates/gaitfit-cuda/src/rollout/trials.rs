@@ -9,7 +9,8 @@ use super::scene::Mode;
 use crate::runtime::Device;
 
 /// As [`gaitfit_learn::evaluate::run_trials`], on a GPU: the same robots, commands, starts, noise and pushes, and motions
-/// that differ by rounding. Returns `None` if `cancel` asked to stop.
+/// that differ by rounding. Returns `None` if `cancel`, which is asked instead of the
+/// subject's, asked to stop.
 ///
 /// # Errors
 /// [`RolloutError::Trials`] for what only the CPU simulates; a robot that cannot be; a failure of the GPU.
@@ -47,6 +48,7 @@ pub fn run_trials(
                 };
                 trials.take(step, &action[row * environments * joints..][..environments * joints], state);
             }
+            subject.count(environments.min(count - first) * steps.min((last - from + 1) as usize));
         }
         all.extend(trials.finish().into_iter().take(count - first));
     }

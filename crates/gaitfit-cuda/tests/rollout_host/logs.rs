@@ -38,8 +38,14 @@ fn cxx_logs_are_the_cpus() {
     let candidates = std::slice::from_ref(&candidate);
     let policy = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
     let policy = gaitfit_policy::read(policy.as_ref()).unwrap();
-    let subject =
-        Subject { task: &task, policy: &policy, candidate: Some(&candidate), seed: SEED, cancel: None };
+    let subject = Subject {
+        task: &task,
+        policy: &policy,
+        candidate: Some(&candidate),
+        seed: SEED,
+        cancel: None,
+        moved: None,
+    };
     let dt = task.walker.interface.control_dt;
     let options = CollectOptions {
         count: ENVIRONMENTS,

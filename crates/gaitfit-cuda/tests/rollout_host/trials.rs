@@ -40,6 +40,7 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
         candidate: Some(&candidate),
         seed: SEED,
         cancel: None,
+        moved: None,
     };
     let candidates = std::slice::from_ref(&candidate);
     let period = Scene::period(&task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();

@@ -381,5 +381,5 @@ fn beside_others(setup: &Setup, robot: Robot<'_>) -> Result<Option<HeldOut>, Err
     let Some(set) = setup.validate.first() else { return Ok(None) };
     let (theta, values): (Theta, &[f64]) = (Theta::default(), &[]);
     let before = Robot { theta: &theta, values };
-    held_out(&setup.config, &setup.method, [(set, robot), (set, before)], &setup.fit.logs, &never)
+    held_out(&setup.config, &setup.method, [(set, robot), (set, before)], &setup.fit.logs, (&never, &|_| ()))
 }

@@ -2,14 +2,14 @@
 
 use super::check::{Check, validation_checks};
 use super::files::CONFIG;
-use super::held_out::{HeldOut, Verdict, held_out};
+use super::held_out::{HeldOut, Verdict, held_out, simulations};
 use super::inputs::{Robot, ValidationLogs, method, validation as read_logs};
 use super::log_set::LogSet;
 use super::score::{Robot as Predictor, Validation, cost_of_sets, mean, validation};
 use super::setup::aligned;
 use crate::log::Log;
 use crate::settings::{self, AdaptConfig, check};
-use crate::watch::Watch;
+use crate::watch::{Amount, Watch};
 use crate::{Error, log, theta};
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::cost::CostKind;
@@ -131,22 +131,32 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
     let itself = Predictor { theta: &nothing, values: &[] };
     let kind = config.costs[0];
     let stop = || watch.stop();
-    let predict = |set: &LogSet| itself.simulate_until(set.simulator.as_ref(), kind.given(), &stop);
-    let cost = cost_of_sets(kind, &after, predict)?;
-    let nominal_cost = cost_of_sets(kind, &before, predict)?;
-    let nominal = |set: &LogSet| {
-        let number = after.iter().position(|other| std::ptr::eq(other, set)).unwrap_or_default();
-        predict(&before[number])
-    };
-    let found = validation(kind, &after, aligned(&config), predict, nominal)?;
+    // Of each set two costs, and the errors of both robots.
+    let total = 4 * after.len() + after.first().map_or(0, |set| 2 * simulations(&method, set));
+    let amount = Amount { what: "simulation of the logs", parts: "simulations", total, pieces: total };
+    let (cost, nominal_cost, found, held_out) = watch.shared(amount, |done| {
+        let predict = |set: &LogSet| {
+            let predicted = itself.simulate_until(set.simulator.as_ref(), kind.given(), &stop)?;
+            done(1);
+            Ok::<_, Error>(predicted)
+        };
+        let nominal = |set: &LogSet| {
+            let number = after.iter().position(|other| std::ptr::eq(other, set)).unwrap_or_default();
+            predict(&before[number])
+        };
+        let cost = cost_of_sets(kind, &after, predict)?;
+        let nominal_cost = cost_of_sets(kind, &before, predict)?;
+        let found = validation(kind, &after, aligned(&config), predict, nominal)?;
+        let held_out = match (after.first(), before.first()) {
+            (Some(fitted), Some(nominal)) => {
+                held_out(&config, &method, [(fitted, itself), (nominal, itself)], &[], (&stop, done))?
+            }
+            _ => None,
+        };
+        Ok::<_, Error>((cost, nominal_cost, found, held_out))
+    })?;
     let rmse_rad = mean(found.iter().map(|log| log.rmse_rad));
     let nominal_rmse_rad = mean(found.iter().map(|log| log.nominal_rmse_rad));
-    let held_out = match (after.first(), before.first()) {
-        (Some(fitted), Some(nominal)) => {
-            held_out(&config, &method, [(fitted, itself), (nominal, itself)], &[], &stop)?
-        }
-        _ => None,
-    };
     // If the robot sometimes falls, chance decides the cost of one simulation. The held-out comparison has several.
     let several = held_out.as_ref().filter(|found| kind == CostKind::Wass && found.robot_fall_rate > 0.0);
     let (cost, nominal_cost) = several.map_or((cost, nominal_cost), |found| (found.cost, found.nominal_cost));

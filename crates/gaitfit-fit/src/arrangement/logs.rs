@@ -10,6 +10,7 @@ use crate::{Error, log_joints, machine};
 use gaitfit_log::{ReadOptions, Trajectory, read_csv};
 use gaitfit_model::Model;
 use gaitfit_policy::{Front, Policy};
+use gaitfit_sim::pool;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -58,9 +59,10 @@ pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<D
         let usable = slope.is_finite() && (0.02..50.0).contains(&slope) && (slope - 1.0).abs() > 0.02;
         usable.then_some(Change::ActionScale(slope)).into_iter().collect()
     };
-    let few = |arrangement: &Arrangement| measure(arrangement, samples);
-    let (best, _) =
-        search(&policy.interface, &limbs, [!derived, derived], ENOUGH, machine::threads(), &few, &fitting);
+    let few = |tried: &[Arrangement]| {
+        pool::map(tried.len(), machine::threads(), |number| measure(&tried[number], samples))
+    };
+    let (best, _) = search(&policy.interface, &limbs, [!derived, derived], ENOUGH, &few, &fitting);
     if best.changes.is_empty() {
         return None;
     }

@@ -3,7 +3,6 @@
 use super::orders::Limbs;
 use super::{Arrangement, Change, changes};
 use gaitfit_policy::Interface;
-use gaitfit_sim::pool;
 
 /// Changes that are taken together at most.
 const MAX_CHANGES: usize = 3;
@@ -12,20 +11,19 @@ const FOLLOWED: usize = 2;
 /// A further change must make the measure smaller by this factor.
 const HELPS: f64 = 0.8;
 
-/// The arrangement with the smallest `measure`, which is computed on `threads` threads, and the measures of the given one
-/// and of this. `with_logs`, `derived`: see [`changes`] and [`Arrangement::with`]. A measure below `enough` ends the search.
+/// The arrangement with the smallest measure, and the measures of the given one and of this. `measure` computes those of several
+/// arrangements. `with_logs`, `derived`: see [`changes`] and [`Arrangement::with`]. A measure below `enough` ends the search.
 /// `more`: further changes to try on an arrangement.
 pub(super) fn search(
     interface: &Interface,
     limbs: &Limbs,
     [with_logs, derived]: [bool; 2],
     enough: f64,
-    threads: usize,
-    measure: &(dyn Fn(&Arrangement) -> f64 + Sync),
-    more: &(dyn Fn(&Arrangement) -> Vec<Change> + Sync),
+    measure: &dyn Fn(&[Arrangement]) -> Vec<f64>,
+    more: &dyn Fn(&Arrangement) -> Vec<Change>,
 ) -> (Arrangement, [f64; 2]) {
     let given = Arrangement::new(interface);
-    let before = measure(&given);
+    let before = measure(std::slice::from_ref(&given)).first().copied().unwrap_or(f64::INFINITY);
     let mut followed = vec![(given.clone(), before)];
     let mut best = (given, before);
     for taken in 0..MAX_CHANGES {
@@ -34,7 +32,7 @@ pub(super) fn search(
             let all = changes(&arrangement.interface, limbs, with_logs).into_iter().chain(more(arrangement));
             tried.extend(all.map(|change| arrangement.with(&change, derived)));
         }
-        let measured = pool::map(tried.len(), threads, |number| measure(&tried[number]));
+        let measured = measure(&tried);
         let mut ranked: Vec<(Arrangement, f64)> =
             tried.into_iter().zip(measured).filter(|(_, value)| value.is_finite()).collect();
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1));

@@ -3,10 +3,13 @@
 use super::orders::Limbs;
 use super::search::search;
 use super::{Arrangement, Diagnosis};
+use crate::watch::{Amount, Watch};
 use crate::world::{World, longest_delay, standing_error};
 use gaitfit_learn::evaluate::{Subject, run_trials};
 use gaitfit_learn::task::Task;
 use gaitfit_policy::Policy;
+use gaitfit_sim::pool;
+use std::convert::Infallible;
 
 /// Robots of a trial, and its length, s.
 const ROBOTS: usize = 12;
@@ -20,13 +23,8 @@ const CLEARLY: f64 = 0.5;
 const ENOUGH: f64 = 0.35;
 
 /// What makes the policy of `world` walk; `None` if nothing that is tried does. Policies that gaitfit trained are as their
-/// files say, so they are not tried. Once `cancel` is true it returns soon, with nothing.
-pub fn of_walk(
-    world: &World,
-    seed: u64,
-    threads: usize,
-    cancel: &(dyn Fn() -> bool + Sync),
-) -> Option<Diagnosis> {
+/// files say, so they are not tried. Once `watch` asks to stop it returns soon, with nothing.
+pub fn of_walk(world: &World, seed: u64, threads: usize, watch: &Watch<'_>) -> Option<Diagnosis> {
     let policy = &world.policy;
     // Nor are those that follow a motion: they have no commands to judge them by.
     if policy.provenance.iteration > 0 || policy.interface.reference.is_some() {
@@ -34,10 +32,26 @@ pub fn of_walk(
     }
     let joints = policy.interface.resolve(&world.model).ok()?;
     let limbs = Limbs::new(&world.model, &joints);
-    let measure =
-        |arrangement: &Arrangement| trial(world, arrangement, seed, cancel).unwrap_or(f64::INFINITY);
+    let stop = || watch.stop();
+    let measure = |tried: &[Arrangement]| {
+        let one = |number: usize| trial(world, &tried[number], seed, &stop).unwrap_or(f64::INFINITY);
+        if tried.len() == 1 {
+            return vec![one(0)];
+        }
+        let what = "order, signs and scales of joints: trial";
+        let amount = Amount { what, parts: "trials", total: tried.len(), pieces: tried.len() };
+        let measured = watch.shared(amount, |done| {
+            Ok::<_, Infallible>(pool::map(tried.len(), threads, |number| {
+                let measured = one(number);
+                done(1);
+                measured
+            }))
+        });
+        let Ok(measured) = measured;
+        measured
+    };
     let none = |_: &Arrangement| Vec::new();
-    let (best, measure) = search(&policy.interface, &limbs, [false, true], ENOUGH, threads, &measure, &none);
+    let (best, measure) = search(&policy.interface, &limbs, [false, true], ENOUGH, &measure, &none);
     let is_right = measure[1] < WALKS && measure[1] < CLEARLY * measure[0];
     (!best.changes.is_empty() && is_right).then_some(Diagnosis {
         changes: best.changes,
@@ -66,6 +80,7 @@ fn trial(
         candidate: Some(&world.candidate),
         seed,
         cancel: Some(cancel),
+        moved: None,
     };
     let trials = run_trials(&subject, ROBOTS, SECONDS, 1).ok()?;
     let falls = trials.iter().filter(|trial| trial.fell).count() as f64 / trials.len() as f64;

@@ -179,7 +179,8 @@ mod tests {
         let settings = TaskSettings::default().calm();
         let task =
             Task::with_interface(&model, &settings, policy.interface.clone(), Preset::Fast, 0.0).unwrap();
-        let subject = Subject { task: &task, policy: &policy, candidate: None, seed: 5, cancel: None };
+        let subject =
+            Subject { task: &task, policy: &policy, candidate: None, seed: 5, cancel: None, moved: None };
         for command in [[0.6, 0.0, 0.0], [0.0, 0.4, 0.0], [-0.5, -0.4, 0.0]] {
             let record = record_gait(&subject, &[(5.0, command)]).unwrap();
             let rows = record.steps();

@@ -33,7 +33,7 @@ pub fn policy(scene: &Task, seed: u64) -> Policy {
 
 /// Eight logs of up to a second, joints only or with the base's state.
 pub fn logs(scene: &Task, policy: &Policy, privileged: bool) -> Vec<Trajectory> {
-    let subject = Subject { task: scene, policy, candidate: None, seed: 5, cancel: None };
+    let subject = Subject { task: scene, policy, candidate: None, seed: 5, cancel: None, moved: None };
     let options = CollectOptions { count: 8, seconds: 1.0, shift: [0.0; 2], privileged };
     let logs = collect(&subject, &options, 1).unwrap().into_iter().map(|log| log.trajectory);
     logs.map(|log| Trajectory { base: log.base.clone().filter(|_| privileged), ..log }).collect()

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::Subject;
 use crate::player::Player;
-use crate::task::{Cell, Course, Ended, Environment, TaskError, TerrainKind};
+use crate::task::{Cell, Course, Ended, Environment, Task, TaskError, TerrainKind};
 use crate::tiles::in_tiles;
 
 /// Environments that one thread advances together.
@@ -60,11 +60,24 @@ pub fn crossings(
     threads: usize,
 ) -> Result<Vec<Crossing>, TaskError> {
     let Some(course) = &subject.task.course else { return Ok(Vec::new()) };
-    let settings = course.settings();
-    let count = settings.levels * settings.columns * robots;
-    let seconds = 3.0 * 0.5 * course.size() / speed + 1.0;
-    let steps = (seconds / subject.task.walker.interface.control_dt).ceil() as u32;
+    let (count, steps) = size(subject.task, course, robots, speed);
     in_tiles(count, TILE, threads, |first, count| tile(subject, course, first, count, speed, steps))
+}
+
+/// Robots times control periods of [`crossings`].
+pub fn crossing_periods(task: &Task, robots: usize, speed: f64) -> usize {
+    task.course.as_ref().map_or(0, |course| {
+        let (count, steps) = size(task, course, robots, speed);
+        count * steps as usize
+    })
+}
+
+/// Robots on all cells, and control periods of each.
+fn size(task: &Task, course: &Course, robots: usize, speed: f64) -> (usize, u32) {
+    let settings = course.settings();
+    let seconds = 3.0 * 0.5 * course.size() / speed + 1.0;
+    let steps = (seconds / task.walker.interface.control_dt).ceil() as u32;
+    (settings.levels * settings.columns * robots, steps)
 }
 
 fn tile(
@@ -108,6 +121,7 @@ fn tile(
             crossing.crossed = !crossing.fell && (x - middle[0]).abs().max((y - middle[1]).abs()) > half;
         }
         if found.iter().all(|one| one.crossed || one.fell) {
+            player.skip(steps - step);
             break;
         }
     }

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::Subject;
 use crate::player::Player;
-use crate::task::{Ended, Environment, TaskError};
+use crate::task::{Ended, Environment, Task, TaskError};
 
 /// The result of one constant command, over several robots.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -33,6 +33,8 @@ pub struct DriftTrial {
 /// Time of standing before and after the command, and of the command itself, s.
 const STAND: f64 = 1.0;
 const COMMAND: f64 = 4.0;
+/// How many commands there are.
+const TRIALS: usize = 7;
 
 /// Constant commands along ±x, ±y and ±yaw, and standing: stand, command for four seconds, stand (the paper's hardware
 /// trials). `robots` start with the task's own deviations. `speeds`: how fast, m/s, m/s and rad/s; half of the task's
@@ -52,7 +54,7 @@ pub fn drift(
         Some(speeds) => speeds.map(|speed| [-speed, speed]),
         None => [limits.x, limits.y, limits.yaw].map(|range| range.map(|limit| 0.5 * limit)),
     };
-    let trials = [
+    let trials: [(&str, [f64; 3]); TRIALS] = [
         ("stand", [0.0; 3]),
         ("+x", [x[1], 0.0, 0.0]),
         ("-x", [x[0], 0.0, 0.0]),
@@ -62,6 +64,16 @@ pub fn drift(
         ("-yaw", [0.0, 0.0, yaw[0]]),
     ];
     trials.into_iter().map(|(name, command)| trial(subject, name, command, robots)).collect()
+}
+
+/// Robots times control periods of [`drift`].
+pub fn drift_periods(task: &Task, robots: usize) -> usize {
+    TRIALS * robots * periods(task, 2.0 * STAND + COMMAND) as usize
+}
+
+/// Control periods in a time, s.
+fn periods(task: &Task, seconds: f64) -> u32 {
+    (seconds / task.walker.interface.control_dt).round() as u32
 }
 
 /// Place and heading on the ground.
@@ -95,13 +107,12 @@ fn trial(
         environment.hold_command(index, [0.0; 3]);
     }
     let mut player = Player::new(subject, environment);
-    let periods = |seconds: f64| (seconds / task.walker.interface.control_dt).round() as u32;
-    let (begin, end) = (periods(STAND), periods(STAND + COMMAND));
+    let (begin, end) = (periods(task, STAND), periods(task, STAND + COMMAND));
     let (mut fallen, mut diverged) = (vec![false; robots], vec![false; robots]);
     // Robots settle while they first stand: errors count from where they then are.
     let mut starts = vec![[0.0; 3]; robots];
     let mut path = Vec::new();
-    for step in 1..=periods(2.0 * STAND + COMMAND) {
+    for step in 1..=periods(task, 2.0 * STAND + COMMAND) {
         if step == begin + 1 || step == end + 1 {
             let now = if step == begin + 1 { command.map(|x| x as f32) } else { [0.0; 3] };
             for index in 0..robots {

@@ -7,8 +7,8 @@ mod gait;
 mod spectrum;
 mod trajectories;
 
-pub use crossings::{Crossing, CrossingSummary, crossings, summarise_crossings};
-pub use drift::{DriftTrial, drift};
+pub use crossings::{Crossing, CrossingSummary, crossing_periods, crossings, summarise_crossings};
+pub use drift::{DriftTrial, drift, drift_periods};
 pub use gait::{GaitRecord, GaitSummary, record_gait, record_gait_on};
 pub use spectrum::power_spectrum;
 pub use trajectories::{Trial, TrialSummary, Trials, run_trials, summarise, trial_environments, trial_steps};
@@ -32,4 +32,16 @@ pub struct Subject<'a> {
     /// Whether to stop, asked at each control period of a tile, from any thread; once true it must stay true. Simulations
     /// then end with [`crate::task::TaskError::Interrupted`]. `None` never stops.
     pub cancel: Option<&'a (dyn Fn() -> bool + Sync)>,
+    /// Gets how many robots a control period has moved, after each one of a tile, from any thread: for progress. `None` tells
+    /// nobody.
+    pub moved: Option<&'a (dyn Fn(usize) + Sync)>,
+}
+
+impl Subject<'_> {
+    /// Tells that this many robots have been moved by a control period each.
+    pub fn count(&self, robots: usize) {
+        if let Some(moved) = self.moved {
+            moved(robots);
+        }
+    }
 }

@@ -3,9 +3,9 @@
 use crate::Error;
 use crate::files::read_text;
 use crate::robot_file;
-use crate::watch::Watch;
+use crate::watch::{Amount, Watch};
 use crate::world::{self, World, WorldSettings};
-use gaitfit_learn::evaluate::{CrossingSummary, Subject, crossings, summarise_crossings};
+use gaitfit_learn::evaluate::{CrossingSummary, Subject, crossing_periods, crossings, summarise_crossings};
 use gaitfit_learn::task::{Cell, Kinds, TerrainKind, TerrainSettings};
 use gaitfit_model::shown;
 use gaitfit_policy::Policy;
@@ -202,7 +202,12 @@ pub(super) fn measure(
     }
     let cancel = || watch.stop();
     let subject = Subject { cancel: Some(&cancel), ..world.subject(seed) };
-    let found = crossings(&subject, robots, speed, threads);
+    let periods = crossing_periods(&world.scene, robots, speed);
+    let period = world.scene.walker.interface.control_dt;
+    let found = watch
+        .shared(Amount::simulated("uneven ground: simulated second", periods, period), |moved| {
+            crossings(&Subject { moved: Some(moved), ..subject }, robots, speed, threads)
+        });
     super::go_on(watch)?;
     let found = found?;
     let results = match &world.scene.course {

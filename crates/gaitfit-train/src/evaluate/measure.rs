@@ -3,10 +3,11 @@
 use super::{GroundResult, TrajectoryErrors, motion};
 use crate::Error;
 use crate::device::{self, Device};
-use crate::watch::Watch;
+use crate::watch::{Amount, Watch};
 use crate::world::World;
 use gaitfit_learn::evaluate::{
-    GaitRecord, GaitSummary, Subject, Trial, drift, record_gait, run_trials, summarise,
+    GaitRecord, GaitSummary, Subject, Trial, drift, drift_periods, record_gait, run_trials, summarise,
+    trial_steps,
 };
 use gaitfit_learn::task::TaskSettings;
 use gaitfit_view::{Drift, Estimate};
@@ -177,7 +178,12 @@ pub struct Measured {
 pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> Result<Measured, Error> {
     let cancel = || watch.stop();
     let subject = Subject { cancel: Some(&cancel), ..world.subject(plan.seed) };
-    let trials = trials(&subject, plan, watch);
+    let period = world.scene.walker.interface.control_dt;
+    let periods = plan.trajectories * trial_steps(&subject, plan.seconds) as usize;
+    let trials = watch
+        .shared(Amount::simulated("random commands: simulated second", periods, period), |moved| {
+            trials(&Subject { moved: Some(moved), ..subject }, plan, watch)
+        });
     super::go_on(watch)?;
     let trials = trials?;
     // A policy that follows a motion has no commands.
@@ -185,7 +191,12 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
     let trials_of_drift = match plan.drift {
         _ if follows => Ok(Vec::new()),
         0 => Ok(Vec::new()),
-        robots => drift(&subject, robots, plan.drift_speeds),
+        robots => {
+            let periods = drift_periods(&world.scene, robots);
+            watch.shared(Amount::simulated("constant commands: simulated second", periods, period), |moved| {
+                drift(&Subject { moved: Some(moved), ..subject }, robots, plan.drift_speeds)
+            })
+        }
     };
     super::go_on(watch)?;
     let trials_of_drift = trials_of_drift?;

@@ -120,7 +120,7 @@ pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>)
     // Robots that stand on legs in a wrong order need not fall.
     let fails = verdict.as_ref().is_some_and(|one| !one.walks);
     let diagnosis = match fails || measured.evaluation.fall_rate.mean > MANY_FALLS {
-        true => arrangement::of_walk(&world, plan.seed, plan.threads, &|| watch.stop()),
+        true => arrangement::of_walk(&world, plan.seed, plan.threads, watch),
         false => None,
     };
     go_on(watch)?;

@@ -23,7 +23,14 @@ pub fn show(setup: &Setup, policy: &Policy) -> Result<Shown, Error> {
     let delay = setup.candidate.as_ref().map_or(0.0, longest_delay);
     let scene = Task::with_interface(&setup.model, &task, interface, setup.plan.preset, delay)?;
     let seed = policy.provenance.seed;
-    let subject = Subject { task: &scene, policy, candidate: setup.candidate.as_ref(), seed, cancel: None };
+    let subject = Subject {
+        task: &scene,
+        policy,
+        candidate: setup.candidate.as_ref(),
+        seed,
+        cancel: None,
+        moved: None,
+    };
     let record = record_gait(&subject, &gait::tour(&task.command))?;
     Ok(Shown { scene, record })
 }

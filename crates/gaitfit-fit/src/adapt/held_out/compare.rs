@@ -22,7 +22,7 @@ const DRAWS: u32 = 100;
 const MIN_BLOCKS: usize = 8;
 /// How often walks are simulated, with other random draws, if the robot itself falls: one fall more or less moves the distance by
 /// more than all else.
-const FALLING_SIMULATIONS: u64 = 8;
+const FALLING_SIMULATIONS: usize = 8;
 /// Half the width of the range that 95 % of normal draws lie in, in deviations.
 const RANGE: f64 = 1.96;
 /// Seed of the draws.
@@ -30,7 +30,7 @@ const SEED: u64 = 15;
 
 /// Compares walks under the commands of held-out logs with them. Each of `sets` has these logs and the simulator of the
 /// robot after and before the fit; beside it stands what θ changes of it. `fitted_logs`: other logs of the robot, among
-/// which trials of the same commands are looked for.
+/// which trials of the same commands are looked for. After each of twice [`simulations`], `done` gets 1.
 ///
 /// # Errors
 /// A simulation that cannot be made; `Interrupted` if `cancel` asks to stop. Logs that cannot be compared in this way (constant joints) give none.
@@ -39,7 +39,7 @@ pub fn held_out(
     method: &Method,
     [fitted, nominal]: [(&LogSet, Robot<'_>); 2],
     fitted_logs: &[Log],
-    cancel: &Cancel<'_>,
+    (cancel, done): (&Cancel<'_>, &(dyn Fn(usize) + Sync)),
 ) -> Result<Option<HeldOut>, Error> {
     if method.walking().is_none() {
         return Ok(None);
@@ -58,9 +58,13 @@ pub fn held_out(
     let recorded_blocks = cut(&recorded);
     let Some(cost) = cost_against(&recorded_blocks, &joints, set) else { return Ok(None) };
     let (reference, cost) = (&cost.0, cost.1.as_ref());
-    let simulations = if set.reference.fall_rate() > 0.0 { FALLING_SIMULATIONS } else { 1 };
+    let simulations = simulations(method, set) as u64;
     let walk = |(set, robot): (&LogSet, Robot<'_>)| -> Result<Vec<Vec<Predicted>>, Error> {
-        let drawn = |draw| robot.simulate_drawn(set.simulator.as_ref(), Resets::Never, draw, cancel);
+        let drawn = |draw| {
+            let walk = robot.simulate_drawn(set.simulator.as_ref(), Resets::Never, draw, cancel)?;
+            done(1);
+            Ok(walk)
+        };
         (0..simulations).map(drawn).collect()
     };
     let (after, before) = (walk(fitted)?, walk(nominal)?);
@@ -93,6 +97,15 @@ pub fn held_out(
         robot_falls: set.falling.falls,
         distances: distances(reference, [&fitted[0], &nominal[0]], &drawn),
     }))
+}
+
+/// How often [`held_out`] simulates each robot, at most.
+pub fn simulations(method: &Method, set: &LogSet) -> usize {
+    match (method.walking(), set.reference.fall_rate() > 0.0) {
+        (None, _) => 0,
+        (Some(_), false) => 1,
+        (Some(_), true) => FALLING_SIMULATIONS,
+    }
 }
 
 /// Some samples of a log.

@@ -11,7 +11,7 @@
 mod compare;
 mod trials;
 
-pub(super) use compare::held_out;
+pub(super) use compare::{held_out, simulations};
 pub use trials::Trials;
 
 use gaitfit_adapt::cost::Signal;
