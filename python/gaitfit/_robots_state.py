@@ -59,3 +59,6 @@ class Motion:
     joint_position: Any
     joint_velocity: Any
     torque: Any
+
+    def __repr__(self) -> str:
+        return f"Motion({self.base_position.shape[0]} robots, {self.joint_position.shape[1]} joints)"

@@ -12,7 +12,6 @@ from . import _gaitfit
 from . import _given as given
 from ._arguments import existing, flag, maybe, path
 from ._arguments import threads as checked_threads
-from ._decode import decoded
 from ._given import Device, PathLike, Resume, Settings
 from ._logs import Log
 from ._policy import Policy
@@ -187,6 +186,8 @@ def explain(
         progress: As for :func:`fit`. It counts the logs of a folder while they are read, and then the regressions. Each regression takes
             about 0.1 s for 10 s of logs.
 
+    Friction, damping, rotor inertia and delay are in every model: :func:`fit` estimates them.
+
     Returns the causes, the weightiest first. None does not mean that nothing is lacking: what stands in
     ``help(gaitfit.results.Explanation)`` is all that it looks for.
 
@@ -225,4 +226,4 @@ def compare(policy: Evaluation, against: Evaluation) -> Comparison:
     on = policy.simulator if policy.simulator == against.simulator else f"{policy.simulator} / {against.simulator}"
     paid, less = policy.reward, against.reward
     reward = {"mean": paid.mean - less.mean, "ci95": math.hypot(paid.ci95, less.ci95)}
-    return decoded(Comparison, {**json.loads(_gaitfit.compare(policy.to_json(), against.to_json(), on)), "reward": reward})
+    return _read.comparison_result({**json.loads(_gaitfit.compare(policy.to_json(), against.to_json(), on)), "reward": reward})

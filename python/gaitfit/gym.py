@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from ._needs import lacking
 
@@ -25,12 +25,18 @@ from numpy.typing import NDArray
 
 from ._arguments import count, flag
 from ._arrays import numbers
+from ._given import Theta
 from ._robots import Robots
 from ._robots_state import RobotsState
 from ._terms import Terms
 from ._terms_gpu import GpuTerms
 from ._window import Window
 from .config import Train
+
+if TYPE_CHECKING:
+    from ._policy_file import LoadedPolicy
+else:
+    from ._hints import LoadedPolicy
 
 __all__ = ["AutoresetMode", "GaitfitEnv", "GaitfitVecEnv", "Terms"]
 
@@ -63,7 +69,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
     The action space is :attr:`gaitfit.Robots.action_bounds`.
 
     Arguments:
-        config, num_envs, robot, settings, seed, threads, device: As of :class:`gaitfit.Robots`.
+        config, num_envs, robot, policy, theta, settings, seed, threads, device: As of :class:`gaitfit.Robots`.
         copy: ``False`` hands out the environment's own arrays, without copies; the next step writes over them.
         log_rewards: Whether ``infos["log"]`` has the reward terms of each step by name, means over the robots.
         terms: Reward, end of an episode and observation of your own (:class:`gaitfit.Terms`).
@@ -88,6 +94,8 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         *,
         num_envs: int = 1024,
         robot: str | os.PathLike[str] | None = None,
+        policy: str | os.PathLike[str] | LoadedPolicy | None = None,
+        theta: Theta | None = None,
         settings: Mapping[str, Any] | None = None,
         seed: int = 0,
         threads: int | None = None,
@@ -106,6 +114,8 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
                 config,
                 num_envs=num_envs,
                 robot=robot,
+                policy=policy,
+                theta=theta,
                 settings=settings,
                 seed=seed,
                 threads=threads,
@@ -291,7 +301,7 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
     ``info["reward_terms"]`` has the weighted terms of the step's reward by name.
 
     Arguments:
-        config, robot, settings, seed: As of :class:`gaitfit.Robots`.
+        config, robot, policy, theta, settings, seed: As of :class:`gaitfit.Robots`.
         render_mode: ``"rgb_array"``: :meth:`render` returns pictures (:meth:`gaitfit.Robots.picture`). ``"human"``: a page in
             the browser shows every step, in real time if the machine is fast enough. Only this machine can open it. ``None``: no
             pictures.
@@ -308,6 +318,8 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
         config: str | os.PathLike[str] | Train | None = None,
         *,
         robot: str | os.PathLike[str] | None = None,
+        policy: str | os.PathLike[str] | LoadedPolicy | None = None,
+        theta: Theta | None = None,
         settings: Mapping[str, Any] | None = None,
         seed: int = 0,
         render_mode: str | None = None,
@@ -316,7 +328,9 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
             raise ValueError(f"render_mode is {render_mode!r}; give 'human', 'rgb_array' or None")
 
         def make(seed: int) -> Robots:
-            return Robots(config, num_envs=1, threads=1, robot=robot, settings=settings, seed=seed)
+            return Robots(
+                config, num_envs=1, threads=1, robot=robot, policy=policy, theta=theta, settings=settings, seed=seed
+            )
 
         self._make = make
         self._begin(seed)

@@ -5,15 +5,21 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 from torch.utils.dlpack import from_dlpack
 
+from ._given import Theta
 from ._robots import Robots
 from .config import Train
+
+if TYPE_CHECKING:
+    from ._policy_file import LoadedPolicy
+else:
+    from ._hints import LoadedPolicy
 
 __all__ = ["RslRlVecEnv"]
 
@@ -22,7 +28,7 @@ class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
     """Robots at a task as rsl_rl's ``VecEnv``.
 
     Arguments:
-        config, num_envs, robot, settings, seed, threads: As of :class:`gaitfit.Robots`. ``stagger`` is on.
+        config, num_envs, robot, policy, theta, settings, seed, threads: As of :class:`gaitfit.Robots`. ``stagger`` is on.
         device: PyTorch's device, where the tensors are; the robots are stepped there, too.
         robots_device: Where the robots are stepped instead.
 
@@ -42,6 +48,8 @@ class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         *,
         num_envs: int = 1024,
         robot: str | os.PathLike[str] | None = None,
+        policy: str | os.PathLike[str] | LoadedPolicy | None = None,
+        theta: Theta | None = None,
         settings: Mapping[str, Any] | None = None,
         seed: int = 0,
         threads: int | None = None,
@@ -52,6 +60,8 @@ class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
             config,
             num_envs=num_envs,
             robot=robot,
+            policy=policy,
+            theta=theta,
             settings=settings,
             seed=seed,
             threads=threads,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,15 @@ except ImportError as missing:
     raise lacking("sb3", "sb3", missing) from missing
 
 from ._arguments import count
+from ._given import Theta
 from ._robots import Robots
 from .config import Train
 from .gym import _spaces
+
+if TYPE_CHECKING:
+    from ._policy_file import LoadedPolicy
+else:
+    from ._hints import LoadedPolicy
 
 __all__ = ["Sb3VecEnv"]
 
@@ -31,7 +37,7 @@ class Sb3VecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
     clips them to :attr:`gaitfit.Robots.action_bounds`.
 
     Arguments:
-        config, num_envs, robot, settings, seed, threads: As of :class:`gaitfit.Robots`. ``stagger`` is on.
+        config, num_envs, robot, policy, theta, settings, seed, threads: As of :class:`gaitfit.Robots`. ``stagger`` is on.
 
     >>> Sb3VecEnv(num_envs=8).reset().shape
     (8, 45)
@@ -45,13 +51,23 @@ class Sb3VecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         *,
         num_envs: int = 256,
         robot: str | os.PathLike[str] | None = None,
+        policy: str | os.PathLike[str] | LoadedPolicy | None = None,
+        theta: Theta | None = None,
         settings: Mapping[str, Any] | None = None,
         seed: int = 0,
         threads: int | None = None,
     ) -> None:
         def make(seed: int) -> Robots:
             return Robots(
-                config, num_envs=num_envs, robot=robot, settings=settings, seed=seed, threads=threads, stagger=True
+                config,
+                num_envs=num_envs,
+                robot=robot,
+                policy=policy,
+                theta=theta,
+                settings=settings,
+                seed=seed,
+                threads=threads,
+                stagger=True,
             )
 
         self._make, self._robots = make, make(seed)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import json
 import sys
 import unittest
 from typing import get_type_hints
@@ -42,6 +43,11 @@ class Worlds(Case):
         ):
             with self.subTest(words), self.assertRaisesRegex(error, words):
                 gaitfit.evaluate(POLICY, theta=theta, **SHORT)
+        rows = {row["quantity"]: row for row in found.rows()}
+        self.assertEqual(rows["tracking_error"]["mean"], found.tracking_error.mean)
+        self.assertIn(f"velocity error {apart:+.3f} ± ", repr(found))
+        self.assertIn("falls +0.0 ± ", repr(found))
+        self.assertEqual(json.loads(found.to_json())["on"], found.on)
         with self.assertRaisesRegex(TypeError, "against is 3; give what gaitfit.evaluate returned"):
             gaitfit.compare(nominal, 3)  # type: ignore[arg-type]
 

@@ -12,8 +12,11 @@ from unittest import mock
 import numpy as np
 
 import gaitfit
+from gaitfit.config import TrueParameter
 
 from .common import Case
+
+POLICY = "assets/go2-walk.safetensors"
 
 
 class ForLearners(Case):
@@ -241,6 +244,25 @@ class ForLearners(Case):
         many.reset(seed=0)
         for _ in range(100):
             many.step(many.action_space.sample())
+
+    def test_environments_are_those_of_a_fit(self) -> None:
+        try:
+            from gaitfit.gym import GaitfitEnv, GaitfitVecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        stiff = TrueParameter("frictionloss", value=3.0)
+        for theta in (stiff, None):
+            robots = gaitfit.Robots(policy=POLICY, num_envs=3, seed=1, theta=theta)
+            many = GaitfitVecEnv(policy=POLICY, num_envs=3, theta=theta)
+            one = GaitfitEnv(policy=POLICY, theta=theta)
+            seen = [many.reset(seed=1)[0], one.reset(seed=1)[0][None]]
+            for _ in range(5):
+                robots.step(np.ones((3, 12)))
+                seen = [many.step(np.ones((3, 12), np.float32))[0], one.step(np.ones(12, np.float32))[0][None]]
+            np.testing.assert_array_equal(seen[0], robots.observation)
+            np.testing.assert_array_equal(seen[1], robots.observation[:1])
+        with self.assertRaisesRegex(ValueError, "config and policy are given"):
+            GaitfitVecEnv("assets/go2-walk.toml", policy=POLICY)
 
     def test_gymnasiums_checker_passes(self) -> None:
         try:

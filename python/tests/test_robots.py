@@ -253,6 +253,7 @@ class Many(Case):
         self.assertEqual(there.state().step, 0)
 
     def test_motion_is_what_the_robots_do(self) -> None:
+        self.assertEqual(repr(gaitfit.Robots(num_envs=3).motion()), "Motion(3 robots, 12 joints)")
         quiet = {f"task.noise.{name}": 0.0 for name in ("joint_position", "joint_velocity", "projected_gravity", "base_angular_velocity")}
         robots = gaitfit.Robots("assets/go2-walk.toml", num_envs=300, seed=2, settings=quiet)
         policy = gaitfit.load_policy("assets/go2-walk.safetensors")

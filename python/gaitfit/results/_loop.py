@@ -52,9 +52,10 @@ class Round:
     fallback: str | None = None
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """One policy minus another in the same simulator. Errors are differences: a negative number means a smaller error.
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Comparison(Result):
+    """The result of :func:`gaitfit.compare`: one policy minus another, or one policy on two robots. Errors are differences: a negative
+    number means a smaller error.
 
     Attributes:
         policy: The policy.
@@ -83,6 +84,25 @@ class Comparison:
     tracking_error: Estimate
     fall_rate: Estimate
     reward: Estimate | None = None
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a difference: ``quantity``, ``mean``, ``ci95`` and ``unit``."""
+        units = {"linear_velocity_error": "m/s", "angular_velocity_error": "rad/s", "tracking_error": "m/s + rad/s", "fall_rate": "-"}
+        found = {name: getattr(self, name) for name in units}
+        if self.reward is not None:
+            found["reward"] = self.reward
+        return [
+            {"quantity": name, "mean": one.mean, "ci95": one.ci95, "unit": units.get(name, "-")} for name, one in found.items()
+        ]
+
+    def _headline(self) -> str:
+        linear, angular, falls = self.linear_velocity_error, self.angular_velocity_error, self.fall_rate
+        how = "the same trajectories one by one" if self.paired else "trajectories that differ"
+        return (
+            f"{self.policy} minus {self.against} on {self.on}: velocity error {linear.mean:+.3f} ± {linear.ci95:.3f} m/s, yaw-rate error "
+            f"{angular.mean:+.3f} ± {angular.ci95:.3f} rad/s, falls {100 * falls.mean:+.1f} ± {100 * falls.ci95:.1f} %; "
+            f"{self.trajectories} trajectories, {how}"
+        )
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

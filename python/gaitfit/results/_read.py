@@ -12,7 +12,7 @@ from .._arguments import path as named
 from .._decode import decoded
 from ._fit import Cause, Explanation, FitResult, ValidationResult
 from ._fleet import Fleet, fleet_result
-from ._loop import LoopResult, Measurement, Round, Table, TableRow
+from ._loop import Comparison, LoopResult, Measurement, Round, Table, TableRow
 from ._walk import Collection, Evaluation, Training
 
 #: What :func:`load` returns.
@@ -93,7 +93,15 @@ def loop_result(document: Mapping[str, Any]) -> LoopResult:
         for one in document["rounds"]
     )
     evaluations = tuple(decoded(Measurement, one, document=dict(one)) for one in document["evaluations"])
-    return decoded(LoopResult, document, document=dict(document), rounds=rounds, evaluations=evaluations)
+    comparisons = tuple(comparison_result(one) for one in document["comparisons"])
+    return decoded(
+        LoopResult, document, document=dict(document), rounds=rounds, evaluations=evaluations, comparisons=comparisons
+    )
+
+
+def comparison_result(document: Mapping[str, Any]) -> Comparison:
+    """A comparison's document as a result."""
+    return decoded(Comparison, document, document=dict(document))
 
 
 def table_result(document: Mapping[str, Any]) -> Table:

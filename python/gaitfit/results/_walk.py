@@ -267,10 +267,10 @@ class Evaluation(Result):
             walked = f"velocity error {self.linear_velocity_error.mean:.3f} m/s, "
             walked += f"yaw-rate error {self.angular_velocity_error.mean:.3f} rad/s"
         errors = f"{self.policy} on {self.simulator}: {walked}, {self.fall_rate.mean:.1%} fall"
-        errors = errors if self.verdict is None else f"{errors}. {self.verdict.removesuffix('.')}"
+        errors = errors if self.verdict is None else f"{errors}. {self.verdict}"
         if self.diagnosis is None:
             return errors
-        return f"{errors}. It walks with {' and '.join(self.diagnosis.changes)}: set {'; '.join(self.diagnosis.settings)}"
+        return f"{errors.removesuffix('.')}. It walks with {' and '.join(self.diagnosis.changes)}: set {'; '.join(self.diagnosis.settings)}"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
