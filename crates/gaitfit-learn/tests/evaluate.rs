@@ -4,8 +4,10 @@
 use crate::task_common;
 
 use gaitfit_learn::collect::{CollectOptions, collect};
-use gaitfit_learn::evaluate::{Subject, Trial, drift, record_gait, run_trials, summarise};
-use gaitfit_learn::task::{Task, TaskError, TaskSettings};
+use gaitfit_learn::evaluate::{
+    Subject, Trial, crossing_periods, crossings, drift, drift_periods, record_gait, run_trials, summarise,
+};
+use gaitfit_learn::task::{Kinds, Task, TaskError, TaskSettings, TerrainKind, TerrainSettings};
 use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
 use gaitfit_sim::stats::Estimate;
@@ -16,6 +18,15 @@ const STILL: [f32; 12] = [0.0; 12];
 
 fn subject<'a>(scene: &'a Task, policy: &'a Policy) -> Subject<'a> {
     Subject { task: scene, policy, candidate: None, seed: 11, cancel: None, moved: None }
+}
+
+/// Hind legs stretch, front legs fold: onto the nose.
+fn nose_dive() -> [f32; 12] {
+    let mut action = STILL;
+    for (leg, [thigh, calf]) in [[3.0, -4.0], [3.0, -4.0], [-2.0, 4.0], [-2.0, 4.0]].into_iter().enumerate() {
+        (action[3 * leg + 1], action[3 * leg + 2]) = (thigh, calf);
+    }
+    action
 }
 
 fn mean(estimate: Option<Estimate>) -> f64 {
@@ -63,11 +74,7 @@ fn a_standing_policy_misses_its_commands_by_all_of_them() {
 fn a_falling_policy_is_counted_up_to_its_fall() {
     let task = calm();
     let scene = scene(&task);
-    // Hind legs stretch, front legs fold: onto the nose.
-    let mut nose_dive = STILL;
-    for (leg, [thigh, calf]) in [[3.0, -4.0], [3.0, -4.0], [-2.0, 4.0], [-2.0, 4.0]].into_iter().enumerate() {
-        (nose_dive[3 * leg + 1], nose_dive[3 * leg + 2]) = (thigh, calf);
-    }
+    let nose_dive = nose_dive();
     let policy = constant_policy(&scene, &nose_dive);
     let subject = subject(&scene, &policy);
     let long = run_trials(&subject, 3, 2.0, 1).unwrap();
@@ -119,6 +126,33 @@ fn who_is_asked_to_stop_does_so_at_the_next_control_period() {
         let ended = stage(&Subject { cancel: Some(&cancel), ..subject(&scene, &policy) });
         assert_eq!(ended, Err(TaskError::Interrupted), "{name}");
         assert_eq!(asked.into_inner(), 6, "{name}: five periods of the first tile, and no further tile");
+    }
+}
+
+#[test]
+fn every_control_period_of_a_robot_is_counted_once() {
+    // On level cells robots that stand never leave; on a step of the nose they fall at once, and the rest of their time counts.
+    let terrain = TerrainSettings {
+        levels: 2,
+        columns: 2,
+        ..TerrainSettings::with_kind(Kinds::One(TerrainKind::Rough))
+    };
+    let scene = scene(&TaskSettings { terrain: Some(terrain), ..calm() });
+    let logs = CollectOptions { count: 70, seconds: 0.2, shift: [0.1; 2], privileged: false };
+    type Stage<'a> = &'a dyn Fn(&Subject<'_>) -> Result<(), TaskError>;
+    let stages: [(&str, usize, Stage<'_>); 4] = [
+        ("trials", 300 * 5, &|subject| run_trials(subject, 300, 0.1, 2).map(drop)),
+        ("drift", drift_periods(&scene, 2), &|subject| drift(subject, 2, None).map(drop)),
+        ("crossings", crossing_periods(&scene, 20, 4.0), &|subject| crossings(subject, 20, 4.0, 2).map(drop)),
+        ("logs", logs.periods(0.02), &|subject| collect(subject, &logs, 2).map(drop)),
+    ];
+    for policy in [constant_policy(&scene, &STILL), constant_policy(&scene, &nose_dive())] {
+        for (name, wanted, stage) in &stages {
+            let moved = AtomicUsize::new(0);
+            let count = |robots: usize| drop(moved.fetch_add(robots, Ordering::Relaxed));
+            stage(&Subject { moved: Some(&count), ..subject(&scene, &policy) }).unwrap();
+            assert_eq!(moved.into_inner(), *wanted, "{name}");
+        }
     }
 }
 
