@@ -217,6 +217,7 @@ def evaluate(
     drift: int,
     drift_speeds: Sequence[float] | None,
     terrain: str,
+    diagnose: bool,
     device: str,
     progress: Listener | None,
 ) -> str: ...

@@ -91,6 +91,10 @@ class FitOutcome:
     at_bound: list[str]
     document: dict[str, Any]
 
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
+        return f"FitOutcome(cost {self.cost:.4g}: {values})"
+
     def rows(self) -> list[dict[str, Any]]:
         """One flat row for each parameter, for ``pandas.DataFrame`` or ``polars.DataFrame``."""
         keys = ("name", "value", "unit", "spread", "lower", "upper", "start", "at_bound")

@@ -141,6 +141,7 @@ def evaluate(
     drift: int | None = None,
     drift_speeds: tuple[float, float, float] | None = None,
     terrain: str = "own",
+    diagnose: bool = True,
     spring: Sequence[str] = (),
     torque_noise: float = 0.0,
     randomised: bool = False,
@@ -166,14 +167,15 @@ def evaluate(
         drift_speeds: Speeds of these: ahead and to the side, m/s, and turning, rad/s; by default half of the task's greatest
             commands.
         terrain: ``"own"``: the task's ground; ``"none"``: level; or a kind of uneven ground, which is crossed as well.
+        diagnose: Whether other orders, signs and scales of joints are tried if the policy does not walk and gaitfit did not train it.
+            This takes some seconds, so turn it off where your learner evaluates often.
         randomised: Whether robots differ as in the policy's training.
         preset: Solver effort of the physics; by default ``"fast"``.
         seed: Of commands, starts and noise; by default 0.
         max_seconds: Wall time of the call, s; after it :class:`Stopped` is raised, and nothing is kept.
         device, threads: As for :func:`fit`.
         progress: As for :func:`fit`. Each part counts simulated seconds, of all robots together, at most ten times a second: walks under
-            random commands, under constant commands (``drift``), and on uneven ground. If the policy does not walk and gaitfit did not
-            train it, other orders, signs and scales of its joints are tried, and counted too.
+            random commands, under constant commands (``drift``), and on uneven ground. The trials of ``diagnose`` are counted, too.
 
     Returns errors of velocity, m/s and rad/s, and the share of falls, each as a mean with half the width of its 95 % interval.
     :func:`compare` returns the difference of two evaluations; with the same ``seed``, trajectory by trajectory.
@@ -195,7 +197,9 @@ def evaluate(
     speeds = maybe(_speeds, "drift_speeds", numbers.get("drift_speeds"))
     length, terrain = maybe(real, "seconds", numbers.get("seconds")), text("terrain", terrain)
     with given.theta_named(theta) as shown:
-        found = _gaitfit.evaluate(world, robots, length, trials, speeds, terrain, text("device", device), listener(progress))
+        found = _gaitfit.evaluate(
+            world, robots, length, trials, speeds, terrain, flag("diagnose", diagnose), text("device", device), listener(progress)
+        )
     document = json.loads(found)
     return _read.evaluation_result({**document, "simulator": shown(document["simulator"])})
 

@@ -367,6 +367,7 @@ pub fn evaluate(
     drift: usize,
     drift_speeds: Option<[f64; 3]>,
     terrain: &str,
+    diagnose: bool,
     device: &str,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
@@ -379,6 +380,7 @@ pub fn evaluate(
         ground: GroundChoice::read(terrain).map_err(|error| to_py_err(&error))?,
         ground_robots: 32,
         device: device_of(device)?,
+        diagnose,
     };
     let found =
         watched_acting(py, progress.as_ref(), world.max_seconds, world.policy.act(), |watch, caller| {

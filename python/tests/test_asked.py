@@ -4,6 +4,7 @@ import dataclasses
 import inspect
 import json
 import sys
+import time
 import unittest
 from typing import get_type_hints
 from unittest import mock
@@ -178,6 +179,9 @@ class Worlds(Case):
         self.assertIn(", ".join(f'"{joint}"' for joint in right.joints), found.diagnosis.settings[0])
         self.assertLess(found.diagnosis.measure[1], 0.4 * found.diagnosis.measure[0])
         self.assertIn("It walks with the joints in the order of the robot's file: set `joints = [", repr(found))
+        begun = time.monotonic()
+        self.assertIsNone(gaitfit.evaluate(policy, diagnose=False, **SHORT).diagnosis)
+        self.assertLess(time.monotonic() - begun, 0.5 * found.wall_seconds)
         trials = [event for event in events if event.what == "order, signs and scales of joints: trial"]
         self.assertEqual((trials[0].kind, trials[-1].kind, trials[-1].done), ("begin", "end", trials[-1].total))
 

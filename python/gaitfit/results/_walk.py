@@ -212,8 +212,8 @@ class Evaluation(Result):
         drift: Trials under constant commands.
         gait: The gait straight ahead; ``None`` if the robot falls or the task has no walk ahead.
         verdict: Whether the policy walks, in a sentence; ``None`` if that cannot be judged.
-        diagnosis: An arrangement of joints with which the policy walks. It is looked for if the policy does not walk, and if gaitfit
-            did not train it; ``None`` if none was found or looked for.
+        diagnosis: An arrangement of joints with which the policy walks. It is looked for (``diagnose=True``) if the policy does not
+            walk, and if gaitfit did not train it; ``None`` if none was found or looked for.
         wall_seconds: Wall time, s.
 
     >>> walked.trajectories, walked.fall_rate.mean

@@ -224,6 +224,7 @@ fn judge(policy: &str, config: &TrainConfig, threads: usize) -> Result<(bool, St
         ground: GroundChoice::Flat,
         ground_robots: 1,
         device: Device::Cpu,
+        diagnose: false,
     };
     let Evaluated { verdict, measured, .. } =
         watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;

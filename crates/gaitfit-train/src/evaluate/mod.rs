@@ -47,6 +47,8 @@ pub struct EvaluateSettings {
     pub ground_robots: usize,
     /// What simulates the trajectories with random commands.
     pub device: Device,
+    /// Whether other orders, signs and scales of joints are tried if the policy does not walk. It takes some seconds.
+    pub diagnose: bool,
 }
 
 /// What came out.
@@ -119,7 +121,8 @@ pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>)
     let verdict = verdict(&measured.evaluation, &world.scene.settings.command);
     // Robots that stand on legs in a wrong order need not fall.
     let fails = verdict.as_ref().is_some_and(|one| !one.walks);
-    let diagnosis = match fails || measured.evaluation.fall_rate.mean > MANY_FALLS {
+    let fails = fails || measured.evaluation.fall_rate.mean > MANY_FALLS;
+    let diagnosis = match settings.diagnose && fails {
         true => arrangement::of_walk(&world, plan.seed, plan.threads, watch),
         false => None,
     };

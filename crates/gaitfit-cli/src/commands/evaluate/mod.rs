@@ -62,6 +62,7 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
         ground: GroundChoice::read(&args.terrain)?,
         ground_robots: args.terrain_robots,
         device: args.device.for_trajectories(args.trajectories.get()),
+        diagnose: true,
     };
     output::note(&settings.device.line());
     interrupt::listen()?;
