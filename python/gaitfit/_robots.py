@@ -18,7 +18,7 @@ from ._arguments import count as whole
 from ._arguments import existing, flag, text
 from ._arguments import threads as checked
 from ._arrays import numbers
-from ._given import Theta, configured, robot_of, theta_file
+from ._given import RobotsDevice, Theta, configured, robot_of, theta_file
 from ._given import sets as as_sets
 from ._policy import Interface, interface_of
 from ._settings import meant
@@ -109,7 +109,7 @@ class Robots:
         threads: int | None = None,
         stagger: bool = False,
         autoreset: bool = True,
-        device: str = "cpu",
+        device: RobotsDevice = "cpu",
     ) -> None:
         num_envs, seed = whole("num_envs", num_envs, 1), whole("seed", seed, 0)
         model = robot_of(robot)
@@ -120,9 +120,9 @@ class Robots:
         file, given = configured(config, Train, settings)
         threads, stagger, autoreset = checked(threads), flag("stagger", stagger), flag("autoreset", autoreset)
         task = _gaitfit.Task(existing("config", file), as_sets(given), model, theta_file(theta))
-        device = _gaitfit.robots_device(text("device", device))
-        on_gpu = device != "cpu"
-        self._gpu = _gaitfit.CudaRobots(task, num_envs, seed, stagger, autoreset, device) if on_gpu else None
+        where = _gaitfit.robots_device(text("device", device))
+        on_gpu = where != "cpu"
+        self._gpu = _gaitfit.CudaRobots(task, num_envs, seed, stagger, autoreset, where) if on_gpu else None
         #: The robots on the processor; with a GPU copies of its robots, made when they are first needed.
         self._copies: Any = None if on_gpu else _gaitfit.Robots(task, num_envs, seed, threads, stagger, autoreset)
         self._make_copies = partial(_gaitfit.Robots, task, num_envs, seed, threads, False, True)

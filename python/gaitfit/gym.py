@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ._arguments import count, flag
 from ._arrays import numbers
-from ._given import Theta
+from ._given import RobotsDevice, Theta
 from ._robots import Robots
 from ._robots_state import RobotsState
 from ._terms import Terms
@@ -100,7 +100,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
         seed: int = 0,
         threads: int | None = None,
         copy: bool | None = None,
-        device: str = "cpu",
+        device: RobotsDevice = "cpu",
         log_rewards: bool = False,
         terms: Terms | None = None,
         autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP,

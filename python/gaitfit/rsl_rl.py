@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 from torch.utils.dlpack import from_dlpack
 
-from ._given import Theta
+from ._given import RobotsDevice, Theta
 from ._robots import Robots
 from .config import Train
 
@@ -54,7 +54,7 @@ class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         seed: int = 0,
         threads: int | None = None,
         device: str = "cpu",
-        robots_device: str | None = None,
+        robots_device: RobotsDevice | None = None,
     ) -> None:
         self._robots = Robots(
             config,
@@ -66,7 +66,7 @@ class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
             seed=seed,
             threads=threads,
             stagger=True,
-            device=str(device) if robots_device is None else robots_device,
+            device=cast(RobotsDevice, str(device)) if robots_device is None else robots_device,
         )
         self.num_envs = num_envs
         self.num_actions = self._robots.num_actions

@@ -59,6 +59,17 @@ class Checkers(Case):
             file.name: [one["message"] for one in diagnostics if Path(one["file"]).name == file.name] for file in files
         }
 
+    def test_devices_of_robots(self) -> None:
+        text = 'import gaitfit\nfrom gaitfit.gym import GaitfitVecEnv\nrobots = gaitfit.Robots(num_envs=2, device="cpu")\nmany = GaitfitVecEnv(num_envs=2, device="cpu")\n'
+        files = [self.folder / f"{name}.py" for name in ("right", "robots", "many")]
+        lines = text.splitlines(keepends=True)
+        for file, wrong in zip(files, (None, 2, 3), strict=True):
+            file.write_text("".join(line.replace('"cpu"', '"tpu"') if number == wrong else line for number, line in enumerate(lines)))
+        for checker in ("mypy", "pyright"):
+            errors = self.checked(checker, files)
+            self.assertEqual(errors.pop("right.py"), [], checker)
+            self.assertEqual({name: len(lines) for name, lines in errors.items()}, {"robots.py": 1, "many.py": 1}, errors)
+
     def scripts(self) -> list[Path]:
         """The script, and one file for each mistake."""
         text = SCRIPT.read_text(encoding="utf-8")
