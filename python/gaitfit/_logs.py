@@ -183,6 +183,8 @@ class Log:
         motion: ArrayLike | None = None,
         target_lead: tuple[float, float] | None = None,
         velocity_joints: Sequence[str] = (),
+        simulated_step: float | None = None,
+        fell: bool = False,
     ) -> Log:
         """Makes a log from arrays or lists, with the shapes and units of the fields. It needs ``dt`` or ``time``; ``kp`` and
         ``kd`` are one number for all joints, or one for each.
@@ -191,7 +193,9 @@ class Log:
             joints, position, velocity, dt, time, target, action, command, robot: As the fields.
             kp, kd: As the fields, or one number for all joints.
             base_position, base_quaternion, base_linear_velocity, base_angular_velocity: As the fields.
-            motion, target_lead, velocity_joints: As the fields.
+            motion, target_lead, velocity_joints, fell: As the fields.
+            simulated_step: Physics step of your simulator, s, if the robot is simulated: its velocities lag by half a step, which is no
+                fault then.
 
         Raises ``ValueError`` for shapes that do not fit together.
 
@@ -213,6 +217,7 @@ class Log:
         given: dict[str, Any] = {name: None if one is None else numbers(name, one, np.float64) for name, one in arrays.items()}
         spacing = _spacing(given["time"]) if dt is None else dt
         named: dict[str, Any] = {"robot": robot, "target_lead": target_lead, "velocity_joints": velocity_joints}
+        named |= {"simulated_step": simulated_step, "fell": fell}
         return cls(position=q, joints=joints, dt=spacing, **named, **given)
 
     @classmethod
@@ -227,6 +232,8 @@ class Log:
         names: Mapping[str, str] | None = None,
         target_lead: tuple[float, float] | None = None,
         velocity_joints: Sequence[str] = (),
+        simulated_step: float | None = None,
+        fell: bool = False,
     ) -> Log:
         """Makes a log from a table with the columns of a CSV log. Other columns are left out.
 
@@ -244,7 +251,7 @@ class Log:
             robot: Name of the robot.
             names: Names of columns in the table, each with its name in a log: ``{"t": "time", "knee_pos": "q_knee"}``. Other
                 columns keep their names.
-            target_lead, velocity_joints: As the fields.
+            target_lead, velocity_joints, simulated_step, fell: As for :meth:`from_arrays`.
 
         Raises ``ValueError`` if a column is missing.
 
@@ -277,6 +284,7 @@ class Log:
         arrays |= {name: matrix(columns, False) for name, columns in _FIXED.items()}
         time = numbers("time", table["time"], np.float64) if "time" in columns_there else None
         known: dict[str, Any] = {"robot": robot, "target_lead": target_lead, "velocity_joints": velocity_joints}
+        known |= {"simulated_step": simulated_step, "fell": fell}
         return cls.from_arrays(joints=joints, dt=dt, time=time, kp=kp, kd=kd, **known, **arrays)
 
     def __len__(self) -> int:

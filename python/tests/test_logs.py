@@ -29,14 +29,17 @@ class Logs(Case):
         walk = Log.from_arrays(
             joints=["knee", "wheel"], dt=0.02, position=np.zeros((3, 2)), velocity=np.zeros((3, 2)), target=np.ones((3, 2)),
             motion=[[0.0, 0.5], [0.02, 0.5], [0.04, 0.5]], target_lead=(0.004, 0.001), velocity_joints=["wheel"],
+            simulated_step=0.005, fell=True,
         )  # fmt: skip
         walk.write(self.folder / "walk.csv")
         read = gaitfit.read_log(self.folder / "walk.csv")
         self.assertEqual((read.target_lead, read.velocity_joints), ((0.004, 0.001), ("wheel",)))
+        self.assertEqual((read.simulated_step, read.fell), (0.005, True))
         np.testing.assert_array_equal(read.motion, walk.motion)
         self.assertEqual(read, walk)
         self.assertEqual((read[1:].target_lead, read[1:].motion[0, 0]), ((0.004, 0.001), 0.02))
-        table = Log.from_dataframe(read.columns(), target_lead=read.target_lead, velocity_joints=read.velocity_joints)
+        more = {"simulated_step": read.simulated_step, "fell": True}
+        table = Log.from_dataframe(read.columns(), target_lead=read.target_lead, velocity_joints=read.velocity_joints, **more)
         self.assertEqual(table, read)
         with self.assertRaisesRegex(ValueError, "target_lead has 1 numbers"):
             Log.from_arrays(joints=["a"], dt=0.1, position=[[0.0]], velocity=[[0.0]], target_lead=(0.004,))  # type: ignore[arg-type]
