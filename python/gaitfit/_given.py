@@ -43,6 +43,13 @@ Preset = Literal["fast", "accurate", "converged"]
 Resume = bool | Literal["auto"]
 
 
+def _resumed(resume: Resume) -> Resume:
+    """Whether to continue, checked."""
+    if resume == "auto" or isinstance(resume, bool):
+        return resume
+    raise TypeError(f"resume is {resume!r}; it must be True, False or \"auto\"")
+
+
 def run(
     config: PathLike | TypedSettings | None,
     kind: type[TypedSettings],
@@ -58,7 +65,7 @@ def run(
     checked = {
         "sets": sets(given),
         "name": maybe(text, "name", name),
-        "resume": resume if resume == "auto" else flag("resume", resume),
+        "resume": _resumed(resume),
         "threads": checked_threads(threads),
         "device": text("device", device),
         "max_seconds": time_limit(max_seconds),

@@ -180,7 +180,7 @@ def evaluate(
     Returns errors of velocity, m/s and rad/s, and the share of falls, each as a mean with half the width of its 95 % interval.
     :func:`compare` returns the difference of two evaluations; with the same ``seed``, trajectory by trajectory.
 
-    Raises ``FileNotFoundError`` for a file that is missing, ``ValueError`` for wrong numbers, :class:`GaitfitError`,
+    Raises ``FileNotFoundError`` for a file that is missing, ``ValueError`` or :class:`GaitfitError` for what cannot be used,
     :class:`Stopped` if ``progress`` returned ``False`` or ``max_seconds`` are over, and ``KeyboardInterrupt`` after Ctrl-C.
 
     >>> walked = gaitfit.evaluate("assets/go2-walk.safetensors", trajectories=4, seconds=0.2, drift=0, progress=False)

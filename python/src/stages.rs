@@ -322,10 +322,7 @@ pub struct World {
 
 impl World {
     fn springs(&self) -> PyResult<Vec<Spring>> {
-        self.spring
-            .iter()
-            .map(|text| text.parse().map_err(|error| value(format!("spring: {error}"))))
-            .collect()
+        self.spring.iter().map(|text| text.parse::<Spring>().map_err(value)).collect()
     }
 
     fn settings(&self) -> PyResult<WorldSettings> {

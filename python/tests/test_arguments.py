@@ -69,7 +69,7 @@ class Arguments(Case):
             ({"settings": {"seeds": network}}, TypeError, "a setting cannot be a function"),
             ({"name": 3}, TypeError, "name is 3; it must be a text"),
             ({"runs": 3}, TypeError, "runs is 3; it must be a path"),
-            ({"resume": "x"}, TypeError, "resume is 'x'; it must be True or False"),
+            ({"resume": "x"}, TypeError, "resume is 'x'; it must be True, False or \"auto\""),
             ({"device": 0}, TypeError, "device is 0"),
             ({"threads": 1.5}, TypeError, "threads is 1.5; it must be a whole number"),
         ]

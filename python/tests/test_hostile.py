@@ -381,8 +381,9 @@ class Import(Case):
         ]
         numpy, own = map(min, zip(*runs))
         print(f"import: {own:.3f} s after NumPy's {numpy:.3f} s")
-        # Other work on the machine makes both imports slower, also in processor time.
-        self.assertLess(own, numpy)
+        # Other work on the machine makes both imports slower, also in processor time, and not by the same factor: the same build had
+        # 0.8 to 1.05 times NumPy's time.
+        self.assertLess(own, 1.25 * numpy)
 
 
 if __name__ == "__main__":

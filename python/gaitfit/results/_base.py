@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import html
 import json
 import math
 from collections.abc import Mapping
@@ -138,6 +137,8 @@ class Result:
 
     def _repr_html_(self) -> str:
         """In a notebook: the headline, and the run's page in a frame."""
+        import html
+
         page = self.report
         frame = "" if page is None else framed(page)
         return f"<p>{html.escape(self._headline())}</p>{frame}"
@@ -145,6 +146,9 @@ class Result:
 
 def framed(page: Path, height: int = 600) -> str:
     """A page as an HTML frame that needs no other file."""
+    # Imported here, because most programs show no pages and wait for their imports.
+    import html
+
     text = html.escape(page.read_text(encoding="utf-8"), quote=True)
     # Scripts draw the page's charts; they reach nothing outside it.
     return f'<iframe srcdoc="{text}" sandbox="allow-scripts" width="100%" height="{height}" style="border:0"></iframe>'

@@ -15,7 +15,6 @@ import numpy as np
 from .. import _gaitfit
 from .._arguments import path as named
 from .._decode import Named, decoded
-from .._hierarchy import Hierarchy, Mixture
 from .._settings import table_lines
 from ..config import Prior
 from ._base import Interval, Result
@@ -23,6 +22,8 @@ from ._fit import FitResult, FittedParameter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from .._hierarchy import Hierarchy, Mixture
 
 Scale = Literal["relative", "absolute"]
 #: Half the width of a 95 % interval of a normal distribution, in standard errors.
@@ -193,6 +194,9 @@ class Fleet(Result):
         return rows
 
     def _hierarchy(self, name: str) -> Hierarchy:
+        # Imported here, because most programs have no fleet and wait for their imports.
+        from .._hierarchy import Hierarchy
+
         scale = self.numbers[name].scale
         values, errors = estimates_of(scale, [one[name] for one in self.robots.values()])
         return Hierarchy.of(values, errors)
