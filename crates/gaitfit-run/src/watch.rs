@@ -259,7 +259,11 @@ mod tests {
         assert_eq!(steps.iter().map(|step| step.1).sum::<usize>(), 10);
         assert_eq!(steps.last().unwrap().0, 10);
         // More pieces than were said are no more than all; what failed has no last step.
-        watch.shared(amount, |done| Ok::<(), ()>(done(900))).unwrap();
+        let too_many = |done: &(dyn Fn(usize) + Sync)| {
+            done(900);
+            Ok::<(), ()>(())
+        };
+        watch.shared(amount, too_many).unwrap();
         assert_eq!(std::mem::take(&mut *seen.lock().unwrap()), [(10, 10)]);
         assert_eq!(watch.shared(amount, |_| Err::<(), _>("failed")), Err("failed"));
         assert!(seen.lock().unwrap().is_empty());
