@@ -309,7 +309,7 @@ fn a_guess_that_does_not_walk_is_followed_by_the_next() {
         "--json",
         "--train",
     ];
-    args.extend(["--device", "cpu", "--set", &runs]);
+    args.extend(["--minutes", "0", "--device", "cpu", "--set", &runs]);
     TINY.iter().for_each(|set| args.extend(["--set", set]));
     let output = run(&args);
     // One iteration teaches nobody to walk.
@@ -324,6 +324,39 @@ fn a_guess_that_does_not_walk_is_followed_by_the_next() {
     assert!(!folder.path().join("walk-stance.html").exists());
 }
 
+/// Until the time is over.
+#[test]
+fn the_best_guess_is_trained_further() {
+    let folder = tempfile::tempdir().unwrap();
+    let robot = coupled(folder.path());
+    let (out, runs) = (folder.path().join("walk.toml"), format!("runs={}", folder.path().display()));
+    let mut args = vec!["init", robot.to_str().unwrap(), "--out", out.to_str().unwrap(), "--no-picture"];
+    args.extend(["--json", "--train", "--minutes", "0.3", "--device", "cpu", "--set", &runs]);
+    TINY.iter().for_each(|set| args.extend(["--set", set]));
+    let output = run(&args);
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    let trainings = json(&output)["trainings"].as_array().unwrap().clone();
+    let guess = |training: &serde_json::Value| training["guess"].as_u64().unwrap();
+    let guesses: Vec<u64> = trainings.iter().map(guess).collect();
+    assert!(guesses.len() > 3 && guesses[..3] == [1, 2, 3], "{guesses:?}: {}", errors(&output));
+    let reward = |training: &serde_json::Value| training["reward"].as_f64().unwrap();
+    let best = trainings[..3].iter().max_by(|a, b| reward(a).total_cmp(&reward(b))).unwrap();
+    for (number, further) in trainings[3..].iter().enumerate() {
+        assert_eq!(guess(further), guess(best), "{guesses:?}");
+        assert_eq!(further["iterations"], number + 2);
+    }
+    let (count, errors) = (guesses.len() - 2, errors(&output));
+    assert!(errors.contains(&format!("trained on, to {count} iterations")), "{errors}");
+    // What it did is in one run, which goes on as the message says.
+    let name = format!("walk-guess-{}", guess(best));
+    assert!(errors.contains(&format!("--name {name} --resume")), "{errors}");
+    let of_best = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
+    let of_best = of_best.filter(|file| file.to_string_lossy().contains(&name)).count();
+    assert_eq!(of_best, 1);
+    let text: Table = toml::from_str(&std::fs::read_to_string(&out).unwrap()).unwrap();
+    assert_eq!(text["train"]["iterations"].as_integer(), Some(count as i64));
+}
+
 /// While commands grow, a training cannot compare its policy with a robot that stands still. So the evaluation decides.
 #[test]
 fn a_policy_that_stands_still_does_not_walk() {
@@ -332,7 +365,7 @@ fn a_policy_that_stands_still_does_not_walk() {
     let runs = format!("runs={}", folder.path().display());
     let mut args =
         vec!["init", robot.to_str().unwrap(), "--out", out.to_str().unwrap(), "--no-picture", "--json"];
-    args.extend(["--train", "--device", "cpu", "--set", &runs]);
+    args.extend(["--train", "--minutes", "0", "--device", "cpu", "--set", &runs]);
     args.extend([
         "--set",
         "task.command.curriculum={x=[-0.1,0.1],y=[-0.1,0.1],yaw=[-0.1,0.1],iterations=10}",

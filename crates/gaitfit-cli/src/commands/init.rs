@@ -1,21 +1,16 @@
 //! `gaitfit init`: looks at a robot and writes a task for it.
 
-use crate::cli::{Devices, Init};
+mod trainings;
+
+use crate::cli::Init;
 use crate::exit::{Exit, Failure};
-use crate::progress::Lines;
-use crate::watcher::watched;
-use crate::{interrupt, output};
-use gaitfit::device::Device;
-use gaitfit::evaluate::{Evaluated, GroundChoice};
+use crate::output;
 use gaitfit::files::{self, Output};
-use gaitfit::init::{Guess, Look, Preparation, Prepared, other_guesses, prepare};
-use gaitfit::settings::{self, TrainConfig};
-use gaitfit::world::WorldSettings;
-use gaitfit::{EvaluateSettings, paths, robot, train};
-use gaitfit_physics::Preset;
+use gaitfit::init::{Guess, Look, Preparation, Prepared, prepare};
+use gaitfit::{paths, robot};
 use serde::Serialize;
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use trainings::{Training, remedy, train_guesses, tried};
 
 /// The result, as `--json` prints it.
 #[derive(Serialize)]
@@ -33,19 +28,6 @@ struct Document {
     /// The training, with `--train`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     trainings: Vec<Training>,
-}
-
-/// One training of `--train`.
-#[derive(Serialize)]
-struct Training {
-    /// The guess that it had.
-    gains: String,
-    /// Whether its policy walks.
-    walks: bool,
-    /// Why not, or where the policy is.
-    result: String,
-    #[serde(skip)]
-    policy: Option<String>,
 }
 
 /// The folder of the files.
@@ -145,14 +127,9 @@ pub fn run(args: &Init) -> Result<(), Failure> {
     }
     match document.trainings.iter().any(|training| training.walks) || !args.train {
         true => Ok(()),
-        false => Err(Failure {
-            exit: Exit::Check,
-            message: format!(
-                "no guess came to walk in its training; {} has the first one. Look at the stance in the page, and train \
-                 longer with --set train.iterations=N",
-                document.written
-            ),
-        }),
+        false => {
+            Err(Failure { exit: Exit::Check, message: remedy(args, &document.trainings, &document.written) })
+        }
     }
 }
 
@@ -162,87 +139,6 @@ fn write_configuration(args: &Init, files: &Files, look: &Look) -> Result<(), Fa
     let lenient = args.lenient && files.mended.is_none();
     let text = look.configuration(&paths::named(robot_file, &files.configuration), lenient);
     Ok(files::write(&files.configuration, text.as_bytes())?)
-}
-
-/// Trains the guesses one after the other until a policy walks. The configuration is that of the guess that does, or of the
-/// first one.
-fn train_guesses(args: &Init, files: &Files, prepared: &Prepared) -> Result<Vec<Training>, Failure> {
-    interrupt::listen()?;
-    let others = other_guesses(&prepared.model, &prepared.look);
-    let threads = args.threads.map_or_else(gaitfit::machine::threads, NonZeroUsize::get);
-    let mut trainings = Vec::new();
-    for (number, look) in std::iter::once(&prepared.look).chain(&others).enumerate() {
-        write_configuration(args, files, look)?;
-        let mut config: TrainConfig = settings::load(Some(&files.configuration), &args.set)?;
-        let stem = files.configuration.file_stem().map(|stem| stem.to_string_lossy().into_owned());
-        let name = format!("{}-guess-{}", stem.unwrap_or_default(), number + 1);
-        config.name = Some(name.clone());
-        let devices = Devices::choose(args.device.clone(), None);
-        let setup = train::setup(&config, &name, Some(&files.configuration), threads, &devices)?;
-        output::devices(&setup.devices);
-        let gains = gains(look);
-        output::note(&format!("guess {} of {}: {gains}", number + 1, others.len() + 1));
-        let results = watched(super::train::LINES, |watch| train::train(&setup, false, watch))?;
-        let policy = results.seeds.first().map(|seed| seed.policy.clone());
-        let (walks, result) = match (results.unlearnt(), &policy) {
-            (None, Some(policy)) => judge(policy, &config, threads)?,
-            (failed, _) => (false, failed.unwrap_or_default()),
-        };
-        trainings.push(Training { gains, walks, result, policy });
-        if walks {
-            return Ok(trainings);
-        }
-    }
-    write_configuration(args, files, &prepared.look)?;
-    Ok(trainings)
-}
-
-/// Number of trajectories with random commands that decide whether a policy walks.
-const TRAJECTORIES: usize = 500;
-
-/// Whether a policy walks by the rule of `evaluate`, and a sentence with the evidence. The evaluation has no exploration and no
-/// pushes, unlike the training.
-fn judge(policy: &str, config: &TrainConfig, threads: usize) -> Result<(bool, String), Failure> {
-    let settings = EvaluateSettings {
-        world: WorldSettings {
-            policy: PathBuf::from(policy),
-            robot: None,
-            lenient: config.lenient,
-            task: None,
-            theta: None,
-            spring: Vec::new(),
-            torque_noise: 0.0,
-            randomised: false,
-            preset: Preset::Accurate,
-            seed: 0,
-            threads: NonZeroUsize::new(threads),
-        },
-        trajectories: TRAJECTORIES,
-        seconds: None,
-        drift: 0,
-        drift_speeds: None,
-        ground: GroundChoice::Flat,
-        ground_robots: 1,
-        device: Device::Cpu,
-        diagnose: false,
-    };
-    let Evaluated { verdict, measured, .. } =
-        watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
-    Ok(match verdict {
-        Some(verdict) => (verdict.walks, format!("{policy}: {}", verdict.text)),
-        // `evaluate` gives no verdict for a task without walking. The training has judged such a policy, so here it fails only if a
-        // robot diverges.
-        None => match measured.evaluation.divergence() {
-            Some(why) => (false, format!("{policy}: {why}")),
-            None => (true, format!("{policy}: no robot of its evaluation diverged")),
-        },
-    })
-}
-
-/// A sentence about guessed gains.
-fn gains(look: &Look) -> String {
-    let found = look.guesses.iter().find(|guess| guess.what == "gains");
-    found.map(|guess| guess.found.clone()).unwrap_or_default()
 }
 
 /// The robot's name as a file in the current folder.
@@ -271,11 +167,4 @@ fn shown(document: &Document) -> String {
         text.push_str(&format!("note: {warning}\n"));
     }
     text
-}
-
-fn tried(trainings: &[Training]) -> String {
-    let line = |(number, training): (usize, &Training)| {
-        format!("guess {}: {}\n  {}\n", number + 1, training.gains, training.result)
-    };
-    trainings.iter().enumerate().map(line).collect()
 }

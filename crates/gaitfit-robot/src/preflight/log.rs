@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::Heard;
 use super::flight::Flown;
 use super::plan::Stage;
+use super::statistics::median;
 use crate::command::Command;
 use crate::robot::Robot;
 use crate::state::RobotState;
@@ -33,13 +34,15 @@ pub struct Row {
 pub struct SampledStates {
     /// There are no rows where no state came for 50 ms.
     pub rows: Vec<Row>,
+    /// Time between two messages, s: the middle of all.
+    pub message: f64,
 }
 
 /// Rows of a motion, every 2 ms, without damping.
 pub fn sampled(flown: &Flown) -> SampledStates {
     let mut rows = Vec::new();
     let moving: Vec<_> = flown.sent.iter().filter(|sent| sent.stage != Stage::Damping).collect();
-    let (Some(first), Some(last)) = (moving.first(), moving.last()) else { return SampledStates { rows } };
+    let (Some(first), Some(last)) = (moving.first(), moving.last()) else { return SampledStates::default() };
     let finite: Vec<&Heard> = flown.heard.iter().filter(|one| is_finite(&one.state)).collect();
     let (mut sent, mut heard) = (0, 0);
     let count = ((last.at - first.at).as_secs_f64() / DT) as u64;
@@ -65,7 +68,9 @@ pub fn sampled(flown: &Flown) -> SampledStates {
             state: between(&before.state, &after.state, part),
         });
     }
-    SampledStates { rows }
+    let apart: Vec<f64> =
+        finite.windows(2).map(|pair| pair[1].came.saturating_sub(pair[0].came).as_secs_f64()).collect();
+    SampledStates { rows, message: median(&apart) }
 }
 
 fn is_finite(state: &RobotState) -> bool {

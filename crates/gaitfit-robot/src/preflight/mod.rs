@@ -8,6 +8,7 @@
 
 mod finding;
 mod flight;
+mod gain;
 mod gravity;
 mod imu;
 mod joints;

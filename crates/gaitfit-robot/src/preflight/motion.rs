@@ -25,8 +25,9 @@ const OPPOSITE: f64 = -0.3;
 const TOO_FAR: f64 = 1.4;
 /// A joint moves too little if it moves by less than this part of what friction allows.
 const TOO_LITTLE: f64 = 0.5;
-/// Reported torque over commanded torque: a fault outside the first range, a warning outside the second.
-const GAIN: [[f64; 2]; 2] = [[0.5, 2.0], [0.75, 1.33]];
+/// Reported torque over commanded torque: a fault if all that is possible is outside the first range, a warning if it is outside
+/// the second.
+const GAIN: [[f64; 2]; 2] = [[0.5, 2.0], [0.9, 1.1]];
 /// A zero is a fault if it is off by more than this, rad, and by more than so many of its standard errors.
 const ZERO: f64 = 0.1;
 const SURE: f64 = 2.5;
@@ -73,8 +74,8 @@ pub struct JointMotion {
     pub inertia: Option<Measured>,
     /// The rotor's alone, by the robot's file, kg·m².
     pub armature: Option<Measured>,
-    /// Reported torque over commanded torque.
-    pub torque_gain: Option<f64>,
+    /// Least and largest possible ratio of reported to commanded torque.
+    pub torque_gain: Option<[f64; 2]>,
     /// Its reading less its true angle, by its weight, rad; absent without the robot's file.
     pub zero: Option<Measured>,
 }
@@ -160,7 +161,7 @@ fn joint(
     let travelled = |of: usize| span(rows[window.clone()].iter().map(|row| f64::from(row.state.q[of])));
     let others = (0..robot.motors.len()).filter(|of| *of != motor).map(|of| (of, travelled(of)));
     let other = others.max_by(|a, b| a.1.total_cmp(&b.1));
-    let found = response(rows, window.clone(), motor, (2.0 * SLOW / DT) as usize);
+    let found = response(sampled, window.clone(), motor, (2.0 * SLOW / DT) as usize);
     let equation = found.and_then(|found| found.equation);
     let carried = file.zip(equation).and_then(|(file, equation)| {
         Some(Carried { load: weigh(sampled, robot, &window, motor, file)?, equation })
@@ -173,12 +174,12 @@ fn joint(
         other: other.map(|(of, far)| (robot.motors[of].joint.clone(), far)),
         follows: found.map(|found| found.follows),
         delay: equation.and_then(|found| found.delay),
-        torque_delay: torque.map(|(delay, _)| delay),
+        torque_delay: torque.map(|torque| torque.delay),
         friction: equation.map(|found| found.friction),
         damping: equation.map(|found| found.damping),
         inertia: equation.and_then(|found| found.inertia),
         armature: None,
-        torque_gain: torque.map(|(_, gain)| gain),
+        torque_gain: torque.map(|torque| torque.gain),
         zero: None,
     };
     Some((motion, carried))
@@ -290,9 +291,11 @@ fn judge(one: &JointMotion, kp: f64, findings: &mut Vec<Finding>) {
             ),
         ));
     }
-    if let Some(gain) = one.torque_gain {
-        let outside = |[low, high]: [f64; 2]| gain < low || gain > high;
-        let problem = format!("its motor reports {gain:.2} times the torque of its command");
+    if let Some([low, high]) = one.torque_gain {
+        // If the stated gains are possible, nothing is wrong.
+        let nearest = 1.0f64.clamp(low, high);
+        let outside = |[low, high]: [f64; 2]| nearest < low || nearest > high;
+        let problem = format!("its motor reports {low:.2} to {high:.2} times the torque of its command");
         let remedy = "Check whether kp and kd are in N·m/rad and N·m·s/rad at the joint, and its gear ratio; a fit finds it as torque_scale";
         if outside(GAIN[0]) {
             say(Finding::fault(Check::Gains, problem, remedy));

@@ -6,34 +6,32 @@
 
 use std::ops::Range;
 
-use super::log::{DT, Row};
+use super::gain::{Reported, reported};
+use super::log::{DT, Row, SampledStates};
 use super::statistics::{Measured, least_squares, mean, slope, span};
 
 /// Samples of a bump, and between two bumps.
-const LENGTH: usize = 15;
-const STRIDE: usize = 3;
+pub(super) const LENGTH: usize = 15;
+pub(super) const STRIDE: usize = 3;
 /// Min number of bumps.
 const FEWEST: usize = 30;
 /// Longest delay that is tried, in steps of half a row.
-const DELAYS: usize = 60;
-const DELAY_STEP: f64 = 0.5 * DT;
+pub(super) const DELAYS: usize = 60;
+pub(super) const DELAY_STEP: f64 = 0.5 * DT;
 /// Slowest motion that counts, rad/s.
 const SLOWEST: f64 = 0.1;
 /// An inertia is identified if it is more than so many of its standard errors.
 const SEEN: f64 = 5.0;
 /// A target holds until the next one is sent: on average it is late by half a row, s.
-const HELD: f64 = 0.5 * DT;
-/// Reported torques that vary by less are not reported at all, N·m.
-const REPORTED: f64 = 0.01;
+pub(super) const HELD: f64 = 0.5 * DT;
 
 /// What a joint's own motion shows.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Response {
     /// By its equation of motion; absent if it moves too slowly for one.
     pub(super) equation: Option<Equation>,
-    /// Time from a target to the reported torque, s, and reported torque over that of the command; absent where none is
-    /// reported.
-    pub(super) torque: Option<(Measured, f64)>,
+    /// By its reported torque; absent where none is reported.
+    pub(super) torque: Option<Reported>,
     /// Change of the angle over change of the target.
     pub(super) follows: f64,
 }
@@ -53,8 +51,15 @@ pub(super) struct Equation {
     pub(super) weight: Measured,
 }
 
-/// The motion of `motor` in `rows[window]`, whose first `slow` rows are slow. `None` if it hardly moves or the rows have gaps.
-pub(super) fn response(rows: &[Row], window: Range<usize>, motor: usize, slow: usize) -> Option<Response> {
+/// The motion of `motor` in `sampled.rows[window]`, whose first `slow` rows are slow. `None` if it hardly moves or the rows have
+/// gaps.
+pub(super) fn response(
+    sampled: &SampledStates,
+    window: Range<usize>,
+    motor: usize,
+    slow: usize,
+) -> Option<Response> {
+    let rows = &sampled.rows;
     let inside = rows.get(window.clone())?;
     if inside.len() < 4 * LENGTH || inside.windows(2).any(|pair| pair[1].time - pair[0].time > 1.5 * DT) {
         return None;
@@ -63,19 +68,19 @@ pub(super) fn response(rows: &[Row], window: Range<usize>, motor: usize, slow: u
     if span(angles.iter().copied()) < 0.01 {
         return None;
     }
-    let torque = torque(rows, window.clone(), motor);
-    let equation =
-        equation(rows, window.clone(), motor, mean(&angles), torque.map_or(0.0, |(delay, _)| delay.value));
-    let delay = equation.and_then(|found| found.delay).or(torque.map(|(delay, _)| delay));
+    let torque = reported(rows, window.clone(), motor, sampled.message);
+    let otherwise = torque.map_or(0.0, |torque| torque.delay.value);
+    let equation = equation(rows, window.clone(), motor, mean(&angles), otherwise);
+    let delay = equation.and_then(|found| found.delay).or(torque.map(|torque| torque.delay));
     let late = delay.map_or(0.0, |delay| delay.value);
     let steps = ((late + HELD) / DELAY_STEP).round().max(0.0) as usize;
     let slow = window.start..(window.start + slow).min(window.end);
     Some(Response { equation, torque, follows: follows(rows, slow, motor, steps) })
 }
 
-/// The delay with the least squares, in steps, and its error in steps: `noise` of one of the squares, and how much they overlap.
-fn least(squares: &[f64], count: usize, overlap: f64) -> Option<(usize, Measured)> {
-    let best = (0..squares.len()).min_by(|a, b| squares[*a].total_cmp(&squares[*b]))?;
+/// The delay with the least squares near `best`, in steps, and its error: by the noise of one of the squares, and how much they
+/// overlap.
+pub(super) fn least(squares: &[f64], best: usize, count: usize, overlap: f64) -> Measured {
     let noise = squares[best] / count.saturating_sub(6).max(1) as f64;
     let around = best.checked_sub(1).map(|at| squares[at]).zip(squares.get(best + 1).copied());
     let (fraction, error) = match around {
@@ -87,7 +92,7 @@ fn least(squares: &[f64], count: usize, overlap: f64) -> Option<(usize, Measured
         }
         _ => (0.0, 1.0),
     };
-    squares[best].is_finite().then_some((best, Measured { value: best as f64 + fraction, error }))
+    Measured { value: best as f64 + fraction, error }
 }
 
 /// A delay in s of one in steps.
@@ -113,7 +118,11 @@ fn equation(
         all.iter().map(|rows| least_squares(rows).map_or(f64::INFINITY, |(_, _, left)| left)).collect();
     // Neighbouring bumps overlap.
     let overlap = (LENGTH as f64 / (1.5 * STRIDE as f64)).sqrt();
-    let (best, delay) = least(&squares, count, overlap)?;
+    let best = (0..squares.len()).min_by(|a, b| squares[*a].total_cmp(&squares[*b]))?;
+    if !squares[best].is_finite() {
+        return None;
+    }
+    let delay = least(&squares, best, count, overlap);
     let solved = |at: usize| {
         let (found, covariance, left) = least_squares(&all[at.min(DELAYS)])?;
         let noise = left / count.saturating_sub(6).max(1) as f64;
@@ -182,23 +191,6 @@ fn equations(
         begin += STRIDE;
     }
     equations
-}
-
-fn torque(rows: &[Row], window: Range<usize>, motor: usize) -> Option<(Measured, f64)> {
-    let reported: Vec<f64> = window.clone().map(|at| f64::from(rows[at].state.torque[motor])).collect();
-    if span(reported.iter().copied()) < REPORTED {
-        return None;
-    }
-    let made = |delay: usize| -> Vec<([f64; 2], f64)> {
-        let at = window.clone().zip(&reported);
-        at.map(|(at, torque)| ([1.0, commanded(rows, at, motor, delay)], *torque)).collect()
-    };
-    let squares: Vec<f64> = (0..=DELAYS)
-        .map(|delay| least_squares(&made(delay)).map_or(f64::INFINITY, |(_, _, left)| left))
-        .collect();
-    let (best, delay) = least(&squares, reported.len(), 1.0)?;
-    let (found, _, _) = least_squares(&made(best))?;
-    Some((seconds(delay), found[1]))
 }
 
 fn follows(rows: &[Row], window: Range<usize>, motor: usize, delay: usize) -> f64 {

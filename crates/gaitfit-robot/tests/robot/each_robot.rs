@@ -189,8 +189,13 @@ fn shared_each_robot_is_checked_on_the_vendors_server() {
             motions.changed,
             motions.delay
         );
+        for one in &motions.joints {
+            eprintln!("{name} {}: {:.2?} times the torque of its command", one.joint, one.torque_gain);
+        }
         assert_eq!(motions.reason, None, "{name}");
         assert_eq!(felt["wrong"], 0, "{name}");
+        // The server takes the gains as they are.
+        assert!(!findings.iter().any(|finding| finding.contains("Gains")), "{name}: {findings:?}");
         let moving = robot.motors.iter().filter(|motor| motor.kp > 0.0).count();
         assert_eq!(motions.joints.len(), moving, "{name}");
         assert!(felt["load"].as_f64().unwrap() <= 1.1, "{name}: {}", felt["load"]);

@@ -233,6 +233,21 @@ fn closed_loops_name_a_serial_twin() {
 }
 
 #[test]
+fn iterations_are_written_over_those_of_two_legs_and_beside_the_task_of_four() {
+    for (legs, soles) in [(&FOUR[..], false), (&TWO[..], true)] {
+        let (_folder, file) = package(&walker(legs, soles, 20.0), true);
+        let look = prepare(&file, Preparation::default()).unwrap().look;
+        let read =
+            |look: &super::Look| -> toml::Table { look.configuration("r.xml", false).parse().unwrap() };
+        let (before, after) = (read(&look), read(&look.with_iterations(1234)));
+        assert_eq!(before.contains_key("train"), legs.len() == 2);
+        assert_eq!(after["train"].as_table().unwrap().len(), 1);
+        assert_eq!(after["train"]["iterations"].as_integer(), Some(1234));
+        assert!(before["task"] == after["task"] && before["robot"] == after["robot"]);
+    }
+}
+
+#[test]
 fn other_guesses_differ_from_the_first_in_their_gains() {
     let (_folder, file) = package(&walker(&FOUR, false, 20.0), true);
     let found = prepare(&file, Preparation::default()).unwrap();

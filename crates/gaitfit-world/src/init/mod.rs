@@ -153,6 +153,12 @@ impl Look {
         text.push_str(&self.text);
         text
     }
+
+    /// The same, with so many iterations in the configuration.
+    #[must_use]
+    pub fn with_iterations(&self, iterations: u32) -> Self {
+        Self { text: text::with_iterations(&self.text, iterations), ..self.clone() }
+    }
 }
 
 /// Looks at a robot.

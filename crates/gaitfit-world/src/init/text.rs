@@ -13,6 +13,9 @@ const BIPED_ITERATIONS: u32 = 1500;
 /// Share of the base's own mass that randomised robots may lack.
 const MIN_SHARE: f64 = 0.5;
 
+/// Head of the table of the task.
+const TASK: &str = "\n[task]";
+
 /// A basic string of TOML, which may be a key too: its escapes are those of JSON.
 pub fn quoted(text: &str) -> String {
     serde_json::Value::String(text.to_owned()).to_string()
@@ -47,6 +50,15 @@ fn numbers(text: &mut String, model: &Model, joints: &[usize], name: &str, value
     }
 }
 
+/// The tables that [`task`] wrote, with so many iterations.
+pub fn with_iterations(tables: &str, iterations: u32) -> String {
+    // `[train]` comes first, and has nothing else.
+    let rest = tables.find(TASK).map_or(tables, |begin| &tables[begin..]);
+    let mut text = String::from("\n[train]\n");
+    line(&mut text, "iterations", iterations, "the task's usual number was not enough");
+    text + rest
+}
+
 /// The tables of a configuration that are the robot's.
 pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: &Gains) -> String {
     let mut text = String::new();
@@ -55,7 +67,7 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
         let _ = writeln!(text, "\n[train]");
         line(&mut text, "iterations", BIPED_ITERATIONS, "two legs take longer than four");
     }
-    let _ = writeln!(text, "\n[task]");
+    let _ = writeln!(text, "{TASK}");
     line(
         &mut text,
         "base",

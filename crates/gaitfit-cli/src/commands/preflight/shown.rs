@@ -126,7 +126,7 @@ fn motion(text: &mut String, moved: &Moved) {
             cell(*torque_delay, 1e3, 1),
             cell(*friction, 1.0, 2),
             cell(*inertia, 1.0, 4),
-            part(*torque_gain),
+            torque_gain.map_or("–".to_owned(), |[low, high]| format!("{low:.2} to {high:.2}")),
             cell(*zero, 1.0, 2),
         ]);
     }

@@ -102,7 +102,7 @@ pub struct Hung<'a> {
 }
 
 /// Noise of angles, velocities, torques, gyro and accelerometer (standard deviations).
-const NOISE: [f32; 5] = [2e-5, 0.01, 0.02, 0.004, 0.03];
+pub const NOISE: [f32; 5] = [2e-5, 0.01, 0.02, 0.004, 0.03];
 /// Step of an encoder, rad.
 const ENCODER: f32 = 1e-4;
 

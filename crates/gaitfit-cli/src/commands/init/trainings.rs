@@ -1,0 +1,230 @@
+//! The trainings of `gaitfit init --train`: each guess, then the best one further.
+
+use super::{Files, write_configuration};
+use crate::cli::{Devices, Init};
+use crate::exit::Failure;
+use crate::progress::Lines;
+use crate::watcher::watched;
+use crate::{interrupt, output};
+use gaitfit::device::Device;
+use gaitfit::evaluate::{Evaluated, GroundChoice};
+use gaitfit::init::{Look, Prepared, other_guesses};
+use gaitfit::settings::{self, TrainConfig};
+use gaitfit::world::WorldSettings;
+use gaitfit::{EvaluateSettings, train};
+use gaitfit_physics::Preset;
+use serde::Serialize;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// One training.
+#[derive(Serialize)]
+pub(super) struct Training {
+    /// Number of the guess, from 1.
+    guess: usize,
+    /// Its gains.
+    gains: String,
+    /// Iterations of its policy in all.
+    iterations: u32,
+    /// Mean reward of a control step at the end; absent where no seed was trained.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reward: Option<f64>,
+    /// Whether its policy walks.
+    pub(super) walks: bool,
+    /// Why not, or where the policy is.
+    result: String,
+    #[serde(skip)]
+    pub(super) policy: Option<String>,
+    /// Name of the run.
+    #[serde(skip)]
+    name: String,
+    /// How long it took, with the evaluation.
+    #[serde(skip)]
+    took: Duration,
+}
+
+impl Training {
+    /// Its reward; the least of all where it has none.
+    fn reward(&self) -> f64 {
+        self.reward.filter(|reward| reward.is_finite()).unwrap_or(f64::NEG_INFINITY)
+    }
+}
+
+/// Trains the guesses one after the other until a policy walks. If none does, the guess with the most reward is trained further
+/// while there is time. The configuration is that of the guess that was trained last if it walks or was trained further, or
+/// else of the first one.
+pub(super) fn train_guesses(
+    args: &Init,
+    files: &Files,
+    prepared: &Prepared,
+) -> Result<Vec<Training>, Failure> {
+    interrupt::listen()?;
+    let begun = Instant::now();
+    let others = other_guesses(&prepared.model, &prepared.look);
+    let looks: Vec<&Look> = std::iter::once(&prepared.look).chain(&others).collect();
+    let mut trainings: Vec<Training> = Vec::new();
+    for (number, look) in looks.iter().enumerate() {
+        output::note(&format!("guess {} of {}: {}", number + 1, looks.len(), gains(look)));
+        let training = train_one(args, files, look, number + 1, None)?;
+        let walks = training.walks;
+        trainings.push(training);
+        if walks {
+            return Ok(trainings);
+        }
+    }
+    let best = trainings.iter().max_by(|a, b| a.reward().total_cmp(&b.reward()));
+    let Some((guess, round, mut took)) = best.map(|best| (best.guess, best.iterations, best.took)) else {
+        return Ok(trainings);
+    };
+    let (minutes, look) = (args.minutes, looks[guess - 1]);
+    let mut iterations = round;
+    while is_time_for(minutes, begun.elapsed(), took) {
+        iterations = iterations.saturating_add(round);
+        output::note(&format!(
+            "no policy walks yet: guess {guess}, which had the most reward, is trained on, to {iterations} iterations \
+             ({:.1} of {minutes} minutes are over)",
+            begun.elapsed().as_secs_f64() / 60.0
+        ));
+        let training = train_one(args, files, look, guess, Some(iterations))?;
+        took = training.took;
+        let walks = training.walks;
+        trainings.push(training);
+        if walks {
+            break;
+        }
+    }
+    match iterations > round {
+        true => write_configuration(args, files, &look.with_iterations(iterations))?,
+        false => write_configuration(args, files, &prepared.look)?,
+    }
+    Ok(trainings)
+}
+
+/// Whether a training that takes so long ends within so many minutes since all began.
+fn is_time_for(minutes: f64, since: Duration, takes: Duration) -> bool {
+    (since + takes).as_secs_f64() <= 60.0 * minutes
+}
+
+/// Trains a guess: from the start, or on from its checkpoint to so many iterations.
+fn train_one(
+    args: &Init,
+    files: &Files,
+    look: &Look,
+    guess: usize,
+    further: Option<u32>,
+) -> Result<Training, Failure> {
+    let begun = Instant::now();
+    let threads = args.threads.map_or_else(gaitfit::machine::threads, NonZeroUsize::get);
+    write_configuration(args, files, look)?;
+    let mut config: TrainConfig = settings::load(Some(&files.configuration), &args.set)?;
+    let stem = files.configuration.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    let name = format!("{}-guess-{guess}", stem.unwrap_or_default());
+    config.name = Some(name.clone());
+    config.train.iterations = further.unwrap_or(config.train.iterations);
+    let iterations = config.train.iterations;
+    let devices = Devices::choose(args.device.clone(), None);
+    let setup = train::setup(&config, &name, Some(&files.configuration), threads, &devices)?;
+    output::devices(&setup.devices);
+    let results =
+        watched(crate::commands::train::LINES, |watch| train::train(&setup, further.is_some(), watch))?;
+    let seed = results.seeds.first();
+    let policy = seed.map(|seed| seed.policy.clone());
+    let (walks, result) = match (results.unlearnt(), &policy) {
+        (None, Some(policy)) => judge(policy, &config, threads)?,
+        (failed, _) => (false, failed.unwrap_or_default()),
+    };
+    let (gains, reward, took) = (gains(look), seed.map(|seed| seed.reward), begun.elapsed());
+    Ok(Training { guess, gains, iterations, reward, walks, result, policy, name, took })
+}
+
+/// Number of trajectories with random commands that decide whether a policy walks.
+const TRAJECTORIES: usize = 500;
+
+/// Whether a policy walks by the rule of `evaluate`, and a sentence with the evidence. The evaluation has no exploration and no
+/// pushes, unlike the training.
+fn judge(policy: &str, config: &TrainConfig, threads: usize) -> Result<(bool, String), Failure> {
+    let settings = EvaluateSettings {
+        world: WorldSettings {
+            policy: PathBuf::from(policy),
+            robot: None,
+            lenient: config.lenient,
+            task: None,
+            theta: None,
+            spring: Vec::new(),
+            torque_noise: 0.0,
+            randomised: false,
+            preset: Preset::Accurate,
+            seed: 0,
+            threads: NonZeroUsize::new(threads),
+        },
+        trajectories: TRAJECTORIES,
+        seconds: None,
+        drift: 0,
+        drift_speeds: None,
+        ground: GroundChoice::Flat,
+        ground_robots: 1,
+        device: Device::Cpu,
+        diagnose: false,
+    };
+    let Evaluated { verdict, measured, .. } =
+        watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
+    Ok(match verdict {
+        Some(verdict) => (verdict.walks, format!("{policy}: {}", verdict.text)),
+        // `evaluate` gives no verdict for a task without walking. The training has judged such a policy, so here it fails only if a
+        // robot diverges.
+        None => match measured.evaluation.divergence() {
+            Some(why) => (false, format!("{policy}: {why}")),
+            None => (true, format!("{policy}: no robot of its evaluation diverged")),
+        },
+    })
+}
+
+/// A sentence about guessed gains.
+fn gains(look: &Look) -> String {
+    let found = look.guesses.iter().find(|guess| guess.what == "gains");
+    found.map(|guess| guess.found.clone()).unwrap_or_default()
+}
+
+/// What a person can do if no policy walks. `written`: the configuration.
+pub(super) fn remedy(args: &Init, trainings: &[Training], written: &str) -> String {
+    let rounds = trainings.last().filter(|last| {
+        trainings.iter().any(|one| one.guess == last.guess && one.iterations < last.iterations)
+    });
+    let Some(last) = rounds else {
+        return format!(
+            "no guess came to walk in its training; {written} has the first one. Look at the stance in the page, and train \
+             longer: with --minutes N the best guess is trained on, and with --set train.iterations=N all are"
+        );
+    };
+    let sets: String = args.set.iter().map(|set| format!(" --set '{set}'")).collect();
+    format!(
+        "no policy came to walk; {written} has guess {}, which was trained on. Look at the stance in the page, and train \
+         further: gaitfit train {written} --name {} --resume{sets} --set train.iterations={}",
+        last.guess,
+        last.name,
+        last.iterations.saturating_mul(2)
+    )
+}
+
+pub(super) fn tried(trainings: &[Training]) -> String {
+    let line = |training: &Training| {
+        let Training { guess, gains, iterations, result, .. } = training;
+        format!("guess {guess}, {iterations} iterations: {gains}\n  {result}\n")
+    };
+    trainings.iter().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_time_for;
+    use std::time::Duration;
+
+    #[test]
+    fn a_training_begins_if_it_ends_in_time() {
+        let [since, takes] = [100, 20].map(Duration::from_secs);
+        assert!(is_time_for(2.0, since, takes));
+        assert!(!is_time_for(1.99, since, takes));
+        assert!(!is_time_for(0.0, since, takes));
+    }
+}

@@ -1,0 +1,155 @@
+//! What a motor's reported torque shows of its gains, and how late it is.
+//!
+//! τ(t) = g (kp (q*(t − d) − q(t − a)) − kd q̇(t − a)) + c. The delay d is unknown, and so is the age a: the state in a message may
+//! be newer than the one by which the motor's controller computed the torque of the same message, by at most the time between
+//! two messages. With a = 0 the joint looks lighter by kd·a and less damped by kp·a. If it is so light that little more than
+//! this is left, its motion does not tell an age from a gain. So all ages and delays are tried, and the gains of all that fit
+//! about as well as the best are possible. Both sides are smoothed: noise of velocities is large where kd is.
+
+use std::ops::Range;
+
+use super::log::{DT, Row};
+use super::response::{DELAY_STEP, DELAYS, HELD, LENGTH, STRIDE, least};
+use super::statistics::{Measured, mean, span};
+
+/// Reported torques that vary by less are not reported at all, N·m.
+const REPORTED: f64 = 0.01;
+/// Ages and delays are possible that leave at most so many times the squares of the best.
+const POSSIBLE: f64 = 2.0;
+/// Squares that sampling leaves at least, in parts of the torque's.
+const FLOOR: f64 = 1e-5;
+/// Step of ages and delays, in rows and in s.
+const PART: f64 = 0.125;
+const STEP: f64 = PART * DT;
+
+/// What a reported torque shows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reported {
+    /// Time from a target to it, s.
+    pub(super) delay: Measured,
+    /// Least and largest possible ratio of it to the torque of the command.
+    pub(super) gain: [f64; 2],
+}
+
+/// One age and delay, in steps.
+#[derive(Clone, Copy, Debug)]
+struct Tried {
+    age: usize,
+    delay: usize,
+    /// Squares that are left.
+    left: f64,
+    gain: f64,
+}
+
+/// The reported torque of `motor` in `rows[window]`. `None` where none is reported; `message`: time between two messages, s.
+pub(super) fn reported(rows: &[Row], window: Range<usize>, motor: usize, message: f64) -> Option<Reported> {
+    if span(window.clone().map(|at| f64::from(rows[at].state.torque[motor]))) < REPORTED {
+        return None;
+    }
+    let longest = DELAYS as f64 * DELAY_STEP;
+    let steps = |time: f64| (time.min(longest) / STEP).round() as usize;
+    let smooth = Smooth::new(rows, window, motor, steps(longest));
+    let average = mean(&smooth.torque);
+    let total: f64 = smooth.torque.iter().map(|x| (x - average).powi(2)).sum();
+    let pairs = (0..=steps(message)).flat_map(|age| (0..=steps(longest)).map(move |delay| (age, delay)));
+    let (alone, both): (Vec<Tried>, Vec<Tried>) = pairs.map(|(age, delay)| smooth.fit(age, delay)).unzip();
+    let (kept, both) = (possible(&alone, FLOOR * total), possible(&both, FLOOR * total));
+    let all = || kept.iter().chain(&both);
+    let (low, high) =
+        all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), one| (l.min(one.gain), h.max(one.gain)));
+    let best = kept.iter().min_by(|a, b| a.left.total_cmp(&b.left))?;
+    let of_best: Vec<f64> = alone.iter().filter(|one| one.age == best.age).map(|one| one.left).collect();
+    let overlap = (LENGTH as f64 / (1.5 * STRIDE as f64)).sqrt();
+    let fine = least(&of_best, best.delay, smooth.torque.len(), overlap);
+    let spread = 0.5 * span(all().map(|one| one.delay as f64));
+    let delay = Measured { value: STEP * fine.value - HELD, error: STEP * fine.error.max(spread) };
+    Some(Reported { delay, gain: [low, high] })
+}
+
+/// Those that fit about as well as the best.
+fn possible(all: &[Tried], floor: f64) -> Vec<Tried> {
+    let best = all.iter().map(|one| one.left).fold(f64::INFINITY, f64::min);
+    let mut kept: Vec<Tried> =
+        all.iter().filter(|one| one.left <= POSSIBLE * best.max(floor)).copied().collect();
+    // A joint that follows its command has no negative gain. That of a light joint looks like one if its torque is late.
+    if kept.iter().any(|one| one.gain > 0.0) {
+        kept.retain(|one| one.gain > 0.0);
+    }
+    kept
+}
+
+/// A joint's own motion, smoothed and less often.
+struct Smooth {
+    kp: f64,
+    kd: f64,
+    /// Reported torques.
+    torque: Vec<f64>,
+    /// Targets, angles and velocities of each row, for as many rows before as the longest delay needs.
+    target: Vec<f64>,
+    angle: Vec<f64>,
+    velocity: Vec<f64>,
+    /// Number of the first torque's row among these.
+    begin: usize,
+}
+
+impl Smooth {
+    fn new(rows: &[Row], window: Range<usize>, motor: usize, longest: usize) -> Self {
+        let half = LENGTH / 2;
+        let bump = |k: usize| 1.0 - ((k as f64 - half as f64) / (half as f64 + 1.0)).powi(2);
+        let weights: Vec<f64> = (0..=2 * half).map(|k| bump(k).powi(2)).collect();
+        let sum: f64 = weights.iter().sum();
+        let inside = |at: usize, k: usize| (at + k).saturating_sub(half).min(rows.len() - 1);
+        let smooth = |of: &dyn Fn(&Row) -> f32, at: usize| {
+            let all = weights.iter().enumerate();
+            all.map(|(k, weight)| weight * f64::from(of(&rows[inside(at, k)]))).sum::<f64>() / sum
+        };
+        let from = window.start.saturating_sub((longest as f64 * PART) as usize + 1);
+        let all = |of: &dyn Fn(&Row) -> f32| (from..window.end).map(|at| smooth(of, at)).collect();
+        let slot = &rows[window.start].command[motor];
+        Self {
+            kp: f64::from(slot.kp),
+            kd: f64::from(slot.kd),
+            torque: window
+                .clone()
+                .step_by(STRIDE)
+                .map(|at| smooth(&|row| row.state.torque[motor], at))
+                .collect(),
+            target: all(&|row| row.command[motor].q),
+            angle: all(&|row| row.state.q[motor]),
+            velocity: all(&|row| row.state.dq[motor]),
+            begin: window.start - from,
+        }
+    }
+
+    /// A value `back` steps before the row `at`.
+    fn before(values: &[f64], at: usize, back: usize) -> f64 {
+        let exact = back as f64 * PART;
+        let part = exact.fract();
+        let value = |back: usize| values[at.saturating_sub(back)];
+        (1.0 - part) * value(exact as usize) + part * value(exact as usize + 1)
+    }
+
+    /// The gain with this age and delay, if the reported torque alone has errors and if both have.
+    fn fit(&self, age: usize, delay: usize) -> (Tried, Tried) {
+        let count = self.torque.len() as f64;
+        let (mut x, mut y, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for (number, torque) in self.torque.iter().enumerate() {
+            let at = self.begin + STRIDE * number;
+            let command = self.kp
+                * (Self::before(&self.target, at, delay) - Self::before(&self.angle, at, age))
+                - self.kd * Self::before(&self.velocity, at, age);
+            x += command;
+            y += torque;
+            xx += command * command;
+            xy += command * torque;
+            yy += torque * torque;
+        }
+        (xx, xy, yy) = (xx - x * x / count, xy - x * y / count, yy - y * y / count);
+        let slope = if xx > 0.0 { xy / xx } else { 0.0 };
+        let alone = Tried { age, delay, left: (yy - slope * xy).max(0.0), gain: slope };
+        // Errors in both: the longest axis, and the squares across it.
+        let long = 0.5 * (xx + yy + ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt());
+        let axis = xy / (long - yy).max(1e-12 * long + f64::MIN_POSITIVE);
+        (alone, Tried { left: (xx + yy - long).max(0.0), gain: axis, ..alone })
+    }
+}
