@@ -49,17 +49,14 @@ pub fn doubts(
         );
         doubts.push(Doubt::new(DoubtKind::Unexplained, text));
     }
-    let likeness = outcome.regression.as_ref().and_then(|regression| regression.likeness);
+    let likeness = outcome.regression.as_ref().and_then(|regression| regression.likeness_of_both);
     if let Some(likeness) = likeness.filter(Likeness::unlike) {
         let text = format!(
-            "The logs differ by more than chance from those of simulated robots with the regression's values. The mean \
-             square difference is {:.1} times their variance; chance explains at most {:.1}. The model lacks an effect, or the \
-             regression's values are not near enough. So the intervals are {:.1} times as wide. `gaitfit explain` looks for \
-             effects. If it names none, fit more parameters (the default ones), or look for a joint that differs from its \
-             siblings: `odd_joints` with the cost `matchr1`.",
-            likeness.distance,
-            likeness.by_chance,
-            likeness.ratio()
+            "The logs differ by more than chance from those of simulated robots with the values found. The mean square difference \
+             is {:.1} times their variance; chance explains at most {:.1}. The model lacks an effect, or the values are not near \
+             enough. `gaitfit explain` looks for effects. If it names none, fit more parameters (the default ones), or look for a \
+             joint that differs from its siblings: `odd_joints` with the cost `matchr1`.",
+            likeness.distance, likeness.by_chance,
         );
         doubts.push(Doubt::new(DoubtKind::Unexplained, text));
     }
@@ -165,6 +162,13 @@ fn regressed(fit: &CostFit) -> Option<String> {
             ". Signals of the real robot's legs disagree about {} more than those of simulated robots do: the simulator lacks \
              something, and the intervals are wider for it",
             unlike.join(", ")
+        ));
+    }
+    if let Some(likeness) = regression.likeness.filter(Likeness::unlike) {
+        text.push_str(&format!(
+            ". The logs are further from simulated robots with the regression's values than chance explains: the intervals are \
+             {:.1} times as wide for it",
+            likeness.ratio()
         ));
     }
     Some(text)

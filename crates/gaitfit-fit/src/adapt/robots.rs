@@ -14,6 +14,11 @@ use std::sync::{Mutex, PoisonError};
 /// Robots of a round for each of `optimizer.replicates`.
 const EACH: usize = 20;
 
+/// Time at the start of each log that does not count here, in addition to the time that does not count in costs, s. Simulated
+/// robots do not begin as the real one did, and a walk shows for a while how it began. On three robots in MuJoCo, robots with the
+/// true values had a mean square distance from the logs of 2.2, 1.3 and 2.1 without this time, and 1.3, 1.1 and 1.4 with it.
+const SETTLING_S: f64 = 0.5;
+
 /// Whether simulated robots correct what CMA-ES finds with `cost`. Networks stand for what no parameter describes: there is
 /// no value of theirs that the robot has.
 pub fn applies(config: &AdaptConfig, cost: CostKind) -> bool {
@@ -51,7 +56,8 @@ pub fn correct(
         parts: "robots",
         seed: None,
     });
-    let distributions = Distributions::new(&setup.fit.reference);
+    let settling = (SETTLING_S / replicas.recorder().period()).round() as usize;
+    let distributions = Distributions::new(&setup.fit.reference, settling);
     let seed = setup.config.optimizer.seed;
     let done = AtomicUsize::new(0);
     let world = World { setup, replicas, distributions, seed, watch, counting: &counting, done };

@@ -69,6 +69,11 @@ impl Recorder {
         self.walking.task.walker.physics_step()
     }
 
+    /// Period of the logs' samples, s.
+    pub fn period(&self) -> f64 {
+        self.walking.task.walker.interface.control_dt
+    }
+
     /// The robot with these values of θ.
     fn candidate(&self, theta: &Theta, values: &[f64]) -> Candidate {
         let mut candidate = self.base.clone();
@@ -229,12 +234,12 @@ impl Recorder {
 
     /// Max number of samples that a robot with unknown starts walks before a recording begins.
     fn max_samples_before(&self) -> usize {
-        (EARLIER_S / self.walking.task.walker.interface.control_dt + 1.0) as usize
+        (EARLIER_S / self.period() + 1.0) as usize
     }
 
     /// How the robot begins each recording if its starts are unknown.
     fn unknown_starts(&self, seed: u64, robot: u32) -> Vec<Beginning> {
-        let max = EARLIER_S / self.walking.task.walker.interface.control_dt;
+        let max = EARLIER_S / self.period();
         let stream = Stream::new(seed, Purpose::SIMULATED_ROBOTS).environment(robot.wrapping_add(1 << 31));
         let scripts = self.plain.iter().enumerate();
         let begun = scripts.map(|(number, script)| {
@@ -251,7 +256,7 @@ impl Recorder {
 
     /// `script` with further samples under its first command at its beginning.
     fn begun_earlier(&self, script: &Script, (earlier, start): &Beginning) -> Script {
-        let period = self.walking.task.walker.interface.control_dt;
+        let period = self.period();
         let mut script = Script { start: start.clone(), ..script.clone() };
         let first = script.commands.first().copied().unwrap_or_default();
         script.commands.splice(0..0, std::iter::repeat_n(first, *earlier));

@@ -6,6 +6,8 @@ use std::ops::Range;
 
 /// Parts of equal count into which sorted samples are cut.
 const PARTS: usize = 16;
+/// At most one in this number of the samples that count is left out at the start of a log.
+const MIN_SHARE: usize = 5;
 /// Signals that every walking log has.
 const SIGNALS: [Signal; 3] = [Signal::Position, Signal::Velocity, Signal::Action];
 /// Groups of each signal's joints, in their order: the legs of a quadruped.
@@ -18,21 +20,31 @@ const MAX_LOST: f64 = 0.2;
 #[derive(Clone, Copy)]
 pub struct Distributions<'a> {
     reference: &'a Reference,
+    /// Samples at the start of each log, after the reference's pre-roll, that do not count either.
+    settling: usize,
 }
 
 impl<'a> Distributions<'a> {
-    /// As those of `reference`.
-    pub fn new(reference: &'a Reference) -> Self {
-        Self { reference }
+    /// As those of `reference`, without the first `settling` samples that count: what the start of a log does to the walk must
+    /// not look like the robot's values. At most a fifth of the shortest recording is left out.
+    pub fn new(reference: &'a Reference, settling: usize) -> Self {
+        let counted = |recording| reference.samples(recording).saturating_sub(reference.skip());
+        let shortest = (0..reference.recordings()).map(counted).min().unwrap_or(0);
+        Self { reference, settling: settling.min(shortest / MIN_SHARE) }
     }
 
     /// Signals, their columns, and what scales them.
-    fn dimensions(&self) -> impl Iterator<Item = (Signal, usize, f64, &'a [f64])> {
+    fn dimensions(&self) -> impl Iterator<Item = (Signal, usize, f64)> {
         let reference = self.reference;
         SIGNALS.into_iter().flat_map(move |signal| {
             let dimensions = reference.dimensions(signal).unwrap_or_default().iter().enumerate();
-            dimensions.filter_map(move |(column, one)| Some((signal, column, one.scale?, one.sorted())))
+            dimensions.filter_map(move |(column, one)| Some((signal, column, one.scale?)))
         })
+    }
+
+    /// Samples of all recordings that count.
+    fn counted(&self) -> usize {
+        self.reference.counted().saturating_sub(self.reference.recordings() * self.settling)
     }
 
     /// The numbers of each signal's groups of joints.
@@ -52,19 +64,29 @@ impl<'a> Distributions<'a> {
 
     /// Those of the robot's logs.
     pub fn recorded(&self) -> Vec<f64> {
-        self.dimensions().flat_map(|(_, _, scale, sorted)| parts(sorted, scale)).collect()
+        let (reference, joints) = (self.reference, self.reference.joints().len());
+        let recordings = 0..reference.recordings();
+        self.dimensions()
+            .flat_map(|(signal, column, scale)| {
+                let kept = recordings.clone().filter_map(|number| reference.recorded(signal, number));
+                let rows = kept.flat_map(|matrix| matrix.chunks_exact(joints).skip(self.settling));
+                let mut pool: Vec<f64> = rows.map(|row| row[column]).collect();
+                pool.sort_unstable_by(f64::total_cmp);
+                parts(&pool, scale)
+            })
+            .collect()
     }
 
     /// Those of a simulated robot, whose `logs` are as long as the reference's. `None` if it diverged, or fell too soon.
     pub fn simulated(&self, logs: &[Predicted]) -> Option<Vec<f64>> {
-        let (joints, skip) = (self.reference.joints().len(), self.reference.skip());
+        let (joints, skip) = (self.reference.joints().len(), self.reference.skip() + self.settling);
         let end = |log: &Predicted| log.fell_at.unwrap_or(usize::MAX).min(log.position.len() / joints);
         let kept: usize = logs.iter().map(|log| end(log).saturating_sub(skip)).sum();
-        if logs.is_empty() || (kept as f64) < (1.0 - MAX_LOST) * self.reference.counted() as f64 {
+        if logs.is_empty() || (kept as f64) < (1.0 - MAX_LOST) * self.counted() as f64 {
             return None;
         }
         let mut all = Vec::new();
-        for (signal, column, scale, _) in self.dimensions() {
+        for (signal, column, scale) in self.dimensions() {
             let mut pool = Vec::with_capacity(kept);
             for log in logs {
                 let signals = log.signals();
@@ -79,13 +101,15 @@ impl<'a> Distributions<'a> {
 }
 
 /// Means of the parts of `sorted` samples, scaled.
-fn parts(sorted: &[f64], scale: f64) -> impl Iterator<Item = f64> {
+fn parts(sorted: &[f64], scale: f64) -> Vec<f64> {
     let count = sorted.len();
-    (0..PARTS).map(move |part| {
-        let from = (part * count / PARTS).min(count.saturating_sub(1));
-        let to = ((part + 1) * count / PARTS).clamp((from + 1).min(count), count);
-        scale * sorted[from..to].iter().sum::<f64>() / (to - from) as f64
-    })
+    (0..PARTS)
+        .map(move |part| {
+            let from = (part * count / PARTS).min(count.saturating_sub(1));
+            let to = ((part + 1) * count / PARTS).clamp((from + 1).min(count), count);
+            scale * sorted[from..to].iter().sum::<f64>() / (to - from) as f64
+        })
+        .collect()
 }
 
 #[cfg(test)]
@@ -115,7 +139,7 @@ mod tests {
     #[test]
     fn equal_walks_have_equal_numbers_and_falls_are_left_out() {
         let reference = reference();
-        let distributions = Distributions::new(&reference);
+        let distributions = Distributions::new(&reference, 0);
         let recorded = distributions.recorded();
         // Positions and actions; the velocity is constant.
         assert_eq!(recorded.len(), 2 * PARTS);
@@ -126,6 +150,15 @@ mod tests {
         let shorter = distributions.simulated(&[walk(None), walk(Some(28))]).unwrap();
         assert!(shorter[PARTS - 1] < recorded[PARTS - 1]);
         assert!(distributions.simulated(&[walk(None), walk(Some(12))]).is_none());
+        // Of the 30 samples that count in each log, at most six more are left out.
+        let settled = Distributions::new(&reference, 2);
+        let numbers = settled.recorded();
+        assert_eq!(settled.simulated(&[walk(None), walk(None)]).unwrap(), numbers);
+        assert!(numbers[0] > recorded[0], "the lowest samples, of the first rows, are left out");
+        assert_eq!(
+            Distributions::new(&reference, 100).recorded(),
+            Distributions::new(&reference, 6).recorded()
+        );
         let mut broken = walk(None);
         broken.position[9] = f32::NAN;
         assert!(distributions.simulated(&[walk(None), broken]).is_none());

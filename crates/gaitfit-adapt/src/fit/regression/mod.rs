@@ -56,6 +56,9 @@ const UNLIKE: f64 = 3.0;
 /// Number of robots that are simulated with the regression's values, to see whether the real logs are like theirs. As many have
 /// the search's values.
 const WITH_VALUES: usize = 24;
+/// If the real logs are so many times as far from robots with the search's values as from robots with the regression's values, the
+/// search's values are far off. Their difference says nothing of the regression's errors.
+const FAR: f64 = 3.0;
 /// Max entries of a θ for a regression.
 pub const MAX_REGRESSED: usize = 50;
 /// Max entries of a θ for which a fit always takes the regression's values. With more entries it takes them only if they cost
@@ -95,6 +98,11 @@ pub struct Regression {
     /// If the real logs are unlike theirs, `deviation` and `interval` are larger by [`Likeness::ratio`].
     #[serde(default)]
     pub likeness: Option<Likeness>,
+    /// The same for robots with the corrected values and robots with the search's values together. The difference between the two
+    /// stands for the errors of the values. So if the logs are unlike all of these robots, the model lacks an effect. If `further`
+    /// exceeds 3, the search's values are far off, and this is `likeness`.
+    #[serde(default)]
+    pub likeness_of_both: Option<Likeness>,
     /// How much further the real logs are from robots with the search's values than from robots with the corrected values: the
     /// ratio of the mean square distances. All robots are simulated as they make logs. `None` as [`Self::likeness`].
     #[serde(default)]
@@ -268,6 +276,11 @@ pub fn regress(
     };
     let likeness = Likeness::new(&logs.numbers, &corrected_robots);
     let further = further(&logs.numbers, &found_robots, &corrected_robots);
+    let likeness_of_both = if further.is_some_and(|ratio| ratio > FAR) {
+        likeness
+    } else {
+        Likeness::new(&logs.numbers, &[corrected_robots, found_robots].concat())
+    };
     let wider = likeness.map_or(1.0, |likeness| likeness.ratio());
     let deviation: Vec<f64> = last.deviation.iter().map(|one| wider * one).collect();
     let quantile = stats::student_t_95(last.walked.saturating_sub(1));
@@ -287,6 +300,7 @@ pub fn regress(
         robots: drawn + 2 * WITH_VALUES,
         rounds,
         likeness,
+        likeness_of_both,
         further,
     }))
 }
