@@ -141,7 +141,7 @@ fn the_table_shows_value_truth_and_baselines() {
 
 #[test]
 #[ignore = "needs recordings of real robots and reference numbers in ../shared"]
-fn shared_the_real_robots_logs_are_fitted() {
+fn long_shared_the_real_robots_logs_are_fitted() {
     let runs = tempfile::tempdir().unwrap();
     let set = format!("runs={}", runs.path().display());
     let mut args = vec!["adapt", "experiments/go2-air.toml", "--json", "--set", &set];

@@ -29,7 +29,8 @@ fn walks(folder: &Path, springs: &[&str], cost: &str) -> String {
 }
 
 #[test]
-fn a_spring_with_any_rest_angle_is_found_on_its_joint() {
+#[ignore = "takes long: `.ci/run long` runs it"]
+fn long_a_spring_with_any_rest_angle_is_found_on_its_joint() {
     let folder = tempfile::tempdir().unwrap();
     let path = walks(folder.path(), &["RR_calf_joint=40@-1.2"], "matchr1");
     let found = run(&["adapt", &path, "--json"]);

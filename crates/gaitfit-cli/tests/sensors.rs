@@ -69,7 +69,8 @@ fn joints_and_imu_show_friction_and_inertia_anywhere_in_a_walk() {
 }
 
 #[test]
-fn simulated_logs_correct_what_a_long_step_and_torque_noise_make_of_a_fit() {
+#[ignore = "takes long: `.ci/run long` runs it"]
+fn long_simulated_logs_correct_what_a_long_step_and_torque_noise_make_of_a_fit() {
     let folder = tempfile::tempdir().unwrap();
     let noise = ["--torque-noise", "2.5", "--seconds", "3"];
     let logs = walks(folder.path(), "1", &noise);
@@ -151,7 +152,8 @@ fn logs_without_an_imu_and_settings_that_cannot_be_are_refused() {
 
 /// The policy walks by encoders that are off, on legs that are heavier than the file says.
 #[test]
-fn offsets_of_encoders_and_masses_of_links_are_found_in_walks() {
+#[ignore = "takes long: `.ci/run long` runs it"]
+fn long_offsets_of_encoders_and_masses_of_links_are_found_in_walks() {
     let folder = tempfile::tempdir().unwrap();
     let truth = folder.path().join("truth.toml");
     let offsets = [("FL_thigh", 0.03), ("RR_calf", -0.04), ("FR_hip", 0.02)];
@@ -213,7 +215,8 @@ fn offsets_of_encoders_and_masses_of_links_are_found_in_walks() {
 /// A tilted, late unit with a biased gyro, and slow sensors of velocity change what the policy does, so whole walks show
 /// them. The logs alone show them too; with `swings = true` those estimates are priors.
 #[test]
-fn errors_of_sensors_are_found_in_walks() {
+#[ignore = "takes long: `.ci/run long` runs it"]
+fn long_errors_of_sensors_are_found_in_walks() {
     let folder = tempfile::tempdir().unwrap();
     let truths = [
         ("imu_roll", 0.04, 0.012),

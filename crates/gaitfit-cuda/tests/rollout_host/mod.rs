@@ -240,7 +240,7 @@ fn on_levels(curriculum: bool) -> TaskSettings {
 
 #[test]
 #[ignore = "needs g++"]
-fn cxx_steps_on_uneven_ground_are_the_cpus() {
+fn long_cxx_steps_on_uneven_ground_are_the_cpus() {
     for (label, curriculum) in [("levels", true), ("drawn levels", false)] {
         let task = Task::new(&go2(), &on_levels(curriculum), Preset::Fast).unwrap();
         compare(label, &task, &Candidate::nominal(&go2()));

@@ -431,7 +431,7 @@ fn cxx_steps_under_given_actions_are_the_cpus() {
 
 #[test]
 #[ignore = "needs g++"]
-fn cxx_steps_under_given_actions_on_hind_legs_are_the_cpus() {
+fn long_cxx_steps_under_given_actions_on_hind_legs_are_the_cpus() {
     let mut settings = lively("biped");
     settings.fall.tilt = 12.0;
     let task = Task::new(&go2(), &settings, Preset::Fast).unwrap();
@@ -441,7 +441,7 @@ fn cxx_steps_under_given_actions_on_hind_legs_are_the_cpus() {
 /// On levels of small cells, with past frames.
 #[test]
 #[ignore = "needs g++"]
-fn cxx_steps_under_given_actions_on_uneven_ground_are_the_cpus() {
+fn long_cxx_steps_under_given_actions_on_uneven_ground_are_the_cpus() {
     let mut settings = super::on_levels(true);
     settings.policy.observation.iter_mut().for_each(|term| term.history = 3);
     settings.policy.critic_observation[1].history = 2;

@@ -266,7 +266,8 @@ mod tests {
     }
 
     #[test]
-    fn targets_that_the_log_has_too_seldom_are_named() {
+    #[ignore = "takes long: `.ci/run long` runs it"]
+    fn long_targets_that_the_log_has_too_seldom_are_named() {
         let (row, held) = (std::cell::Cell::new(0), std::cell::RefCell::new(Vec::new()));
         let seldom = |line: &str| {
             let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
@@ -331,7 +332,8 @@ mod tests {
     }
 
     #[test]
-    fn velocities_that_are_filtered_are_named() {
+    #[ignore = "takes long: `.ci/run long` runs it"]
+    fn long_velocities_that_are_filtered_are_named() {
         // 75 % of the new value at 200 Hz: 1.7 ms late, too little for a finding.
         let filter = |last: &[f64], now: &[f64]| -> Vec<f64> {
             last.iter().zip(now).map(|(last, now)| last + 0.75 * (now - last)).collect()
