@@ -166,7 +166,7 @@ pub(crate) fn walks(
     })
 }
 
-/// How much there is to simulate.
+/// How much there is to simulate, for progress.
 fn amount(subject: &Subject<'_>, options: &CollectOptions) -> Amount<'static> {
     let period = subject.task.walker.interface.control_dt;
     Amount::simulated("logs: simulated second", options.periods(period), period)
