@@ -37,7 +37,7 @@ TYPES = """| type | what |
 | `Cost` | `"wass"`, `"matcho"`, `"matchr1"`, … |
 | `Resume` | `True`, `False` or `"auto"` |
 | `Device` | `"cpu"`, `"cuda"`, `"cuda:1"`, …, several GPUs as `"cuda:0,1"`, or `"auto"` |
-| `RobotsDevice` | the same, but one GPU at most |
+| `RobotsDevice` | as `Device`, but one GPU at most |
 | `Theta` | a fit's result or its `theta.toml`, a `gaitfit.config.TrueParameter` or `TrueNumber`, or a list of these |
 | `Progresses` | `True`, `False`, a function of an `Event`, or a list of functions and `True` |"""
 

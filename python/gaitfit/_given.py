@@ -34,7 +34,7 @@ Device = Literal[
     "cpu", "auto", "cuda", "cuda:0", "cuda:1", "cuda:2", "cuda:3", "cuda:4", "cuda:5", "cuda:6", "cuda:7",
     "cuda:0,1", "cuda:0,1,2,3", "cuda:0,1,2,3,4,5,6,7",
 ]
-#: Where robots are stepped; the numbers of further GPUs are right, too.
+#: Where robots are stepped: the processor or one GPU. GPUs with numbers above 7 work as well.
 RobotsDevice = Literal[
     "cpu", "auto", "cuda", "cuda:0", "cuda:1", "cuda:2", "cuda:3", "cuda:4", "cuda:5", "cuda:6", "cuda:7"
 ]

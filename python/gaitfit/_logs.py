@@ -194,8 +194,8 @@ class Log:
             kp, kd: As the fields, or one number for all joints.
             base_position, base_quaternion, base_linear_velocity, base_angular_velocity: As the fields.
             motion, target_lead, velocity_joints, fell: As the fields.
-            simulated_step: Physics step of your simulator, s, if the robot is simulated: its velocities lag by half a step, which is no
-                fault then.
+            simulated_step: Physics step of your simulator, s; ``None`` for a real robot. The velocities of a simulator lag by half a
+                step, and no check calls this a fault then.
 
         Raises ``ValueError`` for shapes that do not fit together.
 

@@ -182,7 +182,8 @@ class Policy:
     Attributes:
         act: Gets observations, shape ``(robots, observation)``, 32-bit, and returns actions, shape ``(robots, joints)``, before
             scaling. It is called on the calling thread, with some 30 to 256 robots at a time, and must remember nothing between
-            calls. A robot whose simulation diverged observes zeros. A ``torch.nn.Module`` is called with a tensor on its own device, without gradients.
+            calls. A robot whose simulation diverged (a number of its observation is NaN or beyond ±1e6) observes zeros. A
+            ``torch.nn.Module`` is called with a tensor on its own device, without gradients.
         interface: An :class:`Interface`, or a file as :meth:`Interface.read` takes it.
         name: What results and messages call it; by default the function's name.
         task: Settings of the policy's task as TOML; by default those in the interface's file.

@@ -106,7 +106,7 @@ def validate(
         settings: Changes of its settings, by name.
         threads: Threads; by default one for each core.
         policy: The :class:`Policy` of a fit with a policy of your own.
-        progress: As for :func:`fit`. It counts the simulations of all logs.
+        progress: As for :func:`fit`. Its events count the simulations of all logs.
 
     Returns the errors of the prediction, for all logs together and one by one.
 
@@ -186,7 +186,7 @@ def explain(
         progress: As for :func:`fit`. It counts the logs of a folder while they are read, and then the regressions. Each regression takes
             about 0.1 s for 10 s of logs.
 
-    Friction, damping, rotor inertia and delay are in every model: :func:`fit` estimates them.
+    Friction, damping, rotor inertia and delay are no causes here, because every model has them: :func:`fit` estimates them.
 
     Returns the causes, the weightiest first. None does not mean that nothing is lacking: what stands in
     ``help(gaitfit.results.Explanation)`` is all that it looks for.

@@ -168,19 +168,20 @@ def evaluate(
             commands.
         terrain: ``"own"``: the task's ground; ``"none"``: level; or a kind of uneven ground, which is crossed as well.
         diagnose: Whether other orders, signs and scales of joints are tried if the policy does not walk and gaitfit did not train it.
-            This takes some seconds, so turn it off where your learner evaluates often.
+            This takes some seconds, so turn it off if you evaluate often while a learner trains.
         randomised: Whether robots differ as in the policy's training.
         preset: Solver effort of the physics; by default ``"fast"``.
         seed: Of commands, starts and noise; by default 0.
         max_seconds: Wall time of the call, s; after it :class:`Stopped` is raised, and nothing is kept.
         device, threads: As for :func:`fit`.
-        progress: As for :func:`fit`. Each part counts simulated seconds, of all robots together, at most ten times a second: walks under
-            random commands, under constant commands (``drift``), and on uneven ground. The trials of ``diagnose`` are counted, too.
+        progress: As for :func:`fit`. Step events come at most ten times a second. They count the simulated seconds of all robots together,
+            for each part by itself: random commands, constant commands (``drift``) and uneven ground. The trials of ``diagnose``
+            are counted, too.
 
     Returns errors of velocity, m/s and rad/s, and the share of falls, each as a mean with half the width of its 95 % interval.
     :func:`compare` returns the difference of two evaluations; with the same ``seed``, trajectory by trajectory.
 
-    Raises ``FileNotFoundError`` for a file that is missing, ``ValueError`` or :class:`GaitfitError` for what cannot be used,
+    Raises ``FileNotFoundError`` for a file that is missing, ``ValueError`` or :class:`GaitfitError` for arguments that cannot be used,
     :class:`Stopped` if ``progress`` returned ``False`` or ``max_seconds`` are over, and ``KeyboardInterrupt`` after Ctrl-C.
 
     >>> walked = gaitfit.evaluate("assets/go2-walk.safetensors", trajectories=4, seconds=0.2, drift=0, progress=False)
@@ -242,8 +243,8 @@ def collect(
         commands: A CSV file with the commands of all walks; by default they are random.
         robot, theta, task, spring, torque_noise, lenient: As for :func:`finetune`.
         seconds, randomised, preset, seed, max_seconds, device, threads: As for :func:`evaluate`.
-        progress: As for :func:`fit`. It counts simulated seconds, of all robots together, at most ten times a second; with ``commands``
-            the logs.
+        progress: As for :func:`fit`. Step events come at most ten times a second. They count the simulated seconds of all robots together;
+            with ``commands`` they count logs.
 
     Returns the files; :func:`read_log` reads one.
 

@@ -69,7 +69,7 @@ class GaitfitVecEnv(VectorEnv[Any, Any, Any]):  # type: ignore[misc, unused-igno
     The action space is :attr:`gaitfit.Robots.action_bounds`.
 
     Arguments:
-        config, num_envs, robot, policy, theta, settings, seed, threads, device: As of :class:`gaitfit.Robots`.
+        config, num_envs, robot, policy, theta, settings, seed, threads, device: As for :class:`gaitfit.Robots`.
         copy: ``False`` hands out the environment's own arrays, without copies; the next step writes over them.
         log_rewards: Whether ``infos["log"]`` has the reward terms of each step by name, means over the robots.
         terms: Reward, end of an episode and observation of your own (:class:`gaitfit.Terms`).
@@ -301,7 +301,7 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # ty
     ``info["reward_terms"]`` has the weighted terms of the step's reward by name.
 
     Arguments:
-        config, robot, policy, theta, settings, seed: As of :class:`gaitfit.Robots`.
+        config, robot, policy, theta, settings, seed: As for :class:`gaitfit.Robots`.
         render_mode: ``"rgb_array"``: :meth:`render` returns pictures (:meth:`gaitfit.Robots.picture`). ``"human"``: a page in
             the browser shows every step, in real time if the machine is fast enough. Only this machine can open it. ``None``: no
             pictures.

@@ -28,7 +28,7 @@ class RslRlVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
     """Robots at a task as rsl_rl's ``VecEnv``.
 
     Arguments:
-        config, num_envs, robot, policy, theta, settings, seed, threads: As of :class:`gaitfit.Robots`. ``stagger`` is on.
+        config, num_envs, robot, policy, theta, settings, seed, threads: As for :class:`gaitfit.Robots`. ``stagger`` is on.
         device: PyTorch's device, where the tensors are; the robots are stepped there, too.
         robots_device: Where the robots are stepped instead.
 

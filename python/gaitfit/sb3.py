@@ -37,7 +37,7 @@ class Sb3VecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
     clips them to :attr:`gaitfit.Robots.action_bounds`.
 
     Arguments:
-        config, num_envs, robot, policy, theta, settings, seed, threads: As of :class:`gaitfit.Robots`. ``stagger`` is on.
+        config, num_envs, robot, policy, theta, settings, seed, threads: As for :class:`gaitfit.Robots`. ``stagger`` is on.
 
     >>> Sb3VecEnv(num_envs=8).reset().shape
     (8, 45)

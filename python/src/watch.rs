@@ -116,11 +116,11 @@ impl Caller {
     }
 }
 
-/// Larger numbers in an observation are of a robot whose simulation is about to diverge.
+/// An observation with a number beyond this is from a robot whose simulation is about to diverge.
 const ABSURD: f32 = 1e6;
 
-/// Observations as the user's policy gets them: a robot whose simulation has diverged observes zeros. Its walk is over, and a
-/// network's answer to what is no number would be blamed on the network.
+/// Observations, `rows × width`, as the user's policy gets them: a robot whose simulation has diverged observes zeros. Its walk is
+/// over, and the policy would be blamed for its answer to NaN.
 fn of_robots(rows: usize, observation: &[f32]) -> Vec<f32> {
     let mut observation = observation.to_vec();
     let width = observation.len() / rows.max(1);

@@ -381,8 +381,8 @@ class Import(Case):
         ]
         numpy, own = map(min, zip(*runs))
         print(f"import: {own:.3f} s after NumPy's {numpy:.3f} s")
-        # Other work on the machine makes both imports slower, also in processor time, and not by the same factor: the same build had
-        # 0.8 to 1.05 times NumPy's time.
+        # Other work on the machine makes both imports slower, also in processor time, but not by the same factor. One build took 0.8
+        # to 1.05 times NumPy's time in several runs.
         self.assertLess(own, 1.25 * numpy)
 
 

@@ -164,7 +164,7 @@ class Shared(Case):
 
 
 class Lossy:
-    """A cluster that loses workers: each gives one file, and then it is gone."""
+    """A cluster that loses workers: each sends one file and is then lost."""
 
     def __init__(self, retries: int, lost: Exception) -> None:
         from gaitfit.ray._cluster import Cluster

@@ -317,14 +317,14 @@ fn a_guess_that_does_not_walk_is_followed_by_the_next() {
     let trainings = json(&output)["trainings"].as_array().unwrap().clone();
     let gains: Vec<&str> = trainings.iter().map(|training| training["gains"].as_str().unwrap()).collect();
     assert!(gains.len() == 3 && gains[0] != gains[1] && gains[1] != gains[2], "{gains:?}");
-    assert!(errors(&output).contains("no guess came to walk"), "{}", errors(&output));
+    assert!(errors(&output).contains("no guess learned to walk"), "{}", errors(&output));
     // The configuration is the first guess again.
     let text = std::fs::read_to_string(&out).unwrap();
     assert!(text.contains("kp = 0.56 m g l"), "{text}");
     assert!(!folder.path().join("walk-stance.html").exists());
 }
 
-/// Until the time is over.
+/// It is trained until the time is over.
 #[test]
 fn the_best_guess_is_trained_further() {
     let folder = tempfile::tempdir().unwrap();
@@ -346,8 +346,8 @@ fn the_best_guess_is_trained_further() {
         assert_eq!(further["iterations"], number + 2);
     }
     let (count, errors) = (guesses.len() - 2, errors(&output));
-    assert!(errors.contains(&format!("trained on, to {count} iterations")), "{errors}");
-    // What it did is in one run, which goes on as the message says.
+    assert!(errors.contains(&format!("trained further, to {count} iterations")), "{errors}");
+    // All its trainings are in one run, which the command in the message continues.
     let name = format!("walk-guess-{}", guess(best));
     assert!(errors.contains(&format!("--name {name} --resume")), "{errors}");
     let of_best = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());

@@ -26,7 +26,7 @@ pub struct CollectOptions {
 }
 
 impl CollectOptions {
-    /// Robots times control periods of all logs, or a few more. `period`: the control period, s.
+    /// At most how many control periods are simulated, summed over all robots. `period`: the control period, s.
     pub fn periods(&self, period: f64) -> usize {
         self.count * ((self.seconds + self.shift[1]) / period).round().max(1.0) as usize
     }

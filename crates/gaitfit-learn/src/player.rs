@@ -59,7 +59,7 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// Counts control periods as done: the one that was simulated, or those that nobody needs.
+    /// Counts control periods of all robots as done: the one that was simulated, or the rest that need not be simulated.
     pub fn skip(&self, periods: u32) {
         self.subject.count(periods as usize * self.environment.count());
     }

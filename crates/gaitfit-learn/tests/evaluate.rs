@@ -131,7 +131,7 @@ fn who_is_asked_to_stop_does_so_at_the_next_control_period() {
 
 #[test]
 fn every_control_period_of_a_robot_is_counted_once() {
-    // On level cells robots that stand never leave; on a step of the nose they fall at once, and the rest of their time counts.
+    // Robots that stand never leave their cells. Robots that dive onto their noses fall at once; the rest of their time counts too.
     let terrain = TerrainSettings {
         levels: 2,
         columns: 2,

@@ -41,7 +41,7 @@ const SAMPLING: f64 = 1.25;
 const MAX_ROUGH: f64 = 0.25;
 /// Sample interval, s, of logs at a policy's rate: their velocities are those of the ends of answers to steps, up to a tenth
 /// beside the mean.
-const SLOW_S: f64 = 0.0099;
+pub(crate) const SLOW_S: f64 = 0.0099;
 const SLOW: f64 = 1.1;
 
 impl Scale {

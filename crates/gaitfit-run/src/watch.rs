@@ -118,8 +118,8 @@ impl<'a> Watch<'a> {
         })
     }
 
-    /// Does `work`, which many threads may share, and reports its progress, at most ten times a second. `work` calls its argument
-    /// with each number of pieces that are done. If it succeeds, the last step has all that `amount` counts.
+    /// Does `work`, which many threads may share, and reports its progress at most ten times a second. `work` calls its argument
+    /// with the number of pieces that were done since the last call. If it succeeds, the last step has all that `amount` counts.
     ///
     /// # Errors
     /// That of `work`.
@@ -131,11 +131,11 @@ impl<'a> Watch<'a> {
         let Amount { what, parts, total, pieces } = amount;
         let counting = self.begin(Work { what, total, first: 0, parts, seed: None });
         let pieces_done = AtomicUsize::new(0);
-        // When a step was told, and how many were done.
+        // When the last step was reported, and how many parts were done then.
         let told = Mutex::new((Instant::now(), 0));
         let result = work(&|more| {
             pieces_done.fetch_add(more, Ordering::Relaxed);
-            // Who finds it locked goes on: another thread is telling.
+            // If it is locked, another thread is reporting: this one goes on.
             let Ok(mut told) = told.try_lock() else { return };
             let share = pieces_done.load(Ordering::Relaxed) as f64 / pieces.max(1) as f64;
             let done = (total as f64 * share.min(1.0)) as usize;
@@ -161,13 +161,13 @@ pub struct Amount<'a> {
     pub parts: &'a str,
     /// How many there are.
     pub total: usize,
-    /// Pieces in which the work counts itself: of all of them, not of one.
+    /// Number of pieces in which the work counts itself, for the whole work. They may be smaller than what `total` counts.
     pub pieces: usize,
 }
 
 impl<'a> Amount<'a> {
-    /// Robots that move for so many control periods in all, counted in seconds. `what` ends in `simulated second`; `period`: the
-    /// control period, s.
+    /// Simulated seconds of all robots together. `what` ends in `simulated second`; `periods`: control periods, summed over all
+    /// robots; `period`: the control period, s.
     pub fn simulated(what: &'a str, periods: usize, period: f64) -> Self {
         let seconds = (periods as f64 * period).round().max(1.0) as usize;
         Self { what, parts: "simulated seconds", total: seconds, pieces: periods }
@@ -258,7 +258,7 @@ mod tests {
         assert!(steps.is_sorted_by(|before, after| before.0 < after.0), "{steps:?}");
         assert_eq!(steps.iter().map(|step| step.1).sum::<usize>(), 10);
         assert_eq!(steps.last().unwrap().0, 10);
-        // More pieces than were said are no more than all; what failed has no last step.
+        // More pieces than were announced do not count. Work that failed has no last step.
         let too_many = |done: &(dyn Fn(usize) + Sync)| {
             done(900);
             Ok::<(), ()>(())

@@ -96,14 +96,14 @@ pub fn collect_in(
     if played.is_none() {
         settings.device.check()?;
     }
+    // A refusal leaves nothing in a folder that has logs.
+    if folder.is_dir() {
+        check_no_logs(folder)?;
+    }
     // Until the logs are written.
     let _owned = Owned::for_logs(folder)?;
-    if !csv_files(folder)?.is_empty() {
-        return Err(Error::settings(format!(
-            "--out {}: holds CSV files already, and logs of two runs would be mixed; give another folder, or empty it",
-            folder.display()
-        )));
-    }
+    // Another process may have ended since the first check, and left logs.
+    check_no_logs(folder)?;
     let options = CollectOptions { count, seconds, shift: [low, high], privileged };
     let threads = settings.world.threads();
     let writer = LogWriter::new(folder, count)?;
@@ -127,6 +127,17 @@ pub fn collect_in(
         watch.note(&format!("trajectory {number} fell before its log began; it has no file"));
     }
     Ok(Collected { simulator: world.description(), files: written.files, falls: written.falls })
+}
+
+/// Refuses a folder that holds CSV files.
+fn check_no_logs(folder: &Path) -> Result<(), Error> {
+    if csv_files(folder)?.is_empty() {
+        return Ok(());
+    }
+    Err(Error::settings(format!(
+        "--out {}: holds CSV files already, and logs of two runs would be mixed; give another folder, or empty it",
+        folder.display()
+    )))
 }
 
 /// The world with robots that begin where a fit of their logs lets them begin. The logs of a policy that follows a motion and no
@@ -166,7 +177,7 @@ pub(crate) fn walks(
     })
 }
 
-/// How much there is to simulate.
+/// How much there is to simulate, for progress.
 fn amount(subject: &Subject<'_>, options: &CollectOptions) -> Amount<'static> {
     let period = subject.task.walker.interface.control_dt;
     Amount::simulated("logs: simulated second", options.periods(period), period)

@@ -12,7 +12,7 @@ from .. import _gaitfit
 
 #: How long to wait for an answer before saying that nothing happened, s.
 PATIENCE = 0.1
-#: Max number of characters of Ray's words in a message.
+#: Max number of characters of Ray's message in one of ours.
 SAID = 300
 #: How long what the cluster has is taken as known, s.
 KNOWN = 2.0
@@ -160,7 +160,7 @@ class Cluster:
             raise Lost(self.why(error)) from None
 
     def why(self, error: Exception) -> str:
-        """Why a worker is gone, in words, with the first line of what Ray says."""
+        """Why a worker is gone, in words, with the first line of Ray's message, as the end of a sentence with "because"."""
         if isinstance(error, Lost):
             return str(error)
         found = self._ray.exceptions
@@ -170,7 +170,7 @@ class Cluster:
                 for kind, words in (
                     (found.OutOfMemoryError, "its node had too little memory, so Ray ended it"),
                     (found.NodeDiedError, "its node left the cluster"),
-                    (found.ObjectLostError, "a node left the cluster, and data that it needs were there"),
+                    (found.ObjectLostError, "a node left the cluster, and data that it needs went with the node"),
                 )
                 if isinstance(error, kind)
             ),
@@ -185,10 +185,14 @@ class Lost(_gaitfit.GaitfitError):
 
 
 def often_lost(what: str, times: int, retries: int, why: str, kept: str) -> str:
-    """The message about work whose worker is gone too often. ``kept``: what of it is there, and how to continue."""
+    """The message about work whose workers were lost too often.
+
+    ``what``: the work; ``times``: how many workers it lost; ``retries``: how many it may lose; ``why``: what :meth:`Cluster.why`
+    says of the last one; ``kept``: which results are kept, and how to continue.
+    """
     return (
         f"{what}: {times} workers of the Ray cluster were lost one after another while they did this (retries={retries}); the "
-        f"last one because {why}. {kept} Before that, find out why workers are lost: `ray status` lists the nodes, and "
+        f"last one because {why}. {kept} First find out why workers are lost: `ray status` lists the nodes, and "
         "/tmp/ray/session_latest/logs on a node has what its workers wrote. If memory is short, a larger num_cpus puts "
         "fewer tasks on a node."
     )

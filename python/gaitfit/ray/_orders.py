@@ -14,7 +14,7 @@ from ._cluster import Cluster, often_lost
 from ._limit import CONTINUE, KEPT, Limit
 from ._parts import read, write
 
-#: What a part is, by what makes it.
+#: What a part is in a message, by the kind of its work (``how["what"]``).
 KINDS = {"fit": "the fit", "training": "the training", "finetuning": "the training", "cell": "the cell"}
 #: Parts for each place of the cluster that are begun at a time.
 AHEAD = 2
@@ -31,7 +31,7 @@ class Order:
         self.name, self.folder, self.needs, self.how, self.files = name, folder, needs, how, files
 
     def title(self) -> str:
-        """What it is, and its name."""
+        """What it is and its name, for messages."""
         return f"{KINDS[self.how['what']]} {self.name}"
 
 
@@ -105,7 +105,7 @@ class Orders:
             self._tell("end")
 
     def _often(self, order: Order, times: int, error: Exception) -> str:
-        """That the worker of a part was lost too often."""
+        """The message that a part lost too many workers."""
         why, retries = self._cluster.why(error), self._cluster.place.retries
         kept = f"What they had sent is in {order.folder}, and parts that are complete are kept too. {CONTINUE}."
         return often_lost(order.title(), times, retries, why, kept)

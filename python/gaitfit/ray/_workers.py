@@ -56,8 +56,8 @@ class Workers:
                             lost[one] += 1
                         left.extendleft(reversed(again))
                         if lost[number] > self._cluster.place.retries:
-                            what = f"a share of the fit's simulations (one of {len(tasks)} that belong together)"
-                            kept = "The run folder keeps what the fit has done before; with resume=True it continues there."
+                            what = f"a part of the fit's simulations (one of {len(tasks)} that are shared at a time)"
+                            kept = "The run folder keeps what the fit did before; the same call with resume=True continues it."
                             raise Lost(
                                 often_lost(what, lost[number], self._cluster.place.retries, str(error), kept)
                             ) from None

@@ -146,7 +146,7 @@ class Result:
 
 def framed(page: Path, height: int = 600) -> str:
     """A page as an HTML frame that needs no other file."""
-    # Imported here, because most programs show no pages and wait for their imports.
+    # Imported here, because most programs show no pages, and each import makes their start slower.
     import html
 
     text = html.escape(page.read_text(encoding="utf-8"), quote=True)

@@ -194,7 +194,7 @@ class Fleet(Result):
         return rows
 
     def _hierarchy(self, name: str) -> Hierarchy:
-        # Imported here, because most programs have no fleet and wait for their imports.
+        # Imported here, because most programs have no fleet, and each import makes their start slower.
         from .._hierarchy import Hierarchy
 
         scale = self.numbers[name].scale

@@ -54,8 +54,8 @@ class Round:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Comparison(Result):
-    """The result of :func:`gaitfit.compare`: one policy minus another, or one policy on two robots. Errors are differences: a negative
-    number means a smaller error.
+    """The result of :func:`gaitfit.compare`: one policy minus another, or one policy in two simulators. Errors are differences: a
+    negative number means a smaller error.
 
     Attributes:
         policy: The policy.
@@ -86,7 +86,7 @@ class Comparison(Result):
     reward: Estimate | None = None
 
     def rows(self) -> list[dict[str, Any]]:
-        """One row a difference: ``quantity``, ``mean``, ``ci95`` and ``unit``."""
+        """One row for each difference: ``quantity``, ``mean``, ``ci95`` (half the width of the 95 % interval) and ``unit``."""
         units = {"linear_velocity_error": "m/s", "angular_velocity_error": "rad/s", "tracking_error": "m/s + rad/s", "fall_rate": "-"}
         found = {name: getattr(self, name) for name in units}
         if self.reward is not None:

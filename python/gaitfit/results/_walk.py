@@ -173,13 +173,13 @@ class Training(Result):
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """An arrangement of joints with which a policy walks, where it does not as its file states them: their order, signs and scales.
+    """Another order, signs or scales of the joints, with which a policy walks. With those that its file states it does not walk.
 
     Attributes:
-        changes: What is different, each in words.
-        settings: What to set in the policy's description, each a line.
-        measure: The measure of the given arrangement, and of this one; a smaller one is better.
-        measured: What the measure is, in words.
+        changes: What is different from the file, in words, one text for each change.
+        settings: What to set in the policy's description, one line for each setting.
+        measure: How badly the policy walks as its file states, and with the changes: two numbers without a unit, 0 is best.
+        measured: What ``measure`` is, in words.
 
     >>> walked.diagnosis is None
     True
@@ -212,8 +212,8 @@ class Evaluation(Result):
         drift: Trials under constant commands.
         gait: The gait straight ahead; ``None`` if the robot falls or the task has no walk ahead.
         verdict: Whether the policy walks, in a sentence; ``None`` if that cannot be judged.
-        diagnosis: An arrangement of joints with which the policy walks. It is looked for (``diagnose=True``) if the policy does not
-            walk, and if gaitfit did not train it; ``None`` if none was found or looked for.
+        diagnosis: The order, signs and scales of joints with which the policy walks. They are looked for (``diagnose=True``) if the
+            policy does not walk and gaitfit did not train it; ``None`` if none were looked for or found.
         wall_seconds: Wall time, s.
 
     >>> walked.trajectories, walked.fall_rate.mean

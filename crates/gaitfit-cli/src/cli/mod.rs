@@ -176,11 +176,11 @@ pub struct Init {
     /// Write no page of the stance
     #[arg(long, hide = true)]
     pub no_picture: bool,
-    /// Train a policy for the task; if it does not learn to walk, train again with the next guess of the gains, and then the best
-    /// guess further
+    /// Train a policy for the task. If it does not learn to walk, train with the next guess of the gains; if no guess walks, train
+    /// the best one further
     #[arg(long)]
     pub train: bool,
-    /// With --train, begin to train the best guess further only if that ends within so many minutes of the begin
+    /// With --train, train the best guess further only while that should end within N minutes of the start (0: never)
     #[arg(long, value_name = "N", requires = "train", default_value_t = 10.0, value_parser = minutes)]
     pub minutes: f64,
     /// With --train, change one setting of the trainings, for example --set train.iterations=200 (repeatable)
@@ -197,7 +197,7 @@ pub struct Init {
     pub json: bool,
 }
 
-/// A time that is not negative.
+/// Reads a number of minutes: finite and at least 0.
 fn minutes(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number >= 0.0);
     number.ok_or_else(|| "expected a number of minutes, at least 0".to_owned())

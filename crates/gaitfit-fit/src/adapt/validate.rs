@@ -131,7 +131,7 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
     let itself = Predictor { theta: &nothing, values: &[] };
     let kind = config.costs[0];
     let stop = || watch.stop();
-    // Of each set two costs, and the errors of both robots.
+    // For each set one simulation for the cost and one for the errors, each with the robot after and before the fit.
     let total = 4 * after.len() + after.first().map_or(0, |set| 2 * simulations(&method, set));
     let amount = Amount { what: "simulation of the logs", parts: "simulations", total, pieces: total };
     let (cost, nominal_cost, found, held_out) = watch.shared(amount, |done| {

@@ -11,9 +11,9 @@ const FOLLOWED: usize = 2;
 /// A further change must make the measure smaller by this factor.
 const HELPS: f64 = 0.8;
 
-/// The arrangement with the smallest measure, and the measures of the given one and of this. `measure` computes those of several
-/// arrangements. `with_logs`, `derived`: see [`changes`] and [`Arrangement::with`]. A measure below `enough` ends the search.
-/// `more`: further changes to try on an arrangement.
+/// The arrangement with the smallest measure, and the measures of the given one and of this one. `measure` returns the measure of
+/// each arrangement that it gets. `with_logs`, `derived`: see [`changes`] and [`Arrangement::with`]. A measure below `enough` ends
+/// the search. `more`: further changes to try on an arrangement.
 pub(super) fn search(
     interface: &Interface,
     limbs: &Limbs,

@@ -64,7 +64,7 @@ pub fn crossings(
     in_tiles(count, TILE, threads, |first, count| tile(subject, course, first, count, speed, steps))
 }
 
-/// Robots times control periods of [`crossings`].
+/// How many control periods [`crossings`] counts, summed over all robots. `speed`: as there, m/s.
 pub fn crossing_periods(task: &Task, robots: usize, speed: f64) -> usize {
     task.course.as_ref().map_or(0, |course| {
         let (count, steps) = size(task, course, robots, speed);

@@ -66,7 +66,7 @@ pub fn drift(
     trials.into_iter().map(|(name, command)| trial(subject, name, command, robots)).collect()
 }
 
-/// Robots times control periods of [`drift`].
+/// How many control periods [`drift`] counts, summed over all commands and robots.
 pub fn drift_periods(task: &Task, robots: usize) -> usize {
     TRIALS * robots * periods(task, 2.0 * STAND + COMMAND) as usize
 }

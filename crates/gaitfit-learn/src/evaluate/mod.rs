@@ -32,13 +32,13 @@ pub struct Subject<'a> {
     /// Whether to stop, asked at each control period of a tile, from any thread; once true it must stay true. Simulations
     /// then end with [`crate::task::TaskError::Interrupted`]. `None` never stops.
     pub cancel: Option<&'a (dyn Fn() -> bool + Sync)>,
-    /// Gets how many robots a control period has moved, after each one of a tile, from any thread: for progress. `None` tells
-    /// nobody.
+    /// For progress: called after each control period of a tile, from any thread, with the number of robots that it moved. `None`
+    /// if nobody wants to know.
     pub moved: Option<&'a (dyn Fn(usize) + Sync)>,
 }
 
 impl Subject<'_> {
-    /// Tells that this many robots have been moved by a control period each.
+    /// Reports that this many robots have each been moved by one control period.
     pub fn count(&self, robots: usize) {
         if let Some(moved) = self.moved {
             moved(robots);

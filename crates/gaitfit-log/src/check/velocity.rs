@@ -4,7 +4,7 @@ use super::saturation::clipped;
 use super::stats::{range, short};
 use super::{FindingKind, Findings, Severity};
 use crate::Signal;
-use crate::scale::{SAME, Scale, Scales, equal, typical_step};
+use crate::scale::{SAME, SLOW_S, Scale, Scales, equal, typical_step};
 
 /// Below this correlation they are two different signals. A hip of a trotting robot sampled at 50 Hz reaches
 /// only 0.55: impacts fall between samples.
@@ -131,6 +131,13 @@ fn reading(findings: &Findings, factor: f64, one: bool, shared: Option<f64>) -> 
             short(1.0 / step),
             short(shared)
         ),
+        // Of a sound joint that answers each target within a sample, the velocities at the samples are less than the mean ones.
+        (_, Some(step)) if factor < 1.0 && !far(factor) && step >= SLOW_S => {
+            "the other joints fit the time column, or have other factors, so the rate alone is not to blame. At this rate \
+             nothing need be wrong: joints that answer a new target before the next sample look like this. Otherwise check \
+             units (rad, rad/s) and gear ratios"
+                .to_owned()
+        }
         _ => "the other joints fit the time column, or have other factors, so the rate alone is not to blame; check \
               units (rad, rad/s) and gear ratios"
             .to_owned(),

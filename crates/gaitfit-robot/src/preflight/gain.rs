@@ -1,10 +1,11 @@
 //! What a motor's reported torque shows of its gains, and how late it is.
 //!
-//! τ(t) = g (kp (q*(t − d) − q(t − a)) − kd q̇(t − a)) + c. The delay d is unknown, and so is the age a: the state in a message may
-//! be newer than the one by which the motor's controller computed the torque of the same message, by at most the time between
-//! two messages. With a = 0 the joint looks lighter by kd·a and less damped by kp·a. If it is so light that little more than
-//! this is left, its motion does not tell an age from a gain. So all ages and delays are tried, and the gains of all that fit
-//! about as well as the best are possible. Both sides are smoothed: noise of velocities is large where kd is.
+//! τ(t) = g (kp (q*(t − d) − q(t − a)) − kd q̇(t − a)) + c. The gain g is 1 if kp and kd are as stated; c is a constant. The delay d is
+//! unknown. So is the age a: the state in a message may be newer than the one by which the motor's controller computed the
+//! torque of the same message, by at most the time between two messages. If a is taken for 0, the joint looks lighter by kd·a
+//! and less damped by kp·a. A light joint has little more than this, so its motion cannot tell an age from a gain. So all ages
+//! and delays are tried. The gains of all that fit about as well as the best are possible. Both sides are smoothed, because kd
+//! makes the noise of velocities large.
 
 use std::ops::Range;
 
@@ -14,9 +15,9 @@ use super::statistics::{Measured, mean, span};
 
 /// Reported torques that vary by less are not reported at all, N·m.
 const REPORTED: f64 = 0.01;
-/// Ages and delays are possible that leave at most so many times the squares of the best.
+/// An age and a delay are possible if they leave at most this many times the squared errors of the best ones.
 const POSSIBLE: f64 = 2.0;
-/// Squares that sampling leaves at least, in parts of the torque's.
+/// Squared errors that sampling alone leaves, as a part of the squares of the torque about its mean.
 const FLOOR: f64 = 1e-5;
 /// Step of ages and delays, in rows and in s.
 const PART: f64 = 0.125;
@@ -27,17 +28,18 @@ const STEP: f64 = PART * DT;
 pub(super) struct Reported {
     /// Time from a target to it, s.
     pub(super) delay: Measured,
-    /// Least and largest possible ratio of it to the torque of the command.
+    /// Least and largest possible ratio of it to the torque of the command, without a unit.
     pub(super) gain: [f64; 2],
 }
 
-/// One age and delay, in steps.
+/// One age and one delay, in steps of [`STEP`].
 #[derive(Clone, Copy, Debug)]
 struct Tried {
     age: usize,
     delay: usize,
-    /// Squares that are left.
+    /// Sum of the squared errors that are left, (N·m)².
     left: f64,
+    /// Reported torque over that of the command.
     gain: f64,
 }
 
@@ -71,20 +73,20 @@ fn possible(all: &[Tried], floor: f64) -> Vec<Tried> {
     let best = all.iter().map(|one| one.left).fold(f64::INFINITY, f64::min);
     let mut kept: Vec<Tried> =
         all.iter().filter(|one| one.left <= POSSIBLE * best.max(floor)).copied().collect();
-    // A joint that follows its command has no negative gain. That of a light joint looks like one if its torque is late.
+    // A joint that follows its command has no negative gain. The gain of a light joint can look negative if its torque is late.
     if kept.iter().any(|one| one.gain > 0.0) {
         kept.retain(|one| one.gain > 0.0);
     }
     kept
 }
 
-/// A joint's own motion, smoothed and less often.
+/// A joint's own motion, smoothed.
 struct Smooth {
     kp: f64,
     kd: f64,
-    /// Reported torques.
+    /// Reported torques of every third row ([`STRIDE`]), N·m.
     torque: Vec<f64>,
-    /// Targets, angles and velocities of each row, for as many rows before as the longest delay needs.
+    /// Targets, rad, angles, rad, and velocities, rad/s, of each row. They begin as many rows earlier as the longest delay needs.
     target: Vec<f64>,
     angle: Vec<f64>,
     velocity: Vec<f64>,
@@ -129,7 +131,8 @@ impl Smooth {
         (1.0 - part) * value(exact as usize) + part * value(exact as usize + 1)
     }
 
-    /// The gain with this age and delay, if the reported torque alone has errors and if both have.
+    /// The gains with this age and delay: first as if only the reported torque had errors, then as if the torque of the command
+    /// had them too.
     fn fit(&self, age: usize, delay: usize) -> (Tried, Tried) {
         let count = self.torque.len() as f64;
         let (mut x, mut y, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0);
@@ -147,7 +150,7 @@ impl Smooth {
         (xx, xy, yy) = (xx - x * x / count, xy - x * y / count, yy - y * y / count);
         let slope = if xx > 0.0 { xy / xx } else { 0.0 };
         let alone = Tried { age, delay, left: (yy - slope * xy).max(0.0), gain: slope };
-        // Errors in both: the longest axis, and the squares across it.
+        // Errors in both: the slope is that of the longest axis, and the squares across it are left.
         let long = 0.5 * (xx + yy + ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt());
         let axis = xy / (long - yy).max(1e-12 * long + f64::MIN_POSITIVE);
         (alone, Tried { left: (xx + yy - long).max(0.0), gain: axis, ..alone })

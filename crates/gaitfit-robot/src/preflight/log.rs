@@ -34,7 +34,7 @@ pub struct Row {
 pub struct SampledStates {
     /// There are no rows where no state came for 50 ms.
     pub rows: Vec<Row>,
-    /// Time between two messages, s: the middle of all.
+    /// Median time between two messages, s.
     pub message: f64,
 }
 

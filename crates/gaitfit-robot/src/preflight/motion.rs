@@ -25,8 +25,8 @@ const OPPOSITE: f64 = -0.3;
 const TOO_FAR: f64 = 1.4;
 /// A joint moves too little if it moves by less than this part of what friction allows.
 const TOO_LITTLE: f64 = 0.5;
-/// Reported torque over commanded torque: a fault if all that is possible is outside the first range, a warning if it is outside
-/// the second.
+/// Reported torque over commanded torque. It is a fault if no possible ratio is in the first range, a warning if none is in the
+/// second.
 const GAIN: [[f64; 2]; 2] = [[0.5, 2.0], [0.9, 1.1]];
 /// A zero is a fault if it is off by more than this, rad, and by more than so many of its standard errors.
 const ZERO: f64 = 0.1;
@@ -292,7 +292,7 @@ fn judge(one: &JointMotion, kp: f64, findings: &mut Vec<Finding>) {
         ));
     }
     if let Some([low, high]) = one.torque_gain {
-        // If the stated gains are possible, nothing is wrong.
+        // The possible ratio nearest to 1: if 1 is possible, nothing is wrong.
         let nearest = 1.0f64.clamp(low, high);
         let outside = |[low, high]: [f64; 2]| nearest < low || nearest > high;
         let problem = format!("its motor reports {low:.2} to {high:.2} times the torque of its command");

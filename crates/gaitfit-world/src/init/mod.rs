@@ -154,7 +154,7 @@ impl Look {
         text
     }
 
-    /// The same, with so many iterations in the configuration.
+    /// The same, with this number of iterations in the configuration.
     #[must_use]
     pub fn with_iterations(&self, iterations: u32) -> Self {
         Self { text: text::with_iterations(&self.text, iterations), ..self.clone() }

@@ -50,12 +50,12 @@ fn numbers(text: &mut String, model: &Model, joints: &[usize], name: &str, value
     }
 }
 
-/// The tables that [`task`] wrote, with so many iterations.
+/// The tables that [`task`] wrote, but with this number of iterations.
 pub fn with_iterations(tables: &str, iterations: u32) -> String {
-    // `[train]` comes first, and has nothing else.
+    // If there is a `[train]`, it comes first and has only its iterations.
     let rest = tables.find(TASK).map_or(tables, |begin| &tables[begin..]);
     let mut text = String::from("\n[train]\n");
-    line(&mut text, "iterations", iterations, "the task's usual number was not enough");
+    line(&mut text, "iterations", iterations, "fewer did not teach it to walk");
     text + rest
 }
 

@@ -28,7 +28,7 @@ struct Document<'a> {
     /// Whether it walks, in a sentence.
     #[serde(skip_serializing_if = "Option::is_none")]
     verdict: Option<&'a str>,
-    /// The arrangement with which it walks, if most robots fall.
+    /// The arrangement of joints with which it walks, if it does not walk as its file states them.
     #[serde(skip_serializing_if = "Option::is_none")]
     diagnosis: Option<&'a Diagnosis>,
     wall_seconds: f64,

@@ -1,4 +1,4 @@
-//! The trainings of `gaitfit init --train`: each guess, then the best one further.
+//! The trainings of `gaitfit init --train`: first each guess, then more iterations of the best one.
 
 use super::{Files, write_configuration};
 use crate::cli::{Devices, Init};
@@ -25,7 +25,7 @@ pub(super) struct Training {
     guess: usize,
     /// Its gains.
     gains: String,
-    /// Iterations of its policy in all.
+    /// Iterations of its policy since its first training began.
     iterations: u32,
     /// Mean reward of a control step at the end; absent where no seed was trained.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -39,21 +39,21 @@ pub(super) struct Training {
     /// Name of the run.
     #[serde(skip)]
     name: String,
-    /// How long it took, with the evaluation.
+    /// How long it took, evaluation included.
     #[serde(skip)]
     took: Duration,
 }
 
 impl Training {
-    /// Its reward; the least of all where it has none.
+    /// Its reward; −∞ if it has none.
     fn reward(&self) -> f64 {
         self.reward.filter(|reward| reward.is_finite()).unwrap_or(f64::NEG_INFINITY)
     }
 }
 
-/// Trains the guesses one after the other until a policy walks. If none does, the guess with the most reward is trained further
-/// while there is time. The configuration is that of the guess that was trained last if it walks or was trained further, or
-/// else of the first one.
+/// Trains the guesses one after the other until a policy walks. If none does, it trains the guess with the highest reward further
+/// while there is time. At the end the configuration has the guess that walks or was trained further; if there is none, the
+/// first one.
 pub(super) fn train_guesses(
     args: &Init,
     files: &Files,
@@ -82,8 +82,8 @@ pub(super) fn train_guesses(
     while is_time_for(minutes, begun.elapsed(), took) {
         iterations = iterations.saturating_add(round);
         output::note(&format!(
-            "no policy walks yet: guess {guess}, which had the most reward, is trained on, to {iterations} iterations \
-             ({:.1} of {minutes} minutes are over)",
+            "no policy walks yet: guess {guess}, which had the highest reward, is trained further, to {iterations} \
+             iterations ({:.1} of {minutes} minutes are over)",
             begun.elapsed().as_secs_f64() / 60.0
         ));
         let training = train_one(args, files, look, guess, Some(iterations))?;
@@ -101,12 +101,14 @@ pub(super) fn train_guesses(
     Ok(trainings)
 }
 
-/// Whether a training that takes so long ends within so many minutes since all began.
+/// Whether a training should end in time. `minutes`: the limit for all trainings; `since`: the time since the first one began;
+/// `takes`: how long the training will take, by the last one.
 fn is_time_for(minutes: f64, since: Duration, takes: Duration) -> bool {
     (since + takes).as_secs_f64() <= 60.0 * minutes
 }
 
-/// Trains a guess: from the start, or on from its checkpoint to so many iterations.
+/// Trains a guess and evaluates its policy. `guess`: its number, from 1; `further`: the number of iterations up to which its last
+/// training continues, or `None` for a training from the start.
 fn train_one(
     args: &Init,
     files: &Files,
@@ -180,33 +182,34 @@ fn judge(policy: &str, config: &TrainConfig, threads: usize) -> Result<(bool, St
     })
 }
 
-/// A sentence about guessed gains.
+/// A guess's gains in words; empty if it has none.
 fn gains(look: &Look) -> String {
     let found = look.guesses.iter().find(|guess| guess.what == "gains");
     found.map(|guess| guess.found.clone()).unwrap_or_default()
 }
 
-/// What a person can do if no policy walks. `written`: the configuration.
+/// The message if no policy walks, with what to do. `written`: the configuration's file.
 pub(super) fn remedy(args: &Init, trainings: &[Training], written: &str) -> String {
     let rounds = trainings.last().filter(|last| {
         trainings.iter().any(|one| one.guess == last.guess && one.iterations < last.iterations)
     });
     let Some(last) = rounds else {
         return format!(
-            "no guess came to walk in its training; {written} has the first one. Look at the stance in the page, and train \
-             longer: with --minutes N the best guess is trained on, and with --set train.iterations=N all are"
+            "no guess learned to walk in its training; {written} has the first one. Look at the stance in the page. Then \
+             train longer: --minutes N trains the best guess further, --set train.iterations=N trains each guess longer"
         );
     };
     let sets: String = args.set.iter().map(|set| format!(" --set '{set}'")).collect();
     format!(
-        "no policy came to walk; {written} has guess {}, which was trained on. Look at the stance in the page, and train \
-         further: gaitfit train {written} --name {} --resume{sets} --set train.iterations={}",
+        "no policy learned to walk; {written} has guess {}, which was trained further. Look at the stance in the page. To \
+         go on with it: gaitfit train {written} --name {} --resume{sets} --set train.iterations={}",
         last.guess,
         last.name,
         last.iterations.saturating_mul(2)
     )
 }
 
+/// Each training in two lines, as the program prints them.
 pub(super) fn tried(trainings: &[Training]) -> String {
     let line = |training: &Training| {
         let Training { guess, gains, iterations, result, .. } = training;

@@ -30,7 +30,8 @@ const SEED: u64 = 15;
 
 /// Compares walks under the commands of held-out logs with them. Each of `sets` has these logs and the simulator of the
 /// robot after and before the fit; beside it stands what θ changes of it. `fitted_logs`: other logs of the robot, among
-/// which trials of the same commands are looked for. After each of twice [`simulations`], `done` gets 1.
+/// which trials of the same commands are looked for. `done` is called with 1 after each simulation; there are at most twice as
+/// many as [`simulations`] says.
 ///
 /// # Errors
 /// A simulation that cannot be made; `Interrupted` if `cancel` asks to stop. Logs that cannot be compared in this way (constant joints) give none.
@@ -99,7 +100,7 @@ pub fn held_out(
     }))
 }
 
-/// How often [`held_out`] simulates each robot, at most.
+/// How often [`held_out`] simulates the walks with each of its two robots, at most.
 pub fn simulations(method: &Method, set: &LogSet) -> usize {
     match (method.walking(), set.reference.fall_rate() > 0.0) {
         (None, _) => 0,

@@ -17,7 +17,7 @@ const HEAVY: [f32; 2] = [0.04, 0.3];
 const DRY: f32 = 0.2;
 /// The torque of such a motor, N·m.
 const TORQUE: f32 = 23.7;
-/// Steps in a millisecond.
+/// Physics steps in a millisecond.
 const STEPS: u64 = 4;
 
 /// How it differs from a robot that reports all at once.
@@ -29,9 +29,9 @@ struct Kind {
     newer: u64,
     /// Inertia and friction of its joints, in parts of those on the server.
     weight: f32,
-    /// This motor takes so many times its gains.
+    /// A motor, and the factor by which its gains differ from those of the command.
     gains: Option<(usize, f32)>,
-    /// Whether it has a real one's noise.
+    /// Whether it has the noise and the dry friction of a real robot.
     noisy: bool,
 }
 
@@ -43,7 +43,7 @@ struct Aged {
     kind: Kind,
     state: RobotState,
     command: Option<Command>,
-    /// Of the last look.
+    /// Torques since the controllers' last look, N·m.
     torque: PerMotor<f32>,
     noise: Stream,
     now: u64,
@@ -56,7 +56,7 @@ impl Aged {
         Self { robot: robot.clone(), kind, state, command: None, torque, noise, now: 0 }
     }
 
-    /// A millisecond; the motors' controllers look at its begin.
+    /// Simulates a millisecond. The motors' controllers look at its beginning, if it is their turn.
     fn step(&mut self) {
         let Kind { period, gains, weight, .. } = self.kind;
         let state = &mut self.state;
