@@ -324,21 +324,30 @@ fn a_guess_that_does_not_walk_is_followed_by_the_next() {
     assert!(!folder.path().join("walk-stance.html").exists());
 }
 
-/// It is trained until the time is over.
-#[test]
-fn the_best_guess_is_trained_further() {
+/// Trains a robot that does not learn to walk, for `minutes`: its folder, the output, and the trainings.
+fn further(minutes: &str) -> (tempfile::TempDir, std::process::Output, Vec<serde_json::Value>) {
     let folder = tempfile::tempdir().unwrap();
     let robot = coupled(folder.path());
     let (out, runs) = (folder.path().join("walk.toml"), format!("runs={}", folder.path().display()));
     let mut args = vec!["init", robot.to_str().unwrap(), "--out", out.to_str().unwrap(), "--no-picture"];
-    args.extend(["--json", "--train", "--minutes", "0.3", "--device", "cpu", "--set", &runs]);
+    args.extend(["--json", "--train", "--minutes", minutes, "--device", "cpu", "--set", &runs]);
     TINY.iter().for_each(|set| args.extend(["--set", set]));
     let output = run(&args);
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
     let trainings = json(&output)["trainings"].as_array().unwrap().clone();
+    (folder, output, trainings)
+}
+
+/// It is trained until the time is over.
+#[test]
+fn the_best_guess_is_trained_further() {
+    // A busy machine may need more time for the first three trainings.
+    let (folder, output, trainings) =
+        ["0.3", "2", "8"].into_iter().map(further).find(|found| found.2.len() > 3).unwrap();
+    let out = folder.path().join("walk.toml");
     let guess = |training: &serde_json::Value| training["guess"].as_u64().unwrap();
     let guesses: Vec<u64> = trainings.iter().map(guess).collect();
-    assert!(guesses.len() > 3 && guesses[..3] == [1, 2, 3], "{guesses:?}: {}", errors(&output));
+    assert_eq!(guesses[..3], [1, 2, 3], "{}", errors(&output));
     let reward = |training: &serde_json::Value| training["reward"].as_f64().unwrap();
     let best = trainings[..3].iter().max_by(|a, b| reward(a).total_cmp(&reward(b))).unwrap();
     for (number, further) in trainings[3..].iter().enumerate() {

@@ -6,7 +6,6 @@ use std::time::Duration;
 use super::Heard;
 use super::flight::Flown;
 use super::plan::Stage;
-use super::statistics::median;
 use crate::command::Command;
 use crate::robot::Robot;
 use crate::state::RobotState;
@@ -34,7 +33,7 @@ pub struct Row {
 pub struct SampledStates {
     /// There are no rows where no state came for 50 ms.
     pub rows: Vec<Row>,
-    /// Median time between two messages, s.
+    /// Mean time between two messages, s; gaps do not count.
     pub message: f64,
 }
 
@@ -68,9 +67,13 @@ pub fn sampled(flown: &Flown) -> SampledStates {
             state: between(&before.state, &after.state, part),
         });
     }
-    let apart: Vec<f64> =
-        finite.windows(2).map(|pair| pair[1].came.saturating_sub(pair[0].came).as_secs_f64()).collect();
-    SampledStates { rows, message: median(&apart) }
+    // The mean, as messages may arrive in bursts.
+    let apart: Vec<f64> = finite
+        .windows(2)
+        .map(|pair| pair[1].came.saturating_sub(pair[0].came).as_secs_f64())
+        .filter(|apart| *apart <= GAP)
+        .collect();
+    SampledStates { rows, message: apart.iter().sum::<f64>() / apart.len().max(1) as f64 }
 }
 
 fn is_finite(state: &RobotState) -> bool {

@@ -291,7 +291,7 @@ fn judge(one: &JointMotion, kp: f64, findings: &mut Vec<Finding>) {
             ),
         ));
     }
-    if let Some([low, high]) = one.torque_gain {
+    if let Some([low, high]) = one.torque_gain.filter(|[low, high]| low <= high) {
         // The possible ratio nearest to 1: if 1 is possible, nothing is wrong.
         let nearest = 1.0f64.clamp(low, high);
         let outside = |[low, high]: [f64; 2]| nearest < low || nearest > high;
