@@ -199,13 +199,13 @@ pub(super) fn remedy(args: &Init, trainings: &[Training], written: &str) -> Stri
              train longer: --minutes N trains the best guess further, --set train.iterations=N trains each guess longer"
         );
     };
-    let sets: String = args.set.iter().map(|set| format!(" --set '{set}'")).collect();
+    let iterations = format!("train.iterations={}", last.iterations.saturating_mul(2));
+    let sets: Vec<String> = args.set.iter().map(|set| format!("'{set}'")).chain([iterations]).collect();
+    let sets = sets.join(" --set ");
     format!(
         "no policy learned to walk; {written} has guess {}, which was trained further. Look at the stance in the page. To \
-         go on with it: gaitfit train {written} --name {} --resume{sets} --set train.iterations={}",
-        last.guess,
-        last.name,
-        last.iterations.saturating_mul(2)
+         go on with it: gaitfit train {written} --name {} --resume --set {sets}",
+        last.guess, last.name,
     )
 }
 
