@@ -96,8 +96,8 @@ pub fn collect_in(
     if played.is_none() {
         settings.device.check()?;
     }
-    // A refusal leaves nothing in a folder that has logs.
-    if folder.is_dir() {
+    // A refusal leaves no lock in a folder with logs that no process has owned.
+    if folder.is_dir() && !Owned::was_taken(folder) {
         check_no_logs(folder)?;
     }
     // Until the logs are written.

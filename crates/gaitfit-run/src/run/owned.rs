@@ -48,6 +48,11 @@ impl Owned {
         self.lock.metadata().is_ok() && folder.is_dir()
     }
 
+    /// Whether a process owns `folder`, or has owned it.
+    pub fn was_taken(folder: &Path) -> bool {
+        folder.join(LOCK).exists()
+    }
+
     /// Makes the folder that logs go into and takes it. What it holds is checked afterwards: an owner that ended a moment ago
     /// may have left logs.
     ///
