@@ -122,7 +122,7 @@ fn logs_unlike_those_of_any_robot_widen_the_intervals() {
     // Robots with the corrected values do not make such logs. So the intervals are wider than in the last round.
     let (near, far) = (like.likeness.unwrap(), unlike.likeness.unwrap());
     assert!(!near.unlike() && far.unlike() && far.ratio() > 1.5, "{near:?} {far:?}");
-    // The search's values are far off here, so its robots do not hide that.
+    // The search's values are far off here, so its robots do not count.
     let (near, far) = (like.likeness_of_both.unwrap(), unlike.likeness_of_both.unwrap());
     assert!(!near.unlike() && far.unlike(), "{near:?} {far:?}");
     let last = unlike.rounds.last().unwrap();
@@ -135,13 +135,13 @@ fn logs_unlike_those_of_any_robot_widen_the_intervals() {
 fn a_small_error_of_the_values_is_no_missing_effect() {
     let toy = Toy::default();
     let logs = real(&toy);
-    // A search that ended at the truth: the logs are as near to its robots as to those of the regression.
+    // The search found the true values. Its robots are as near to the logs as the regression's robots.
     let there = regress(&theta(), &TRUTH, &logs, &toy, EACH, 1, &never).unwrap().unwrap();
     assert!(there.further.unwrap() < 3.0, "{there:?}");
     let (corrected, both) = (there.likeness.unwrap(), there.likeness_of_both.unwrap());
     assert_eq!((corrected.robots, both.robots), (24, 48));
     assert!(!both.unlike(), "{there:?}");
-    // An effect that no value explains is found beside such a search too.
+    // The logs also show an effect that no value explains.
     let mut odd = logs.clone();
     odd.numbers[9] += 0.1;
     odd.numbers[11] += 0.1;

@@ -134,13 +134,13 @@ fn logs_of_two_runs_are_not_mixed() {
     let output = run(&["collect", FOREIGN, "--out", &out, "--trajectories", "1", "--seconds", "0.1"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(errors(&output).contains("another folder"), "{}", errors(&output));
-    // A refusal leaves nothing in a folder of the user's.
-    let own = folder.path().join("own");
-    std::fs::create_dir(&own).unwrap();
-    std::fs::write(own.join("walk.csv"), "time\n").unwrap();
-    let output = run(&["collect", FOREIGN, "--out", own.to_str().unwrap(), "--trajectories", "1"]);
+    // A refused call adds no file to a folder that has logs.
+    let used = folder.path().join("used");
+    std::fs::create_dir(&used).unwrap();
+    std::fs::write(used.join("walk.csv"), "time\n").unwrap();
+    let output = run(&["collect", FOREIGN, "--out", used.to_str().unwrap(), "--trajectories", "1"]);
     assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
-    assert_eq!(std::fs::read_dir(&own).unwrap().count(), 1);
+    assert_eq!(std::fs::read_dir(&used).unwrap().count(), 1);
 }
 
 /// Arguments of a short chirp of the Go2 into `out`.

@@ -122,7 +122,7 @@ impl<'a> Watch<'a> {
     /// with the number of pieces that were done since the last call. If it succeeds, the last step has all that `amount` counts.
     ///
     /// # Errors
-    /// That of `work`.
+    /// The error that `work` returns.
     pub fn shared<T, E>(
         &self,
         amount: Amount<'_>,
@@ -132,19 +132,19 @@ impl<'a> Watch<'a> {
         let counting = self.begin(Work { what, total, first: 0, parts, seed: None });
         let pieces_done = AtomicUsize::new(0);
         // When the last step was reported, and how many parts were done then.
-        let told = Mutex::new((Instant::now(), 0));
+        let reported = Mutex::new((Instant::now(), 0));
         let result = work(&|more| {
             pieces_done.fetch_add(more, Ordering::Relaxed);
             // If it is locked, another thread is reporting: this one goes on.
-            let Ok(mut told) = told.try_lock() else { return };
+            let Ok(mut reported) = reported.try_lock() else { return };
             let share = pieces_done.load(Ordering::Relaxed) as f64 / pieces.max(1) as f64;
             let done = (total as f64 * share.min(1.0)) as usize;
-            if done > told.1 && told.0.elapsed() >= STEP_EVERY {
-                counting.step(done, done - told.1, "");
-                *told = (Instant::now(), done);
+            if done > reported.1 && reported.0.elapsed() >= STEP_EVERY {
+                counting.step(done, done - reported.1, "");
+                *reported = (Instant::now(), done);
             }
         });
-        let before = told.into_inner().map_or(0, |told| told.1);
+        let before = reported.into_inner().map_or(0, |reported| reported.1);
         if result.is_ok() && before < total && !self.stop() {
             counting.step(total, total - before, "");
         }

@@ -131,7 +131,7 @@ fn reading(findings: &Findings, factor: f64, one: bool, shared: Option<f64>) -> 
             short(1.0 / step),
             short(shared)
         ),
-        // Of a sound joint that answers each target within a sample, the velocities at the samples are less than the mean ones.
+        // A sound joint may answer each target within one sample. Then its velocity at a sample is below the mean velocity.
         (_, Some(step)) if factor < 1.0 && !far(factor) && step >= SLOW_S => {
             "the other joints fit the time column, or have other factors, so the rate alone is not to blame. At this rate \
              nothing need be wrong: joints that answer a new target before the next sample look like this. Otherwise check \

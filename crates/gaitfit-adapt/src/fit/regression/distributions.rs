@@ -6,8 +6,8 @@ use std::ops::Range;
 
 /// Parts of equal count into which sorted samples are cut.
 const PARTS: usize = 16;
-/// At most one in this number of the samples that count is left out at the start of a log.
-const MIN_SHARE: usize = 5;
+/// Max part of the shortest recording that is left out at its start.
+const MAX_SETTLING: f64 = 0.2;
 /// Signals that every walking log has.
 const SIGNALS: [Signal; 3] = [Signal::Position, Signal::Velocity, Signal::Action];
 /// Groups of each signal's joints, in their order: the legs of a quadruped.
@@ -25,12 +25,12 @@ pub struct Distributions<'a> {
 }
 
 impl<'a> Distributions<'a> {
-    /// As those of `reference`, without the first `settling` samples that count: what the start of a log does to the walk must
-    /// not look like the robot's values. At most a fifth of the shortest recording is left out.
+    /// The distributions of `reference`, without the first `settling` samples that count. The start of a log changes the walk, and
+    /// this must not look like the robot's values. Max `settling`: a fifth of the shortest recording.
     pub fn new(reference: &'a Reference, settling: usize) -> Self {
         let counted = |recording| reference.samples(recording).saturating_sub(reference.skip());
         let shortest = (0..reference.recordings()).map(counted).min().unwrap_or(0);
-        Self { reference, settling: settling.min(shortest / MIN_SHARE) }
+        Self { reference, settling: settling.min((MAX_SETTLING * shortest as f64) as usize) }
     }
 
     /// Signals, their columns, and what scales them.
@@ -150,7 +150,7 @@ mod tests {
         let shorter = distributions.simulated(&[walk(None), walk(Some(28))]).unwrap();
         assert!(shorter[PARTS - 1] < recorded[PARTS - 1]);
         assert!(distributions.simulated(&[walk(None), walk(Some(12))]).is_none());
-        // Of the 30 samples that count in each log, at most six more are left out.
+        // 30 samples of each log count; the max settling is a fifth of them.
         let settled = Distributions::new(&reference, 2);
         let numbers = settled.recorded();
         assert_eq!(settled.simulated(&[walk(None), walk(None)]).unwrap(), numbers);

@@ -56,8 +56,8 @@ const UNLIKE: f64 = 3.0;
 /// Number of robots that are simulated with the regression's values, to see whether the real logs are like theirs. As many have
 /// the search's values.
 const WITH_VALUES: usize = 24;
-/// If the real logs are so many times as far from robots with the search's values as from robots with the regression's values, the
-/// search's values are far off. Their difference says nothing of the regression's errors.
+/// The search's values are far off if the real logs are more than this many times as far from robots with these values as from
+/// robots with the regression's values. Then the difference of the values does not show the regression's errors.
 const FAR: f64 = 3.0;
 /// Max entries of a θ for a regression.
 pub const MAX_REGRESSED: usize = 50;

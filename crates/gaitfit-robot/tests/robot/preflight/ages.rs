@@ -29,7 +29,7 @@ struct Kind {
     newer: u64,
     /// Inertia and friction of its joints, in parts of those on the server.
     weight: f32,
-    /// A motor, and the factor by which its gains differ from those of the command.
+    /// The number of a motor with wrong gains, and its gains divided by those of the command.
     gains: Option<(usize, f32)>,
     /// Whether it has the noise and the dry friction of a real robot.
     noisy: bool,
