@@ -11,7 +11,7 @@ use crate::runtime::Device;
 
 /// As [`gaitfit_learn::collect::collect`], on a GPU: the same robots, commands, starts, noise and pushes, and motions that
 /// differ by rounding, which walking robots make larger from step to step. Returns `None` if `cancel` asked
-/// to stop; the subject's own is not asked.
+/// to stop. The subject's own `cancel` is not called.
 ///
 /// # Errors
 /// [`RolloutError::Trials`] for what only the CPU simulates; a robot that cannot be; a failure of the GPU.

@@ -9,7 +9,7 @@ use super::scene::Mode;
 use crate::runtime::Device;
 
 /// As [`gaitfit_learn::evaluate::run_trials`], on a GPU: the same robots, commands, starts, noise and pushes, and motions
-/// that differ by rounding. Returns `None` if `cancel` asked to stop; the subject's own is not asked.
+/// that differ by rounding. Returns `None` if `cancel` asked to stop. The subject's own `cancel` is not called.
 ///
 /// # Errors
 /// [`RolloutError::Trials`] for what only the CPU simulates; a robot that cannot be; a failure of the GPU.

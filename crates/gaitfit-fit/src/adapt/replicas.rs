@@ -29,7 +29,7 @@ pub(super) const WALKED: f64 = 0.5;
 pub struct Replicas {
     recorder: Recorder,
     base: Candidate,
-    /// Their program on a GPU is compiled while the search runs. Nobody reads this.
+    /// The program of these robots on a GPU, which is compiled while the search runs. The field only keeps it until the fit ends.
     _program: Ahead,
 }
 
