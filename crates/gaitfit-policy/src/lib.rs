@@ -4,6 +4,7 @@
 //! are in the order of [`Interface::joints`] and matched to a model by name.
 
 mod anchor;
+mod base_sample;
 mod check;
 mod error;
 mod files;
@@ -25,6 +26,7 @@ mod reference;
 mod velocity_joints;
 pub mod walker;
 
+pub use base_sample::BaseSample;
 pub use error::PolicyError;
 pub use files::{
     Anchored, DescribedTerm, Description, EncoderTensors, Frames, Inputs, MemoryTensors, NormaliserTensors,
@@ -39,5 +41,5 @@ pub use history::{FrameOrder, History, HistoryStart};
 pub use interface::{Interface, InterfaceError, Term};
 pub use pilot::{Pilot, clock, target};
 pub use policy::{Policy, Provenance, RobotFile};
-pub use quantity::{BaseSample, OfBase, Quantity, Source, Width};
+pub use quantity::{OfBase, Quantity, Source, Width};
 pub use reference::{AnchorJoint, MotionPlace, Reference};

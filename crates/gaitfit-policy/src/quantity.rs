@@ -3,10 +3,9 @@
 //! A new quantity touches three files: its lines here (its row in the table, and what is sensed of a robot), where the
 //! simulator has it ([`crate::walker::Walker::sense`]), and the same for GPUs (`observe.cu` of `gaitfit-cuda`).
 
-use gaitfit_model::rotation::rotate_back;
 use serde::{Deserialize, Serialize};
 
-use crate::{MotionPlace, frames};
+use crate::{BaseSample, MotionPlace, frames};
 
 /// How many numbers a quantity has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,26 +35,6 @@ enum Columns {
     Named(&'static [&'static str]),
     /// One for each joint: this, then the joint's name.
     Joints(&'static str),
-}
-
-/// The base's motion as one sample of a log has it; what the log lacks is absent.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BaseSample {
-    /// Position, m, world frame.
-    pub position: Option<[f64; 3]>,
-    /// Orientation, wxyz, unit.
-    pub quaternion: Option<[f64; 4]>,
-    /// Linear velocity, m/s, world frame.
-    pub linear_velocity: Option<[f64; 3]>,
-    /// Angular velocity, rad/s, body frame.
-    pub angular_velocity: Option<[f64; 3]>,
-}
-
-impl BaseSample {
-    /// A world vector in the body frame.
-    fn to_body(self, vector: [f64; 3]) -> Option<[f64; 3]> {
-        Some(rotate_back(self.quaternion?, vector))
-    }
 }
 
 /// A quantity that follows from the base's motion. A log may lack it.

@@ -4,6 +4,7 @@ use crate::SwingError;
 use crate::count::{Count, Progress};
 use crate::equations::{Window, windows};
 use crate::feet::Ground;
+use crate::lowest::lowest;
 use crate::regression::{Group, Named, SHARED, groups, solve};
 use crate::report::{FrictionLaw, GroupEstimate, SwingReport, SwingSettings, usual_groups};
 use crate::together::{Together, together};
@@ -23,8 +24,6 @@ const CLEARANCE_STRIDE: usize = 3;
 const FIRST_DELAY_S: f64 = 0.005;
 /// Windows of these lengths too are tried, over the usual length.
 const LENGTHS: [f64; 2] = [0.75, 1.5];
-/// Steps around a delay that is roughly known in which the best one is looked for.
-const NEAR: f64 = 3.0;
 /// Another choice of swings counts for the error if its own error is at most this many times that of the best.
 const AS_SURE: f64 = 2.0;
 /// Swings of each group that are enough.
@@ -421,26 +420,6 @@ impl Fit {
             })
             .collect()
     }
-}
-
-/// Place of the minimum of `cost` within [`NEAR`] steps of `best`, from 0 to `last`, by golden sections.
-fn lowest(cost: &impl Fn(f64) -> f64, best: f64, last: f64) -> f64 {
-    const GOLDEN: f64 = 0.618_033_988_749_895;
-    let (mut low, mut high) = ((best - NEAR).max(0.0), (best + NEAR).min(last));
-    let mut inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
-    let mut costs = inner.map(cost);
-    for _ in 0..9 {
-        if costs[0] < costs[1] {
-            high = inner[1];
-            inner = [high - GOLDEN * (high - low), inner[0]];
-            costs = [cost(inner[0]), costs[0]];
-        } else {
-            low = inner[0];
-            inner = [inner[1], low + GOLDEN * (high - low)];
-            costs = [costs[1], cost(inner[1])];
-        }
-    }
-    0.5 * (low + high)
 }
 
 /// Offsets of a group's joints: the place of each joint's among them.

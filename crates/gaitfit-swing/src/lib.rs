@@ -16,6 +16,7 @@ mod equations;
 mod error;
 mod estimate;
 mod feet;
+mod lowest;
 mod regression;
 mod report;
 mod stance;

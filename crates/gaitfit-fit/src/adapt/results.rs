@@ -24,6 +24,7 @@ use gaitfit_adapt::fit::{
     Agreement, Correction, CostOutcome, FitError, Redrawn, Regression, RunGeneration, RunOutcome, Uncertainty,
 };
 use gaitfit_adapt::{Theta, never};
+use gaitfit_model::Model;
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -249,13 +250,8 @@ pub(super) fn results(
     };
     let robot = Robot { theta: &setup.theta, values: &first.values() };
     let given = setup.config.costs[0].given();
-    let checks_done = watch.begin(Work {
-        what: "check of the result",
-        total: CHECKS,
-        first: 0,
-        parts: "checks",
-        seed: None,
-    });
+    let what = "check of the result";
+    let checks_done = watch.begin(Work { what, total: CHECKS, first: 0, parts: "checks", seed: None });
     let checked = |done: usize| {
         checks_done.step(done, 1, "");
         let stopped = "interrupted while the result was checked; --resume continues";
@@ -272,13 +268,11 @@ pub(super) fn results(
     }
     let (baselines, held) = (baselines(setup, first.nominal_cost)?, beside_others(setup, robot)?);
     checked(2)?;
-    let efforts =
-        (0..setup.method.model().joints.len()).filter_map(|joint| setup.method.model().effort(joint));
     let evidence = Evidence {
         fitted: &fitted,
         baselines: &baselines,
         held_out: held.as_ref(),
-        effort: efforts.filter(|effort| effort.is_finite()).reduce(f64::min),
+        effort: least_effort(setup.method.model()),
     };
     let mut doubts = standing::doubts(&first, &evidence);
     let swings = setup.swings.clone().or_else(|| swing::findings(&setup.method, &setup.fit.logs));
@@ -331,6 +325,12 @@ pub(super) fn results(
             + begun.elapsed().as_secs_f64(),
         odd_joints,
     })
+}
+
+/// The effort of the weakest joint, N·m; `None` if none has a limit.
+fn least_effort(model: &Model) -> Option<f64> {
+    let efforts = (0..model.joints.len()).filter_map(|joint| model.effort(joint));
+    efforts.filter(|effort| effort.is_finite()).reduce(f64::min)
 }
 
 /// The fits of all costs, and the reasons why estimates of some were not corrected.

@@ -99,14 +99,11 @@ impl Setup {
             Some(line) => Error::settings(format!("{}: {line}. Without it: {error}", config_path.display())),
             None => error,
         };
-        let mut rest = vec![0.0; joints.len()];
-        let mut feet = None;
+        let (mut rest, mut feet) = (vec![0.0; joints.len()], None);
         if let Some(policy) = &policy {
             rest = rest_angles(policy, &model).map_err(in_robot)?;
             let count = walking::feet(&config, policy, &model).map_err(in_robot)?;
-            leave_held_out(&mut config, policy, &joints);
-            sized::fit_to(&mut config, stated, &model, count);
-            config.simulation.timestep = walking::timestep(&config, policy)?;
+            of_walks(&mut config, stated, policy, &model, &joints, count)?;
             feet = Some(count);
         }
         let in_file = |error: ThetaError| Error::settings(format!("{}: {error}", config_path.display()));
@@ -120,9 +117,7 @@ impl Setup {
             doubts.into_iter().chain(known::replaced(file, path, &theta))
         }));
         let logs = Logs::read(&config, config_path, &method)?;
-        let is_open = method.self_contact().is_off() && config.simulation.self_contact.is_none();
-        if is_open && feet.is_some_and(sized::is_biped) {
-            let touching = self_contact::in_logs(&robot, &logs.fit);
+        if let Some(touching) = touching(&config, &method, &robot, feet, &logs.fit) {
             warnings.extend(touching.notes);
             if touching.chosen.is_some() {
                 config.simulation.self_contact = touching.chosen;
@@ -165,9 +160,7 @@ impl Setup {
         let replicas = replicas(&config, &method, walker.as_ref(), &robot, &theta, &base, &fit.logs)?;
         let set = |logs| Ok(LogSet::new(&config, &method, &base, logs)?.of_robot(falling));
         let validate = logs.validate.into_iter().map(set).collect::<Result<Vec<_>, Error>>()?;
-        warnings.extend(fit.reference.constant().into_iter().map(|(signal, column)| {
-            format!("{signal} of {column} is constant in the logs and left out of the costs")
-        }));
+        warnings.extend(constant(&fit));
         let mut setup = Self {
             costs: several.as_ref().unwrap_or(&fit).costs(&config)?,
             options: check::options(&config, fit.reference.fall_rate(), falling.falls),
@@ -262,6 +255,40 @@ fn swings(
         }
     }
     Ok(swings)
+}
+
+/// Gives the settings of a fit of walks the defaults that depend on the robot, which stands on so many `feet`.
+fn of_walks(
+    config: &mut AdaptConfig,
+    stated: &AdaptConfig,
+    policy: &Policy,
+    model: &Model,
+    joints: &[String],
+    feet: usize,
+) -> Result<(), Error> {
+    leave_held_out(config, policy, joints);
+    sized::fit_to(config, stated, model, feet);
+    config.simulation.timestep = walking::timestep(config, policy)?;
+    Ok(())
+}
+
+/// Parts of a robot with two legs that touch in the logs, if the settings and the policy leave self-contact open.
+fn touching(
+    config: &AdaptConfig,
+    method: &Method,
+    robot: &Model,
+    feet: Option<usize>,
+    logs: &[Log],
+) -> Option<self_contact::Touching> {
+    let is_open = method.self_contact().is_off() && config.simulation.self_contact.is_none();
+    (is_open && feet.is_some_and(sized::is_biped)).then(|| self_contact::in_logs(robot, logs))
+}
+
+/// Signals that the costs leave out.
+fn constant(fit: &LogSet) -> impl Iterator<Item = String> {
+    fit.reference.constant().into_iter().map(|(signal, column)| {
+        format!("{signal} of {column} is constant in the logs and left out of the costs")
+    })
 }
 
 /// The settings with the defaults that depend on others, which the folder keeps too.

@@ -128,6 +128,49 @@ pub fn read(
     scene: &Task,
 ) -> Result<LogNotes, Error> {
     let (files, mut warnings) = log_files::find(named, config_path)?;
+    let reads = open_all(files, policy, config, scene, &mut warnings)?;
+    let enough =
+        |logs: &[Log], removed: &[Cut]| enough(purpose, config, config_path, reads.len(), logs, removed);
+    let margin = config.fall_margin();
+    let (stretches, mut removed, on_feet_s) = on_feet(&reads, config, scene)?;
+    let mut logs = long_enough(stretches, config, &mut warnings);
+    warnings.extend(filled(&logs));
+    enough(&logs, &removed)?;
+    let policy_match = follow(policy, config, scene, &logs, &mut warnings)?;
+    if policy_match.agrees() && !policy_match.exact {
+        logs = long_enough(cuts::cut_felt(policy, logs, margin, &mut removed)?, config, &mut warnings);
+        enough(&logs, &removed)?;
+    }
+    warnings.extend(cuts::cut_text(&removed, reads.len()));
+    if config.simulation.horizon_seconds > 0.0 {
+        for log in &mut logs {
+            shorten(log, config.skip_seconds() + config.simulation.horizon_seconds)?;
+        }
+        enough(&logs, &removed)?;
+    }
+    let commands =
+        logs.iter().flat_map(|log| log.trajectory.command.iter().flat_map(|rows| rows.chunks_exact(3)));
+    let coverage = Coverage::new(commands, scene.walker.interface.control_dt, &scene.settings.command);
+    if purpose == Purpose::Fit {
+        warnings.extend(coverage.warnings());
+    }
+    warnings.extend(doubts::targets_differ(&logs, &scene.walker.interface));
+    for log in &mut logs {
+        drop_broken_base(&mut log.trajectory);
+    }
+    let falling =
+        Falling { falls: removed.iter().filter(|cut| cut.kind == CutKind::Fall).count(), seconds: on_feet_s };
+    Ok(LogNotes { files: reads.len(), logs, warnings, cuts: removed, falling, coverage, policy_match })
+}
+
+/// Opens `files`, each set of data once, and adds what is doubtful about them to `warnings`.
+fn open_all(
+    files: Vec<LogFile>,
+    policy: &Policy,
+    config: &AdaptConfig,
+    scene: &Task,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Read>, Error> {
     let mut reads: Vec<Read> = Vec::with_capacity(files.len());
     let mut values = 0;
     for file in files {
@@ -167,12 +210,14 @@ pub fn read(
             1.0 / scene.walker.interface.control_dt
         ));
     }
+    Ok(reads)
+}
 
+/// The stretches in which the robot is on its feet, what was cut from the logs for them, and their time, s.
+fn on_feet(reads: &[Read], config: &AdaptConfig, scene: &Task) -> Result<(Vec<Log>, Vec<Cut>, f64), Error> {
     let spec = cuts::fall_spec(scene);
-    let margin = config.fall_margin();
-    let skipped = config.skip_seconds();
-    let (mut stretches, mut removed, mut on_feet_s) = (Vec::new(), Vec::new(), 0.0);
-    for read in &reads {
+    let (mut stretches, mut removed, mut seconds) = (Vec::new(), Vec::new(), 0.0);
+    for read in reads {
         let fallen: Vec<_> = falls(&read.trajectory, &spec)
             .into_iter()
             .filter(|fall| !is_allowed(fall, &config.allow))
@@ -182,17 +227,27 @@ pub fn read(
                 fall: !matches!(fall.sign, FallSign::Hanging | FallSign::Stuck),
             })
             .collect();
-        let (kept, cut) = cuts::keep(&read.file.name, &read.trajectory, &fallen, margin);
-        on_feet_s += kept.iter().map(|stretch| stretch.len() as f64 * read.trajectory.dt()).sum::<f64>();
+        let (kept, cut) = cuts::keep(&read.file.name, &read.trajectory, &fallen, config.fall_margin());
+        seconds += kept.iter().map(|stretch| stretch.len() as f64 * read.trajectory.dt()).sum::<f64>();
         for stretch in kept {
             stretches.push(count(read, stretch, scene)?);
         }
         removed.extend(cut);
     }
-    let mut logs = long_enough(stretches, config, &mut warnings);
-    warnings.extend(filled(&logs));
-    enough(purpose, config, config_path, reads.len(), &logs, &removed)?;
+    Ok((stretches, removed, seconds))
+}
 
+/// Compares the actions of `logs` with the policy's, and adds to `warnings` what is doubtful.
+///
+/// # Errors
+/// Actions that are not the policy's.
+fn follow(
+    policy: &Policy,
+    config: &AdaptConfig,
+    scene: &Task,
+    logs: &[Log],
+    warnings: &mut Vec<String>,
+) -> Result<PolicyMatch, Error> {
     let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
     let policy_match = policy_check::check(policy, &trajectories);
     if policy.has_failed() {
@@ -210,30 +265,7 @@ pub fn read(
         None => error,
     })?);
     warnings.extend(diagnosis.map(|found| found.text()));
-    if policy_match.agrees() && !policy_match.exact {
-        logs = long_enough(cuts::cut_felt(policy, logs, margin, &mut removed)?, config, &mut warnings);
-        enough(purpose, config, config_path, reads.len(), &logs, &removed)?;
-    }
-    warnings.extend(cuts::cut_text(&removed, reads.len()));
-    if config.simulation.horizon_seconds > 0.0 {
-        for log in &mut logs {
-            shorten(log, skipped + config.simulation.horizon_seconds)?;
-        }
-        enough(purpose, config, config_path, reads.len(), &logs, &removed)?;
-    }
-    let commands =
-        logs.iter().flat_map(|log| log.trajectory.command.iter().flat_map(|rows| rows.chunks_exact(3)));
-    let coverage = Coverage::new(commands, scene.walker.interface.control_dt, &scene.settings.command);
-    if purpose == Purpose::Fit {
-        warnings.extend(coverage.warnings());
-    }
-    warnings.extend(doubts::targets_differ(&logs, &scene.walker.interface));
-    for log in &mut logs {
-        drop_broken_base(&mut log.trajectory);
-    }
-    let falling =
-        Falling { falls: removed.iter().filter(|cut| cut.kind == CutKind::Fall).count(), seconds: on_feet_s };
-    Ok(LogNotes { files: reads.len(), logs, warnings, cuts: removed, falling, coverage, policy_match })
+    Ok(policy_match)
 }
 
 fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error> {

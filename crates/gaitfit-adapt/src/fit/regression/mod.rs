@@ -16,38 +16,20 @@ mod distributions;
 mod likeness;
 mod posterior;
 mod ridge;
+mod rounds;
 
 pub use distributions::Distributions;
 pub use likeness::Likeness;
 use likeness::further;
-use posterior::with_priors;
-use ridge::{Estimate, Robots};
+pub use rounds::Drawn;
+use rounds::{MAX_ROUNDS, NoEstimate, Rounds};
 
 use super::FitError;
 use crate::{Cancel, Entry, Theta};
-use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::stats;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Max number of rounds; each draws robots around the values of the round before.
-const MAX_ROUNDS: usize = 6;
-/// Min number of rounds.
-const MIN_ROUNDS: usize = 3;
-/// Rounds end when the mean ratio of standard deviations to those of the round before exceeds this.
-const SETTLED: f64 = 0.95;
-/// Half the width of the first round, in an entry's deviations.
-const FIRST: f64 = 1.5;
-/// Half the width of later ones, in errors of the round before.
-const WIDTH: f64 = 3.0;
-/// Least half width of a round, part of an entry's range: below, what single precision does to a walk is all that is seen.
-const MIN_WIDTH: f64 = 2e-3;
-/// Least share of the robots of a round that must walk.
-const WALKING: f64 = 0.5;
-/// How much more than the standard error of a mean of independent groups their scatter counts: what the simulator lacks is
-/// the same for many of them. 2 makes three independent ones of twelve. Chosen with the fits of the first seed of `wass-5ms`
-/// in docs/results.
-const SHARED: f64 = 2.0;
 /// An end of an interval that is less than this many standard deviations from a bound is moved to the bound: no robots are
 /// drawn beyond it, so estimates of values at the bound lie within.
 const NEAR: f64 = 0.5;
@@ -114,36 +96,6 @@ fn yes() -> bool {
     true
 }
 
-/// One round.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Drawn {
-    /// Least values drawn.
-    pub lower: Vec<f64>,
-    /// Largest values drawn.
-    pub upper: Vec<f64>,
-    /// Robots between them that walked, those of rounds before included.
-    pub walked: usize,
-    /// The values of the robot that made the real logs, with what was known of them before.
-    pub values: Vec<f64>,
-    /// Standard deviation of their errors.
-    #[serde(default)]
-    pub deviation: Vec<f64>,
-    /// Standard deviation of the errors of robots that were left out.
-    pub errors: Vec<f64>,
-    /// Standard error of the values by what signals and legs say alone.
-    pub scatter: Vec<f64>,
-    /// Standard deviation by which these disagree besides their own errors.
-    pub disagreement: Vec<f64>,
-}
-
-impl Estimate {
-    /// Standard deviations of the errors of the values.
-    fn deviations(&self) -> Vec<f64> {
-        let both = self.errors.iter().zip(&self.scatter);
-        both.map(|(error, scatter)| error.hypot(SHARED * scatter)).collect()
-    }
-}
-
 impl Regression {
     /// Whether the real logs are nearer to robots with the corrected values than to robots with the search's values.
     pub fn is_nearer(&self) -> bool {
@@ -195,103 +147,43 @@ pub fn regress(
     seed: u64,
     cancel: &Cancel<'_>,
 ) -> Result<Result<Regression, String>, FitError> {
-    let entries = theta.entries();
+    let rounds = Rounds { theta, logs, world, each, seed, cancel };
+    match estimate(&rounds, found) {
+        Ok(regression) => Ok(Ok(regression)),
+        Err(NoEstimate::Because(reason)) => Ok(Err(reason)),
+        Err(NoEstimate::Cancelled) => Err(FitError::Cancelled),
+    }
+}
+
+fn estimate(source: &Rounds<'_>, found: &[f64]) -> Result<Regression, NoEstimate> {
+    let entries = source.theta.entries();
     if entries.len() > MAX_REGRESSED {
-        return Ok(Err(format!(
+        return Err(NoEstimate::Because(format!(
             "{} parameters are fitted, and robots are drawn for at most {MAX_REGRESSED}.",
             entries.len()
         )));
     }
-    let mut centre = found.to_vec();
-    let mut half: Vec<f64> = entries.iter().map(|entry| FIRST * entry.deviation).collect();
-    let (mut all, mut rounds) = (Robots::default(), Vec::<Drawn>::new());
-    for round in 0..MAX_ROUNDS {
-        let (lower, upper) = around(entries, &centre, &half);
-        let first = u32::try_from(round * each).unwrap_or(u32::MAX);
-        let drawn = draw(&lower, &upper, each, seed, first);
-        let walked = world.walk(&drawn, first);
-        if cancel() {
-            return Err(FitError::Cancelled);
-        }
-        let walked = match walked {
-            Ok(walked) => walked,
-            Err(reason) => return Ok(Err(reason)),
-        };
-        let count = walked.iter().flatten().count();
-        if (count as f64) < WALKING * each as f64 {
-            return Ok(Err(format!("{} of {each} simulated robots fall.", each - count)));
-        }
-        for (values, logs) in drawn.into_iter().zip(walked) {
-            let Some(logs) = logs else { continue };
-            all.values.push(values);
-            all.logs.push(logs);
-        }
-        let near = all.between(&lower, &upper);
-        let Some(found) = near.estimate(&logs.numbers, &logs.groups, logs.threads) else {
-            return Ok(Err("The logs of simulated robots are all alike, or too few.".to_owned()));
-        };
-        let deviations = found.deviations();
-        let combined = with_priors(theta, &found.values, &deviations, &found.left_out);
-        let Some((values, deviation)) = combined else {
-            return Ok(Err("The values of simulated robots cannot be told apart.".to_owned()));
-        };
-        let Estimate { errors, scatter, disagreement, .. } = found;
-        let drawn =
-            Drawn { lower, upper, walked: near.len(), values, errors, scatter, disagreement, deviation };
-        let deviation = &drawn.deviation;
-        for (at, entry) in entries.iter().enumerate() {
-            // Beyond what was drawn the regression is a guess: the next round looks there.
-            let beyond = 0.5 * (drawn.upper[at] - drawn.lower[at]);
-            let value = drawn.values[at].clamp(drawn.lower[at] - beyond, drawn.upper[at] + beyond);
-            centre[at] = value.clamp(entry.lower, entry.upper);
-            half[at] = (WIDTH * deviation[at]).max(MIN_WIDTH * (entry.upper - entry.lower));
-        }
-        let shrunk = |before: &Drawn| {
-            let parts = drawn.deviation.iter().zip(&before.deviation).map(|(now, before)| now / before);
-            stats::mean(&parts.collect::<Vec<_>>()).unwrap_or(1.0)
-        };
-        let settled = round + 1 >= MIN_ROUNDS && rounds.last().is_some_and(|before| shrunk(before) > SETTLED);
-        rounds.push(drawn);
-        if settled {
-            break;
-        }
-    }
-    let Some(last) = rounds.last() else { return Ok(Err("No robot was simulated.".to_owned())) };
+    let rounds = source.run(found)?;
+    let last = rounds.last().ok_or_else(|| NoEstimate::Because("No robot was simulated.".to_owned()))?;
     let within = entries.iter().zip(&last.values);
     let corrected: Vec<f64> = within.map(|(entry, value)| value.clamp(entry.lower, entry.upper)).collect();
-    let drawn = each * rounds.len();
-    let first = u32::try_from(drawn).unwrap_or(u32::MAX);
+    let drawn = source.each * rounds.len();
     let both = [vec![corrected.clone(); WITH_VALUES], vec![found.to_vec(); WITH_VALUES]].concat();
-    let walked = world.walk(&both, first);
-    if cancel() {
-        return Err(FitError::Cancelled);
-    }
-    let (corrected_robots, found_robots) = match walked {
-        Ok(walked) => {
-            let (corrected, found) = walked.split_at(WITH_VALUES.min(walked.len()));
-            let standing = |robots: &[Option<Vec<f64>>]| robots.iter().flatten().cloned().collect::<Vec<_>>();
-            (standing(corrected), standing(found))
-        }
-        Err(reason) => return Ok(Err(reason)),
-    };
-    let likeness = Likeness::new(&logs.numbers, &corrected_robots);
-    let further = further(&logs.numbers, &found_robots, &corrected_robots);
+    let walked = source.walk(&both, drawn)?;
+    let (of_corrected, of_found) = walked.split_at(WITH_VALUES.min(walked.len()));
+    let standing = |robots: &[Option<Vec<f64>>]| robots.iter().flatten().cloned().collect::<Vec<_>>();
+    let (of_corrected, of_found) = (standing(of_corrected), standing(of_found));
+    let likeness = Likeness::new(&source.logs.numbers, &of_corrected);
+    let further = further(&source.logs.numbers, &of_found, &of_corrected);
     let likeness_of_both = if further.is_some_and(|ratio| ratio > FAR) {
         likeness
     } else {
-        Likeness::new(&logs.numbers, &[corrected_robots, found_robots].concat())
+        Likeness::new(&source.logs.numbers, &[of_corrected, of_found].concat())
     };
     let wider = likeness.map_or(1.0, |likeness| likeness.ratio());
     let deviation: Vec<f64> = last.deviation.iter().map(|one| wider * one).collect();
-    let quantile = stats::student_t_95(last.walked.saturating_sub(1));
-    let both = last.values.iter().zip(&deviation);
-    let ends = both.map(|(value, one)| [value - quantile * one, value + quantile * one]);
-    let interval = ends
-        .zip(entries)
-        .zip(&deviation)
-        .map(|((ends, entry), one)| to_bounds(ends, entry, NEAR * one))
-        .collect();
-    Ok(Ok(Regression {
+    let interval = intervals(entries, last, &deviation);
+    Ok(Regression {
         uncorrected: found.to_vec(),
         corrected,
         taken: true,
@@ -302,7 +194,17 @@ pub fn regress(
         likeness,
         likeness_of_both,
         further,
-    }))
+    })
+}
+
+/// 95 % intervals about the values of the round `last`, whose errors have the standard deviations `deviation`.
+fn intervals(entries: &[Entry], last: &Drawn, deviation: &[f64]) -> Vec<[f64; 2]> {
+    let quantile = stats::student_t_95(last.walked.saturating_sub(1));
+    let each = entries.iter().zip(&last.values).zip(deviation);
+    each.map(|((entry, value), one)| {
+        to_bounds([value - quantile * one, value + quantile * one], entry, NEAR * one)
+    })
+    .collect()
 }
 
 /// An interval whose ends are moved to the bounds of `entry` where they are less than `near` from them.
@@ -311,27 +213,4 @@ fn to_bounds([lower, upper]: [f64; 2], entry: &Entry, near: f64) -> [f64; 2] {
         if lower - entry.lower < near { lower.min(entry.lower) } else { lower },
         if entry.upper - upper < near { upper.max(entry.upper) } else { upper },
     ]
-}
-
-/// The values within `half` of `centre` and within the bounds.
-fn around(entries: &[Entry], centre: &[f64], half: &[f64]) -> (Vec<f64>, Vec<f64>) {
-    let ends = entries.iter().zip(centre).zip(half);
-    ends.map(|((entry, at), half)| ((at - half).max(entry.lower), (at + half).min(entry.upper))).unzip()
-}
-
-/// Robots with values drawn evenly between `lower` and `upper`: of each value one robot lies in each of `count` equal parts.
-fn draw(lower: &[f64], upper: &[f64], count: usize, seed: u64, first: u32) -> Vec<Vec<f64>> {
-    let place = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
-    let stream = Stream::new(seed, Purpose::SIMULATED_ROBOTS).environment(first);
-    let mut robots = vec![Vec::with_capacity(lower.len()); count];
-    for (entry, (lower, upper)) in lower.iter().zip(upper).enumerate() {
-        let draws = stream.step(place(entry));
-        let mut order: Vec<(f64, usize)> = (0..count).map(|k| (draws.uniform(place(k)), k)).collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for (part, (_, robot)) in order.into_iter().enumerate() {
-            let within = draws.uniform(place(count + robot));
-            robots[robot].push(lower + (upper - lower) * (part as f64 + within) / count as f64);
-        }
-    }
-    robots
 }

@@ -5,6 +5,7 @@
 //! estimator runs on their logs. A regression learns how estimates depend on true values (indirect inference: Gourieroux,
 //! Monfort and Renault 1993).
 
+mod numbers;
 mod response;
 
 use super::replicas::WALKED;
@@ -14,15 +15,16 @@ use crate::log::Log;
 use crate::settings::AdaptConfig;
 use crate::walk::explain::{self, Cause, CauseKind};
 use crate::walk::recorder::{NoisyRobot, Recorded, Recorder};
-use crate::walk::swing::{Estimate, GroupEstimate, SwingFindings, SwingReport, SwingSettings};
+use crate::walk::swing::{Estimate, SwingFindings, SwingReport, SwingSettings};
 use crate::walk::walking::Walking;
 use crate::watch::{Counting, Watch, Work};
-use gaitfit_adapt::{JointParameter, ParameterRule, Sharing, Theta, ThetaError};
+use gaitfit_adapt::Theta;
 use gaitfit_log::{Gains, Trajectory};
 use gaitfit_model::Model;
 use gaitfit_policy::Policy;
 use gaitfit_random::{Purpose, Stream, derive_seed};
 use gaitfit_sim::{Candidate, pool};
+use numbers::{errors_of, groups_of, kinds, numbers_of, slots, theta_of, values_of};
 use response::{Answer, Response};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -363,59 +365,9 @@ fn estimate(model: &Model, logs: &[Trajectory], settings: &SwingSettings) -> Res
     found.swings.ok_or_else(|| found.why_not.unwrap_or_default())
 }
 
-/// The names of the joint groups.
-fn groups_of(report: &SwingReport) -> impl Iterator<Item = &str> {
-    report.groups.iter().map(|group| group.group.as_str())
-}
-
-/// Numbers of each robot: those that are estimated, and the torque noise.
-fn numbers_of(report: &SwingReport) -> usize {
-    values_of(report).len() + 1
-}
-
 /// Robots of a round, for `count` numbers of each.
 fn robots_for(count: usize) -> usize {
     ROBOTS.max(count + MORE_ROBOTS)
-}
-
-/// Friction, damping and armature of each group, then the delay.
-fn values_of(report: &SwingReport) -> Vec<f64> {
-    slots(&mut report.clone()).map(|one| one.value).collect()
-}
-
-/// The kind of each value, as its index in [`MIN_ERRORS`].
-fn kinds(count: usize) -> impl Iterator<Item = usize> {
-    (0..count).map(move |at| if at + 1 < count { at % 3 } else { 3 })
-}
-
-/// Standard errors of the values.
-fn errors_of(report: &SwingReport) -> Vec<f64> {
-    slots(&mut report.clone()).map(|one| one.error).collect()
-}
-
-/// The estimates, in the order of [`values_of`].
-fn slots(report: &mut SwingReport) -> impl Iterator<Item = &mut Estimate> {
-    let groups = report.groups.iter_mut();
-    groups
-        .flat_map(|group| [&mut group.friction, &mut group.damping, &mut group.armature])
-        .chain([&mut report.delay])
-}
-
-/// The numbers that `report` estimates, in its order.
-fn theta_of(report: &SwingReport, model: &Model) -> Result<Theta, ThetaError> {
-    let joints = crate::robot::joint_names(model);
-    let kinds = [JointParameter::FrictionLoss, JointParameter::Damping, JointParameter::Armature];
-    let of_group = |group: &GroupEstimate| {
-        kinds.map(|kind| ParameterRule {
-            per: Sharing::All,
-            joints: group.joints.clone(),
-            name: Some(format!("{}_{}", kind.name(), group.group)),
-            ..ParameterRule::new(kind)
-        })
-    };
-    let delay = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Delay) };
-    let rules: Vec<ParameterRule> = report.groups.iter().flat_map(of_group).chain([delay]).collect();
-    Theta::from_rules(&rules, &[], &joints)
 }
 
 #[cfg(test)]
