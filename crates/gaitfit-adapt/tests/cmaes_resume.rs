@@ -44,6 +44,28 @@ fn resumed_runs_are_bit_identical() {
     }
 }
 
+/// With 250 coordinates C is decomposed every second generation (appendix B.2 of the tutorial): between, C moves on and its
+/// root does not. A run resumed between two decompositions ends with the same bits.
+#[test]
+fn many_coordinates_are_decomposed_now_and_then() {
+    let n = 250;
+    let settings = || Settings::new(vec![0.5; n], vec![0.3; n], 42);
+    let mut undisturbed = Cma::new(settings()).unwrap();
+    let mut resumed = undisturbed.clone();
+    for generation in 1..=4 {
+        let before = undisturbed.state().covariance.clone();
+        advance(&mut undisturbed);
+        let after = &undisturbed.state().covariance;
+        assert_ne!(after.diagonal(), before.diagonal());
+        let stale = after.axis_lengths() == before.axis_lengths();
+        assert_eq!(stale, generation % 2 == 1, "generation {generation}");
+        let state = serde_json::from_str(&serde_json::to_string(resumed.state()).unwrap()).unwrap();
+        resumed = Cma::resume(settings(), state).unwrap();
+        advance(&mut resumed);
+        assert_eq!(resumed, undisturbed);
+    }
+}
+
 #[test]
 fn resumed_searches_are_bit_identical() {
     let mut settings = settings(CovarianceKind::Full);

@@ -167,7 +167,8 @@ impl Cma {
 
     /// The update of mean, step size and covariance; false if it left the finite numbers.
     fn update(&mut self, points: &[Vec<f64>], ranking: &[usize]) -> bool {
-        let Constants { mu, weights, mu_eff, c1, cmu, cc, c_sigma, d_sigma, chi_n } = &self.constants;
+        let Constants { mu, weights, mu_eff, c1, cmu, cc, c_sigma, d_sigma, chi_n, decompose_every } =
+            &self.constants;
         let state = &mut self.state;
         let n = state.mean.len();
 
@@ -217,7 +218,9 @@ impl Cma {
         let delta = (1.0 - h_sigma) * cc * (2.0 - cc);
         let keep = 1.0 + c1 * delta - c1 - cmu * weights.iter().sum::<f64>();
         // eq. 47
-        let decomposed = state.covariance.update(keep, *c1, &state.p_c, *cmu, &scaled_weights, &steps);
+        state.covariance.update(keep, *c1, &state.p_c, *cmu, &scaled_weights, &steps);
+        let due = (state.generation + 1).is_multiple_of(*decompose_every);
+        let decomposed = !due || state.covariance.decompose();
         let finite = |vector: &[f64]| vector.iter().all(|value| value.abs() < MEAN_MAX);
         let scalar = state.sigma.is_finite() && state.sigma > 0.0;
         decomposed && scalar && finite(&state.mean) && finite(&state.p_sigma) && finite(&state.p_c)

@@ -28,6 +28,9 @@ pub struct Constants {
     pub d_sigma: f64,
     /// E‖N(0, I)‖, by its expansion (page 28).
     pub chi_n: f64,
+    /// Generations from one decomposition of C to the next, max(1, ⌊1/(10 n (c1 + cμ))⌋) (appendix B.2). It is 1 for
+    /// fewer than about 200 coordinates; C hardly changes in one generation of many coordinates.
+    pub decompose_every: u32,
 }
 
 /// α_cov of eqs. 57 and 58.
@@ -76,6 +79,7 @@ impl Constants {
             c_sigma,
             d_sigma: damping(n, mu_eff, c_sigma),
             chi_n: chi(n),
+            decompose_every: (1.0 / (10.0 * n * (c1 + cmu))).max(1.0) as u32,
         }
     }
 
@@ -105,6 +109,7 @@ impl Constants {
             c_sigma,
             d_sigma: damping(n, mu_eff, c_sigma),
             chi_n: chi(n),
+            decompose_every: 1,
         }
     }
 }
@@ -132,6 +137,14 @@ mod tests {
     fn default_populations() {
         // ln 6 = 1.79, ln 36 = 3.58, ln 1164 = 7.06.
         assert_eq!([1, 6, 36, 1164].map(default_population), [4, 9, 14, 25]);
+    }
+
+    #[test]
+    fn many_coordinates_are_decomposed_less_often() {
+        for (n, generations) in [(12, 1), (97, 1), (250, 2), (1164, 9)] {
+            let constants = Constants::new(CovarianceKind::Full, n, default_population(n));
+            assert_eq!(constants.decompose_every, generations, "{n} coordinates");
+        }
     }
 
     /// Every size gives rates that keep the covariance a convex combination, and weights that sum as they should.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) const EPS: f64 = 1e-8;
 
 /// Covariance C of the sampling distribution, without σ², in scaled coordinates, with its decomposition
-/// C = B D² Bᵀ.
+/// C = B D² Bᵀ. With many coordinates the decomposition is some generations old (`Constants::decompose_every`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum Covariance {
@@ -92,8 +92,7 @@ impl Covariance {
         }
     }
 
-    /// C ← keep·C + c1·p pᵀ + cμ Σ wₖ yₖ yₖᵀ (eq. 47), and its decomposition. False if that failed; the value is
-    /// then of no use.
+    /// C ← keep·C + c1·p pᵀ + cμ Σ wₖ yₖ yₖᵀ (eq. 47). The decomposition stays as it is.
     pub(crate) fn update(
         &mut self,
         keep: f64,
@@ -102,9 +101,9 @@ impl Covariance {
         cmu: f64,
         weights: &[f64],
         steps: &[Vec<f64>],
-    ) -> bool {
+    ) {
         match self {
-            Self::Full { c, b, d } => {
+            Self::Full { c, d, .. } => {
                 let n = d.len();
                 for i in 0..n {
                     for j in 0..=i {
@@ -114,18 +113,26 @@ impl Covariance {
                         c[j * n + i] = value;
                     }
                 }
-                decompose(c, b, d)
             }
-            Self::Separable { c, d } => {
+            Self::Separable { c, .. } => {
                 let mut rank_mu = vec![-0.0; c.len()];
                 for (w, y) in weights.iter().zip(steps) {
                     rank_mu.iter_mut().zip(y).for_each(|(sum, y)| *sum += w * (y * y));
                 }
                 for i in 0..c.len() {
                     c[i] = keep * c[i] + c1 * (path[i] * path[i]) + cmu * rank_mu[i];
-                    d[i] = positive(c[i]).sqrt();
                 }
-                c.iter().chain(d.iter()).all(|value| value.is_finite())
+            }
+        }
+    }
+
+    /// Decomposes C. False if that failed; the value is then of no use.
+    pub(crate) fn decompose(&mut self) -> bool {
+        match self {
+            Self::Full { c, b, d } => decompose(c, b, d),
+            Self::Separable { c, d } => {
+                d.iter_mut().zip(&*c).for_each(|(d, c)| *d = positive(*c).sqrt());
+                c.iter().chain(&*d).all(|value| value.is_finite())
             }
         }
     }
