@@ -258,9 +258,7 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
         let wheels = names(&anatomy.wheels);
         say(
             "wheels",
-            format!(
-                "{wheels}: they roll; the policy gives them velocities. Steps and commands to the side are off"
-            ),
+            format!("{wheels}: they roll; the policy gives them velocities. Steps are not paid for"),
         );
     }
     if !anatomy.passive.is_empty() {
@@ -293,9 +291,10 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
     say(
         "commands",
         format!(
-            "up to {:?} m/s forward, {:?} m/s sideways, {:?} rad/s; Froude number v/√(g l) = {:.2}",
+            "up to {:?} m/s forward, {:?} m/s sideways{}, {:?} rad/s; Froude number v/√(g l) = {:.2}",
             sizes.forward,
             sizes.sideways,
+            sizes.never_aside.map(|why| format!(" ({why})")).unwrap_or_default(),
             sizes.turning,
             sizes.forward / (sizes.gravity * sizes.leg).sqrt()
         ),

@@ -109,6 +109,18 @@ fn wheels_get_velocities_and_roll() {
     assert!(feet.policy.velocity_joints.is_empty() && feet.rewards["foot_slip"] < 0.0);
 }
 
+/// Legs whose joints all turn about y, as Solo8's, cannot step aside; with hips that turn about x they can.
+#[test]
+fn legs_in_a_plane_get_no_commands_to_the_side() {
+    let model = robot(1.0, 0.0, BALL);
+    let found = look(&model).unwrap();
+    assert_eq!((found.settings.command.y, found.settings.command.x[1] > 0.5), ([0.0; 2], true));
+    assert!(found.text.contains("no joint moves a foot sideways"), "{}", found.text);
+    let mut turned = model;
+    turned.joints[0].axis = [1.0, 0.0, 0.0];
+    assert!(look(&turned).unwrap().settings.command.y[1] > 0.1);
+}
+
 #[test]
 fn a_base_frame_at_the_floor_is_no_missing_foot() {
     let usual = look(&robot(1.0, 0.0, BALL)).unwrap().settings;

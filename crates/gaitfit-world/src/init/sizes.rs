@@ -3,11 +3,13 @@
 use super::anatomy::Anatomy;
 use gaitfit_model::Model;
 use gaitfit_model::kinematics::{Frame, body_frames, lowest_point, standing_height};
-use gaitfit_model::rotation::{IDENTITY, dot};
+use gaitfit_model::rotation::{IDENTITY, cross, dot, rotate, sub};
 
 /// The Go2's leg length (m) and mass (kg) in its built-in task, whose numbers are carried over.
 pub const GO2_LEG: f64 = 0.3;
 pub const GO2_MASS: f64 = 15.2;
+/// A joint moves a foot sideways if a radian of it moves the foot by this share of the leg's length.
+const ASIDE: f64 = 0.2;
 
 /// Sizes of a robot. SI units.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,8 +28,22 @@ pub struct Sizes {
     pub forward: f64,
     pub sideways: f64,
     pub turning: f64,
+    /// Why the robot gets no commands to the side; `None` if it does.
+    pub never_aside: Option<&'static str>,
     /// What is odd about them.
     pub doubt: Option<String>,
+}
+
+/// Whether a joint of a leg moves its foot sideways, along y of the base, in the pose of `frames`.
+fn moves_aside(model: &Model, anatomy: &Anatomy, frames: &[Frame], length: f64) -> bool {
+    anatomy.legs.iter().any(|leg| {
+        leg.path.iter().any(|&joint| {
+            let hinge = &model.joints[joint];
+            let frame = &frames[hinge.body];
+            let arm = sub(leg.place, frame.point(hinge.pos));
+            cross(rotate(frame.quaternion, hinge.axis), arm)[1].abs() > ASIDE * length
+        })
+    })
 }
 
 /// Two significant digits.
@@ -77,8 +93,14 @@ impl Sizes {
         });
         let speed = (gravity * leg).sqrt();
         let (forward, sideways) = if anatomy.biped() { (0.3, 0.12) } else { (0.58, 0.58) };
-        // Wheels do not roll sideways.
-        let sideways = if anatomy.wheels.is_empty() { sideways } else { 0.0 };
+        let never_aside = if !anatomy.wheels.is_empty() {
+            Some("wheels do not roll sideways")
+        } else if !moves_aside(model, anatomy, &frames, leg) {
+            Some("no joint moves a foot sideways")
+        } else {
+            None
+        };
+        let sideways = if never_aside.is_none() { sideways } else { 0.0 };
         Self {
             mass: model.total_mass(),
             gravity,
@@ -88,6 +110,7 @@ impl Sizes {
             forward: tidy(forward * speed),
             sideways: tidy(sideways * speed),
             turning: tidy(0.175 * (gravity / leg).sqrt()),
+            never_aside,
             doubt,
         }
     }

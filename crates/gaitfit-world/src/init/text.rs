@@ -146,9 +146,8 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     );
     let range = |max: f64| format!("[{:?}, {max:?}]", 0.0 - max);
     line(&mut text, "x", range(sizes.forward), "m/s forward");
-    let sideways =
-        if anatomy.wheels.is_empty() { "m/s left" } else { "m/s left: wheels do not roll sideways" };
-    line(&mut text, "y", range(sizes.sideways), sideways);
+    let why = sizes.never_aside.map(|why| format!(": {why}")).unwrap_or_default();
+    line(&mut text, "y", range(sizes.sideways), &format!("m/s left{why}"));
     line(&mut text, "yaw", range(sizes.turning), "rad/s");
 
     falls_and_draws(&mut text, model, anatomy, sizes, gains);
