@@ -224,6 +224,11 @@ class Losses(Case):
             # Each worker had what those before it had sent.
             self.assertEqual(sorted(file.name for file in (folder / "seed-3").iterdir()), ["step-0.txt", "step-1.txt", "step-2.txt"])
 
+    def test_one_lost_worker_is_one(self) -> None:
+        from gaitfit.ray._cluster import often_lost
+
+        self.assertRegex(often_lost("the fit", 1, 0, "its node left", "Nothing is kept."), r"^the fit: a worker .* \(retries=0\); because its node left\.")
+
 
 class Absent(Case):
     def test_without_ray_the_message_has_the_command(self) -> None:

@@ -82,6 +82,7 @@ fn what_may_not_run_is_refused_before_anything_moves() {
     let output = run(&simulated(&script, &out));
     assert_eq!(output.status.code(), Some(2));
     assert!(errors(&output).contains("holds a run already"), "{}", errors(&output));
+    assert!(!folder.path().join("held/.lock").exists());
     let biped = folder.path().join("other.csv").display().to_string();
     std::fs::write(&biped, "t,vx,vy\n0,0,0\n").unwrap();
     let output = run(&simulated(&biped, &folder.path().join("none").display().to_string()));

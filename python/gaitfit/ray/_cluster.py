@@ -190,9 +190,14 @@ def often_lost(what: str, times: int, retries: int, why: str, kept: str) -> str:
     ``what``: the work; ``times``: how many workers it lost; ``retries``: how many it may lose; ``why``: what :meth:`Cluster.why`
     says of the last one; ``kept``: which results are kept, and how to continue.
     """
+    lost = (
+        "a worker of the Ray cluster was lost while it did this"
+        if times == 1
+        else f"{times} workers of the Ray cluster were lost one after another while they did this"
+    )
+    last = "because" if times == 1 else "the last one because"
     return (
-        f"{what}: {times} workers of the Ray cluster were lost one after another while they did this (retries={retries}); the "
-        f"last one because {why}. {kept} First find out why workers are lost: `ray status` lists the nodes, and "
+        f"{what}: {lost} (retries={retries}); {last} {why}. {kept} First find out why workers are lost: `ray status` lists the nodes, and "
         "/tmp/ray/session_latest/logs on a node has what its workers wrote. If memory is short, a larger num_cpus puts "
         "fewer tasks on a node."
     )

@@ -197,7 +197,17 @@ fn logs_of(args: &Run) -> PathBuf {
 /// A folder without a run in it, which no other process writes into.
 fn new_folder(path: &Path) -> Result<Owned, Failure> {
     folder(path, "the logs go")?;
+    if path.is_dir() && !Owned::was_taken(path) {
+        // A folder that is refused gets no lock.
+        without_run(path)?;
+    }
     let owned = Owned::for_logs(path)?;
+    without_run(path)?;
+    Ok(owned)
+}
+
+/// Refuses a folder that holds a run.
+fn without_run(path: &Path) -> Result<(), Failure> {
     let logs = gaitfit_log::csv_files(path).map_err(Failure::failed)?;
     if !logs.is_empty() || path.join(RUN).join(WHOLE).exists() {
         return Err(Failure::usage(format!(
@@ -205,7 +215,7 @@ fn new_folder(path: &Path) -> Result<Owned, Failure> {
             path.display()
         )));
     }
-    Ok(owned)
+    Ok(())
 }
 
 /// Shows the robot's state and asks for the word.
