@@ -17,10 +17,13 @@ const STANDS: [f64; 2] = [0.2, 0.2];
 const NOWHERE: f64 = 0.8;
 
 /// What a measurement says of a policy.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
     /// Whether it walks.
     pub walks: bool,
+    /// How near it is to walking: the larger of its falls and its error, each as a multiple of the limit of a policy that
+    /// walks. The smaller, the nearer.
+    pub shortfall: f64,
     /// The evidence, in a sentence.
     pub text: String,
 }
@@ -38,7 +41,8 @@ pub fn verdict(found: &Evaluation, command: &CommandSettings) -> Option<Verdict>
     if falls > FEW_FALLS {
         let does = if found.motion_error.is_some() { "follows its motion" } else { "walks" };
         let text = format!("{fallen}; a policy that {does} falls in at most {:.0} %.", 100.0 * FEW_FALLS);
-        return Some(Verdict { walks: false, text });
+        let by_error = error / (FOLLOWS * standing_error(command));
+        return Some(Verdict { walks: false, shortfall: (falls / FEW_FALLS).max(by_error), text });
     }
     if found.diverged > 0 {
         return None;
@@ -53,10 +57,12 @@ pub fn verdict(found: &Evaluation, command: &CommandSettings) -> Option<Verdict>
     }
     let against =
         goes_nowhere(error, command).or_else(|| follows_badly(error, still)).or_else(|| drifts(&found.drift));
+    let shortfall = (falls / FEW_FALLS).max(error / (FOLLOWS * still));
     Some(match against {
-        Some(text) => Verdict { walks: false, text: format!("{text}.") },
+        Some(text) => Verdict { walks: false, shortfall, text: format!("{text}.") },
         None => Verdict {
             walks: true,
+            shortfall,
             text: format!(
                 "Walks: its velocity error is {:.0} % of that of a robot that stands still ({still:.2} m/s), and {fallen}",
                 100.0 * error / still
@@ -84,7 +90,7 @@ fn follows_motion(off: f64, rest: f64, fallen: &str) -> Option<Verdict> {
             100.0 * FOLLOWS
         ),
     };
-    Some(Verdict { walks, text })
+    Some(Verdict { walks, shortfall: off / (FOLLOWS * rest), text })
 }
 
 /// That a mean velocity error, m/s, is nearly that of a robot that stands still; `None` if it is not.
@@ -145,6 +151,7 @@ mod tests {
         let walks = said(0.2, 0.0125, 0).unwrap();
         assert!(walks.walks && walks.text.contains("20 %") && walks.text.contains("1.25 %"), "{walks:?}");
         let falls = said(0.2, 0.38, 0).unwrap();
+        assert!((walks.shortfall - 0.625).abs() < 1e-12 && (falls.shortfall - 19.0).abs() < 1e-12);
         assert!(!falls.walks && falls.text.contains("38.00 %") && falls.text.contains("2 %"), "{falls:?}");
         let lags = said(0.6, 0.0, 0).unwrap();
         assert!(!lags.walks && lags.text.contains("60 %"), "{lags:?}");

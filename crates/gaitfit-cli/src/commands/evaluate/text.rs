@@ -43,7 +43,7 @@ fn trajectories(count: usize) -> String {
 pub fn text(document: &Evaluation, verdict: Option<&Verdict>, wall_seconds: f64) -> String {
     let summary = document;
     let diverged = document.divergence().map(|message| format!("DIVERGED: {message}"));
-    let verdict = verdict.map(|Verdict { walks, text }| match walks {
+    let verdict = verdict.map(|Verdict { walks, text, .. }| match walks {
         true => text.clone(),
         false => format!("{}: {text}", DoubtKind::NoWalk.headline().to_uppercase()),
     });

@@ -1,4 +1,4 @@
-//! The trainings of `gaitfit init --train`: first each guess, then more iterations of the best one.
+//! The trainings of `gaitfit init --train`: first each guess, then more iterations of the one that is nearest to walking.
 
 use super::{Files, write_configuration};
 use crate::cli::{Devices, Init};
@@ -14,6 +14,7 @@ use gaitfit::world::WorldSettings;
 use gaitfit::{EvaluateSettings, train};
 use gaitfit_physics::Preset;
 use serde::Serialize;
+use std::cmp::Ordering;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -30,6 +31,9 @@ pub(super) struct Training {
     /// Mean reward of a control step at the end; absent where no seed was trained.
     #[serde(skip_serializing_if = "Option::is_none")]
     reward: Option<f64>,
+    /// How near its policy is to walking (`shortfall` of the verdict of `evaluate`); absent without an evaluation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shortfall: Option<f64>,
     /// Whether its policy walks.
     pub(super) walks: bool,
     /// Why not, or where the policy is.
@@ -45,15 +49,26 @@ pub(super) struct Training {
 }
 
 impl Training {
-    /// Its reward; −∞ if it has none.
-    fn reward(&self) -> f64 {
-        self.reward.filter(|reward| reward.is_finite()).unwrap_or(f64::NEG_INFINITY)
+    /// Orders trainings: the nearer to walking, the later; without an evaluation, the higher the reward.
+    fn order(&self, other: &Self) -> Ordering {
+        let nearness = |one: &Self| -one.shortfall.unwrap_or(f64::INFINITY);
+        let reward = |one: &Self| one.reward.filter(|reward| reward.is_finite()).unwrap_or(f64::NEG_INFINITY);
+        let by_reward = || reward(self).total_cmp(&reward(other));
+        nearness(self).total_cmp(&nearness(other)).then_with(by_reward)
     }
 }
 
-/// Trains the guesses one after the other until a policy walks. If none does, it trains the guess with the highest reward further
-/// while there is time. At the end the configuration has the guess that walks or was trained further; if there is none, the
-/// first one.
+/// The last training of the guess that is nearest to walking after its last training.
+fn nearest(trainings: &[Training]) -> Option<&Training> {
+    let is_last = |one: &&Training| {
+        !trainings.iter().any(|other| other.guess == one.guess && other.iterations > one.iterations)
+    };
+    trainings.iter().filter(is_last).max_by(|a, b| a.order(b))
+}
+
+/// Trains the guesses one after the other until a policy walks. If none does, it trains the guess that is nearest to walking
+/// further while there is time; if that makes it worse than another guess, the other is next. At the end the configuration has
+/// the guess that walks or is nearest to walking; if no guess was trained further, the first one.
 pub(super) fn train_guesses(
     args: &Init,
     files: &Files,
@@ -73,30 +88,26 @@ pub(super) fn train_guesses(
             return Ok(trainings);
         }
     }
-    let best = trainings.iter().max_by(|a, b| a.reward().total_cmp(&b.reward()));
-    let Some((guess, round, mut took)) = best.map(|best| (best.guess, best.iterations, best.took)) else {
-        return Ok(trainings);
-    };
-    let (minutes, look) = (args.minutes, looks[guess - 1]);
-    let mut iterations = round;
-    while is_time_for(minutes, begun.elapsed(), took) {
-        iterations = iterations.saturating_add(round);
+    let round = trainings.first().map_or(0, |first| first.iterations);
+    while let Some(best) = nearest(&trainings)
+        && !best.walks
+        && is_time_for(args.minutes, begun.elapsed(), best.took)
+    {
+        let (guess, iterations) = (best.guess, best.iterations.saturating_add(round));
         output::note(&format!(
-            "no policy walks yet: guess {guess}, which had the highest reward, is trained further, to {iterations} \
-             iterations ({:.1} of {minutes} minutes are over)",
-            begun.elapsed().as_secs_f64() / 60.0
+            "no policy walks yet: guess {guess}, the nearest to walking, is trained further, to {iterations} iterations \
+             ({:.1} of {} minutes are over)",
+            begun.elapsed().as_secs_f64() / 60.0,
+            args.minutes
         ));
-        let training = train_one(args, files, look, guess, Some(iterations))?;
-        took = training.took;
-        let walks = training.walks;
+        let training = train_one(args, files, looks[guess - 1], guess, Some(iterations))?;
         trainings.push(training);
-        if walks {
-            break;
-        }
     }
-    match iterations > round {
-        true => write_configuration(args, files, &look.with_iterations(iterations))?,
-        false => write_configuration(args, files, &prepared.look)?,
+    match nearest(&trainings).filter(|_| trainings.len() > looks.len()) {
+        Some(best) => {
+            write_configuration(args, files, &looks[best.guess - 1].with_iterations(best.iterations))?;
+        }
+        None => write_configuration(args, files, &prepared.look)?,
     }
     Ok(trainings)
 }
@@ -132,20 +143,27 @@ fn train_one(
         watched(crate::commands::train::LINES, |watch| train::train(&setup, further.is_some(), watch))?;
     let seed = results.seeds.first();
     let policy = seed.map(|seed| seed.policy.clone());
-    let (walks, result) = match (results.unlearnt(), &policy) {
+    let Judged { walks, shortfall, result } = match (results.unlearnt(), &policy) {
         (None, Some(policy)) => judge(policy, &config, threads)?,
-        (failed, _) => (false, failed.unwrap_or_default()),
+        (failed, _) => Judged { walks: false, shortfall: None, result: failed.unwrap_or_default() },
     };
     let (gains, reward, took) = (gains(look), seed.map(|seed| seed.reward), begun.elapsed());
-    Ok(Training { guess, gains, iterations, reward, walks, result, policy, name, took })
+    Ok(Training { guess, gains, iterations, reward, shortfall, walks, result, policy, name, took })
 }
 
 /// Number of trajectories with random commands that decide whether a policy walks.
 const TRAJECTORIES: usize = 500;
 
-/// Whether a policy walks by the rule of `evaluate`, and a sentence with the evidence. The evaluation has no exploration and no
-/// pushes, unlike the training.
-fn judge(policy: &str, config: &TrainConfig, threads: usize) -> Result<(bool, String), Failure> {
+/// What an evaluation says of a policy.
+struct Judged {
+    walks: bool,
+    shortfall: Option<f64>,
+    /// The evidence, in a sentence.
+    result: String,
+}
+
+/// Whether a policy walks by the rule of `evaluate`. The evaluation has no exploration and no pushes, unlike the training.
+fn judge(policy: &str, config: &TrainConfig, threads: usize) -> Result<Judged, Failure> {
     let settings = EvaluateSettings {
         world: WorldSettings {
             policy: PathBuf::from(policy),
@@ -171,15 +189,18 @@ fn judge(policy: &str, config: &TrainConfig, threads: usize) -> Result<(bool, St
     };
     let Evaluated { verdict, measured, .. } =
         watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
-    Ok(match verdict {
-        Some(verdict) => (verdict.walks, format!("{policy}: {}", verdict.text)),
+    let shortfall =
+        verdict.as_ref().map(|verdict| verdict.shortfall).filter(|shortfall| shortfall.is_finite());
+    let (walks, text) = match verdict {
+        Some(verdict) => (verdict.walks, verdict.text),
         // `evaluate` gives no verdict for a task without walking. The training has judged such a policy, so here it fails only if a
         // robot diverges.
         None => match measured.evaluation.divergence() {
-            Some(why) => (false, format!("{policy}: {why}")),
-            None => (true, format!("{policy}: no robot of its evaluation diverged")),
+            Some(why) => (false, why),
+            None => (true, "no robot of its evaluation diverged".to_owned()),
         },
-    })
+    };
+    Ok(Judged { walks, shortfall, result: format!("{policy}: {text}") })
 }
 
 /// A guess's gains in words; empty if it has none.
@@ -190,10 +211,8 @@ fn gains(look: &Look) -> String {
 
 /// The message if no policy walks, with what to do. `written`: the configuration's file.
 pub(super) fn remedy(args: &Init, trainings: &[Training], written: &str) -> String {
-    let rounds = trainings.last().filter(|last| {
-        trainings.iter().any(|one| one.guess == last.guess && one.iterations < last.iterations)
-    });
-    let Some(last) = rounds else {
+    let was_further = trainings.windows(2).any(|pair| pair[1].guess <= pair[0].guess);
+    let Some(last) = nearest(trainings).filter(|_| was_further) else {
         return format!(
             "no guess learned to walk in its training; {written} has the first one. Look at the stance in the page. Then \
              train longer: --minutes N trains the best guess further, --set train.iterations=N trains each guess longer"
@@ -203,8 +222,8 @@ pub(super) fn remedy(args: &Init, trainings: &[Training], written: &str) -> Stri
     let sets: Vec<String> = args.set.iter().map(|set| format!("'{set}'")).chain([iterations]).collect();
     let sets = sets.join(" --set ");
     format!(
-        "no policy learned to walk; {written} has guess {}, which was trained further. Look at the stance in the page. To \
-         go on with it: gaitfit train {written} --name {} --resume --set {sets}",
+        "no policy learned to walk; {written} has guess {}, the nearest to walking. Look at the stance in the page. To go \
+         on with it: gaitfit train {written} --name {} --resume --set {sets}",
         last.guess, last.name,
     )
 }
@@ -220,8 +239,37 @@ pub(super) fn tried(trainings: &[Training]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::is_time_for;
+    use super::{Training, is_time_for, nearest};
     use std::time::Duration;
+
+    #[test]
+    fn the_guess_that_is_nearest_to_walking_is_next() {
+        let training = |guess, iterations, shortfall, reward| Training {
+            guess,
+            gains: String::new(),
+            iterations,
+            reward,
+            shortfall,
+            walks: false,
+            result: String::new(),
+            policy: None,
+            name: String::new(),
+            took: Duration::ZERO,
+        };
+        // By falls and error, not by the reward.
+        let mut trainings =
+            vec![training(1, 400, Some(1.5), Some(0.1)), training(2, 400, Some(4.8), Some(0.3))];
+        assert_eq!(nearest(&trainings).map(|best| best.guess), Some(1));
+        // Made worse, it gives way to the other.
+        trainings.push(training(1, 800, Some(5.0), Some(0.2)));
+        assert_eq!(nearest(&trainings).map(|best| best.guess), Some(2));
+        // Without evaluations the reward decides; a guess with an evaluation comes first.
+        let blind = vec![training(1, 1, None, Some(0.2)), training(2, 1, None, Some(0.3))];
+        assert_eq!(nearest(&blind).map(|best| best.guess), Some(2));
+        let mixed = vec![training(1, 1, Some(40.0), None), training(2, 1, None, Some(0.3))];
+        assert_eq!(nearest(&mixed).map(|best| best.guess), Some(1));
+        assert!(nearest(&[]).is_none());
+    }
 
     #[test]
     fn a_training_begins_if_it_ends_in_time() {
