@@ -60,7 +60,8 @@ fn off(found: &Value, key: &str) -> f64 {
 }
 
 #[test]
-fn simulated_robots_correct_a_search_that_ended_early_and_the_same_after_a_kill() {
+#[ignore = "takes long: `.ci/run long` runs it"]
+fn long_simulated_robots_correct_a_search_that_ended_early_and_the_same_after_a_kill() {
     let folder = tempfile::tempdir().unwrap();
     let path = config(folder.path());
     let found = fitted(&path, &["--name", "one", "--threads", "1"]);

@@ -29,7 +29,8 @@ fn bits(run: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 #[test]
-fn of_several_trainings_the_policy_that_follows_best_is_taken() {
+#[ignore = "takes long: `.ci/run long` runs it"]
+fn long_of_several_trainings_the_policy_that_follows_best_is_taken() {
     let whole = tempfile::tempdir().unwrap();
     let output = run(&args(whole.path(), SIMULATED, &["--set", "finetune.seeds=[2, 1, 3]"]));
     assert!(output.status.success(), "{}", errors(&output));
@@ -166,7 +167,8 @@ fn a_loop_runs_through_and_ends_with_the_same_bits_wherever_it_was_cut() {
 }
 
 #[test]
-fn the_policy_is_compared_with_training_without_logs_and_chosen_by_other_trajectories() {
+#[ignore = "takes long: `.ci/run long` runs it"]
+fn long_the_policy_is_compared_with_training_without_logs_and_chosen_by_other_trajectories() {
     let folder = tempfile::tempdir().unwrap();
     let sets = [
         "rounds=2",

@@ -367,7 +367,7 @@ fn cxx_walks_are_the_cpus() {
 /// Delays, biased encoders, tilted inertial units, slow sensors of velocity, torque noise, another physics step, joints in another order, clipped actions.
 #[test]
 #[ignore = "needs g++"]
-fn cxx_walks_of_fitted_robots_are_the_cpus() {
+fn long_cxx_walks_of_fitted_robots_are_the_cpus() {
     let walking = walking(Some(0.001), |policy| {
         policy.interface.action_clip = Some(gaitfit_policy::ActionClip::All(0.8));
         for (k, scale) in policy.interface.action_scale.iter_mut().enumerate() {
@@ -443,7 +443,7 @@ fn cxx_walks_with_networks_are_the_cpus() {
 /// A policy with past frames: its first layer sees the present ones as before, and a little of the others.
 #[test]
 #[ignore = "needs g++"]
-fn cxx_walks_with_past_frames_are_the_cpus() {
+fn long_cxx_walks_with_past_frames_are_the_cpus() {
     for order in [FrameOrder::NewestFirst, FrameOrder::Frames] {
         let mut policy = gaitfit_policy::read(asset("go2-walk.safetensors").as_ref()).unwrap();
         let plain = Layout::new(&policy.interface, &policy.interface.observation);

@@ -196,7 +196,7 @@ fn cxx_update_is_the_cpus() {
 
 #[test]
 #[ignore = "needs g++"]
-fn cxx_update_with_other_settings_is_the_cpus() {
+fn long_cxx_update_with_other_settings_is_the_cpus() {
     let plain = Settings {
         activation: Activation::Tanh,
         clipped_value_loss: false,
@@ -212,7 +212,7 @@ fn cxx_update_with_other_settings_is_the_cpus() {
 
 #[test]
 #[ignore = "needs g++"]
-fn cxx_warm_up_moves_the_critic_alone_and_then_starts_afresh() {
+fn long_cxx_warm_up_moves_the_critic_alone_and_then_starts_afresh() {
     let warm = Settings { activation: Activation::Relu, critic_warmup: Some(4), ..settings() };
     compare(warm.clone(), 3, [1, 0], Precision::F32, 2e-5);
     compare(warm, 4, [0, 1], Precision::F32, 2e-5);

@@ -20,7 +20,7 @@ fn cxx_update_with_memories_is_the_cpus() {
 
 #[test]
 #[ignore = "needs g++"]
-fn cxx_warm_up_moves_the_critic_and_its_memory_alone() {
+fn long_cxx_warm_up_moves_the_critic_and_its_memory_alone() {
     let memory = Some(MemorySettings { cell: Cell::Lstm, width: 9, layers: 1 });
     let warm = Settings { memory, critic_warmup: Some(4), minibatches: 3, ..settings() };
     compare(warm.clone(), 3, [1, 0], Precision::F32, 2e-5);

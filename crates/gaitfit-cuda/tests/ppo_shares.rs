@@ -92,7 +92,7 @@ fn cxx_two_gpus_learn_what_one_does() {
 
 #[test]
 #[ignore = "needs g++"]
-fn cxx_two_gpus_learn_what_one_does_with_a_memory() {
+fn long_cxx_two_gpus_learn_what_one_does_with_a_memory() {
     for (cell, layers) in [(Cell::Gru, 1), (Cell::Lstm, 2)] {
         compare(Settings { memory: Some(MemorySettings { cell, width: 9, layers }), ..settings() });
     }
@@ -101,7 +101,7 @@ fn cxx_two_gpus_learn_what_one_does_with_a_memory() {
 /// In several minibatches the samples are dealt otherwise: both GPUs have the same bits, and learn from all samples.
 #[test]
 #[ignore = "needs g++"]
-fn cxx_two_gpus_keep_the_same_weights_in_many_minibatches() {
+fn long_cxx_two_gpus_keep_the_same_weights_in_many_minibatches() {
     let (together, _, before) = update(&Settings { minibatches: 3, epochs: 3, ..settings() }, |_| {});
     for name in ["parameters", "moments", "state"] {
         assert_eq!(together[0][name], together[1][name]);
@@ -120,7 +120,7 @@ fn cxx_two_gpus_keep_the_same_weights_in_many_minibatches() {
 /// Of a number that is none on one GPU, all learn nothing.
 #[test]
 #[ignore = "needs g++"]
-fn cxx_a_faulty_sample_of_one_gpu_stops_both() {
+fn long_cxx_a_faulty_sample_of_one_gpu_stops_both() {
     let (together, _, before) = update(&settings(), |tiles| tiles[1].mean[7] = f32::NAN);
     for arrays in &together {
         assert_eq!(doubles(&arrays["state"])[5], 100.0);

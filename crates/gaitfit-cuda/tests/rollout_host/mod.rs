@@ -22,7 +22,7 @@ use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Sensors};
 
 #[test]
 #[ignore = "needs g++"]
-fn cxx_steps_of_a_trot_are_the_cpus() {
+fn long_cxx_steps_of_a_trot_are_the_cpus() {
     let task = Task::new(&go2(), &lively("velocity"), Preset::Fast).unwrap();
     compare("velocity", &task, &Candidate::nominal(&go2()));
 }
@@ -105,7 +105,7 @@ fn cxx_steps_with_networks_are_the_cpus() {
 /// Feet of other shapes than balls, joints that the policy does not move, numbers joint by joint.
 #[test]
 #[ignore = "needs g++"]
-fn cxx_steps_of_held_joints_and_other_feet_are_the_cpus() {
+fn long_cxx_steps_of_held_joints_and_other_feet_are_the_cpus() {
     let mut model = go2();
     let shapes = [
         Shape::Box { half_size: [0.03, 0.02, 0.02] },
@@ -311,7 +311,7 @@ fn cxx_steps_of_a_robot_that_touches_itself_are_the_cpus() {
 /// A base that is dragged: armature, damping and friction loss of its free joint.
 #[test]
 #[ignore = "needs g++"]
-fn cxx_steps_of_a_dragged_base_are_the_cpus() {
+fn long_cxx_steps_of_a_dragged_base_are_the_cpus() {
     let mut model = go2();
     let (solref_friction, solimp_friction) = ([0.02, 1.0], [0.9, 0.95, 0.001, 0.5, 2.0]);
     let free = FreeJoint { armature: 0.2, damping: 3.0, frictionloss: 4.0, solref_friction, solimp_friction };

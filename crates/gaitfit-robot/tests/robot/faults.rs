@@ -137,7 +137,8 @@ fn whatever_fails_a_go2_is_sent_nothing_outside_its_limits() {
 }
 
 #[test]
-fn whatever_fails_the_other_robots_are_sent_nothing_outside_their_limits() {
+#[ignore = "takes long: `.ci/run long` runs it"]
+fn long_whatever_fails_the_other_robots_are_sent_nothing_outside_their_limits() {
     for name in ["unitree-go2w", "unitree-b2", "unitree-g1", "unitree-h1-2"] {
         faults(&Robot::built_in(name).unwrap(), 200);
     }
