@@ -196,9 +196,9 @@ impl Robot {
     /// Parameters of one environment with this robot. Costs a dense factorisation: done once a robot, not a step.
     pub fn params(&self, model: &Model) -> Result<Params<f64>, PhysicsError> {
         self.check(model)?;
-        let (seats, hinges) = seats(model);
+        let (seats, mounts) = seats(model);
         let changes = self.body_changes(model);
-        let links = self.link_inertias(model, &seats, &changes, hinges.len() + 1);
+        let links = self.link_inertias(model, &seats, &changes, mounts.len() + 1);
         let floating = model.root == Root::Floating;
         // The base itself may be massless, as in many URDF files: what is welded to it moves with it.
         if floating && (links[0].mass <= 0.0 || links[0].mass.is_nan()) {
@@ -206,7 +206,7 @@ impl Robot {
         }
         let weights = invweight::invweights(model, &links, &changes, &self.armature)?;
         let mut pairs = Vec::new();
-        for link in 0..=hinges.len() {
+        for link in 0..=mounts.len() {
             for pair in &model.pairs {
                 let body = model.geoms[pair.geom].body;
                 if seats[body].link == link && (link > 0 || floating) {
