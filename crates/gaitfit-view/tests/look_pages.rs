@@ -22,6 +22,7 @@ fn beside(name: &str) -> SideBySide {
         nominal: curve(0.1),
         target: curve(0.0),
         time_s: time_s.clone(),
+        slides: false,
     };
     SideBySide {
         title: name.into(),

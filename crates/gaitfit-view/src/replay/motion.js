@@ -14,7 +14,7 @@ class Robot {
       parent: b.parent,
       position: b.position,
       quaternion: unit(b.quaternion),
-      joint: b.joint && { axis: unit(b.joint.axis), anchor: b.joint.anchor, index: b.joint.index },
+      joint: b.joint && { axis: unit(b.joint.axis), anchor: b.joint.anchor, index: b.joint.index, slides: b.joint.slides },
     }));
     this.geoms = data.geoms.map((g) => ({ ...g, quaternion: unit(g.quaternion) }));
     // How far a body is from the base, for its colour.
@@ -104,7 +104,10 @@ class Robot {
       const parent = poses[body.parent];
       let position = add(parent.position, rotate(parent.quaternion, body.position));
       let quaternion = product(parent.quaternion, body.quaternion);
-      if (body.joint) {
+      if (body.joint && body.joint.slides) {
+        const shift = scale(state.joints[body.joint.index], body.joint.axis);
+        position = add(position, rotate(quaternion, shift));
+      } else if (body.joint) {
         // The anchor stays where it is while the body turns about it.
         const pivot = add(position, rotate(quaternion, body.joint.anchor));
         quaternion = product(quaternion, turn(body.joint.axis, state.joints[body.joint.index]));
