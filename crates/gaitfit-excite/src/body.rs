@@ -165,7 +165,9 @@ impl Body {
     fn speeds(&mut self, settings: &ChirpSettings) {
         let mut bare = Vec::new();
         for (joint, name) in self.model.joints.iter().zip(&self.names) {
-            let limit = match (joint.velocity_limit, settings.velocity_limit) {
+            // What is given is rad/s.
+            let given = settings.velocity_limit.filter(|_| joint.kind.is_hinge());
+            let limit = match (joint.velocity_limit, given) {
                 (Some(own), Some(given)) => own.min(given),
                 (own, given) => own.or(given).unwrap_or_else(|| {
                     if joint.kind.is_hinge() {
@@ -313,7 +315,9 @@ fn torques(settings: &ChirpSettings, model: &Model, moved: &[usize]) -> Result<V
     let mut limits = Vec::new();
     let mut bare = Vec::new();
     for (at, joint) in model.joints.iter().enumerate() {
-        let limit = match (model.effort(at), settings.torque_limit) {
+        // What is given is N·m.
+        let given = settings.torque_limit.filter(|_| joint.kind.is_hinge());
+        let limit = match (model.effort(at), given) {
             (Some(own), Some(given)) => own.min(given),
             (own, given) => own.or(given).unwrap_or(f64::INFINITY),
         };

@@ -18,10 +18,10 @@ pub enum JointKind {
     Slide,
 }
 
-/// Length of a hinge's lever that makes its numbers those of a slide, m: what is 1 rad of a leg's hinge is 0.1 m of a slide.
-const LEVER: f64 = 0.1;
+/// What is 1 m of a slide is so many rad of a leg's hinge: one with a lever of 0.1 m.
+const PER_METRE: f64 = 10.0;
 
-/// Units of hinges, what slides have in their place, and the power of [`LEVER`] that is between their numbers.
+/// Units of hinges, what slides have in their place, and the power of [`PER_METRE`] by which their numbers differ.
 const UNITS: [(&str, &str, i32); 7] = [
     ("rad", "m", 1),
     ("rad/s", "m/s", 1),
@@ -57,7 +57,11 @@ impl JointKind {
     /// guesses and bounds where a robot's file says nothing.
     pub fn like(self, unit: &str, value: f64) -> f64 {
         let power = UNITS.iter().find(|(hinge, ..)| *hinge == unit).map_or(0, |(.., power)| *power);
-        if self.is_hinge() || power == 0 { value } else { value * LEVER.powi(power) }
+        match power {
+            _ if self.is_hinge() => value,
+            power if power > 0 => value / PER_METRE.powi(power),
+            power => value * PER_METRE.powi(-power),
+        }
     }
 }
 

@@ -152,6 +152,20 @@ impl Robot {
                 }
             }
         }
+        // Of a slide no compliance counts as rigid yet, and a gear in one joint is a gear in all.
+        for parameter in
+            [JointParameter::Play, JointParameter::Compliance].into_iter().filter(|_| model.has_slides())
+        {
+            let all = self.joints(parameter).iter().zip(&model.joints);
+            if let Some((value, joint)) = all.into_iter().find(|(value, _)| **value != 0.0) {
+                return Err(PhysicsError::Value {
+                    object: format!("joint `{}`", joint.name),
+                    quantity: parameter.name(),
+                    value: *value,
+                    must: "0 in a robot with slides: gears are simulated in robots of hinges alone",
+                });
+            }
+        }
         let motors = self.no_load_speed.iter().zip(&self.stall_torque);
         for ((speed, torque), joint) in motors.zip(&model.joints) {
             if *speed < MAX_SPEED && torque.is_infinite() {

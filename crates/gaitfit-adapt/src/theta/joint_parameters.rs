@@ -72,11 +72,14 @@ impl ParameterRule {
     /// and slides get the like.
     ///
     /// # Errors
-    /// Patterns that do not fit; one value, or numbers, for joints of both kinds.
+    /// Patterns that do not fit; one value, or numbers, for joints of both kinds; gears in a robot with slides.
     pub fn by_kind(&self, model: &Model, scales: bool) -> Result<Vec<Self>, ThetaError> {
         let unit = self.kind.unit();
         if JointKind::Slide.unit(unit) == unit || model.joints.iter().all(|joint| joint.kind.is_hinge()) {
             return Ok(vec![self.clone()]);
+        }
+        if matches!(self.kind, JointParameter::Play | JointParameter::Compliance) {
+            return Err(ThetaError::SlidingGears { kind: self.kind.name() });
         }
         let names: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
         let wrong = |source| ThetaError::Joints { kind: self.kind.name(), source };

@@ -121,6 +121,14 @@ pub enum ThetaError {
         /// A slide that it covers.
         slide: String,
     },
+    /// Gears in a robot with slides.
+    #[error(
+        "{kind} is of gears, which are simulated in robots of hinges alone, and this robot has slides; leave it out"
+    )]
+    SlidingGears {
+        /// Parameter.
+        kind: &'static str,
+    },
     /// A network of a slide.
     #[error("networks correct hinges, and joint `{joint}` slides; leave it out of the rule's `joints`")]
     SlidingNetwork {

@@ -398,6 +398,8 @@ fn rules_over_hinges_and_slides_are_two() {
     assert!(error.to_string().contains("hinge `L_hip` and slide `L_knee`, whose units differ"), "{error}");
     let shared = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Armature) };
     assert!(matches!(of(vec![shared]).unwrap_err(), ThetaError::Kinds { .. }));
+    let play = of(vec![ParameterRule::new(JointParameter::Play)]).unwrap_err();
+    assert!(play.to_string().contains("gears"), "{play}");
     let knees = of(vec![ParameterRule { joints: vec!["*_knee".to_owned()], ..stated.clone() }]).unwrap();
     assert_eq!((knees.parameter[0].upper, knees.parameter[0].joint_kind), (Some(2.0), JointKind::Slide));
     let like = stated.by_kind(&model, true).unwrap();

@@ -173,8 +173,10 @@ fn cxx_steps_of_telescopic_legs_are_the_cpus() {
         JointNumber::Table(entries.iter().map(|(pattern, value)| ((*pattern).to_owned(), *value)).collect())
     };
     settings.policy.joints = vec!["*_hip".to_owned(), "*_slide".to_owned()];
-    settings.policy.kp = table(&[("*", 60.0), ("*_slide", 3000.0), ("lift", 800.0), ("boom", 400.0)]);
-    settings.policy.kd = table(&[("*", 1.5), ("*_slide", 80.0), ("lift", 30.0), ("boom", 20.0)]);
+    settings.policy.kp =
+        table(&[("*", 1.0), ("*_hip", 60.0), ("*_slide", 3000.0), ("lift", 800.0), ("boom", 200.0)]);
+    settings.policy.kd =
+        table(&[("*", 0.03), ("*_hip", 1.5), ("*_slide", 80.0), ("lift", 30.0), ("boom", 9.0)]);
     settings.policy.action_scale = table(&[("*", 0.25), ("*_slide", 0.03)]);
     settings.policy.default_pose =
         [("*_hip", 0.1), ("*_slide", 0.02), ("lift", 0.05)].map(|(name, at)| (name.to_owned(), at)).into();

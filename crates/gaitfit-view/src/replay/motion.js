@@ -105,7 +105,7 @@ class Robot {
       let position = add(parent.position, rotate(parent.quaternion, body.position));
       let quaternion = product(parent.quaternion, body.quaternion);
       if (body.joint && body.joint.slides) {
-        const shift = scale(state.joints[body.joint.index], body.joint.axis);
+        const shift = scaled(body.joint.axis, state.joints[body.joint.index]);
         position = add(position, rotate(quaternion, shift));
       } else if (body.joint) {
         // The anchor stays where it is while the body turns about it.
