@@ -1,4 +1,4 @@
-"""Writes the physics fixtures: states and short rollouts of ten robots, computed with MuJoCo in float64.
+"""Writes the physics fixtures: states and short rollouts of eleven robots, computed with MuJoCo in float64.
 
 Reads the MJCF files beside the fixtures (crates/gaitfit-physics/tests/fixtures/*.xml) and writes one .npz per robot
 and option variant; README.md in that folder describes every array. The same MuJoCo version gives the same numbers.
@@ -70,6 +70,7 @@ VARIANTS = {
         Variant("pyr_imp1_nofl_noeulerdamp", frictionloss=False, eulerdamp=False),
     ],
     "rover": [Variant("pyr_imp1_fl"), Variant("ell_imp10_fl_implicitfast", ELLIPTIC, 10, integrator=IMPLICITFAST)],
+    "telescope": [Variant("pyr_imp1_fl"), Variant("ell_imp10_fl_implicitfast", ELLIPTIC, 10, integrator=IMPLICITFAST), Variant("ell_imp1_nofl", ELLIPTIC, frictionloss=False)],
     "crab": [Variant("pyr_imp1_fl"), Variant("ell_imp10_nofl", ELLIPTIC, 10, frictionloss=False)],
     "twins": [Variant("pyr_imp1_nofl_implicitfast", integrator=IMPLICITFAST, frictionloss=False), Variant("ell_imp1_fl", ELLIPTIC)],
     "terrain": [Variant("pyr_imp1_fl"), Variant("ell_imp10_nofl", ELLIPTIC, 10, frictionloss=False)],
@@ -83,7 +84,7 @@ VARIANTS = {
 # Robots whose own parts touch each other.
 OWN = ("crab", "twins")
 # The variant of each robot whose fall is recorded, and the steps recorded.
-ROLLOUTS = {"twins": "ell_imp1_fl", "biped": "pyr_imp1_fl", "humanoid": "ell_imp1_fl", "arm": "pyr_imp1_fl_implicitfast", "rover": "pyr_imp1_fl", "go2": "pyr_imp1_fl"}
+ROLLOUTS = {"twins": "ell_imp1_fl", "biped": "pyr_imp1_fl", "humanoid": "ell_imp1_fl", "arm": "pyr_imp1_fl_implicitfast", "rover": "pyr_imp1_fl", "telescope": "pyr_imp1_fl", "go2": "pyr_imp1_fl"}
 
 
 def load(robot, variant):
@@ -158,16 +159,18 @@ def place(model, data, gap):
 
 
 def random_joints(model, kind, home, rng):
-    """Hinge positions of one state: near home, anywhere inside the limits, or with three joints beyond them."""
+    """Joint positions of one state: near home, anywhere inside the limits, or with three joints beyond them."""
     hinges = np.arange(model.njnt - len(home), model.njnt)
-    low, high = np.where(model.jnt_limited[hinges, None], model.jnt_range[hinges], [-2.0, 2.0]).T
+    # What is 1 rad of a hinge is 0.1 m of a slide.
+    reach = np.where(model.jnt_type[hinges] == mujoco.mjtJoint.mjJNT_SLIDE, 0.1, 1.0)
+    low, high = np.where(model.jnt_limited[hinges, None], model.jnt_range[hinges], reach[:, None] * [-2.0, 2.0]).T
     if kind in ("standing", "fallen", "pressed"):
-        return home + rng.normal(0, 0.08 if kind == "standing" else 0.3, len(home))
+        return home + reach * rng.normal(0, 0.08 if kind == "standing" else 0.3, len(home))
     joints = rng.uniform(low + 0.05 * (high - low), high - 0.05 * (high - low))
     if kind == "limits":
         beyond = rng.choice(np.flatnonzero(model.jnt_limited[hinges]), 3, replace=False)
         side = rng.integers(0, 2, 3)
-        joints[beyond] = np.where(side, high[beyond], low[beyond]) + (2 * side - 1) * rng.uniform(0.005, 0.12, 3)
+        joints[beyond] = np.where(side, high[beyond], low[beyond]) + (2 * side - 1) * reach[beyond] * rng.uniform(0.005, 0.12, 3)
     return joints
 
 

@@ -176,7 +176,7 @@ EXAMPLES = {
     "Loop": 'Loop(policy="walk.safetensors", logs=["walks"], evaluate=Evaluate(trajectories=300))',
 }
 #: Fields that users cannot set.
-HIDDEN = {"decided", "policy_sha256", "theta_sha256", "world", "device"}
+HIDDEN = {"joint_kind", "decided", "policy_sha256", "theta_sha256", "world", "device"}
 
 
 def read(path: Path) -> str:

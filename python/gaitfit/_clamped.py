@@ -62,7 +62,7 @@ class Clamped:
         names = [self._model.joint(number).name for number in range(self._model.njnt)]
         self._joints = [name.removesuffix("_joint") for name in names]
         if self._model.nq != self._model.nv or self._model.nv != len(names):
-            raise ValueError("the robot has joints that are no hinges")
+            raise ValueError("the robot has joints that are neither hinges nor slides")
         if torque_limit is None:
             torque_limit = [limits.get(name, np.inf) for name in names]
         if len(torque_limit) != len(names):

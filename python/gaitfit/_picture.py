@@ -92,7 +92,10 @@ def _frames(bodies: Sequence[Mapping[str, Any]], base: Array, turn: Array, angle
         position = position + rotation @ np.asarray(body["position"], float)
         rotation = rotation @ _matrix(body["quaternion"])
         joint = body["joint"]
-        if joint is not None:
+        if joint is not None and joint["slides"]:
+            along = np.asarray(joint["axis"], float)
+            position = position + rotation @ along * (angles[joint["index"]] / np.linalg.norm(along))
+        elif joint is not None:
             # A turn about the anchor: the anchor stays where it is.
             anchor = position + rotation @ np.asarray(joint["anchor"], float)
             rotation = rotation @ _about(np.asarray(joint["axis"], float), angles[joint["index"]])

@@ -13,10 +13,12 @@ from ._given import PathLike, robot_of
 
 @dataclass(frozen=True)
 class RobotJoint:
-    """The numbers of a joint that a robot's file states.
+    """The numbers of a joint that a robot's file states, in the units of a hinge. Those of a slide are in m, m/s, N and kg: its
+    damping is in N·s/m, its stiffness in N/m.
 
     Attributes:
         name: Name of the joint.
+        slides: Whether it slides along its axis instead of turning about it.
         range: Its limits, rad; ``None`` without limits.
         frictionloss: Dry friction torque, N·m.
         armature: Reflected rotor inertia, kg·m².
@@ -31,6 +33,7 @@ class RobotJoint:
     """
 
     name: str
+    slides: bool
     range: tuple[float, float] | None
     frictionloss: float
     armature: float

@@ -37,6 +37,7 @@ pub fn robot_numbers(robot: PathBuf, lenient: bool) -> PyResult<String> {
     let joints = model.joints.iter().zip(limits).map(|(joint, limit)| {
         json!({
             "name": joint.name,
+            "slides": !joint.kind.is_hinge(),
             "range": joint.range,
             "frictionloss": joint.frictionloss,
             "armature": joint.armature,

@@ -15,6 +15,10 @@ pub fn text(found: &SwingFindings, causes: &[Cause], beside: &[Beside]) -> Strin
     for sentence in &found.taken_out {
         let _ = writeln!(text, "corrected before the legs were examined: {sentence}");
     }
+    if !found.slides.is_empty() {
+        let names = found.slides.join(", ");
+        let _ = writeln!(text, "estimates from legs in the air are of hinges; these joints slide: {names}");
+    }
     match (found.best(), &found.why_not) {
         (Some(report), _) => joints(&mut text, found, report, beside),
         (None, Some(why)) => {

@@ -5,7 +5,7 @@ use gaitfit_adapt::{JointParameter, ParameterRule, Sharing, Theta};
 use gaitfit_fit::air::choices;
 use gaitfit_log::{Gains, PerJoint, Trajectory};
 use gaitfit_model::patterns::{covered, table};
-use gaitfit_model::{Model, shown, shown_number};
+use gaitfit_model::{JointKind, Model, shown, shown_number};
 use gaitfit_settings::settings::{self, AdaptConfig};
 use gaitfit_settings::{Error, robot};
 use gaitfit_sim::Recording;
@@ -64,9 +64,17 @@ impl Body {
         (model.planes, model.obstacles, model.pairs) = Default::default();
         let named = |error| Error::settings(format!("`joints` (--joints): {error}"));
         let moved = match settings.joints.as_slice() {
-            [] => (0..names.len()).collect(),
+            [] => hinges(&model, &mut notes)?,
             patterns => covered(patterns, &model.name, &names).map_err(named)?,
         };
+        if let Some(slide) =
+            moved.iter().map(|&joint| &model.joints[joint]).find(|joint| !joint.kind.is_hinge())
+        {
+            return Err(Error::settings(format!(
+                "`joints` (--joints): joint {} slides, and chirps turn hinges; leave it out",
+                shown(&slide.name)
+            )));
+        }
         let fit = settings.fit.as_deref();
         let given: Option<AdaptConfig> = fit.map(|path| settings::load(Some(path), &[])).transpose()?;
         let looked = if robot::is_go2(&floating) { None } else { gaitfit_world::init::look(&floating).ok() };
@@ -91,7 +99,10 @@ impl Body {
             centre: Vec::new(),
             velocity: Vec::new(),
             torque: torques(settings, &model, &moved)?,
-            config: given.unwrap_or_else(|| usual(settings, &model)),
+            config: given
+                .unwrap_or_else(|| usual(settings, &model))
+                .by_kind(&model)
+                .map_err(|error| Error::settings(format!("what is fitted: {error}")))?,
             gains,
             turn,
             names,
@@ -154,10 +165,14 @@ impl Body {
     fn speeds(&mut self, settings: &ChirpSettings) {
         let mut bare = Vec::new();
         for (joint, name) in self.model.joints.iter().zip(&self.names) {
-            let limit = match (joint.velocity_limit, settings.velocity_limit) {
+            // What is given is rad/s.
+            let given = settings.velocity_limit.filter(|_| joint.kind.is_hinge());
+            let limit = match (joint.velocity_limit, given) {
                 (Some(own), Some(given)) => own.min(given),
                 (own, given) => own.or(given).unwrap_or_else(|| {
-                    bare.push(name.clone());
+                    if joint.kind.is_hinge() {
+                        bare.push(name.clone());
+                    }
                     SPEED
                 }),
             };
@@ -202,9 +217,10 @@ impl Body {
                 Some(angle) if (min..=max).contains(&angle) => angle,
                 Some(angle) => {
                     return Err(Error::settings(format!(
-                        "`pose` (--pose) has {} at {} rad; within its range and the margin it may be from {} to {}",
+                        "`pose` (--pose) has {} at {} {}; within its range and the margin it may be from {} to {}",
                         shown(&joint.name),
                         shown_number(angle),
+                        joint.kind.unit("rad"),
                         shown_number(min),
                         shown_number(max)
                     )));
@@ -299,7 +315,9 @@ fn torques(settings: &ChirpSettings, model: &Model, moved: &[usize]) -> Result<V
     let mut limits = Vec::new();
     let mut bare = Vec::new();
     for (at, joint) in model.joints.iter().enumerate() {
-        let limit = match (model.effort(at), settings.torque_limit) {
+        // What is given is N·m.
+        let given = settings.torque_limit.filter(|_| joint.kind.is_hinge());
+        let limit = match (model.effort(at), given) {
             (Some(own), Some(given)) => own.min(given),
             (own, given) => own.or(given).unwrap_or(f64::INFINITY),
         };
@@ -338,6 +356,20 @@ fn turns(model: &Model, moved: &[usize], turns: Turns) -> Vec<Option<usize>> {
     found
 }
 
+/// The joints that chirps turn if none are named: all hinges.
+fn hinges(model: &Model, notes: &mut Vec<String>) -> Result<Vec<usize>, Error> {
+    let (hinges, slides): (Vec<usize>, Vec<usize>) =
+        (0..model.joints.len()).partition(|&joint| model.joints[joint].kind.is_hinge());
+    if hinges.is_empty() {
+        return Err(Error::settings("chirps turn hinges, and all joints of the robot slide"));
+    }
+    if !slides.is_empty() {
+        let names: Vec<String> = slides.into_iter().map(|joint| model.joints[joint].name.clone()).collect();
+        notes.push(format!("chirps turn hinges: {} slide, and are held", listed(&names)));
+    }
+    Ok(hinges)
+}
+
 /// The body next to the root from which `body` hangs.
 fn limb(model: &Model, body: usize) -> usize {
     let above = |body: &usize| model.bodies[*body].parent.filter(|&parent| parent != 0);
@@ -347,16 +379,22 @@ fn limb(model: &Model, body: usize) -> usize {
 /// What is fitted where no configuration says it.
 fn usual(settings: &ChirpSettings, model: &Model) -> AdaptConfig {
     let scale = choices::motor_scale(model);
-    let joints = if settings.joints.is_empty() { vec!["*".to_owned()] } else { settings.joints.clone() };
+    let hinges = || model.joints.iter().filter(|joint| joint.kind.is_hinge());
+    let joints = match hinges().count() == model.joints.len() {
+        _ if !settings.joints.is_empty() => settings.joints.clone(),
+        true => vec!["*".to_owned()],
+        false => hinges().map(|joint| joint.name.clone()).collect(),
+    };
     let rule = |kind: JointParameter, per: Sharing, upper: f64| ParameterRule {
         per,
         joints: joints.clone(),
         upper: Some(upper),
         ..ParameterRule::new(kind)
     };
-    let friction = choices::max_friction(model);
-    let armature = (ARMATURE * scale).max(choices::twice_file(model, |joint| joint.armature));
-    let damping = (DAMPING * scale).max(choices::twice_file(model, |joint| joint.damping));
+    let friction = choices::max_friction(model, JointKind::Hinge);
+    let armature =
+        (ARMATURE * scale).max(choices::twice_file(model, JointKind::Hinge, |joint| joint.armature));
+    let damping = (DAMPING * scale).max(choices::twice_file(model, JointKind::Hinge, |joint| joint.damping));
     AdaptConfig {
         parameter: vec![
             rule(JointParameter::FrictionLoss, Sharing::Group, friction),

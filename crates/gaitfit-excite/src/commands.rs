@@ -265,6 +265,7 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     }
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
     let rest = rest_angles(&policy, &model)?;
+    let config = config.by_kind(&model).map_err(Error::settings)?;
     let theta = config.rules().theta(&config.groups(&names), &names, &rest).map_err(Error::settings)?;
     let values = known_values(&config, &theta, settings.theta.as_deref())?;
     let asked = asked(&settings.parameters, &theta)?;

@@ -293,13 +293,16 @@ impl<'a> Trial<'a> {
     /// Which limit a joint meets on which robot, in words.
     fn say(&self, joint: usize, limit: Limit, robot: usize) -> String {
         let body = self.body;
+        let kind = body.model.joints[joint].kind;
         let limit = match limit {
             Limit::Position => {
                 let [low, high] = body.range[joint].map(shown_number);
-                format!("position, {low} to {high} rad")
+                format!("position, {low} to {high} {}", kind.unit("rad"))
             }
-            Limit::Velocity => format!("velocity, {} rad/s", shown_number(body.velocity[joint])),
-            Limit::Torque => format!("torque, {} N·m", shown_number(body.torque[joint])),
+            Limit::Velocity => {
+                format!("velocity, {} {}", shown_number(body.velocity[joint]), kind.unit("rad/s"))
+            }
+            Limit::Torque => format!("torque, {} {}", shown_number(body.torque[joint]), kind.unit("N·m")),
         };
         let who = match robot {
             robot if robot < self.robots.len() => self.describe(robot),

@@ -2,7 +2,8 @@
 
 use super::joint::JointNumbers;
 use gaitfit_adapt::{RobotNumber, SavedParameter, ThetaFile};
-use gaitfit_model::{shown, shown_number};
+use gaitfit_model::patterns::covered;
+use gaitfit_model::{JointKind, Model, shown, shown_number};
 use gaitfit_physics::JointParameter;
 use gaitfit_settings::Error;
 use std::path::Path;
@@ -12,7 +13,7 @@ const MAX_GAIN: f64 = 1e6;
 
 /// Refuses intervals that are none, and units that are not those of the numbers: the values would be taken for something
 /// else.
-pub(super) fn parameters(file: &ThetaFile, path: &Path) -> Result<(), Error> {
+pub(super) fn parameters(file: &ThetaFile, path: &Path, model: &Model) -> Result<(), Error> {
     let refuse = |parameter: &SavedParameter, what: String| {
         Err(Error::failed(format!("{}: `{}` {what}", path.display(), shown(&parameter.name))))
     };
@@ -25,7 +26,7 @@ pub(super) fn parameters(file: &ThetaFile, path: &Path) -> Result<(), Error> {
                 "has the interval [{low}, {high}]; give its lower end first, then its upper end, both finite";
             return refuse(parameter, what.replace("{low}", &low).replace("{high}", &high));
         }
-        let Some(unit) = unit(&parameter.kind) else { continue };
+        let Some(unit) = unit(parameter, model) else { continue };
         if !parameter.unit.is_empty() && parameter.unit != unit {
             let found = shown(&parameter.unit);
             let what = format!("is in `{found}`, and {} is in `{unit}`", shown(&parameter.kind));
@@ -35,9 +36,16 @@ pub(super) fn parameters(file: &ThetaFile, path: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// Unit of a kind of parameter; `None` for kinds that are not known.
-fn unit(kind: &str) -> Option<&'static str> {
-    let joints = JointParameter::ALL.iter().find(|one| one.name() == kind).map(|one| one.unit());
+/// Unit of a parameter, that of slides if it covers none but slides; `None` for kinds that are not known.
+fn unit(parameter: &SavedParameter, model: &Model) -> Option<&'static str> {
+    let kind = parameter.kind.as_str();
+    let names: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
+    // Patterns that do not fit are refused where the values are applied.
+    let places = covered(&parameter.joints, &model.name, &names).unwrap_or_default();
+    let slides = !places.is_empty() && places.iter().all(|&joint| !model.joints[joint].kind.is_hinge());
+    let joint_kind = if slides { JointKind::Slide } else { JointKind::Hinge };
+    let joints = JointParameter::ALL.iter().find(|one| one.name() == kind);
+    let joints = joints.map(|one| joint_kind.unit(one.unit()));
     joints.or_else(|| RobotNumber::ALL.iter().find(|one| one.name() == kind).map(|one| one.unit()))
 }
 

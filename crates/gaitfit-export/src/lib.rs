@@ -106,7 +106,7 @@ pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
             (model, text, is_urdf)
         }
     };
-    checks::parameters(&file, &settings.theta)?;
+    checks::parameters(&file, &settings.theta, &model)?;
     let candidate = theta::candidate(&file, &settings.theta, &model)?;
     let (gains, note) = match fit.filter(|_| !stated).and_then(|fit| fit.gains(&model)) {
         Some((gains, place)) => {

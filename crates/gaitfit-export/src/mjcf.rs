@@ -127,7 +127,13 @@ pub(super) fn patched(
         if joint.has_spring || passive {
             edits.set(text, node, "stiffness", &number(joint.stiffness));
             if let Some(rest) = joint.springref() {
-                edits.set(text, node, "springref", &number(if degrees { rest.to_degrees() } else { rest }));
+                let in_degrees = degrees && own.kind.is_hinge();
+                edits.set(
+                    text,
+                    node,
+                    "springref",
+                    &number(if in_degrees { rest.to_degrees() } else { rest }),
+                );
             }
         }
     }

@@ -6,9 +6,9 @@
 //! or a wrong sign has a weight that does not fit.
 
 use gaitfit_log::{Finding, FindingKind, Severity, Signal, Trajectory};
-use gaitfit_model::Model;
 use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{IDENTITY, Vec3, add, cross, dot, rotate, sub};
+use gaitfit_model::{JointKind, Model};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 
@@ -26,7 +26,7 @@ const OFTEN: f64 = 0.02;
 /// Length of a block, s.
 const BLOCK_S: f64 = 0.5;
 
-/// Torques, N·m, that hold every joint's load up at the angles `q`, in the model's joint order; base level.
+/// Torques, N·m, of slides forces, N, that hold every joint's load up at the angles `q`, in the model's joint order; base level.
 fn holding(model: &Model, q: &[f64]) -> Vec<f64> {
     let frames = body_frames(model, &Frame { position: [0.0; 3], quaternion: IDENTITY }, q);
     let gravity = model.options.gravity;
@@ -37,8 +37,13 @@ fn holding(model: &Model, q: &[f64]) -> Vec<f64> {
         let mut carrier = Some(number);
         while let Some(at) = carrier {
             for (joint, part) in model.joints.iter().enumerate().filter(|(_, joint)| joint.body == at) {
-                let axis = rotate(frames[at].quaternion, part.axis);
-                torques[joint] -= dot(axis, cross(sub(centre, point(at, part.pos)), weight));
+                torques[joint] -= match part.kind {
+                    JointKind::Hinge => {
+                        let axis = rotate(frames[at].quaternion, part.axis);
+                        dot(axis, cross(sub(centre, point(at, part.pos)), weight))
+                    }
+                    JointKind::Slide => dot(rotate(frames[at].quaternion, part.axis), weight),
+                };
             }
             carrier = model.bodies[at].parent;
         }
@@ -157,18 +162,19 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
         let (as_is, flipped) = (regressed(&weights), regressed(&turned));
         let apart: f64 = weights.iter().zip(&turned).map(|(a, b)| (a - b).powi(2)).sum();
         let apart = (apart / weights.len() as f64).sqrt();
-        if apart > 2.0 * HEAVY && as_is > HEAVY && flipped < CLEARLY * as_is {
-            joints.push((joint, as_is, flipped));
+        let heavy = model.joints[order[joint]].kind.like("N·m", HEAVY);
+        if apart > 2.0 * heavy && as_is > heavy && flipped < CLEARLY * as_is {
+            joints.push((joint, as_is, flipped, model.joints[order[joint]].kind.unit("N·m")));
         }
     }
-    let finding = |(joint, as_is, flipped): (usize, f64, f64)| Finding {
+    let finding = |(joint, as_is, flipped, unit): (usize, f64, f64, &str)| Finding {
         kind: FindingKind::JointSign,
         severity: Severity::Error,
         joints: vec![log.joints[joint].clone()],
         span: None,
         message: format!(
-            "the torques of {} do not hold the robot's weight ({as_is:.2} N·m RMS off), and do with the opposite sign \
-             ({flipped:.2} N·m): position, velocity and target of this joint are mirrored, or they are those of the joint on the other side: negate \
+            "the torques of {} do not hold the robot's weight ({as_is:.2} {unit} RMS off), and do with the opposite sign \
+             ({flipped:.2} {unit}): position, velocity and target of this joint are mirrored, or they are those of the joint on the other side: negate \
              its columns, or rename them",
             log.joints[joint]
         ),
@@ -272,7 +278,8 @@ fn beyond(log: &Trajectory, model: &Model, order: &[usize]) -> bool {
     order.iter().enumerate().any(|(column, &joint)| {
         let Some([low, high]) = model.joints[joint].range else { return false };
         let values = log.column_at(Signal::Position, column).unwrap_or_default();
-        let outside = values.iter().filter(|q| **q < low - BEYOND || **q > high + BEYOND).count();
+        let over = model.joints[joint].kind.like("rad", BEYOND);
+        let outside = values.iter().filter(|q| **q < low - over || **q > high + over).count();
         outside as f64 > OFTEN * values.len() as f64
     })
 }

@@ -29,7 +29,7 @@ use crate::names::names;
 use crate::scale::{self, scales};
 use serde::de::IntoDeserializer;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// What the checks may know about the robot. Everything is optional and by joint name; joints that the maps
 /// lack are not held to a limit.
@@ -37,6 +37,8 @@ use std::collections::BTreeMap;
 pub struct CheckSpec {
     /// The robot's joints in its own order.
     pub joints: Option<Vec<String>>,
+    /// Those that slide: their units are m, m/s and N.
+    pub slides: BTreeSet<String>,
     /// Position limits, rad.
     pub position_limits: BTreeMap<String, [f64; 2]>,
     /// Speed limits, rad/s.

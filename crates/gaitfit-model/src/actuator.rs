@@ -169,12 +169,13 @@ impl ActuatorForm {
             return Err(ctx.invalid(at, format!("{label} drives nothing"), "add joint=\"...\""));
         };
         let Some(joint) = joints.iter().position(|j| !j.name.is_empty() && j.name == target) else {
-            let message = format!("{label} names joint \"{}\", which is no hinge of the file", shown(target));
+            let message =
+                format!("{label} names joint \"{}\", which is no hinge or slide of the file", shown(target));
             if ctx.drops() {
                 ctx.refuse(at, message, "its joint is missing or was dropped", "correct the name")?;
                 return Ok(None);
             }
-            return Err(ctx.invalid(at, message, "name one of the file's hinge joints"));
+            return Err(ctx.invalid(at, message, "name one of the file's hinges or slides"));
         };
         let mut ctrlrange = self.ctrlrange;
         if self.inherit_range > 0.0 && self.bias_type == 1 && self.gain == -self.bias[1] {

@@ -272,7 +272,7 @@ impl<'c, 's> BodyReader<'c, 's> {
                 self.add_free(element, scope)?;
                 self.bodies[scope.body].free_joint = Some(free).filter(|free| !free.is_plain());
             }
-            Finished::Hinge(joint) => {
+            Finished::Moving(joint) => {
                 self.joints += 1;
                 if self.joints > MAX_JOINTS {
                     return Err(self.ctx.too_many(element.at, "joints", MAX_JOINTS));

@@ -36,7 +36,7 @@ pub(crate) fn compile(
         return Err(ctx.invalid(
             spec.bodies.get(1).map_or(At::default(), |b| b.at),
             "no body of the file can move",
-            "give the robot hinge joints",
+            "give the robot hinges or slides",
         ));
     };
     let root = robot.root;
@@ -198,7 +198,7 @@ fn attach(ctx: &Context, spec: &Spec, root: usize, wanted: Option<Root>) -> Resu
     match wanted {
         Some(Root::Floating) if !body.joints.is_empty() => Err(ctx.invalid(
             body.at,
-            format!("root body \"{}\" hangs on hinge joints and cannot float", shown(&body.name)),
+            format!("root body \"{}\" hangs on joints and cannot float", shown(&body.name)),
             "leave the base as the file has it",
         )),
         Some(other) => Ok(other),

@@ -1,7 +1,8 @@
-//! MJCF `<joint>`: hinges; a free joint only at the root; what the engine lacks is refused.
+//! MJCF `<joint>`: hinges and slides; a free joint only at the root; what the engine lacks is refused.
 
 use crate::attributes::{Attributes, Context};
 use crate::error::ModelError;
+use crate::joint_kind::JointKind;
 use crate::model::{FreeJoint, Joint};
 use crate::options::Compiler;
 use crate::rotation::{Quat, Vec3, add, rotate, unit};
@@ -17,7 +18,7 @@ pub(crate) const LIMITED: [&str; 3] = ["false", "true", "auto"];
 /// Index of `auto` in [`LIMITED`].
 pub(crate) const AUTO: usize = 2;
 
-/// A `<joint>` as written, over its default class. Angles are in the file's unit until finished.
+/// A `<joint>` as written, over its default class. Angles of hinges are in the file's unit until finished.
 #[derive(Clone, Debug)]
 pub(crate) struct JointForm {
     kind: usize,
@@ -46,7 +47,7 @@ impl Default for JointForm {
 
 /// What a `<joint>` turned out to be.
 pub(crate) enum Finished {
-    Hinge(Box<Joint>),
+    Moving(Box<Joint>),
     Free(FreeJoint),
     /// Refused, but read leniently.
     Dropped,
@@ -98,7 +99,7 @@ impl JointForm {
         frame: (Vec3, Quat),
     ) -> Result<Finished, ModelError> {
         let at = element.at;
-        match TYPES[self.kind] {
+        let kind = match TYPES[self.kind] {
             "free" => {
                 let j = &self.joint;
                 if j.stiffness != 0.0 {
@@ -117,24 +118,17 @@ impl JointForm {
                     solimp_friction: j.solimp_friction,
                 }));
             }
-            "hinge" => {}
             "ball" => {
                 let remedy = "replace it by hinges, or weld the body by removing the joint";
                 ctx.refuse_unmended(at, element.label(), "ball joints are not simulated", remedy)?;
                 return Ok(Finished::Dropped);
             }
-            other => {
-                ctx.refuse(
-                    at,
-                    element.label(),
-                    format!("{other} joints are not simulated"),
-                    "replace it by hinges, or weld the body by removing the joint",
-                )?;
-                return Ok(Finished::Dropped);
-            }
-        }
+            "slide" => JointKind::Slide,
+            _ => JointKind::Hinge,
+        };
         let mut j = self.joint.clone();
         j.name = element.get("name").unwrap_or("").to_string();
+        j.kind = kind;
         j.axis = unit(rotate(frame.1, j.axis)).ok_or_else(|| {
             ctx.invalid(at, format!("{}: the axis is zero", element.label()), "give a direction")
         })?;
@@ -144,10 +138,12 @@ impl JointForm {
             let [time, ratio] = self.spring_damper;
             (j.stiffness, j.damping) = (-time, -ratio);
         }
-        j.reference = compiler.units.radians(j.reference);
-        j.springref = compiler.units.radians(j.springref);
+        // Positions of slides are metres, whatever the file's unit of angles.
+        let position = |value: f64| if kind.is_hinge() { compiler.units.radians(value) } else { value };
+        j.reference = position(j.reference);
+        j.springref = position(j.springref);
         j.range = resolve_range(ctx, at, &element.label(), "range", self.limited, self.range, compiler)?
-            .map(|range| range.map(|angle| compiler.units.radians(angle)));
+            .map(|range| range.map(position));
         j.actuatorfrcrange = resolve_range(
             ctx,
             at,
@@ -157,7 +153,7 @@ impl JointForm {
             self.force_range,
             compiler,
         )?;
-        Ok(Finished::Hinge(Box::new(j)))
+        Ok(Finished::Moving(Box::new(j)))
     }
 }
 

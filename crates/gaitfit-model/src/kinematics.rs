@@ -1,7 +1,7 @@
-//! Where a robot's bodies are at given joint angles.
+//! Where a robot's bodies are at given joint positions.
 
 use crate::model::{Body, Geom, Model, Shape};
-use crate::rotation::{IDENTITY, Quat, Vec3, add, axis_angle, product, rotate, sub};
+use crate::rotation::{IDENTITY, Quat, Vec3, add, product, rotate};
 
 /// Pose of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,8 +32,8 @@ impl Frame {
     }
 }
 
-/// Frames of all bodies for the root body at `base` and joint angles `q` (rad, model order): the same frame as
-/// `base` is given in.
+/// Frames of all bodies for the root body at `base` and joint positions `q` (rad, of slides m; model order): the same
+/// frame as `base` is given in.
 pub fn body_frames(model: &Model, base: &Frame, q: &[f64]) -> Vec<Frame> {
     let mut frames: Vec<Frame> = Vec::with_capacity(model.bodies.len());
     for (index, body) in model.bodies.iter().enumerate() {
@@ -41,11 +41,8 @@ pub fn body_frames(model: &Model, base: &Frame, q: &[f64]) -> Vec<Frame> {
             Some(parent) => frames[parent].then(&Frame::new(body)),
             None => *base,
         };
-        for (joint, &angle) in model.joints.iter().zip(q).filter(|(joint, _)| joint.body == index) {
-            // A turn about the anchor: the anchor stays where it is.
-            let anchor = frame.point(joint.pos);
-            frame.quaternion = product(frame.quaternion, axis_angle(joint.axis, angle - joint.reference));
-            frame.position = sub(anchor, rotate(frame.quaternion, joint.pos));
+        for (joint, &position) in model.joints.iter().zip(q).filter(|(joint, _)| joint.body == index) {
+            frame = joint.moved(&frame, position);
         }
         frames.push(frame);
     }

@@ -4,7 +4,7 @@
 //! `gaitfit inspect` shows. Numbers mean what they mean in MuJoCo 4.0: a file that is read gives the
 //! masses, limits, contact parameters and orders that MuJoCo compiles from it.
 //!
-//! The engine simulates one robot: a tree of hinges below one floating or fixed root, touching planes and, with
+//! The engine simulates one robot: a tree of hinges and slides below one floating or fixed root, touching planes and, with
 //! spheres and capsules, static boxes and height fields.
 //! Whatever a file says beyond that and that would change the motion is refused with file, line and
 //! column; read leniently ([`ReadOptions::lenient`]) it is dropped and listed in [`Model::dropped`]. A floating robot
@@ -12,21 +12,21 @@
 //!
 //! | MJCF | |
 //! | --- | --- |
-//! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `replicate`, `attach`, `inertial`, `freejoint`, hinges, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `key`, the tuple `velocity_limit` |
+//! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `replicate`, `attach`, `inertial`, `freejoint`, hinges, slides, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `key`, the tuple `velocity_limit` |
 //! | read of `asset` | `hfield`: elevations, MuJoCo's binary files, PNG pictures |
 //! | passed over | other assets, `visual`, `statistic`, `size`, other `custom` data, lights, cameras |
 //! | listed | visual geoms, sensors, self-collision ([`Model::touching_itself`] chooses pairs of it) |
-//! | refused | slide and ball joints, `equality`, `tendon`, plugins, colliding meshes, obstacles of other shapes, boxes and cylinders that may touch obstacles, actuators with state, fluid, `composite`, RK4 and `implicit` |
+//! | refused | ball joints, `equality`, `tendon`, plugins, colliding meshes, obstacles of other shapes, boxes and cylinders that may touch obstacles, actuators with state, fluid, `composite`, RK4 and `implicit` |
 //!
 //! | URDF | |
 //! | --- | --- |
-//! | read | links, inertials, box, sphere and cylinder collisions, revolute, continuous and fixed joints, limits, dynamics |
-//! | added | a ground plane z = 0, a motor on every hinge, MuJoCo's defaults |
+//! | read | links, inertials, box, sphere and cylinder collisions, revolute, continuous, prismatic and fixed joints, limits, dynamics |
+//! | added | a ground plane z = 0, a motor on every joint, MuJoCo's defaults |
 //! | changed | a massless root link fixed to its only child or below a floating joint, impossible inertias of light fixed links; [`Model::changed`] says so |
 //! | listed | collision meshes, transmissions, annotations of other simulators (`contact`, `gazebo`, `dont_collapse`, ...) |
-//! | refused | prismatic and planar joints, floating ones but at the root, `mimic`, unknown elements |
+//! | refused | planar joints, floating ones but at the root, `mimic`, unknown elements |
 //!
-//! A mending reading ([`ReadOptions::mend`]) locks coupled and sliding joints, gives links mass, and keeps what a robot looks
+//! A mending reading ([`ReadOptions::mend`]) locks coupled joints, gives links mass, and keeps what a robot looks
 //! like ([`Model::outlines`], with the readers of [`mesh`]); [`Model::to_mjcf`] writes the result as a file of its own.
 
 mod actuator;
@@ -44,6 +44,7 @@ mod geom;
 mod inertia;
 mod inertial;
 mod joint;
+mod joint_kind;
 mod keyframes;
 pub mod kinematics;
 mod listing;
@@ -77,6 +78,7 @@ mod xml;
 
 pub use cholesky::Cholesky;
 pub use error::{ModelError, Place};
+pub use joint_kind::{JointAxis, JointKind};
 pub use listing::LeftOut;
 pub use model::*;
 pub use outline::{Form, MeshFile, Outline};

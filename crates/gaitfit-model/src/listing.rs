@@ -134,9 +134,10 @@ impl Model {
         };
         let (joint, [low, high]) = (0..self.joints.len()).find_map(|j| Some((j, of_joint(j)?)))?;
         let bound = symmetric([low, high]);
+        let (kind, name) = (self.joints[joint].kind, shown(&self.joints[joint].name));
+        let (what, unit) = (if kind.is_hinge() { "torque" } else { "force" }, kind.unit("N·m"));
         Some(format!(
-            "the torque range of joint {} is {low} to {high} N·m: torques are clamped to both sides alike, here to ±{bound}",
-            shown(&self.joints[joint].name)
+            "the {what} range of joint {name} is {low} to {high} {unit}: {what}s are clamped to both sides alike, here to ±{bound}"
         ))
     }
 

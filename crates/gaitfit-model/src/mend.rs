@@ -5,11 +5,12 @@ use std::collections::HashSet;
 
 use crate::attributes::Context;
 use crate::inertia::{Inertial, Solid, combine};
+use crate::kinematics::Frame;
 use crate::mesh::Measure;
 use crate::model::Shape;
 use crate::orientation::compose;
 use crate::outline::{Form, MAX_OUTLINES, MeshFile, Outline};
-use crate::rotation::{Quat, Vec3, axis_angle, rotate, sub};
+use crate::rotation::{Quat, Vec3};
 use crate::shown::{shown, shown_number};
 use crate::spec::{BodySpec, GeomKind, GeomSpec, Spec};
 use crate::xml::{At, Element};
@@ -205,7 +206,7 @@ fn left(values: Vec<f64>, without: &HashSet<usize>, length: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Locks the joints that MJCF's `<equality>` couples to others, in a mending reading: the coupled one keeps the angle that it
+/// Locks the joints that MJCF's `<equality>` couples to others, in a mending reading: the coupled one keeps the position that it
 /// has while the other is at its reference.
 pub(crate) fn lock_coupled(ctx: &mut Context, document: &Element, bodies: &mut [BodySpec]) -> Locked {
     let mut locked = Locked::default();
@@ -236,7 +237,9 @@ pub(crate) fn lock_coupled(ctx: &mut Context, document: &Element, bodies: &mut [
                         element.get("polycoef").and_then(|text| text.split_whitespace().next()?.parse().ok());
                     let angle: f64 = first.filter(|angle: &f64| angle.is_finite()).unwrap_or(0.0);
                     if alone && angle != 0.0 {
-                        turn_body(body, joint.pos, joint.axis, angle);
+                        let moved = joint.moved_by(&Frame::WORLD, angle);
+                        (body.pos, body.quat) =
+                            compose((body.pos, body.quat), (moved.position, moved.quaternion));
                     }
                     let other = element.get("joint2").map(|name| format!("follows \"{}\"", shown(name)));
                     let other = other.unwrap_or_else(|| "is held by the file".to_owned());
@@ -262,11 +265,4 @@ pub(crate) fn floats_by_parts(element: &Element) -> bool {
     let joints = || element.children.iter().filter(|child| child.name == "joint");
     let count = |kind: &str| joints().filter(|joint| joint.get("type").unwrap_or("hinge") == kind).count();
     count("slide") == 3 && matches!((count("ball"), count("hinge"), joints().count()), (1, 0, 4) | (0, 3, 6))
-}
-
-/// Turns a body about a point and axis of its own frame.
-pub(crate) fn turn_body(body: &mut BodySpec, anchor: Vec3, axis: Vec3, angle: f64) {
-    let turn = axis_angle(axis, angle);
-    let shift = sub(anchor, rotate(turn, anchor));
-    (body.pos, body.quat) = compose((body.pos, body.quat), (shift, turn));
 }

@@ -124,7 +124,7 @@ fn other_section(ctx: &mut Context, section: &Element) -> Result<(), ModelError>
         "equality" | "tendon" | "deformable" => ctx.refuse(
             section.at,
             format!("<{name}> with {count} elements"),
-            "the engine simulates trees of hinges without loops, couplings or soft parts",
+            "the engine simulates trees without loops, couplings or soft parts",
             "remove the section",
         ),
         "extension" => ctx.refuse(section.at, "<extension>", "plugins are not loaded", "remove the section"),
@@ -200,7 +200,7 @@ fn read_keys(
     Ok(())
 }
 
-/// `<tuple name="velocity_limit">` of joints: the speed limits (rad/s) that MJCF has no attribute for.
+/// `<tuple name="velocity_limit">` of joints: the speed limits (rad/s, of slides m/s) that MJCF has no attribute for.
 /// Other custom data is the user's own.
 fn read_speed_limits(ctx: &mut Context, section: &Element, spec: &mut Spec) -> Result<(), ModelError> {
     let tuples = section.children.iter().filter(|c| c.name == "tuple");
@@ -216,8 +216,8 @@ fn read_speed_limits(ctx: &mut Context, section: &Element, spec: &mut Spec) -> R
                 _ => {
                     return Err(ctx.invalid(
                         element.at,
-                        format!("velocity_limit of joint \"{}\": no such hinge, or no limit", shown(wanted)),
-                        "write <element objtype=\"joint\" objname=\"...\" prm=\"rad/s above zero\"/>",
+                        format!("velocity_limit of joint \"{}\": no such joint, or no limit", shown(wanted)),
+                        "write <element objtype=\"joint\" objname=\"...\" prm=\"rad/s, of slides m/s, above zero\"/>",
                     ));
                 }
             }

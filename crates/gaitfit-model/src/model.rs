@@ -1,4 +1,4 @@
-//! The compiled robot: a tree of bodies below one root, hinge joints, ground contacts, actuators.
+//! The compiled robot: a tree of bodies below one root, hinges and slides, ground contacts, actuators.
 //!
 //! SI units, radians. Quaternions are wxyz, unit length. Poses are of the child in the parent's frame.
 //! Bodies, joints and geoms keep the file's depth-first order, which is MuJoCo's order, so that arrays
@@ -6,6 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::joint_kind::JointKind;
 use crate::outline::Outline;
 use crate::self_contact::{Parts, SelfPair};
 use crate::terrain::{Ground, Obstacle};
@@ -54,7 +55,7 @@ pub struct Model {
     pub root: Root,
     /// Bodies in depth-first order; `bodies[0]` is the root body; the world is not listed.
     pub bodies: Vec<Body>,
-    /// Hinge joints in depth-first order: one scalar each of `qpos` and `qvel` after the root's.
+    /// Hinges and slides in depth-first order: one scalar each of `qpos` and `qvel` after the root's.
     pub joints: Vec<Joint>,
     /// Collision geoms fixed to bodies (visual geoms are not kept).
     pub geoms: Vec<Geom>,
@@ -94,7 +95,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// The robot with motors that get a target velocity (rad/s) on `joints`, by index, such as those of wheels. The motors
+    /// The robot with motors that get a target velocity (rad/s, of slides m/s) on `joints`, by index, such as those of wheels. The motors
     /// of all other joints get a target position.
     #[must_use]
     pub fn with_velocity_targets(&self, joints: &[usize]) -> Self {
@@ -164,11 +165,14 @@ pub struct Body {
     pub inertia: [f64; 3],
 }
 
-/// A hinge joint.
+/// A joint: a hinge or a slide. Units are those of hinges; of slides, those that [`JointKind::unit`] gives for them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Joint {
     /// Name.
     pub name: String,
+    /// Whether it turns or slides.
+    #[serde(skip_serializing_if = "JointKind::is_hinge")]
+    pub kind: JointKind,
     /// The body it moves. Several joints of one body act in list order (MuJoCo).
     pub body: usize,
     /// Anchor in the body frame, m.
@@ -286,7 +290,7 @@ pub struct ContactPair {
     pub gap: f64,
 }
 
-/// An actuator on a joint: torque = gear · clamp(gain·u + bias₀ + bias₁·gear·q + bias₂·gear·q̇).
+/// An actuator on a joint: torque, of a slide force, = gear · clamp(gain·u + bias₀ + bias₁·gear·q + bias₂·gear·q̇).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Actuator {
     /// Name.

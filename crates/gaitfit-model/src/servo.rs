@@ -5,9 +5,10 @@
 
 use crate::cholesky::Cholesky;
 use crate::inertia::rotated;
+use crate::joint_kind::{JointAxis, JointKind};
 use crate::kinematics::{Frame, rest_frames};
 use crate::model::{Joint, Model, Root};
-use crate::rotation::{Vec3, cross, dot, product, rotate, sub};
+use crate::rotation::{Vec3, dot, product};
 
 /// Replaces positive third bias parameters of position-like actuators by the damping they stand for.
 pub(crate) fn resolve_damping_ratios(model: &mut Model) {
@@ -45,11 +46,10 @@ pub(crate) fn resolve_springs(model: &mut Model) {
     }
 }
 
-/// A degree of freedom: a unit axis through a point, turning or sliding, world frame.
+/// A degree of freedom, world frame.
 struct Dof {
     body: usize,
-    axis: Vec3,
-    anchor: Option<Vec3>,
+    axis: JointAxis,
     armature: f64,
 }
 
@@ -65,12 +65,8 @@ fn factored_mass_matrix(model: &Model) -> Cholesky {
         let centre = frame.point(body.ipos);
         let [xx, yy, zz, xy, xz, yz] = rotated(body.inertia, product(frame.quaternion, body.iquat));
         let carried = dofs.iter().enumerate().filter(|(_, d)| is_ancestor(model, d.body, index));
-        let columns: Vec<(usize, Vec3, Vec3)> = carried
-            .map(|(k, d)| match d.anchor {
-                Some(anchor) => (k, cross(d.axis, sub(centre, anchor)), d.axis),
-                None => (k, d.axis, [0.0; 3]),
-            })
-            .collect();
+        let columns: Vec<(usize, Vec3, Vec3)> =
+            carried.map(|(k, d)| (k, d.axis.lever(centre), d.axis.turn())).collect();
         for &(i, velocity_i, spin_i) in &columns {
             let momentum: Vec3 =
                 [dot([xx, xy, xz], spin_i), dot([xy, yy, yz], spin_i), dot([xz, yz, zz], spin_i)];
@@ -88,20 +84,16 @@ fn factored_mass_matrix(model: &Model) -> Cholesky {
 fn degrees_of_freedom(model: &Model, frames: &[Frame]) -> Vec<Dof> {
     let mut dofs = Vec::with_capacity(model.nv());
     if let (Root::Floating, Some(base)) = (model.root, frames.first()) {
-        for anchor in [None, Some(base.position)] {
+        for kind in [JointKind::Slide, JointKind::Hinge] {
             for axis in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
-                dofs.push(Dof { body: 0, axis, anchor, armature: 0.0 });
+                let axis = JointAxis { kind, axis, anchor: base.position };
+                dofs.push(Dof { body: 0, axis, armature: 0.0 });
             }
         }
     }
     for joint in &model.joints {
-        let frame = &frames[joint.body];
-        dofs.push(Dof {
-            body: joint.body,
-            axis: rotate(frame.quaternion, joint.axis),
-            anchor: Some(frame.point(joint.pos)),
-            armature: joint.armature,
-        });
+        let axis = joint.axis_at(&frames[joint.body]);
+        dofs.push(Dof { body: joint.body, axis, armature: joint.armature });
     }
     dofs
 }

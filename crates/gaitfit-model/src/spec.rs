@@ -1,6 +1,7 @@
 //! What both readers fill: bodies below the world, resolved to SI units, before one robot is chosen.
 
 use crate::inertia::Inertial;
+use crate::joint_kind::JointKind;
 use crate::model::{Actuator, ContactPair, FreeJoint, Joint, Options, Shape, Site};
 use crate::outline::{MeshFile, Outline};
 use crate::rotation::{IDENTITY, Quat, Vec3};
@@ -9,7 +10,7 @@ use crate::xml::At;
 
 /// Most bodies of one file.
 pub(crate) const MAX_BODIES: usize = 256;
-/// Most hinge joints of one file.
+/// Most hinges and slides of one file.
 pub(crate) const MAX_JOINTS: usize = 256;
 /// Most geoms, sites, pairs, excludes, actuators or keyframes of one file.
 pub(crate) const MAX_ITEMS: usize = 2048;
@@ -188,10 +189,11 @@ impl BodySpec {
     }
 }
 
-/// A joint with MuJoCo's defaults, about z, without limits.
+/// A hinge with MuJoCo's defaults, about z, without limits.
 pub(crate) fn default_joint() -> Joint {
     Joint {
         name: String::new(),
+        kind: JointKind::Hinge,
         body: 0,
         pos: [0.0; 3],
         axis: [0.0, 0.0, 1.0],

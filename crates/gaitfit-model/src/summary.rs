@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::joint_kind::JointKind;
 use crate::listing::LeftOut;
 use crate::model::{Changed, Dropped, Model, Root};
 use crate::patterns::plain;
@@ -69,6 +70,9 @@ pub struct BodySummary {
 pub struct JointSummary {
     /// Name.
     pub name: String,
+    /// Whether it turns or slides; units below are those of hinges, see [`JointKind::unit`].
+    #[serde(skip_serializing_if = "JointKind::is_hinge")]
+    pub kind: JointKind,
     /// Name of the body it moves.
     pub body: String,
     /// Axis in the body frame.
@@ -145,7 +149,7 @@ impl Model {
         })
     }
 
-    /// Largest torque that the actuators of joint `index` can give, N·m, which the simulation clamps to on both sides: of an
+    /// Largest torque (N·m; of a slide force, N) that the actuators of joint `index` can give, which the simulation clamps to on both sides: of an
     /// uneven range the smaller bound, or the larger one if the other side gives nothing. `None` when nothing bounds it.
     pub fn effort(&self, index: usize) -> Option<f64> {
         let joint = self.joints.get(index)?;
@@ -197,6 +201,7 @@ impl Model {
                 .enumerate()
                 .map(|(index, j)| JointSummary {
                     name: j.name.clone(),
+                    kind: j.kind,
                     body: body_name(j.body),
                     axis: j.axis,
                     range: j.range,

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use crate::joint_kind::JointKind;
 use crate::model::{Actuator, Cone, ContactPair, Geom, Integrator, Joint, Model, Root, Shape};
 use crate::rotation::IDENTITY;
 use crate::spec::{SOLIMP, SOLREF};
@@ -158,7 +159,7 @@ impl Model {
                 attribute(&mut line, "diaginertia", &body.inertia);
                 inner(line + "/>");
             }
-            self.joints.iter().filter(|joint| joint.body == index).for_each(|joint| inner(hinge(joint)));
+            self.joints.iter().filter(|joint| joint.body == index).for_each(|joint| inner(moving(joint)));
             self.geoms.iter().filter(|geom| geom.body == index).for_each(|geom| inner(solid(geom)));
             for site in self.sites.iter().filter(|site| site.body == index) {
                 let mut line = format!("<site name={}", quoted(&site.name));
@@ -223,8 +224,11 @@ impl Model {
     }
 }
 
-fn hinge(joint: &Joint) -> String {
+fn moving(joint: &Joint) -> String {
     let mut line = format!("<joint name={}", quoted(&joint.name));
+    if joint.kind == JointKind::Slide {
+        line.push_str(" type=\"slide\"");
+    }
     if joint.pos != [0.0; 3] {
         attribute(&mut line, "pos", &joint.pos);
     }

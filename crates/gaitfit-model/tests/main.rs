@@ -9,6 +9,7 @@ mod mujoco;
 mod refuse;
 mod replicate;
 mod robots;
+mod slides;
 mod templates;
 mod terrain;
 mod urdf;

@@ -66,7 +66,6 @@ fn what_is_not_simulated_is_refused_and_leniently_dropped() {
         ("base", "<geom type=\"mesh\" mesh=\"m\" contype=\"0\" conaffinity=\"0\"/>", "mass of"),
         ("world", "<body name=\"free\"><freejoint align=\"true\"/><geom size=\"1\"/></body>", "align"),
         ("base", "<banana/>", "banana"),
-        ("base", "<body><joint type=\"slide\"/><geom size=\"1\"/></body>", "slide"),
         ("base", "<body><joint type=\"ball\"/><geom size=\"1\"/></body>", "ball"),
         ("joint", " stiffness=\"1 2\"", "stiffness"),
         ("joint", " colour=\"red\"", "colour"),

@@ -124,7 +124,12 @@ fn a_clamped_robot_hangs_in_the_air_and_a_world_link_is_the_world() {
 #[test]
 fn what_urdf_says_but_the_engine_lacks_is_refused() {
     for (from, to, want) in [
-        ("continuous", "prismatic", "prismatic"),
+        ("continuous", "spherical", "spherical"),
+        (
+            "limit effort=\"9\"",
+            "limit lower=\"2\" upper=\"1\" effort=\"9\"",
+            "is prismatic, but has no limits with",
+        ),
         ("continuous", "floating", "floating"),
         ("continuous", "planar", "planar"),
         ("limit effort=\"9\"", "limit lower=\"1\" upper=\"1\" effort=\"9\"", "lower < upper"),
@@ -145,8 +150,11 @@ fn what_urdf_says_but_the_engine_lacks_is_refused() {
         ("<cylinder radius=\"0.1\" length=\"0.4\"/>", "<cylinder radius=\"0.1\"/>", "length"),
         ("<cylinder radius=\"0.1\" length=\"0.4\"/>", "<torus radius=\"0.1\"/>", "torus"),
     ] {
-        let small =
-            if want == "lower < upper" { SMALL.replace("continuous", "revolute") } else { SMALL.to_string() };
+        let small = match want {
+            "lower < upper" => SMALL.replace("continuous", "revolute"),
+            _ if want.contains("prismatic") => SMALL.replace("continuous", "prismatic"),
+            _ => SMALL.to_string(),
+        };
         assert!(small.contains(from), "{from}");
         let error = urdf(&small.replacen(from, to, 1)).unwrap_err().to_string();
         assert!(error.contains(want), "{to}: {error}");
@@ -154,9 +162,9 @@ fn what_urdf_says_but_the_engine_lacks_is_refused() {
     }
     let lenient = ReadOptions { lenient: true, ..Default::default() };
     // Leniently a joint of another type is a weld; nothing moves then but the base.
-    let welded = read_urdf_str(&SMALL.replace("continuous", "prismatic"), &lenient).unwrap();
+    let welded = read_urdf_str(&SMALL.replace("continuous", "planar"), &lenient).unwrap();
     assert_eq!((welded.nv(), welded.bodies.len()), (6, 3));
-    assert!(welded.dropped.iter().any(|d| d.what.contains("prismatic")));
+    assert!(welded.dropped.iter().any(|d| d.what.contains("planar")));
 }
 
 /// A robot of 100 kg with a camera of `mass` kg on its trunk, whose inertia is `inertia`.

@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use gaitfit_model::{ContactPair, Ground, Joint, Model, Root, Shape};
+use gaitfit_model::{ContactPair, Ground, Joint, JointKind, Model, Root, Shape};
 
 use crate::obstacles::Obstacles;
-use crate::seat::{Hinge, IDENTITY, Seat, mat_mul, seats, unit};
+use crate::seat::{IDENTITY, Mount, Seat, mat_mul, seats, unit};
 use crate::self_contact;
 use crate::tree::*;
 use crate::vec3::*;
@@ -105,7 +105,7 @@ pub(crate) fn compile_with<T: Real>(
     check_steps(settings)?;
     let k = |x: f64| T::constant(x);
     let k3 = |v: V3<f64>| [k(v[0]), k(v[1]), k(v[2])];
-    let (seats, hinges) = seats(model);
+    let (seats, mounts) = seats(model);
     let floating = model.root == Root::Floating;
 
     let mut pairs = Vec::new();
@@ -114,8 +114,8 @@ pub(crate) fn compile_with<T: Real>(
     let contacts = if on_ground { &model.pairs[..] } else { &[] };
     let planes = model.planes.iter().map(|plane| ground_plane(&plane.pos, &plane.quat)).collect::<Vec<_>>();
     let ground = Grounds { planes: &planes, obstacles: &obstacles };
-    let mut ranges = Vec::with_capacity(hinges.len() + 1);
-    for link in 0..=hinges.len() {
+    let mut ranges = Vec::with_capacity(mounts.len() + 1);
+    for link in 0..=mounts.len() {
         let first = pairs.len();
         for (index, pair) in contacts.iter().enumerate() {
             let seat = seats[model.geoms[pair.geom].body];
@@ -128,10 +128,10 @@ pub(crate) fn compile_with<T: Real>(
         ranges.push(first..pairs.len());
     }
 
-    let mut links: Vec<Link<T::K>> = Vec::with_capacity(hinges.len() + 1);
+    let mut links: Vec<Link<T::K>> = Vec::with_capacity(mounts.len() + 1);
     links.push(root_link::<T>());
-    for (number, (hinge, joint)) in hinges.iter().zip(&model.joints).enumerate() {
-        links.push(compile_link::<T>(hinge, joint, settings, ranges[number + 1].clone())?);
+    for (number, (mount, joint)) in mounts.iter().zip(&model.joints).enumerate() {
+        links.push(compile_link::<T>(mount, joint, settings, ranges[number + 1].clone())?);
     }
     links[0].pairs = ranges[0].clone();
     let (segments, nodes) = segment(&links);
@@ -163,7 +163,7 @@ pub(crate) fn compile_with<T: Real>(
         self_contact,
         impratio: model.options.impratio,
         elliptic: settings.cone == gaitfit_model::Cone::Elliptic,
-        velocity_targets: (0..hinges.len()).map(|joint| model.velocity_targets.contains(&joint)).collect(),
+        velocity_targets: (0..mounts.len()).map(|joint| model.velocity_targets.contains(&joint)).collect(),
         settings: *settings,
     })
 }
@@ -191,9 +191,9 @@ fn check_steps(settings: &Settings) -> Result<(), PhysicsError> {
     Ok(())
 }
 
-/// The link below one hinge; `pairs` are its contacts.
+/// The link below one joint; `pairs` are its contacts.
 fn compile_link<T: Real>(
-    (parent, anchor, turn, axis): &Hinge,
+    (parent, anchor, turn, axis): &Mount,
     joint: &Joint,
     settings: &Settings,
     pairs: Range<usize>,
@@ -208,7 +208,8 @@ fn compile_link<T: Real>(
         offset: k3(*anchor),
         turn: if identity { None } else { Some([k3(turn[0]), k3(turn[1]), k3(turn[2])]) },
         axis: *axis,
-        reference_angle: k(joint.reference),
+        kind: joint.kind,
+        reference: k(joint.reference),
         limit: compile_limit::<T>(joint, settings)?,
         friction_weight: k(friction_impedance / (1.0 - friction_impedance) * gain),
         friction_b: k(friction_b),
@@ -295,7 +296,8 @@ fn root_link<T: Real>() -> Link<T::K> {
         offset: [zero; 3],
         turn: None,
         axis: Axis::Z,
-        reference_angle: zero,
+        kind: JointKind::Hinge,
+        reference: zero,
         limit: None,
         friction_weight: zero,
         friction_b: zero,

@@ -4,7 +4,7 @@
 //! then one a joint.
 
 use crate::self_contact::SelfContactPairWork;
-use crate::smooth::{hinge, inertial, joint_motion, root_motion, smooth};
+use crate::smooth::{displacement, inertial, joint_motion, joint_pose, root_motion, smooth};
 use crate::spatial::{Rigid, V6, add6, dot6, zero6};
 use crate::state::{Motion, State, Work};
 use crate::tree::Tree;
@@ -42,7 +42,7 @@ pub struct Row {
 /// One link as a plain walk over the tree sees it.
 pub(crate) struct Body {
     pub motion: Motion<f64>,
-    /// Motion subspace of its hinge (zero for the root).
+    /// Motion subspace of its joint (zero for the root).
     pub axis: V6<f64>,
     pub rigid: Rigid<f64>,
     /// Inertial wrench at zero `qacc`.
@@ -58,8 +58,8 @@ pub(crate) fn bodies(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>)
     for i in 1..tree.links.len() {
         let link = &tree.links[i];
         let parent: &Motion<f64> = &all[link.parent].motion;
-        let turn = (state.qpos[i - 1] - link.reference_angle).sin_cos();
-        let (rotation, position, axis) = hinge(link, turn, &parent.rotation, parent.position);
+        let by = displacement::<f64>(link, state.qpos[i - 1]);
+        let (rotation, position, axis) = joint_pose(link, by, &parent.rotation, parent.position);
         let motion = joint_motion(axis, state.qvel[i - 1], 0.0, rotation, position, parent);
         let (rigid, wrench) = inertial(&params.links[i], &motion);
         all.push(Body { motion, axis, rigid, wrench });

@@ -2,7 +2,7 @@
 //! [`JointParams`](crate::JointParams), [`RobotParams`](crate::RobotParams) and what a fit may search of joints are made from
 //! it: a new parameter is a row here, and its use in the step.
 
-use gaitfit_model::Model;
+use gaitfit_model::{JointKind, Model};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Hands the table to the macro `$then`. A row: documentation, variant, field; unit; smallest value with a meaning;
@@ -25,7 +25,7 @@ macro_rules! joint_parameters {
                 Some((0.0, 0.5, 0.0, 0.1))
 
                 /// Velocity at which 1/e of `stiction` is left, rad/s (Stribeck velocity).
-                StribeckVelocity stribeck_velocity; "rad/s"; 1e-3; |_, _| 0.1;
+                StribeckVelocity stribeck_velocity; "rad/s"; 1e-3; |model, j| model.joints[j].kind.like("rad/s", 0.1);
                 Some((0.01, 1.0, 0.1, 0.05))
 
                 /// Dry friction that grows with load: N·m of friction for each N·m of the motor's torque.
@@ -187,7 +187,7 @@ macro_rules! define {
                 }
             }
 
-            /// Unit; `-` for a ratio.
+            /// Unit for hinges, see [`JointKind::unit`]; `-` for a ratio.
             pub fn unit(self) -> &'static str {
                 match self {
                     $(Self::$variant => $unit,)*
@@ -213,6 +213,17 @@ macro_rules! define {
                     $(Self::$lvariant => $lsearch,)*
                 };
                 range.map(|(lower, upper, start, deviation)| SearchDefaults { lower, upper, start, deviation })
+            }
+
+            /// The same for joints of this kind, in their unit.
+            pub fn search_of(self, kind: JointKind) -> Option<SearchDefaults> {
+                let like = |value: f64| kind.like(self.unit(), value);
+                self.search().map(|SearchDefaults { lower, upper, start, deviation }| SearchDefaults {
+                    lower: like(lower).max(self.least()),
+                    upper: like(upper),
+                    start: like(start),
+                    deviation: like(deviation),
+                })
             }
         }
     };

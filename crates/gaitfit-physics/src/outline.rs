@@ -3,6 +3,8 @@
 use std::fmt::Write as _;
 use std::ops::Range;
 
+use gaitfit_model::JointKind;
+
 use crate::tree::{Impedance, LinkShape, Touched, Tree};
 
 /// One link of a compiled tree.
@@ -24,6 +26,9 @@ impl<K> Tree<K> {
             let link = &self.links[number];
             let mut kind =
                 format!("{:?} turned {} sprung {}", link.axis, link.turn.is_some(), link.has_spring);
+            if link.kind == JointKind::Slide {
+                kind.push_str(" slides");
+            }
             let _ = match &link.limit {
                 Some(limit) => write!(kind, " limit {}", powers(&limit.impedance)),
                 None => write!(kind, " free"),

@@ -152,6 +152,20 @@ impl Robot {
                 }
             }
         }
+        // Of a slide no compliance counts as rigid yet, and a gear in one joint is a gear in all.
+        for parameter in
+            [JointParameter::Play, JointParameter::Compliance].into_iter().filter(|_| model.has_slides())
+        {
+            let all = self.joints(parameter).iter().zip(&model.joints);
+            if let Some((value, joint)) = all.into_iter().find(|(value, _)| **value != 0.0) {
+                return Err(PhysicsError::Value {
+                    object: format!("joint `{}`", joint.name),
+                    quantity: parameter.name(),
+                    value: *value,
+                    must: "0 in a robot with slides: gears are simulated in robots of hinges alone",
+                });
+            }
+        }
         let motors = self.no_load_speed.iter().zip(&self.stall_torque);
         for ((speed, torque), joint) in motors.zip(&model.joints) {
             if *speed < MAX_SPEED && torque.is_infinite() {
@@ -196,9 +210,9 @@ impl Robot {
     /// Parameters of one environment with this robot. Costs a dense factorisation: done once a robot, not a step.
     pub fn params(&self, model: &Model) -> Result<Params<f64>, PhysicsError> {
         self.check(model)?;
-        let (seats, hinges) = seats(model);
+        let (seats, mounts) = seats(model);
         let changes = self.body_changes(model);
-        let links = self.link_inertias(model, &seats, &changes, hinges.len() + 1);
+        let links = self.link_inertias(model, &seats, &changes, mounts.len() + 1);
         let floating = model.root == Root::Floating;
         // The base itself may be massless, as in many URDF files: what is welded to it moves with it.
         if floating && (links[0].mass <= 0.0 || links[0].mass.is_nan()) {
@@ -206,7 +220,7 @@ impl Robot {
         }
         let weights = invweight::invweights(model, &links, &changes, &self.armature)?;
         let mut pairs = Vec::new();
-        for link in 0..=hinges.len() {
+        for link in 0..=mounts.len() {
             for pair in &model.pairs {
                 let body = model.geoms[pair.geom].body;
                 if seats[body].link == link && (link > 0 || floating) {

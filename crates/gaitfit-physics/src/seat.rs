@@ -14,7 +14,7 @@ pub(crate) struct Seat {
 }
 
 /// A joint's link: parent link, anchor, turn, axis.
-pub(crate) type Hinge = (usize, V3<f64>, M3<f64>, Axis);
+pub(crate) type Mount = (usize, V3<f64>, M3<f64>, Axis);
 
 pub(crate) const IDENTITY: M3<f64> = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
@@ -27,7 +27,7 @@ pub(crate) fn mat_mul(a: &M3<f64>, b: &M3<f64>) -> M3<f64> {
     each3!(i => each3!(j => dot(a[i], t[j])))
 }
 
-/// The axis to turn about, and the rotation whose columns are a frame with that axis along it.
+/// The axis of a joint, and the rotation whose columns are a frame with that axis along it.
 fn axis_frame(axis: V3<f64>) -> (Axis, M3<f64>) {
     for (index, name) in [Axis::X, Axis::Y, Axis::Z].into_iter().enumerate() {
         if (axis[index] - 1.0).abs() < 1e-14 {
@@ -52,9 +52,9 @@ pub(crate) fn unit(v: V3<f64>) -> V3<f64> {
 }
 
 /// Seats of all bodies, and each joint's link constants (parent, anchor, turn, axis).
-pub(crate) fn seats(model: &Model) -> (Vec<Seat>, Vec<Hinge>) {
+pub(crate) fn seats(model: &Model) -> (Vec<Seat>, Vec<Mount>) {
     let mut seats: Vec<Seat> = Vec::with_capacity(model.bodies.len());
-    let mut hinges = Vec::with_capacity(model.joints.len());
+    let mut mounts = Vec::with_capacity(model.joints.len());
     for (index, body) in model.bodies.iter().enumerate() {
         let pose = quat_matrix(&body.quat);
         let mut seat = match body.parent {
@@ -73,15 +73,15 @@ pub(crate) fn seats(model: &Model) -> (Vec<Seat>, Vec<Hinge>) {
         for joint in model.joints.iter().filter(|joint| joint.body == index) {
             let anchor = add(seat.position, rotate(&seat.rotation, joint.pos));
             let (axis, frame) = axis_frame(joint.axis);
-            hinges.push((seat.link, anchor, mat_mul(&seat.rotation, &frame), axis));
+            mounts.push((seat.link, anchor, mat_mul(&seat.rotation, &frame), axis));
             // The body as the new link sees it.
             let back = transpose(&frame);
             seat =
-                Seat { link: hinges.len(), rotation: back, position: scale(-1.0, rotate(&back, joint.pos)) };
+                Seat { link: mounts.len(), rotation: back, position: scale(-1.0, rotate(&back, joint.pos)) };
         }
         seats.push(seat);
     }
-    (seats, hinges)
+    (seats, mounts)
 }
 
 /// Body inertia about its centre of mass, body axes.
@@ -92,9 +92,9 @@ pub(crate) fn body_inertia(body: &Body) -> Sym3<f64> {
 
 /// −1 for joints to the right of the base's middle plane at the reference pose (y below −1 mm), else 1.
 pub(crate) fn sides(model: &Model) -> Vec<f64> {
-    let (_, hinges) = seats(model);
+    let (_, mounts) = seats(model);
     let mut poses = vec![([0.0; 3], IDENTITY)];
-    for (parent, anchor, turn, _) in &hinges {
+    for (parent, anchor, turn, _) in &mounts {
         let (position, rotation): (V3<f64>, M3<f64>) = poses[*parent];
         poses.push((add(position, rotate(&rotation, *anchor)), mat_mul(&rotation, turn)));
     }

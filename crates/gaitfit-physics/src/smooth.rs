@@ -4,6 +4,8 @@
 //! boosted away, the classical acceleration of a point x is `A_lin + α × x + ω × (v + ω × x)`, so a body's
 //! inertial wrench needs only the acceleration of its centre of mass (Newton–Euler, Featherstone 2008, ch. 5).
 
+use gaitfit_model::JointKind;
+
 use crate::contact::{impedance, link_contacts};
 use crate::drive::Drive;
 use crate::free;
@@ -33,7 +35,7 @@ pub(crate) fn smooth<T: Real>(
     // Apart from the walk over the tree, so that neighbouring joints overlap, and before the root, whose
     // quaternion comes last from the step before.
     for j in 0..work.turns.len() {
-        work.turns[j] = (state.qpos[j] - T::k(tree.links[j + 1].reference_angle)).sin_cos();
+        work.turns[j] = displacement(&tree.links[j + 1], state.qpos[j]);
     }
     for j in 0..work.joints.len() {
         joint_rows(tree, params, state, drives, j, work);
@@ -164,17 +166,17 @@ fn touch<T: Real>(pass: &Pass<'_, T>, link: usize, motion: &Motion<T>, work: &mu
     }
 }
 
-/// Motion of link `i` from its parent's, and its hinge's motion subspace.
+/// Motion of link `i` from its parent's, and its joint's motion subspace.
 #[inline(always)]
 fn outward<T: Real>(pass: &Pass<'_, T>, i: usize, parent: &Motion<T>, work: &Work<T>) -> (Motion<T>, V6<T>) {
     let j = i - 1;
     let (rotation, position, axis) =
-        hinge(&pass.tree.links[i], work.turns[j], &parent.rotation, parent.position);
+        joint_pose(&pass.tree.links[i], work.turns[j], &parent.rotation, parent.position);
     let motion = joint_motion(axis, pass.state.qvel[j], pass.state.qacc[j], rotation, position, parent);
     (motion, axis)
 }
 
-/// Motion after a hinge with subspace `axis`, rate `qd` and acceleration `qacc`.
+/// Motion after a joint with subspace `axis`, rate `qd` and acceleration `qacc`.
 #[inline(always)]
 pub(crate) fn joint_motion<T: Real>(
     axis: V6<T>,
@@ -218,9 +220,19 @@ pub(crate) fn root_motion<T: Real>(tree: &Tree<T::K>, state: &State<T>) -> Motio
     }
 }
 
-/// Pose of a link and the hinge's motion subspace from the parent's pose and the hinge's sine and cosine.
+/// Sine and cosine of a hinge's angle from its reference; of a slide how far it is from its own, m, and zero.
 #[inline(always)]
-pub(crate) fn hinge<T: Real>(
+pub(crate) fn displacement<T: Real>(link: &Link<T::K>, q: T) -> (T, T) {
+    let from_reference = q - T::k(link.reference);
+    match link.kind {
+        JointKind::Hinge => from_reference.sin_cos(),
+        JointKind::Slide => (from_reference, T::zero()),
+    }
+}
+
+/// Pose of a link and its joint's motion subspace from the parent's pose and the joint's [`displacement`].
+#[inline(always)]
+pub(crate) fn joint_pose<T: Real>(
     link: &Link<T::K>,
     (s, c): (T, T),
     rotation: &M3<T>,
@@ -235,6 +247,11 @@ pub(crate) fn hinge<T: Real>(
             [T::k(turn[0][2]), T::k(turn[1][2]), T::k(turn[2][2])],
         ];
         rotation = each3!(i => each3!(c => dot(rotation[i], columns[c])));
+    }
+    if link.kind == JointKind::Slide {
+        let column = link.axis as usize;
+        let axis = each3!(i => rotation[i][column]);
+        return (rotation, axpy(s, axis, position), [zero3(), axis]);
     }
     // A turn about one axis mixes the two other columns: (a, b) → (c a + s b, c b − s a).
     let r = rotation;

@@ -19,13 +19,13 @@ pub struct State<T> {
     pub base_linear: V3<T>,
     /// Angular velocity of the base, rad/s, body frame.
     pub base_angular: V3<T>,
-    /// Joint angles, rad.
+    /// Joint positions, rad, of slides m.
     pub qpos: Vec<T>,
-    /// Joint velocities, rad/s.
+    /// Joint velocities, rad/s, of slides m/s.
     pub qvel: Vec<T>,
     /// Base acceleration of the last step: angular (rad/s²) and linear (m/s²), world frame.
     pub base_acceleration: [V3<T>; 2],
-    /// Joint accelerations of the last step, rad/s².
+    /// Joint accelerations of the last step, rad/s², of slides m/s².
     pub qacc: Vec<T>,
 }
 
@@ -207,7 +207,7 @@ pub struct Work<T: Real> {
     /// Guards what is only needed where a lane may be beyond the joint's limit; apart, for it would take a joint a
     /// whole vector.
     pub(crate) limited: Vec<T::Guard>,
-    /// Sine and cosine of the joint angles.
+    /// Of each joint, see `smooth::displacement`: sine and cosine of a hinge's angle.
     pub(crate) turns: Vec<(T, T)>,
     pub(crate) pairs: Vec<PairWork<T>>,
     pub(crate) points: Vec<Point<T>>,

@@ -1,10 +1,12 @@
-//! A model compiled for stepping: links with one hinge each, contact shapes in link frames, row constants.
+//! A model compiled for stepping: links with one joint each, contact shapes in link frames, row constants.
 //!
-//! Every hinge becomes a link whose frame sits at the hinge's anchor, with the hinge along one of its axes.
+//! Every joint becomes a link whose frame sits at the joint's anchor, with the joint's axis along one of its axes.
 //! Bodies without a joint are welded into the link that carries them. Link 0 is the root: the floating base,
 //! or the world. Link `i` moves with joint `i − 1`; parents come before children.
 
 use std::ops::Range;
+
+use gaitfit_model::JointKind;
 
 use crate::Settings;
 use crate::self_contact::SelfContacts;
@@ -13,7 +15,7 @@ use crate::terrain::{Block, Field};
 /// Smallest positive number MuJoCo divides by (`mjMINVAL`).
 pub(crate) const TINY: f64 = 1e-15;
 
-/// Axis of a link frame that its hinge turns about.
+/// Axis of a link frame that its joint turns about or slides along.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Axis {
     X,
@@ -57,16 +59,18 @@ pub(crate) struct Limit<K> {
     pub reference: Reference<K>,
 }
 
-/// One hinge and what it carries.
+/// One joint and what it carries.
 #[derive(Clone, Debug)]
 pub(crate) struct Link<K> {
     pub parent: usize,
     /// Anchor in the parent's frame, m.
     pub offset: [K; 3],
-    /// Constant turn from the parent's frame at joint angle zero; `None` for the identity.
+    /// Constant turn from the parent's frame at the joint's reference; `None` for the identity.
     pub turn: Option<[[K; 3]; 3]>,
     pub axis: Axis,
-    pub reference_angle: K,
+    pub kind: JointKind,
+    /// Position at which the link's frame is at `offset` and `turn`, rad or m.
+    pub reference: K,
     pub limit: Option<Limit<K>>,
     /// D·invweight of the friction-loss row, and its damping.
     pub friction_weight: K,

@@ -1,10 +1,11 @@
-//! Motion, momentum and inverse dynamics of a tree of hinges whose base moves as given.
+//! Motion, momentum and inverse dynamics of a tree of hinges and slides whose base moves as given.
 //!
 //! Newton and Euler's equations, body by body, in world axes (Featherstone 2008, "Rigid Body Dynamics Algorithms",
 //! section 5.3, in vectors). Armature, damping, friction and springs of the joints are left out: they are what is asked for.
 
-use gaitfit_model::rotation::{Quat, Vec3, add, axis_angle, cross, dot, product, rotate, rotate_back, sub};
-use gaitfit_model::{Geom, Model, Shape};
+use gaitfit_model::kinematics::Frame;
+use gaitfit_model::rotation::{Quat, Vec3, add, cross, dot, product, rotate, rotate_back, sub};
+use gaitfit_model::{Geom, Joint, JointAxis, JointKind, Model, Shape};
 
 /// How the root body moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,6 +61,10 @@ impl Link {
         add(self.velocity, cross(self.omega, sub(point, self.origin)))
     }
 
+    fn frame(&self) -> Frame {
+        Frame { position: self.origin, quaternion: self.quaternion }
+    }
+
     fn acceleration_at(&self, point: Vec3) -> Vec3 {
         let r = sub(point, self.origin);
         let turning = add(cross(self.alpha, r), cross(self.omega, cross(self.omega, r)));
@@ -67,13 +72,45 @@ impl Link {
     }
 }
 
-/// Axis of a joint. World axes; positions from the base's origin.
+/// Axis of a joint, and how the body that holds it moves. World axes; positions from the base's origin.
 #[derive(Clone, Copy, Debug)]
-struct Hinge {
-    axis: Vec3,
-    anchor: Vec3,
+struct Axis {
+    joint: JointAxis,
     anchor_velocity: Vec3,
     omega: Vec3,
+}
+
+impl Link {
+    /// The link after a joint of its body, and the joint's axis.
+    fn after(self, joint: &Joint, q: f64, dq: f64, ddq: f64) -> (Self, Axis) {
+        let axis = joint.axis_at(&self.frame());
+        let moved = joint.moved(&self.frame(), q);
+        let rate = axis.axis.map(|x| x * dq);
+        let mut link = Self { quaternion: moved.quaternion, origin: moved.position, ..self };
+        let anchor_velocity = self.velocity_at(axis.anchor);
+        match joint.kind {
+            JointKind::Hinge => {
+                link.alpha = add(self.alpha, add(axis.axis.map(|x| x * ddq), cross(self.omega, rate)));
+                link.omega = add(self.omega, rate);
+                // The anchor moves with both bodies.
+                let at_anchor = Self {
+                    origin: axis.anchor,
+                    velocity: anchor_velocity,
+                    acceleration: self.acceleration_at(axis.anchor),
+                    ..link
+                };
+                link.velocity = at_anchor.velocity_at(moved.position);
+                link.acceleration = at_anchor.acceleration_at(moved.position);
+            }
+            JointKind::Slide => {
+                let coriolis = cross(self.omega, rate).map(|x| 2.0 * x);
+                link.velocity = add(self.velocity_at(moved.position), rate);
+                let along = add(axis.axis.map(|x| x * ddq), coriolis);
+                link.acceleration = add(self.acceleration_at(moved.position), along);
+            }
+        }
+        (link, Axis { joint: axis, anchor_velocity, omega: self.omega })
+    }
 }
 
 /// Motion of all bodies and joint axes at one moment.
@@ -81,15 +118,15 @@ struct Hinge {
 pub struct Motion<'m> {
     model: &'m Model,
     links: Vec<Link>,
-    hinges: Vec<Hinge>,
+    axes: Vec<Axis>,
 }
 
 /// What the momentum form of a joint's equation of motion is made of: torque = d(momentum)/dt + rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointMomentum {
-    /// Momentum along the joint: ∂L/∂q̇ with L the Lagrangian, N·m·s.
+    /// Momentum along the joint: ∂L/∂q̇ with L the Lagrangian, N·m·s; of a slide N·s.
     pub momentum: f64,
-    /// −∂L/∂q, N·m: what velocities and gravity demand.
+    /// −∂L/∂q, N·m; of a slide N: what velocities and gravity demand.
     pub rest: f64,
 }
 
@@ -97,11 +134,10 @@ pub struct JointMomentum {
 type Pair = [Vec3; 2];
 
 impl<'m> Motion<'m> {
-    /// At joint angles `q` (rad), rates `dq` (rad/s) and accelerations `ddq` (rad/s²), all in model order.
+    /// At joint positions `q` (rad), rates `dq` (rad/s) and accelerations `ddq` (rad/s²), of slides in m, all in model order.
     pub fn new(model: &'m Model, base: &BaseMotion, q: &[f64], dq: &[f64], ddq: &[f64]) -> Self {
         let mut links: Vec<Link> = Vec::with_capacity(model.bodies.len());
-        let zero = Hinge { axis: [0.0; 3], anchor: [0.0; 3], anchor_velocity: [0.0; 3], omega: [0.0; 3] };
-        let mut hinges = vec![zero; model.joints.len()];
+        let mut axes = Vec::with_capacity(model.joints.len());
         let mut next = 0;
         for (index, body) in model.bodies.iter().enumerate() {
             let mut link = match body.parent {
@@ -127,31 +163,14 @@ impl<'m> Motion<'m> {
             };
             // Joints are listed in the bodies' order.
             while let Some(joint) = model.joints.get(next).filter(|joint| joint.body == index) {
-                let anchor = link.point(joint.pos);
-                let axis = rotate(link.quaternion, joint.axis);
-                let anchor_velocity = link.velocity_at(anchor);
-                let anchor_acceleration = link.acceleration_at(anchor);
-                hinges[next] = Hinge { axis, anchor, anchor_velocity, omega: link.omega };
-                let rate = axis.map(|x| x * dq[next]);
-                link.alpha = add(link.alpha, add(axis.map(|x| x * ddq[next]), cross(link.omega, rate)));
-                link.omega = add(link.omega, rate);
-                link.quaternion = product(link.quaternion, axis_angle(joint.axis, q[next] - joint.reference));
-                // The anchor moves with both bodies.
-                let origin = sub(anchor, rotate(link.quaternion, joint.pos));
-                let at_anchor = Link {
-                    origin: anchor,
-                    velocity: anchor_velocity,
-                    acceleration: anchor_acceleration,
-                    ..link
-                };
-                link.velocity = at_anchor.velocity_at(origin);
-                link.acceleration = at_anchor.acceleration_at(origin);
-                link.origin = origin;
+                let axis;
+                (link, axis) = link.after(joint, q[next], dq[next], ddq[next]);
+                axes.push(axis);
                 next += 1;
             }
             links.push(link);
         }
-        Self { model, links, hinges }
+        Self { model, links, axes }
     }
 
     /// Motion of a body, by index.
@@ -186,10 +205,9 @@ impl<'m> Motion<'m> {
         sub(sum.map(|x| x / count), [0.0, 0.0, drop])
     }
 
-    /// Velocity that a joint alone, at 1 rad/s, gives to a point of what it moves, m/s, world axes.
+    /// Velocity that a joint alone, at 1 rad/s or 1 m/s, gives to a point of what it moves, m/s, world axes.
     pub fn lever(&self, joint: usize, point: Vec3) -> Vec3 {
-        let hinge = &self.hinges[joint];
-        cross(hinge.axis, sub(point, hinge.anchor))
+        self.axes[joint].joint.lever(point)
     }
 
     /// Sums over every body's subtree of a wrench of each body.
@@ -218,18 +236,21 @@ impl<'m> Motion<'m> {
         rotate(turn, std::array::from_fn(|k| body.inertia[k] * inner[k]))
     }
 
-    /// How each joint's momentum changes with the velocity of the base's origin, kg·m, world axes, model order.
+    /// How each joint's momentum changes with the velocity of the base's origin, kg·m, of slides kg, world axes, model order.
     pub fn base_levers(&self) -> Vec<Vec3> {
         // Mass in the place of the force's first component: a subtree's mass and its first moment.
         let sums = self.subtree(|body, link| {
             let part = &self.model.bodies[body];
             [[part.mass, 0.0, 0.0], link.point(part.ipos).map(|x| x * part.mass)]
         });
-        let lever = |(joint, hinge): (&gaitfit_model::Joint, &Hinge)| {
+        let lever = |(joint, axis): (&Joint, &Axis)| {
             let [[mass, ..], moment] = sums[joint.body];
-            cross(hinge.axis, sub(moment, hinge.anchor.map(|x| x * mass)))
+            match joint.kind {
+                JointKind::Hinge => cross(axis.joint.axis, sub(moment, axis.joint.anchor.map(|x| x * mass))),
+                JointKind::Slide => axis.joint.axis.map(|x| x * mass),
+            }
         };
-        self.model.joints.iter().zip(&self.hinges).map(lever).collect()
+        self.model.joints.iter().zip(&self.axes).map(lever).collect()
     }
 
     /// Momentum of the whole robot, N·s, world axes.
@@ -239,7 +260,7 @@ impl<'m> Motion<'m> {
         })
     }
 
-    /// Torques (N·m, model order) that the joints need for this motion against inertia and gravity, and the force (N)
+    /// Torques (N·m, of slides forces, N; model order) that the joints need for this motion against inertia and gravity, and the force (N)
     /// and the moment about the base's origin (N·m) that the root body needs from outside, world axes.
     pub fn inverse_dynamics(&self) -> (Vec<f64>, Pair) {
         let gravity = self.model.options.gravity;
@@ -252,11 +273,11 @@ impl<'m> Motion<'m> {
             );
             self.about_base(body, link, force, moment)
         });
-        let torque = |(joint, hinge): (&gaitfit_model::Joint, &Hinge)| {
+        let torque = |(joint, axis): (&Joint, &Axis)| {
             let [force, moment] = sums[joint.body];
-            dot(hinge.axis, sub(moment, cross(hinge.anchor, force)))
+            axis.joint.share_of(force, moment)
         };
-        let torques = self.model.joints.iter().zip(&self.hinges).map(torque).collect();
+        let torques = self.model.joints.iter().zip(&self.axes).map(torque).collect();
         (torques, sums.first().copied().unwrap_or_default())
     }
 
@@ -271,18 +292,25 @@ impl<'m> Motion<'m> {
         let weights = self.subtree(|body, link| {
             self.about_base(body, link, gravity.map(|x| x * self.model.bodies[body].mass), [0.0; 3])
         });
-        let terms = |(joint, hinge): (&gaitfit_model::Joint, &Hinge)| {
+        let terms = |(joint, axis): (&Joint, &Axis)| {
             let [linear, angular] = momenta[joint.body];
-            let about_anchor = sub(angular, cross(hinge.anchor, linear));
             let [weight, moment] = weights[joint.body];
-            let axis_rate = cross(hinge.omega, hinge.axis);
-            // d(a·(L − A×P))/dt = a·(dL/dt − A×dP/dt) + da/dt·(L − A×P) − a·(dA/dt×P), and the base's origin, about
-            // which L is taken, moves too, which cancels in L − A×P with dA/dt as the anchor's full velocity.
-            let moving = dot(axis_rate, about_anchor) - dot(hinge.axis, cross(hinge.anchor_velocity, linear));
-            let gravity_torque = dot(hinge.axis, sub(moment, cross(hinge.anchor, weight)));
-            JointMomentum { momentum: dot(hinge.axis, about_anchor), rest: -moving - gravity_torque }
+            let along = &axis.joint;
+            let axis_rate = cross(axis.omega, along.axis);
+            let moving = match joint.kind {
+                JointKind::Hinge => {
+                    // d(a·(L − A×P))/dt = a·(dL/dt − A×dP/dt) + da/dt·(L − A×P) − a·(dA/dt×P), and the base's origin,
+                    // about which L is taken, moves too, which cancels in L − A×P with dA/dt as the anchor's full velocity.
+                    let about_anchor = sub(angular, cross(along.anchor, linear));
+                    dot(axis_rate, about_anchor) - dot(along.axis, cross(axis.anchor_velocity, linear))
+                }
+                // d(a·P)/dt = a·dP/dt + da/dt·P.
+                JointKind::Slide => dot(axis_rate, linear),
+            };
+            let rest = -moving - along.share_of(weight, moment);
+            JointMomentum { momentum: along.share_of(linear, angular), rest }
         };
-        self.model.joints.iter().zip(&self.hinges).map(terms).collect()
+        self.model.joints.iter().zip(&self.axes).map(terms).collect()
     }
 }
 
@@ -290,7 +318,7 @@ impl<'m> Motion<'m> {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use gaitfit_model::rotation::normalize;
+    use gaitfit_model::rotation::{axis_angle, normalize};
 
     /// A smooth motion: base and joints at time t, with derivatives by hand.
     fn base(t: f64) -> BaseMotion {
@@ -316,7 +344,17 @@ mod tests {
     /// The momentum form and the one with accelerations are two algorithms for one torque.
     #[test]
     fn momentum_and_accelerations_ask_for_the_same_torque() {
-        let model = gaitfit_model::builtin::go2().unwrap();
+        ask_for_the_same(&gaitfit_model::builtin::go2().unwrap());
+        ask_for_the_same(&telescope());
+    }
+
+    /// A robot with hinges, slides, and both beyond each other.
+    fn telescope() -> Model {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../gaitfit-physics/tests/fixtures/telescope.xml");
+        gaitfit_model::read(std::path::Path::new(file), &gaitfit_model::ReadOptions::default()).unwrap()
+    }
+
+    fn ask_for_the_same(model: &Model) {
         let count = model.joints.len();
         let h = 1e-4;
         let turned = |from: Quat, t: f64, h: f64| {
@@ -328,7 +366,7 @@ mod tests {
         let start = normalize([0.9, 0.2, -0.3, 0.1]);
         let at = |quaternion: Quat, t: f64| {
             let [q, dq, ddq] = joints(t, count);
-            Motion::new(&model, &BaseMotion { quaternion, ..base(t) }, &q, &dq, &ddq)
+            Motion::new(model, &BaseMotion { quaternion, ..base(t) }, &q, &dq, &ddq)
         };
         let t = 0.3;
         let (torques, _) = at(start, t).inverse_dynamics();
@@ -344,11 +382,44 @@ mod tests {
         let [q, dq, ddq] = joints(t, count);
         let moved =
             BaseMotion { quaternion: start, linear_velocity: add(base(t).linear_velocity, push), ..base(t) };
-        let faster = Motion::new(&model, &moved, &q, &dq, &ddq).momentum();
+        let faster = Motion::new(model, &moved, &q, &dq, &ddq).momentum();
         for (joint, lever) in at(start, t).base_levers().into_iter().enumerate() {
             let change = faster[joint].momentum - here[joint].momentum;
             assert!((change - dot(lever, push)).abs() < 1e-12, "joint {joint}: {change}");
         }
+    }
+
+    /// A mass that slides along a pendulum, by hand: m (r̈ − r θ̇² − g cos θ), and at the hinge m r² θ̈ + I θ̈ + 2 m r ṙ θ̇ +
+    /// m g r sin θ.
+    #[test]
+    fn a_slide_on_a_pendulum_needs_what_the_book_says() {
+        let text = r#"<mujoco><compiler angle="radian"/><worldbody><geom type="plane" size="1 1 1"/>
+            <body><freejoint/><geom type="box" size=".1 .1 .1"/>
+              <body><joint axis="0 1 0"/><inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>
+              <body pos="0 0 -0.4"><joint type="slide" axis="0 0 -1" ref="0.1" pos="0.3 0 0"/>
+                <inertial pos="0 0 0" mass="2" diaginertia="0.1 0.2 0.3"/></body></body>
+            </body></worldbody></mujoco>"#;
+        let model = gaitfit_model::read_mjcf_str(text, &gaitfit_model::ReadOptions::default()).unwrap();
+        let base = BaseMotion::at_rest(gaitfit_model::rotation::IDENTITY);
+        let ([angle, turning, faster], [along, speed, push]) = ([0.3, 1.7, -4.0], [0.25, 0.8, 3.0]);
+        let motion = Motion::new(&model, &base, &[angle, along], &[turning, speed], &[faster, push]);
+        let (mass, r, g) = (2.0, 0.4 + along - 0.1, 9.81);
+        let (torques, [force, _]) = motion.inverse_dynamics();
+        let at_slide = mass * (push - r * turning * turning - g * angle.cos());
+        let at_hinge =
+            (mass * r * r + 0.21) * faster + 2.0 * mass * r * speed * turning + mass * g * r * angle.sin();
+        assert!((torques[1] - at_slide).abs() < 1e-12, "{}, not {at_slide}", torques[1]);
+        assert!((torques[0] - at_hinge).abs() < 1e-12, "{}, not {at_hinge}", torques[0]);
+        let momentum = motion.momentum();
+        assert!((momentum[1].momentum - mass * speed).abs() < 1e-12);
+        let rest = -mass * (r * turning * turning + g * angle.cos());
+        assert!((momentum[1].rest - rest).abs() < 1e-12);
+        assert!(force.iter().all(|part| part.is_finite()));
+        let lever = motion.lever(1, [0.2, 0.1, 0.5]);
+        assert!(
+            (lever[0] + angle.sin()).abs() < 1e-12 && (lever[2] + angle.cos()).abs() < 1e-12,
+            "{lever:?}"
+        );
     }
 
     /// A pendulum by hand: m l² q̈ + I q̈ + m g l sin q.

@@ -155,10 +155,11 @@ pub struct SwingReport {
     pub unseen: Vec<String>,
 }
 
-/// Joint groups by the last part of their names: `FL_hip_joint` and `RR_hip_joint` are `hip`.
+/// Joint groups by the last part of their names: `FL_hip_joint` and `RR_hip_joint` are `hip`. Hinges alone: what counts as a
+/// swing, and as a likely value, is known for rad and N·m.
 pub fn usual_groups(model: &Model) -> Vec<(String, Vec<usize>)> {
     let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
-    for (index, joint) in model.joints.iter().enumerate() {
+    for (index, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.kind.is_hinge()) {
         let last = group_name(plain(&joint.name));
         match groups.iter_mut().find(|(known, _)| *known == last) {
             Some((_, joints)) => joints.push(index),

@@ -214,6 +214,7 @@ fn trace(name: &str, j: usize) -> JointTrace {
         nominal: follow(0.03, 1.0, 0.0, 300 + j),
         target,
         time_s,
+        slides: false,
     }
 }
 

@@ -46,6 +46,7 @@ fn log() -> LogPicture {
         };
         LogJoint {
             name: format!("{leg}_{}", ["hip", "thigh", "calf"][number % 3]),
+            slides: false,
             position: wave(0.06),
             target: wave(0.0),
         }

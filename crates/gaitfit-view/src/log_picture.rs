@@ -35,6 +35,8 @@ pub struct LogPicture {
 pub struct LogJoint {
     /// Its name.
     pub name: String,
+    /// Whether it slides: its positions are in m.
+    pub slides: bool,
     /// Measured position, rad; one a time.
     pub position: Vec<f64>,
     /// Position target, rad, held until the next; one a time, or empty.
@@ -66,7 +68,7 @@ pub fn log_picture_svg(log: &LogPicture) -> String {
         count if count > JOINTS => format!("; the first {JOINTS} of {count} joints"),
         _ => String::new(),
     };
-    let facts = format!("{}{left_out}; position (rad) over time (s)", log.facts);
+    let facts = format!("{}{left_out}; position ({}) over time (s)", log.facts, log.unit());
     figure.text(12.0, 41.0, Anchor::Start, facts.trim_start_matches("; "));
     figure.legend(width - 190.0, 22.0, width, &[("measured", Look::color(0)), ("target", Look::color(1))]);
     for (number, joint) in log.joints.iter().take(JOINTS).enumerate() {
@@ -77,11 +79,19 @@ pub fn log_picture_svg(log: &LogPicture) -> String {
     figure.standalone()
 }
 
+impl LogPicture {
+    /// The unit of positions.
+    fn unit(&self) -> &'static str {
+        if self.joints.iter().any(|joint| joint.slides) { "rad, slides: m" } else { "rad" }
+    }
+}
+
 /// The page as the template sees it.
 #[derive(Serialize)]
 struct Page {
     title: String,
     facts: String,
+    unit: &'static str,
     panels: Vec<String>,
     /// Joints that are not drawn.
     left_out: usize,
@@ -101,6 +111,7 @@ pub fn log_picture_html(log: &LogPicture) -> Result<String, ReportError> {
     let page = Page {
         title: clean(&log.title),
         facts: clean_prose(&log.facts),
+        unit: log.unit(),
         panels: log.joints.iter().take(JOINTS).map(draw).collect(),
         left_out: log.joints.len().saturating_sub(JOINTS),
         marked: !log.marks.is_empty(),
@@ -119,7 +130,8 @@ fn panel(figure: &mut Figure, log: &LogPicture, joint: &LogJoint, left: f64, top
     let (wrong, doubtful) = (corners(true), corners(false));
     let mut title = clean(&joint.name);
     if let Some(rms) = tracking_rms(joint) {
-        title.push_str(&format!(" · {rms:.3} rad RMS from target"));
+        let unit = if joint.slides { "m" } else { "rad" };
+        title.push_str(&format!(" · {rms:.3} {unit} RMS from target"));
     }
     let plot = Plot {
         x: Axis { range: Some(times), ticks: 6, ..Axis::default() },

@@ -26,6 +26,7 @@ fn full(joints: usize, generations: usize) -> FitReport {
         fitted: wave(4700, 0.01),
         nominal: wave(4700, 0.3),
         target: wave(4700, 0.5),
+        slides: false,
     };
     let distribution = |name: &String, signal| {
         let (measured, nominal, fitted) = (wave(900, 0.0), wave(800, 0.3), wave(700, 0.01));

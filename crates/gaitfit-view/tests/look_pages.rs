@@ -22,6 +22,7 @@ fn beside(name: &str) -> SideBySide {
         nominal: curve(0.1),
         target: curve(0.0),
         time_s: time_s.clone(),
+        slides: false,
     };
     SideBySide {
         title: name.into(),
@@ -108,7 +109,12 @@ fn runs_stand_side_by_side() {
 }
 
 fn picture(name: &str) -> LogPicture {
-    let joint = LogJoint { name: name.into(), position: vec![0.0, 0.1, f64::NAN, 0.3], target: vec![0.1; 4] };
+    let joint = LogJoint {
+        name: name.into(),
+        slides: false,
+        position: vec![0.0, 0.1, f64::NAN, 0.3],
+        target: vec![0.1; 4],
+    };
     LogPicture {
         title: name.into(),
         facts: name.into(),

@@ -13,6 +13,7 @@ fn ramps(joints: usize) -> LogPicture {
         name: format!("joint_{number}"),
         target: position.iter().map(|q| q + 0.5).collect(),
         position: position.clone(),
+        slides: number == 1,
     };
     LogPicture {
         title: "run <1>.csv (go2 & co)".into(),
@@ -45,7 +46,13 @@ fn a_log_has_a_panel_a_joint() {
     assert_eq!(with_class(&document, "s c0").len(), 5);
     assert_eq!(with_class(&document, "s c1").len(), 5);
     assert_eq!(with_class(&document, "f wrong").len(), 1, "one joint is marked");
-    for name in ["joint_3 · 0.500 rad RMS from target", "run <1>.csv (go2 & co)", "100 samples at 100 Hz"] {
+    for name in [
+        "joint_1 · 0.500 m RMS from target",
+        "joint_3 · 0.500 rad RMS from target",
+        "position (rad, slides: m) over time",
+        "run <1>.csv (go2 & co)",
+        "100 samples at 100 Hz",
+    ] {
         assert!(document.descendants().any(|n| n.text().is_some_and(|t| t.contains(name))), "{name}");
     }
     assert!(!svg.contains("href") && !svg.contains("var("), "it needs nothing else");

@@ -110,7 +110,8 @@ fn what_does_not_fit_is_named() {
         ("body 0 needs a parent", |r| r.robots[0].bodies[0].parent = Some(0)),
         ("body 3 has a number that is not finite", |r| r.robots[0].bodies[3].position[1] = f64::NAN),
         ("its joints need 13", |r| {
-            let joint = Joint { name: "j".into(), axis: [0.0, 1.0, 0.0], anchor: [0.0; 3], index: 12 };
+            let joint =
+                Joint { name: "j".into(), axis: [0.0, 1.0, 0.0], anchor: [0.0; 3], index: 12, slides: false };
             r.robots[0].bodies[12].joint = Some(joint);
         }),
         ("geom 23 is on body 99, of 13", |r| {

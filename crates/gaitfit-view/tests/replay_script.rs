@@ -56,6 +56,11 @@ fn geoms(robot: &ReplayRobot, frame: usize) -> Vec<[f64; 3]> {
                 let (p, r) = (plus(*p, apply(r, body.position)), times(r, &from_quaternion(body.quaternion)));
                 match &body.joint {
                     None => (p, r),
+                    Some(joint) if joint.slides => {
+                        let norm = joint.axis.iter().map(|x| x * x).sum::<f64>().sqrt();
+                        let by = frame.joints[joint.index] / norm;
+                        (plus(p, apply(&r, joint.axis.map(|x| x * by))), r)
+                    }
                     Some(joint) => {
                         let turn = about(joint.axis, frame.joints[joint.index]);
                         // x ↦ anchor + R (x − anchor), in the body's frame.
@@ -91,6 +96,8 @@ fn node_bodies_are_where_rotation_matrices_place_them() {
         let joint = body.joint.as_mut().unwrap();
         joint.anchor = [0.03, -0.01 * i as f64, 0.05];
         joint.axis = [0.5, 2.0, 0.1 * i as f64];
+        // And some joints slide.
+        joint.slides = i % 3 == 2;
     }
     // Uneven ground: 3 × 4 heights on a plane that rises along x.
     robot.ground = Some(Ground {

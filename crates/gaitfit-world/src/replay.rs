@@ -2,7 +2,7 @@
 
 use crate::skeleton::bones;
 use gaitfit_learn::evaluate::GaitRecord;
-use gaitfit_model::{Model, Shape, Surface};
+use gaitfit_model::{JointKind, Model, Shape, Surface};
 use gaitfit_policy::walker::Walker;
 use gaitfit_view::replay::{Body, Frame, Geom, Ground, Joint, ReplayRobot, Shape as Drawn};
 
@@ -24,6 +24,7 @@ pub fn shape(name: &str, model: &Model, feet: &[String]) -> ReplayRobot {
             axis: joint.axis,
             anchor: joint.pos,
             index: number,
+            slides: joint.kind == JointKind::Slide,
         });
         let parent = body.parent.map(|parent| carrier[parent]);
         bodies.push(Body {
@@ -31,10 +32,10 @@ pub fn shape(name: &str, model: &Model, feet: &[String]) -> ReplayRobot {
             parent,
             position: body.pos,
             quaternion: body.quat,
-            // The base has no parent to turn against; a hinge on it gets a body of its own below.
+            // The base has no parent to move against; a joint on it gets a body of its own below.
             joint: if parent.is_some() { joints.next() } else { None },
         });
-        // A drawn body has one hinge: further ones of the model's body act one after the other.
+        // A drawn body has one joint: further ones of the model's body act one after the other.
         for joint in joints {
             let parent = Some(bodies.len() - 1);
             bodies.push(Body { name: body.name.clone(), parent, joint: Some(joint), ..Body::default() });

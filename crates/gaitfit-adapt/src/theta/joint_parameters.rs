@@ -7,6 +7,8 @@ use super::{
     Defaults, Entry, JointParameter, LinearSpring, Modification, ReadContext, SavedParameter, Sharing,
     ThetaError, ThetaFileError,
 };
+use gaitfit_model::patterns::covered;
+use gaitfit_model::{Joint, JointKind, Model};
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
 
@@ -40,6 +42,9 @@ pub struct ParameterRule {
     /// First standard deviation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub deviation: Option<f64>,
+    /// Whether the joints are hinges or slides, which sets the unit and the defaults: see [`Self::by_kind`].
+    #[serde(skip)]
+    pub joint_kind: JointKind,
 }
 
 impl ParameterRule {
@@ -54,6 +59,7 @@ impl ParameterRule {
             upper: None,
             start: None,
             deviation: None,
+            joint_kind: JointKind::Hinge,
         }
     }
 
@@ -62,9 +68,58 @@ impl ParameterRule {
         vec![Self::new(JointParameter::FrictionLoss), Self::new(JointParameter::Armature)]
     }
 
+    /// The rule as rules of hinges alone and of slides alone, whose units differ. `scales`: its numbers are those of hinges,
+    /// and slides get the like.
+    ///
+    /// # Errors
+    /// Patterns that do not fit; one value, or numbers, for joints of both kinds; gears in a robot with slides.
+    pub fn by_kind(&self, model: &Model, scales: bool) -> Result<Vec<Self>, ThetaError> {
+        let unit = self.kind.unit();
+        if JointKind::Slide.unit(unit) == unit || model.joints.iter().all(|joint| joint.kind.is_hinge()) {
+            return Ok(vec![self.clone()]);
+        }
+        if matches!(self.kind, JointParameter::Play | JointParameter::Compliance) {
+            return Err(ThetaError::SlidingGears { kind: self.kind.name() });
+        }
+        let names: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
+        let wrong = |source| ThetaError::Joints { kind: self.kind.name(), source };
+        let places = covered(&self.joints, &model.name, &names).map_err(wrong)?;
+        let (hinges, slides): (Vec<&Joint>, Vec<&Joint>) =
+            places.into_iter().map(|place| &model.joints[place]).partition(|joint| joint.kind.is_hinge());
+        let of = |joints: &[&Joint], joint_kind: JointKind| {
+            let number = |value: Option<f64>| {
+                value.map(|value| if scales { joint_kind.like(unit, value) } else { value })
+            };
+            Self {
+                joints: joints.iter().map(|joint| joint.name.clone()).collect(),
+                joint_kind,
+                lower: number(self.lower),
+                upper: number(self.upper),
+                start: number(self.start),
+                deviation: number(self.deviation),
+                ..self.clone()
+            }
+        };
+        let numbers = [self.lower, self.upper, self.start, self.deviation];
+        let one = self.per == Sharing::All || (!scales && numbers.iter().any(Option::is_some));
+        match (hinges.first(), slides.first()) {
+            (Some(hinge), Some(slide)) if one => Err(ThetaError::Kinds {
+                kind: self.kind.name(),
+                hinge: hinge.name.clone(),
+                slide: slide.name.clone(),
+            }),
+            (Some(_), Some(_)) => Ok(vec![of(&hinges, JointKind::Hinge), of(&slides, JointKind::Slide)]),
+            (None, Some(_)) => {
+                let joints = self.joints.clone();
+                Ok(vec![Self { joints, ..of(&slides, JointKind::Slide) }])
+            }
+            _ => Ok(vec![self.clone()]),
+        }
+    }
+
     /// Fills in the parameter's defaults where the rule is silent.
     pub fn resolve(&mut self) {
-        let defaults = defaults(self.kind);
+        let defaults = defaults(self.kind, self.joint_kind);
         self.lower.get_or_insert(defaults.lower);
         self.upper.get_or_insert(defaults.upper);
         self.start.get_or_insert(defaults.start);
@@ -84,7 +139,7 @@ impl ParameterRule {
         for entry in &entries {
             entry.check(self.kind.least(), upper_limit(self.kind))?;
         }
-        Ok(Box::new(JointParameters { parameter: self.kind, entries }))
+        Ok(Box::new(JointParameters { parameter: self.kind, joint_kind: self.joint_kind, entries }))
     }
 
     /// The rule's entries for a robot, groups in the order of their first joint.
@@ -100,11 +155,11 @@ impl ParameterRule {
     }
 
     fn entry(&self, name: String, joints: Vec<&String>) -> Entry {
-        let defaults = defaults(self.kind);
+        let defaults = defaults(self.kind, self.joint_kind);
         Entry {
             name,
             kind: self.kind.name(),
-            unit: self.kind.unit().to_owned(),
+            unit: self.joint_kind.unit(self.kind.unit()).to_owned(),
             joints: joints.into_iter().cloned().collect(),
             lower: self.lower.unwrap_or(defaults.lower),
             upper: self.upper.unwrap_or(defaults.upper),
@@ -116,9 +171,9 @@ impl ParameterRule {
 
 /// The values that a search takes if a rule does not state them. A parameter without it is not read from files, and a rule of it gets
 /// bounds that are refused.
-fn defaults(parameter: JointParameter) -> Defaults {
+fn defaults(parameter: JointParameter, kind: JointKind) -> Defaults {
     let none = Defaults { lower: f64::NAN, upper: f64::NAN, start: f64::NAN, deviation: f64::NAN };
-    parameter.search().unwrap_or(none)
+    parameter.search_of(kind).unwrap_or(none)
 }
 
 /// Largest value of a parameter.
@@ -130,6 +185,7 @@ fn upper_limit(parameter: JointParameter) -> f64 {
 #[derive(Debug)]
 struct JointParameters {
     parameter: JointParameter,
+    joint_kind: JointKind,
     entries: Vec<Entry>,
 }
 
@@ -146,8 +202,9 @@ impl Modification for JointParameters {
         };
         let entry = |(entry, value): (&Entry, &f64)| {
             let (stiffness, torque) = spring(*value)?;
+            let kind = self.joint_kind;
             let joints = entry.joints.iter().cloned();
-            Some(joints.map(move |joint| LinearSpring { joint, stiffness, torque }).collect::<Vec<_>>())
+            Some(joints.map(move |joint| LinearSpring { joint, kind, stiffness, torque }).collect::<Vec<_>>())
         };
         self.entries.iter().zip(values).filter_map(entry).flatten().collect()
     }

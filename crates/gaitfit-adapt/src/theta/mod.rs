@@ -108,6 +108,33 @@ pub enum ThetaError {
         /// Which pattern, and why not.
         source: PatternError,
     },
+    /// One value, or bounds, for hinges and slides, whose units differ.
+    #[error(
+        "parameter {kind} has one value or the same numbers for hinge `{hinge}` and slide `{slide}`, whose units differ; write a rule for each, with \
+         `joints`"
+    )]
+    Kinds {
+        /// Parameter.
+        kind: &'static str,
+        /// A hinge that it covers.
+        hinge: String,
+        /// A slide that it covers.
+        slide: String,
+    },
+    /// Gears in a robot with slides.
+    #[error(
+        "{kind} is of gears, which are simulated in robots of hinges alone, and this robot has slides; leave it out"
+    )]
+    SlidingGears {
+        /// Parameter.
+        kind: &'static str,
+    },
+    /// A network of a slide.
+    #[error("networks correct hinges, and joint `{joint}` slides; leave it out of the rule's `joints`")]
+    SlidingNetwork {
+        /// The slide.
+        joint: String,
+    },
     /// A joint belongs to no group, or to several.
     #[error(
         "parameter {kind} is per group, and joint `{joint}` is in {found}; every joint it covers needs exactly \

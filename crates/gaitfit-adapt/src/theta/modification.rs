@@ -1,6 +1,7 @@
 //! The interface of every change of the simulated robot.
 
 use super::{Entry, SavedParameter, ThetaFile};
+use gaitfit_model::JointKind;
 use gaitfit_sim::Candidate;
 use std::fmt::Debug;
 
@@ -13,11 +14,13 @@ pub struct Found {
     pub spread: Option<f64>,
 }
 
-/// A torque −stiffness · angle + torque on a joint.
+/// A torque −stiffness · angle + torque on a joint. Of a slide a force, in N and m.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearSpring {
     /// Joint name.
     pub joint: String,
+    /// Whether it turns or slides.
+    pub kind: JointKind,
     /// N·m/rad.
     pub stiffness: f64,
     /// Torque at angle 0, N·m.

@@ -7,6 +7,7 @@ use super::{
     Entry, Found, LinearSpring, Modification, ReadContext, SavedNetwork, Sharing, ThetaError, ThetaFile,
     ThetaFileError,
 };
+use gaitfit_model::JointKind;
 use gaitfit_model::patterns::plain;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales};
 use gaitfit_random::{Purpose, Stream};
@@ -290,6 +291,7 @@ impl Modification for Networks {
             let (stiffness, offset) = features::spring(last, self.rule.output_scale);
             let spring = |(joint, rest): &(String, f64)| LinearSpring {
                 joint: joint.clone(),
+                kind: JointKind::Hinge,
                 stiffness,
                 torque: offset + stiffness * rest,
             };

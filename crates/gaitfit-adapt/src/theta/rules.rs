@@ -1,5 +1,8 @@
 //! All rules of a configuration.
 
+use gaitfit_model::Model;
+use gaitfit_model::patterns::covered;
+
 use super::{NetworkRule, ParameterRule, RobotRule, Theta, ThetaError};
 use serde::{Deserialize, Serialize};
 
@@ -27,6 +30,24 @@ impl Rules {
     pub fn resolve(&mut self) {
         self.parameter.iter_mut().for_each(ParameterRule::resolve);
         self.robot.iter_mut().for_each(RobotRule::resolve);
+    }
+
+    /// The rules for the hinges and the slides of `model`: a rule that covers both becomes two.
+    ///
+    /// # Errors
+    /// As [`ParameterRule::by_kind`]; networks of slides.
+    pub fn by_kind(self, model: &Model) -> Result<Self, ThetaError> {
+        let names: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
+        for rule in &self.network {
+            // Patterns that do not fit are refused with the networks.
+            let places = covered(&rule.joints, &model.name, &names).unwrap_or_default();
+            if let Some(slide) = places.into_iter().find(|&place| !model.joints[place].kind.is_hinge()) {
+                return Err(ThetaError::SlidingNetwork { joint: model.joints[slide].name.clone() });
+            }
+        }
+        let parts = self.parameter.iter().map(|rule| rule.by_kind(model, false));
+        let parameter = parts.collect::<Result<Vec<_>, _>>()?.concat();
+        Ok(Self { parameter, ..self })
     }
 
     /// θ for a robot with these `joints`; parameters first, then networks, then the robot's numbers. `groups` are names

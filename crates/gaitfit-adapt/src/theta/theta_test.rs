@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use super::*;
+use gaitfit_model::JointKind;
 use std::collections::BTreeMap;
 
 /// A robot of `joints` joints on which nothing is set.
@@ -270,7 +271,10 @@ fn springs_are_sums_of_what_parameters_and_networks_do() {
     let theta = rules.theta(&groups(), &joints(), &[0.1, 0.8, -1.5, -0.1, 0.8, -1.4]).unwrap();
     // Stiffnesses, torques at 0, then friction, damping, inertia, stiffness and offset of the network.
     let springs = theta.springs(&[40.0, 10.0, -60.0, 1.0, 0.3, 0.3, 0.3, 0.2, 0.5]);
-    assert_eq!(springs[0], LinearSpring { joint: "FL_calf".into(), stiffness: 40.0, torque: -60.0 });
+    assert_eq!(
+        springs[0],
+        LinearSpring { joint: "FL_calf".into(), kind: JointKind::Hinge, stiffness: 40.0, torque: -60.0 }
+    );
     assert_eq!(springs[0].rest(), -1.5);
     // 100 · 0.2 N·m/rad about −1.4 rad, and 0.02 · 100 · 0.5 N·m.
     assert_eq!((springs[1].joint.as_str(), springs[1].stiffness), ("FR_calf", 30.0));
@@ -352,4 +356,60 @@ fn a_prior_moves_the_start_and_charges_by_standard_errors() {
         let error = theta().with_priors(&prior(name, 0.1, deviation), 1.0).unwrap_err();
         assert!(matches!(error, ThetaError::Prior { .. }) && error.to_string().contains(name), "{error}");
     }
+}
+
+/// A robot with a hinge and a slide a leg.
+fn telescopic() -> gaitfit_model::Model {
+    let leg = |leg: &str| {
+        format!(
+            "<body><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/><joint name='{leg}_hip'/>\
+             <body><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/><joint name='{leg}_knee' type='slide'/></body></body>"
+        )
+    };
+    let base = "<inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/><freejoint/>";
+    let text = format!("<mujoco><worldbody><body>{base}{}{}</body></worldbody></mujoco>", leg("L"), leg("R"));
+    gaitfit_model::read_mjcf_str(&text, &Default::default()).unwrap()
+}
+
+/// A rule over hinges and slides becomes two, whose entries have their own units and defaults; numbers have one unit.
+#[test]
+fn rules_over_hinges_and_slides_are_two() {
+    let model = telescopic();
+    let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+    let groups =
+        [("hip".to_owned(), vec!["*_hip".to_owned()]), ("knee".to_owned(), vec!["*_knee".to_owned()])];
+    let of = |parameter: Vec<ParameterRule>| Rules { parameter, ..Rules::default() }.by_kind(&model);
+    let rules = of([JointParameter::FrictionLoss, JointParameter::Delay].map(ParameterRule::new).to_vec());
+    let mut rules = rules.unwrap();
+    assert_eq!(rules.parameter.len(), 3, "the delay's unit is one");
+    rules.resolve();
+    let theta = rules.theta(&groups, &joints, &[]).unwrap();
+    let of_name = |name: &str| theta.entries().iter().find(|entry| entry.name == name).unwrap();
+    let (hip, knee) = (of_name("frictionloss_hip"), of_name("frictionloss_knee"));
+    assert_eq!((hip.unit.as_str(), hip.upper), ("N·m", 0.5));
+    assert_eq!((knee.unit.as_str(), knee.upper, knee.joints.len()), ("N", 5.0, 2));
+    assert_eq!(of_name("delay_hip").unit, "s");
+    let saved = ThetaFile::new(&theta, &[Found { value: 0.1, spread: None }; 4], "telescopic", "", 0.0);
+    let units: Vec<&str> = saved.parameter.iter().map(|parameter| parameter.unit.as_str()).collect();
+    assert_eq!(units, ["N·m", "N", "s", "s"]);
+
+    let stated = ParameterRule { upper: Some(2.0), ..ParameterRule::new(JointParameter::Damping) };
+    let error = of(vec![stated.clone()]).unwrap_err();
+    assert!(error.to_string().contains("hinge `L_hip` and slide `L_knee`, whose units differ"), "{error}");
+    let shared = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Armature) };
+    assert!(matches!(of(vec![shared]).unwrap_err(), ThetaError::Kinds { .. }));
+    let play = of(vec![ParameterRule::new(JointParameter::Play)]).unwrap_err();
+    assert!(play.to_string().contains("gears"), "{play}");
+    let knees = of(vec![ParameterRule { joints: vec!["*_knee".to_owned()], ..stated.clone() }]).unwrap();
+    assert_eq!((knees.parameter[0].upper, knees.parameter[0].joint_kind), (Some(2.0), JointKind::Slide));
+    let like = stated.by_kind(&model, true).unwrap();
+    assert_eq!((like[0].upper, like[1].upper.map(f64::round)), (Some(2.0), Some(200.0)));
+}
+
+#[test]
+fn networks_of_slides_are_refused() {
+    let rule: NetworkRule = toml::from_str("kind = 'resid_act'").unwrap();
+    let rules = Rules { network: vec![rule], ..Rules::default() };
+    let error = rules.clone().by_kind(&telescopic()).unwrap_err();
+    assert!(error.to_string().contains("joint `L_knee` slides"), "{error}");
 }

@@ -4,9 +4,9 @@ use std::fmt::Write;
 
 use gaitfit_learn::task::reward::Value;
 use gaitfit_learn::task::{BaseMoment, FASTEST_BASE, FASTEST_JOINT, Foot, Task, advanced_foot};
-use gaitfit_model::Shape;
 use gaitfit_model::kinematics::Reach;
 use gaitfit_model::rotation::vec_of;
+use gaitfit_model::{JointKind, Shape};
 use gaitfit_policy::walker::GAP;
 
 use super::expression::Terms;
@@ -180,20 +180,21 @@ impl Words {
             let first = order.len();
             let joints = model.joints.iter().enumerate().filter(|(_, joint)| joint.body == index);
             order.extend(joints.map(|(joint, _)| joint.to_string()));
-            let hinges = order.len() - first;
-            format!("{{{parent}, {first}, {hinges}, {}, {}}}", doubles(&body.pos), doubles(&body.quat))
+            let joints = order.len() - first;
+            format!("{{{parent}, {first}, {joints}, {}, {}}}", doubles(&body.pos), doubles(&body.quat))
         };
         let bodies = model.bodies.iter().enumerate().map(body).collect();
         self.table("Body", "BODY", bodies);
-        self.table("int", "HINGE_ORDER", order);
-        let hinge = |joint: &gaitfit_model::Joint| {
+        self.table("int", "JOINT_ORDER", order);
+        let joint = |joint: &gaitfit_model::Joint| {
             let (anchor, axis, reference) =
                 (doubles(&joint.pos), doubles(&joint.axis), double(joint.reference));
             let limited = u32::from(joint.range.is_some());
             let range = doubles(&joint.range.unwrap_or_default());
-            format!("{{{anchor}, {axis}, {reference}, {limited}, {range}}}")
+            let slides = u32::from(joint.kind == JointKind::Slide);
+            format!("{{{anchor}, {axis}, {reference}, {limited}, {range}, {slides}}}")
         };
-        self.table("Hinge", "HINGE", model.joints.iter().map(hinge).collect());
+        self.table("Joint", "JOINT", model.joints.iter().map(joint).collect());
         let mut path = Vec::new();
         let shapes = model.pairs.iter().map(|pair| {
             let geom = &model.geoms[pair.geom];

@@ -197,6 +197,11 @@ pub fn samples_with(
             robot.link_mass.fill(1.2);
             robot.link_com_y.fill(0.01);
         }
+        if model.has_slides() {
+            // Gears are for robots of hinges.
+            robot.play.fill(0.0);
+            robot.compliance.fill(0.0);
+        }
         robot.base_mass = random.uniform(-1.0, 2.0);
         robot.friction_scale = random.uniform(0.8, 1.2);
         let mut params = robot.params(model).unwrap();

@@ -233,6 +233,7 @@ fn cxx_text_computes_the_step() {
     let pairs = pairs.map(|pair| pair.map(str::to_owned)).to_vec();
     let crab = touching(&robot("crab"), &SelfContact::Pairs(pairs));
     check_cxx("crab that touches itself", &crab, Preset::Fast, 1, 600, false);
+    check_cxx("telescope", &robot("telescope"), Preset::Fast, 2, 300, false);
     check_cxx("dragged tripod", &robot("drag"), Preset::Fast, 1, 600, false);
     let mut elliptic = feet(go2);
     elliptic.options.cone = Cone::Elliptic;

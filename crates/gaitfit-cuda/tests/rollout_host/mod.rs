@@ -161,6 +161,36 @@ fn cxx_steps_on_wheels_are_the_cpus() {
     compare("wheels", &task, &Candidate::nominal(&model));
 }
 
+/// Slides as knees, whose starts and targets are in m; a mast of slides and hinges is held.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_of_telescopic_legs_are_the_cpus() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../gaitfit-physics/tests/fixtures/telescope.xml");
+    let model =
+        gaitfit_model::read(std::path::Path::new(path), &gaitfit_model::ReadOptions::default()).unwrap();
+    let mut settings = lively("velocity");
+    let table = |entries: &[(&str, f64)]| {
+        JointNumber::Table(entries.iter().map(|(pattern, value)| ((*pattern).to_owned(), *value)).collect())
+    };
+    settings.policy.joints = vec!["*_hip".to_owned(), "*_slide".to_owned()];
+    settings.policy.kp =
+        table(&[("*", 1.0), ("*_hip", 60.0), ("*_slide", 3000.0), ("lift", 800.0), ("boom", 200.0)]);
+    settings.policy.kd =
+        table(&[("*", 0.03), ("*_hip", 1.5), ("*_slide", 80.0), ("lift", 30.0), ("boom", 9.0)]);
+    settings.policy.action_scale = table(&[("*", 0.25), ("*_slide", 0.03)]);
+    settings.policy.default_pose =
+        [("*_hip", 0.1), ("*_slide", 0.02), ("lift", 0.05)].map(|(name, at)| (name.to_owned(), at)).into();
+    settings.start.joint_position = 0.02;
+    let feet = ["FL_foot", "FR_foot", "RL_foot", "RR_foot"].map(str::to_owned);
+    settings.feet = feet.to_vec();
+    settings.gait = vec![vec![feet[0].clone(), feet[3].clone()], vec![feet[1].clone(), feet[2].clone()]];
+    settings.fall.contacts = vec!["trunk".to_owned()];
+    settings.fall.tilt = 6.0;
+    settings.height = 0.37;
+    let task = Task::new(&model, &settings, Preset::Fast).unwrap();
+    compare("telescope", &task, &Candidate::nominal(&model));
+}
+
 /// Reward terms that are expressions, with every quantity and operator.
 #[test]
 #[ignore = "needs g++"]

@@ -51,8 +51,12 @@ pub(super) fn page(setup: &Setup, results: &AdaptResults, course: &[RunGeneratio
             .filter(|fit| !fit.comparison.is_empty())
             .map(|fit| comparison(&results.cost_name, fit))
             .collect(),
-        traces: if setup.aligned() { signals::traces(shown, &fitted, &nominal) } else { Vec::new() },
-        distributions: signals::distributions(shown, &fitted, &nominal),
+        traces: if setup.aligned() {
+            signals::traces(shown, setup.method.model(), &fitted, &nominal)
+        } else {
+            Vec::new()
+        },
+        distributions: signals::distributions(shown, setup.method.model(), &fitted, &nominal),
         warnings: warnings(setup, results),
         settings: pieces::settings(&setup.config)?,
         versions: pieces::versions(),
@@ -70,7 +74,7 @@ pub fn round(setup: &Setup, results: &AdaptResults, course: &[RunGeneration]) ->
         wall_seconds: results.wall_seconds,
         log: log(setup, results),
         fits: fits(results, course),
-        distributions: signals::distributions(&setup.fit, &fitted, &nominal),
+        distributions: signals::distributions(&setup.fit, setup.method.model(), &fitted, &nominal),
         ..Round::default()
     })
 }

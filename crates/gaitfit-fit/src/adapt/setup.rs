@@ -88,11 +88,15 @@ impl Setup {
         given: Option<&Policy>,
         watch: &Watch<'_>,
     ) -> Result<Self, Error> {
-        let stated = config;
+        let given_config = config;
         let mut config = with_defaults(config, devices);
         check::check(&config, config_path)?;
         let Robot { model, policy, base, known, mut files } = Robot::read(&config, config_path, given)?;
         let joints = crate::robot::joint_names(&model);
+        let in_file = |error: ThetaError| Error::settings(format!("{}: {error}", config_path.display()));
+        // Only the robot's file says which joints slide.
+        let stated = &given_config.by_kind(&model).map_err(in_file)?;
+        config = with_defaults(stated, devices);
         config.groups = config.groups(&joints).into_iter().collect();
         let robot_line = policy.as_ref().and_then(|policy| unnamed(&config.robot, policy, &model));
         let in_robot = |error: Error| match &robot_line {
@@ -106,7 +110,6 @@ impl Setup {
             of_walks(&mut config, stated, policy, &model, &joints, count)?;
             feet = Some(count);
         }
-        let in_file = |error: ThetaError| Error::settings(format!("{}: {error}", config_path.display()));
         let mut theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
         let (walker, robot) = (policy.clone(), model.clone());
         let gpus = devices.open()?;
@@ -339,9 +342,12 @@ fn with_springs(config: &AdaptConfig, method: &Method, joints: &[String]) -> Res
     rules.parameter.extend([JointParameter::Stiffness, JointParameter::SpringTorque].map(|kind| {
         ParameterRule { per: Sharing::Joint, joints: joints.to_vec(), ..ParameterRule::new(kind) }
     }));
-    rules.resolve();
     rules
-        .theta(&config.groups(&names), &names, &rest)
+        .by_kind(model)
+        .and_then(|mut rules| {
+            rules.resolve();
+            rules.theta(&config.groups(&names), &names, &rest)
+        })
         .and_then(|theta| theta.with_priors(&config.prior, config.optimizer.prior_weight))
         .map_err(|error| Error::settings(format!("`odd_joints` puts a spring on every joint: {error}")))
 }

@@ -3,6 +3,7 @@
 use super::log_set::LogSet;
 use gaitfit_adapt::fit::Predicted;
 use gaitfit_log::Signal;
+use gaitfit_model::Model;
 use gaitfit_view::fit::{JointTrace, Signal as Shown, SignalDistribution};
 
 /// One column of a `samples × joints` matrix.
@@ -11,7 +12,7 @@ fn column(matrix: &[f32], joint: usize, joints: usize) -> impl Iterator<Item = f
 }
 
 /// The positions of the first log of a set over time, joint by joint.
-pub fn traces(set: &LogSet, fitted: &[Predicted], nominal: &[Predicted]) -> Vec<JointTrace> {
+pub fn traces(set: &LogSet, model: &Model, fitted: &[Predicted], nominal: &[Predicted]) -> Vec<JointTrace> {
     let (Some(log), Some(fitted), Some(nominal)) = (set.logs.first(), fitted.first(), nominal.first()) else {
         return Vec::new();
     };
@@ -24,12 +25,18 @@ pub fn traces(set: &LogSet, fitted: &[Predicted], nominal: &[Predicted]) -> Vec<
         fitted: column(&fitted.position, joint, joints).collect(),
         nominal: column(&nominal.position, joint, joints).collect(),
         target: log.trajectory.column_at(Signal::Target, joint).unwrap_or_default(),
+        slides: slides(model, name),
     };
     log.joints.iter().enumerate().map(trace).collect()
 }
 
 /// How the signals of a set's joints are distributed over all of its logs; actions where both sides have them.
-pub fn distributions(set: &LogSet, fitted: &[Predicted], nominal: &[Predicted]) -> Vec<SignalDistribution> {
+pub fn distributions(
+    set: &LogSet,
+    model: &Model,
+    fitted: &[Predicted],
+    nominal: &[Predicted],
+) -> Vec<SignalDistribution> {
     let Some(joints) = set.logs.first().map(|log| &log.joints) else { return Vec::new() };
     let signals = [
         (Signal::Position, Shown::Position),
@@ -57,11 +64,17 @@ pub fn distributions(set: &LogSet, fitted: &[Predicted], nominal: &[Predicted]) 
             found.push(SignalDistribution {
                 distance_nominal: distance(&nominal, &measured),
                 distance_fitted: distance(&fitted, &measured),
+                slides: slides(model, name),
                 ..SignalDistribution::from_samples(name, shown, &measured, &nominal, &fitted)
             });
         }
     }
     found
+}
+
+/// Whether a log's joint slides.
+fn slides(model: &Model, joint: &str) -> bool {
+    model.find_joint(joint).is_some_and(|joint| !model.joints[joint].kind.is_hinge())
 }
 
 /// Wasserstein-1 distance of simulated and measured samples; NaN where one is not finite.

@@ -4,6 +4,7 @@ use super::outliers;
 use super::results::AdaptResults;
 use gaitfit_adapt::fit::Uncertainty;
 use gaitfit_adapt::{LinearSpring, Theta};
+use gaitfit_model::JointKind;
 use gaitfit_sim::stats;
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +16,9 @@ const HALF: f64 = 2.07;
 pub struct FoundSpring {
     /// Joint name.
     pub joint: String,
+    /// Whether it turns or slides; units below are those of hinges.
+    #[serde(default, skip_serializing_if = "JointKind::is_hinge")]
+    pub kind: JointKind,
     /// N·m/rad.
     pub stiffness: f64,
     /// Its 95 % interval, N·m/rad; none where it was not measured.
@@ -51,6 +55,7 @@ impl FoundSpring {
         let rest_interval = rest.and_then(|rest| around(rest, draws.map(LinearSpring::rest).collect()));
         Self {
             joint: found.joint.clone(),
+            kind: found.kind,
             stiffness: found.stiffness,
             stiffness_interval,
             rest,
@@ -60,15 +65,16 @@ impl FoundSpring {
 
     /// Its numbers in words, for example `75.3 N·m/rad, at rest at -1.900 rad (95 %: 74.9 to 75.7 N·m/rad, …)`.
     pub fn text(&self) -> String {
-        let mut text = format!("{:.2} N·m/rad", self.stiffness);
+        let (per, at) = (self.kind.unit("N·m/rad"), self.kind.unit("rad"));
+        let mut text = format!("{:.2} {per}", self.stiffness);
         if let Some(rest) = self.rest {
-            text += &format!(", at rest at {rest:.3} rad");
+            text += &format!(", at rest at {rest:.3} {at}");
         }
         let range = |[low, high]: [f64; 2], digits: usize, unit: &str| {
             format!("{low:.digits$} to {high:.digits$} {unit}")
         };
-        let stiffness = self.stiffness_interval.map(|interval| range(interval, 2, "N·m/rad"));
-        let rest = self.rest_interval.map(|interval| range(interval, 3, "rad"));
+        let stiffness = self.stiffness_interval.map(|interval| range(interval, 2, per));
+        let rest = self.rest_interval.map(|interval| range(interval, 3, at));
         let intervals: Vec<String> = stiffness.into_iter().chain(rest).collect();
         if !intervals.is_empty() {
             text += &format!(" (95 %: {})", intervals.join(", "));
@@ -98,7 +104,7 @@ mod tests {
     use super::*;
 
     fn spring(stiffness: f64, torque: f64) -> LinearSpring {
-        LinearSpring { joint: "RR_calf_joint".to_owned(), stiffness, torque }
+        LinearSpring { joint: "RR_calf_joint".to_owned(), kind: JointKind::Hinge, stiffness, torque }
     }
 
     #[test]

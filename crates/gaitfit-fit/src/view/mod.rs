@@ -287,6 +287,7 @@ fn traces(shown: &Shown, rows: &std::ops::Range<usize>) -> Vec<JointTrace> {
         fitted: positions(&shown.fitted, joint),
         nominal: positions(&shown.nominal, joint),
         target: shown.log.target.as_deref().map(|target| column(target, joint)).unwrap_or_default(),
+        slides: !shown.model.joints[shown.joints[joint]].kind.is_hinge(),
     };
     shown.log.joints.iter().enumerate().map(trace).collect()
 }

@@ -4,7 +4,7 @@ use super::swing::{Estimate, SwingNumber};
 use crate::robot::joint_names;
 use crate::settings::AdaptConfig;
 use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule};
-use gaitfit_model::Model;
+use gaitfit_model::{JointKind, Model};
 
 /// Mass of the robot for which the default bounds were chosen, kg.
 const MASS_KG: f64 = 15.0;
@@ -36,12 +36,18 @@ struct Scale {
 }
 
 impl Scale {
-    fn new(model: &Model, moved: &[usize]) -> Self {
+    /// By the motors of the joints `moved` of one kind.
+    fn new(model: &Model, moved: &[usize], kind: JointKind) -> Self {
         let mass: f64 = model.bodies.iter().map(|body| body.mass).sum();
-        let mut torques: Vec<f64> = moved.iter().filter_map(|&joint| model.effort(joint)).collect();
+        let mut torques: Vec<f64> = moved
+            .iter()
+            .filter(|&&joint| model.joints[joint].kind == kind)
+            .filter_map(|&joint| model.effort(joint))
+            .collect();
         torques.sort_by(f64::total_cmp);
-        let torque = torques.get(torques.len() / 2).copied().unwrap_or(TORQUE_NM);
-        Self { mass: power(mass / MASS_KG), torque: power(torque / TORQUE_NM) }
+        let usual = kind.like("N·m", TORQUE_NM);
+        let torque = torques.get(torques.len() / 2).copied().unwrap_or(usual);
+        Self { mass: power(mass / MASS_KG), torque: power(torque / usual) }
     }
 
     fn joint(self, kind: JointParameter) -> f64 {
@@ -75,12 +81,14 @@ fn power(ratio: f64) -> f64 {
 /// unknown.
 pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet: usize) {
     let names = joint_names(model);
-    let usual: AdaptConfig = crate::settings::walk_defaults();
+    let defaults: AdaptConfig = crate::settings::walk_defaults();
+    let usual = defaults.by_kind(model).unwrap_or(defaults);
     for (rule, given) in config.parameter.iter_mut().zip(&given.parameter) {
         let covered: Vec<usize> =
             names.iter().enumerate().filter(|(_, name)| covers(rule, name)).map(|(joint, _)| joint).collect();
-        let scale = Scale::new(model, &covered).joint(rule.kind);
-        let given = if usual.parameter.contains(given) { &ParameterRule::new(rule.kind) } else { given };
+        let scale = Scale::new(model, &covered, rule.joint_kind).joint(rule.kind);
+        let bare = ParameterRule { joint_kind: rule.joint_kind, ..ParameterRule::new(rule.kind) };
+        let given = if usual.parameter.contains(given) { &bare } else { given };
         let mut own: Vec<f64> = covered.iter().filter_map(|&joint| value(model, rule.kind, joint)).collect();
         own.sort_by(f64::total_cmp);
         let middle = own.get(own.len() / 2).copied().unwrap_or_default();
@@ -99,7 +107,7 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
     }
     let every: Vec<usize> = (0..names.len()).collect();
     for (rule, given) in config.number.iter_mut().zip(&given.number) {
-        let scale = Scale::new(model, &every).number(rule.kind);
+        let scale = Scale::new(model, &every, JointKind::Hinge).number(rule.kind);
         let given = if usual.number.contains(given) { &RobotRule::new(rule.kind) } else { given };
         let scaled = |chosen: Option<f64>, value: &mut Option<f64>| {
             if chosen.is_none() {
@@ -119,7 +127,7 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
     let base = RobotRule::new(RobotNumber::BaseMass);
     if is_biped(feet) && usual.number == given.number && usual.number.contains(&base) {
         config.number.retain(|rule| rule.kind != base.kind);
-        let scale = Scale::new(model, &every).mass;
+        let scale = Scale::new(model, &every, JointKind::Hinge).mass;
         for kind in [RobotNumber::PayloadMass, RobotNumber::PayloadX, RobotNumber::PayloadZ] {
             let mut rule = RobotRule::new(kind);
             rule.resolve();

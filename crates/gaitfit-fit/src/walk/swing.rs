@@ -23,6 +23,9 @@ pub struct SwingFindings {
     pub standing: Standing,
     /// What was removed from the logs before legs in the air were examined, each in a sentence.
     pub taken_out: Vec<String>,
+    /// Slides: estimates from legs in the air are of hinges alone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub slides: Vec<String>,
     /// Effects of joints and ground that the model lacks, each alone, see [`super::explain`].
     #[serde(default)]
     pub effects: Vec<Effect>,
@@ -46,6 +49,9 @@ impl SwingFindings {
         if let Some(report) = &found.swings {
             let level: Vec<&Trajectory> = level.iter().collect();
             found.effects = effects(model, &level, report, settings).unwrap_or_default();
+            // Gears, which these two would be, are simulated in robots of hinges alone.
+            let gear = |effect: &Effect| matches!(effect.kind, EffectKind::Elasticity | EffectKind::Backlash);
+            found.effects.retain(|effect| !(model.has_slides() && gear(effect)));
         }
         found
     }
@@ -86,7 +92,9 @@ impl SwingFindings {
             Ok(report) => (Some(report), None),
             Err(error) => (None, Some(error.to_string())),
         };
-        (Self { sensors, standing, taken_out, swings, why_not, ..Self::default() }, level)
+        let slides = model.joints.iter().filter(|joint| !joint.kind.is_hinge());
+        let slides = slides.map(|joint| joint.name.clone()).collect();
+        (Self { sensors, standing, taken_out, slides, swings, why_not, ..Self::default() }, level)
     }
 
     /// The estimates from legs in the air: the corrected ones if there are such.

@@ -1,12 +1,13 @@
 //! Which actions a robot can use.
 
 use super::Task;
+use gaitfit_model::JointKind;
 
 /// Largest action of a joint whose range or effort does not bound it, in units of the action scale.
 const LARGEST: f64 = 100.0;
 /// Largest velocity that a joint with velocity targets is asked for, rad/s.
 const FASTEST: f64 = 100.0;
-/// How far a joint without limits is sent, rad from the default pose: half a turn each way.
+/// How far a hinge without limits is sent, rad from the default pose: half a turn each way; a slide the like of it, m.
 const HALF_TURN: f64 = std::f64::consts::PI;
 
 impl Task {
@@ -23,7 +24,9 @@ impl Task {
                 return [-largest, largest];
             }
             let range = joint.and_then(|joint| model.joints[joint].range);
-            let [low, high] = range.unwrap_or([home - HALF_TURN, home + HALF_TURN]);
+            let kind = joint.map_or(JointKind::Hinge, |joint| model.joints[joint].kind);
+            let far = kind.like("rad", HALF_TURN);
+            let [low, high] = range.unwrap_or([home - far, home + far]);
             let effort = joint.and_then(|joint| model.effort(joint)).filter(|effort| effort.is_finite());
             let kp = interface.kp[index];
             let beyond = effort.filter(|_| range.is_some() && kp > 0.0).map_or(0.0, |effort| effort / kp);

@@ -38,10 +38,12 @@ const ROUNDED: f64 = 0.05;
 pub(super) fn check_pose(model: &Model, pose: &[f64]) -> Result<(), TaskError> {
     for (joint, &angle) in model.joints.iter().zip(pose) {
         if let Some([low, high]) = joint.range
-            && !(low - ROUNDED..=high + ROUNDED).contains(&angle)
+            && let rounded = joint.kind.like("rad", ROUNDED)
+            && !(low - rounded..=high + rounded).contains(&angle)
         {
+            let unit = joint.kind.unit("rad");
             let what = format!(
-                "puts `{}` at {} rad, and its range is {} to {} rad; a joint that no pattern covers is at 0",
+                "puts `{}` at {} {unit}, and its range is {} to {} {unit}; a joint that no pattern covers is at 0",
                 shown(&joint.name),
                 shown_number(angle),
                 shown_number(low),

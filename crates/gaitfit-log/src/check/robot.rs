@@ -1,7 +1,7 @@
 //! What a robot's model says that a log of it can be checked against.
 
 use super::CheckSpec;
-use gaitfit_model::Model;
+use gaitfit_model::{JointKind, Model};
 use std::collections::HashMap;
 
 impl CheckSpec {
@@ -27,9 +27,17 @@ impl CheckSpec {
             if let Some(effort) = model.effort(index) {
                 spec.effort_limits.insert(name.clone(), effort);
             }
+            if joint.kind == JointKind::Slide {
+                spec.slides.insert(name.clone());
+            }
             names.push(name);
         }
         spec.joints = Some(names);
         spec
+    }
+
+    /// Whether a joint turns or slides.
+    pub(super) fn kind(&self, joint: &str) -> JointKind {
+        if self.slides.contains(joint) { JointKind::Slide } else { JointKind::Hinge }
     }
 }

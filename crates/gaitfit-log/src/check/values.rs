@@ -110,17 +110,19 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
         let Some((joint, over)) = worst else { continue };
         let name = &log.joints[joint];
         let [low, high] = spec.position_limits[name];
+        let unit = spec.kind(name).unit("rad");
+        let check_unit = format!("check unit ({unit}), sign, zero and which column is which joint");
         let impossible = signal == Signal::Position && impossible;
         let falls = signal == Signal::Position && over > POSITION_IMPOSSIBLE;
         let message = format!(
-            "{signal} of {} beyond limits, most {}, {} rad outside [{}, {}]; {}",
+            "{signal} of {} beyond limits, most {}, {} {unit} outside [{}, {}]; {}",
             findings.names(&joints),
             shown(name),
             decimals(over, 3),
             shown_number(low),
             shown_number(high),
             if impossible {
-                "check unit (rad), sign, zero and which column is which joint"
+                &check_unit
             } else if signal == Signal::Target {
                 "a PD controller may ask for that to push against its limit; the joint will not get there"
             } else if falls {
@@ -189,14 +191,16 @@ fn velocity_limits(findings: &mut Findings, spec: &CheckSpec) {
     let Some((joint, _, speed)) = worst else { return };
     let name = &log.joints[joint];
     let limit = spec.velocity_limits[name];
+    let unit = spec.kind(name).unit("rad/s");
+    let check_unit = format!("check the unit ({unit})");
     let message = format!(
-        "velocity of {} beyond limits, most {} with {} of {} rad/s; {}",
+        "velocity of {} beyond limits, most {} with {} of {} {unit}; {}",
         findings.names(&joints),
         shown(name),
         decimals(speed, 2),
         shown_number(limit),
         if impossible {
-            "check the unit (rad/s)"
+            &check_unit
         } else {
             "the ground can drive a joint faster than its motor; if it happens often, check the model's limit"
         }

@@ -1,11 +1,13 @@
-//! URDF `<joint>`: revolute, continuous and fixed; a floating one at the root.
+//! URDF `<joint>`: revolute, continuous, prismatic and fixed; a floating one at the root.
 
 use std::collections::HashMap;
 
 use crate::attributes::{Attributes, Context};
 use crate::error::ModelError;
+use crate::joint_kind::JointKind;
+use crate::kinematics::Frame;
 use crate::model::Joint;
-use crate::rotation::{IDENTITY, Quat, Vec3, axis_angle, product, unit};
+use crate::rotation::{IDENTITY, Quat, Vec3, unit};
 use crate::shown::shown;
 use crate::spec::default_joint;
 use crate::xml::{At, Element};
@@ -21,19 +23,19 @@ pub(super) struct Connection {
     pub pos: Vec3,
     pub quat: Quat,
     /// `None`: the links are welded.
-    pub hinge: Option<Joint>,
+    pub joint: Option<Joint>,
     /// The child floats: it is the robot's root.
     pub floats: bool,
-    /// It is revolute, but its file gives it no limits.
+    /// It is revolute or prismatic, but its file gives it no limits.
     pub unlimited: bool,
-    /// Largest torque, N·m; 0: not given.
+    /// Largest torque, N·m, or force, N; 0: not given.
     pub effort: f64,
 }
 
 impl Connection {
     /// Whether it welds its links.
     pub fn is_fixed(&self) -> bool {
-        self.hinge.is_none() && !self.floats
+        self.joint.is_none() && !self.floats
     }
 }
 
@@ -49,25 +51,31 @@ pub(super) fn read_joint(
     list_attributes(ctx, &mut a);
     a.finish(ctx)?;
     let label = element.label();
-    let turns = matches!(kind, "revolute" | "continuous");
+    let moves = matches!(kind, "revolute" | "continuous" | "prismatic");
+    let bounded = matches!(kind, "revolute" | "prismatic");
     let floats = kind == "floating";
-    if !turns && !floats && kind != "fixed" {
+    if !moves && !floats && kind != "fixed" {
         // Dropped, the joint becomes a weld: its child stays part of the robot.
         ctx.refuse(
             element.at,
             format!("{label} of type {}", shown(kind)),
-            "only revolute, continuous and fixed joints are simulated",
+            "only revolute, continuous, prismatic and fixed joints are simulated",
             "replace it",
         )?;
     }
     let mut parts = Parts {
         ends: [None; 2],
         pose: ([0.0; 3], IDENTITY),
-        joint: Joint { name, axis: [1.0, 0.0, 0.0], ..default_joint() },
+        joint: Joint {
+            name,
+            kind: if kind == "prismatic" { JointKind::Slide } else { JointKind::Hinge },
+            axis: [1.0, 0.0, 0.0],
+            ..default_joint()
+        },
         effort: 0.0,
         follows: None,
         limits: None,
-        unlimited: kind == "revolute",
+        unlimited: bounded,
     };
     for child in &element.children {
         read_child(ctx, child, &label, links, &mut parts)?;
@@ -82,16 +90,17 @@ pub(super) fn read_joint(
     };
     joint.axis = match unit(joint.axis) {
         Some(axis) => axis,
-        None if !turns => joint.axis,
+        None if !moves => joint.axis,
         None => {
             return Err(ctx.invalid(element.at, format!("{label}: the axis is zero"), "give a direction"));
         }
     };
-    if kind == "revolute" && !unlimited {
-        joint.range = Some(range(ctx, element, limits)?);
+    if bounded && !unlimited {
+        joint.range = Some(range(ctx, element, kind, limits)?);
     }
-    if let Some(angle) = follows {
-        pose.1 = product(pose.1, axis_angle(joint.axis, angle));
+    if let Some(offset) = follows {
+        let locked = joint.moved(&Frame { position: pose.0, quaternion: pose.1 }, offset);
+        pose = (locked.position, locked.quaternion);
     }
     Ok(Some(Connection {
         element: element.at,
@@ -99,7 +108,7 @@ pub(super) fn read_joint(
         child,
         pos: pose.0,
         quat: pose.1,
-        hinge: (turns && follows.is_none()).then_some(joint),
+        joint: (moves && follows.is_none()).then_some(joint),
         floats,
         unlimited,
         effort,
@@ -113,7 +122,7 @@ struct Parts {
     pose: (Vec3, Quat),
     joint: Joint,
     effort: f64,
-    /// Angle at which a joint that follows another one is locked.
+    /// Position at which a joint that follows another one is locked, rad or m.
     follows: Option<f64>,
     limits: Option<[f64; 2]>,
     unlimited: bool,
@@ -185,8 +194,13 @@ fn read_child(
     a.finish(ctx)
 }
 
-/// The limits of a revolute joint.
-fn range(ctx: &mut Context, element: &Element, limits: Option<[f64; 2]>) -> Result<[f64; 2], ModelError> {
+/// The limits of a revolute or prismatic joint.
+fn range(
+    ctx: &mut Context,
+    element: &Element,
+    kind: &str,
+    limits: Option<[f64; 2]>,
+) -> Result<[f64; 2], ModelError> {
     let label = element.label();
     match limits {
         Some([lower, upper]) if lower < upper => Ok([lower, upper]),
@@ -197,8 +211,13 @@ fn range(ctx: &mut Context, element: &Element, limits: Option<[f64; 2]>) -> Resu
         }
         _ => Err(ctx.invalid(
             element.at,
-            format!("{label} is revolute, but has no limits with lower < upper"),
-            "add <limit lower=\"...\" upper=\"...\" effort=\"...\" velocity=\"...\"/>, or make it continuous",
+            format!("{label} is {kind}, but has no limits with lower < upper"),
+            match kind {
+                "revolute" => {
+                    "add <limit lower=\"...\" upper=\"...\" effort=\"...\" velocity=\"...\"/>, or make it continuous"
+                }
+                _ => "add <limit lower=\"...\" upper=\"...\" effort=\"...\" velocity=\"...\"/>",
+            },
         )),
     }
 }

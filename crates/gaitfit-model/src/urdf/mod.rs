@@ -1,7 +1,7 @@
 //! URDF: links and joints to the same content as an MJCF file.
 //!
 //! What URDF cannot say has MuJoCo's defaults: contact parameters, solver options, no armature. A ground
-//! plane z = 0 is added (not below a floating robot that the caller clamps), and a motor with control range ±effort on every revolute joint.
+//! plane z = 0 is added (not below a floating robot that the caller clamps), and a motor with control range ±effort on every joint that moves.
 
 mod foreign;
 mod joint;
@@ -122,15 +122,19 @@ pub(crate) fn read(
     Ok((spec, wanted))
 }
 
-/// Says which revolute joints have no limits. URDF wants them; MuJoCo lets such joints turn, and so does this reader.
+/// Says which revolute and prismatic joints have no limits. URDF wants them; MuJoCo lets such joints move, and so does this reader.
 fn note_unlimited(ctx: &mut Context, connections: &[Connection]) {
     let free: Vec<&Connection> = connections.iter().filter(|connection| connection.unlimited).collect();
     let Some(first) = free.first() else { return };
-    let name = first.hinge.as_ref().map_or("", |hinge| &hinge.name);
+    let name = first.joint.as_ref().map_or("", |joint| &joint.name);
+    let slides =
+        |connection: &&Connection| connection.joint.as_ref().is_some_and(|joint| !joint.kind.is_hinge());
+    let kinds = if free.iter().any(slides) { "revolute or prismatic" } else { "revolute" };
+    let act = if free.iter().any(slides) { "move" } else { "turn" };
     ctx.note(
         first.element,
-        format!("revolute joints without limits ({}, such as \"{}\")", free.len(), shown(name)),
-        "their <limit> has neither `lower` nor `upper`: they turn without limits, as in MuJoCo",
+        format!("{kinds} joints without limits ({}, such as \"{}\")", free.len(), shown(name)),
+        format!("their <limit> has neither `lower` nor `upper`: they {act} without limits, as in MuJoCo"),
     );
 }
 
@@ -245,10 +249,10 @@ fn assemble(
         let Some(mut body) = bodyless[connection.child].take() else { continue };
         body.parent = parent;
         (body.pos, body.quat) = (connection.pos, connection.quat);
-        if let Some(hinge) = &connection.hinge {
+        if let Some(joint) = &connection.joint {
             let limit = connection.effort;
             actuators.push(Actuator {
-                name: hinge.name.strip_suffix("_joint").unwrap_or(&hinge.name).to_string(),
+                name: joint.name.strip_suffix("_joint").unwrap_or(&joint.name).to_string(),
                 joint: joints,
                 gear: 1.0,
                 ctrlrange: (limit > 0.0).then_some([-limit, limit]),
@@ -257,7 +261,7 @@ fn assemble(
                 bias: [0.0; 3],
             });
             joints += 1;
-            body.joints.push((hinge.clone(), connection.element));
+            body.joints.push((joint.clone(), connection.element));
         }
         stack.extend(children[connection.child].iter().rev().map(|&c| (c, bodies.len())));
         bodies.push(body);

@@ -1,6 +1,6 @@
 //! A second forward kinematics, body by body from the model file's own frames, to hold the engine against.
 
-use gaitfit_model::{Model, Root};
+use gaitfit_model::{JointKind, Model, Root};
 
 type V = [f64; 3];
 type Q = [f64; 4];
@@ -52,6 +52,11 @@ pub fn poses(model: &Model, qpos: &[f64]) -> Vec<(V, Q)> {
             None => (body.pos, body.quat),
         };
         for (j, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.body == index) {
+            if joint.kind == JointKind::Slide {
+                let by = angles[j] - joint.reference;
+                position = add(position, turn(quat, joint.axis.map(|x| x * by)));
+                continue;
+            }
             // A hinge turns the body about its anchor, which stays where it is.
             let anchor = add(position, turn(quat, joint.pos));
             let (s, c) = (0.5 * (angles[j] - joint.reference)).sin_cos();

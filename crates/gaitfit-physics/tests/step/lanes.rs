@@ -178,6 +178,13 @@ fn a_dragged_base_converges_to_f64() {
     each_isa!(against_f64(&model, "states_drag_pyr_imp1_fl", 1e-4));
 }
 
+/// Slides, slides beyond them, and hinges beyond both.
+#[test]
+fn telescopic_legs_converge_to_f64() {
+    let model = robot("telescope");
+    each_isa!(against_f64(&model, "states_telescope_pyr_imp1_fl", 1e-4));
+}
+
 /// Balls and rods on a height field and on boxes.
 #[test]
 fn uneven_ground_converges_to_f64() {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::common::compare::{self, Limits};
 use crate::common::{Arrays, Ledger, converged, difference, here, robot, touching, variant};
-use gaitfit_model::Model;
+use gaitfit_model::{JointKind, Model};
 use gaitfit_physics::in_f64::control_period;
 use gaitfit_physics::{Drive, Forward, Period, Robot, Work, compile, state_from, state_to};
 
@@ -97,6 +97,14 @@ fn states_of_robots_that_touch_themselves() {
 #[test]
 fn states_of_the_rover() {
     compare_states("rover");
+}
+
+/// Slides: as knees, beyond each other, with a hinge beyond them, and where a limb branches.
+#[test]
+fn states_of_telescopic_legs() {
+    let model = robot("telescope");
+    assert_eq!(model.joints.iter().filter(|joint| joint.kind == JointKind::Slide).count(), 6);
+    compare_states("telescope");
 }
 
 /// Our PD controller with velocity targets on the wheels is MuJoCo's `<velocity>` servo: 200 steps of a robot that begins to

@@ -97,8 +97,8 @@ impl Legs {
             for foot in &feet.feet {
                 let at = frames[foot.body].point(foot.place);
                 let column = |&joint: &usize| {
-                    let (hinge, frame) = (&model.joints[joint], &frames[model.joints[joint].body]);
-                    cross(rotate(frame.quaternion, hinge.axis), sub(at, frame.point(hinge.pos)))
+                    let joint = &model.joints[joint];
+                    joint.axis_at(&frames[joint.body]).lever(at)
                 };
                 let columns: Vec<Vec3> = foot.joints.iter().map(column).collect();
                 let mut velocity = [0.0; 3];

@@ -2,7 +2,7 @@
 
 use gaitfit_model::Model;
 use gaitfit_model::kinematics::{Frame, body_frames};
-use gaitfit_model::rotation::{IDENTITY, Vec3, cross, dot, inverse, product, rotate, sub};
+use gaitfit_model::rotation::{IDENTITY, Vec3, dot, inverse, product, rotate};
 
 const GRAVITY: f64 = 9.81;
 /// Step of the derivative, rad.
@@ -11,11 +11,11 @@ const STEP: f64 = 1e-4;
 /// What a joint carries at one pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Load {
-    /// Torque that holds it, N·m.
+    /// Torque that holds it, N·m; of a slide force, N.
     pub(super) torque: f64,
-    /// How that changes with the joint's angle, N·m/rad.
+    /// How that changes with the joint's position, N·m/rad or N/m.
     pub(super) slope: f64,
-    /// Inertia about the joint's axis without the rotor's, kg·m².
+    /// Inertia about the joint's axis without the rotor's, kg·m²; of a slide mass, kg.
     pub(super) inertia: f64,
 }
 
@@ -35,19 +35,18 @@ pub(super) fn load(model: &Model, joint: usize, q: &[f64], up: Vec3) -> Load {
 fn about(model: &Model, joint: usize, q: &[f64], up: Vec3) -> [f64; 2] {
     let base = Frame { position: [0.0; 3], quaternion: IDENTITY };
     let frames = body_frames(model, &base, q);
-    let hinge = &model.joints[joint];
-    let frame = &frames[hinge.body];
-    let (axis, anchor) = (rotate(frame.quaternion, hinge.axis), frame.point(hinge.pos));
+    let body = model.joints[joint].body;
+    let axis = model.joints[joint].axis_at(&frames[body]);
     let mut sums = [0.0; 2];
-    for (index, body) in model.bodies.iter().enumerate() {
-        if !carries(model, hinge.body, index) {
+    for (index, part) in model.bodies.iter().enumerate() {
+        if !carries(model, body, index) {
             continue;
         }
-        let lever = cross(axis, sub(frames[index].point(body.ipos), anchor));
-        sums[0] += body.mass * GRAVITY * dot(up, lever);
-        let principal = rotate(inverse(product(frames[index].quaternion, body.iquat)), axis);
-        let inertia: f64 = principal.iter().zip(&body.inertia).map(|(a, i)| a * a * i).sum();
-        sums[1] += body.mass * dot(lever, lever) + inertia;
+        let lever = axis.lever(frames[index].point(part.ipos));
+        sums[0] += part.mass * GRAVITY * dot(up, lever);
+        let principal = rotate(inverse(product(frames[index].quaternion, part.iquat)), axis.turn());
+        let inertia: f64 = principal.iter().zip(&part.inertia).map(|(a, i)| a * a * i).sum();
+        sums[1] += part.mass * dot(lever, lever) + inertia;
     }
     sums
 }

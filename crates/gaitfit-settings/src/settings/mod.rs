@@ -31,9 +31,11 @@ pub use walking::walk_defaults;
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::CostKind;
 use gaitfit_adapt::fit::{Method, RandomNumbers};
-use gaitfit_adapt::{JointParameter, NetworkRule, ParameterRule, Prior, RobotRule, Rules, Sharing};
+use gaitfit_adapt::{
+    JointParameter, NetworkRule, ParameterRule, Prior, RobotRule, Rules, Sharing, ThetaError,
+};
 use gaitfit_log::{FindingKind, PerJoint};
-use gaitfit_model::SelfContact;
+use gaitfit_model::{Model, SelfContact};
 pub use gaitfit_physics::Preset;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -279,6 +281,23 @@ impl AdaptConfig {
     /// What is fitted.
     pub fn rules(&self) -> Rules {
         Rules { parameter: self.parameter.clone(), network: self.network.clone(), robot: self.number.clone() }
+    }
+
+    /// The settings for the hinges and slides of `model`: a rule that covers both becomes two. Slides get the like of the
+    /// numbers that the defaults for walking robots state.
+    ///
+    /// # Errors
+    /// As [`Rules::by_kind`].
+    pub fn by_kind(&self, model: &Model) -> Result<Self, ThetaError> {
+        let mut config = self.clone();
+        if model.joints.iter().all(|joint| joint.kind.is_hinge()) {
+            return Ok(config);
+        }
+        Rules { network: self.network.clone(), ..Rules::default() }.by_kind(model)?;
+        let usual = walk_defaults().parameter;
+        let parts = self.parameter.iter().map(|rule| rule.by_kind(model, usual.contains(rule)));
+        config.parameter = parts.collect::<Result<Vec<_>, _>>()?.concat();
+        Ok(config)
     }
 
     /// How often a candidate walks each log, see [`SimulationConfig::starts`]; 1 where a cost compares samples.

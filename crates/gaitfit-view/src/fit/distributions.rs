@@ -49,7 +49,7 @@ pub(crate) fn build(all: &[SignalDistribution]) -> Vec<DistributionGroup> {
 }
 
 fn card(data: &SignalDistribution, title: &str) -> Option<Card> {
-    let unit = data.signal.unit();
+    let unit = if data.slides { data.signal.unit_of_slides() } else { data.signal.unit() };
     let x_title = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
     let curve = |label, look, values| Quantiles { label, look, values };
     let curves = [

@@ -1,6 +1,6 @@
 //! Joints' signals as a page shows them: over time, and as distributions.
 
-/// Positions of one joint over one log, rad. The series share `time_s`; an empty series is not drawn. The page
+/// Positions of one joint over one log, rad, of a slide m. The series share `time_s`; an empty series is not drawn. The page
 /// thins them out by itself.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JointTrace {
@@ -18,6 +18,8 @@ pub struct JointTrace {
     pub nominal: Vec<f64>,
     /// The position target sent, held until the next sample.
     pub target: Vec<f64>,
+    /// Whether the joint slides.
+    pub slides: bool,
 }
 
 /// How one joint's signal is distributed, as quantiles at equal steps of probability (0, 1/n, …, 1).
@@ -25,6 +27,8 @@ pub struct JointTrace {
 pub struct SignalDistribution {
     /// Joint name.
     pub joint: String,
+    /// Whether the joint slides: its positions are in m.
+    pub slides: bool,
     /// What is distributed.
     pub signal: Signal,
     /// Quantiles of the robot's log, in the signal's unit, ascending.
@@ -84,11 +88,20 @@ fn quantiles(samples: &[f64]) -> Vec<f64> {
 }
 
 impl Signal {
-    /// The unit of its samples; empty when it has none.
+    /// The unit of its samples of hinges; empty when it has none.
     pub fn unit(self) -> &'static str {
         match self {
             Signal::Position => "rad",
             Signal::Velocity => "rad/s",
+            Signal::Action => "",
+        }
+    }
+
+    /// The same of slides.
+    pub fn unit_of_slides(self) -> &'static str {
+        match self {
+            Signal::Position => "m",
+            Signal::Velocity => "m/s",
             Signal::Action => "",
         }
     }
@@ -98,6 +111,7 @@ impl Default for SignalDistribution {
     fn default() -> Self {
         SignalDistribution {
             joint: String::new(),
+            slides: false,
             signal: Signal::Position,
             log: Vec::new(),
             nominal: Vec::new(),

@@ -48,6 +48,8 @@ pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Opt
     let times = extent(time.iter().copied())?;
     let all = measured.iter().chain(&fitted).chain(&nominal).chain(&target).copied();
     let values = extent(all)?;
+    let unit = if trace.slides { "m" } else { "rad" };
+    let (position, error) = (format!("position ({unit})"), format!("simulated − measured ({unit})"));
 
     let (left, right) = (54.0, size.width - 8.0);
     let residual_bottom = size.height - 36.0;
@@ -58,7 +60,7 @@ pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Opt
     let upper = Plot {
         // The numbers stand below the lower panel, which shares the axis.
         x: if simulated { Axis { title: "", ..time_axis(0) } } else { time_axis(x_ticks) },
-        y: Axis { title: "position (rad)", range: Some(values), pad: 0.05, ticks: 4, ..Axis::default() },
+        y: Axis { title: &position, range: Some(values), pad: 0.05, ticks: 4, ..Axis::default() },
         series: vec![
             Series::Step { name: "target", look: Look::TARGET, x: &time, y: &target },
             Series::Line { name: "nominal", look: Look::NOMINAL, x: &time, y: &nominal },
@@ -85,13 +87,7 @@ pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Opt
     series.push(Series::Line { name: "fitted", look: Look::FITTED, x: &time, y: &missed });
     let lower = Plot {
         x: time_axis(x_ticks),
-        y: Axis {
-            title: "simulated − measured (rad)",
-            range: Some((-largest, largest)),
-            pad: 0.08,
-            ticks: 3,
-            ..Axis::default()
-        },
+        y: Axis { title: &error, range: Some((-largest, largest)), pad: 0.08, ticks: 3, ..Axis::default() },
         series,
         points: size.points,
     };

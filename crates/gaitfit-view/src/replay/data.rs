@@ -55,15 +55,15 @@ pub struct Body {
     pub name: String,
     /// Index of the body that carries it; none for the base.
     pub parent: Option<usize>,
-    /// Origin in the parent's frame where the joint angle is zero, m; not used for the base.
+    /// Origin in the parent's frame where the joint's position is zero, m; not used for the base.
     pub position: [f64; 3],
-    /// Orientation in the parent's frame where the joint angle is zero, wxyz; not used for the base.
+    /// Orientation in the parent's frame where the joint's position is zero, wxyz; not used for the base.
     pub quaternion: [f64; 4],
-    /// The hinge between parent and body; `None` if the body is fixed to its parent.
+    /// The hinge or slide between parent and body; `None` if the body is fixed to its parent.
     pub joint: Option<Joint>,
 }
 
-/// A hinge.
+/// A hinge or a slide.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Joint {
     /// Its name.
@@ -74,6 +74,8 @@ pub struct Joint {
     pub anchor: [f64; 3],
     /// Index of its angle in [`Frame::joints`].
     pub index: usize,
+    /// Whether it slides along its axis instead of turning about it: its position is in m.
+    pub slides: bool,
 }
 
 /// A shape fixed to a body.

@@ -11,10 +11,9 @@ class Robot {
     this.frames = data.frames;
     this.feet = data.feet;
     this.bodies = data.bodies.map((b) => ({
-      parent: b.parent,
-      position: b.position,
+      ...b,
       quaternion: unit(b.quaternion),
-      joint: b.joint && { axis: unit(b.joint.axis), anchor: b.joint.anchor, index: b.joint.index },
+      joint: b.joint && { ...b.joint, axis: unit(b.joint.axis) },
     }));
     this.geoms = data.geoms.map((g) => ({ ...g, quaternion: unit(g.quaternion) }));
     // How far a body is from the base, for its colour.
@@ -96,7 +95,7 @@ class Robot {
   /** Position and orientation of every body in the world. */
   poses(state) {
     const poses = [];
-    this.bodies.forEach((body) => {
+    this.bodies.forEach(({ joint, ...body }) => {
       if (body.parent === -1) {
         poses.push({ position: state.position, quaternion: state.quaternion });
         return;
@@ -104,11 +103,13 @@ class Robot {
       const parent = poses[body.parent];
       let position = add(parent.position, rotate(parent.quaternion, body.position));
       let quaternion = product(parent.quaternion, body.quaternion);
-      if (body.joint) {
-        // The anchor stays where it is while the body turns about it.
-        const pivot = add(position, rotate(quaternion, body.joint.anchor));
-        quaternion = product(quaternion, turn(body.joint.axis, state.joints[body.joint.index]));
-        position = subtract(pivot, rotate(quaternion, body.joint.anchor));
+      if (joint) {
+        const by = state.joints[joint.index];
+        // The anchor stays where it is.
+        position = add(position, rotate(quaternion, joint.anchor));
+        if (joint.slides) position = add(position, rotate(quaternion, scaled(joint.axis, by)));
+        else quaternion = product(quaternion, turn(joint.axis, by));
+        position = subtract(position, rotate(quaternion, joint.anchor));
       }
       poses.push({ position, quaternion });
     });

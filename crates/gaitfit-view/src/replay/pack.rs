@@ -62,6 +62,8 @@ struct PackedJoint {
     axis: [f64; 3],
     anchor: [f64; 3],
     index: usize,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    slides: bool,
 }
 
 #[derive(Serialize)]
@@ -85,7 +87,12 @@ fn robot(robot: &ReplayRobot) -> PackedRobot {
         parent: b.parent.map_or(-1, |p| p as i64),
         position: b.position,
         quaternion: b.quaternion,
-        joint: b.joint.as_ref().map(|j| PackedJoint { axis: j.axis, anchor: j.anchor, index: j.index }),
+        joint: b.joint.as_ref().map(|j| PackedJoint {
+            axis: j.axis,
+            anchor: j.anchor,
+            index: j.index,
+            slides: j.slides,
+        }),
     });
     let joints = robot.frames.first().map_or(0, |f| f.joints.len());
     let mut codes = Vec::with_capacity(robot.frames.len() * (joints + 13) * 2);

@@ -68,6 +68,7 @@ impl<'a> Reader<'a> {
             axis: self.numbers(n, class, "axis", [0.0, 0.0, 1.0]),
             anchor: self.numbers(n, class, "pos", [0.0; 3]),
             index: self.robot.bodies.iter().filter(|b| b.joint.is_some()).count(),
+            slides: false,
         });
         self.robot.bodies.push(Body {
             name: node.attribute("name").unwrap().to_string(),

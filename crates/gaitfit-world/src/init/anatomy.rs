@@ -3,7 +3,7 @@
 use super::InitError;
 use gaitfit_model::kinematics::{Frame, body_frames, lowest_point};
 use gaitfit_model::rotation::{axes, dot, product, rotate, sub};
-use gaitfit_model::{Model, Shape, shown};
+use gaitfit_model::{JointKind, Model, Shape, shown};
 
 /// Last links whose lowest point lies within this share of the base's height of the lowest of all are legs.
 pub(super) const NEAR_GROUND: f64 = 0.3;
@@ -242,7 +242,7 @@ fn leg(
 fn wheel(model: &Model, leg: &Leg, frames: &[Frame]) -> Option<usize> {
     let &last = leg.joints.last()?;
     let hinge = &model.joints[last];
-    let (&[geom], None) = (&leg.geoms[..], hinge.range) else { return None };
+    let (&[geom], None, JointKind::Hinge) = (&leg.geoms[..], hinge.range, hinge.kind) else { return None };
     let geom = &model.geoms[geom];
     let (joint, foot) = (&frames[hinge.body], &frames[geom.body]);
     let axis = rotate(joint.quaternion, hinge.axis);

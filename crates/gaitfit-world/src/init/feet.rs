@@ -193,7 +193,7 @@ impl Sight {
         let (body, _) = *self.points.iter().min_by(|(_, a), (_, b)| a[2].total_cmp(&b[2]))?;
         let all: Vec<Vec3> = self.points.iter().map(|(_, point)| *point).collect();
         let last = &model.joints[*limb.path.last()?];
-        let turns = last.range.is_none_or(|[low, high]| high - low > WHEEL_RANGE);
+        let turns = last.kind.is_hinge() && last.range.is_none_or(|[low, high]| high - low > WHEEL_RANGE);
         if turns && !self.guess {
             let frame = &frames[last.body];
             let axis = rotate(frame.quaternion, last.axis);

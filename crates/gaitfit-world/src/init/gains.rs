@@ -5,11 +5,13 @@ use super::anatomy::{Anatomy, path};
 use super::sizes::{Sizes, digits, tidy};
 use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{dot, sub};
-use gaitfit_model::{Integrator, Model};
+use gaitfit_model::{Integrator, JointKind, Model};
 use gaitfit_physics::Robot;
 
 /// kp over m g l: the Go2's built-in 25 N·m/rad.
 const STIFFNESS: f64 = 0.56;
+/// kp of a slide over m g / l: a telescopic leg of two that carry the robot gives way by a twentieth of its length.
+const SLIDE_STIFFNESS: f64 = 10.0;
 /// kd over kp, s: the Go2's.
 const DAMPING: f64 = 0.02;
 /// Gains of the file are taken where they are within this factor of those by size.
@@ -48,11 +50,11 @@ pub enum Source {
 /// Gains and scales, one a joint of the model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gains {
-    /// N·m/rad.
+    /// N·m/rad, of slides N/m.
     pub kp: Vec<f64>,
-    /// N·m·s/rad.
+    /// N·m·s/rad, of slides N·s/m.
     pub kd: Vec<f64>,
-    /// rad, of wheels rad/s; only for joints that the policy moves.
+    /// rad, of wheels rad/s, of slides m; only for joints that the policy moves.
     pub scale: Vec<f64>,
     /// Physics steps in a control period.
     pub substeps: usize,
@@ -82,12 +84,14 @@ struct Chooser<'a> {
     stiffness: f64,
     /// m g l of the robot, N·m.
     unit: f64,
+    /// l, m.
+    leg: f64,
     /// Largest command forward, m/s.
     forward: f64,
-    /// What each joint feels in the air, kg·m².
+    /// What each joint feels in the air, kg·m² or kg.
     inertia: Vec<f64>,
-    /// Torque of a usual motor, N·m.
-    usual_effort: Option<f64>,
+    /// Torque of a usual motor of hinges, N·m, and force of one of slides, N.
+    usual_effort: [Option<f64>; 2],
     /// Gains of the file's position actuators.
     servos: Vec<Option<[f64; 2]>>,
     /// Gains that hold each joint in the pose.
@@ -108,15 +112,19 @@ impl<'a> Chooser<'a> {
         };
         let params = Robot::nominal(model).params(model);
         let params = params.map_err(|error| InitError::Robot(error.to_string()))?;
-        let efforts: Vec<f64> = anatomy.moved.iter().filter_map(|&joint| model.effort(joint)).collect();
+        let efforts = |kind: JointKind| {
+            let own = anatomy.moved.iter().filter(|&&joint| model.joints[joint].kind == kind);
+            median(own.filter_map(|&joint| model.effort(joint)).collect())
+        };
         Ok(Self {
             model,
             anatomy,
             stiffness,
             unit: sizes.mass * sizes.gravity * sizes.leg,
+            leg: sizes.leg,
             forward: sizes.forward,
             inertia: params.joints.iter().map(|joint| joint.weight).collect(),
-            usual_effort: median(efforts),
+            usual_effort: [JointKind::Hinge, JointKind::Slide].map(efforts),
             servos: (0..model.joints.len()).map(|joint| servo(model, joint)).collect(),
             held: held(model, angles, sizes.gravity),
         })
@@ -124,11 +132,23 @@ impl<'a> Chooser<'a> {
 
     /// kp by the robot's size; less for joints with weaker motors.
     fn by_size(&self, joint: usize) -> f64 {
-        let weak = match (self.model.effort(joint), self.usual_effort) {
+        let kind = self.model.joints[joint].kind;
+        let weak = match (self.model.effort(joint), self.usual_effort[kind as usize]) {
             (Some(effort), Some(usual)) if usual > 0.0 => (effort / usual).min(1.0),
             _ => 1.0,
         };
-        self.stiffness * self.unit * weak
+        self.stiffness_of(kind) * weak
+    }
+
+    /// kp of a usual joint by the robot's size, N·m/rad or N/m.
+    fn stiffness_of(&self, kind: JointKind) -> f64 {
+        match kind {
+            JointKind::Hinge => self.stiffness * self.unit,
+            JointKind::Slide => {
+                let factor = self.stiffness / STIFFNESS;
+                factor * SLIDE_STIFFNESS * self.unit / (self.leg * self.leg)
+            }
+        }
     }
 
     /// kp of the file's position actuators over that by size; `None` if a joint of the legs has none.
@@ -157,15 +177,21 @@ impl<'a> Chooser<'a> {
             (true, Some([p, _])) if takes_servos => [p, (DAMPING * p - model.joints[joint].damping).max(0.0)],
             (true, _) => [self.by_size(joint), DAMPING * self.by_size(joint)],
             (false, _) => {
-                let weakest = model.effort(joint).unwrap_or(f64::INFINITY) / SAG;
+                let sag = model.joints[joint].kind.like("rad", SAG);
+                let weakest = model.effort(joint).unwrap_or(f64::INFINITY) / sag;
                 let p = self.held[joint].min(weakest).min(stiffest);
                 [p, 1.4 * (p * inertia).sqrt()]
             }
         };
         let kp = tidy(p.min(stiffest)).max(1e-3);
         // A unit of action is a torque of at most half of what the motor has.
-        let torque = model.effort(joint).map_or(SCALE, |effort| 0.5 * effort / kp);
-        let scale = digits(SCALE.min(torque).max(0.1), 2);
+        let of_leg = |angle: f64| match model.joints[joint].kind {
+            JointKind::Hinge => angle,
+            // As the foot of a leg moves that turns a third of it.
+            JointKind::Slide => angle * self.leg / 3.0,
+        };
+        let torque = model.effort(joint).map_or(of_leg(SCALE), |effort| 0.5 * effort / kp);
+        let scale = digits(of_leg(SCALE).min(torque).max(of_leg(0.1)), 2);
         ([kp, tidy(d.min(thickest)), scale], moved && (p > stiffest || d > thickest))
     }
 
@@ -195,6 +221,10 @@ impl<'a> Chooser<'a> {
             "kp = {shown:?} m g l = {:?} N·m/rad, less for joints with weaker motors; kd = {DAMPING} s · kp (a guess)",
             tidy(stiffness * self.unit)
         );
+        if self.model.has_slides() {
+            let slides = tidy(self.stiffness_of(JointKind::Slide));
+            how.push_str(&format!("; slides: {SLIDE_STIFFNESS} m g / l = {slides:?} N/m"));
+        }
         if let Some(ratio) = ratio.filter(|_| source == Source::Likely) {
             let times = if ratio > 1.0 { tidy(ratio) } else { tidy(1.0 / ratio) };
             let than = if ratio > 1.0 { "stiffer" } else { "softer" };
@@ -296,7 +326,7 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-/// For each joint the stiffness with which it sags by [`SAG`] at most, whichever way up: the weight of what hangs on it
+/// For each joint the stiffness with which it sags by [`SAG`] (slides by the like of it) at most, whichever way up: the weight of what hangs on it
 /// times the distance of that mass.
 fn held(model: &Model, angles: &[f64], gravity: f64) -> Vec<f64> {
     let frames = body_frames(model, &Frame::WORLD, angles);
@@ -310,10 +340,16 @@ fn held(model: &Model, angles: &[f64], gravity: f64) -> Vec<f64> {
                 (0..3).for_each(|k| moment[k] += body.mass * centre[k]);
             }
         }
-        let hinge = &model.joints[joint];
-        let anchor = frames[hinge.body].point(hinge.pos).map(|x| mass * x);
-        let arm = sub(moment, anchor);
-        (gravity * dot(arm, arm).sqrt() / SAG).max(1.0)
+        let own = &model.joints[joint];
+        let arm = match own.kind {
+            JointKind::Hinge => {
+                let anchor = frames[own.body].point(own.pos).map(|x| mass * x);
+                let arm = sub(moment, anchor);
+                dot(arm, arm).sqrt()
+            }
+            JointKind::Slide => mass,
+        };
+        (gravity * arm / own.kind.like("rad", SAG)).max(own.kind.like("N·m/rad", 1.0))
     };
     (0..model.joints.len()).map(inertia_about).collect()
 }

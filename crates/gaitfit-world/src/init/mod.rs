@@ -16,6 +16,8 @@ mod odd_test;
 mod pose;
 mod shape;
 mod sizes;
+#[cfg(test)]
+mod slides_test;
 mod stance;
 mod text;
 mod twin;
@@ -125,7 +127,7 @@ pub struct Look {
     text: String,
     /// Legs and gait.
     anatomy: Anatomy,
-    /// Angles of the stance, rad, model order.
+    /// Joints of the stance, rad, of slides m; model order.
     angles: Vec<f64>,
 }
 
@@ -265,7 +267,7 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
         let passive = names(&anatomy.passive);
         say(
             "passive",
-            format!("{passive}: without motors in the file; they turn under their springs and limits"),
+            format!("{passive}: without motors in the file; they move under their springs and limits"),
         );
     }
     let held = others - anatomy.passive.len();

@@ -2,7 +2,7 @@
 
 use super::anatomy::Anatomy;
 use super::sizes::{Sizes, tidy};
-use gaitfit_model::{Model, shown};
+use gaitfit_model::{JointKind, Model, shown};
 
 /// Torque limits of legs over m g l: the Go2's, which other robots are compared with. Walking robots have 0.3 to 3.
 const USUAL_EFFORT: f64 = 1.0;
@@ -16,8 +16,21 @@ const NAMED: usize = 3;
 
 /// Sentences about limits of the legs' joints that look like placeholders. Torque limits also get a guess.
 pub fn placeholders(model: &Model, anatomy: &Anatomy, sizes: &Sizes) -> Vec<String> {
-    let unit = sizes.mass * sizes.gravity * sizes.leg;
-    let moved = || anatomy.moved.iter().copied();
+    [JointKind::Hinge, JointKind::Slide]
+        .into_iter()
+        .flat_map(|kind| of_kind(model, anatomy, sizes, kind))
+        .collect()
+}
+
+/// The same of joints of one kind.
+fn of_kind(model: &Model, anatomy: &Anatomy, sizes: &Sizes, kind: JointKind) -> Vec<String> {
+    let (lever, unit_name) = if kind.is_hinge() { (sizes.leg, "m g l") } else { (1.0, "m g") };
+    let unit = sizes.mass * sizes.gravity * lever;
+    let torque = if kind.is_hinge() { "torque" } else { "force" };
+    let (max_speed, max_range) =
+        (kind.like("rad/s", MAX_SPEED), kind.like("rad", MAX_RANGE) * sizes.length().max(1.0));
+    let max_range = if kind.is_hinge() { MAX_RANGE } else { max_range };
+    let moved = || anatomy.moved.iter().copied().filter(|&joint| model.joints[joint].kind == kind);
     let mut found = Vec::new();
     let strong: Vec<usize> = moved()
         .filter(|&joint| model.effort(joint).is_some_and(|effort| effort > MAX_EFFORT * unit))
@@ -25,37 +38,43 @@ pub fn placeholders(model: &Model, anatomy: &Anatomy, sizes: &Sizes) -> Vec<Stri
     if let Some(&first) = strong.first() {
         let effort = model.effort(first).unwrap_or_default();
         found.push(format!(
-            "torque limits of {} look like placeholders: {} N·m is {:.0} m g l, and legs have about {USUAL_EFFORT:.0}. A \
-             guess is {:?} N·m: write what the motor and its gear give into the robot's file (URDF: <limit effort>, MJCF: \
+            "{torque} limits of {} look like placeholders: {} {} is {:.0} {unit_name}, and legs have about {USUAL_EFFORT:.0}. A \
+             guess is {:?} {}: write what the motor and its gear give into the robot's file (URDF: <limit effort>, MJCF: \
              `forcerange` of the actuator)",
             named(model, &strong),
             tidy(effort),
+            kind.unit("N·m"),
             effort / unit,
-            tidy(USUAL_EFFORT * unit)
+            tidy(USUAL_EFFORT * unit),
+            kind.unit("N·m")
         ));
     }
     let fast =
-        moved().filter(|&joint| model.joints[joint].velocity_limit.is_some_and(|speed| speed > MAX_SPEED));
+        moved().filter(|&joint| model.joints[joint].velocity_limit.is_some_and(|speed| speed > max_speed));
     let fast: Vec<usize> = fast.collect();
     if let Some(&first) = fast.first() {
         let speed = model.joints[first].velocity_limit.unwrap_or_default();
         found.push(format!(
-            "speed limits of {} look like placeholders: {} rad/s, where legs have 10 to 45. Simulations do not use them",
+            "speed limits of {} look like placeholders: {} {}, where legs have {} to {}. Simulations do not use them",
             named(model, &fast),
-            tidy(speed)
+            tidy(speed),
+            kind.unit("rad/s"),
+            kind.like("rad/s", 10.0),
+            kind.like("rad/s", 45.0)
         ));
     }
     let wide =
-        moved().filter(|&joint| model.joints[joint].range.is_some_and(|[low, high]| high - low > MAX_RANGE));
+        moved().filter(|&joint| model.joints[joint].range.is_some_and(|[low, high]| high - low > max_range));
     let wide: Vec<usize> = wide.collect();
     if let Some(&first) = wide.first() {
         let [low, high] = model.joints[first].range.unwrap_or_default();
         found.push(format!(
-            "ranges of {} look like placeholders: {:?} to {:?} rad bounds nothing. Write where the joint stops into the \
+            "ranges of {} look like placeholders: {:?} to {:?} {} bounds nothing. Write where the joint stops into the \
              robot's file (`range`; URDF: <limit lower upper>)",
             named(model, &wide),
             tidy(low),
-            tidy(high)
+            tidy(high),
+            kind.unit("rad")
         ));
     }
     found

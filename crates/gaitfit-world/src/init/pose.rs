@@ -3,7 +3,7 @@
 use super::anatomy::{Anatomy, Leg};
 use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{dot, quat_of, rotate, sub, up};
-use gaitfit_model::{Model, shown};
+use gaitfit_model::{JointKind, Model, shown};
 
 /// Names of keyframes that stand, best first.
 const STANDING: [&str; 5] = ["home", "stand", "standing", "default", "knees_bent"];
@@ -22,7 +22,7 @@ const STEPS: usize = 400;
 /// A pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pose {
-    /// rad, model order.
+    /// rad, of slides m; model order.
     pub angles: Vec<f64>,
     /// The keyframe that has it.
     pub keyframe: Option<String>,
@@ -42,7 +42,9 @@ impl Pose {
 pub fn start(model: &Model) -> Pose {
     let first = 7;
     // A stance beyond the joints' own limits cannot be held; bounded to them it is another one.
-    let inside = |joint: &gaitfit_model::Joint, angle: &f64| (within(joint, *angle) - angle).abs() <= BEYOND;
+    let inside = |joint: &gaitfit_model::Joint, angle: &f64| {
+        (within(joint, *angle) - angle).abs() <= joint.kind.like("rad", BEYOND)
+    };
     let stands = |qpos: &[f64]| {
         qpos.len() == model.nq()
             && model.joints.iter().zip(&qpos[first..]).all(|(joint, angle)| inside(joint, angle))
@@ -83,9 +85,35 @@ pub fn standing(model: &Model, start: Pose, anatomy: &Anatomy) -> Pose {
     let mut angles = start.angles;
     let share = if anatomy.biped() { NEARLY_STRAIGHT } else { BENT };
     for leg in &anatomy.legs {
+        extend(model, leg, &mut angles);
         bend(model, leg, share, anatomy.biped(), &mut angles);
     }
     Pose { angles, keyframe: None }
+}
+
+/// Lifts the foot of a leg without knees by its slides.
+fn draw_in(model: &Model, leg: &Leg, angles: &mut [f64]) {
+    let slides = leg.joints.iter().filter(|&&joint| model.joints[joint].kind == JointKind::Slide);
+    for &joint in slides {
+        let frames = body_frames(model, &Frame::WORLD, angles);
+        let (own, at) = (&model.joints[joint], foot(model, leg, &frames));
+        let hip = leg.joints.first().map_or(at, |&hip| anchor(model, hip, &frames));
+        let rise = own.axis_at(&frames[own.body]).lever(at)[2];
+        let by = (1.0 - LIFTED) * (hip[2] - at[2]);
+        if rise.abs() > 0.5 {
+            angles[joint] = within(own, angles[joint] + by / rise);
+            return;
+        }
+    }
+}
+
+/// Puts the slides of a leg in the middle of their range: at an end a leg could not spring.
+fn extend(model: &Model, leg: &Leg, angles: &mut [f64]) {
+    for &joint in &leg.joints {
+        if let (JointKind::Slide, Some([low, high])) = (model.joints[joint].kind, model.joints[joint].range) {
+            angles[joint] = 0.5 * (low + high);
+        }
+    }
 }
 
 /// Distance from hip to a lifted foot, as a share of the distance in the stance.
@@ -95,8 +123,9 @@ const LIFTED: f64 = 0.88;
 pub fn lifted(model: &Model, anatomy: &Anatomy, legs: &[usize], angles: &[f64]) -> Vec<f64> {
     let mut found = angles.to_vec();
     for leg in legs.iter().map(|&leg| &anatomy.legs[leg]) {
-        if let Some(share) = share_of(model, leg, angles) {
-            bend(model, leg, LIFTED * share, anatomy.biped(), &mut found);
+        match share_of(model, leg, angles) {
+            Some(share) => bend(model, leg, LIFTED * share, anatomy.biped(), &mut found),
+            None => draw_in(model, leg, &mut found),
         }
     }
     found
@@ -115,7 +144,9 @@ struct Chain {
 impl Chain {
     /// Of a leg with the joints at `frames`; `None` of one that does not bend, or has no length.
     fn new(model: &Model, leg: &Leg, frames: &[Frame]) -> Option<Self> {
-        let sideways = |joint: &usize| axis(model, *joint, frames)[1].abs() > 0.7;
+        let sideways = |joint: &usize| {
+            model.joints[*joint].kind.is_hinge() && axis(model, *joint, frames)[1].abs() > 0.7
+        };
         let pitch: Vec<usize> = leg.joints.iter().copied().filter(sideways).collect();
         if pitch.len() < 2 {
             return None;

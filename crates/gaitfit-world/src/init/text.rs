@@ -4,7 +4,7 @@ use super::anatomy::Anatomy;
 use super::gains::Gains;
 use super::pose::Pose;
 use super::sizes::{Sizes, digits, tidy};
-use gaitfit_model::Model;
+use gaitfit_model::{JointKind, Model};
 use std::fmt::Write as _;
 
 /// Iterations of a robot on two legs: it takes longer to learn.
@@ -127,13 +127,13 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
         text.push_str(&biped_observations());
     }
     let all: Vec<usize> = (0..model.joints.len()).collect();
-    let unit =
-        if anatomy.wheels.is_empty() { "rad per unit action" } else { "rad per unit action; wheels: rad/s" };
-    numbers(&mut text, model, &acting, "action_scale", &gains.scale, unit);
-    numbers(&mut text, model, &all, "kp", &gains.kp, &format!("N·m/rad: {}", gains.how));
-    let guessed = if gains.how.contains("(a guess)") { "N·m·s/rad (a guess)" } else { "N·m·s/rad" };
-    numbers(&mut text, model, &all, "kd", &gains.kd, guessed);
-    let _ = writeln!(text, "\n[task.policy.default_pose]       # rad: {}", pose.how());
+    let rolls = if anatomy.wheels.is_empty() { "" } else { "; wheels: rad/s" };
+    let unit = format!("{} per unit action{rolls}", model.units("rad"));
+    numbers(&mut text, model, &acting, "action_scale", &gains.scale, &unit);
+    numbers(&mut text, model, &all, "kp", &gains.kp, &format!("{}: {}", model.units("N·m/rad"), gains.how));
+    let guessed = if gains.how.contains("(a guess)") { " (a guess)" } else { "" };
+    numbers(&mut text, model, &all, "kd", &gains.kd, &format!("{}{guessed}", model.units("N·m·s/rad")));
+    let _ = writeln!(text, "\n[task.policy.default_pose]       # {}: {}", model.units("rad"), pose.how());
     for (index, (joint, angle)) in model.joints.iter().zip(&pose.angles).enumerate() {
         let angle = if anatomy.wheels.contains(&index) { 0.0 } else { digits(round(*angle), 4) };
         let _ = writeln!(text, "{} = {angle:?}", quoted(&joint.name));
@@ -151,8 +151,21 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     line(&mut text, "yaw", range(sizes.turning), "rad/s");
 
     falls_and_draws(&mut text, model, anatomy, sizes, gains);
-    rewards(&mut text, anatomy, sizes);
+    if model.has_slides() {
+        for_slides(&mut text);
+    }
+    rewards(&mut text, model, anatomy, sizes);
     text
+}
+
+/// What is one number for all joints: small enough for slides, whose unit is m.
+fn for_slides(text: &mut String) {
+    let like = |value: f64| float(tidy(JointKind::Slide.like("rad", value)));
+    let _ = writeln!(text, "\n[task.start]");
+    line(text, "joint_position", like(0.1), "half range, rad and m: slides are in m");
+    let _ = writeln!(text, "\n[task.noise]");
+    line(text, "joint_position", like(0.01), "half range, rad and m");
+    line(text, "joint_velocity", like(1.5), "half range, rad/s and m/s");
 }
 
 /// When the robot has fallen, how robots differ, and pushes.
@@ -193,15 +206,19 @@ fn float(value: f64) -> String {
     format!("{value:?}")
 }
 
-/// No angle is known better than this, rad.
+/// No angle is known better than this, rad, and no length, m.
 fn round(angle: f64) -> f64 {
     (angle * 1e4).round() / 1e4
 }
 
 /// The built-in weights in the robot's units: a term that is a square of a speed goes with 1/(g l), of a torque with
 /// 1/(m g l)², of an angular acceleration with (l/g)², and sums over joints with their number.
-fn rewards(text: &mut String, anatomy: &Anatomy, sizes: &Sizes) {
+fn rewards(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &Sizes) {
     let (length, torque) = (sizes.length(), sizes.torque());
+    // A slide's force goes with m g.
+    let slides = anatomy.acting().iter().filter(|&&joint| !model.joints[joint].kind.is_hinge()).count();
+    let share = slides as f64 / anatomy.acting().len().max(1) as f64;
+    let torque = torque * (1.0 - share + share / (sizes.leg * sizes.leg)).sqrt();
     let joints = 12.0 / anatomy.acting().len().max(1) as f64;
     let _ = writeln!(text, "\n[task.rewards]                   # the built-in weights in this robot's units");
     let scaled: &[(&str, f64, f64)] = if anatomy.biped() {

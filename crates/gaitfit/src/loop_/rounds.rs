@@ -225,7 +225,9 @@ pub fn add_truth(setup: &Setup, config: &mut AdaptConfig) {
     let Some(ThetaFile { parameter, .. }) = &setup.truth else { return };
     let joints: Vec<String> = setup.model.joints.iter().map(|joint| joint.name.clone()).collect();
     let rest = vec![0.0; joints.len()];
-    let Ok(theta) = config.rules().theta(&config.groups(&joints), &joints, &rest) else { return };
+    let rules = config.by_kind(&setup.model).map(|config| config.rules());
+    let theta = rules.and_then(|rules| rules.theta(&config.groups(&joints), &joints, &rest));
+    let Ok(theta) = theta else { return };
     for entry in theta.entries() {
         let covers = |joints: &[String]| entry.joints.iter().all(|joint| joints.contains(joint));
         // Later numbers win, as in the file.

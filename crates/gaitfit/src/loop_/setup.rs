@@ -182,7 +182,9 @@ impl Setup {
     fn check_fit(&self) -> Result<(), Error> {
         let adapt = self.config.adapt(1, String::new(), Vec::new());
         let joints: Vec<String> = self.model.joints.iter().map(|joint| joint.name.clone()).collect();
-        let theta = adapt.rules().theta(&adapt.groups(&joints), &joints, &vec![0.0; joints.len()]);
+        let theta = adapt
+            .by_kind(&self.model)
+            .and_then(|adapt| adapt.rules().theta(&adapt.groups(&joints), &joints, &vec![0.0; joints.len()]));
         theta
             .map(|_| ())
             .map_err(|error| Error::settings(format!("{}: [adapt] {error}", self.config_path.display())))

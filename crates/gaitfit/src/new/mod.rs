@@ -309,7 +309,9 @@ impl Found<'_> {
         }
         let costs: Vec<String> = setup.config.costs.iter().map(ToString::to_string).collect();
         add("cost", costs.join(", "));
-        let parameters: Vec<&str> = setup.config.parameter.iter().map(|rule| rule.kind.name()).collect();
+        let mut parameters: Vec<&str> = setup.config.parameter.iter().map(|rule| rule.kind.name()).collect();
+        // Hinges and slides have rules of their own.
+        parameters.dedup();
         let numbers = setup.config.number.iter().map(|rule| rule.kind.name());
         let all: Vec<&str> = parameters.into_iter().chain(numbers).collect();
         let delay = if all.contains(&"delay") { "" } else { "; the delay is taken as 0" };

@@ -3,16 +3,20 @@
 use super::{BOARD_SECONDS, Found, quoted};
 use crate::air::choices;
 use gaitfit_log::PerJoint;
+use gaitfit_model::JointKind;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
 /// What a fit of legs in the air looks for, with what it is. The delay is of all joints alike.
-const IN_THE_AIR: [(&str, &str, &str); 4] = [
-    ("frictionloss", "group", "dry friction, N·m"),
-    ("armature", "group", "rotor inertia, kg·m²"),
-    ("damping", "group", "viscous friction, N·m·s/rad"),
-    ("delay", "all", "from target to motor, s"),
+const IN_THE_AIR: [Parameter; 4] = [
+    ("frictionloss", "group", ("dry friction", Some("N·m"))),
+    ("armature", "group", ("rotor inertia", Some("kg·m²"))),
+    ("damping", "group", ("viscous friction", Some("N·m·s/rad"))),
+    ("delay", "all", ("from target to motor, s", None)),
 ];
+
+/// Name, what shares it, and what it is with its unit for hinges.
+type Parameter = (&'static str, &'static str, (&'static str, Option<&'static str>));
 
 impl Found<'_> {
     /// The whole file.
@@ -77,26 +81,16 @@ impl Found<'_> {
             line(text, "kd", &per_joint(&gains.kd), "N·m·s/rad");
         }
         self.write_groups(text, "groups");
-        for (kind, per, what) in IN_THE_AIR {
-            let _ = writeln!(
-                text,
-                "\n[[parameter]]                    # {what}\nkind = \"{kind}\"\nper = \"{per}\""
-            );
-            if kind == "frictionloss" {
-                let bound = format!("{:?}", choices::max_friction(&self.model));
-                line(
-                    text,
-                    "upper",
-                    &bound,
-                    "the search's bound: 5 % of the largest torque limit, or twice the file's value",
-                );
-            } else if let Some(bound) = self.wider(kind) {
-                line(
-                    text,
-                    "upper",
-                    &format!("{bound:?}"),
-                    "the search's bound: twice the robot file's value",
-                );
+        let kinds = [JointKind::Hinge, JointKind::Slide];
+        let kinds: Vec<JointKind> = kinds
+            .into_iter()
+            .filter(|kind| self.model.joints.iter().any(|joint| joint.kind == *kind))
+            .collect();
+        for parameter in IN_THE_AIR {
+            // Where hinges and slides have other units, each gets rules of its own.
+            let of_each = parameter.2.1.is_some_and(|unit| JointKind::Slide.unit(unit) != unit);
+            for &kind in if of_each { &kinds[..] } else { &kinds[..1] } {
+                self.parameter(text, parameter, kind, of_each && kinds.len() > 1);
             }
         }
         text.push_str("\n[[number]]                       # lag of joint velocities behind positions, s: a robot's filter or a simulator's step\n");
@@ -108,11 +102,40 @@ impl Found<'_> {
         line(text, "converged", "true", "exit code 3 if the search has not converged");
     }
 
+    /// The rule of a parameter for joints of this kind. `named`: the robot has others too.
+    fn parameter(
+        &self,
+        text: &mut String,
+        (name, per, (what, unit)): Parameter,
+        kind: JointKind,
+        named: bool,
+    ) {
+        let unit = unit.map_or_else(String::new, |unit| format!(", {}", kind.unit(unit)));
+        let _ = writeln!(
+            text,
+            "\n[[parameter]]                    # {what}{unit}\nkind = \"{name}\"\nper = \"{per}\""
+        );
+        if named {
+            let own = self.model.joints.iter().filter(|joint| joint.kind == kind);
+            let own: Vec<&str> = own.map(|joint| joint.name.as_str()).collect();
+            let list = toml::Value::from(own).to_string();
+            line(text, "joints", &list, if kind.is_hinge() { "hinges" } else { "slides" });
+        }
+        if name == "frictionloss" {
+            let bound = format!("{:?}", choices::max_friction(&self.model, kind));
+            let what = "the search's bound: 5 % of the largest torque limit, or twice the file's value";
+            line(text, "upper", &bound, what);
+        } else if let Some(bound) = self.wider(name, kind) {
+            line(text, "upper", &format!("{bound:?}"), "the search's bound: twice the robot file's value");
+        }
+    }
+
     /// The search's bound where the robot file's value is more than half of the usual one.
-    fn wider(&self, kind: &str) -> Option<f64> {
-        let (usual, twice) = match kind {
-            "armature" => (0.5, choices::twice_file(&self.model, |joint| joint.armature)),
-            "damping" => (2.0, choices::twice_file(&self.model, |joint| joint.damping)),
+    fn wider(&self, name: &str, kind: JointKind) -> Option<f64> {
+        let twice = |value| choices::twice_file(&self.model, kind, value);
+        let (usual, twice) = match name {
+            "armature" => (kind.like("kg·m²", 0.5), twice(|joint| joint.armature)),
+            "damping" => (kind.like("N·m·s/rad", 2.0), twice(|joint| joint.damping)),
             _ => return None,
         };
         (twice > usual).then_some(twice)

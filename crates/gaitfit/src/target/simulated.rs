@@ -67,7 +67,8 @@ pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<(Theta
         config.parameter.iter().map(|one| one.value).chain(config.number.iter().map(|one| one.value));
     let values: Vec<Found> = values.map(|value| Found { value, spread: None }).collect();
     if !values.is_empty() {
-        let theta = rules.theta(&[], &joints, &[]).map_err(|error| wrong(&error))?;
+        let theta = rules.by_kind(model).and_then(|rules| rules.theta(&[], &joints, &[]));
+        let theta = theta.map_err(|error| wrong(&error))?;
         let named = ThetaFile::new(&theta, &values, &model.name, "", 0.0);
         file.parameter.extend(named.parameter.into_iter().map(|mut parameter| {
             (parameter.lower, parameter.upper, parameter.at_bound) = (None, None, None);

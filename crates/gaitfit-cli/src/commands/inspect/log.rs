@@ -62,7 +62,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     let findings = findings(&log, &report, model.as_ref());
     let summary = summary_with_report(&log, report);
     if let Some(path) = &args.plot {
-        plot::write(&log, &findings, path)?;
+        plot::write(&log, &findings, model.as_ref(), path)?;
     }
     let swings =
         watched(swings::LINES, |watch| swings::look(args.robot.as_deref(), args.lenient, &[&log], watch))?;
@@ -72,7 +72,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         let without_simulation = swings;
         output::print_json(&Document { summary: &summary, findings: &findings, without_simulation, policy })?;
     } else {
-        output::print(&text(&log, &summary, &findings))?;
+        output::print(&text(&log, &summary, &findings, model.as_ref()))?;
         swings::print(swings.as_ref())?;
         if let Some(found) = &policy {
             output::print(&policy_text(found))?;
@@ -134,7 +134,8 @@ fn policy_text(found: &LogMatch) -> String {
     text
 }
 
-fn text(log: &Trajectory, summary: &LogSummary, findings: &[Finding]) -> String {
+fn text(log: &Trajectory, summary: &LogSummary, findings: &[Finding], model: Option<&Model>) -> String {
+    let units = |unit: &str| model.map_or_else(|| unit.to_owned(), |model| model.units(unit));
     let mut text = format!(
         "{}: {}, {} in {} s at {} Hz{}\nchannels: {}\n",
         summary.robot.as_deref().map_or("robot not named".to_owned(), shown),
@@ -157,18 +158,16 @@ fn text(log: &Trajectory, summary: &LogSummary, findings: &[Finding]) -> String 
             number(Some(1e3 * lead.spread))
         );
     }
-    let mut joints = table(
-        &[
-            "joint",
-            "position over time",
-            "rad",
-            "speed rms rad/s",
-            "from target rms rad",
-            "kp N·m/rad",
-            "kd N·m·s/rad",
-        ],
-        &[3, 4, 5, 6],
-    );
+    let header = [
+        "joint".to_owned(),
+        "position over time".to_owned(),
+        units("rad"),
+        format!("speed rms {}", units("rad/s")),
+        format!("from target rms {}", units("rad")),
+        format!("kp {}", units("N·m/rad")),
+        format!("kd {}", units("N·m·s/rad")),
+    ];
+    let mut joints = table(&header.each_ref().map(String::as_str), &[3, 4, 5, 6]);
     for (index, joint) in summary.joints.iter().enumerate() {
         let position = log.column_at(Signal::Position, index).unwrap_or_default();
         joints.add_row([

@@ -3,6 +3,7 @@
 use crate::exit::Failure;
 use gaitfit::files;
 use gaitfit_log::{Finding, Severity, Signal, Trajectory};
+use gaitfit_model::Model;
 use gaitfit_view::log_picture::{LogJoint, LogMark, LogPicture};
 use gaitfit_view::{log_picture_html, log_picture_svg};
 use std::path::Path;
@@ -20,8 +21,13 @@ pub fn check(path: &Path) -> Result<(), Failure> {
 }
 
 /// Writes the picture: as a page if the name ends so, or else as SVG.
-pub fn write(log: &Trajectory, findings: &[Finding], path: &Path) -> Result<(), Failure> {
-    let picture = picture(log, findings);
+pub fn write(
+    log: &Trajectory,
+    findings: &[Finding],
+    model: Option<&Model>,
+    path: &Path,
+) -> Result<(), Failure> {
+    let picture = picture(log, findings, model);
     let text = match path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("html")) {
         true => log_picture_html(&picture).map_err(Failure::failed)?,
         false => log_picture_svg(&picture),
@@ -29,7 +35,10 @@ pub fn write(log: &Trajectory, findings: &[Finding], path: &Path) -> Result<(), 
     Ok(files::write(path, text.as_bytes())?)
 }
 
-fn picture(log: &Trajectory, findings: &[Finding]) -> LogPicture {
+fn picture(log: &Trajectory, findings: &[Finding], model: Option<&Model>) -> LogPicture {
+    let slides = |model: &Model, joint: &str| {
+        model.find_joint(joint).is_some_and(|joint| !model.joints[joint].kind.is_hinge())
+    };
     let source = log.source.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy());
     let title = match (&source, &log.robot) {
         (Some(source), Some(robot)) => format!("{source} ({robot})"),
@@ -39,6 +48,7 @@ fn picture(log: &Trajectory, findings: &[Finding]) -> LogPicture {
     };
     let joint = |(number, name): (usize, &String)| LogJoint {
         name: name.clone(),
+        slides: model.is_some_and(|model| slides(model, name)),
         position: log.column_at(Signal::Position, number).unwrap_or_default(),
         target: log.column_at(Signal::Target, number).unwrap_or_default(),
     };

@@ -6,7 +6,7 @@ use crate::exit::Failure;
 use crate::output;
 use crate::table::table;
 use gaitfit::robot;
-use gaitfit_model::{Root, Summary};
+use gaitfit_model::{JointKind, Root, Summary};
 use std::fmt::Write;
 
 /// Prints bodies, joints, actuators, contact geoms and what was left out.
@@ -49,33 +49,13 @@ fn text(summary: &Summary) -> String {
             body.inertia.map(|value| format!("{value:.3e}")).join(" "),
         ]);
     }
-    let mut joints = table(
-        &[
-            "joint",
-            "axis",
-            "limits rad",
-            "effort N·m",
-            "speed rad/s",
-            "armature kg·m²",
-            "damping N·m·s/rad",
-            "frictionloss N·m",
-        ],
-        &[3, 4, 5, 6, 7],
-    );
-    for joint in &summary.joints {
-        joints.add_row([
-            joint.name.clone(),
-            joint.axis.map(|value| number(Some(value))).join(" "),
-            interval(joint.range),
-            number(joint.effort),
-            number(joint.velocity_limit),
-            number(Some(joint.armature)),
-            number(Some(joint.damping)),
-            number(Some(joint.frictionloss)),
-        ]);
-    }
-    let mut actuators =
-        table(&["actuator", "joint", "kind", "gear", "control range", "force range N·m"], &[3]);
+    let [hinges, slides] = [JointKind::Hinge, JointKind::Slide].map(|kind| joints(summary, kind));
+    let slides_at = |name: &String| {
+        summary.joints.iter().any(|joint| joint.name == *name && joint.kind == JointKind::Slide)
+    };
+    let forces = summary.actuators.iter().any(|actuator| slides_at(&actuator.joint));
+    let force = if forces { "force range N·m (slides: N)" } else { "force range N·m" };
+    let mut actuators = table(&["actuator", "joint", "kind", "gear", "control range", force], &[3]);
     for actuator in &summary.actuators {
         actuators.add_row([
             actuator.name.clone(),
@@ -97,7 +77,7 @@ fn text(summary: &Summary) -> String {
             number(geom.friction),
         ]);
     }
-    for part in [bodies, joints, actuators, geoms].iter().filter(|part| part.row_count() > 0) {
+    for part in [bodies, hinges, slides, actuators, geoms].iter().filter(|part| part.row_count() > 0) {
         let _ = writeln!(text, "\n{part}");
     }
     if !summary.keyframes.is_empty() {
@@ -105,6 +85,36 @@ fn text(summary: &Summary) -> String {
     }
     remarks(&mut text, summary);
     text
+}
+
+/// The joints of one kind.
+fn joints(summary: &Summary, kind: JointKind) -> comfy_table::Table {
+    let units = ["rad", "N·m", "rad/s", "kg·m²", "N·m·s/rad", "N·m"].map(|unit| kind.unit(unit));
+    let [position, effort, speed, armature, damping, friction] = units;
+    let header = [
+        if kind.is_hinge() { "joint" } else { "slide" }.to_owned(),
+        "axis".to_owned(),
+        format!("limits {position}"),
+        format!("effort {effort}"),
+        format!("speed {speed}"),
+        format!("armature {armature}"),
+        format!("damping {damping}"),
+        format!("frictionloss {friction}"),
+    ];
+    let mut joints = table(&header.each_ref().map(String::as_str), &[3, 4, 5, 6, 7]);
+    for joint in summary.joints.iter().filter(|joint| joint.kind == kind) {
+        joints.add_row([
+            joint.name.clone(),
+            joint.axis.map(|value| number(Some(value))).join(" "),
+            interval(joint.range),
+            number(joint.effort),
+            number(joint.velocity_limit),
+            number(Some(joint.armature)),
+            number(Some(joint.damping)),
+            number(Some(joint.frictionloss)),
+        ]);
+    }
+    joints
 }
 
 /// What of the file is not as the robot is: parts left out, changes, warnings.

@@ -196,6 +196,15 @@ fn description(args: &Preflight, robot: &Robot) -> Result<Option<Model>, Failure
         gaitfit_model::read(path, &ReadOptions { lenient: true, ..ReadOptions::default() })
             .map_err(Failure::failed)?
     };
+    let slides =
+        |joint: &str| model.find_joint(joint).is_some_and(|joint| !model.joints[joint].kind.is_hinge());
+    if let Some(motor) = robot.motors.iter().find(|motor| slides(&motor.joint)) {
+        return Err(Failure::usage(format!(
+            "--model {}: joint `{}` slides, and preflight turns hinges by angles; it is not for this robot",
+            path.display(),
+            motor.joint.escape_debug()
+        )));
+    }
     match robot.motors.iter().find(|motor| model.find_joint(&motor.joint).is_none()) {
         Some(motor) => Err(Failure::usage(format!(
             "--model {}: has no joint `{}` of the {}; joints are matched by name",

@@ -40,8 +40,9 @@ DEVICE Quat turn(int axis, double angle) {
 }
 
 // How high the base's origin must be over x, y of `place` for shape `k` to touch the ground: on flat ground over its
-// plane. `halves` holds cos and sin of half of each joint's angle from its reference.
-DEVICE double needed_height(int k, Quat base, const double place[2], const double* halves) {
+// plane. `moves` holds cos and sin of half of each hinge's angle from its reference; of a slide zero and how far it is from
+// its own.
+DEVICE double needed_height(int k, Quat base, const double place[2], const double* moves) {
     Shape shape = SHAPE[k];
     Vec p = {UNEVEN ? place[0] : 0.0, UNEVEN ? place[1] : 0.0, 0.0};
     Quat q = base;
@@ -52,14 +53,18 @@ DEVICE double needed_height(int k, Quat base, const double place[2], const doubl
             p = sum(p, rotated(q, {body.position[0], body.position[1], body.position[2]}));
             q = product(q, {body.quaternion[0], body.quaternion[1], body.quaternion[2], body.quaternion[3]});
         }
-        for (int h = body.hinge; h < body.hinge + body.hinges; h++) {
-            int j = HINGE_ORDER[h];
-            Hinge hinge = HINGE[j];
+        for (int h = body.joint; h < body.joint + body.joints; h++) {
+            int j = JOINT_ORDER[h];
+            Joint joint = JOINT[j];
+            double c = moves[2 * j], s = moves[2 * j + 1];
+            if (joint.slides) {
+                p = sum(p, rotated(q, {s * joint.axis[0], s * joint.axis[1], s * joint.axis[2]}));
+                continue;
+            }
             // A turn about the anchor: the anchor stays where it is.
-            Vec own = {hinge.position[0], hinge.position[1], hinge.position[2]};
+            Vec own = {joint.position[0], joint.position[1], joint.position[2]};
             Vec anchor = sum(p, rotated(q, own));
-            double c = halves[2 * j], s = halves[2 * j + 1];
-            q = product(q, {c, s * hinge.axis[0], s * hinge.axis[1], s * hinge.axis[2]});
+            q = product(q, {c, s * joint.axis[0], s * joint.axis[1], s * joint.axis[2]});
             p = difference(anchor, rotated(q, own));
         }
     }
@@ -91,7 +96,7 @@ DEVICE double needed_height(int k, Quat base, const double place[2], const doubl
 
 // What a block's threads hand to each other while they place a robot.
 struct Placing {
-    double angles[JOINTS], halves[2 * JOINTS], heights[SHAPES > 0 ? SHAPES : 1];
+    double angles[JOINTS], moves[2 * JOINTS], heights[SHAPES > 0 ? SHAPES : 1];
 };
 
 // A new episode of environment `e` that begins at `step`: all threads of the block share the work.
@@ -106,20 +111,20 @@ DEVICE void start_episode(
     int thread = (int)threadIdx.x, threads = (int)blockDim.x;
     for (int j = thread; j < JOINTS; j += threads) {
         double drawn = (double)START_POSE[j] + EITHER(8 + j, START_JOINT_POSITION);
-        if (HINGE[j].limited) {
-            drawn = drawn < HINGE[j].range[0] ? HINGE[j].range[0] : drawn;
-            drawn = drawn > HINGE[j].range[1] ? HINGE[j].range[1] : drawn;
+        if (JOINT[j].limited) {
+            drawn = drawn < JOINT[j].range[0] ? JOINT[j].range[0] : drawn;
+            drawn = drawn > JOINT[j].range[1] ? JOINT[j].range[1] : drawn;
         }
         placing.angles[j] = drawn;
-        double half = 0.5 * (drawn - HINGE[j].reference);
-        placing.halves[2 * j] = cos(half);
-        placing.halves[2 * j + 1] = sin(half);
+        double by = drawn - JOINT[j].reference, half = 0.5 * by;
+        placing.moves[2 * j] = JOINT[j].slides ? 0.0 : cos(half);
+        placing.moves[2 * j + 1] = JOINT[j].slides ? by : sin(half);
     }
     double yaw = EITHER(0, START_YAW);
     Quat posture = product(turn(1, START_PITCH + EITHER(1, START_TILT)), turn(0, EITHER(2, START_TILT)));
     Quat q = product(turn(2, yaw), posture);
     __syncthreads();
-    for (int k = thread; k < SHAPES; k += threads) placing.heights[k] = needed_height(k, q, place, placing.halves);
+    for (int k = thread; k < SHAPES; k += threads) placing.heights[k] = needed_height(k, q, place, placing.moves);
     for (int k = thread; k < STATE_COUNT; k += threads) {
         if (k >= QPOS && k < QACC) continue;
         if (k >= LINEAR && k < LINEAR + 2) STATE(k) = (float)EITHER(3 + k - LINEAR, START_LINEAR_VELOCITY);

@@ -21,16 +21,17 @@ struct Term {
 struct Row {
     int first, terms, scale, width, frames;
 };
-// A body: its parent (-1 for the root), its joints' places in HINGE_ORDER, and its frame in the parent's.
+// A body: its parent (-1 for the root), its joints' places in JOINT_ORDER, and its frame in the parent's.
 struct Body {
-    int parent, hinge, hinges;
+    int parent, joint, joints;
     double position[3], quaternion[4];
 };
-// A joint: its anchor and axis in the body's frame, reference angle and range.
-struct Hinge {
+// A joint: its anchor and axis in the body's frame, its position at its reference, its range, and whether it slides.
+struct Joint {
     double position[3], axis[3], reference;
     int limited;
     double range[2];
+    int slides;
 };
 // A geom that may touch the ground: the places in PATH of the bodies from the root to its own, and how far it reaches
 // from its centre.

@@ -149,7 +149,9 @@ impl Suspicion {
 fn beside(setup: &Setup, more: Vec<ParameterRule>, numbers: Vec<RobotRule>) -> Result<Theta, Error> {
     let joints: Vec<String> = setup.method.model().joints.iter().map(|joint| joint.name.clone()).collect();
     let mut rules = setup.config.rules();
-    rules.parameter.extend(more);
+    for rule in more {
+        rules.parameter.extend(rule.by_kind(setup.method.model(), true).map_err(Error::settings)?);
+    }
     rules.robot.extend(numbers);
     rules.resolve();
     rules.theta(&setup.config.groups(&joints), &joints, &vec![0.0; joints.len()]).map_err(Error::settings)
