@@ -3,12 +3,13 @@
 use super::anatomy::Anatomy;
 use gaitfit_model::Model;
 use gaitfit_model::kinematics::{Frame, body_frames, lowest_point, standing_height};
-use gaitfit_model::rotation::{IDENTITY, cross, dot, rotate, sub};
+use gaitfit_model::rotation::{IDENTITY, dot};
 
 /// The Go2's leg length (m) and mass (kg) in its built-in task, whose numbers are carried over.
 pub const GO2_LEG: f64 = 0.3;
 pub const GO2_MASS: f64 = 15.2;
-/// A joint moves a foot sideways if a radian of it moves the foot by this share of the leg's length.
+/// A hinge moves a foot sideways if a radian of it moves the foot by this share of the leg's length; a slide, if its axis points
+/// this far to the side.
 const ASIDE: f64 = 0.2;
 
 /// Sizes of a robot. SI units.
@@ -37,11 +38,10 @@ pub struct Sizes {
 /// Whether a joint of a leg moves its foot sideways, along y of the base, in the pose of `frames`.
 fn moves_aside(model: &Model, anatomy: &Anatomy, frames: &[Frame], length: f64) -> bool {
     anatomy.legs.iter().any(|leg| {
-        leg.path.iter().any(|&joint| {
-            let hinge = &model.joints[joint];
-            let frame = &frames[hinge.body];
-            let arm = sub(leg.place, frame.point(hinge.pos));
-            cross(rotate(frame.quaternion, hinge.axis), arm)[1].abs() > ASIDE * length
+        leg.path.iter().map(|&joint| &model.joints[joint]).any(|joint| {
+            let aside = joint.axis_at(&frames[joint.body]).lever(leg.place)[1].abs();
+            // A radian of a hinge; the leg's length of a slide.
+            aside * if joint.kind.is_hinge() { 1.0 } else { length } > ASIDE * length
         })
     })
 }
