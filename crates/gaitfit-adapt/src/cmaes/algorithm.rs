@@ -219,7 +219,7 @@ impl Cma {
         let keep = 1.0 + c1 * delta - c1 - cmu * weights.iter().sum::<f64>();
         // eq. 47
         state.covariance.update(keep, *c1, &state.p_c, *cmu, &scaled_weights, &steps);
-        let due = (state.generation + 1).is_multiple_of(*decompose_every);
+        let due = state.generation.is_multiple_of(*decompose_every);
         let decomposed = !due || state.covariance.decompose();
         let finite = |vector: &[f64]| vector.iter().all(|value| value.abs() < MEAN_MAX);
         let scalar = state.sigma.is_finite() && state.sigma > 0.0;
