@@ -20,7 +20,7 @@ use crate::walk::logs::LogNotes;
 use crate::walk::remedy::Remedies;
 use crate::walk::self_contact;
 use crate::walk::sized;
-use crate::walk::swing::SwingFindings;
+use crate::walk::swing::{SwingFindings, SwingNumber};
 use crate::walk::walking::{self, rest_angles};
 use crate::watch::Watch;
 use crate::{Error, theta};
@@ -99,26 +99,22 @@ impl Setup {
         config = with_defaults(stated, devices);
         config.groups = config.groups(&joints).into_iter().collect();
         let robot_line = policy.as_ref().and_then(|policy| unnamed(&config.robot, policy, &model));
-        let in_robot = |error: Error| match &robot_line {
-            Some(line) => Error::settings(format!("{}: {line}. Without it: {error}", config_path.display())),
-            None => error,
-        };
+        let in_robot = |error: Error| with_robot(error, robot_line.as_deref(), config_path);
         let (mut rest, mut feet) = (vec![0.0; joints.len()], None);
         if let Some(policy) = &policy {
             rest = rest_angles(policy, &model).map_err(in_robot)?;
-            let count = walking::feet(&config, policy, &model).map_err(in_robot)?;
-            of_walks(&mut config, stated, policy, &model, &joints, count)?;
-            feet = Some(count);
+            feet = Some(walking::feet(&config, policy, &model).map_err(in_robot)?);
+            of_walks(&mut config, stated, policy, &model, &joints, feet)?;
         }
         let mut theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
         let (walker, robot) = (policy.clone(), model.clone());
         let gpus = devices.open()?;
         let mut method = inputs::method(&config, policy, model, &theta, &base, threads).map_err(in_robot)?;
         let mut warnings = remarks(&method, walker.as_ref(), &robot);
-        warnings.extend(known.iter().flat_map(|(path, file)| {
-            let doubts = theta::doubts(file, path, method.model(), method.physics_step());
-            doubts.into_iter().chain(known::replaced(file, path, &theta))
-        }));
+        if let Some((path, file)) = &known {
+            warnings.extend(theta::doubts(file, path, method.model(), method.physics_step()));
+            warnings.extend(known::replaced(file, path, &theta));
+        }
         let logs = Logs::read(&config, config_path, &method)?;
         if let Some(touching) = touching(&config, &method, &robot, feet, &logs.fit) {
             warnings.extend(touching.notes);
@@ -135,16 +131,10 @@ impl Setup {
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
         let swings = swings(&config, &method, walker.as_ref(), &robot, &theta, &base, &logs.fit, watch)?;
-        let priors = swings.as_ref().filter(|_| config.swings);
-        let mut numbers = priors.map_or_else(Vec::new, |found| swing::numbers_of(&method, found));
-        if let Some(found) = swings.as_ref().filter(|_| config.effects) {
-            let remedies = Remedies::new(found, &theta, &base);
-            remedies.extend(&mut config, &joints);
-            remedies.widen_priors(&mut numbers);
-            warnings.extend(remedies.note());
-            theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
-        }
-        numbers.extend(feet.filter(|_| config.swings).into_iter().flat_map(sized::usual_priors));
+        let (numbers, notes) =
+            what_logs_show(&mut config, swings.as_ref(), &method, &theta, &base, &joints, feet);
+        warnings.extend(notes);
+        theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
         // The folder keeps them, as it keeps the defaults.
         config.prior = known::priors(&theta, &numbers, &config.prior);
         let theta = theta.with_priors(&config.prior, config.optimizer.prior_weight).map_err(in_file)?;
@@ -156,14 +146,13 @@ impl Setup {
             LogSet::from_several_starts(&config, &method, &base, &logs.fit)?.map(|set| set.of_robot(falling));
         let fit = LogSet::new(&config, &method, &base, logs.fit)?.of_robot(falling);
         let other = |config: &AdaptConfig| {
-            inputs::method(config, walker.clone(), robot.clone(), &theta, &base, threads)
-                .map(|method| method.on(gpus.clone()))
+            Ok(inputs::method(config, walker.clone(), robot.clone(), &theta, &base, threads)?
+                .on(gpus.clone()))
         };
         let alternatives = alternatives(&config, &method, &other, &base, &fit.logs)?;
         let replicas = replicas(&config, &method, walker.as_ref(), &robot, &theta, &base, &fit.logs)?;
         let set = |logs| Ok(LogSet::new(&config, &method, &base, logs)?.of_robot(falling));
         let validate = logs.validate.into_iter().map(set).collect::<Result<Vec<_>, Error>>()?;
-        warnings.extend(constant(&fit));
         let mut setup = Self {
             costs: several.as_ref().unwrap_or(&fit).costs(&config)?,
             options: check::options(&config, fit.reference.fall_rate(), falling.falls),
@@ -187,6 +176,7 @@ impl Setup {
             limit: None,
         };
         setup.options.falls.random = setup.has_draws();
+        setup.warnings.extend(constant(&setup.fit));
         setup.warnings.extend(ignored(&setup));
         setup.check_odd_joints(&named)?;
         Ok(setup)
@@ -260,6 +250,38 @@ fn swings(
     Ok(swings)
 }
 
+/// `error` with the line that names the robot, if the settings lack it.
+fn with_robot(error: Error, line: Option<&str>, config: &Path) -> Error {
+    match line {
+        Some(line) => Error::settings(format!("{}: {line}. Without it: {error}", config.display())),
+        None => error,
+    }
+}
+
+/// What the legs in the air and the usual robot of so many `feet` say of parameters, and notes. Adds parameters of the effects
+/// that the logs show to the settings.
+fn what_logs_show(
+    config: &mut AdaptConfig,
+    swings: Option<&SwingFindings>,
+    method: &Method,
+    theta: &Theta,
+    base: &Candidate,
+    joints: &[String],
+    feet: Option<usize>,
+) -> (Vec<SwingNumber>, Option<String>) {
+    let priors = swings.filter(|_| config.swings);
+    let mut numbers = priors.map_or_else(Vec::new, |found| swing::numbers_of(method, found));
+    let mut note = None;
+    if let Some(found) = swings.filter(|_| config.effects) {
+        let remedies = Remedies::new(found, theta, base);
+        remedies.extend(config, joints);
+        remedies.widen_priors(&mut numbers);
+        note = remedies.note();
+    }
+    numbers.extend(feet.filter(|_| config.swings).into_iter().flat_map(sized::usual_priors));
+    (numbers, note)
+}
+
 /// Gives the settings of a fit of walks the defaults that depend on the robot, which stands on so many `feet`.
 fn of_walks(
     config: &mut AdaptConfig,
@@ -267,10 +289,10 @@ fn of_walks(
     policy: &Policy,
     model: &Model,
     joints: &[String],
-    feet: usize,
+    feet: Option<usize>,
 ) -> Result<(), Error> {
     leave_held_out(config, policy, joints);
-    sized::fit_to(config, stated, model, feet);
+    feet.into_iter().for_each(|feet| sized::fit_to(config, stated, model, feet));
     config.simulation.timestep = walking::timestep(config, policy)?;
     Ok(())
 }
