@@ -107,8 +107,7 @@ impl Setup {
             of_walks(&mut config, stated, policy, &model, &joints, feet)?;
         }
         let mut theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
-        let (walker, robot) = (policy.clone(), model.clone());
-        let gpus = devices.open()?;
+        let (walker, robot, gpus) = (policy.clone(), model.clone(), devices.open()?);
         let mut method = inputs::method(&config, policy, model, &theta, &base, threads).map_err(in_robot)?;
         let mut warnings = remarks(&method, walker.as_ref(), &robot);
         if let Some((path, file)) = &known {
