@@ -161,7 +161,7 @@ def place(model, data, gap):
 def random_joints(model, kind, home, rng):
     """Joint positions of one state: near home, anywhere inside the limits, or with three joints beyond them."""
     hinges = np.arange(model.njnt - len(home), model.njnt)
-    # What is 1 rad of a hinge is 0.1 m of a slide.
+    # Slides are drawn from 0.1 m where hinges are drawn from 1 rad.
     reach = np.where(model.jnt_type[hinges] == mujoco.mjtJoint.mjJNT_SLIDE, 0.1, 1.0)
     low, high = np.where(model.jnt_limited[hinges, None], model.jnt_range[hinges], reach[:, None] * [-2.0, 2.0]).T
     if kind in ("standing", "fallen", "pressed"):

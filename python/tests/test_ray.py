@@ -227,7 +227,7 @@ class Losses(Case):
     def test_one_lost_worker_is_one(self) -> None:
         from gaitfit.ray._cluster import often_lost
 
-        self.assertRegex(often_lost("the fit", 1, 0, "its node left", "Nothing is kept."), r"^the fit: a worker .* \(retries=0\); because its node left\.")
+        self.assertRegex(often_lost("the fit", 1, 0, "its node left", "Nothing is kept."), r"^the fit: a worker .* \(retries=0\); the reason: its node left\.")
 
 
 class Absent(Case):

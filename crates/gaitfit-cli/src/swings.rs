@@ -17,7 +17,10 @@ pub fn text(found: &SwingFindings, causes: &[Cause], beside: &[Beside]) -> Strin
     }
     if !found.slides.is_empty() {
         let names = found.slides.join(", ");
-        let _ = writeln!(text, "estimates from legs in the air are of hinges; these joints slide: {names}");
+        let _ = writeln!(
+            text,
+            "estimates from legs in the air are only for hinges; they leave out these slides: {names}"
+        );
     }
     match (found.best(), &found.why_not) {
         (Some(report), _) => joints(&mut text, found, report, beside),

@@ -71,7 +71,7 @@ impl Body {
             moved.iter().map(|&joint| &model.joints[joint]).find(|joint| !joint.kind.is_hinge())
         {
             return Err(Error::settings(format!(
-                "`joints` (--joints): joint {} slides, and chirps turn hinges; leave it out",
+                "`joints` (--joints): joint {} is a slide, and chirps move only hinges; leave it out",
                 shown(&slide.name)
             )));
         }
@@ -361,11 +361,11 @@ fn hinges(model: &Model, notes: &mut Vec<String>) -> Result<Vec<usize>, Error> {
     let (hinges, slides): (Vec<usize>, Vec<usize>) =
         (0..model.joints.len()).partition(|&joint| model.joints[joint].kind.is_hinge());
     if hinges.is_empty() {
-        return Err(Error::settings("chirps turn hinges, and all joints of the robot slide"));
+        return Err(Error::settings("chirps move only hinges, and all joints of this robot are slides"));
     }
     if !slides.is_empty() {
         let names: Vec<String> = slides.into_iter().map(|joint| model.joints[joint].name.clone()).collect();
-        notes.push(format!("chirps turn hinges: {} slide, and are held", listed(&names)));
+        notes.push(format!("chirps move only hinges; these slides are held: {}", listed(&names)));
     }
     Ok(hinges)
 }

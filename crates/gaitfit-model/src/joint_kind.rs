@@ -18,7 +18,7 @@ pub enum JointKind {
     Slide,
 }
 
-/// What is 1 m of a slide is so many rad of a leg's hinge: one with a lever of 0.1 m.
+/// How many rad of a leg's hinge correspond to 1 m of a slide, for a lever of 0.1 m.
 const PER_METRE: f64 = 10.0;
 
 /// Units of hinges, what slides have in their place, and the power of [`PER_METRE`] by which their numbers differ.
@@ -53,8 +53,8 @@ impl JointKind {
         slides.filter(|_| self == Self::Slide).unwrap_or(unit)
     }
 
-    /// What is for a joint of this kind about as much as `value` with the unit `unit` for a hinge of a leg: 10 N for 1 N·m. For
-    /// guesses and bounds where a robot's file says nothing.
+    /// The number for a joint of this kind that corresponds to `value` (in `unit`) for a hinge of a leg: 10 N for 1 N·m. Guesses
+    /// and bounds use it if the robot's file states no number.
     pub fn like(self, unit: &str, value: f64) -> f64 {
         let power = UNITS.iter().find(|(hinge, ..)| *hinge == unit).map_or(0, |(.., power)| *power);
         match power {
@@ -65,12 +65,12 @@ impl JointKind {
     }
 }
 
-/// A joint's axis at one pose: what its motion does to points, and forces to it.
+/// A joint's axis at one pose. It gives the velocities of points that the joint moves, and the joint's generalized force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointAxis {
-    /// What it does along or about the axis.
+    /// Whether the joint turns about the axis or slides along it.
     pub kind: JointKind,
-    /// Unit.
+    /// Direction of the axis, a unit vector.
     pub axis: Vec3,
     /// A point on the axis, m.
     pub anchor: Vec3,
@@ -93,7 +93,7 @@ impl JointAxis {
         }
     }
 
-    /// What a force and a moment about the frame's origin do along the joint, N·m or N.
+    /// Generalized force on the joint of a force and of its moment about the frame's origin, N·m (slides: N).
     pub fn share_of(&self, force: Vec3, moment: Vec3) -> f64 {
         match self.kind {
             JointKind::Hinge => dot(self.axis, sub(moment, cross(self.anchor, force))),

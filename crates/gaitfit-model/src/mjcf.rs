@@ -217,7 +217,7 @@ fn read_speed_limits(ctx: &mut Context, section: &Element, spec: &mut Spec) -> R
                     return Err(ctx.invalid(
                         element.at,
                         format!("velocity_limit of joint \"{}\": no such joint, or no limit", shown(wanted)),
-                        "write <element objtype=\"joint\" objname=\"...\" prm=\"rad/s, of slides m/s, above zero\"/>",
+                        "write <element objtype=\"joint\" objname=\"...\" prm=\"speed above zero, rad/s (slides: m/s)\"/>",
                     ));
                 }
             }

@@ -152,7 +152,7 @@ impl Robot {
                 }
             }
         }
-        // Of a slide no compliance counts as rigid yet, and a gear in one joint is a gear in all.
+        // Gears are simulated in all joints or in none, and it is not defined yet which compliance of a slide counts as rigid.
         for parameter in
             [JointParameter::Play, JointParameter::Compliance].into_iter().filter(|_| model.has_slides())
         {
@@ -162,7 +162,7 @@ impl Robot {
                     object: format!("joint `{}`", joint.name),
                     quantity: parameter.name(),
                     value: *value,
-                    must: "0 in a robot with slides: gears are simulated in robots of hinges alone",
+                    must: "0 in a robot with slides: gears are simulated only in robots without slides",
                 });
             }
         }

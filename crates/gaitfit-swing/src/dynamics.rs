@@ -299,8 +299,8 @@ impl<'m> Motion<'m> {
             let axis_rate = cross(axis.omega, along.axis);
             let moving = match joint.kind {
                 JointKind::Hinge => {
-                    // d(a·(L − A×P))/dt = a·(dL/dt − A×dP/dt) + da/dt·(L − A×P) − a·(dA/dt×P), and the base's origin,
-                    // about which L is taken, moves too, which cancels in L − A×P with dA/dt as the anchor's full velocity.
+                    // d(a·(L − A×P))/dt = a·(dL/dt − A×dP/dt) + da/dt·(L − A×P) − a·(dA/dt×P). The base's origin
+                    // moves too. L is taken about it. Its motion cancels in L − A×P if dA/dt is the anchor's full velocity.
                     let about_anchor = sub(angular, cross(along.anchor, linear));
                     dot(axis_rate, about_anchor) - dot(along.axis, cross(axis.anchor_velocity, linear))
                 }

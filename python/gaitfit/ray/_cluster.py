@@ -195,7 +195,7 @@ def often_lost(what: str, times: int, retries: int, why: str, kept: str) -> str:
         if times == 1
         else f"{times} workers of the Ray cluster were lost one after another while they did this"
     )
-    last = "because" if times == 1 else "the last one because"
+    last = "the reason:" if times == 1 else "the reason for the last one:"
     return (
         f"{what}: {lost} (retries={retries}); {last} {why}. {kept} First find out why workers are lost: `ray status` lists the nodes, and "
         "/tmp/ray/session_latest/logs on a node has what its workers wrote. If memory is short, a larger num_cpus puts "

@@ -68,8 +68,8 @@ impl ParameterRule {
         vec![Self::new(JointParameter::FrictionLoss), Self::new(JointParameter::Armature)]
     }
 
-    /// The rule as rules of hinges alone and of slides alone, whose units differ. `scales`: its numbers are those of hinges,
-    /// and slides get the like.
+    /// Splits the rule into one for hinges and one for slides, because their units differ. With `scales` the rule's numbers are
+    /// for hinges, and slides get the corresponding ones ([`JointKind::like`]).
     ///
     /// # Errors
     /// Patterns that do not fit; one value, or numbers, for joints of both kinds; gears in a robot with slides.

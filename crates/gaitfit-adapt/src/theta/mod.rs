@@ -123,7 +123,7 @@ pub enum ThetaError {
     },
     /// Gears in a robot with slides.
     #[error(
-        "{kind} is of gears, which are simulated in robots of hinges alone, and this robot has slides; leave it out"
+        "{kind} is a parameter of gears. Gears are simulated only in robots without slides, and this robot has slides; leave {kind} out"
     )]
     SlidingGears {
         /// Parameter.

@@ -104,7 +104,7 @@ impl Setup {
         if let Some(policy) = &policy {
             rest = rest_angles(policy, &model).map_err(in_robot)?;
             feet = Some(walking::feet(&config, policy, &model).map_err(in_robot)?);
-            of_walks(&mut config, stated, policy, &model, &joints, feet)?;
+            set_walk_defaults(&mut config, stated, policy, &model, &joints, feet)?;
         }
         let mut theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
         let (walker, robot, gpus) = (policy.clone(), model.clone(), devices.open()?);
@@ -257,8 +257,8 @@ fn with_robot(error: Error, line: Option<&str>, config: &Path) -> Error {
     }
 }
 
-/// What the legs in the air and the usual robot of so many `feet` say of parameters, and notes. Adds parameters of the effects
-/// that the logs show to the settings.
+/// The values of parameters that legs in the air and a usual robot with this number of `feet` suggest, and a note. If the logs
+/// show effects, their parameters are added to the settings.
 fn what_logs_show(
     config: &mut AdaptConfig,
     swings: Option<&SwingFindings>,
@@ -282,7 +282,7 @@ fn what_logs_show(
 }
 
 /// Gives the settings of a fit of walks the defaults that depend on the robot, which stands on so many `feet`.
-fn of_walks(
+fn set_walk_defaults(
     config: &mut AdaptConfig,
     stated: &AdaptConfig,
     policy: &Policy,
@@ -308,7 +308,7 @@ fn touching(
     (is_open && feet.is_some_and(sized::is_biped)).then(|| self_contact::in_logs(robot, logs))
 }
 
-/// Signals that the costs leave out.
+/// Warnings about constant signals, because the costs leave them out.
 fn constant(fit: &LogSet) -> impl Iterator<Item = String> {
     fit.reference.constant().into_iter().map(|(signal, column)| {
         format!("{signal} of {column} is constant in the logs and left out of the costs")

@@ -49,7 +49,7 @@ impl SwingFindings {
         if let Some(report) = &found.swings {
             let level: Vec<&Trajectory> = level.iter().collect();
             found.effects = effects(model, &level, report, settings).unwrap_or_default();
-            // Gears, which these two would be, are simulated in robots of hinges alone.
+            // Both would be gears, and gears are simulated only in robots without slides.
             let gear = |effect: &Effect| matches!(effect.kind, EffectKind::Elasticity | EffectKind::Backlash);
             found.effects.retain(|effect| !(model.has_slides() && gear(effect)));
         }

@@ -187,7 +187,7 @@ impl<'a> Chooser<'a> {
         // A unit of action is a torque of at most half of what the motor has.
         let of_leg = |angle: f64| match model.joints[joint].kind {
             JointKind::Hinge => angle,
-            // As the foot of a leg moves that turns a third of it.
+            // As far as a hinge moves the foot with a lever of a third of the leg's length.
             JointKind::Slide => angle * self.leg / 3.0,
         };
         let torque = model.effort(joint).map_or(of_leg(SCALE), |effort| 0.5 * effort / kp);
@@ -326,7 +326,7 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-/// For each joint the stiffness with which it sags by [`SAG`] (slides by the like of it) at most, whichever way up: the weight of what hangs on it
+/// For each joint the stiffness with which it sags by [`SAG`] (slides: by the corresponding length) at most, in any orientation: the weight of what hangs on it
 /// times the distance of that mass.
 fn held(model: &Model, angles: &[f64], gravity: f64) -> Vec<f64> {
     let frames = body_frames(model, &Frame::WORLD, angles);

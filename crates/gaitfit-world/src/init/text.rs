@@ -162,10 +162,10 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
 fn for_slides(text: &mut String) {
     let like = |value: f64| float(tidy(JointKind::Slide.like("rad", value)));
     let _ = writeln!(text, "\n[task.start]");
-    line(text, "joint_position", like(0.1), "half range, rad and m: slides are in m");
+    line(text, "joint_position", like(0.1), "half range: rad for hinges, m for slides");
     let _ = writeln!(text, "\n[task.noise]");
-    line(text, "joint_position", like(0.01), "half range, rad and m");
-    line(text, "joint_velocity", like(1.5), "half range, rad/s and m/s");
+    line(text, "joint_position", like(0.01), "half range: rad for hinges, m for slides");
+    line(text, "joint_velocity", like(1.5), "half range: rad/s for hinges, m/s for slides");
 }
 
 /// When the robot has fallen, how robots differ, and pushes.

@@ -31,7 +31,7 @@ pub(super) struct Training {
     /// Mean reward of a control step at the end; absent where no seed was trained.
     #[serde(skip_serializing_if = "Option::is_none")]
     reward: Option<f64>,
-    /// How near its policy is to walking (`shortfall` of the verdict of `evaluate`); absent without an evaluation.
+    /// How far its policy is from walking (`shortfall` of the verdict of `evaluate`); absent without an evaluation.
     #[serde(skip_serializing_if = "Option::is_none")]
     shortfall: Option<f64>,
     /// Whether its policy walks.

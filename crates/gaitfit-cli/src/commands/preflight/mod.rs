@@ -200,7 +200,7 @@ fn description(args: &Preflight, robot: &Robot) -> Result<Option<Model>, Failure
         |joint: &str| model.find_joint(joint).is_some_and(|joint| !model.joints[joint].kind.is_hinge());
     if let Some(motor) = robot.motors.iter().find(|motor| slides(&motor.joint)) {
         return Err(Failure::usage(format!(
-            "--model {}: joint `{}` slides, and preflight turns hinges by angles; it is not for this robot",
+            "--model {}: joint `{}` is a slide. Preflight moves only hinges, so it cannot check this robot",
             path.display(),
             motor.joint.escape_debug()
         )));
