@@ -160,15 +160,15 @@ def place(model, data, gap):
 
 def random_joints(model, kind, home, rng):
     """Joint positions of one state: near home, anywhere inside the limits, or with three joints beyond them."""
-    hinges = np.arange(model.njnt - len(home), model.njnt)
+    numbers = np.arange(model.njnt - len(home), model.njnt)
     # Slides are drawn from 0.1 m where hinges are drawn from 1 rad.
-    reach = np.where(model.jnt_type[hinges] == mujoco.mjtJoint.mjJNT_SLIDE, 0.1, 1.0)
-    low, high = np.where(model.jnt_limited[hinges, None], model.jnt_range[hinges], reach[:, None] * [-2.0, 2.0]).T
+    reach = np.where(model.jnt_type[numbers] == mujoco.mjtJoint.mjJNT_SLIDE, 0.1, 1.0)
+    low, high = np.where(model.jnt_limited[numbers, None], model.jnt_range[numbers], reach[:, None] * [-2.0, 2.0]).T
     if kind in ("standing", "fallen", "pressed"):
         return home + reach * rng.normal(0, 0.08 if kind == "standing" else 0.3, len(home))
     joints = rng.uniform(low + 0.05 * (high - low), high - 0.05 * (high - low))
     if kind == "limits":
-        beyond = rng.choice(np.flatnonzero(model.jnt_limited[hinges]), 3, replace=False)
+        beyond = rng.choice(np.flatnonzero(model.jnt_limited[numbers]), 3, replace=False)
         side = rng.integers(0, 2, 3)
         joints[beyond] = np.where(side, high[beyond], low[beyond]) + (2 * side - 1) * reach[beyond] * rng.uniform(0.005, 0.12, 3)
     return joints

@@ -379,11 +379,13 @@ fn limb(model: &Model, body: usize) -> usize {
 /// What is fitted where no configuration says it.
 fn usual(settings: &ChirpSettings, model: &Model) -> AdaptConfig {
     let scale = choices::motor_scale(model);
-    let hinges = || model.joints.iter().filter(|joint| joint.kind.is_hinge());
-    let joints = match hinges().count() == model.joints.len() {
-        _ if !settings.joints.is_empty() => settings.joints.clone(),
-        true => vec!["*".to_owned()],
-        false => hinges().map(|joint| joint.name.clone()).collect(),
+    let joints = if !settings.joints.is_empty() {
+        settings.joints.clone()
+    } else if model.has_slides() {
+        let hinges = model.joints.iter().filter(|joint| joint.kind.is_hinge());
+        hinges.map(|joint| joint.name.clone()).collect()
+    } else {
+        vec!["*".to_owned()]
     };
     let rule = |kind: JointParameter, per: Sharing, upper: f64| ParameterRule {
         per,

@@ -6,9 +6,9 @@
 //! or a wrong sign has a weight that does not fit.
 
 use gaitfit_log::{Finding, FindingKind, Severity, Signal, Trajectory};
+use gaitfit_model::Model;
 use gaitfit_model::kinematics::{Frame, body_frames};
-use gaitfit_model::rotation::{IDENTITY, Vec3, add, cross, dot, rotate, sub};
-use gaitfit_model::{JointKind, Model};
+use gaitfit_model::rotation::{IDENTITY, dot};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 
@@ -31,19 +31,12 @@ fn holding(model: &Model, q: &[f64]) -> Vec<f64> {
     let frames = body_frames(model, &Frame { position: [0.0; 3], quaternion: IDENTITY }, q);
     let gravity = model.options.gravity;
     let mut torques = vec![0.0; model.joints.len()];
-    let point = |body: usize, inner: Vec3| add(frames[body].position, rotate(frames[body].quaternion, inner));
     for (number, body) in model.bodies.iter().enumerate() {
-        let (weight, centre) = (gravity.map(|g| body.mass * g), point(number, body.ipos));
+        let (weight, centre) = (gravity.map(|g| body.mass * g), frames[number].point(body.ipos));
         let mut carrier = Some(number);
         while let Some(at) = carrier {
             for (joint, part) in model.joints.iter().enumerate().filter(|(_, joint)| joint.body == at) {
-                torques[joint] -= match part.kind {
-                    JointKind::Hinge => {
-                        let axis = rotate(frames[at].quaternion, part.axis);
-                        dot(axis, cross(sub(centre, point(at, part.pos)), weight))
-                    }
-                    JointKind::Slide => dot(rotate(frames[at].quaternion, part.axis), weight),
-                };
+                torques[joint] -= dot(part.axis_at(&frames[at]).lever(centre), weight);
             }
             carrier = model.bodies[at].parent;
         }
@@ -174,8 +167,8 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
         span: None,
         message: format!(
             "the torques of {} do not hold the robot's weight ({as_is:.2} {unit} RMS off), and do with the opposite sign \
-             ({flipped:.2} {unit}): position, velocity and target of this joint are mirrored, or they are those of the joint on the other side: negate \
-             its columns, or rename them",
+             ({flipped:.2} {unit}). If position, velocity and target of this joint are mirrored, negate its columns. If they belong to \
+             the joint on the other side, rename them",
             log.joints[joint]
         ),
     };

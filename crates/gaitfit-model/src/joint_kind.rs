@@ -108,6 +108,11 @@ impl Model {
         self.joints.iter().any(|joint| joint.kind == JointKind::Slide)
     }
 
+    /// Whether the joint that a log calls so slides; false of a joint that the robot lacks.
+    pub fn slides(&self, log_name: &str) -> bool {
+        self.find_joint(log_name).is_some_and(|joint| self.joints[joint].kind == JointKind::Slide)
+    }
+
     /// The unit of all joints where a hinge has `unit`, for the head of a table or a comment: `rad (slides: m)` of a robot
     /// with both.
     pub fn units(&self, unit: &str) -> String {

@@ -35,7 +35,8 @@ fn a_file_in_degrees_has_slides_in_metres() {
     assert_eq!((joint("FL_hip").kind, joint("FL_hip").range), (JointKind::Hinge, Some([-quarter, quarter])));
 }
 
-/// Of a spring with a time constant of T s and a mass of m kg: k = m / (T² ζ²), d = 2 m / T.
+/// `springdamper` states a time constant T, s, and a damping ratio ζ. A slide that moves the mass m, kg, then has the stiffness
+/// m / (T² ζ²) and the damping 2 m / T.
 #[test]
 fn a_spring_of_a_slide_is_computed_from_the_mass_that_it_moves() {
     let model = mjcf(

@@ -34,8 +34,8 @@ pub(crate) fn smooth<T: Real>(
 ) {
     // Apart from the walk over the tree, so that neighbouring joints overlap, and before the root, whose
     // quaternion comes last from the step before.
-    for j in 0..work.turns.len() {
-        work.turns[j] = displacement(&tree.links[j + 1], state.qpos[j]);
+    for j in 0..work.displacements.len() {
+        work.displacements[j] = displacement(&tree.links[j + 1], state.qpos[j]);
     }
     for j in 0..work.joints.len() {
         joint_rows(tree, params, state, drives, j, work);
@@ -171,7 +171,7 @@ fn touch<T: Real>(pass: &Pass<'_, T>, link: usize, motion: &Motion<T>, work: &mu
 fn outward<T: Real>(pass: &Pass<'_, T>, i: usize, parent: &Motion<T>, work: &Work<T>) -> (Motion<T>, V6<T>) {
     let j = i - 1;
     let (rotation, position, axis) =
-        joint_pose(&pass.tree.links[i], work.turns[j], &parent.rotation, parent.position);
+        joint_pose(&pass.tree.links[i], work.displacements[j], &parent.rotation, parent.position);
     let motion = joint_motion(axis, pass.state.qvel[j], pass.state.qacc[j], rotation, position, parent);
     (motion, axis)
 }

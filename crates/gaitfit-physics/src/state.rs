@@ -207,8 +207,9 @@ pub struct Work<T: Real> {
     /// Guards what is only needed where a lane may be beyond the joint's limit; apart, for it would take a joint a
     /// whole vector.
     pub(crate) limited: Vec<T::Guard>,
-    /// Of each joint, see `smooth::displacement`: sine and cosine of a hinge's angle.
-    pub(crate) turns: Vec<(T, T)>,
+    /// How far each joint is from its reference (`smooth::displacement`): sine and cosine of a hinge's angle; of a slide the
+    /// distance, m, and zero.
+    pub(crate) displacements: Vec<(T, T)>,
     pub(crate) pairs: Vec<PairWork<T>>,
     pub(crate) points: Vec<Point<T>>,
     /// Negative wrench and 6 × 6 Hessian of each point with spin (condim above 3), in point order.
@@ -282,7 +283,7 @@ macro_rules! work_numbers {
             all(&mut $visit, base("free_row"), ($($reference)+ each.row).into_iter().flatten());
             all(&mut $visit, base("free_step"), ($($reference)+ each.step).into_iter().flatten());
         }
-        for (j, (sine, cosine)) in ($($reference)+ $work.turns).into_iter().enumerate() {
+        for (j, (sine, cosine)) in ($($reference)+ $work.displacements).into_iter().enumerate() {
             $visit(Slot::new(Owner::Joint(j), "sine"), sine);
             $visit(Slot::new(Owner::Joint(j), "cosine"), cosine);
         }
@@ -396,7 +397,7 @@ impl<T: Real> Work<T> {
             joints: vec![joint; tree.joints()],
             limited: vec![T::never(); tree.joints()],
             free: vec![FreeWork::zero(); usize::from(tree.free.is_some())],
-            turns: vec![(z, z); tree.joints()],
+            displacements: vec![(z, z); tree.joints()],
             pairs: vec![PairWork { active: T::never(), friction: [z; 5] }; tree.pairs.len()],
             points: vec![point; tree.points],
             spins: vec![(zero6(), Articulated::zero()); tree.spins],

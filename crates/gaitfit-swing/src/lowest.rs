@@ -1,6 +1,6 @@
 //! Minimum of a function of one number.
 
-/// Steps around a delay that is roughly known in which the best one is looked for.
+/// How far the minimum may be from a first guess, in steps of the delays that were tried.
 const NEAR: f64 = 3.0;
 
 /// Place of the minimum of `cost` within [`NEAR`] steps of `best`, from 0 to `last`, by golden sections.

@@ -75,7 +75,7 @@ impl ParameterRule {
     /// Patterns that do not fit; one value, or numbers, for joints of both kinds; gears in a robot with slides.
     pub fn by_kind(&self, model: &Model, scales: bool) -> Result<Vec<Self>, ThetaError> {
         let unit = self.kind.unit();
-        if JointKind::Slide.unit(unit) == unit || model.joints.iter().all(|joint| joint.kind.is_hinge()) {
+        if JointKind::Slide.unit(unit) == unit || !model.has_slides() {
             return Ok(vec![self.clone()]);
         }
         if matches!(self.kind, JointParameter::Play | JointParameter::Compliance) {
@@ -86,7 +86,7 @@ impl ParameterRule {
         let places = covered(&self.joints, &model.name, &names).map_err(wrong)?;
         let (hinges, slides): (Vec<&Joint>, Vec<&Joint>) =
             places.into_iter().map(|place| &model.joints[place]).partition(|joint| joint.kind.is_hinge());
-        let of = |joints: &[&Joint], joint_kind: JointKind| {
+        let rule_for = |joints: &[&Joint], joint_kind: JointKind| {
             let number = |value: Option<f64>| {
                 value.map(|value| if scales { joint_kind.like(unit, value) } else { value })
             };
@@ -108,10 +108,12 @@ impl ParameterRule {
                 hinge: hinge.name.clone(),
                 slide: slide.name.clone(),
             }),
-            (Some(_), Some(_)) => Ok(vec![of(&hinges, JointKind::Hinge), of(&slides, JointKind::Slide)]),
+            (Some(_), Some(_)) => {
+                Ok(vec![rule_for(&hinges, JointKind::Hinge), rule_for(&slides, JointKind::Slide)])
+            }
             (None, Some(_)) => {
                 let joints = self.joints.clone();
-                Ok(vec![Self { joints, ..of(&slides, JointKind::Slide) }])
+                Ok(vec![Self { joints, ..rule_for(&slides, JointKind::Slide) }])
             }
             _ => Ok(vec![self.clone()]),
         }

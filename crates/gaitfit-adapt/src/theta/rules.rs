@@ -37,6 +37,17 @@ impl Rules {
     /// # Errors
     /// As [`ParameterRule::by_kind`]; networks of slides.
     pub fn by_kind(self, model: &Model) -> Result<Self, ThetaError> {
+        self.check_networks(model)?;
+        let parts = self.parameter.iter().map(|rule| rule.by_kind(model, false));
+        let parameter = parts.collect::<Result<Vec<_>, _>>()?.concat();
+        Ok(Self { parameter, ..self })
+    }
+
+    /// Refuses networks that cover a slide of `model`.
+    ///
+    /// # Errors
+    /// [`ThetaError::SlidingNetwork`].
+    pub fn check_networks(&self, model: &Model) -> Result<(), ThetaError> {
         let names: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
         for rule in &self.network {
             // Patterns that do not fit are refused with the networks.
@@ -45,9 +56,7 @@ impl Rules {
                 return Err(ThetaError::SlidingNetwork { joint: model.joints[slide].name.clone() });
             }
         }
-        let parts = self.parameter.iter().map(|rule| rule.by_kind(model, false));
-        let parameter = parts.collect::<Result<Vec<_>, _>>()?.concat();
-        Ok(Self { parameter, ..self })
+        Ok(())
     }
 
     /// θ for a robot with these `joints`; parameters first, then networks, then the robot's numbers. `groups` are names

@@ -378,8 +378,8 @@ fn rules_over_hinges_and_slides_are_two() {
     let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
     let groups =
         [("hip".to_owned(), vec!["*_hip".to_owned()]), ("knee".to_owned(), vec!["*_knee".to_owned()])];
-    let of = |parameter: Vec<ParameterRule>| Rules { parameter, ..Rules::default() }.by_kind(&model);
-    let rules = of([JointParameter::FrictionLoss, JointParameter::Delay].map(ParameterRule::new).to_vec());
+    let split = |parameter: Vec<ParameterRule>| Rules { parameter, ..Rules::default() }.by_kind(&model);
+    let rules = split([JointParameter::FrictionLoss, JointParameter::Delay].map(ParameterRule::new).to_vec());
     let mut rules = rules.unwrap();
     assert_eq!(rules.parameter.len(), 3, "the delay's unit is one");
     rules.resolve();
@@ -394,13 +394,13 @@ fn rules_over_hinges_and_slides_are_two() {
     assert_eq!(units, ["N·m", "N", "s", "s"]);
 
     let stated = ParameterRule { upper: Some(2.0), ..ParameterRule::new(JointParameter::Damping) };
-    let error = of(vec![stated.clone()]).unwrap_err();
+    let error = split(vec![stated.clone()]).unwrap_err();
     assert!(error.to_string().contains("hinge `L_hip` and slide `L_knee`, whose units differ"), "{error}");
     let shared = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Armature) };
-    assert!(matches!(of(vec![shared]).unwrap_err(), ThetaError::Kinds { .. }));
-    let play = of(vec![ParameterRule::new(JointParameter::Play)]).unwrap_err();
+    assert!(matches!(split(vec![shared]).unwrap_err(), ThetaError::Kinds { .. }));
+    let play = split(vec![ParameterRule::new(JointParameter::Play)]).unwrap_err();
     assert!(play.to_string().contains("gears"), "{play}");
-    let knees = of(vec![ParameterRule { joints: vec!["*_knee".to_owned()], ..stated.clone() }]).unwrap();
+    let knees = split(vec![ParameterRule { joints: vec!["*_knee".to_owned()], ..stated.clone() }]).unwrap();
     assert_eq!((knees.parameter[0].upper, knees.parameter[0].joint_kind), (Some(2.0), JointKind::Slide));
     let like = stated.by_kind(&model, true).unwrap();
     assert_eq!((like[0].upper, like[1].upper.map(f64::round)), (Some(2.0), Some(200.0)));

@@ -25,7 +25,7 @@ pub fn traces(set: &LogSet, model: &Model, fitted: &[Predicted], nominal: &[Pred
         fitted: column(&fitted.position, joint, joints).collect(),
         nominal: column(&nominal.position, joint, joints).collect(),
         target: log.trajectory.column_at(Signal::Target, joint).unwrap_or_default(),
-        slides: slides(model, name),
+        slides: model.slides(name),
     };
     log.joints.iter().enumerate().map(trace).collect()
 }
@@ -64,17 +64,12 @@ pub fn distributions(
             found.push(SignalDistribution {
                 distance_nominal: distance(&nominal, &measured),
                 distance_fitted: distance(&fitted, &measured),
-                slides: slides(model, name),
+                slides: model.slides(name),
                 ..SignalDistribution::from_samples(name, shown, &measured, &nominal, &fitted)
             });
         }
     }
     found
-}
-
-/// Whether a log's joint slides.
-fn slides(model: &Model, joint: &str) -> bool {
-    model.find_joint(joint).is_some_and(|joint| !model.joints[joint].kind.is_hinge())
 }
 
 /// Wasserstein-1 distance of simulated and measured samples; NaN where one is not finite.

@@ -23,7 +23,7 @@ pub struct SwingFindings {
     pub standing: Standing,
     /// What was removed from the logs before legs in the air were examined, each in a sentence.
     pub taken_out: Vec<String>,
-    /// Slides: estimates from legs in the air are of hinges alone.
+    /// Names of the robot's slides. Estimates from legs in the air leave them out.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub slides: Vec<String>,
     /// Effects of joints and ground that the model lacks, each alone, see [`super::explain`].

@@ -283,17 +283,17 @@ impl AdaptConfig {
         Rules { parameter: self.parameter.clone(), network: self.network.clone(), robot: self.number.clone() }
     }
 
-    /// The settings for the hinges and slides of `model`: a rule that covers both becomes two. Slides get the like of the
-    /// numbers that the defaults for walking robots state.
+    /// The settings for the hinges and slides of `model`: a rule that covers both becomes two. A default of
+    /// walking robots that states numbers states them for hinges; slides get the corresponding ones ([`gaitfit_model::JointKind::like`]).
     ///
     /// # Errors
     /// As [`Rules::by_kind`].
     pub fn by_kind(&self, model: &Model) -> Result<Self, ThetaError> {
         let mut config = self.clone();
-        if model.joints.iter().all(|joint| joint.kind.is_hinge()) {
+        if !model.has_slides() {
             return Ok(config);
         }
-        Rules { network: self.network.clone(), ..Rules::default() }.by_kind(model)?;
+        self.rules().check_networks(model)?;
         let usual = walk_defaults().parameter;
         let parts = self.parameter.iter().map(|rule| rule.by_kind(model, usual.contains(rule)));
         config.parameter = parts.collect::<Result<Vec<_>, _>>()?.concat();

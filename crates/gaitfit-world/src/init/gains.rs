@@ -113,8 +113,8 @@ impl<'a> Chooser<'a> {
         let params = Robot::nominal(model).params(model);
         let params = params.map_err(|error| InitError::Robot(error.to_string()))?;
         let efforts = |kind: JointKind| {
-            let own = anatomy.moved.iter().filter(|&&joint| model.joints[joint].kind == kind);
-            median(own.filter_map(|&joint| model.effort(joint)).collect())
+            let of_kind = anatomy.moved.iter().filter(|&&joint| model.joints[joint].kind == kind);
+            median(of_kind.filter_map(|&joint| model.effort(joint)).collect())
         };
         Ok(Self {
             model,
@@ -326,8 +326,8 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-/// For each joint the stiffness with which it sags by [`SAG`] (slides: by the corresponding length) at most, in any orientation: the weight of what hangs on it
-/// times the distance of that mass.
+/// For each joint the stiffness with which it sags by [`SAG`] (slides: by the corresponding length) at most, in any
+/// orientation: the weight of what hangs on it times the distance of that mass.
 fn held(model: &Model, angles: &[f64], gravity: f64) -> Vec<f64> {
     let frames = body_frames(model, &Frame::WORLD, angles);
     let paths: Vec<Vec<usize>> = (0..model.bodies.len()).map(|body| path(model, body)).collect();
@@ -340,16 +340,16 @@ fn held(model: &Model, angles: &[f64], gravity: f64) -> Vec<f64> {
                 (0..3).for_each(|k| moment[k] += body.mass * centre[k]);
             }
         }
-        let own = &model.joints[joint];
-        let arm = match own.kind {
+        let joint = &model.joints[joint];
+        let arm = match joint.kind {
             JointKind::Hinge => {
-                let anchor = frames[own.body].point(own.pos).map(|x| mass * x);
+                let anchor = frames[joint.body].point(joint.pos).map(|x| mass * x);
                 let arm = sub(moment, anchor);
                 dot(arm, arm).sqrt()
             }
             JointKind::Slide => mass,
         };
-        (gravity * arm / own.kind.like("rad", SAG)).max(own.kind.like("N·m/rad", 1.0))
+        (gravity * arm / joint.kind.like("rad", SAG)).max(joint.kind.like("N·m/rad", 1.0))
     };
     (0..model.joints.len()).map(inertia_about).collect()
 }

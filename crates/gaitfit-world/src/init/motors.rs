@@ -27,9 +27,12 @@ fn of_kind(model: &Model, anatomy: &Anatomy, sizes: &Sizes, kind: JointKind) -> 
     let (lever, unit_name) = if kind.is_hinge() { (sizes.leg, "m g l") } else { (1.0, "m g") };
     let unit = sizes.mass * sizes.gravity * lever;
     let torque = if kind.is_hinge() { "torque" } else { "force" };
-    let (max_speed, max_range) =
-        (kind.like("rad/s", MAX_SPEED), kind.like("rad", MAX_RANGE) * sizes.length().max(1.0));
-    let max_range = if kind.is_hinge() { MAX_RANGE } else { max_range };
+    let max_speed = kind.like("rad/s", MAX_SPEED);
+    let max_range = match kind {
+        JointKind::Hinge => MAX_RANGE,
+        // Longer legs have longer slides.
+        JointKind::Slide => kind.like("rad", MAX_RANGE) * sizes.length().max(1.0),
+    };
     let moved = || anatomy.moved.iter().copied().filter(|&joint| model.joints[joint].kind == kind);
     let mut found = Vec::new();
     let strong: Vec<usize> = moved()

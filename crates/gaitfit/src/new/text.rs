@@ -116,9 +116,9 @@ impl Found<'_> {
             "\n[[parameter]]                    # {what}{unit}\nkind = \"{name}\"\nper = \"{per}\""
         );
         if named {
-            let own = self.model.joints.iter().filter(|joint| joint.kind == kind);
-            let own: Vec<&str> = own.map(|joint| joint.name.as_str()).collect();
-            let list = toml::Value::from(own).to_string();
+            let of_kind = self.model.joints.iter().filter(|joint| joint.kind == kind);
+            let names: Vec<&str> = of_kind.map(|joint| joint.name.as_str()).collect();
+            let list = toml::Value::from(names).to_string();
             line(text, "joints", &list, if kind.is_hinge() { "hinges" } else { "slides" });
         }
         if name == "frictionloss" {

@@ -155,6 +155,7 @@ pub fn regress(
     }
 }
 
+/// The estimate around `found`, the search's values.
 fn estimate(source: &Rounds<'_>, found: &[f64]) -> Result<Regression, NoEstimate> {
     let entries = source.theta.entries();
     if entries.len() > MAX_REGRESSED {

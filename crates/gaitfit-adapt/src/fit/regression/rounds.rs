@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 pub(super) const MAX_ROUNDS: usize = 6;
 /// Min number of rounds.
 const MIN_ROUNDS: usize = 3;
-/// Rounds end when the mean ratio of standard deviations to those of the round before exceeds this.
+/// Each round divides its standard deviations by those of the round before. If their mean ratio exceeds this, no round follows.
 const SETTLED: f64 = 0.95;
 /// Half the width of the first round, in an entry's deviations.
 const FIRST: f64 = 1.5;

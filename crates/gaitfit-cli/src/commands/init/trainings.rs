@@ -49,12 +49,14 @@ pub(super) struct Training {
 }
 
 impl Training {
-    /// Orders trainings: the nearer to walking, the later; without an evaluation, the higher the reward.
+    /// Orders trainings: one that walks last; else the nearer to walking, the later; without an evaluation, the higher the
+    /// reward.
     fn order(&self, other: &Self) -> Ordering {
         let nearness = |one: &Self| -one.shortfall.unwrap_or(f64::INFINITY);
         let reward = |one: &Self| one.reward.filter(|reward| reward.is_finite()).unwrap_or(f64::NEG_INFINITY);
         let by_reward = || reward(self).total_cmp(&reward(other));
-        nearness(self).total_cmp(&nearness(other)).then_with(by_reward)
+        let by_walks = self.walks.cmp(&other.walks);
+        by_walks.then(nearness(self).total_cmp(&nearness(other))).then_with(by_reward)
     }
 }
 
@@ -64,6 +66,11 @@ fn nearest(trainings: &[Training]) -> Option<&Training> {
         !trainings.iter().any(|other| other.guess == one.guess && other.iterations > one.iterations)
     };
     trainings.iter().filter(is_last).max_by(|a, b| a.order(b))
+}
+
+/// Whether a guess was trained further. The first training of each guess has as many iterations as the others.
+fn was_continued(trainings: &[Training]) -> bool {
+    trainings.iter().any(|training| training.iterations > trainings[0].iterations)
 }
 
 /// Trains the guesses one after the other until a policy walks. If none does, it trains the guess that is nearest to walking
@@ -103,7 +110,7 @@ pub(super) fn train_guesses(
         let training = train_one(args, files, looks[guess - 1], guess, Some(iterations))?;
         trainings.push(training);
     }
-    match nearest(&trainings).filter(|_| trainings.len() > looks.len()) {
+    match nearest(&trainings).filter(|_| was_continued(&trainings)) {
         Some(best) => {
             write_configuration(args, files, &looks[best.guess - 1].with_iterations(best.iterations))?;
         }
@@ -211,20 +218,19 @@ fn gains(look: &Look) -> String {
 
 /// The message if no policy walks, with what to do. `written`: the configuration's file.
 pub(super) fn remedy(args: &Init, trainings: &[Training], written: &str) -> String {
-    let was_further = trainings.windows(2).any(|pair| pair[1].guess <= pair[0].guess);
-    let Some(last) = nearest(trainings).filter(|_| was_further) else {
+    let Some(best) = nearest(trainings).filter(|_| was_continued(trainings)) else {
         return format!(
             "no guess learned to walk in its training; {written} has the first one. Look at the stance in the page. Then \
              train longer: --minutes N trains the best guess further, --set train.iterations=N trains each guess longer"
         );
     };
-    let iterations = format!("train.iterations={}", last.iterations.saturating_mul(2));
+    let iterations = format!("train.iterations={}", best.iterations.saturating_mul(2));
     let sets: Vec<String> = args.set.iter().map(|set| format!("'{set}'")).chain([iterations]).collect();
     let sets = sets.join(" --set ");
     format!(
         "no policy learned to walk; {written} has guess {}, the nearest to walking. Look at the stance in the page. To go \
          on with it: gaitfit train {written} --name {} --resume --set {sets}",
-        last.guess, last.name,
+        best.guess, best.name,
     )
 }
 
@@ -239,7 +245,7 @@ pub(super) fn tried(trainings: &[Training]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{Training, is_time_for, nearest};
+    use super::{Training, is_time_for, nearest, was_continued};
     use std::time::Duration;
 
     #[test]
@@ -269,6 +275,11 @@ mod tests {
         let mixed = vec![training(1, 1, Some(40.0), None), training(2, 1, None, Some(0.3))];
         assert_eq!(nearest(&mixed).map(|best| best.guess), Some(1));
         assert!(nearest(&[]).is_none());
+        // A task without walking has no verdict: one whose robots do not diverge is done, whatever the rewards are.
+        let done = Training { walks: true, ..training(1, 2, None, Some(0.1)) };
+        let trainings = vec![training(1, 1, None, Some(0.1)), training(2, 1, None, Some(0.3)), done];
+        assert_eq!(nearest(&trainings).map(|best| (best.guess, best.walks)), Some((1, true)));
+        assert!(was_continued(&trainings) && !was_continued(&trainings[..2]));
     }
 
     #[test]

@@ -36,9 +36,6 @@ pub fn write(
 }
 
 fn picture(log: &Trajectory, findings: &[Finding], model: Option<&Model>) -> LogPicture {
-    let slides = |model: &Model, joint: &str| {
-        model.find_joint(joint).is_some_and(|joint| !model.joints[joint].kind.is_hinge())
-    };
     let source = log.source.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy());
     let title = match (&source, &log.robot) {
         (Some(source), Some(robot)) => format!("{source} ({robot})"),
@@ -48,7 +45,7 @@ fn picture(log: &Trajectory, findings: &[Finding], model: Option<&Model>) -> Log
     };
     let joint = |(number, name): (usize, &String)| LogJoint {
         name: name.clone(),
-        slides: model.is_some_and(|model| slides(model, name)),
+        slides: model.is_some_and(|model| model.slides(name)),
         position: log.column_at(Signal::Position, number).unwrap_or_default(),
         target: log.column_at(Signal::Target, number).unwrap_or_default(),
     };

@@ -196,9 +196,7 @@ fn description(args: &Preflight, robot: &Robot) -> Result<Option<Model>, Failure
         gaitfit_model::read(path, &ReadOptions { lenient: true, ..ReadOptions::default() })
             .map_err(Failure::failed)?
     };
-    let slides =
-        |joint: &str| model.find_joint(joint).is_some_and(|joint| !model.joints[joint].kind.is_hinge());
-    if let Some(motor) = robot.motors.iter().find(|motor| slides(&motor.joint)) {
+    if let Some(motor) = robot.motors.iter().find(|motor| model.slides(&motor.joint)) {
         return Err(Failure::usage(format!(
             "--model {}: joint `{}` is a slide. Preflight moves only hinges, so it cannot check this robot",
             path.display(),

@@ -29,7 +29,7 @@ struct Kind {
     newer: u64,
     /// Inertia and friction of its joints, in parts of those on the server.
     weight: f32,
-    /// The number of a motor with wrong gains, and its gains divided by those of the command.
+    /// A motor with wrong gains: its number, and the factor from the commanded gains to its own.
     gains: Option<(usize, f32)>,
     /// Whether it has the noise and the dry friction of a real robot.
     noisy: bool,
