@@ -32,4 +32,5 @@ mod run;
 mod sensors;
 mod train;
 mod validate;
+mod wheels;
 mod whole_loop;

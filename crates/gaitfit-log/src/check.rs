@@ -29,6 +29,7 @@ use crate::names::names;
 use crate::scale::{self, scales};
 use serde::de::IntoDeserializer;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What the checks may know about the robot. Everything is optional and by joint name; joints that the maps
@@ -281,6 +282,12 @@ pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
         findings.add(FindingKind::Malformed, Severity::Error, &[], None, error.to_string());
         return findings.list;
     }
+    let mut unwrapped = Cow::Borrowed(log);
+    if !log.velocity_joints.is_empty() {
+        unwrapped.to_mut().unwrap_wheels();
+    }
+    let log = &*unwrapped;
+    findings.log = log;
     joints::check(&mut findings, spec);
     if log.len() < 2 {
         let message = format!("{} sample(s); record at least a second", log.len());

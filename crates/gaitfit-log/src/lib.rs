@@ -63,6 +63,7 @@ mod stamps;
 mod summary;
 mod time_unit;
 mod trajectory;
+mod wheels;
 mod write;
 
 pub use assemble::measured_rate;

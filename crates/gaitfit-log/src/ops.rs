@@ -95,6 +95,12 @@ impl Trajectory {
         Some(self.signal(signal)?.iter().skip(joint).step_by(width).copied().collect())
     }
 
+    /// The velocity targets of a joint by its column number, rad/s; `None` if its targets are angles or the log has none.
+    pub fn velocity_target(&self, joint: usize) -> Option<Vec<f64>> {
+        let targets = self.target.as_ref().filter(|_| self.has_velocity_target(joint))?;
+        Some(targets.iter().skip(joint).step_by(self.joints.len()).copied().collect())
+    }
+
     /// Whether all arrays have the sizes that `time` and `joints` say, joint names are distinct and not empty,
     /// times finite, rate and gains usable numbers. Says nothing about the values.
     pub fn validate(&self) -> Result<(), LogError> {

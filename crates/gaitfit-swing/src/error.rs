@@ -12,6 +12,16 @@ pub enum SwingError {
         /// What is missing.
         what: &'static str,
     },
+    /// A log in which targets are velocities, as of wheels.
+    #[error(
+        "{log}: legs in the air cannot be evaluated, because the targets of joint `{joint}` are velocities"
+    )]
+    VelocityTargets {
+        /// The log.
+        log: String,
+        /// One of these joints.
+        joint: String,
+    },
     /// A joint that the robot lacks.
     #[error("{log}: the robot has no joint `{joint}`; use the robot file that the log was made with")]
     NoSuchJoint {

@@ -68,8 +68,8 @@ impl Walk {
         let name =
             || log.source.as_ref().map_or_else(|| "the log".to_owned(), |path| path.display().to_string());
         let lacks = |what| SwingError::Lacks { log: name(), what };
-        if !log.velocity_joints.is_empty() {
-            return Err(lacks("position targets of every joint (velocity_joints is stated)"));
+        if let Some(joint) = log.velocity_joints.first() {
+            return Err(SwingError::VelocityTargets { log: name(), joint: joint.clone() });
         }
         let targets = log.target.as_ref().ok_or_else(|| lacks("position targets (columns qdes_…)"))?;
         let gains =

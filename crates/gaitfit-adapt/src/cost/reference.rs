@@ -87,8 +87,8 @@ pub struct Dimension {
     pub min: f64,
     /// Largest recorded value.
     pub max: f64,
-    /// 2 / (max − min), which maps the robot's range to [−1, 1]; `None` if the robot's value is constant. The
-    /// shift is −(max + min) / (max − min); it cancels in every distance and is not stored.
+    /// 2 / (max − min), which maps the robot's range to [−1, 1]; `None` if the robot's value is constant or not
+    /// compared. The shift is −(max + min) / (max − min); it cancels in every distance and is not stored.
     pub scale: Option<f64>,
     /// All samples, ascending.
     pub(crate) sorted: Vec<f64>,
@@ -151,6 +151,19 @@ impl Reference {
     /// loses half of the recording.
     pub(crate) fn lost_by_robot(&self) -> f64 {
         0.5 * self.fall_rate
+    }
+
+    /// The same recordings without the angles of `joints`, such as wheels, which turn without limit. Their velocities and
+    /// actions are still compared.
+    pub fn without_angles(mut self, joints: &[String]) -> Self {
+        if let Some(position) = &mut self.signals[Signal::Position as usize] {
+            for (name, dimension) in self.joints.iter().zip(&mut position.dimensions) {
+                if joints.contains(name) {
+                    dimension.scale = None;
+                }
+            }
+        }
+        self
     }
 
     /// The same recordings in the scaling of `other`, which has the same joints. Without it, the scaling of two sets of logs
@@ -229,7 +242,7 @@ impl Reference {
         let mut found = Vec::new();
         for signal in Signal::ALL {
             for (column, dimension) in self.dimensions(signal).unwrap_or_default().iter().enumerate() {
-                if dimension.scale.is_none() {
+                if dimension.is_constant() {
                     found.push((signal, signal.column(&self.joints, column)));
                 }
             }
@@ -349,6 +362,16 @@ impl ReferenceSignal {
 }
 
 impl Dimension {
+    /// Whether the robot's value never changes.
+    fn is_constant(&self) -> bool {
+        self.max - self.min < MIN_RANGE
+    }
+
+    /// Whether the robot's value changes and is not compared; see [`Reference::without_angles`].
+    pub fn is_left_out(&self) -> bool {
+        self.scale.is_none() && !self.is_constant()
+    }
+
     /// All samples that count, ascending.
     pub fn sorted(&self) -> &[f64] {
         &self.sorted
@@ -372,78 +395,4 @@ fn sorted(matrices: &[Vec<f64>], column: usize, width: usize) -> Vec<f64> {
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-mod tests {
-    use super::*;
-
-    fn names(names: &[&str]) -> Vec<String> {
-        names.iter().map(ToString::to_string).collect()
-    }
-
-    fn recorded(position: &[f64], velocity: &[f64]) -> Recorded {
-        Recorded { position: position.to_vec(), velocity: velocity.to_vec(), ..Recorded::default() }
-    }
-
-    #[test]
-    fn scale_maps_the_counted_range_to_two_and_names_constants() {
-        let runs = [
-            recorded(&[9.0, 1.0, 0.0, 1.0, 3.0, 1.0], &[0.0, 5.0, 1.0, 6.0, 2.0, 8.0]),
-            recorded(&[9.0, 1.0, -1.0, 1.0], &[0.0, 0.0, 0.0, 7.0]),
-        ];
-        let reference = Reference::new(names(&["hip", "calf"]), &runs, 1).unwrap();
-        let hip = &reference.dimensions(Signal::Position).unwrap()[0];
-        assert_eq!((hip.min, hip.max, hip.scale), (-1.0, 3.0, Some(0.5)));
-        assert_eq!(hip.sorted, [-1.0, 0.0, 3.0]);
-        assert_eq!(reference.constant(), [(Signal::Position, "calf")]);
-        assert_eq!((reference.samples(0), reference.samples(1), reference.samples(2)), (3, 2, 0));
-        assert!(!reference.has(Signal::Action));
-    }
-
-    #[test]
-    fn bad_references_are_named() {
-        let joints = names(&["hip", "calf"]);
-        let nan = recorded(&[0.0, 1.0, 2.0, 3.0], &[0.0, 1.0, 2.0, f64::NAN]);
-        let error = Reference::new(joints.clone(), &[nan], 0).unwrap_err();
-        assert_eq!(
-            error,
-            CostError::ReferenceNotFinite {
-                signal: Signal::Velocity,
-                of: "joint calf".into(),
-                recording: 0,
-                sample: 1
-            }
-        );
-        let short = recorded(&[0.0, 1.0], &[0.0, 1.0]);
-        assert!(matches!(Reference::new(joints.clone(), &[short], 1), Err(CostError::EmptyReference(_))));
-        let ragged = recorded(&[0.0, 1.0, 2.0], &[0.0, 1.0, 2.0]);
-        assert!(matches!(Reference::new(joints.clone(), &[ragged], 0), Err(CostError::Shape { .. })));
-        assert!(matches!(Reference::new(joints, &[], 0), Err(CostError::EmptyReference(_))));
-    }
-
-    #[test]
-    fn trajectories_are_reordered_by_name() {
-        let trajectory = Trajectory {
-            source: None,
-            robot: None,
-            joints: names(&["calf", "hip"]),
-            time: vec![0.0, 0.02],
-            rate_hz: 50.0,
-            position: vec![1.0, 2.0, 3.0, 4.0],
-            velocity: vec![5.0, 6.0, 7.0, 8.0],
-            target: None,
-            action: Some(vec![0.1, 0.2, 0.3, 0.4]),
-            command: None,
-            motion: None,
-            base: None,
-            gains: None,
-            lead: None,
-            simulated_step: None,
-            velocity_joints: Vec::new(),
-            fell: false,
-        };
-        let recorded = Recorded::from_trajectory(&trajectory, &names(&["hip", "calf"]), 0).unwrap();
-        assert_eq!(recorded.position, [2.0, 1.0, 4.0, 3.0]);
-        assert_eq!(recorded.action.unwrap(), [0.2, 0.1, 0.4, 0.3]);
-        let error = Recorded::from_trajectory(&trajectory, &names(&["knee"]), 4).unwrap_err();
-        assert!(error.to_string().contains("recording 4 has no joint knee"));
-    }
-}
+mod tests;

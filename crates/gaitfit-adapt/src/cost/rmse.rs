@@ -8,14 +8,15 @@ use serde::Serialize;
 /// Root-mean-square position error of a free-running simulation, rad.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PositionRmse {
-    /// Over all samples and joints.
+    /// Over all samples and the joints whose angles are compared.
     pub total: f64,
-    /// Over all samples, one a joint in the reference's joint order.
+    /// Over all samples, one a joint in the reference's joint order; NaN for a joint whose angle is not compared.
     pub per_joint: Vec<f64>,
 }
 
 /// The position error of `simulated` (`samples × joints`, rad, pre-roll included) against recording `recording` of
-/// `reference`, unscaled: √(1/(T·J) Σ (q_sim − q)²) over the samples after the pre-roll.
+/// `reference`, unscaled: √(1/(T·J) Σ (q_sim − q)²) over the samples after the pre-roll. Joints whose angles the reference
+/// leaves out ([`Reference::without_angles`]) do not count.
 ///
 /// # Errors
 /// [`CostError::UnknownRecording`], [`CostError::Shape`], [`CostError::NotFinite`].
@@ -37,10 +38,16 @@ pub fn position_rmse(
             expected: format!("{} samples × {width} joints", reference.samples(recording)),
         });
     }
-    let sums = squared_differences(counted, measured, width);
     let samples = (measured.len() / width) as f64;
+    let mut sums = squared_differences(counted, measured, width);
+    for (sum, dimension) in sums.iter_mut().zip(reference.dimensions(Signal::Position).unwrap_or_default()) {
+        if dimension.is_left_out() {
+            *sum = f64::NAN;
+        }
+    }
+    let compared = || sums.iter().filter(|sum| !sum.is_nan());
     Ok(PositionRmse {
-        total: (sums.iter().sum::<f64>() / measured.len() as f64).sqrt(),
+        total: (compared().sum::<f64>() / (samples * compared().count() as f64)).sqrt(),
         per_joint: sums.iter().map(|sum| (sum / samples).sqrt()).collect(),
     })
 }

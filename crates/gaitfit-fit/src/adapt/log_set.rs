@@ -71,7 +71,7 @@ impl LogSet {
             |(number, log): (usize, &Log)| Recorded::from_trajectory(&log.trajectory, &joints, number);
         let reference = || -> Result<Reference, CostError> {
             let recorded = logs.iter().enumerate().map(recorded).collect::<Result<Vec<_>, _>>()?;
-            Reference::new(joints.clone(), &recorded, skip)
+            Ok(Reference::new(joints.clone(), &recorded, skip)?.without_angles(wheels(&logs)))
         };
         let reference = reference().map_err(|error| incomparable(&logs, &error))?;
         Ok(Self { logs, simulator, reference: Arc::new(reference), falling: Falling::default() })
@@ -89,6 +89,11 @@ impl LogSet {
         Self { reference: Arc::new(reference), falling, ..self }
     }
 
+    /// Joints with velocity targets, such as wheels: their angles are not compared.
+    pub fn wheels(&self) -> &[String] {
+        wheels(&self.logs)
+    }
+
     /// The configuration's costs against these logs.
     pub fn costs(&self, config: &AdaptConfig) -> Result<Vec<Box<dyn Cost>>, Error> {
         let build =
@@ -96,6 +101,11 @@ impl LogSet {
         let costs = config.costs.iter().map(build).collect::<Result<_, _>>();
         costs.map_err(|error| incomparable(&self.logs, &error))
     }
+}
+
+/// Joints of `logs` with velocity targets. All logs are of one policy.
+fn wheels(logs: &[Log]) -> &[String] {
+    logs.first().map_or(&[], |log| &log.trajectory.velocity_joints)
 }
 
 /// Max logs that a message names.

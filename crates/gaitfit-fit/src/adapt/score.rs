@@ -121,7 +121,8 @@ fn rmse_of(set: &LogSet, predicted: &[Predicted]) -> Vec<Option<PositionRmse>> {
     predicted.iter().enumerate().map(rmse).collect()
 }
 
-/// Position errors by joint (the log's names), rad RMS over the logs of a set that were simulated to their ends.
+/// Position errors of the joints whose angles are compared (by the log's names), rad RMS over the logs of a set that were simulated to
+/// their ends.
 pub(super) fn joint_errors(
     set: &LogSet,
     predict: impl Fn(&LogSet) -> Result<Vec<Predicted>, Error>,
@@ -132,7 +133,8 @@ pub(super) fn joint_errors(
         let squares = errors.iter().filter_map(|error| error.per_joint.get(joint)).map(|error| error * error);
         (squares.sum::<f64>() / errors.len() as f64).sqrt()
     };
-    Ok(log.joints.iter().enumerate().map(|(joint, name)| (name.clone(), over_logs(joint))).collect())
+    let joints = log.joints.iter().enumerate().map(|(joint, name)| (name.clone(), over_logs(joint)));
+    Ok(joints.filter(|(_, error)| !error.is_nan()).collect())
 }
 
 /// Mean position RMSE over the logs of some sets; `None` if one diverged or there are none.
@@ -161,6 +163,7 @@ pub(super) fn validation(
             };
             let error = errors.get(number).and_then(Option::as_ref).filter(|_| aligned);
             let joints = error.iter().flat_map(|error| error.per_joint.iter().copied());
+            let compared = log.joints.iter().cloned().zip(joints).filter(|(_, error)| !error.is_nan());
             let nominal = nominal.get(number).and_then(Option::as_ref).filter(|_| aligned);
             found.push(Validation {
                 file: log.name.clone(),
@@ -168,7 +171,7 @@ pub(super) fn validation(
                 nominal_cost: one(&plain),
                 rmse_rad: error.map(|error| error.total),
                 nominal_rmse_rad: nominal.map(|error| error.total),
-                rmse_per_joint: log.joints.iter().cloned().zip(joints).collect(),
+                rmse_per_joint: compared.collect(),
                 fell: fitted.get(number).is_some_and(|log| log.fell_at.is_some()),
             });
         }

@@ -18,6 +18,7 @@ use crate::log::Log;
 use crate::settings::{AdaptConfig, Base, check};
 use crate::walk::logs::LogNotes;
 use crate::walk::remedy::Remedies;
+use crate::walk::rule_joints;
 use crate::walk::self_contact;
 use crate::walk::sized;
 use crate::walk::swing::{SwingFindings, SwingNumber};
@@ -290,7 +291,7 @@ fn set_walk_defaults(
     joints: &[String],
     feet: Option<usize>,
 ) -> Result<(), Error> {
-    leave_held_out(config, policy, joints);
+    rule_joints::limit(&mut config.parameter, &policy.interface, joints)?;
     feet.into_iter().for_each(|feet| sized::fit_to(config, stated, model, feet));
     config.simulation.timestep = walking::timestep(config, policy)?;
     Ok(())
@@ -355,10 +356,13 @@ fn replicas(
 fn with_springs(config: &AdaptConfig, method: &Method, joints: &[String]) -> Result<Theta, Error> {
     let model = method.model();
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
-    let rest = match method.walking() {
-        Some(walking) => rest_angles(&walking.policy, model)?,
-        None => vec![0.0; names.len()],
+    let (rest, wheels) = match method.walking() {
+        Some(walking) => {
+            (rest_angles(&walking.policy, model)?, walking.policy.interface.velocity_joints.as_slice())
+        }
+        None => (vec![0.0; names.len()], &[][..]),
     };
+    let joints: Vec<String> = joints.iter().filter(|joint| !wheels.contains(joint)).cloned().collect();
     let mut rules = config.rules();
     rules.parameter.extend([JointParameter::Stiffness, JointParameter::SpringTorque].map(|kind| {
         ParameterRule { per: Sharing::Joint, joints: joints.to_vec(), ..ParameterRule::new(kind) }
@@ -382,20 +386,6 @@ fn unnamed(robot: &str, policy: &Policy, model: &Model) -> Option<String> {
             shown(&policy.interface.robot)
         )
     })
-}
-
-/// Limits rules with values for joints or groups to joints that the policy moves, unless the rule names its joints. Joints
-/// that the policy holds hardly move, and logs often lack them.
-fn leave_held_out(config: &mut AdaptConfig, policy: &Policy, joints: &[String]) {
-    let moved: Vec<String> =
-        joints.iter().filter(|&joint| policy.interface.joints.contains(joint)).cloned().collect();
-    if moved.is_empty() || moved.len() == joints.len() {
-        return;
-    }
-    let apart = |rule: &&mut ParameterRule| rule.per != Sharing::All && rule.joints == ["*"];
-    for rule in config.parameter.iter_mut().filter(apart) {
-        rule.joints.clone_from(&moved);
-    }
 }
 
 /// Whether fits of simulated logs, or simulated robots, may correct a fit of `config`.

@@ -11,7 +11,7 @@ fn column(matrix: &[f32], joint: usize, joints: usize) -> impl Iterator<Item = f
     matrix.iter().skip(joint).step_by(joints.max(1)).map(|value| f64::from(*value))
 }
 
-/// The positions of the first log of a set over time, joint by joint.
+/// The positions of the first log of a set over time, joint by joint, without wheels.
 pub fn traces(set: &LogSet, model: &Model, fitted: &[Predicted], nominal: &[Predicted]) -> Vec<JointTrace> {
     let (Some(log), Some(fitted), Some(nominal)) = (set.logs.first(), fitted.first(), nominal.first()) else {
         return Vec::new();
@@ -27,7 +27,9 @@ pub fn traces(set: &LogSet, model: &Model, fitted: &[Predicted], nominal: &[Pred
         target: log.trajectory.column_at(Signal::Target, joint).unwrap_or_default(),
         slides: model.slides(name),
     };
-    log.joints.iter().enumerate().map(trace).collect()
+    let compared =
+        log.joints.iter().enumerate().filter(|(joint, _)| !log.trajectory.has_velocity_target(*joint));
+    compared.map(trace).collect()
 }
 
 /// How the signals of a set's joints are distributed over all of its logs; actions where both sides have them.
@@ -45,7 +47,11 @@ pub fn distributions(
     ];
     let mut found = Vec::with_capacity(signals.len() * joints.len());
     for (joint, name) in joints.iter().enumerate() {
+        let is_wheel = set.logs.iter().any(|log| log.trajectory.has_velocity_target(joint));
         for (signal, shown) in signals {
+            if is_wheel && signal == Signal::Position {
+                continue;
+            }
             let measured = set.logs.iter().filter_map(|log| log.trajectory.column_at(signal, joint));
             let measured: Vec<f64> = measured.flatten().collect();
             let samples = |simulated: &[Predicted]| -> Vec<f64> {

@@ -5,7 +5,7 @@ use super::search::search;
 use super::{Arrangement, Change, Diagnosis};
 use crate::walk::logs::actions_of;
 use crate::walk::policy_check::{self, PolicyMatch};
-use crate::walk::{rate, reference};
+use crate::walk::{rate, reference, wheels};
 use crate::{Error, log_joints, machine};
 use gaitfit_log::{ReadOptions, Trajectory, read_csv};
 use gaitfit_model::Model;
@@ -150,6 +150,7 @@ pub fn match_log(policy: &Policy, name: &str, model: &Model, path: &Path) -> Res
              none"
         )));
     }
+    wheels::settle(&mut log, &policy.interface).map_err(|what| Error::failed(format!("{shown}: {what}")))?;
     if log.action.is_none() {
         let Some(target) = &log.target else {
             return Err(Error::failed(format!(

@@ -142,7 +142,13 @@ fn page(settings: &ViewSettings, shown: Shown, rows: std::ops::Range<usize>) -> 
     let distance = |simulated: &Option<Simulated>| {
         let simulated = simulated.as_ref()?;
         let cells = rows.start * width..rows.end * width;
-        distance(shown.clamped, &simulated.position[cells.clone()], &measured[cells], width)
+        let compared: Vec<usize> =
+            (0..width).filter(|&joint| !shown.log.has_velocity_target(joint)).collect();
+        let angles = |all: &[f64]| -> Vec<f64> {
+            all.chunks_exact(width).flat_map(|row| compared.iter().map(|&joint| row[joint])).collect()
+        };
+        let (simulated, measured) = (angles(&simulated.position[cells.clone()]), angles(&measured[cells]));
+        distance(shown.clamped, &simulated, &measured, compared.len())
     };
     let distance_rad = [distance(&shown.nominal), distance(&shown.fitted)];
     let beside = shown.fitted.as_ref().or(shown.nominal.as_ref());
@@ -286,7 +292,9 @@ fn traces(shown: &Shown, rows: &std::ops::Range<usize>) -> Vec<JointTrace> {
         measured: column(&shown.log.position, joint),
         fitted: positions(&shown.fitted, joint),
         nominal: positions(&shown.nominal, joint),
-        target: shown.log.target.as_deref().map(|target| column(target, joint)).unwrap_or_default(),
+        target: (shown.log.target.as_deref().filter(|_| !shown.log.has_velocity_target(joint)))
+            .map(|target| column(target, joint))
+            .unwrap_or_default(),
         slides: !shown.model.joints[shown.joints[joint]].kind.is_hinge(),
     };
     shown.log.joints.iter().enumerate().map(trace).collect()

@@ -9,7 +9,7 @@ use super::log_files::{self, LogFile};
 use super::mounting;
 use super::policy_check::{self, PolicyMatch};
 use super::simulator::IMU_COLUMNS;
-use super::{doubts, rate, reference};
+use super::{doubts, rate, reference, wheels};
 use crate::Error;
 use crate::arrangement;
 use crate::log::Log;
@@ -282,6 +282,8 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
              three columns now."
         )));
     }
+    wheels::settle(&mut trajectory, &scene.walker.interface)
+        .map_err(|what| Error::failed(format!("{shown}: {what}")))?;
     let motion = reference::settle(&mut trajectory, &scene.walker.interface, &file.name)
         .map_err(|what| Error::failed(format!("{shown}: {what}")))?;
     if trajectory.action.is_none() {

@@ -16,12 +16,14 @@ pub mod rate;
 pub mod recorder;
 pub(crate) mod reference;
 pub mod remedy;
+pub(crate) mod rule_joints;
 pub mod self_contact;
 pub mod simulator;
 pub mod sized;
 pub mod swing;
 pub mod tilt;
 pub mod walking;
+pub(crate) mod wheels;
 
 #[cfg(test)]
 pub(crate) mod fixtures;

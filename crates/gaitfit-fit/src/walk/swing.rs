@@ -63,8 +63,9 @@ impl SwingFindings {
         settings: &SwingSettings,
         watch: &Watch<'_>,
     ) -> (Self, Vec<Trajectory>) {
-        let rows: Vec<Trajectory> =
+        let mut rows: Vec<Trajectory> =
             logs.iter().map(|&log| Trajectory { lead: None, ..log.clone() }).collect();
+        rows.iter_mut().for_each(Trajectory::unwrap_wheels);
         let logs: Vec<&Trajectory> = rows.iter().collect();
         let logs = logs.as_slice();
         let sensors = Sensors::new(logs);
@@ -127,6 +128,7 @@ fn recorded(log: &Log) -> Option<Trajectory> {
     let read = read_csv(&log.path, &ReadOptions::default()).ok()?;
     let mut whole = read.select_joints(&log.joints).ok()?;
     whole.joints.clone_from(&log.trajectory.joints);
+    whole.velocity_joints.clone_from(&log.trajectory.velocity_joints);
     let enough = whole.duration() - log.trajectory.duration() < ENDS_S && whole.target.is_some();
     enough.then_some(whole)
 }

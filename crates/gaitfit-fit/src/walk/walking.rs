@@ -37,7 +37,6 @@ impl Walking {
         base: &Candidate,
         threads: usize,
     ) -> Result<Self, Error> {
-        only_positions(&policy)?;
         let settings = settings(config, &policy, model)?;
         let task = task(config.simulation.preset, settings, &policy, model, theta, base)?;
         Ok(Self { policy, task, threads, gpus: Vec::new() })
@@ -56,7 +55,6 @@ impl Walking {
         base: &Candidate,
         threads: usize,
     ) -> Result<Self, Error> {
-        only_positions(&policy)?;
         let mut settings = settings(config, &policy, model)?;
         let mut preset = config.simulation.preset;
         if let Some(step) = settings.robot_timestep {
@@ -81,19 +79,6 @@ impl Walking {
     pub fn simulator(self: &Arc<Self>, base: Candidate, logs: &[Log]) -> WalkSimulator {
         let trajectories: Vec<_> = logs.iter().map(|log| &log.trajectory).collect();
         WalkSimulator::new(Arc::clone(self), base, &trajectories).with_filled(logs)
-    }
-}
-
-/// Refuses policies that give a joint velocities: angles of wheels, which fits compare, do not come back.
-fn only_positions(policy: &Policy) -> Result<(), Error> {
-    match policy.interface.velocity_joints.first() {
-        None => Ok(()),
-        Some(joint) => Err(Error::Refused(format!(
-            "the policy gives joint `{}` velocities (velocity_joints); logs of such policies cannot be fitted or followed \
-             yet, because the angles of wheels have no place to compare. Fit the other joints from a log with the legs in \
-             the air, or from a walk with braked wheels.",
-            gaitfit_model::shown(joint)
-        ))),
     }
 }
 
@@ -169,26 +154,4 @@ fn task(
     let delay = base.robot.delay.iter().fold(0.0f64, |max, &delay| max.max(delay));
     let delay = delay.max(theta.largest(JointParameter::Delay).unwrap_or(0.0));
     Task::with_interface(model, &settings.calm(), interface, preset, delay).map_err(Error::failed)
-}
-
-#[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn policies_that_give_velocities_are_refused_by_joint() {
-        let scene = crate::walk::fixtures::scene();
-        let mut policy = crate::walk::fixtures::policy(&scene, 1);
-        assert!(only_positions(&policy).is_ok());
-        policy.interface.velocity_joints = vec![policy.interface.joints[3].clone()];
-        let error = only_positions(&policy).unwrap_err().to_string();
-        let joint = &policy.interface.joints[3];
-        assert!(error.contains(joint) && error.contains("braked wheels"), "{error}");
-        // Neither are targets that are velocities replayed.
-        let mut log = crate::walk::fixtures::puppet(&policy, 1, 1.0);
-        log.velocity_joints = vec![joint.clone()];
-        let error = crate::air::logs::recording(&log, std::path::Path::new("a.csv")).unwrap_err().to_string();
-        assert!(error.contains("a.csv: the targets of joint") && error.contains(joint), "{error}");
-    }
 }

@@ -90,9 +90,16 @@ fn not_following(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
                 2 * held > asked
             })
             .collect();
+        // Angles and speeds have different units: average only one of them, angles first.
+        let is_wheel = |joint: &usize| findings.log.has_velocity_target(*joint);
+        let only_wheels = joints.iter().all(is_wheel);
+        let unit = if only_wheels { "rad/s" } else { "rad" };
+        let same_unit: Vec<usize> =
+            joints.iter().copied().filter(|joint| is_wheel(joint) == only_wheels).collect();
         let middle = |value: fn(&Joint) -> f64| {
             typical(
-                part.iter().flat_map(|window| joints.iter().map(move |&joint| value(&window.joints[joint]))),
+                part.iter()
+                    .flat_map(|window| same_unit.iter().map(move |&joint| value(&window.joints[joint]))),
             )
         };
         let (asked, moved, away) =
@@ -100,8 +107,8 @@ fn not_following(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
         let span = span(part);
         let away = if away.is_finite() { format!(", {} rad away", decimals(away, 2)) } else { String::new() };
         let message = format!(
-            "{}, {} do not do what they are asked (targets vary by {} rad, the joints by {} \
-             rad{away}); the robot lies, is stuck or held, or its motors are off: leave this part out or \
+            "{}, {} do not do what they are asked (targets vary by {} {unit}, the joints by {} \
+             {unit}{away}); the robot lies, is stuck or held, or its motors are off: leave this part out or \
              record again",
             between(findings.log, &span),
             findings.names(&joints),
@@ -122,13 +129,18 @@ fn single_joints(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
                 |value: fn(&Joint) -> f64| typical(part.iter().map(|window| value(&window.joints[joint])));
             let (asked, moved) = (middle(|joint| joint.target_motion), middle(|joint| joint.motion));
             let span = span(part);
+            let [asked, moved] = [asked, moved].map(|value| decimals(value, 3));
+            let how = match findings.log.has_velocity_target(joint) {
+                true => {
+                    format!("asks for a speed or a change of {asked} rad/s, the wheel makes {moved} rad/s")
+                }
+                false => format!("varies by {asked} rad, the joint by {moved} rad"),
+            };
             let message = format!(
-                "{}, {} does not follow its target (which varies by {} rad, the joint by {} rad) \
-                 while others follow; is it blocked, unpowered, at its limit, or is the column another joint's?",
+                "{}, {} does not follow its target (which {how}) while others follow; is it blocked, unpowered, at its limit, or \
+                 is the column another joint's?",
                 between(findings.log, &span),
                 shown(&findings.log.joints[joint]),
-                decimals(asked, 3),
-                decimals(moved, 3),
             );
             findings.add(FindingKind::JointNotFollowing, Severity::Warning, &[joint], Some(span), message);
         }

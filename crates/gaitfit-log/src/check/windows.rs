@@ -18,6 +18,10 @@ const WINDOW_SAMPLES: usize = 20;
 const RATE_HZ: f64 = 100.0;
 /// A target that deviates this much in a window, rad, asks for motion.
 const ASKS: f64 = 0.05;
+/// The same for a velocity target, rad/s.
+const ASKS_SPEED: f64 = 1.0;
+/// A steady velocity target of this size, rad/s, asks a wheel to turn.
+const ASKS_STEADY_SPEED: f64 = 3.0;
 /// Longest delay tried, s: transport, policy hold and the joint's own lag.
 const DELAY_S: f64 = 0.2;
 /// Time constants of the low-pass filters tried, s: kd/kp of usual gains is 0.02–0.1.
@@ -37,16 +41,18 @@ const REST_MOTION: f64 = 0.01;
 /// Radians a unit of action, to tell motion from rest where a log has actions and no targets; the usual scale.
 const ACTION_SCALE: f64 = 0.25;
 
-/// What a joint is asked to do: its position target, or up to an offset and a scale its action.
+/// What a joint is asked to do: its position target; up to an offset and a scale its action; or its velocity target, rad/s (in logs
+/// without targets its action, unscaled).
 enum Wish {
     Target(Vec<f64>),
     Action(Vec<f64>),
+    Velocity(Vec<f64>),
 }
 
 impl Wish {
     fn values(&self) -> &[f64] {
         match self {
-            Wish::Target(values) | Wish::Action(values) => values,
+            Wish::Target(values) | Wish::Action(values) | Wish::Velocity(values) => values,
         }
     }
 }
@@ -64,7 +70,8 @@ pub(super) struct Joint {
     pub rests: bool,
     /// Mean distance from the target, rad; NaN without a target.
     pub distance: f64,
-    /// Deviations of target and position, rad.
+    /// Deviations of target and position, rad. For a wheel: deviations of its target and measured velocity, rad/s, or the size of
+    /// their means if the target is steady.
     pub target_motion: f64,
     pub motion: f64,
 }
@@ -156,9 +163,15 @@ pub(super) fn windows(log: &Trajectory) -> Vec<Window> {
         let column = |signal| log.column_at(signal, joint).map(thin);
         let q = column(Signal::Position).unwrap_or_default();
         let dq = column(Signal::Velocity).unwrap_or_default();
-        let wish = column(Signal::Target).map(Wish::Target).or_else(|| {
+        let is_wheel = log.has_velocity_target(joint);
+        let target = if is_wheel { log.velocity_target(joint).map(thin).map(Wish::Velocity) } else { None };
+        let wish = target.or_else(|| column(Signal::Target).map(Wish::Target)).or_else(|| {
             let action = column(Signal::Action)?;
-            Some(Wish::Action(action.iter().map(|action| ACTION_SCALE * action).collect()))
+            Some(if is_wheel {
+                Wish::Velocity(action)
+            } else {
+                Wish::Action(action.iter().map(|action| ACTION_SCALE * action).collect())
+            })
         });
         let filtered: Vec<Vec<f64>> =
             wish.iter().flat_map(|wish| FILTERS_S.map(|time| low_pass(wish.values(), time * rate))).collect();
@@ -178,10 +191,12 @@ fn judge(
     range: std::ops::Range<usize>,
     lags: usize,
 ) -> Joint {
-    let here = &q[range.clone()];
+    // What answers the wish: a wheel's speed, or a joint's angle.
+    let (answers, asks) = if matches!(wish, Some(Wish::Velocity(_))) { (dq, ASKS_SPEED) } else { (q, ASKS) };
+    let here = &answers[range.clone()];
     let mut joint = Joint {
         // NaN compares false: a window with NaN neither rests nor asks.
-        rests: rms(&dq[range.clone()]) < REST_SPEED && deviation(here) < REST_MOTION,
+        rests: rms(&dq[range.clone()]) < REST_SPEED && deviation(&q[range.clone()]) < REST_MOTION,
         motion: deviation(here),
         distance: f64::NAN,
         ..Joint::default()
@@ -193,14 +208,23 @@ fn judge(
         joint.distance = mean(&errors).abs();
     }
     joint.target_motion = deviation(target);
-    joint.asked = joint.target_motion > ASKS && joint.motion.is_finite();
+    let level = mean(target);
+    if matches!(wish, Wish::Velocity(_)) && joint.target_motion <= asks && level.abs() > ASKS_STEADY_SPEED {
+        // Under a steady target only the wheel's mean speed is judged.
+        let speed = mean(here) * level.signum();
+        (joint.target_motion, joint.motion) = (level.abs(), speed.abs());
+        joint.asked = joint.motion.is_finite();
+        joint.follows = speed > HELD_SHARE * level.abs();
+        return joint;
+    }
+    joint.asked = joint.target_motion > asks && joint.motion.is_finite();
     if !joint.asked {
         return joint;
     }
     for lag in 0..=lags {
         // Near the end of the log the later samples of the answer are missing: compare what there is.
-        let end = (range.end + lag).min(q.len());
-        let answer = &q[range.start + lag..end];
+        let end = (range.end + lag).min(answers.len());
+        let answer = &answers[range.start + lag..end];
         if answer.len() < WINDOW_SAMPLES || deviation(answer) < MOVED_SHARE * joint.target_motion {
             continue;
         }

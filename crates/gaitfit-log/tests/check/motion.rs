@@ -68,6 +68,66 @@ fn a_held_robot_is_stuck_and_a_held_joint_is_named() {
     assert!((2.4..=3.1).contains(&span.from_s) && span.end == 600, "{finding:?}");
 }
 
+/// A log whose second joint is a wheel: its target is a velocity of `asked(t)` rad/s, and it turns at `turns(t)`.
+fn on_wheels(asked: impl Fn(f64) -> f64, turns: impl Fn(f64) -> f64) -> Trajectory {
+    let mut log = healthy();
+    log.velocity_joints = vec!["j1".into()];
+    let (mut angle, mut before) = (0.0, log.time[0]);
+    for row in 0..log.len() {
+        let t = log.time[row];
+        angle += (t - before) * turns(t);
+        before = t;
+        (log.position[2 * row + 1], log.velocity[2 * row + 1]) = (angle, turns(t));
+        if let Some(target) = &mut log.target {
+            target[2 * row + 1] = asked(t);
+        }
+    }
+    log
+}
+
+#[test]
+fn a_wheel_is_judged_by_its_speed() {
+    let asked = |t: f64| 8.0 + 5.0 * (5.0 * t).sin();
+    assert_eq!(kinds(&on_wheels(asked, |t| 7.0 + 4.5 * (5.0 * t - 0.1).sin())), []);
+    // A wheel with a nearly steady target need not follow small changes.
+    assert_eq!(kinds(&on_wheels(|t| 8.0 + 0.2 * (9.0 * t).sin(), |t| 8.0 + 0.01 * t.sin())), []);
+    let blocked = on_wheels(asked, |t| 0.01 * t.sin());
+    let steady = on_wheels(|t| 12.0 + 0.1 * t.sin(), |t| 0.01 * t.sin());
+    for blocked in [blocked, steady] {
+        let finding = only(&blocked, &spec());
+        assert_eq!((finding.kind, &finding.joints), (FindingKind::JointNotFollowing, &vec!["j1".to_owned()]));
+        assert!(finding.message.contains("rad/s"), "{}", finding.message);
+    }
+}
+
+#[test]
+fn angles_of_wheels_that_wrap_or_count_on_become_continuous() {
+    let turn = std::f64::consts::TAU;
+    let smooth = on_wheels(|t| 8.0 + t.sin(), |t| 8.0 - 20.0 * t);
+    let near = |a: &Trajectory, b: &Trajectory| {
+        a.position.iter().zip(&b.position).all(|(a, b)| (a - b).abs() < 1e-6)
+    };
+    let changed = |change: fn(f64) -> f64| {
+        let mut log = smooth.clone();
+        log.position.iter_mut().skip(1).step_by(2).for_each(|angle| *angle = change(*angle));
+        log.unwrap_wheels();
+        log
+    };
+    assert_eq!(changed(|angle| angle).position, smooth.position);
+    assert!(near(&changed(|angle| angle.rem_euclid(std::f64::consts::TAU)), &smooth));
+    assert!(near(&changed(|angle| (angle + 3.0).rem_euclid(std::f64::consts::TAU) - 3.0), &smooth));
+    assert!(near(&changed(|angle| angle + 1e4 * std::f64::consts::TAU), &smooth));
+    let mut hip = smooth.clone();
+    hip.position.iter_mut().step_by(2).for_each(|angle| *angle += turn);
+    let before = hip.position.clone();
+    hip.unwrap_wheels();
+    assert_eq!(hip.position, before, "other joints keep their angles");
+    let mut broken = smooth.clone();
+    (broken.position[21], broken.velocity[41]) = (f64::NAN, f64::INFINITY);
+    broken.unwrap_wheels();
+    assert!(broken.position[21].is_nan() && (broken.position[101] - smooth.position[101]).abs() < 1e-6);
+}
+
 #[test]
 fn soft_loaded_and_noisy_joints_are_not_stuck() {
     // 8 N·m of load sags by 0.4 rad at kp 20.

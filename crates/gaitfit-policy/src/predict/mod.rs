@@ -52,7 +52,7 @@ impl Course {
             let what = format!("have {lengths:?} numbers for {samples} samples of {joints} joints");
             return Err(WalkerError::Option { option: "the signals of a course", what });
         }
-        let legs = Legs::new(&Feet::new(walker), walker.model(), &position, &velocity);
+        let legs = Legs::new(&Feet::new(walker), walker.model(), &position, &velocity, &quaternion);
         Ok(Self { targets, position, velocity, quaternion, rates, legs })
     }
 

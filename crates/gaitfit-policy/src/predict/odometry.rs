@@ -3,11 +3,11 @@
 //! When a simulated robot is put where the log's sensors read, its feet would jump in place and speed, and the ground
 //! would answer. So the base moves such that the feet that carry it go on as they did in the simulation, on the mean,
 //! weighted by their load (Bloesch et al. 2013, "State estimation for legged robots", use the same constraint in a
-//! filter).
+//! filter). For a wheel the rim at the ground goes on as it did, so that the wheel rolls.
 
-use gaitfit_model::Model;
 use gaitfit_model::kinematics::{Frame, body_frames};
-use gaitfit_model::rotation::{Vec3, add, cross, rotate, sub};
+use gaitfit_model::rotation::{Vec3, add, cross, dot, rotate, rotate_back, sub};
+use gaitfit_model::{Model, Shape};
 use gaitfit_sim::Motion;
 
 use super::Course;
@@ -16,6 +16,8 @@ use crate::walker::{FootGeoms, Walker};
 /// Share of the robot's weight that must rest on the feet; below it they say little of the base.
 const CARRIED: f64 = 0.15;
 const GRAVITY: f64 = 9.81;
+/// A wheel lies on its side if the sine of the angle between its plane and the ground is not above this.
+const MIN_UPRIGHT_SINE: f64 = 0.1;
 
 /// The feet of a robot.
 pub(super) struct Feet {
@@ -32,6 +34,8 @@ struct Foot {
     forces: Vec<usize>,
     /// Joints from the base to it.
     joints: Vec<usize>,
+    /// Its joint and radius (m), if it is a wheel whose targets are velocities.
+    wheel: Option<(usize, f64)>,
 }
 
 impl Feet {
@@ -46,10 +50,33 @@ impl Feet {
                 path.extend((0..model.joints.len()).filter(|&joint| model.joints[joint].body == at));
                 body = model.bodies[at].parent;
             }
-            Foot { body: geom.body, place: geom.pos, forces: foot.geoms.clone(), joints: path }
+            let radius = match geom.shape {
+                Shape::Sphere { radius } | Shape::Capsule { radius, .. } | Shape::Cylinder { radius, .. } => {
+                    radius
+                }
+                Shape::Box { .. } => 0.0,
+            };
+            let mut driven = model.velocity_targets.iter().copied();
+            let wheel =
+                driven.find(|&joint| model.joints[joint].body == geom.body).map(|joint| (joint, radius));
+            Foot { body: geom.body, place: geom.pos, forces: foot.geoms.clone(), joints: path, wheel }
         };
         let mass: f64 = model.bodies.iter().map(|body| body.mass).sum();
         Self { feet: walker.feet.iter().map(foot).collect(), least_load: CARRIED * mass * GRAVITY }
+    }
+}
+
+impl Foot {
+    /// The point that stands where the foot does, m, base frame: its centre, or the lowest point of a wheel's rim. `frames`: of the
+    /// bodies, with the base at the origin. `base`: orientation of the base.
+    fn point(&self, model: &Model, frames: &[Frame], base: [f32; 4]) -> Vec3 {
+        let centre = frames[self.body].point(self.place);
+        let Some((joint, radius)) = self.wheel else { return centre };
+        let axis = model.joints[joint].axis_at(&frames[self.body]).axis;
+        let down = rotate_back(base.map(f64::from), [0.0, 0.0, -1.0]);
+        let across = sub(down, scale(dot(down, axis), axis));
+        let sine = dot(across, across).sqrt();
+        if sine > MIN_UPRIGHT_SINE { add(centre, scale(radius / sine, across)) } else { centre }
     }
 }
 
@@ -62,11 +89,11 @@ pub(super) struct Legs {
 
 #[derive(Clone, Debug, PartialEq)]
 struct Place {
-    /// The foot's centre, m, base frame.
+    /// The foot's centre, or the lowest point of a wheel's rim, m, base frame.
     at: [f32; 3],
-    /// What it moves for a unit of each joint of its leg, m/rad.
+    /// What this point moves for a unit of each joint of its leg, m/rad.
     columns: Vec<[f32; 3]>,
-    /// Its velocity in the base's frame, m/s.
+    /// The point's velocity in the base's frame, m/s.
     velocity: [f32; 3],
 }
 
@@ -87,15 +114,22 @@ fn single(v: Vec3) -> [f32; 3] {
 }
 
 impl Legs {
-    /// The legs at the joint angles and velocities of a log, `samples × joints`.
-    pub fn new(feet: &Feet, model: &Model, position: &[f32], velocity: &[f32]) -> Self {
+    /// The legs at the joint angles and velocities of a log, `samples × joints`, and the orientations of its base.
+    pub fn new(
+        feet: &Feet,
+        model: &Model,
+        position: &[f32],
+        velocity: &[f32],
+        quaternion: &[[f32; 4]],
+    ) -> Self {
         let joints = model.joints.len();
         let mut places = Vec::with_capacity(position.len() / joints.max(1) * feet.feet.len());
-        for (angles, rates) in position.chunks_exact(joints).zip(velocity.chunks_exact(joints)) {
+        let rows = position.chunks_exact(joints).zip(velocity.chunks_exact(joints));
+        for ((angles, rates), &base) in rows.zip(quaternion) {
             let angles: Vec<f64> = angles.iter().map(|&x| f64::from(x)).collect();
             let frames = body_frames(model, &Frame::WORLD, &angles);
             for foot in &feet.feet {
-                let at = frames[foot.body].point(foot.place);
+                let at = foot.point(model, &frames, base);
                 let column = |&joint: &usize| {
                     let joint = &model.joints[joint];
                     joint.axis_at(&frames[joint.body]).lever(at)
@@ -160,5 +194,47 @@ impl Legs {
             height += share * (rotate(simulated, there)[2] - rotate(logged, at)[2]);
         }
         Some(Change { height, linear })
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use gaitfit_model::{ReadOptions, read_mjcf_str};
+
+    const CART: &str = r#"<mujoco><worldbody>
+        <geom type="plane" size="0 0 1"/>
+        <body pos="0 0 0.3"><freejoint/><geom type="box" size="0.2 0.1 0.05" mass="5"/>
+            <body pos="0.1 0 -0.2"><joint name="wheel" axis="0 1 0"/>
+                <geom type="cylinder" size="0.1 0.02" quat="0.70710678 0.70710678 0 0" mass="1"/></body>
+        </body></worldbody></mujoco>"#;
+
+    #[test]
+    fn a_wheel_moves_at_the_lowest_point_of_its_rim() {
+        let model = read_mjcf_str(CART, &ReadOptions::default()).unwrap();
+        let body = model.joints[0].body;
+        let foot = |wheel| Foot { body, place: [0.0; 3], forces: vec![0], joints: vec![0], wheel };
+        let legs = |wheel, base: [f32; 4]| {
+            let feet = Feet { feet: vec![foot(wheel)], least_load: 0.0 };
+            Legs::new(&feet, &model, &[7.0], &[3.0], &[base]).places.remove(0)
+        };
+        let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-6);
+        // At 3 rad/s the lowest point of a wheel of 0.1 m moves backwards at 0.3 m/s, whatever the wheel's angle.
+        let level = legs(Some((0, 0.1)), [1.0, 0.0, 0.0, 0.0]);
+        assert!(
+            near(level.velocity, [-0.3, 0.0, 0.0]) && near(level.columns[0], [-0.1, 0.0, 0.0]),
+            "{level:?}"
+        );
+        assert!(near(level.at, [0.1, 0.0, -0.3]));
+        // If the base pitches by 30°, the lowest point is 30° further round the wheel.
+        let (sin, cos) = 15_f32.to_radians().sin_cos();
+        let pitched = legs(Some((0, 0.1)), [cos, 0.0, sin, 0.0]);
+        let angle = 30_f32.to_radians();
+        assert!(near(pitched.velocity, [-0.3 * angle.cos(), 0.0, -0.3 * angle.sin()]), "{pitched:?}");
+        // A wheel on its side, and a foot, move as their centre does.
+        let (sin, cos) = 45_f32.to_radians().sin_cos();
+        assert!(near(legs(Some((0, 0.1)), [cos, sin, 0.0, 0.0]).velocity, [0.0; 3]));
+        assert!(near(legs(None, [1.0, 0.0, 0.0, 0.0]).velocity, [0.0; 3]));
     }
 }

@@ -208,7 +208,7 @@ fn cost_against(
             ..Recorded::default()
         })
         .collect();
-    let reference = Reference::new(joints.to_vec(), &recorded, 0).ok()?;
+    let reference = Reference::new(joints.to_vec(), &recorded, 0).ok()?.without_angles(set.wheels());
     // Falls are judged by their number: as many as chance explains do not make the walks before them less alike.
     let (logs, rate) = (set.logs.len() as f64, set.reference.fall_rate());
     let by_chance = max_falls_by_chance(rate * logs, set.falling.falls) as f64 / logs;
