@@ -20,8 +20,9 @@ const RATE_HZ: f64 = 100.0;
 const ASKS: f64 = 0.05;
 /// The same for a velocity target, rad/s.
 const ASKS_SPEED: f64 = 1.0;
-/// A steady velocity target of this size, rad/s, asks a wheel to turn.
-const ASKS_STEADY_SPEED: f64 = 3.0;
+/// A steady velocity target of this size, rad/s, asks a wheel to turn. A Go2-W that turns on the spot has wheels that rest under
+/// targets of 4 rad/s.
+const ASKS_STEADY_SPEED: f64 = 10.0;
 /// Longest delay tried, s: transport, policy hold and the joint's own lag.
 const DELAY_S: f64 = 0.2;
 /// Time constants of the low-pass filters tried, s: kd/kp of usual gains is 0.02–0.1.
