@@ -1,4 +1,4 @@
-//! Which joints of a walking robot a rule over all joints covers.
+//! Limits parameter rules over all joints of a walking robot to the joints that they can affect.
 
 use crate::Error;
 use gaitfit_adapt::{JointParameter, ParameterRule, Sharing};
@@ -13,7 +13,7 @@ const NOT_FOR_WHEELS: [JointParameter; 4] = [
     JointParameter::SpringTorque,
 ];
 
-/// Limits rules over all joints to those that they can affect. Rules with values for joints or groups cover only joints that
+/// Limits rules over all joints to joints that they can affect. Rules with values for joints or groups cover only joints that
 /// the policy moves: held joints hardly move, and logs often lack them. Rules about angles cover no wheels. Rules that name
 /// joints stay as they are. `joints`: all joints of the robot.
 ///

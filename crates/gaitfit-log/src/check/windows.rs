@@ -165,8 +165,8 @@ pub(super) fn windows(log: &Trajectory) -> Vec<Window> {
         let q = column(Signal::Position).unwrap_or_default();
         let dq = column(Signal::Velocity).unwrap_or_default();
         let is_wheel = log.has_velocity_target(joint);
-        let target = if is_wheel { log.velocity_target(joint).map(thin).map(Wish::Velocity) } else { None };
-        let wish = target.or_else(|| column(Signal::Target).map(Wish::Target)).or_else(|| {
+        let speeds = log.velocity_target(joint).map(thin).map(Wish::Velocity);
+        let wish = speeds.or_else(|| column(Signal::Target).map(Wish::Target)).or_else(|| {
             let action = column(Signal::Action)?;
             Some(if is_wheel {
                 Wish::Velocity(action)

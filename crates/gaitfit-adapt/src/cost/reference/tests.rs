@@ -63,24 +63,10 @@ fn bad_references_are_named() {
 
 #[test]
 fn trajectories_are_reordered_by_name() {
+    let (position, velocity) = (vec![1.0, 2.0, 3.0, 4.0], vec![5.0, 6.0, 7.0, 8.0]);
     let trajectory = Trajectory {
-        source: None,
-        robot: None,
-        joints: names(&["calf", "hip"]),
-        time: vec![0.0, 0.02],
-        rate_hz: 50.0,
-        position: vec![1.0, 2.0, 3.0, 4.0],
-        velocity: vec![5.0, 6.0, 7.0, 8.0],
-        target: None,
         action: Some(vec![0.1, 0.2, 0.3, 0.4]),
-        command: None,
-        motion: None,
-        base: None,
-        gains: None,
-        lead: None,
-        simulated_step: None,
-        velocity_joints: Vec::new(),
-        fell: false,
+        ..Trajectory::of_joints(names(&["calf", "hip"]), 50.0, vec![0.0, 0.02], position, velocity)
     };
     let recorded = Recorded::from_trajectory(&trajectory, &names(&["hip", "calf"]), 0).unwrap();
     assert_eq!(recorded.position, [2.0, 1.0, 4.0, 3.0]);

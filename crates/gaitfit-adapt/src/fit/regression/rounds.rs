@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 pub(super) const MAX_ROUNDS: usize = 6;
 /// Min number of rounds.
 const MIN_ROUNDS: usize = 3;
-/// Each round divides its standard deviations by those of the round before. If their mean ratio exceeds this, no round follows.
+/// Max ratio of the standard deviations of a round to those of the round before, on the mean, after which another round follows.
 const SETTLED: f64 = 0.95;
 /// Half the width of the first round, in an entry's deviations.
 const FIRST: f64 = 1.5;
