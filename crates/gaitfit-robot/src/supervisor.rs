@@ -59,6 +59,8 @@ pub struct Postures {
     pub kd: PerMotor<f32>,
     /// Velocity gains of damping, N·m·s/rad.
     pub damping: PerMotor<f32>,
+    /// Whether the policy's targets are velocities: of wheels that roll. They stand still in all phases but the walk.
+    pub rolls: PerMotor<bool>,
 }
 
 /// How long each state lasts.
@@ -110,7 +112,7 @@ pub struct Supervisor {
     gather: Duration,
     /// When the last command was asked for.
     ticked: Option<Duration>,
-    /// The policy's last targets, rad, and when they came.
+    /// The policy's last targets, rad or (wheels that roll) rad/s, and when they came.
     targets: Option<(Duration, PerMotor<f32>)>,
     /// The last command.
     sent: Command,
@@ -222,9 +224,9 @@ impl Supervisor {
         self.phase == Phase::Stand && now.saturating_sub(self.since) >= self.times.settle
     }
 
-    /// The policy's targets, rad, motor order, of time `now`. What is not finite is a reason for damping.
+    /// The policy's targets, rad or (wheels that roll) rad/s, motor order, of time `now`. What is not finite is a reason for damping.
     pub fn aim(&mut self, now: Duration, targets: PerMotor<f32>) {
-        if targets.iter().all(|angle| angle.is_finite()) {
+        if targets.iter().all(|target| target.is_finite()) {
             self.targets = Some((now, targets));
         } else {
             self.stop(now, Reason::PolicyNotFinite);
@@ -361,12 +363,16 @@ impl Supervisor {
 
     /// Targets with gains that are, by `part`, the policy's.
     fn policy(&self, targets: &PerMotor<f32>, part: f32) -> Command {
-        let Postures { stand_kp, stand_kd, kp, kd, .. } = &self.postures;
-        PerMotor::from_fn(targets.len(), |motor| MotorCommand {
-            q: targets[motor],
-            kp: stand_kp[motor] + part * (kp[motor] - stand_kp[motor]),
-            kd: stand_kd[motor] + part * (kd[motor] - stand_kd[motor]),
-            ..MotorCommand::default()
+        let Postures { stand_kp, stand_kd, kp, kd, rolls, .. } = &self.postures;
+        PerMotor::from_fn(targets.len(), |motor| {
+            let (q, dq) = if rolls[motor] { (0.0, targets[motor]) } else { (targets[motor], 0.0) };
+            MotorCommand {
+                q,
+                dq,
+                kp: stand_kp[motor] + part * (kp[motor] - stand_kp[motor]),
+                kd: stand_kd[motor] + part * (kd[motor] - stand_kd[motor]),
+                ..MotorCommand::default()
+            }
         })
     }
 }

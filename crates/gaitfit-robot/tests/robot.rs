@@ -38,3 +38,5 @@ mod server;
 mod session;
 #[path = "robot/toy.rs"]
 mod toy;
+#[path = "robot/wheels.rs"]
+mod wheels;

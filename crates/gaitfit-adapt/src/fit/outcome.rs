@@ -198,14 +198,19 @@ impl CostOutcome {
         }
     }
 
-    /// Widens the intervals to two standard deviations of `regression` on both sides of the values: what logs like these show
-    /// if all parameters are fitted together. A scan of one parameter at a time shows less.
+    /// Widens the intervals to those of `regression`, and to two of its standard deviations on both sides of the values: what logs
+    /// like these show if all parameters are fitted together. A scan of one parameter at a time shows less.
     pub fn widen_by(&mut self, theta: &Theta, regression: &Regression) {
-        let deviations = theta.entries().iter().zip(&regression.deviation);
-        for (parameter, (entry, deviation)) in self.parameters.iter_mut().zip(deviations) {
+        let shown = regression.deviation.iter().zip(&regression.interval);
+        for ((parameter, entry), (deviation, interval)) in
+            self.parameters.iter_mut().zip(theta.entries()).zip(shown)
+        {
             let value = parameter.value;
             if let Some(found) = &mut parameter.identification {
                 found.widen(entry, value, 2.0 * deviation);
+                for end in *interval {
+                    found.reach(entry, end);
+                }
             }
         }
     }

@@ -49,12 +49,12 @@ pub fn doubts(
         );
         doubts.push(Doubt::new(DoubtKind::Unexplained, text));
     }
-    let likeness = outcome.regression.as_ref().and_then(|regression| regression.likeness_of_both);
+    let likeness = outcome.regression.as_ref().and_then(|regression| regression.likeness);
     if let Some(likeness) = likeness.filter(Likeness::unlike) {
         let text = format!(
-            "The logs differ by more than chance from those of simulated robots with the values found. The mean square difference \
-             is {:.1} times their variance; chance explains at most {:.1}. The model lacks an effect, or the values are not near \
-             enough. `gaitfit explain` looks for effects. If it names none, fit more parameters (the default ones), or look for a \
+            "The logs differ by more than chance from those of simulated robots with the values found and their errors. The mean \
+             square difference is {:.1} times their variance; chance explains at most {:.1}. The model lacks an effect. \
+             `gaitfit explain` looks for effects. If it names none, fit more parameters (the default ones), or look for a \
              joint that differs from its siblings: `odd_joints` with the cost `matchr1`.",
             likeness.distance, likeness.by_chance,
         );
@@ -166,8 +166,8 @@ fn regressed(fit: &CostFit) -> Option<String> {
     }
     if let Some(likeness) = regression.likeness.filter(Likeness::unlike) {
         text.push_str(&format!(
-            ". The logs are further from simulated robots with the regression's values than chance explains: the intervals are \
-             {:.1} times as wide for it",
+            ". The logs are further from those of simulated robots than chance explains: the intervals are {:.1} times as wide \
+             for it",
             likeness.ratio()
         ));
     }

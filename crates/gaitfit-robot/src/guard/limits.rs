@@ -61,6 +61,10 @@ impl Limits {
             let rest = found - command.kp * (command.q - q);
             let angle = q + (found.clamp(min, max) - rest) / command.kp;
             command.q = angle.clamp(self.lower[motor], self.upper[motor]);
+        } else if command.kd > 0.0 && command.dq != 0.0 {
+            // The target of a wheel gives way towards the speed at which the torque is at its limit.
+            let at_limit = dq + (found.clamp(min, max) - command.tau) / command.kd;
+            command.dq = at_limit.clamp(-speed, speed);
         }
         // Where the target is at the end of its range, or there is none, the gains give way.
         let found = command.torque(q, dq);
@@ -118,6 +122,19 @@ mod tests {
     fn a_target_outside_the_range_is_brought_into_it() {
         let wanted = MotorCommand { q: -3.2, kp: 5.0, kd: 0.5, ..MotorCommand::default() };
         assert_eq!(admitted(2, wanted, -2.6, 0.0).q, -2.7227);
+    }
+
+    #[test]
+    fn a_wheel_far_below_its_target_speed_gets_the_motors_largest_torque() {
+        // 5 · (dq* − 2) = 23.7.
+        let wanted = MotorCommand { dq: 20.0, kd: 5.0, ..MotorCommand::default() };
+        let found = admitted(0, wanted, 100.0, 2.0);
+        assert!((found.dq - 6.74).abs() < 1e-5 && found.kd == 5.0 && found.kp == 0.0, "{found:?}");
+        assert_eq!(admitted(0, MotorCommand { dq: 6.0, ..wanted }, 100.0, 2.0).dq, 6.0);
+        // Against a wheel that turns back fast.
+        let found = admitted(0, wanted, 100.0, -35.0);
+        assert!((found.torque(100.0, -35.0) - 23.7).abs() < 1e-3, "{found:?}");
+        assert!(admitted(0, wanted, 100.0, 30.2).torque(100.0, 30.2) <= 1e-4, "at its largest speed");
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Whether a robot's states are such that it may be driven.
 
+use std::f32::consts::TAU;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -169,6 +170,9 @@ impl Watch {
             }
             if let Some((came, before)) = &self.last {
                 let jump = angle - before.q[motor];
+                // An encoder may count a wheel's turns, or begin again at each.
+                let wheel = limits.upper[motor] - limits.lower[motor] == f32::INFINITY;
+                let jump = if wheel { jump - TAU * (jump / TAU).round() } else { jump };
                 // Messages that were held up come in a heap: the robot's own counter tells how far apart they are.
                 // A simulator that does not count may have been held up for as long as that.
                 let counted = match state.tick {

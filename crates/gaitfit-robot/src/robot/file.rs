@@ -70,6 +70,7 @@ impl Robot {
             return Some(format!("`guard.{name}` is {value}; give a number above 0"));
         }
         let mut taken = Vec::with_capacity(self.motors.len());
+        let mut named = Vec::with_capacity(self.motors.len());
         for (index, motor) in self.motors.iter().enumerate() {
             let slot = motor.slot.unwrap_or(index);
             let name = &motor.joint;
@@ -80,11 +81,11 @@ impl Robot {
                 ));
             }
             taken.push(slot);
-            if name.is_empty()
-                || name.ends_with("_joint")
-                || self.motors[..index].iter().any(|it| it.joint == *name)
-            {
-                return Some(format!("motor `{name}`: name each joint once, without `_joint`"));
+            for name in std::iter::once(name).chain(&motor.aliases) {
+                if name.is_empty() || name.ends_with("_joint") || named.contains(&name) {
+                    return Some(format!("motor `{name}`: name each joint once, without `_joint`"));
+                }
+                named.push(name);
             }
             if let Some(problem) = self.wrong_motor(motor) {
                 return Some(format!("motor `{name}`: {problem}"));

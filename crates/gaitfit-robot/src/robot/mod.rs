@@ -85,6 +85,9 @@ pub struct Rules {
 pub struct Motor {
     /// The joint's name, without `_joint`.
     pub joint: String,
+    /// Other names of the joint, without `_joint`.
+    #[serde(default)]
+    pub aliases: Vec<String>,
     /// Its slot in the messages; absent: its place in the list.
     pub slot: Option<usize>,
     /// Least and largest angle, rad; absent for wheels.
@@ -116,6 +119,19 @@ fn state_topic() -> String {
 
 fn command_topic() -> String {
     "rt/lowcmd".to_owned()
+}
+
+impl Motor {
+    /// Whether its joint has this name. A `_joint` suffix does not matter.
+    fn moves(&self, joint: &str) -> bool {
+        let name = joint.strip_suffix("_joint").unwrap_or(joint);
+        self.joint == name || self.aliases.iter().any(|alias| alias == name)
+    }
+
+    /// Whether it may turn on and on: nothing stops it, and no position gain turns it back.
+    pub fn is_wheel(&self) -> bool {
+        self.range.is_none() && self.kp == 0.0
+    }
 }
 
 impl Robot {
@@ -171,8 +187,7 @@ impl Robot {
     pub fn motors_of(&self, joints: &[String]) -> Result<Vec<usize>, RobotError> {
         let mut found: Vec<usize> = Vec::with_capacity(self.motors.len());
         for joint in joints {
-            let name = joint.strip_suffix("_joint").unwrap_or(joint);
-            let motor = self.motors.iter().position(|motor| motor.joint == name);
+            let motor = self.motors.iter().position(|motor| motor.moves(joint));
             match motor.filter(|motor| !found.contains(motor)) {
                 Some(motor) => found.push(motor),
                 None => {
@@ -211,7 +226,11 @@ impl Robot {
             kp: self.each(|motor| motor.kp),
             kd: self.each(|motor| motor.kd),
             damping: self.each(|motor| motor.damping),
+            rolls: self.each(|_| false),
         };
+        for (joint, &motor) in interface.joints.iter().zip(&motors) {
+            postures.rolls[motor] = interface.velocity_joints.contains(joint);
+        }
         let rows = [&interface.default_pose, &interface.kp, &interface.kd];
         let slots = [&mut postures.standing, &mut postures.kp, &mut postures.kd];
         for (slot, row) in slots.into_iter().zip(rows) {
@@ -220,8 +239,7 @@ impl Robot {
             }
         }
         for held in &interface.held {
-            let name = held.joint.strip_suffix("_joint").unwrap_or(&held.joint);
-            let motor = self.motors.iter().position(|motor| motor.joint == name);
+            let motor = self.motors.iter().position(|motor| motor.moves(&held.joint));
             if let Some(motor) = motor.filter(|motor| !motors.contains(motor)) {
                 postures.standing[motor] = held.position as f32;
                 (postures.kp[motor], postures.kd[motor]) = (held.kp as f32, held.kd as f32);

@@ -21,6 +21,9 @@ pub const WHOLE: &str = "whole.csv";
 /// Folder of [`WHOLE`] beside the logs of several walks: a fit reads all logs of their folder.
 pub const RUN: &str = "run";
 
+/// Columns of [`WHOLE`] with what was sent to each joint: angle, rad; gains; velocity, rad/s.
+const SENT: [&str; 4] = ["sent_q_", "sent_kp_", "sent_kd_", "sent_dq_"];
+
 /// What the policy did in a control period.
 #[derive(Clone, Copy, Debug)]
 pub struct Acted<'a> {
@@ -30,7 +33,7 @@ pub struct Acted<'a> {
     pub command: [f32; 3],
     /// Action, policy order.
     pub action: &'a [f32],
-    /// Position targets, rad, policy order.
+    /// Targets, rad or (wheels that roll) rad/s, policy order.
     pub targets: &'a [f32],
 }
 
@@ -104,12 +107,11 @@ impl Recorder {
         let mut head = format!("# robot = {:?}\n# rate_hz = {:?}\n", robot.name, 1.0 / interface.control_dt);
         let body = "base_quat_w,base_quat_x,base_quat_y,base_quat_z,wx,wy,wz";
         let more = format!("acc_x,acc_y,acc_z{},charge,volts,age_ms", named(&["tau_", "temp_"]));
-        let whole = format!(
-            "{head}time{},{body},{more},phase{}\n",
-            named(&["q_", "dq_"]),
-            named(&["sent_q_", "sent_kp_", "sent_kd_"])
-        );
+        let whole = format!("{head}time{},{body},{more},phase{}\n", named(&["q_", "dq_"]), named(&SENT));
         let _ = writeln!(head, "# kp = {:?}\n# kd = {:?}", interface.kp, interface.kd);
+        if !interface.velocity_joints.is_empty() {
+            let _ = writeln!(head, "# velocity_joints = {:?}", interface.velocity_joints);
+        }
         let head = format!(
             "{head}time{},vx_cmd,vy_cmd,wz_cmd,{body},{more}\n",
             named(&["q_", "dq_", "qdes_", "act_"])
@@ -224,11 +226,11 @@ impl Recorder {
         self.row(now, state);
         self.rest(state, age);
         let _ = write!(self.line, ",{}", phase.name());
-        for part in 0..3 {
+        for part in 0..SENT.len() {
             for &motor in &self.motors {
                 // Nothing was sent: an empty cell.
                 let _ = match sent.map(|command| &command[motor]) {
-                    Some(one) => write!(self.line, ",{:?}", [one.q, one.kp, one.kd][part]),
+                    Some(one) => write!(self.line, ",{:?}", [one.q, one.kp, one.kd, one.dq][part]),
                     None => write!(self.line, ","),
                 };
             }

@@ -13,7 +13,7 @@ const SLOWEST: f64 = 0.1;
 ///
 /// # Errors
 /// A policy that follows a motion, or of another robot, gains beyond the limits, a default pose outside the joints' ranges, a control period above
-/// 0.1 s; joints that are held so.
+/// 0.1 s, velocity targets of joints that are no wheels; joints that are held so.
 pub fn suits(policy: &Policy, robot: &Robot) -> Result<(), RobotError> {
     let (interface, limits, title) = (&policy.interface, robot.limits(), &robot.title);
     let unfit = |problem: String, remedy: String| Err(RobotError::Unfit { problem, remedy });
@@ -45,13 +45,19 @@ pub fn suits(policy: &Policy, robot: &Robot) -> Result<(), RobotError> {
             "check control_dt, which is in seconds".to_owned(),
         );
     }
-    if let Some(joint) = interface.velocity_joints.first() {
-        return unfit(
-            format!("gives joint `{}` velocities, and the link sends positions", joint.escape_debug()),
-            "train a policy that brakes the wheels: leave velocity_joints out, and give them kp".to_owned(),
-        );
+    let motors = robot.motors_of(&interface.joints)?;
+    for (joint, &motor) in interface.joints.iter().zip(&motors) {
+        if interface.velocity_joints.contains(joint) && !robot.motors[motor].is_wheel() {
+            return unfit(
+                format!(
+                    "gives joint `{}` velocities, and this joint of a {title} is no wheel",
+                    joint.escape_debug()
+                ),
+                "leave it out of velocity_joints and give it kp; a wheel is a motor whose robot file gives it no range and kp = 0"
+                    .to_owned(),
+            );
+        }
     }
-    robot.motors_of(&interface.joints)?;
     let postures = robot.postures(interface)?;
     // What `gaitfit_policy::read` gives has a number for each joint.
     for (motor, joint) in robot.joints().iter().enumerate() {

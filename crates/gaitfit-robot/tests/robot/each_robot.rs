@@ -11,7 +11,7 @@ use gaitfit_policy::{Interface, Policy, Quantity, Term};
 use gaitfit_robot::guard::GuardSettings;
 use gaitfit_robot::link::Dds;
 use gaitfit_robot::preflight::{Beat, Finding, Flight, Listened, Moved, fly, listen, moved, passed, sampled};
-use gaitfit_robot::robot::BUILT_IN;
+use gaitfit_robot::robot::{BUILT_IN, Motor};
 use gaitfit_robot::run::{Controller, Live, Recorder, Script, Sender, Summary, WALK, live, real_time, suits};
 use gaitfit_robot::{Phase, Robot, Supervisor, Times};
 
@@ -23,22 +23,31 @@ use crate::toy::{CONTROL, standing};
 const DOMAIN: u16 = 51;
 /// How far the policy swings a joint, rad.
 const SWING: f64 = 0.1;
+/// How fast it rolls a wheel, rad/s.
+const ROLL: f64 = 4.0;
 
-/// A policy that swings all joints that must be moved, at 1 Hz.
+/// A policy that swings all joints that must be moved, at 1 Hz, and rolls the wheels.
 fn swing(robot: &Robot) -> Policy {
-    let moved: Vec<usize> = (0..robot.motors.len()).filter(|&k| robot.motors[k].held.is_none()).collect();
+    let is_moved = |motor: &Motor| motor.held.is_none() || motor.is_wheel();
+    let moved: Vec<usize> = (0..robot.motors.len()).filter(|&k| is_moved(&robot.motors[k])).collect();
+    let wheel = |k: usize| robot.motors[k].is_wheel();
+    // Wheels by their other name.
+    let name = |k: usize| {
+        let motor = &robot.motors[k];
+        format!("{}_joint", motor.aliases.first().unwrap_or(&motor.joint))
+    };
     let poses = standing(robot);
     let each =
         |value: &dyn Fn(usize) -> f32| moved.iter().map(|&k| f64::from(value(k))).collect::<Vec<f64>>();
     let interface = Interface {
         robot: robot.name.clone(),
-        joints: moved.iter().map(|&k| format!("{}_joint", robot.motors[k].joint)).collect(),
+        joints: moved.iter().map(|&k| name(k)).collect(),
         default_pose: each(&|k| poses[k]),
-        action_scale: vec![SWING; moved.len()],
+        action_scale: moved.iter().map(|&k| if wheel(k) { ROLL } else { SWING }).collect(),
         action_clip: None,
         kp: each(&|k| robot.motors[k].kp),
         kd: each(&|k| robot.motors[k].kd),
-        velocity_joints: Vec::new(),
+        velocity_joints: moved.iter().filter(|&&k| wheel(k)).map(|&k| name(k)).collect(),
         held: Vec::new(),
         control_dt: 0.02,
         gait_frequency: None,
@@ -48,9 +57,15 @@ fn swing(robot: &Robot) -> Policy {
         critic_observation: Vec::new(),
     };
     let step = AtomicU32::new(0);
+    let rolls: Vec<bool> = robot.motors.iter().map(Motor::is_wheel).collect();
     let act = move |_: usize, _: &[f32], actions: &mut [f32]| {
         let time = 0.02 * step.fetch_add(1, Ordering::Relaxed) as f32;
         actions.fill((std::f32::consts::TAU * time).sin());
+        for (action, &k) in actions.iter_mut().zip(&moved) {
+            if rolls[k] {
+                *action = 1.0;
+            }
+        }
         true
     };
     Policy::of_function(interface, Arc::new(act)).unwrap()
@@ -128,16 +143,29 @@ fn shared_each_robot_swings_its_joints_on_the_vendors_server() {
         let joints = log.joints.len();
         assert!(log.len() > 130, "{name}: {}", log.len());
         let moved = &felt["moved"];
-        for (joint, motor) in log.joints.iter().enumerate() {
-            let name = motor.trim_end_matches("_joint");
+        assert_eq!(log.velocity_joints.len(), robot.motors.iter().filter(|motor| motor.is_wheel()).count());
+        for (joint, named) in log.joints.iter().enumerate() {
+            let motor = &robot.motors[robot.motors_of(&log.joints).unwrap()[joint]];
+            let name = motor.joint.as_str();
             let angles: Vec<f64> = log.position.iter().skip(joint).step_by(joints).copied().collect();
             let way = angles.iter().fold(f64::MIN, |a, &b| a.max(b))
                 - angles.iter().fold(f64::MAX, |a, &b| a.min(b));
+            if motor.is_wheel() {
+                // The policy rolls it for three seconds and the second in which the robot comes to rest.
+                assert!(log.velocity_joints.contains(named), "{name}");
+                assert!((0.8 * 3.0 * ROLL..1.2 * 3.0 * ROLL).contains(&way), "{name}: {way}");
+                assert!(
+                    (moved[name].as_f64().unwrap() - way).abs() < 1.5 * ROLL,
+                    "{name}: {way} {}",
+                    moved[name]
+                );
+                continue;
+            }
             // Twice the swing, less what the motor lags, or more where it is weakly damped; the joint itself moved as far.
             assert!((0.8 * SWING..3.0 * SWING).contains(&way), "{name}: {way}");
             assert!(moved[name].as_f64().unwrap() > 0.9 * way, "{name}: {way} {}", moved[name]);
         }
-        for motor in robot.motors.iter().filter(|motor| motor.held.is_some()) {
+        for motor in robot.motors.iter().filter(|motor| motor.held.is_some() && !motor.is_wheel()) {
             let way = moved[&motor.joint].as_f64().unwrap();
             assert!(way < 0.05, "{} is kept where it is: {way}", motor.joint);
         }

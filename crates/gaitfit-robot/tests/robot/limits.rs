@@ -39,7 +39,9 @@ pub fn violation_of(robot: &Robot, command: &Command, state: &RobotState) -> Opt
             "target outside the range"
         } else if !(0.0..=kp).contains(&one.kp) || !(0.0..=kd).contains(&one.kd) {
             "gains"
-        } else if one.dq != 0.0 {
+        } else if one.dq != 0.0
+            && !(robot.motors[motor].is_wheel() && one.dq.abs() <= robot.motors[motor].speed)
+        {
             "a velocity is wanted"
         } else if felt.abs() > torque * 1.0001 {
             "torque"

@@ -100,6 +100,7 @@ pub fn postures(robot: &Robot) -> Postures {
         kp: robot.each(|motor| 0.5 * motor.kp),
         kd: robot.each(|motor| motor.kd.min(if robot.name == "go2" { 0.5 } else { f32::INFINITY })),
         damping: robot.each(|motor| motor.damping),
+        rolls: robot.each(|_| false),
     }
 }
 

@@ -7,18 +7,34 @@ use nalgebra::{DMatrix, DVector};
 /// Added to each variance, as a part of it: correlations from few robots would make the matrix singular.
 const INDEPENDENT: f64 = 1e-3;
 
-/// Means and standard deviations of the product of two normal densities: that of `values`, and the priors of `theta`.
-/// `deviations`: the standard deviations of `values`. `left`: leave-one-out errors (`entries × robots`), whose correlations
-/// are those of `values`. `None` without robots, or if a matrix has no inverse.
+/// A normal density of the values of θ.
+#[derive(Clone, Debug)]
+pub struct Posterior {
+    /// Means.
+    pub values: Vec<f64>,
+    /// Standard deviations.
+    pub deviations: Vec<f64>,
+    /// Cholesky factor of the correlation matrix.
+    factor: DMatrix<f64>,
+}
+
+impl Posterior {
+    /// Turns `independent`, numbers with a standard deviation of 1, into errors of the values in units of their standard
+    /// deviations.
+    pub fn correlated(&self, independent: &[f64]) -> Vec<f64> {
+        (&self.factor * DVector::from_row_slice(independent)).iter().copied().collect()
+    }
+}
+
+/// The product of two normal densities: that of `values`, and the priors of `theta`. `deviations`: the standard deviations of
+/// `values`. `left`: leave-one-out errors (`entries × robots`), whose correlations are those of `values`. `None` without
+/// robots, or if a matrix has no inverse.
 pub fn with_priors(
     theta: &Theta,
     values: &[f64],
     deviations: &[f64],
     left: &[Vec<f64>],
-) -> Option<(Vec<f64>, Vec<f64>)> {
-    if theta.priors().all(|prior| prior.is_none()) {
-        return Some((values.to_vec(), deviations.to_vec()));
-    }
+) -> Option<Posterior> {
     let count = values.len();
     let size =
         |at: usize| stats::mean(&left[at].iter().map(|one| one * one).collect::<Vec<_>>()).map(f64::sqrt);
@@ -32,6 +48,10 @@ pub fn with_priors(
         let correlation = product / (sizes[a] * sizes[b]);
         if correlation.is_finite() { correlation.clamp(-1.0, 1.0) } else { 0.0 }
     });
+    if theta.priors().all(|prior| prior.is_none()) {
+        let factor = factor(&correlations)?;
+        return Some(Posterior { values: values.to_vec(), deviations: deviations.to_vec(), factor });
+    }
     let mut precision = correlations.cholesky()?.inverse();
     let mut pull = DVector::<f64>::zeros(count);
     for (at, prior) in theta.priors().enumerate() {
@@ -55,7 +75,18 @@ pub fn with_priors(
     let moved = &covariance * pull;
     let value = |at: usize| values[at] + deviations[at] * moved[at];
     let deviation = |at: usize| deviations[at] * covariance[(at, at)].max(0.0).sqrt();
-    Some(((0..count).map(value).collect(), (0..count).map(deviation).collect()))
+    let (values, deviations) = ((0..count).map(value).collect(), (0..count).map(deviation).collect());
+    Some(Posterior { values, deviations, factor: factor(&covariance)? })
+}
+
+/// The Cholesky factor of the correlations of `covariance`. `None` if the matrix has no inverse.
+fn factor(covariance: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let mut factor = covariance.clone().cholesky()?.unpack();
+    for mut row in factor.row_iter_mut() {
+        let size = row.norm();
+        row /= size;
+    }
+    Some(factor)
 }
 
 #[cfg(test)]
@@ -77,7 +108,8 @@ mod tests {
         // Errors of friction and strength are the same, in their own units.
         let left = [vec![0.1, -0.1, 0.1, -0.1], vec![0.01, -0.01, 0.01, -0.01]];
         let theta = theta(&[("frictionloss", Prior::new(0.5, 0.1))]);
-        let (values, errors) = with_priors(&theta, &[0.3, 1.0], &[0.1, 0.01], &left).unwrap();
+        let Posterior { values, deviations: errors, .. } =
+            with_priors(&theta, &[0.3, 1.0], &[0.1, 0.01], &left).unwrap();
         assert!((values[0] - 0.4).abs() < 1e-3 && (values[1] - 1.01).abs() < 1e-4, "{values:?}");
         assert!((errors[0] - 0.1 / 2f64.sqrt()).abs() < 1e-3, "{errors:?}");
     }
@@ -91,7 +123,8 @@ mod tests {
         let prior = Prior { by_load: 2.0, ..Prior::new(0.5, 1e-6) };
         let theta = theta.with_priors(&[("frictionloss".to_owned(), prior)].into(), 0.01).unwrap();
         let left = [vec![0.1, -0.1, 0.1, -0.1], vec![0.01, 0.01, -0.01, -0.01]];
-        let (values, errors) = with_priors(&theta, &[0.2, 0.1], &[0.1, 0.05], &left).unwrap();
+        let Posterior { values, deviations: errors, .. } =
+            with_priors(&theta, &[0.2, 0.1], &[0.1, 0.05], &left).unwrap();
         // Both are equally sure in N·m, so each makes up for half of the 0.1 N·m that lack.
         assert!((values[0] - 0.25).abs() < 1e-3 && (values[1] - 0.125).abs() < 1e-3, "{values:?}");
         assert!((errors[0] - 0.1 / 2f64.sqrt()).abs() < 1e-3, "{errors:?}");
@@ -103,8 +136,9 @@ mod tests {
         let left = [vec![0.1, -0.1, 0.1, -0.1], vec![0.01, 0.01, -0.01, -0.01]];
         let prior = Prior { by_strength: 2.0, ..Prior::new(0.5, 0.001) };
         let theta = theta(&[("frictionloss", prior)]);
-        let (values, _) = with_priors(&theta, &[0.3, 0.9], &[0.1, 1e-6], &left).unwrap();
+        let Posterior { values, .. } = with_priors(&theta, &[0.3, 0.9], &[0.1, 1e-6], &left).unwrap();
         assert!((values[0] - 0.3).abs() < 1e-3, "{values:?}");
-        assert!(with_priors(&self::theta(&[]), &[0.3, 0.9], &[0.1, 1e-6], &left).unwrap().0 == [0.3, 0.9]);
+        let without = with_priors(&self::theta(&[]), &[0.3, 0.9], &[0.1, 1e-6], &left).unwrap();
+        assert_eq!((without.values, without.deviations), (vec![0.3, 0.9], vec![0.1, 1e-6]));
     }
 }

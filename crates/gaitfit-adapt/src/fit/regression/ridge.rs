@@ -27,7 +27,9 @@ pub struct Robots {
 pub struct Estimate {
     /// Values: the mean of what groups of numbers say.
     pub values: Vec<f64>,
-    /// Standard deviation of the errors for robots that were left out one by one, by all numbers together.
+    /// Values by all numbers together.
+    pub together: Vec<f64>,
+    /// Standard deviation of the errors of `together` for robots that were left out one by one.
     pub errors: Vec<f64>,
     /// Standard error of that mean, by the groups' own errors and by how much they disagree besides.
     pub scatter: Vec<f64>,
@@ -74,6 +76,7 @@ impl Robots {
         let parts: Vec<Vec<Prediction>> = learnt.flatten().collect();
         let mut found = Estimate {
             values: Vec::new(),
+            together: whole.iter().map(|one| one.value).collect(),
             errors: Vec::new(),
             scatter: Vec::new(),
             disagreement: Vec::new(),
@@ -82,7 +85,7 @@ impl Robots {
         for entry in 0..entries {
             let predictions: Vec<&Prediction> = parts.iter().map(|part| &part[entry]).collect();
             let (value, scatter, disagreement) =
-                if predictions.len() < 2 { (whole[entry].value, 0.0, 0.0) } else { together(&predictions) };
+                if predictions.len() < 2 { (whole[entry].value, 0.0, 0.0) } else { mean(&predictions) };
             found.disagreement.push(disagreement);
             found.values.push(value);
             found.errors.push(whole[entry].error);
@@ -157,20 +160,20 @@ struct Prediction {
 
 /// Mean of the groups' predictions, its standard error, and the standard deviation by which they disagree besides their own
 /// errors (DerSimonian and Laird 1986).
-fn together(said: &[&Prediction]) -> (f64, f64, f64) {
+fn mean(said: &[&Prediction]) -> (f64, f64, f64) {
     let min = 1e-9 * said.iter().map(|one| one.error).fold(f64::MIN_POSITIVE, f64::max);
     let variance = |one: &&Prediction| one.error.max(min).powi(2);
-    let mean = |besides: f64| {
+    let weighted = |besides: f64| {
         let weights = || said.iter().map(|one| 1.0 / (variance(one) + besides));
         let sum: f64 = weights().sum();
         (said.iter().zip(weights()).map(|(one, weight)| weight * one.value).sum::<f64>() / sum, sum)
     };
-    let (fixed, sum) = mean(0.0);
+    let (fixed, sum) = weighted(0.0);
     let squares: f64 = said.iter().map(|one| 1.0 / variance(one).powi(2)).sum();
     let spread: f64 = said.iter().map(|one| (one.value - fixed).powi(2) / variance(one)).sum();
     let besides = ((spread - (said.len() as f64 - 1.0)) / (sum - squares / sum)).max(0.0);
     let besides = if besides.is_finite() { besides } else { 0.0 };
-    let (value, sum) = mean(besides);
+    let (value, sum) = weighted(besides);
     (value, sum.recip().sqrt(), besides.sqrt())
 }
 
@@ -220,7 +223,7 @@ mod tests {
     fn groups_that_disagree_have_a_larger_error_by_hand() {
         let combined = |values: [f64; 2]| {
             let predictions = values.map(|value| Prediction { value, error: 1.0, left_out: Vec::new() });
-            together(&predictions.iter().collect::<Vec<_>>())
+            mean(&predictions.iter().collect::<Vec<_>>())
         };
         let (value, error, besides) = combined([1.0, 4.0]);
         assert!((value - 2.5).abs() < 1e-12 && (error - 2.25f64.sqrt()).abs() < 1e-12, "{value} {error}");
@@ -236,8 +239,10 @@ mod tests {
         let logs = |one: &Vec<f64>| vec![one[0] + one[1], one[0] - 2.0 * one[1], 3.0, one[1]];
         let robots = Robots { logs: values.iter().map(logs).collect(), values };
         let asked = logs(&vec![0.77, 2.5]);
-        let found = robots.estimate(&asked, &[0..2, 2..4], 2).map(|found| (found.values, found.errors));
-        let (values, errors) = found.unwrap_or_default();
+        let found = robots.estimate(&asked, &[0..2, 2..4], 2);
+        let (values, together, errors) =
+            found.map(|found| (found.values, found.together, found.errors)).unwrap_or_default();
+        assert!((together[0] - 0.77).abs() < 1e-4 && (together[1] - 2.5).abs() < 1e-4, "{together:?}");
         assert!(
             (values[1] - 2.5).abs() < 1e-4 && errors.iter().all(|error| *error < 1e-3),
             "{values:?} {errors:?}"
