@@ -69,8 +69,8 @@ fn long_simulated_robots_correct_a_search_that_ended_early_and_the_same_after_a_
     let regression = &found["fits"][0]["regression"];
     let rounds = regression["rounds"].as_array().unwrap().len();
     assert!((3..=6).contains(&rounds), "{rounds}");
-    // 40 robots a round, and 24 with each of the two sets of values.
-    let robots = 40 * rounds as u64 + 48;
+    // 40 robots a round, 24 with each of the two sets of values, and 48 with errors.
+    let robots = 40 * rounds as u64 + 96;
     assert_eq!(regression["robots"].as_u64(), Some(robots));
     for parameter in found["parameters"].as_array().unwrap() {
         assert_eq!(parameter["identification"]["noise"], "robots", "{parameter}");

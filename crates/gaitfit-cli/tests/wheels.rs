@@ -104,6 +104,14 @@ fn walks_on_wheels_are_fitted_without_the_angles_of_the_wheels() {
         let log = Trajectory { position, velocity_joints: Vec::new(), ..log };
         write_csv(&folder.path().join("wrapped").join(file.file_name().unwrap()), &log).unwrap();
     }
+    // Joints that turn by whole turns and do not reach their targets are faults of logs, but not of wheels.
+    let (config, wrapped) = (at("new.toml"), at("wrapped"));
+    let (rover, policy) = (at("rover.xml"), at("policy.safetensors"));
+    let begun =
+        run(&["new", "--robot", &rover, "--policy", &policy, "--logs", &wrapped, "--out", &config, "--json"]);
+    assert_eq!(begun.status.code(), Some(0), "{}", errors(&begun));
+    let warnings = json(&begun)["warnings"].to_string();
+    assert!(!warnings.contains("_wheel"), "{warnings}");
     std::fs::write(
         at("fit.toml"),
         "base = \"free\"\npolicy = \"policy.safetensors\"\nrobot = \"rover.xml\"\nlogs = [\"wrapped\"]\ncosts = [\"matchr1\"]\n\

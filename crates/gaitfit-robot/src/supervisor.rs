@@ -59,7 +59,8 @@ pub struct Postures {
     pub kd: PerMotor<f32>,
     /// Velocity gains of damping, N·m·s/rad.
     pub damping: PerMotor<f32>,
-    /// Whether the policy's targets are velocities: of wheels that roll. They stand still in all phases but the walk.
+    /// Whether the policy's targets are velocities, as for wheels that roll. These wheels stand still in all phases except the
+    /// walk and the stop after it.
     pub rolls: PerMotor<bool>,
 }
 
@@ -112,7 +113,7 @@ pub struct Supervisor {
     gather: Duration,
     /// When the last command was asked for.
     ticked: Option<Duration>,
-    /// The policy's last targets, rad or (wheels that roll) rad/s, and when they came.
+    /// The policy's last targets (rad, or rad/s for wheels that roll), and when they came.
     targets: Option<(Duration, PerMotor<f32>)>,
     /// The last command.
     sent: Command,
@@ -224,7 +225,8 @@ impl Supervisor {
         self.phase == Phase::Stand && now.saturating_sub(self.since) >= self.times.settle
     }
 
-    /// The policy's targets, rad or (wheels that roll) rad/s, motor order, of time `now`. What is not finite is a reason for damping.
+    /// The policy's targets of time `now`, motor order: rad, or rad/s for wheels that roll. A target that is not finite is a
+    /// reason for damping.
     pub fn aim(&mut self, now: Duration, targets: PerMotor<f32>) {
         if targets.iter().all(|target| target.is_finite()) {
             self.targets = Some((now, targets));

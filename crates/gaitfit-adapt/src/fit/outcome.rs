@@ -198,8 +198,8 @@ impl CostOutcome {
         }
     }
 
-    /// Widens the intervals to those of `regression`, and to two of its standard deviations on both sides of the values: what logs
-    /// like these show if all parameters are fitted together. A scan of one parameter at a time shows less.
+    /// Widens the intervals to those of `regression`, and to two of its standard deviations on both sides of the values. The
+    /// regression fits all parameters together. A scan of one parameter at a time gives narrower intervals.
     pub fn widen_by(&mut self, theta: &Theta, regression: &Regression) {
         let shown = regression.deviation.iter().zip(&regression.interval);
         for ((parameter, entry), (deviation, interval)) in

@@ -166,8 +166,8 @@ fn regressed(fit: &CostFit) -> Option<String> {
     }
     if let Some(likeness) = regression.likeness.filter(Likeness::unlike) {
         text.push_str(&format!(
-            ". The logs are further from those of simulated robots than chance explains: the intervals are {:.1} times as wide \
-             for it",
+            ". The logs are further from those of simulated robots than chance explains, so the intervals are {:.1} times as \
+             wide",
             likeness.ratio()
         ));
     }

@@ -62,7 +62,7 @@ impl Limits {
             let angle = q + (found.clamp(min, max) - rest) / command.kp;
             command.q = angle.clamp(self.lower[motor], self.upper[motor]);
         } else if command.kd > 0.0 && command.dq != 0.0 {
-            // The target of a wheel gives way towards the speed at which the torque is at its limit.
+            // A wheel's target velocity changes until the torque is at its limit.
             let at_limit = dq + (found.clamp(min, max) - command.tau) / command.kd;
             command.dq = at_limit.clamp(-speed, speed);
         }
@@ -131,7 +131,7 @@ mod tests {
         let found = admitted(0, wanted, 100.0, 2.0);
         assert!((found.dq - 6.74).abs() < 1e-5 && found.kd == 5.0 && found.kp == 0.0, "{found:?}");
         assert_eq!(admitted(0, MotorCommand { dq: 6.0, ..wanted }, 100.0, 2.0).dq, 6.0);
-        // Against a wheel that turns back fast.
+        // The wheel turns backwards fast.
         let found = admitted(0, wanted, 100.0, -35.0);
         assert!((found.torque(100.0, -35.0) - 23.7).abs() < 1e-3, "{found:?}");
         assert!(admitted(0, wanted, 100.0, 30.2).torque(100.0, 30.2) <= 1e-4, "at its largest speed");

@@ -170,7 +170,7 @@ impl Watch {
             }
             if let Some((came, before)) = &self.last {
                 let jump = angle - before.q[motor];
-                // An encoder may count a wheel's turns, or begin again at each.
+                // Some encoders count a wheel's turns. Others begin again at each turn.
                 let wheel = limits.upper[motor] - limits.lower[motor] == f32::INFINITY;
                 let jump = if wheel { jump - TAU * (jump / TAU).round() } else { jump };
                 // Messages that were held up come in a heap: the robot's own counter tells how far apart they are.

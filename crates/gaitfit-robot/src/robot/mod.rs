@@ -122,13 +122,13 @@ fn command_topic() -> String {
 }
 
 impl Motor {
-    /// Whether its joint has this name. A `_joint` suffix does not matter.
+    /// Whether this is a name of its joint, with or without `_joint`.
     fn moves(&self, joint: &str) -> bool {
         let name = joint.strip_suffix("_joint").unwrap_or(joint);
         self.joint == name || self.aliases.iter().any(|alias| alias == name)
     }
 
-    /// Whether it may turn on and on: nothing stops it, and no position gain turns it back.
+    /// Whether it may turn without end: it has no range and no position gain.
     pub fn is_wheel(&self) -> bool {
         self.range.is_none() && self.kp == 0.0
     }

@@ -35,7 +35,7 @@ pub struct Board {
     pub lie_down: bool,
     /// To the sender: damping.
     pub stop: Option<Reason>,
-    /// To the sender: the policy's targets, rad or (wheels that roll) rad/s, motor order, and their time.
+    /// To the sender: the policy's targets and their time. Motor order; rad, or rad/s for wheels that roll.
     pub targets: Option<(Duration, PerMotor<f32>)>,
 }
 

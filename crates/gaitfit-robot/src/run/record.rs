@@ -21,7 +21,7 @@ pub const WHOLE: &str = "whole.csv";
 /// Folder of [`WHOLE`] beside the logs of several walks: a fit reads all logs of their folder.
 pub const RUN: &str = "run";
 
-/// Columns of [`WHOLE`] with what was sent to each joint: angle, rad; gains; velocity, rad/s.
+/// Columns of [`WHOLE`] with the command that was sent to each joint: angle, rad; gains; velocity, rad/s.
 const SENT: [&str; 4] = ["sent_q_", "sent_kp_", "sent_kd_", "sent_dq_"];
 
 /// What the policy did in a control period.
@@ -33,7 +33,7 @@ pub struct Acted<'a> {
     pub command: [f32; 3],
     /// Action, policy order.
     pub action: &'a [f32],
-    /// Targets, rad or (wheels that roll) rad/s, policy order.
+    /// Targets, policy order: rad, or rad/s for wheels that roll.
     pub targets: &'a [f32],
 }
 

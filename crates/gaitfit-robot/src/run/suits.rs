@@ -12,8 +12,8 @@ const SLOWEST: f64 = 0.1;
 /// gains that were not in force.
 ///
 /// # Errors
-/// A policy that follows a motion, or of another robot, gains beyond the limits, a default pose outside the joints' ranges, a control period above
-/// 0.1 s, velocity targets of joints that are no wheels; joints that are held so.
+/// A policy that follows a motion, or of another robot, gains beyond the limits, a default pose outside the joints' ranges, a
+/// control period above 0.1 s, velocity targets of joints that are no wheels; joints that are held so.
 pub fn suits(policy: &Policy, robot: &Robot) -> Result<(), RobotError> {
     let (interface, limits, title) = (&policy.interface, robot.limits(), &robot.title);
     let unfit = |problem: String, remedy: String| Err(RobotError::Unfit { problem, remedy });

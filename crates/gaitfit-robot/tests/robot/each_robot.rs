@@ -23,15 +23,15 @@ use crate::toy::{CONTROL, standing};
 const DOMAIN: u16 = 51;
 /// How far the policy swings a joint, rad.
 const SWING: f64 = 0.1;
-/// How fast it rolls a wheel, rad/s.
+/// How fast the policy rolls a wheel, rad/s.
 const ROLL: f64 = 4.0;
 
-/// A policy that swings all joints that must be moved, at 1 Hz, and rolls the wheels.
+/// A policy that rolls the wheels. It swings all other joints that must be moved, at 1 Hz.
 fn swing(robot: &Robot) -> Policy {
     let is_moved = |motor: &Motor| motor.held.is_none() || motor.is_wheel();
     let moved: Vec<usize> = (0..robot.motors.len()).filter(|&k| is_moved(&robot.motors[k])).collect();
     let wheel = |k: usize| robot.motors[k].is_wheel();
-    // Wheels by their other name.
+    // Wheels have their other name.
     let name = |k: usize| {
         let motor = &robot.motors[k];
         format!("{}_joint", motor.aliases.first().unwrap_or(&motor.joint))
@@ -151,7 +151,7 @@ fn shared_each_robot_swings_its_joints_on_the_vendors_server() {
             let way = angles.iter().fold(f64::MIN, |a, &b| a.max(b))
                 - angles.iter().fold(f64::MAX, |a, &b| a.min(b));
             if motor.is_wheel() {
-                // The policy rolls it for three seconds and the second in which the robot comes to rest.
+                // The policy rolls it for three seconds, and for the second in which the robot comes to rest.
                 assert!(log.velocity_joints.contains(named), "{name}");
                 assert!((0.8 * 3.0 * ROLL..1.2 * 3.0 * ROLL).contains(&way), "{name}: {way}");
                 assert!(

@@ -1,4 +1,4 @@
-//! Wheels that a policy rolls: a Go2-W whose policy gives them velocities.
+//! A policy gives velocities to the wheels of a Go2-W.
 
 use std::time::Duration;
 
@@ -39,7 +39,7 @@ fn tick(run: &mut Run) {
     assert_eq!(run.command.as_ref().and_then(|sent| violation_of(&run.robot, sent, state)), None);
 }
 
-/// Until a phase ends; the largest speed of a wheel in it, rad/s, and the largest that a command wanted.
+/// Runs until `phase` ends. The largest speed of a wheel in this phase and the largest wanted by a command, rad/s.
 fn through(run: &mut Run, phase: Phase) -> (f32, f32) {
     let wheel = is_wheel(&run.robot);
     let (mut fastest, mut wanted) = (0.0f32, 0.0f32);

@@ -63,7 +63,13 @@ impl Logs {
     }
 
     fn add(&mut self, file: &Path, model: &Model, policy: Option<&Policy>) -> Result<(), Error> {
-        let (log, report) = read_csv_report(file, &ReadOptions::default())?;
+        let (mut log, report) = read_csv_report(file, &ReadOptions::default())?;
+        // A log need not state what the policy states: wheels have other targets. The fit refuses a log that contradicts it.
+        if let Some(policy) = policy.filter(|_| log.velocity_joints.is_empty()) {
+            let sent = |joint: &&String| policy.interface.velocity_joints.contains(joint);
+            log.velocity_joints = log.joints.iter().filter(sent).cloned().collect();
+        }
+        log.unwrap_wheels();
         let strange: Vec<&str> =
             log.joints.iter().filter(|name| model.find_joint(name).is_none()).map(String::as_str).collect();
         if !strange.is_empty() {

@@ -1,5 +1,5 @@
-//! Whether the real logs are like those of robots that are simulated with the regression's values: a posterior predictive check
-//! (Gelman, Meng and Stern 1996).
+//! Whether the real logs are like those of robots that are simulated with draws of the regression's values: a posterior
+//! predictive check (Gelman, Meng and Stern 1996).
 
 use gaitfit_sim::stats;
 use serde::{Deserialize, Serialize};
@@ -11,8 +11,8 @@ const ONE_DEVIATION: f64 = 0.84;
 /// A number of a log with a smaller variance among robots does not count: this is rounding. The robot's range is 2.
 const STEADY: f64 = 1e-14;
 
-/// How far the numbers of the real logs are from those of simulated robots. These have the same values and differ only by
-/// their random draws.
+/// How far the numbers of the real logs are from those of simulated robots. These differ by the errors of their
+/// values and by their random draws.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Likeness {
     /// Mean square distance of the real logs' numbers from the robots' mean, in units of the robots' variances. If the model

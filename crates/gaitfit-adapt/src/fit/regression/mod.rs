@@ -6,17 +6,17 @@
 //! logs, with values drawn around the result of the search. Their values are known. A regression learns them from the
 //! distributions of their logs. Then it predicts the values of the robot that made the real logs.
 //!
-//! There are two predictions. One uses all numbers of the logs together; it is the best if the real robot is like the simulated
-//! ones, but an effect that the model lacks can lead it far off. The other is the mean of what each signal of each leg predicts
-//! alone; such an effect changes it less. The values are the mean of both.
+//! There are two predictions. The first uses all numbers of the logs together. It is the best if the real robot is like the
+//! simulated ones. But an effect that the model lacks can make it very wrong. The second is the mean of what each signal of
+//! each leg predicts alone. Such an effect changes it less. The values are the mean of both.
 //!
-//! Robots are left out one by one, and the regression predicts their values. Its errors for them are its errors for the
-//! real robot too, if the real robot is like them. If signals and legs disagree by more than their errors, the simulator
-//! lacks something, and the errors of the second prediction contain their scatter. The intervals contain both predictions with
-//! their errors.
+//! Robots are left out one by one, and the regression predicts their values. If the real robot is like them, the regression
+//! has the same errors for the real robot. If signals and legs disagree by more than their errors, the simulator lacks
+//! something. The errors of the second prediction contain this scatter. The intervals contain both predictions with their
+//! errors.
 //!
-//! Last, robots are simulated whose values differ from the predicted ones by their errors. If the real logs are unlike theirs, the
-//! model lacks an effect, and the intervals are wider in proportion.
+//! At the end, more robots are simulated. They have the predicted values plus random errors of the prediction. If the real logs
+//! are unlike theirs, the model lacks an effect, and the intervals are wider in proportion.
 
 mod distributions;
 mod likeness;
@@ -41,17 +41,17 @@ use std::ops::Range;
 const NEAR: f64 = 0.5;
 /// If an entry's deviation is more than this many errors of left-out robots, its cause is the simulator.
 const UNLIKE: f64 = 3.0;
-/// Number of robots with the regression's values, to see whether the real logs are nearer to them than to as many robots with
-/// the search's values.
+/// Number of robots with the regression's values. As many robots have the search's values. They show which values the real logs
+/// are nearer to.
 const WITH_VALUES: usize = 24;
-/// Number of robots with the regression's values and their errors, to see whether the real logs are like theirs.
+/// Number of robots with the regression's values plus random errors. They show whether the real logs are like theirs.
 const WITH_ERRORS: usize = 48;
 /// Max entries of a θ for a regression.
 pub const MAX_REGRESSED: usize = 50;
 /// Max entries of a θ for which a fit always takes the regression's values. With more entries it takes them only if they cost
-/// less than the search's values. On robots in MuJoCo that lack nothing the regression's values are twice as near to the truth. But on
-/// soft ground the policy's walks under other commands were further off with them: the search's values also make up for what
-/// the fit's simulator lacks.
+/// less than the search's values. For robots in MuJoCo without unknown effects the regression's values are twice as near to the
+/// truth. But on soft ground they gave larger errors of the policy's walks under other commands. The search's values also
+/// compensate for what the fit's simulator lacks.
 pub const MAX_TAKEN: usize = 12;
 /// Min number of robots of a round for each entry and each set of logs (`optimizer.replicates`).
 const PER_ENTRY: f64 = 1.75;
@@ -74,7 +74,7 @@ pub struct Regression {
     /// Whether the fit takes these values. If not, it keeps the search's values, which cost less, and takes the intervals.
     #[serde(default = "yes")]
     pub taken: bool,
-    /// Standard deviation of their errors: half an interval in units of Student's t.
+    /// Standard deviation of their errors: half the width of the interval, divided by the quantile of Student's t.
     pub deviation: Vec<f64>,
     /// 95 % interval of each entry, not limited to its bounds.
     pub interval: Vec<[f64; 2]>,
@@ -82,9 +82,9 @@ pub struct Regression {
     pub robots: usize,
     /// The rounds.
     pub rounds: Vec<Drawn>,
-    /// Whether robots have such logs if their values differ from the corrected ones by errors of the prediction by all numbers.
-    /// `None` if too few of them walk, or if their logs are all equal. If the real logs are unlike theirs, the model lacks
-    /// an effect, and `deviation` and `interval` are larger by [`Likeness::ratio`].
+    /// Whether the real logs are like those of robots with the corrected values plus random errors of the prediction from all
+    /// numbers. `None` if too few of these robots walk, or if their logs are all equal. If the real logs are unlike theirs, the
+    /// model lacks an effect, and `deviation` and `interval` are larger by [`Likeness::ratio`].
     #[serde(default)]
     pub likeness: Option<Likeness>,
     /// How much further the real logs are from robots with the search's values than from robots with the corrected values: the
@@ -171,7 +171,7 @@ fn estimate(source: &Rounds<'_>, found: &[f64]) -> Result<Regression, NoEstimate
     let middle: Vec<f64> = groups.values.iter().zip(&together.values).map(|(a, b)| 0.5 * (a + b)).collect();
     let corrected = within(entries, &middle);
     let mut simulated = source.each * rounds.len();
-    // Robots that fall say nothing of a likeness.
+    // Robots that fall do not count.
     let mut walk = |robots: &[Vec<f64>]| {
         let walked = source.walk(robots, simulated)?;
         simulated += robots.len();
@@ -197,12 +197,12 @@ fn estimate(source: &Rounds<'_>, found: &[f64]) -> Result<Regression, NoEstimate
     })
 }
 
-/// `values` within the bounds of `entries`.
+/// `values`, limited to the bounds of `entries`.
 fn within(entries: &[Entry], values: &[f64]) -> Vec<f64> {
     entries.iter().zip(values).map(|(entry, value)| value.clamp(entry.lower, entry.upper)).collect()
 }
 
-/// 95 % intervals that contain both predictions with `wider` times their errors, and standard deviations of such intervals.
+/// 95 % intervals and their standard deviations. An interval contains both predictions with `wider` times their errors.
 fn intervals(
     entries: &[Entry],
     rounds: &[Drawn],

@@ -19,8 +19,8 @@ pub struct Posterior {
 }
 
 impl Posterior {
-    /// Turns `independent`, numbers with a standard deviation of 1, into errors of the values in units of their standard
-    /// deviations.
+    /// Correlated errors of the values, in units of their standard deviations. They are made from `independent`: independent
+    /// numbers with a standard deviation of 1.
     pub fn correlated(&self, independent: &[f64]) -> Vec<f64> {
         (&self.factor * DVector::from_row_slice(independent)).iter().copied().collect()
     }

@@ -27,11 +27,11 @@ pub struct Robots {
 pub struct Estimate {
     /// Values: the mean of what groups of numbers say.
     pub values: Vec<f64>,
-    /// Values by all numbers together.
+    /// Values that all numbers together predict.
     pub together: Vec<f64>,
     /// Standard deviation of the errors of `together` for robots that were left out one by one.
     pub errors: Vec<f64>,
-    /// Standard error of that mean, by the groups' own errors and by how much they disagree besides.
+    /// Standard error of the mean in `values`, by the groups' own errors and by how much they disagree besides.
     pub scatter: Vec<f64>,
     /// Standard deviation by which they disagree besides their own errors; 0 if these explain it.
     pub disagreement: Vec<f64>,

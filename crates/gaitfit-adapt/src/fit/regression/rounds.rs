@@ -26,34 +26,34 @@ const WALKING: f64 = 0.5;
 /// the same for many of them. 2 makes three independent ones of twelve. Chosen with the fits of the first seed of `wass-5ms`
 /// in docs/results.
 const SHARED: f64 = 2.0;
-/// How much larger the errors of a real robot's values by all numbers together are than those of robots that were left out. In
-/// 15 fits of robots in MuJoCo without unknown effects it was 0.9 to 1.3 times for all kinds of parameters but the delay (1.9).
+/// Ratio of two errors of the prediction from all numbers together: for a real robot, and for robots that were left out. In 15
+/// fits of robots in MuJoCo without unknown effects it was 0.9 to 1.3 for all kinds of parameters except the delay (1.9).
 const LARGER: f64 = 1.3;
 
-/// Number of the random draws of [`Rounds::with_errors`]: no round has so many robots.
+/// Selects the random draws of [`Rounds::with_errors`]. No round has so many robots.
 const ERRORS: u32 = 1_000_000;
 
 /// One round.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Drawn {
-    /// Least values drawn.
+    /// Lower ends of the region from which the first round is drawn. Later rounds draw a few robots beyond it.
     pub lower: Vec<f64>,
-    /// Largest values drawn.
+    /// Its upper ends.
     pub upper: Vec<f64>,
-    /// Robots between them that walked, those of rounds before included.
+    /// Robots of this round that walked, and those of earlier rounds within the region.
     pub walked: usize,
     /// The values of the robot that made the real logs, with what was known of them before.
     pub values: Vec<f64>,
     /// Standard deviation of their errors.
     #[serde(default)]
     pub deviation: Vec<f64>,
-    /// The same values by all numbers of the logs together.
+    /// The same values, predicted from all numbers of the logs together.
     #[serde(default)]
     pub together: Vec<f64>,
     /// Standard deviation of the errors of `together`.
     #[serde(default)]
     pub together_deviation: Vec<f64>,
-    /// Standard deviation of the errors of robots that were left out, by all numbers together.
+    /// Standard deviation of the errors for robots that were left out, predicted from all numbers together.
     pub errors: Vec<f64>,
     /// Standard error of the values by what signals and legs say alone.
     pub scatter: Vec<f64>,
@@ -82,11 +82,11 @@ pub(super) enum NoEstimate {
     Because(String),
 }
 
-/// What a round says of the values.
+/// The two predictions of a round.
 pub(super) struct Posteriors {
-    /// By the mean of what groups of numbers say.
+    /// The mean of what groups of numbers predict.
     pub groups: Posterior,
-    /// By all numbers together.
+    /// The prediction from all numbers together.
     pub together: Posterior,
 }
 
@@ -107,7 +107,7 @@ pub(super) struct Rounds<'a> {
 }
 
 impl Rounds<'_> {
-    /// All rounds, and what the last one says. The first is around `found`.
+    /// All rounds, and the predictions of the last one. The first round is around `found`.
     pub fn run(&self, found: &[f64]) -> Result<(Vec<Drawn>, Posteriors), NoEstimate> {
         let entries = self.theta.entries();
         let mut centre = found.to_vec();
@@ -143,21 +143,22 @@ impl Rounds<'_> {
         Ok((rounds, said))
     }
 
-    /// Robots between the bounds, each parameter independent of the others.
+    /// Robots between the bounds. Each parameter is independent of the others.
     fn evenly(&self, (lower, upper): &(Vec<f64>, Vec<f64>), round: usize) -> Vec<Vec<f64>> {
         evenly(lower, upper, self.each, self.seed, number(round * self.each))
     }
 
-    /// Robots around `centre` whose values differ together as the errors of `said` do, each by about `half`. A search and a
-    /// regression leave errors that go together: weaker motors and a lighter robot walk alike. If all robots differed
-    /// independently, few would be like the real one, and a ridge regression would hardly leave the centre.
+    /// Robots around `centre`. Their values are correlated as the errors of `said` are, and each differs by about `half`. The
+    /// errors of a search and of a regression are correlated: for example, a lighter robot with weaker motors walks alike. If
+    /// all values were independent, few robots would be like the real one, and a ridge regression would predict values near
+    /// the centre.
     fn correlated(&self, said: &Posterior, centre: &[f64], half: &[f64], round: usize) -> Vec<Vec<f64>> {
         let entries = self.theta.entries();
         let sides = (vec![-1.0; entries.len()], vec![1.0; entries.len()]);
         let value = |at: usize, by: f64| {
             let Entry { lower, upper, .. } = entries[at];
             let value = centre[at] + half[at] * by;
-            // What lies beyond a bound is reflected.
+            // A value beyond a bound is reflected at the bound.
             let value = if value < lower { 2.0 * lower - value } else { value };
             let value = if value > upper { 2.0 * upper - value } else { value };
             value.clamp(lower, upper)
@@ -168,7 +169,7 @@ impl Rounds<'_> {
         self.evenly(&sides, round).into_iter().map(robot).collect()
     }
 
-    /// `count` robots whose values differ from `values` by errors that are drawn from `posterior`, within the bounds.
+    /// `count` robots with `values` plus errors that are drawn from `posterior`, within the bounds.
     pub fn with_errors(&self, values: &[f64], posterior: &Posterior, count: usize) -> Vec<Vec<f64>> {
         let stream = Stream::new(self.seed, Purpose::SIMULATED_ROBOTS).environment(ERRORS);
         let entries = self.theta.entries();
