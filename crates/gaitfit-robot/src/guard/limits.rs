@@ -29,7 +29,7 @@ impl Limits {
     /// The torque is that of the given state. Between two commands the joint moves; at 500 Hz it is off by
     /// kp · speed · 2 ms.
     ///
-    /// `None` where a number of `wanted` is not finite.
+    /// `None` where a number of `wanted` is not finite, or so large that the command is not.
     pub fn admit(&self, wanted: &Command, state: &RobotState) -> Option<Command> {
         let mut command = *wanted;
         for (motor, slot) in command.iter_mut().enumerate() {
@@ -37,6 +37,10 @@ impl Limits {
                 return None;
             }
             *slot = self.admit_one(motor, slot, state.q[motor], state.dq[motor]);
+            // A huge target may be no number any more.
+            if !slot.is_finite() {
+                return None;
+            }
         }
         Some(command)
     }
@@ -169,6 +173,12 @@ mod tests {
                 assert_eq!(go2().admit(&command, &standing()), None);
             }
         }
+        // kp · (q* − q) is beyond single precision; a joint without a range.
+        let mut command = Command::new(12, MotorCommand::default());
+        command[7] = MotorCommand { q: 1e38, kp: 40.0, ..MotorCommand::default() };
+        let mut limits = go2();
+        limits.upper[7] = f32::INFINITY;
+        assert_eq!(limits.admit(&command, &standing()), None);
     }
 
     #[test]

@@ -73,6 +73,15 @@ pub fn suits(policy: &Policy, robot: &Robot) -> Result<(), RobotError> {
                 );
             }
         }
+        if robot.motors[motor].is_wheel() && postures.kp[motor] > 0.0 && !postures.rolls[motor] {
+            return unfit(
+                format!(
+                    "has kp = {} at the wheel `{joint}`, which may have turned many times: it would spin back to one angle",
+                    postures.kp[motor]
+                ),
+                "name it in velocity_joints, or leave it out of the policy: then it is braked".to_owned(),
+            );
+        }
         let (angle, low, high) = (postures.standing[motor], limits.lower[motor], limits.upper[motor]);
         if !(low..=high).contains(&angle) {
             return unfit(

@@ -1,8 +1,11 @@
 //! A policy gives velocities to the wheels of a Go2-W.
 
+use std::sync::Arc;
 use std::time::Duration;
 
+use gaitfit_policy::{Interface, Policy, Quantity, Term};
 use gaitfit_robot::guard::GuardSettings;
+use gaitfit_robot::run::suits;
 use gaitfit_robot::{PerMotor, Phase, Robot, Supervisor, Times};
 
 use crate::limits::violation_of;
@@ -91,4 +94,40 @@ fn an_encoder_that_begins_again_at_each_turn_is_no_jump_of_a_wheel_but_one_of_a_
     };
     assert_eq!(turned(12), Phase::StandUp);
     assert_eq!(turned(0), Phase::Damping);
+}
+
+#[test]
+fn a_wheel_gets_velocities_or_is_braked_and_is_never_turned_to_an_angle() {
+    let robot = Robot::built_in("unitree-go2w").unwrap();
+    let wheel = |motor: usize| robot.motors[motor].is_wheel();
+    let count = robot.motors.len();
+    let each = |of_leg: f64, of_wheel: f64| {
+        (0..count).map(|motor| if wheel(motor) { of_wheel } else { of_leg }).collect::<Vec<f64>>()
+    };
+    let joints: Vec<String> = robot.motors.iter().map(|motor| motor.joint.clone()).collect();
+    let interface = Interface {
+        robot: "go2w".to_owned(),
+        default_pose: postures(&robot).standing.iter().map(|&angle| f64::from(angle)).collect(),
+        action_scale: vec![0.1; count],
+        action_clip: None,
+        kp: each(40.0, 0.0),
+        kd: each(1.0, 5.0),
+        velocity_joints: joints.iter().filter(|joint| joint.ends_with("foot")).cloned().collect(),
+        held: Vec::new(),
+        control_dt: 0.02,
+        gait_frequency: None,
+        reference: None,
+        history: Default::default(),
+        observation: vec![Term::new(Quantity::JointPosition)],
+        critic_observation: Vec::new(),
+        joints,
+    };
+    let judged = |interface: Interface| {
+        let policy = Policy::of_function(interface, Arc::new(|_: usize, _: &[f32], _: &mut [f32]| true));
+        suits(&policy.unwrap(), &robot).map_err(|error| error.to_string())
+    };
+    assert_eq!(judged(interface.clone()), Ok(()));
+    let turned = Interface { kp: each(40.0, 40.0), velocity_joints: Vec::new(), ..interface };
+    let error = judged(turned).unwrap_err();
+    assert!(error.contains("kp = 40 at the wheel `FR_foot`") && error.contains("velocity_joints"), "{error}");
 }
