@@ -112,6 +112,9 @@ fn walks_on_wheels_are_fitted_without_the_angles_of_the_wheels() {
     assert_eq!(begun.status.code(), Some(0), "{}", errors(&begun));
     let warnings = json(&begun)["warnings"].to_string();
     assert!(!warnings.contains("_wheel"), "{warnings}");
+    let written = std::fs::read_to_string(&config).unwrap();
+    let step = log.simulated_step.unwrap();
+    assert!(written.contains(&format!("robot_timestep = {step:?}")), "{step} {written}");
     std::fs::write(
         at("fit.toml"),
         "base = \"free\"\npolicy = \"policy.safetensors\"\nrobot = \"rover.xml\"\nlogs = [\"wrapped\"]\ncosts = [\"matchr1\"]\n\

@@ -15,6 +15,8 @@ pub struct Logs {
     pub gains: bool,
     /// Whether one of them has a command that is not zero.
     pub commands: bool,
+    /// The simulated step that each states; `None` of a log that states none.
+    steps: Vec<Option<f64>>,
     /// What reading them assumed, each in a sentence.
     pub assumed: Vec<String>,
     imu: bool,
@@ -49,6 +51,7 @@ impl Logs {
             files,
             gains: true,
             commands: false,
+            steps: Vec::new(),
             assumed: Vec::new(),
             imu: true,
             seconds: 0.0,
@@ -111,10 +114,17 @@ impl Logs {
         self.commands |= log.command.as_ref().is_some_and(|all| all.iter().any(|part| part.abs() > 0.0));
         self.seconds += log.duration();
         self.rates.push(log.rate_hz);
+        self.steps.push(log.simulated_step);
         if self.joints.is_empty() {
             self.joints = log.joints;
         }
         Ok(())
+    }
+
+    /// The physics step of the simulator that made them, s, if all state the same one.
+    pub fn simulated_step(&self) -> Option<f64> {
+        let first = self.steps.first().copied().flatten()?;
+        self.steps.iter().all(|step| *step == Some(first)).then_some(first)
     }
 
     /// Number, length, rate and sensors.

@@ -2,6 +2,7 @@
 
 use super::{BOARD_SECONDS, Found, quoted};
 use crate::air::choices;
+use gaitfit_learn::task::TaskSettings;
 use gaitfit_log::PerJoint;
 use gaitfit_model::JointKind;
 use std::fmt::Write as _;
@@ -54,14 +55,21 @@ impl Found<'_> {
         text.push_str("\n[adapt]\n# costs = [\"wass\"]              # what is compared: docs/costs.md\n");
         self.write_groups(text, "adapt.groups");
         text.push_str("\n[adapt.simulation]\n");
-        line(
-            text,
-            "robot_timestep",
-            &format!("{BOARD_SECONDS:?}"),
-            "s, assumed period of the robot's motor boards",
-        );
+        let (step, what) = self.robot_timestep();
+        line(text, "robot_timestep", &format!("{step:?}"), what);
         if self.trains() {
             text.push_str("\n[finetune.train]\n# iterations = 160               # of the training in the fitted simulator\n");
+        }
+    }
+
+    /// The step of the robot that made the logs, s, and where it is known from. A simulator whose task has a robot step of its own
+    /// stands for a robot with that step, and its logs state the simulator's.
+    fn robot_timestep(&self) -> (f64, &'static str) {
+        let task = self.policy.as_ref().map(|policy| policy.provenance.task.as_str()).unwrap_or_default();
+        let emulated = toml::from_str::<TaskSettings>(task).is_ok_and(|task| task.robot_timestep.is_some());
+        match self.logs.simulated_step().filter(|_| !emulated) {
+            Some(step) => (step, "s, the simulator's step, as the logs state"),
+            None => (BOARD_SECONDS, "s, assumed period of the robot's motor boards"),
         }
     }
 
