@@ -1,9 +1,9 @@
 //! Whether a policy is one that a robot may be given.
 
-use gaitfit_policy::Policy;
+use gaitfit_policy::{Interface, Policy};
 
 use crate::RobotError;
-use crate::robot::Robot;
+use crate::robot::{BUILT_IN, Motor, Robot};
 
 /// Slowest policy, s: a robot falls in less than that.
 const SLOWEST: f64 = 0.1;
@@ -26,8 +26,7 @@ pub fn suits(policy: &Policy, robot: &Robot) -> Result<(), RobotError> {
                 .to_owned(),
         );
     }
-    let named = interface.robot.to_lowercase();
-    if !named.is_empty() && !robot.policies.iter().any(|name| named.contains(name)) {
+    if !is_of(interface, robot) {
         return unfit(
             format!("is of the robot `{}`, and this is a {title}", interface.robot.escape_debug()),
             format!(
@@ -91,4 +90,24 @@ pub fn suits(policy: &Policy, robot: &Robot) -> Result<(), RobotError> {
         }
     }
     Ok(())
+}
+
+/// Whether a policy is of `robot` by the name of its robot. A policy without a name may be of any robot.
+fn is_of(interface: &Interface, robot: &Robot) -> bool {
+    let named = interface.robot.to_lowercase();
+    let match_length = |robot: &Robot| {
+        let known = robot.policies.iter().filter(|name| named.contains(name.as_str()));
+        known.map(String::len).max().unwrap_or(0)
+    };
+    // `go2w` contains `go2`, but it is no Go2.
+    let nearer = |(name, _): &(&str, &str)| {
+        let other = Robot::built_in(name);
+        other.is_ok_and(|other| other.name != robot.name && match_length(&other) > match_length(robot))
+    };
+    // unitree_mujoco's description of the Go2-W has the name `go2`. Only a Go2-W has wheels to roll.
+    let rolls = !interface.velocity_joints.is_empty();
+    let begins = || robot.policies.iter().any(|name| name.starts_with(&named));
+    named.is_empty()
+        || (match_length(robot) > 0 && !BUILT_IN.iter().any(nearer))
+        || (rolls && robot.motors.iter().any(Motor::is_wheel) && begins())
 }

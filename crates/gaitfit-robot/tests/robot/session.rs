@@ -251,6 +251,7 @@ fn a_policy_that_a_go2_may_not_be_given_is_refused_with_what_is_the_matter() {
         (refused(&|it| it.kd[0] = 6.0), ["kd = 6", "0 to 5"]),
         (refused(&|it| it.kd[0] = -1.0), ["kd = -1", "0 to 5"]),
         (refused(&|it| it.robot = "a1".to_owned()), ["`a1`", "robot = \"go2\""]),
+        (refused(&|it| it.robot = "go2w".to_owned()), ["`go2w`", "this is a Unitree Go2"]),
         (refused(&|it| it.default_pose[2] = 1.5), ["1.5 rad", "outside its range"]),
         (refused(&|it| it.velocity_joints = vec![it.joints[2].clone()]), ["velocities", "is no wheel"]),
         (refused(&|it| it.control_dt = 0.2), ["every 0.2 s", "control_dt"]),

@@ -127,6 +127,11 @@ fn a_wheel_gets_velocities_or_is_braked_and_is_never_turned_to_an_angle() {
         suits(&policy.unwrap(), &robot).map_err(|error| error.to_string())
     };
     assert_eq!(judged(interface.clone()), Ok(()));
+    // unitree_mujoco's Go2-W has the name of a Go2; a policy of a Go2 moves no wheels.
+    let named_go2 = Interface { robot: "go2".to_owned(), ..interface.clone() };
+    assert_eq!(judged(named_go2.clone()), Ok(()));
+    let braked = Interface { velocity_joints: Vec::new(), ..named_go2 };
+    assert!(judged(braked).unwrap_err().contains("is of the robot `go2`"));
     let turned = Interface { kp: each(40.0, 40.0), velocity_joints: Vec::new(), ..interface };
     let error = judged(turned).unwrap_err();
     assert!(error.contains("kp = 40 at the wheel `FR_foot`") && error.contains("velocity_joints"), "{error}");
