@@ -72,7 +72,8 @@ pub fn suits(policy: &Policy, robot: &Robot) -> Result<(), RobotError> {
                 );
             }
         }
-        if robot.motors[motor].is_wheel() && postures.kp[motor] > 0.0 && !postures.rolls[motor] {
+        // A joint with velocity targets has no position gain.
+        if robot.motors[motor].is_wheel() && postures.kp[motor] > 0.0 {
             return unfit(
                 format!(
                     "has kp = {} at the wheel `{joint}`, which may have turned many times: it would spin back to one angle",

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use gaitfit_log::{ReadOptions, read_csv};
-use gaitfit_policy::{Interface, Policy, Quantity, Term};
+use gaitfit_policy::{Interface, Policy};
 use gaitfit_robot::guard::GuardSettings;
 use gaitfit_robot::link::Dds;
 use gaitfit_robot::preflight::{Beat, Finding, Flight, Listened, Moved, fly, listen, moved, passed, sampled};
@@ -17,7 +17,7 @@ use gaitfit_robot::{Phase, Robot, Supervisor, Times};
 
 use crate::dds::alone;
 use crate::server::Server;
-use crate::toy::{CONTROL, standing};
+use crate::toy::{CONTROL, interface};
 
 /// First of the domains that these tests use.
 const DOMAIN: u16 = 51;
@@ -30,32 +30,8 @@ const ROLL: f64 = 4.0;
 fn swing(robot: &Robot) -> Policy {
     let is_moved = |motor: &Motor| motor.held.is_none() || motor.is_wheel();
     let moved: Vec<usize> = (0..robot.motors.len()).filter(|&k| is_moved(&robot.motors[k])).collect();
-    let wheel = |k: usize| robot.motors[k].is_wheel();
-    // Wheels have their other name.
-    let name = |k: usize| {
-        let motor = &robot.motors[k];
-        format!("{}_joint", motor.aliases.first().unwrap_or(&motor.joint))
-    };
-    let poses = standing(robot);
-    let each =
-        |value: &dyn Fn(usize) -> f32| moved.iter().map(|&k| f64::from(value(k))).collect::<Vec<f64>>();
-    let interface = Interface {
-        robot: robot.name.clone(),
-        joints: moved.iter().map(|&k| name(k)).collect(),
-        default_pose: each(&|k| poses[k]),
-        action_scale: moved.iter().map(|&k| if wheel(k) { ROLL } else { SWING }).collect(),
-        action_clip: None,
-        kp: each(&|k| robot.motors[k].kp),
-        kd: each(&|k| robot.motors[k].kd),
-        velocity_joints: moved.iter().filter(|&&k| wheel(k)).map(|&k| name(k)).collect(),
-        held: Vec::new(),
-        control_dt: 0.02,
-        gait_frequency: None,
-        reference: None,
-        history: Default::default(),
-        observation: vec![Term::new(Quantity::JointPosition)],
-        critic_observation: Vec::new(),
-    };
+    let scale = |&k: &usize| if robot.motors[k].is_wheel() { ROLL } else { SWING };
+    let interface = Interface { action_scale: moved.iter().map(scale).collect(), ..interface(robot, &moved) };
     let step = AtomicU32::new(0);
     let rolls: Vec<bool> = robot.motors.iter().map(Motor::is_wheel).collect();
     let act = move |_: usize, _: &[f32], actions: &mut [f32]| {

@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
+use gaitfit_policy::{Interface, Quantity, Term};
 use gaitfit_robot::guard::GuardSettings;
+use gaitfit_robot::robot::Motor;
 use gaitfit_robot::unitree::Remote;
 use gaitfit_robot::{
     Battery, Command, PerMotor, Phase, Postures, Reading, Robot, RobotState, Seal, Supervisor, Times,
@@ -34,6 +36,32 @@ pub fn standing(robot: &Robot) -> PerMotor<f32> {
         let [low, high] = motor.range.unwrap_or([motor.lying; 2]);
         motor.lying + 0.3 * (0.5 * (low + high) - motor.lying)
     })
+}
+
+/// What a policy sees and moves that moves `motors` of a robot with the gains of its file, and rolls its wheels, which have
+/// their other name.
+pub fn interface(robot: &Robot, motors: &[usize]) -> Interface {
+    let poses = standing(robot);
+    let each = |value: &dyn Fn(usize) -> f32| motors.iter().map(|&k| f64::from(value(k))).collect::<Vec<_>>();
+    let name = |motor: &Motor| format!("{}_joint", motor.aliases.first().unwrap_or(&motor.joint));
+    let wheels = motors.iter().map(|&k| &robot.motors[k]).filter(|motor| motor.is_wheel());
+    Interface {
+        robot: robot.name.clone(),
+        joints: motors.iter().map(|&k| name(&robot.motors[k])).collect(),
+        default_pose: each(&|k| poses[k]),
+        action_scale: vec![0.1; motors.len()],
+        action_clip: None,
+        kp: each(&|k| robot.motors[k].kp),
+        kd: each(&|k| robot.motors[k].kd),
+        velocity_joints: wheels.map(name).collect(),
+        held: Vec::new(),
+        control_dt: CONTROL.as_secs_f64(),
+        gait_frequency: None,
+        reference: None,
+        history: Default::default(),
+        observation: vec![Term::new(Quantity::JointPosition)],
+        critic_observation: Vec::new(),
+    }
 }
 
 /// A robot on the ground: joints that follow their motors, a level base.

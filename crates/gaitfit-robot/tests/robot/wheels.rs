@@ -3,13 +3,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use gaitfit_policy::{Interface, Policy, Quantity, Term};
+use gaitfit_policy::{Interface, Policy};
 use gaitfit_robot::guard::GuardSettings;
 use gaitfit_robot::run::suits;
 use gaitfit_robot::{PerMotor, Phase, Robot, Supervisor, Times};
 
 use crate::limits::violation_of;
-use crate::toy::{CONTROL, Run, march, postures};
+use crate::toy::{CONTROL, Run, interface, march, postures};
 
 /// How fast the policy rolls the wheels, rad/s.
 const ROLL: f32 = 8.0;
@@ -99,29 +99,8 @@ fn an_encoder_that_begins_again_at_each_turn_is_no_jump_of_a_wheel_but_one_of_a_
 #[test]
 fn a_wheel_gets_velocities_or_is_braked_and_is_never_turned_to_an_angle() {
     let robot = Robot::built_in("unitree-go2w").unwrap();
-    let wheel = |motor: usize| robot.motors[motor].is_wheel();
-    let count = robot.motors.len();
-    let each = |of_leg: f64, of_wheel: f64| {
-        (0..count).map(|motor| if wheel(motor) { of_wheel } else { of_leg }).collect::<Vec<f64>>()
-    };
-    let joints: Vec<String> = robot.motors.iter().map(|motor| motor.joint.clone()).collect();
-    let interface = Interface {
-        robot: "go2w".to_owned(),
-        default_pose: postures(&robot).standing.iter().map(|&angle| f64::from(angle)).collect(),
-        action_scale: vec![0.1; count],
-        action_clip: None,
-        kp: each(40.0, 0.0),
-        kd: each(1.0, 5.0),
-        velocity_joints: joints.iter().filter(|joint| joint.ends_with("foot")).cloned().collect(),
-        held: Vec::new(),
-        control_dt: 0.02,
-        gait_frequency: None,
-        reference: None,
-        history: Default::default(),
-        observation: vec![Term::new(Quantity::JointPosition)],
-        critic_observation: Vec::new(),
-        joints,
-    };
+    let all: Vec<usize> = (0..robot.motors.len()).collect();
+    let interface = interface(&robot, &all);
     let judged = |interface: Interface| {
         let policy = Policy::of_function(interface, Arc::new(|_: usize, _: &[f32], _: &mut [f32]| true));
         suits(&policy.unwrap(), &robot).map_err(|error| error.to_string())
@@ -132,7 +111,7 @@ fn a_wheel_gets_velocities_or_is_braked_and_is_never_turned_to_an_angle() {
     assert_eq!(judged(named_go2.clone()), Ok(()));
     let braked = Interface { velocity_joints: Vec::new(), ..named_go2 };
     assert!(judged(braked).unwrap_err().contains("is of the robot `go2`"));
-    let turned = Interface { kp: each(40.0, 40.0), velocity_joints: Vec::new(), ..interface };
+    let turned = Interface { kp: vec![40.0; all.len()], velocity_joints: Vec::new(), ..interface };
     let error = judged(turned).unwrap_err();
     assert!(error.contains("kp = 40 at the wheel `FR_foot`") && error.contains("velocity_joints"), "{error}");
 }

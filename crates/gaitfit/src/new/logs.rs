@@ -69,8 +69,10 @@ impl Logs {
         let (mut log, report) = read_csv_report(file, &ReadOptions::default())?;
         // A log need not state what the policy states: wheels have other targets. The fit refuses a log that contradicts it.
         if let Some(policy) = policy.filter(|_| log.velocity_joints.is_empty()) {
-            let sent = |joint: &&String| policy.interface.velocity_joints.contains(joint);
-            log.velocity_joints = log.joints.iter().filter(sent).cloned().collect();
+            let wheels: Vec<Option<usize>> =
+                policy.interface.velocity_joints.iter().map(|joint| model.find_joint(joint)).collect();
+            let is_wheel = |joint: &&String| wheels.contains(&model.find_joint(joint));
+            log.velocity_joints = log.joints.iter().filter(is_wheel).cloned().collect();
         }
         log.unwrap_wheels();
         let strange: Vec<&str> =

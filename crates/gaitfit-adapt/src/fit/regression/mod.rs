@@ -167,7 +167,7 @@ fn estimate(source: &Rounds<'_>, found: &[f64]) -> Result<Regression, NoEstimate
         )));
     }
     let (rounds, posteriors) = source.run(found)?;
-    let Posteriors { groups, together } = &posteriors;
+    let Posteriors { groups, together, .. } = &posteriors;
     let middle: Vec<f64> = groups.values.iter().zip(&together.values).map(|(a, b)| 0.5 * (a + b)).collect();
     let corrected = within(entries, &middle);
     let mut simulated = source.each * rounds.len();
@@ -183,7 +183,7 @@ fn estimate(source: &Rounds<'_>, found: &[f64]) -> Result<Regression, NoEstimate
     let with_errors = source.with_errors(&corrected, together, WITH_ERRORS);
     let likeness = Likeness::new(numbers, &walk(&with_errors)?);
     let wider = likeness.map_or(1.0, |likeness| likeness.ratio());
-    let (interval, deviation) = intervals(entries, &rounds, &posteriors, wider);
+    let (interval, deviation) = intervals(entries, &posteriors, wider);
     Ok(Regression {
         uncorrected: found.to_vec(),
         corrected,
@@ -205,11 +205,9 @@ fn within(entries: &[Entry], values: &[f64]) -> Vec<f64> {
 /// 95 % intervals and their standard deviations. An interval contains both predictions with `wider` times their errors.
 fn intervals(
     entries: &[Entry],
-    rounds: &[Drawn],
-    Posteriors { groups, together }: &Posteriors,
+    Posteriors { groups, together, robots }: &Posteriors,
     wider: f64,
 ) -> (Vec<[f64; 2]>, Vec<f64>) {
-    let robots = rounds.last().map_or(0, |last| last.walked);
     let quantile = stats::student_t_95(robots.saturating_sub(1));
     let interval = |(at, entry): (usize, &Entry)| {
         let end = |side: f64| {

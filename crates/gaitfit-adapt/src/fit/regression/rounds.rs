@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 pub(super) const MAX_ROUNDS: usize = 6;
 /// Min number of rounds.
 const MIN_ROUNDS: usize = 3;
-/// Max ratio of the standard deviations of a round to those of the round before, on the mean, after which another round follows.
+/// Each round divides its standard deviations by those of the round before. If the mean of these ratios exceeds this, no other
+/// round follows.
 const SETTLED: f64 = 0.95;
 /// Half the width of the first round, in an entry's deviations.
 const FIRST: f64 = 1.5;
@@ -27,7 +28,7 @@ const WALKING: f64 = 0.5;
 /// in docs/results.
 const SHARED: f64 = 2.0;
 /// Ratio of two errors of the prediction from all numbers together: for a real robot, and for robots that were left out. In 15
-/// fits of robots in MuJoCo without unknown effects it was 0.9 to 1.3 for all kinds of parameters except the delay (1.9).
+/// fits of robots in MuJoCo without unknown effects it was 0.9 to 1.3 for eight kinds of parameters, and 1.9 for the delay.
 const LARGER: f64 = 1.3;
 
 /// Selects the random draws of [`Rounds::with_errors`]. No round has so many robots.
@@ -88,6 +89,8 @@ pub(super) struct Posteriors {
     pub groups: Posterior,
     /// The prediction from all numbers together.
     pub together: Posterior,
+    /// Robots from which both were learnt.
+    pub robots: usize,
 }
 
 /// What the rounds are made of.
@@ -112,12 +115,12 @@ impl Rounds<'_> {
         let entries = self.theta.entries();
         let mut centre = found.to_vec();
         let mut half: Vec<f64> = entries.iter().map(|entry| FIRST * entry.deviation).collect();
-        let (mut all, mut rounds, mut said) = (Robots::default(), Vec::<Drawn>::new(), None::<Posteriors>);
+        let (mut all, mut rounds, mut latest) = (Robots::default(), Vec::<Drawn>::new(), None::<Posteriors>);
         for round in 0..MAX_ROUNDS {
             let bounds = around(entries, &centre, &half);
-            let robots = match &said {
+            let robots = match &latest {
                 None => self.evenly(&bounds, round),
-                Some(said) => self.correlated(&said.groups, &centre, &half, round),
+                Some(latest) => self.correlated(&latest.groups, &centre, &half, round),
             };
             let (drawn, posteriors) = self.learn(&mut all, robots, bounds, round)?;
             for (at, entry) in entries.iter().enumerate() {
@@ -134,13 +137,13 @@ impl Rounds<'_> {
             let settled =
                 round + 1 >= MIN_ROUNDS && rounds.last().is_some_and(|before| shrunk(before) > SETTLED);
             rounds.push(drawn);
-            said = Some(posteriors);
+            latest = Some(posteriors);
             if settled {
                 break;
             }
         }
-        let said = said.ok_or_else(|| NoEstimate::Because("No robot was simulated.".to_owned()))?;
-        Ok((rounds, said))
+        let latest = latest.ok_or_else(|| NoEstimate::Because("No robot was simulated.".to_owned()))?;
+        Ok((rounds, latest))
     }
 
     /// Robots between the bounds. Each parameter is independent of the others.
@@ -148,11 +151,11 @@ impl Rounds<'_> {
         evenly(lower, upper, self.each, self.seed, number(round * self.each))
     }
 
-    /// Robots around `centre`. Their values are correlated as the errors of `said` are, and each differs by about `half`. The
+    /// Robots around `centre`. Their values are correlated as the errors of `latest` are, and each differs by about `half`. The
     /// errors of a search and of a regression are correlated: for example, a lighter robot with weaker motors walks alike. If
     /// all values were independent, few robots would be like the real one, and a ridge regression would predict values near
     /// the centre.
-    fn correlated(&self, said: &Posterior, centre: &[f64], half: &[f64], round: usize) -> Vec<Vec<f64>> {
+    fn correlated(&self, latest: &Posterior, centre: &[f64], half: &[f64], round: usize) -> Vec<Vec<f64>> {
         let entries = self.theta.entries();
         let sides = (vec![-1.0; entries.len()], vec![1.0; entries.len()]);
         let value = |at: usize, by: f64| {
@@ -164,7 +167,7 @@ impl Rounds<'_> {
             value.clamp(lower, upper)
         };
         let robot = |independent: Vec<f64>| {
-            said.correlated(&independent).into_iter().enumerate().map(|(at, by)| value(at, by)).collect()
+            latest.correlated(&independent).into_iter().enumerate().map(|(at, by)| value(at, by)).collect()
         };
         self.evenly(&sides, round).into_iter().map(robot).collect()
     }
@@ -228,7 +231,7 @@ impl Rounds<'_> {
             scatter: found.scatter,
             disagreement: found.disagreement,
         };
-        Ok((drawn, Posteriors { groups, together }))
+        Ok((drawn, Posteriors { groups, together, robots: near.len() }))
     }
 
     /// The logs of `robots`, the first of which has the number `first`.
