@@ -11,6 +11,7 @@ use crate::estimate::walks;
 use crate::feet::Ground;
 use crate::regression::{Group, SHARED, solve};
 use crate::report::{SwingReport, SwingSettings, usual_groups};
+use crate::springs;
 use crate::stance;
 use crate::torques::Drag;
 use gaitfit_log::{Estimate, Trajectory};
@@ -32,6 +33,8 @@ pub enum EffectKind {
     LoadFriction,
     /// A joint has other dry friction than the same joints of other legs, N·m.
     OddFriction,
+    /// A joint has a spring that the same joints of other legs do not have, N·m/rad.
+    OddSpring,
     /// Links answer to their motors more (positive) or less than their masses say; share. Play and twist look so too.
     Strength,
     /// The joint twists between motor and link, rad for each N·m.
@@ -53,9 +56,17 @@ pub struct Effect {
     pub size: Estimate,
     /// The part of what is left unexplained, in the signal that shows it, that goes with it, 0 to 1.
     pub share: f64,
+    /// Of a spring: the angle at which it is at rest, rad.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rest: Option<f64>,
 }
 
 impl Effect {
+    /// An effect that is no spring.
+    pub fn new(kind: EffectKind, of: &str, size: Estimate, share: f64) -> Self {
+        Self { kind, of: of.to_owned(), size, share, rest: None }
+    }
+
     /// How many standard errors the size is from nothing.
     pub fn sure(&self) -> f64 {
         if self.size.error > 0.0 { self.size.value.abs() / self.size.error } else { 0.0 }
@@ -91,13 +102,15 @@ pub fn effects(
     let seen: Vec<Window> = gaitfit_pool::map(walks.len(), settings.threads, of_log).concat();
     let law = crate::FrictionLaw::ALL.iter().position(|law| *law == swings.law).unwrap_or_default();
     let steps = (delay - settings.delay_range_s[0]) / settings.delay_step_s;
-    let mut found = Vec::new();
+    let (mut found, mut all_springs) = (Vec::new(), Vec::new());
     for (name, joints) in &groups {
         let in_air =
             |window: &&Window| window.clearance > swings.clearance_m && joints.contains(&window.joint);
         let group = Group::new(seen.iter().filter(in_air).collect(), law);
         found.extend(of_swings(model, name, joints, &group, steps, law));
+        all_springs.extend(springs::of_group(name, joints, &group, steps));
     }
+    found.extend(springs::odd(model, &all_springs));
     found.extend(stance::effects(model, &walks, &grounds, &groups, delay, &drag));
     Ok(found)
 }
@@ -111,21 +124,8 @@ fn of_swings(
     steps: f64,
     law: usize,
 ) -> Vec<Effect> {
-    let Some(solution) = solve(group, steps) else { return Vec::new() };
-    // The delay is a number of the model too.
-    let rows: Vec<Vec<f64>> = group
-        .windows
-        .iter()
-        .map(|window| {
-            let mut row = vec![0.0; group.columns()];
-            group.row(window).iter().for_each(|&(place, factor)| row[place] += factor);
-            row.push(window.torque(steps + 0.5) - window.torque(steps - 0.5));
-            row
-        })
-        .collect();
-    let left: Vec<f64> = group.windows.iter().map(|window| window.torque(steps)).collect();
-    let blocks: Vec<u64> = group.windows.iter().map(|window| block(window.log, window.at)).collect();
-    let Some(base) = Base::new(&rows, &left, &solution.weights, &blocks) else { return Vec::new() };
+    let Some(equations) = Equations::new(group, steps) else { return Vec::new() };
+    let Some(base) = equations.base() else { return Vec::new() };
     let motor = |window: &Window| window.motor + window.driven_at(steps);
     let column =
         |of: &dyn Fn(&Window) -> f64| -> Vec<f64> { group.windows.iter().map(|window| of(window)).collect() };
@@ -133,7 +133,7 @@ fn of_swings(
     let mut add = |kind: EffectKind, of: &str, column: &[f64], scale: f64| {
         if let Some((size, share)) = base.added(column) {
             let size = Estimate { value: scale * size.value, error: scale.abs() * size.error };
-            found.push(Effect { kind, of: of.to_owned(), size, share });
+            found.push(Effect::new(kind, of, size, share));
         }
     };
     add(EffectKind::LoadFriction, name, &column(&|one| one.signs[law] * motor(one).abs()), 1.0);
@@ -143,13 +143,47 @@ fn of_swings(
         let odd = |joint: usize| {
             let friction = column(&|one: &Window| if one.joint == joint { one.signs[law] } else { 0.0 });
             let (size, share) = base.added(&friction)?;
-            Some(Effect { kind: EffectKind::OddFriction, of: model.joints[joint].name.clone(), size, share })
+            Some(Effect::new(EffectKind::OddFriction, &model.joints[joint].name, size, share))
         };
         let surest =
             joints.iter().filter_map(|&joint| odd(joint)).max_by(|a, b| a.sure().total_cmp(&b.sure()));
         found.extend(surest);
     }
     found
+}
+
+/// The equations of a group's swings at a delay.
+pub(crate) struct Equations {
+    rows: Vec<Vec<f64>>,
+    /// The sides that are known, N·m.
+    pub known: Vec<f64>,
+    weights: Vec<f64>,
+    blocks: Vec<u64>,
+}
+
+impl Equations {
+    /// `steps`: the delay in steps. Absent if the windows do not determine the group's numbers.
+    pub fn new(group: &Group<'_>, steps: f64) -> Option<Self> {
+        let solution = solve(group, steps)?;
+        // The delay is a number of the model too.
+        let row = |window: &&Window| {
+            let mut row = vec![0.0; group.columns()];
+            group.row(window).iter().for_each(|&(place, factor)| row[place] += factor);
+            row.push(window.torque(steps + 0.5) - window.torque(steps - 0.5));
+            row
+        };
+        Some(Self {
+            rows: group.windows.iter().map(row).collect(),
+            known: group.windows.iter().map(|window| window.torque(steps)).collect(),
+            weights: solution.weights,
+            blocks: group.windows.iter().map(|window| block(window.log, window.at)).collect(),
+        })
+    }
+
+    /// The equations solved; absent if they do not determine their unknowns.
+    pub fn base(&self) -> Option<Base<'_>> {
+        Base::new(&self.rows, &self.known, &self.weights, &self.blocks)
+    }
 }
 
 /// A block of time of a log.
@@ -187,13 +221,18 @@ impl<'a> Base<'a> {
         Some(base)
     }
 
-    /// A column less what the rows explain of it.
-    fn without(&self, column: &[f64]) -> Vec<f64> {
+    /// The unknowns if `column` were the known side.
+    pub fn values(&self, column: &[f64]) -> DVector<f64> {
         let mut right = DVector::zeros(self.inverse.nrows());
         for ((row, value), weight) in self.rows.iter().zip(column).zip(self.weights) {
             right.axpy(weight * value, &DVector::from_column_slice(row), 1.0);
         }
-        let values = &self.inverse * right;
+        &self.inverse * right
+    }
+
+    /// A column less what the rows explain of it.
+    fn without(&self, column: &[f64]) -> Vec<f64> {
+        let values = self.values(column);
         let explained = |row: &Vec<f64>| row.iter().zip(values.iter()).map(|(a, b)| a * b).sum::<f64>();
         self.rows.iter().zip(column).map(|(row, value)| value - explained(row)).collect()
     }

@@ -38,6 +38,8 @@ pub(crate) struct Window {
     pub rates: [f64; 2],
     /// Position gain, N·m/rad.
     pub stiffness: f64,
+    /// Mean position, rad.
+    pub angle: f64,
     /// Motor torque without the target's part, N·m.
     pub motor: f64,
     /// How an error of the base's acceleration changes the torque, kg·m, world axes.
@@ -122,6 +124,7 @@ pub(crate) fn windows(
                     signs: [0.0; 2],
                     rates: [0.0; 2],
                     stiffness: kp,
+                    angle: 0.0,
                     motor: 0.0,
                     lever: levers.at(centre)[joint],
                     known: 0.0,
@@ -136,6 +139,7 @@ pub(crate) fn windows(
                     window.signs[0] += weight * sign;
                     window.signs[1] += weight * walk.sign(joint, point, lead);
                     window.motor += weight * (-kp * q - kd * dq);
+                    window.angle += weight * q;
                     window.rates[0] += weight * dq;
                     window.rates[1] -= change * dq;
                     window.known += weight * (-kp * q - kd * dq - needed.rest[index(point)])

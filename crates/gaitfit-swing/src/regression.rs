@@ -34,9 +34,14 @@ impl<'a> Group<'a> {
         SHARED + self.offsets.len()
     }
 
+    /// The place of a joint's offset among the unknowns; absent if no window is of the joint.
+    pub fn offset(&self, joint: usize) -> Option<usize> {
+        self.offsets.get(&joint).map(|place| SHARED + place)
+    }
+
     /// What the unknowns are multiplied by in a window. The others are multiplied by 0.
     pub fn row(&self, window: &Window) -> Factors {
-        let offset = self.offsets.get(&window.joint).map_or((0, 0.0), |place| (SHARED + place, 1.0));
+        let offset = self.offset(window.joint).map_or((0, 0.0), |place| (place, 1.0));
         [(0, window.signs[self.law]), (1, window.rates[0]), (2, window.rates[1]), offset]
     }
 }

@@ -57,16 +57,11 @@ pub(crate) fn effects(
     let tilts: Vec<Vec<f64>> = pairs.iter().map(|pair| pair.tilt.to_vec()).collect();
     let mut found = Vec::new();
     if let Some(base) = Base::new(&tilts, &heights, &weights, &blocks) {
-        found.push(Effect {
-            kind: EffectKind::UnevenGround,
-            of: String::new(),
-            size: base.scatter(),
-            share: 1.0,
-        });
+        found.push(Effect::new(EffectKind::UnevenGround, "", base.scatter(), 1.0));
         let mut add = |kind: EffectKind, of: &str, scale: f64, column: Vec<f64>| {
             if let Some((size, share)) = base.added(&column) {
                 let size = Estimate { value: scale * size.value, error: scale * size.error };
-                found.push(Effect { kind, of: of.to_owned(), size, share });
+                found.push(Effect::new(kind, of, size, share));
             }
         };
         for (place, (name, _)) in groups.iter().enumerate() {

@@ -6,7 +6,7 @@
 //! a cause has none.
 
 use super::swing::{Estimate, SwingFindings};
-use gaitfit_adapt::Theta;
+use gaitfit_adapt::{JointParameter, Theta};
 use gaitfit_sim::Candidate;
 use gaitfit_swing::{Effect, EffectKind};
 use serde::{Deserialize, Serialize};
@@ -31,6 +31,8 @@ pub enum CauseKind {
     Backlash,
     /// One joint has other friction than the same joint of other legs.
     OddFriction,
+    /// One joint has a spring that the same joint of other legs does not have.
+    OddSpring,
     /// The ground gives way, or is uneven.
     Ground,
 }
@@ -80,6 +82,8 @@ mod matters {
     pub const PLAY: f64 = 0.006;
     /// N·m
     pub const FRICTION: f64 = 0.05;
+    /// N·m/rad
+    pub const SPRING: f64 = 2.0;
     /// m
     pub const HEIGHT: f64 = 0.006;
 }
@@ -121,6 +125,12 @@ pub fn causes(found: &SwingFindings) -> Vec<Cause> {
     causes
 }
 
+/// The springs of single joints among the causes.
+pub fn springs(found: &SwingFindings) -> impl Iterator<Item = &Effect> {
+    let is_cause = |effect: &&Effect| of_effect(effect, found, &found.effects).is_some();
+    found.effects.iter().filter(|effect| effect.kind == EffectKind::OddSpring).filter(is_cause)
+}
+
 /// A sentence about the effects that the fitted simulator lacks; absent if it lacks none. `base`: the robot that θ changes,
 /// with its known values.
 pub fn missing(causes: &[Cause], theta: &Theta, base: &Candidate) -> Option<String> {
@@ -158,6 +168,12 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate) -> bool {
             .entries()
             .iter()
             .any(|entry| entry.kind == "frictionloss" && entry.joints.iter().eq([&cause.of])),
+        CauseKind::OddSpring => {
+            let of_joint = |entry: &gaitfit_adapt::Entry| {
+                entry.kind == JointParameter::Stiffness.name() && entry.joints.contains(&cause.of)
+            };
+            theta.entries().iter().any(of_joint) || some(&robot.stiffness)
+        }
         CauseKind::Backlash => has("play") || some(&robot.play),
         CauseKind::Elasticity => has("compliance") || some(&robot.compliance),
         CauseKind::Ground => has("ground_softness") || robot.ground_softness != 0.0,
@@ -269,6 +285,22 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
                 ),
             )
         }
+        EffectKind::OddSpring
+            if value.abs() > matters::SPRING && effect.sure() > SURER && effect.share > OF_ONE_JOINT =>
+        {
+            let rest = effect.rest.unwrap_or_default();
+            let weak = if value > 0.0 { "" } else { ", as if its motor were weak or its gain low" };
+            (
+                CauseKind::OddSpring,
+                "N·m/rad",
+                matters::SPRING,
+                format!(
+                    "{of} has a spring of {value:.1} ± {error:.1} N·m/rad, at rest at {rest:.2} rad, which the same joint of \
+                     the other legs does not have{weak}; it explains {part:.0} % of the residual of legs in the air (fit it: \
+                     stiffness and spring_torque of this joint)"
+                ),
+            )
+        }
         EffectKind::UnevenGround if enough(matters::HEIGHT, SURER, 0.0) => (
             CauseKind::Ground,
             "m",
@@ -298,15 +330,12 @@ fn slack(group: &str, effects: &[Effect]) -> bool {
 mod tests {
     use super::*;
     use crate::walk::swing::Standing;
-    use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Rules, Sharing};
+    use gaitfit_adapt::{ParameterRule, RobotNumber, RobotRule, Rules, Sharing};
     use gaitfit_log::Sensors;
 
     fn findings(effects: &[(EffectKind, &str, f64, f64, f64)]) -> SwingFindings {
-        let effect = |&(kind, of, value, error, share): &(EffectKind, &str, f64, f64, f64)| Effect {
-            kind,
-            of: of.to_owned(),
-            size: Estimate { value, error },
-            share,
+        let effect = |&(kind, of, value, error, share): &(EffectKind, &str, f64, f64, f64)| {
+            Effect::new(kind, of, Estimate { value, error }, share)
         };
         SwingFindings { effects: effects.iter().map(effect).collect(), ..SwingFindings::default() }
     }

@@ -4,7 +4,7 @@
 //! the effect, these parameters end near 0 and the other values stay (docs, "Effects that the model lacks").
 
 use super::explain::{CauseKind, causes, covered};
-use super::swing::{SwingFindings, SwingNumber};
+use super::swing::{Estimate, SwingFindings, SwingNumber, spring_numbers};
 use crate::settings::AdaptConfig;
 use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Sharing, Theta};
 use gaitfit_model::patterns::compile;
@@ -12,7 +12,7 @@ use gaitfit_sim::Candidate;
 use gaitfit_swing::{Effect, EffectKind, GroupEstimate};
 
 /// Parameters that a fit gets besides the default ones, and the effects that are the reason.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Remedies {
     /// Rules to add, each with one value for each joint group.
     parameter: Vec<ParameterRule>,
@@ -20,6 +20,8 @@ pub struct Remedies {
     number: Vec<RobotRule>,
     /// Groups whose dry friction is fitted joint by joint: joint names, and the largest difference of a joint, N·m.
     split_groups: Vec<(Vec<String>, f64)>,
+    /// Stiffness and torque of the springs of single joints.
+    springs: Vec<SwingNumber>,
     /// One sentence for each effect.
     effects: Vec<String>,
 }
@@ -27,8 +29,7 @@ pub struct Remedies {
 impl Remedies {
     /// Remedies for the effects in `found`, except those that `theta` or `base` covers.
     pub fn new(found: &SwingFindings, theta: &Theta, base: &Candidate) -> Self {
-        let mut remedies =
-            Self { parameter: Vec::new(), number: Vec::new(), split_groups: Vec::new(), effects: Vec::new() };
+        let mut remedies = Self::default();
         for cause in causes(found).iter().filter(|cause| !covered(cause, theta, base)) {
             if remedies.add(cause.kind, found) {
                 remedies.effects.push(cause.effect().to_owned());
@@ -62,6 +63,7 @@ impl Remedies {
                 self.split_groups =
                     groups.iter().map(|group| (group.joints.clone(), largest(group))).collect();
             }
+            CauseKind::OddSpring => self.springs = spring_numbers(found),
             CauseKind::EncoderStep => return false,
         }
         true
@@ -96,6 +98,12 @@ impl Remedies {
         for (group, _) in &self.split_groups {
             split(config, group, joints);
         }
+        config.parameter.extend(self.springs.iter().filter_map(spring_rule));
+    }
+
+    /// The estimates of the springs, which are priors of the added parameters.
+    pub fn spring_numbers(&self) -> &[SwingNumber] {
+        &self.springs
     }
 
     /// Adds the difference between joints to the error of a group's friction. The estimate is of the whole group, and becomes
@@ -118,6 +126,9 @@ impl Remedies {
         if !self.split_groups.is_empty() {
             kinds.push("frictionloss joint by joint");
         }
+        if !self.springs.is_empty() {
+            kinds.push("stiffness and spring_torque of the joint with the spring");
+        }
         (!kinds.is_empty()).then(|| {
             format!(
                 "the logs show effects that the default parameters do not cover: {}. So the fit also has the parameters {}. \
@@ -127,6 +138,28 @@ impl Remedies {
             )
         })
     }
+}
+
+/// A spring is searched this many standard errors around its estimate.
+const SPRING_RANGE: f64 = 5.0;
+
+/// The rule of one number of a spring.
+fn spring_rule(number: &SwingNumber) -> Option<ParameterRule> {
+    let kind = [JointParameter::Stiffness, JointParameter::SpringTorque];
+    let kind = kind.into_iter().find(|kind| kind.name() == number.kind)?;
+    let Estimate { value, error } = number.estimate;
+    let half = SPRING_RANGE * error;
+    let mut rule = ParameterRule {
+        per: Sharing::Joint,
+        joints: number.joints.clone(),
+        lower: Some(value - half),
+        upper: Some(value + half),
+        start: Some(value),
+        deviation: Some(error),
+        ..ParameterRule::new(kind)
+    };
+    rule.resolve();
+    Some(rule)
 }
 
 /// Replaces the one dry friction of `group` by one for each of its joints.
@@ -154,7 +187,7 @@ mod tests {
     use super::*;
     use crate::robot::joint_names;
     use crate::settings::walk_defaults;
-    use crate::walk::swing::{Estimate, Standing};
+    use crate::walk::swing::Standing;
     use gaitfit_swing::{FrictionLaw, SwingReport};
 
     fn estimate(value: f64, error: f64) -> Estimate {
@@ -189,11 +222,8 @@ mod tests {
             logs: 12,
             unseen: vec![],
         };
-        let effect = |&(kind, of, value, error, share): &(EffectKind, &str, f64, f64, f64)| Effect {
-            kind,
-            of: of.to_owned(),
-            size: estimate(value, error),
-            share,
+        let effect = |&(kind, of, value, error, share): &(EffectKind, &str, f64, f64, f64)| {
+            Effect::new(kind, of, estimate(value, error), share)
         };
         let effects = effects.iter().map(effect).collect();
         SwingFindings { effects, swings: Some(report), ..SwingFindings::default() }

@@ -1,5 +1,6 @@
 //! Estimates of joints and sensors from walks without a simulation, for tables and for comparison with a fit's values.
 
+use super::explain;
 use crate::log::Log;
 use crate::watch::Watch;
 use gaitfit_adapt::{JointParameter, RobotNumber};
@@ -46,14 +47,43 @@ impl SwingFindings {
     /// walk's fit, even if the log has the times at which targets were sent. If the caller stops the work, the findings are incomplete.
     pub fn new(model: &Model, logs: &[&Trajectory], settings: &SwingSettings, watch: &Watch<'_>) -> Self {
         let (mut found, level) = Self::without_effects(model, logs, settings, watch);
+        let level: Vec<&Trajectory> = level.iter().collect();
         if let Some(report) = &found.swings {
-            let level: Vec<&Trajectory> = level.iter().collect();
             found.effects = effects(model, &level, report, settings).unwrap_or_default();
-            // Both would be gears, and gears are simulated only in robots without slides.
-            let gear = |effect: &Effect| matches!(effect.kind, EffectKind::Elasticity | EffectKind::Backlash);
-            found.effects.retain(|effect| !(model.has_slides() && gear(effect)));
         }
+        let springs: Vec<Effect> = explain::springs(&found).cloned().collect();
+        if !springs.is_empty() {
+            found.without_springs(springs, model, &level, settings, watch);
+        }
+        // Both would be gears, and gears are simulated only in robots without slides.
+        let gear = |effect: &Effect| matches!(effect.kind, EffectKind::Elasticity | EffectKind::Backlash);
+        found.effects.retain(|effect| !(model.has_slides() && gear(effect)));
         found
+    }
+
+    /// Estimates again without the joints that have `springs`: their torques are not what the equations of their groups say.
+    /// Each group's estimate then stands for its joint with a spring too.
+    fn without_springs(
+        &mut self,
+        springs: Vec<Effect>,
+        model: &Model,
+        level: &[&Trajectory],
+        settings: &SwingSettings,
+        watch: &Watch<'_>,
+    ) {
+        let all = usual_groups(model);
+        let settings = SwingSettings { groups: groups_without(&springs, model), ..settings.clone() };
+        let again = watch
+            .counted("regression", "regressions", |count| estimate_counted(model, level, &settings, count));
+        let Ok(mut report) = again else { return };
+        self.effects = effects(model, level, &report, &settings).unwrap_or_default();
+        self.effects.extend(springs);
+        for group in &mut report.groups {
+            if let Some((_, joints)) = all.iter().find(|(name, _)| *name == group.group) {
+                group.joints = joints.iter().map(|&joint| model.joints[joint].name.clone()).collect();
+            }
+        }
+        self.swings = Some(report);
     }
 
     /// As [`Self::new`] without effects beyond the model; and the logs from which faults of sensors are taken out.
@@ -119,6 +149,15 @@ impl SwingFindings {
             .collect();
         Self::new(model, &trajectories.iter().collect::<Vec<_>>(), settings, &Watch::silent())
     }
+}
+
+/// The usual groups of joints without those that have one of `springs`.
+pub fn groups_without(springs: &[Effect], model: &Model) -> Vec<(String, Vec<usize>)> {
+    let mut groups = usual_groups(model);
+    let has_spring = |joint: usize| springs.iter().any(|spring| spring.of == model.joints[joint].name);
+    groups.iter_mut().for_each(|(_, joints)| joints.retain(|&joint| !has_spring(joint)));
+    groups.retain(|(_, joints)| !joints.is_empty());
+    groups
 }
 
 /// The log at its own rate, under the robot's names; absent where a part of it does not count.
@@ -202,6 +241,31 @@ const MIN_TILT_ERROR: f64 = 0.003;
 
 /// Min standard error of a lag of velocities, s: on simulated walks at 50 Hz the estimate was up to 1.8 ms too large.
 const MIN_LAG_ERROR: f64 = 2e-3;
+
+/// Least relative error of a spring that legs in the air show: it was up to this much off on robots in MuJoCo.
+const MIN_SPRING_ERROR: f64 = 0.1;
+
+/// The springs of single joints that legs in the air show: stiffness and torque at angle 0 of each.
+pub fn spring_numbers(found: &SwingFindings) -> Vec<SwingNumber> {
+    let of_spring = |spring: &Effect| {
+        let Estimate { value, error } = spring.size;
+        let rest = spring.rest.unwrap_or_default();
+        let error = error.max(MIN_SPRING_ERROR * value.abs());
+        let number = |kind: JointParameter, value: f64, error: f64| SwingNumber {
+            kind: kind.name(),
+            joints: vec![spring.of.clone()],
+            estimate: Estimate { value, error },
+            by_strength: 0.0,
+            by_load: 0.0,
+        };
+        // An error of the stiffness moves the torque at angle 0 with it.
+        [
+            number(JointParameter::Stiffness, value, error),
+            number(JointParameter::SpringTorque, value * rest, error * rest.abs().max(1.0)),
+        ]
+    };
+    explain::springs(found).flat_map(of_spring).collect()
+}
 
 /// The errors of sensors that a fit can have among its parameters, converted to a simulation with physics steps of `step` s.
 /// In a semi-implicit step, velocities belong to a time half a step before the positions.

@@ -15,7 +15,7 @@ use crate::log::Log;
 use crate::settings::AdaptConfig;
 use crate::walk::explain::{self, Cause, CauseKind};
 use crate::walk::recorder::{NoisyRobot, Recorded, Recorder};
-use crate::walk::swing::{Estimate, SwingFindings, SwingReport, SwingSettings};
+use crate::walk::swing::{Effect, Estimate, SwingFindings, SwingReport, SwingSettings, groups_without};
 use crate::walk::walking::Walking;
 use crate::watch::{Counting, Watch, Work};
 use gaitfit_adapt::Theta;
@@ -94,7 +94,9 @@ pub fn correct(
         found.not_corrected = Some(format!("simulated joints lack this effect: {}", cause.text));
         return Ok(());
     }
-    let corrected = robot.corrected(logs, report, watch);
+    let springs: Vec<Effect> = explain::springs(found).cloned().collect();
+    let groups = if springs.is_empty() { Vec::new() } else { groups_without(&springs, robot.model) };
+    let corrected = robot.corrected(logs, report, groups, watch);
     if watch.stop() {
         return Err(Error::interrupted_with_nothing("interrupted before the fit began"));
     }
@@ -122,12 +124,19 @@ struct World<'a> {
 }
 
 impl Robot<'_> {
-    /// `found`, corrected by simulated `logs` at the policy's rate.
+    /// `found`, corrected by simulated `logs` at the policy's rate. `groups`: those of [`SwingSettings`].
     ///
     /// # Errors
     /// Why there is no correction.
-    fn corrected(&self, logs: &[Log], found: &SwingReport, watch: &Watch<'_>) -> Result<SwingReport, String> {
+    fn corrected(
+        &self,
+        logs: &[Log],
+        found: &SwingReport,
+        groups: Vec<(String, Vec<usize>)>,
+        watch: &Watch<'_>,
+    ) -> Result<SwingReport, String> {
         let settings = SwingSettings {
+            groups,
             clearances_m: vec![found.clearance_m],
             law: Some(found.law),
             bounded: false,

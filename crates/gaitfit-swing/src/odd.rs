@@ -5,14 +5,10 @@
 //! their siblings anyway (the median of all such differences, which one odd joint does not move) and with the error of its
 //! own estimate.
 
-use gaitfit_sim::stats;
-
-/// A joint is odd from so many deviations on.
-const LIMIT: f64 = 6.0;
 /// Differences of normal numbers have a median of their absolute values of a deviation over this.
 const MEDIAN_TO_DEVIATION: f64 = 1.4826;
 
-/// A spring as found on a joint.
+/// The stiffness of a spring as found on a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stiffness<'a> {
     /// The joint's group; joints of one are siblings.
@@ -21,6 +17,8 @@ pub struct Stiffness<'a> {
     pub value: f64,
     /// Standard deviation of the estimate, N·m/rad.
     pub deviation: f64,
+    /// Difference from its siblings up to which the joint does not count as odd, N·m/rad.
+    pub min: f64,
 }
 
 /// How far each joint is from its siblings.
@@ -33,12 +31,14 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// Judges all joints. Springs weaker than `min` (N·m/rad) are ignored.
-    pub fn new(joints: &[Stiffness<'_>], min: f64) -> Self {
+    /// A joint is odd from so many deviations on.
+    pub const LIMIT: f64 = 6.0;
+
+    /// Judges all joints.
+    pub fn new(joints: &[Stiffness<'_>]) -> Self {
         let off: Vec<f64> = (0..joints.len()).map(|at| joints[at].value - usual(joints, at)).collect();
-        let scatter = MEDIAN_TO_DEVIATION
-            * stats::median(&off.iter().map(|off| off.abs()).collect::<Vec<_>>()).unwrap_or(0.0);
-        let limit = joints.iter().map(|joint| min.max(LIMIT * joint.deviation.hypot(scatter)));
+        let scatter = MEDIAN_TO_DEVIATION * median(off.iter().map(|off| off.abs()).collect()).unwrap_or(0.0);
+        let limit = joints.iter().map(|joint| joint.min.max(Self::LIMIT * joint.deviation.hypot(scatter)));
         Self { limit: limit.collect(), off }
     }
 
@@ -55,7 +55,15 @@ impl Judged {
 fn usual(joints: &[Stiffness<'_>], at: usize) -> f64 {
     let sibling = |(other, joint): &(usize, &Stiffness<'_>)| *other != at && joint.group == joints[at].group;
     let values: Vec<f64> = joints.iter().enumerate().filter(sibling).map(|(_, joint)| joint.value).collect();
-    stats::median(&values).unwrap_or(0.0)
+    median(values).unwrap_or(0.0)
+}
+
+/// The median; absent without values.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    let upper = *values.get(middle)?;
+    Some(if values.len() % 2 == 1 { upper } else { 0.5 * (values[middle - 1] + upper) })
 }
 
 #[cfg(test)]
@@ -68,28 +76,29 @@ mod tests {
             group: ["hip", "thigh", "calf"][at % 3],
             value: [0.4, -1.5, 2.0][at % 3] + 0.1 * ((7 * at % 5) as f64 - 2.0) + change(at),
             deviation: 0.1,
+            min: 0.5,
         };
         (0..12).map(joint).collect()
     }
 
     #[test]
     fn what_all_siblings_have_is_not_odd_and_what_one_has_is() {
-        assert!(Judged::new(&legs(|_| 0.0), 0.5).odd().is_empty());
-        assert_eq!(Judged::new(&legs(|at| if at == 11 { 75.0 } else { 0.0 }), 0.5).odd(), [11]);
-        assert_eq!(Judged::new(&legs(|at| if at == 1 { 5.0 } else { 0.0 }), 0.5).odd(), [1]);
+        assert!(Judged::new(&legs(|_| 0.0)).odd().is_empty());
+        assert_eq!(Judged::new(&legs(|at| if at == 11 { 75.0 } else { 0.0 })).odd(), [11]);
+        assert_eq!(Judged::new(&legs(|at| if at == 1 { 5.0 } else { 0.0 })).odd(), [1]);
         let two = legs(|at| [0.0, 40.0, 0.0, 0.0, 0.0, -9.0].get(at).copied().unwrap_or(0.0));
-        assert_eq!(Judged::new(&two, 0.5).odd(), [1, 5]);
+        assert_eq!(Judged::new(&two).odd(), [1, 5]);
         let vague: Vec<_> = legs(|at| if at == 11 { 75.0 } else { 0.0 })
             .into_iter()
             .map(|joint| Stiffness { deviation: 20.0, ..joint })
             .collect();
-        assert!(Judged::new(&vague, 0.5).odd().is_empty(), "the logs do not show it");
+        assert!(Judged::new(&vague).odd().is_empty(), "the logs do not show it");
     }
 
     #[test]
     fn a_joint_without_siblings_is_compared_with_none() {
-        let alone = |value: f64| [Stiffness { group: "knee", value, deviation: 0.2 }];
-        let judged = Judged::new(&alone(30.0), 0.5);
+        let alone = |value: f64| [Stiffness { group: "knee", value, deviation: 0.2, min: 0.5 }];
+        let judged = Judged::new(&alone(30.0));
         assert_eq!(judged.off, [30.0]);
     }
 }

@@ -4,8 +4,6 @@
 //! first fit by least squares gives every joint a stiffness and a torque beside what else is fitted. [`judge`] compares each
 //! with the same joint of the other legs. The fit proper then has springs on the odd joints alone.
 
-mod judge;
-
 use super::setup::Setup;
 use super::springs::FoundSpring;
 use crate::Error;
@@ -15,7 +13,7 @@ use crate::watch::{Watch, Work};
 use gaitfit_adapt::fit::{Alternative, CostOutcome, Fit, FitError, Problem};
 use gaitfit_adapt::{Theta, cost::Cost};
 use gaitfit_model::patterns::compile;
-use judge::{Judged, Stiffness};
+use gaitfit_swing::{Judged, Stiffness};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -135,18 +133,19 @@ fn compare(setup: &Setup, theta: &Theta, outcome: &CostOutcome) -> OddJoints {
         found.map_or(f64::INFINITY, |(found, place)| found.deviation[place])
     };
     let groups = groups(setup);
+    let gains = setup.method.walking().map(|walking| walking.task.walker.interface.kp.as_slice());
+    let gain = gains.unwrap_or_default().iter().copied().filter(|gain| *gain > 0.0).reduce(f64::min);
+    let min = gain.map_or(MIN_STIFFNESS, |gain| MIN_SHARE * gain);
     let stiffness: Vec<Stiffness<'_>> = springs
         .iter()
         .map(|spring| Stiffness {
             group: group(&groups, &spring.joint),
             value: spring.stiffness,
             deviation: deviation(&spring.joint),
+            min,
         })
         .collect();
-    let gains = setup.method.walking().map(|walking| walking.task.walker.interface.kp.as_slice());
-    let gain = gains.unwrap_or_default().iter().copied().filter(|gain| *gain > 0.0).reduce(f64::min);
-    let min = gain.map_or(MIN_STIFFNESS, |gain| MIN_SHARE * gain);
-    let judged = Judged::new(&stiffness, min);
+    let judged = Judged::new(&stiffness);
     let odd = judged.odd().into_iter().map(|at| springs[at].joint.clone()).collect();
     let found = springs.iter().enumerate().map(|(at, spring)| JointSpring {
         joint: spring.joint.clone(),
