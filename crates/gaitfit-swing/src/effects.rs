@@ -108,7 +108,8 @@ pub fn effects(
             |window: &&Window| window.clearance > swings.clearance_m && joints.contains(&window.joint);
         let group = Group::new(seen.iter().filter(in_air).collect(), law);
         found.extend(of_swings(model, name, joints, &group, steps, law));
-        all_springs.extend(springs::of_group(name, joints, &group, steps));
+        let seen = springs::seen(&seen, joints, settings, swings.clearance_m);
+        all_springs.extend(springs::of_group(name, joints, &Group::new(seen, law), steps));
     }
     found.extend(springs::odd(model, &all_springs));
     found.extend(stance::effects(model, &walks, &grounds, &groups, delay, &drag));

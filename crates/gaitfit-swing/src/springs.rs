@@ -9,11 +9,14 @@ use crate::effects::{Effect, EffectKind, Equations};
 use crate::equations::Window;
 use crate::odd::{Judged, Stiffness};
 use crate::regression::Group;
+use crate::report::SwingSettings;
 use gaitfit_log::Estimate;
 use gaitfit_model::Model;
 
 /// Springs weaker than this part of the joint's position gain do not count.
 const MIN_SPRING: f64 = 0.02;
+/// So many windows of a joint are enough to see its spring.
+const ENOUGH: usize = 100;
 
 /// A spring on one joint beside the model's own, as swings show it.
 pub(crate) struct Spring<'a> {
@@ -24,6 +27,24 @@ pub(crate) struct Spring<'a> {
     share: f64,
     /// Torque at angle 0, N·m: stiffness times rest angle.
     torque: f64,
+}
+
+/// The windows of a group's joints with at least `clearance_m`. A spring may keep a foot low: its joint's windows have the largest
+/// clearance that enough of them have.
+pub(crate) fn seen<'a>(
+    windows: &'a [Window],
+    joints: &[usize],
+    settings: &SwingSettings,
+    clearance_m: f64,
+) -> Vec<&'a Window> {
+    let of_joint = |joint: usize| {
+        let windows: Vec<&Window> = windows.iter().filter(|window| window.joint == joint).collect();
+        let above = |least: f64| windows.iter().copied().filter(move |window| window.clearance > least);
+        let tried = settings.clearances_m.iter().copied().filter(|least| *least <= clearance_m);
+        let least = tried.rev().find(|least| above(*least).count() >= ENOUGH).unwrap_or(clearance_m);
+        above(least).collect::<Vec<&Window>>()
+    };
+    joints.iter().flat_map(|&joint| of_joint(joint)).collect()
 }
 
 /// A spring for each joint of a group, one at a time.

@@ -48,42 +48,34 @@ impl SwingFindings {
     pub fn new(model: &Model, logs: &[&Trajectory], settings: &SwingSettings, watch: &Watch<'_>) -> Self {
         let (mut found, level) = Self::without_effects(model, logs, settings, watch);
         let level: Vec<&Trajectory> = level.iter().collect();
-        if let Some(report) = &found.swings {
-            found.effects = effects(model, &level, report, settings).unwrap_or_default();
+        found.effects = found.effects_of(model, &level, settings);
+        let mut springs: Vec<Effect> = Vec::new();
+        for _ in 0..SPRING_ROUNDS {
+            let more: Vec<Effect> = explain::springs(&found).cloned().collect();
+            if more.is_empty() {
+                break;
+            }
+            add_springs(&mut springs, more);
+            let sprung = with_springs(model, &springs);
+            let again = watch.counted("regression", "regressions", |count| {
+                estimate_counted(&sprung, &level, settings, count)
+            });
+            let Ok(report) = again else { break };
+            found.swings = Some(report);
+            found.effects = found.effects_of(&sprung, &level, settings);
         }
-        let springs: Vec<Effect> = explain::springs(&found).cloned().collect();
-        if !springs.is_empty() {
-            found.without_springs(springs, model, &level, settings, watch);
-        }
+        found.effects.retain(|effect| effect.kind != EffectKind::OddSpring);
+        found.effects.extend(springs);
         // Both would be gears, and gears are simulated only in robots without slides.
         let gear = |effect: &Effect| matches!(effect.kind, EffectKind::Elasticity | EffectKind::Backlash);
         found.effects.retain(|effect| !(model.has_slides() && gear(effect)));
         found
     }
 
-    /// Estimates again without the joints that have `springs`: their torques are not what the equations of their groups say.
-    /// Each group's estimate then stands for its joint with a spring too.
-    fn without_springs(
-        &mut self,
-        springs: Vec<Effect>,
-        model: &Model,
-        level: &[&Trajectory],
-        settings: &SwingSettings,
-        watch: &Watch<'_>,
-    ) {
-        let all = usual_groups(model);
-        let settings = SwingSettings { groups: groups_without(&springs, model), ..settings.clone() };
-        let again = watch
-            .counted("regression", "regressions", |count| estimate_counted(model, level, &settings, count));
-        let Ok(mut report) = again else { return };
-        self.effects = effects(model, level, &report, &settings).unwrap_or_default();
-        self.effects.extend(springs);
-        for group in &mut report.groups {
-            if let Some((_, joints)) = all.iter().find(|(name, _)| *name == group.group) {
-                group.joints = joints.iter().map(|&joint| model.joints[joint].name.clone()).collect();
-            }
-        }
-        self.swings = Some(report);
+    /// The effects beyond `model`; none if no legs swing.
+    fn effects_of(&self, model: &Model, logs: &[&Trajectory], settings: &SwingSettings) -> Vec<Effect> {
+        let found = self.swings.as_ref().map(|report| effects(model, logs, report, settings));
+        found.and_then(Result::ok).unwrap_or_default()
     }
 
     /// As [`Self::new`] without effects beyond the model; and the logs from which faults of sensors are taken out.
@@ -151,13 +143,38 @@ impl SwingFindings {
     }
 }
 
-/// The usual groups of joints without those that have one of `springs`.
-pub fn groups_without(springs: &[Effect], model: &Model) -> Vec<(String, Vec<usize>)> {
-    let mut groups = usual_groups(model);
-    let has_spring = |joint: usize| springs.iter().any(|spring| spring.of == model.joints[joint].name);
-    groups.iter_mut().for_each(|(_, joints)| joints.retain(|&joint| !has_spring(joint)));
-    groups.retain(|(_, joints)| !joints.is_empty());
-    groups
+/// Max number of times that logs are examined again with the springs that were found.
+const SPRING_ROUNDS: usize = 3;
+
+/// Adds `more` springs to `springs`; those of one joint become one.
+fn add_springs(springs: &mut Vec<Effect>, more: Vec<Effect>) {
+    for spring in more {
+        let Some(known) = springs.iter_mut().find(|known| known.of == spring.of) else {
+            springs.push(spring);
+            continue;
+        };
+        let torque = torque_of(known) + torque_of(&spring);
+        known.size = Estimate { value: known.size.value + spring.size.value, error: spring.size.error };
+        known.rest = Some(torque / known.size.value);
+    }
+}
+
+/// The torque of a spring at angle 0, N·m.
+fn torque_of(spring: &Effect) -> f64 {
+    spring.size.value * spring.rest.unwrap_or_default()
+}
+
+/// `model` with further springs on its joints.
+pub fn with_springs(model: &Model, springs: &[Effect]) -> Model {
+    let mut model = model.clone();
+    for spring in springs {
+        let Some(joint) = model.joints.iter_mut().find(|joint| joint.name == spring.of) else { continue };
+        let torque = joint.stiffness * joint.springref + torque_of(spring);
+        joint.stiffness += spring.size.value;
+        // Two springs that cancel each other have no angle of rest.
+        joint.springref = if joint.stiffness == 0.0 { joint.springref } else { torque / joint.stiffness };
+    }
+    model
 }
 
 /// The log at its own rate, under the robot's names; absent where a part of it does not count.
@@ -261,7 +278,7 @@ pub fn spring_numbers(found: &SwingFindings) -> Vec<SwingNumber> {
         // An error of the stiffness moves the torque at angle 0 with it.
         [
             number(JointParameter::Stiffness, value, error),
-            number(JointParameter::SpringTorque, value * rest, error * rest.abs().max(1.0)),
+            number(JointParameter::SpringTorque, torque_of(spring), error * rest.abs().max(1.0)),
         ]
     };
     explain::springs(found).flat_map(of_spring).collect()

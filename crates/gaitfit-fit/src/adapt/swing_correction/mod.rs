@@ -15,7 +15,7 @@ use crate::log::Log;
 use crate::settings::AdaptConfig;
 use crate::walk::explain::{self, Cause, CauseKind};
 use crate::walk::recorder::{NoisyRobot, Recorded, Recorder};
-use crate::walk::swing::{Effect, Estimate, SwingFindings, SwingReport, SwingSettings, groups_without};
+use crate::walk::swing::{Effect, Estimate, SwingFindings, SwingReport, SwingSettings, with_springs};
 use crate::walk::walking::Walking;
 use crate::watch::{Counting, Watch, Work};
 use gaitfit_adapt::Theta;
@@ -95,8 +95,7 @@ pub fn correct(
         return Ok(());
     }
     let springs: Vec<Effect> = explain::springs(found).cloned().collect();
-    let groups = if springs.is_empty() { Vec::new() } else { groups_without(&springs, robot.model) };
-    let corrected = robot.corrected(logs, report, groups, watch);
+    let corrected = robot.corrected(logs, report, &with_springs(robot.model, &springs), watch);
     if watch.stop() {
         return Err(Error::interrupted_with_nothing("interrupted before the fit began"));
     }
@@ -124,7 +123,8 @@ struct World<'a> {
 }
 
 impl Robot<'_> {
-    /// `found`, corrected by simulated `logs` at the policy's rate. `groups`: those of [`SwingSettings`].
+    /// `found`, corrected by simulated `logs` at the policy's rate. `sprung`: the model with the springs of the real robot, which
+    /// simulated ones do not have.
     ///
     /// # Errors
     /// Why there is no correction.
@@ -132,11 +132,10 @@ impl Robot<'_> {
         &self,
         logs: &[Log],
         found: &SwingReport,
-        groups: Vec<(String, Vec<usize>)>,
+        sprung: &Model,
         watch: &Watch<'_>,
     ) -> Result<SwingReport, String> {
         let settings = SwingSettings {
-            groups,
             clearances_m: vec![found.clearance_m],
             law: Some(found.law),
             bounded: false,
@@ -151,7 +150,7 @@ impl Robot<'_> {
             rows
         };
         let all: Vec<Trajectory> = logs.iter().map(rows).collect();
-        let real = estimate(self.model, &all, &settings)?;
+        let real = estimate(sprung, &all, &settings)?;
         if !groups_of(&real).eq(groups_of(found)) {
             return Err("other joints swing at the policy's rate than at that of the logs".to_owned());
         }
