@@ -106,3 +106,26 @@ fn ground_that_gives_way_and_steps_show_in_the_heights() {
     let level = effect(&found(&model, &logs()), EffectKind::UnevenGround, "");
     assert!(level.size.value < 0.006 && level.sure() > 8.0, "{level:?}");
 }
+
+#[test]
+fn the_spring_of_one_calf_is_found_and_no_other_joint_has_one() {
+    let model = gaitfit_model::builtin::go2().unwrap();
+    let logs = logs();
+    let logs: Vec<&Trajectory> = logs.iter().collect();
+    let springs = |model: &Model| -> Vec<Effect> {
+        let settings = SwingSettings { clearances_m: vec![0.03], ..SwingSettings::default() };
+        let report = estimate(model, &logs, &settings).unwrap();
+        let mut found = effects(model, &logs, &report, &settings).unwrap();
+        found.retain(|effect| effect.kind == EffectKind::OddSpring && effect.share > 0.08);
+        found
+    };
+    // examples/go2-ground/robot.toml
+    let [spring] = springs(&model).try_into().unwrap();
+    assert_eq!(spring.of, "RR_calf_joint");
+    assert!((spring.size.value - 30.0).abs() < 2.0 && spring.sure() > 8.0, "{spring:?}");
+    assert!((spring.rest.unwrap() + 1.5).abs() < 0.05 && spring.share > 0.5, "{spring:?}");
+    let mut sprung = model.clone();
+    let joint = sprung.joints.iter_mut().find(|joint| joint.name == "RR_calf_joint").unwrap();
+    (joint.stiffness, joint.springref) = (30.0, -1.5);
+    assert_eq!(springs(&sprung), [], "a model that has the spring lacks none");
+}

@@ -274,6 +274,7 @@ fn what_logs_show(
     let mut note = None;
     if let Some(found) = swings.filter(|_| config.effects) {
         let remedies = Remedies::new(found, theta, base);
+        let remedies = if config.odd_joints { remedies.without_springs() } else { remedies };
         remedies.extend(config, joints);
         remedies.widen_priors(&mut numbers);
         numbers.extend(remedies.spring_numbers().iter().filter(|_| config.swings).cloned());

@@ -27,6 +27,12 @@ pub struct Remedies {
 }
 
 impl Remedies {
+    /// The same without springs, for a fit that looks for joints with springs itself (`odd_joints`).
+    #[must_use]
+    pub fn without_springs(self) -> Self {
+        Self { springs: Vec::new(), ..self }
+    }
+
     /// Remedies for the effects in `found`, except those that `theta` or `base` covers.
     pub fn new(found: &SwingFindings, theta: &Theta, base: &Candidate) -> Self {
         let mut remedies = Self::default();
@@ -309,5 +315,34 @@ mod tests {
         let mut numbers = [number];
         remedies.widen_priors(&mut numbers);
         assert_eq!(numbers[0].estimate, estimate(0.4, 0.13));
+    }
+
+    #[test]
+    fn a_spring_brings_its_stiffness_and_torque_around_their_estimates() {
+        let (mut config, before, base, joints) = defaults();
+        let spring = EffectKind::OddSpring;
+        let found = |share: f64| SwingFindings {
+            effects: vec![Effect {
+                rest: Some(-1.5),
+                ..Effect::new(spring, "RR_calf_joint", estimate(30.0, 0.4), share)
+            }],
+            ..findings(&[])
+        };
+        let shown = Remedies::new(&found(0.87), &before, &base);
+        shown.extend(&mut config, &joints);
+        let after = theta(&config, &joints);
+        let of_spring = |kind: &str| {
+            let entry = after.entries().iter().find(|entry| entry.kind == kind).unwrap();
+            assert_eq!(entry.joints, ["RR_calf_joint"]);
+            (entry.lower, entry.start, entry.upper)
+        };
+        assert_eq!(of_spring("stiffness"), (15.0, 30.0, 45.0), "the error is at least a tenth");
+        assert_eq!(of_spring("spring_torque"), (-67.5, -45.0, -22.5));
+        assert_eq!(shown.spring_numbers().len(), 2);
+        let note = shown.note().unwrap();
+        assert!(note.contains("spring of 30.0 ± 0.4 N·m/rad, at rest at -1.50 rad"), "{note}");
+        assert_eq!(Remedies::new(&found(0.87), &after, &base).note(), None, "it is not added twice");
+        assert_eq!(shown.without_springs().spring_numbers(), []);
+        assert_eq!(Remedies::new(&found(0.02), &before, &base).note(), None, "it explains next to nothing");
     }
 }
