@@ -1,6 +1,6 @@
 """Runs `gaitfit loop` with Unitree's simulator server as the robot, its Go2 altered, and measures drift before and after.
 
-For each seed, side by side, each on a DDS domain of its own: starts tools/go2_server.py with the altered Go2; has
+For each seed, side by side, each on a DDS domain of its own: starts tools/link_server.py with the altered Go2; has
 `gaitfit loop` collect walks from it, fit, and train; then has the first and the new policy walk drift trials, each on a
 fresh server. A trial is the paper's: stand, a constant command for 4 s, stand. What is measured is how far from where it
 should the robot ends, seen from where it was when the command began: m, and rad of heading. The server says where it was.
@@ -16,7 +16,7 @@ Writes OUT/seed-N.json for each seed as soon as it is done, and OUT/drift.json w
 OUT/seed-N.log. A seed that fails says why in its file, and the others go on.
 
 Needs a `gaitfit` that was built with `--features dds`, the packages numpy, mujoco and cyclonedds, and the vendor's
-software (tools/go2_server.py --vendor).
+software (tools/link_server.py --vendor).
 Usage: python tools/go2_loop.py --gaitfit target/release/gaitfit --out FOLDER [--seeds 1,2,3,4,5] [--threads 3]
        [--walks 16] [--iterations 150] [--speeds 0.5,0.5,0.5] ...; --help says the rest
 """
@@ -125,7 +125,9 @@ class Server:
 
     def __init__(self, arguments, domain, log, seconds=600):
         options = ["frictionloss", "armature", "payload", "dt"]
-        words = [sys.executable, str(ROOT / "tools/go2_server.py"), "--vendor", str(arguments.vendor)]
+        words = [sys.executable, str(ROOT / "tools/link_server.py"), str(ROOT / "crates/gaitfit-robot/robots/go2.toml")]
+        words += ["--model", str(arguments.vendor / "unitree_mujoco/unitree_robots/go2/go2.xml")]
+        words += ["--vendor", str(arguments.vendor)]
         words += ["--domain", str(domain), "--interface", arguments.interface, "--seconds", str(seconds)]
         for name in options:
             words += [f"--{name}", str(getattr(arguments, name))]

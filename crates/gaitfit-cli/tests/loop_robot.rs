@@ -249,18 +249,27 @@ fn a_robot_walks_for_a_loop_once_for_each_log_and_the_new_policy_walks_too() {
 
 #[test]
 fn a_robot_without_a_person_or_with_a_wrong_link_is_refused_before_anything_is_made() {
-    let real = ON_THE_CLOCK.replace("simulated-go2", "unitree-go2");
+    let real = ON_THE_CLOCK.replace("simulated-go2", "robot");
     for (target, words) in [
         (ON_THE_CLOCK.replace("yes = true", ""), ["a person types a word", "no terminal"]),
         (real.clone(), ["`target.interface`", "eth0"]),
         (real.replace("yes", "interface = \"lo\"\nyes"), ["`target.yes`", "simulators only"]),
-        (format!("{ON_THE_CLOCK}domain = 1\n"), ["`target.domain`", "unitree-go2"]),
+        (format!("{ON_THE_CLOCK}domain = 1\n"), ["`target.domain`", "kind = \"robot\""]),
         (format!("{ON_THE_CLOCK}collect = [\"x\"]\n"), ["`target.collect`", "command"]),
         (ON_THE_CLOCK.replace("pause = 0.5", "pause = 0.1"), ["`target.pause`", "0.5 to 60"]),
         (ON_THE_CLOCK.replace("trajectories = 3", "trajectories = 3000"), ["longer than an hour", "fewer"]),
-        (format!("{}yes = true\n", common::loops::COMMAND), ["`yes`", "unitree-go2"]),
+        (format!("{}yes = true\n", common::loops::COMMAND), ["`yes`", "kind = \"robot\""]),
+        (format!("{ON_THE_CLOCK}robot = \"unitree-b2\"\n"), ["`target.robot`", "kind = \"robot\""]),
         (
-            format!("{real}interface = \"no-such-0\"\ndomain = 1\n"),
+            format!("{real}interface = \"lo\"\nrobot = \"unitree-b3\"\ndomain = 1\n"),
+            ["target.robot", "unitree-b2"],
+        ),
+        (
+            // The name by which earlier builds knew it.
+            format!(
+                "{}interface = \"no-such-0\"\ndomain = 1\n",
+                real.replace("\"robot\"", "\"unitree-go2\"")
+            ),
             ["[target]", if cfg!(feature = "dds") { "no-such-0" } else { "without DDS" }],
         ),
     ] {

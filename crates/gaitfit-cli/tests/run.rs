@@ -67,6 +67,8 @@ fn what_may_not_run_is_refused_before_anything_moves() {
         (&["--robot", "unitree-go2", "--domain", "1", "--yes"], "--interface"),
         (&["--robot", "simulated", "--yes", "--random", "5"], "--random"),
         (&["--robot", "spot", "--yes"], "spot"),
+        (&["--robot", "simulated", "--yes", "--stand", "0.1"], "--stand takes 0.5 to 120 s"),
+        (&["--robot", "simulated", "--yes", "--stand", "nan"], "--stand takes 0.5 to 120 s"),
     ] {
         let output = program().args(base).args(more).stdin(Stdio::null()).output().unwrap();
         assert_eq!(output.status.code(), Some(2), "{more:?}: {}", errors(&output));
@@ -95,7 +97,8 @@ fn a_simulated_robot_stands_up_walks_and_lies_down_on_the_clock() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("a run");
     let script = commands(folder.path(), "0,0.5,0,0\n2,0,0,0\n2.4,0,0,0\n");
-    let output = run(&simulated(&script, &out.display().to_string()));
+    let out_text = out.display().to_string();
+    let output = run(&[simulated(&script, &out_text).as_slice(), &["--stand", "1"]].concat());
     assert!(output.status.success(), "{}", errors(&output));
     let phases = errors(&output);
     for phase in ["stand up", "stand", "walk", "stop", "lie down", "damping"] {
@@ -117,6 +120,15 @@ fn a_simulated_robot_stands_up_walks_and_lies_down_on_the_clock() {
     let more = summary["outputs"].as_u64().unwrap() as usize - log.len();
     assert!((1..=51).contains(&more), "{more}");
     assert!(log.command.unwrap().iter().take(3).any(|part| *part == 0.5));
+    let whole = std::fs::read_to_string(out.join("whole.csv")).unwrap();
+    let mut rows = whole.lines().filter(|line| !line.starts_with('#')).map(|line| line.split(','));
+    let phase = rows.next().unwrap().position(|column| column == "phase").unwrap();
+    let standing: Vec<f64> = rows
+        .filter(|row| row.clone().nth(phase) == Some("stand"))
+        .map(|mut row| row.next().unwrap().parse().unwrap())
+        .collect();
+    let stood = standing.last().unwrap() - standing[0];
+    assert!((0.9..1.5).contains(&stood), "--stand 1: {stood} s");
 }
 
 #[cfg(unix)]
@@ -327,6 +339,13 @@ fn collect_on_a_robot_writes_a_log_a_trajectory_as_in_a_simulator() {
     let summary: serde_json::Value =
         serde_json::from_slice(&std::fs::read(out.join("run/summary.json")).unwrap()).unwrap();
     assert!(summary["reason"].is_null() && summary["outputs"].as_u64().unwrap() > 100);
+    // Each log has an MCAP file beside it, which says less.
+    let config = folder.path().join("fit.toml");
+    let written = run(&["new", "--policy", WALK, "--logs", &shown, "--out", &config.display().to_string()]);
+    assert!(errors(&written).contains("a fit needs at least 10 s"), "{}", errors(&written));
+    let config = std::fs::read_to_string(config).unwrap();
+    assert!(config.contains(&format!("logs = [\"{shown}\"]")), "{config}");
+    assert!(!folder.path().join("fit.logs").exists());
     // Fits read the folder.
     let inspected = run(&["inspect", &shown]);
     assert!(inspected.status.success(), "{}", errors(&inspected));

@@ -12,6 +12,8 @@ mod dds_faults;
 mod each_robot;
 #[path = "robot/faults.rs"]
 mod faults;
+#[path = "robot/held.rs"]
+mod held;
 #[cfg(all(feature = "dds", target_os = "linux"))]
 #[path = "robot/kinds_faults.rs"]
 mod kinds_faults;

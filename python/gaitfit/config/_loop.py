@@ -11,7 +11,7 @@ from .._settings import Settings
 from ._fit import Fit, ParameterKind, Preset, RobotNumber
 from ._train import Finetune
 
-TargetKind = Literal["simulated", "command", "unitree-go2", "simulated-go2"]
+TargetKind = Literal["simulated", "command", "robot", "simulated-go2"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +102,7 @@ class Target(Settings):
     """A robot that can be run from here.
 
     Attributes:
-        kind: How it is run. One of ``simulated``, ``command``, ``unitree-go2``, ``simulated-go2``.
+        kind: How it is run. One of ``simulated``, ``command``, ``robot``, ``simulated-go2``.
         trajectories: Trajectories recorded each round.
         seconds: Length of each, s.
         seed: Seed of the first round's commands and noise; later rounds take the next ones.
@@ -116,6 +116,7 @@ class Target(Settings):
             continues without a target. Without one the robot must be there.
         collect: Command: the program that records, and its arguments.
         evaluate: Command: the program that measures, and its arguments.
+        robot_name: Robot: its name or its file (``.toml``), as ``gaitfit run --robot`` takes it.
         interface: Robot: network interface to it, for example ``eth0``.
         domain: Robot: DDS domain; robots are in 0, simulators in others.
         pause: Robot: how long it stands between trajectories, s.
@@ -141,6 +142,7 @@ class Target(Settings):
     probe: Sequence[str] | None = None
     collect: Sequence[str] | None = None
     evaluate: Sequence[str] | None = None
+    robot_name: str | None = None
     interface: str | None = None
     domain: int | None = None
     pause: float | None = None

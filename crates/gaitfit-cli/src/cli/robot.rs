@@ -2,13 +2,20 @@
 
 use clap::Args;
 use gaitfit_robot::robot::BUILT_IN;
-use gaitfit_robot::{Robot, RobotError};
+use gaitfit_robot::{Robot, RobotError, Times};
 use std::num::NonZeroUsize;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::time::Duration;
 
 /// Max age of a state and max delay of a loop on a robot, ms.
 pub const PATIENCE: u16 = 20;
+
+/// Times that a robot may stand before the policy acts, s.
+pub const STAND_S: RangeInclusive<f64> = 0.5..=120.0;
+/// The usual one of a robot that hangs, s: a person lowers it.
+const LOWERED_S: f64 = 10.0;
 
 /// A robot that a policy may run on.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -65,6 +72,10 @@ pub struct LinkArgs {
     /// How long the robot stands under the policy between trajectories, s [default: 2]
     #[arg(long, value_name = "S", hide = true)]
     pub pause: Option<f64>,
+    /// Time in the policy's default pose before the policy acts, s; lower a robot that hangs meanwhile [default: 0.5; robots
+    /// that hang: 10]
+    #[arg(long, value_name = "S", hide = true)]
+    pub stand: Option<f64>,
     /// Compute everything and send nothing; its logs go into the folder dry-run within --out
     #[arg(long)]
     pub dry_run: bool,
@@ -80,6 +91,13 @@ impl LinkArgs {
     /// How long the robot stands between trajectories, s.
     pub fn pause(&self) -> f64 {
         self.pause.unwrap_or(2.0)
+    }
+
+    /// How long `robot` stands before the policy acts; `None` if this is no such time.
+    pub fn stand(&self, robot: &Robot) -> Option<Duration> {
+        let usual = if robot.hangs { LOWERED_S } else { Times::default().settle.as_secs_f64() };
+        let seconds = self.stand.unwrap_or(usual);
+        STAND_S.contains(&seconds).then(|| Duration::from_secs_f64(seconds))
     }
 }
 

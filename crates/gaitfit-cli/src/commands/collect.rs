@@ -27,10 +27,10 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
         return super::run::run(&on_robot(args, robot)?);
     }
     let link = &args.link;
-    let paced = link.pause.is_some() || link.patience != cli::PATIENCE;
+    let paced = link.pause.is_some() || link.stand.is_some() || link.patience != cli::PATIENCE;
     if paced || link.interface.is_some() || link.yes || link.dry_run || link.domain != 0 {
         return Err(Failure::usage(
-            "--interface, --domain, --pause, --patience, --yes and --dry-run are for a robot: name it, --robot unitree-go2 or \
+            "--interface, --domain, --pause, --stand, --patience, --yes and --dry-run are for a robot: name it, --robot unitree-go2 or \
              simulated",
         ));
     }

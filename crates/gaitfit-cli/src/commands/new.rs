@@ -111,6 +111,9 @@ impl Converted {
                         return Ok(vec![path.to_owned()]);
                     }
                 }
+                if let Some(logs) = logs_beside(path, &inside, args)? {
+                    return Ok(logs);
+                }
                 inside
             }
         };
@@ -143,6 +146,19 @@ impl Drop for Converted {
             let _ = std::fs::remove_dir(&self.folder);
         }
     }
+}
+
+/// The logs of a folder in which each recording has a log of its name beside it, as `gaitfit collect --robot` writes them: the
+/// folder if these are all its logs. They say more than the recordings.
+fn logs_beside(folder: &Path, recordings: &[PathBuf], args: &New) -> Result<Option<Vec<PathBuf>>, Failure> {
+    let logs: Vec<PathBuf> = recordings.iter().map(|recording| recording.with_extension("csv")).collect();
+    for log in &logs {
+        if !log.is_file() || !is_log(log, args)? {
+            return Ok(None);
+        }
+    }
+    let all = csv_files(folder).map_err(Failure::failed)?;
+    Ok(Some(if all == logs { vec![folder.to_owned()] } else { logs }))
 }
 
 fn has_ending(path: &Path, endings: &[&str]) -> bool {

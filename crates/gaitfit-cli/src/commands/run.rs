@@ -2,7 +2,7 @@
 
 use super::walks::Who;
 use super::{folder, trial, walks};
-use crate::cli::{PATIENCE, RobotKind, Run};
+use crate::cli::{PATIENCE, RobotKind, Run, STAND_S};
 use crate::exit::{Exit, Failure};
 use crate::keyboard::{self, Keyboard};
 use crate::output::{self, note};
@@ -39,6 +39,9 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     if args.link.pause.is_some() && who.logs().is_none() {
         return Err(Failure::usage("--pause: there is only one walk; leave --pause out"));
     }
+    let Some(stand) = args.link.stand(&robot) else {
+        return Err(Failure::usage(format!("--stand takes {} to {} s", STAND_S.start(), STAND_S.end())));
+    };
     let control = Duration::from_secs_f64(policy.interface.control_dt);
     let postures = robot.postures(&policy.interface).map_err(usage)?;
     let patience = Duration::from_millis(args.link.patience.into());
@@ -78,7 +81,11 @@ pub fn run(args: &Run) -> Result<(), Failure> {
             Box::new(Simulated::new(&batch, &robot).map_err(Failure::failed)?)
         }
     };
-    let sender = Sender::new(link, Supervisor::new(guard, postures, Times::default()), args.link.dry_run);
+    let sender = Sender::new(
+        link,
+        Supervisor::new(guard, postures, Times { settle: stand, ..Times::default() }),
+        args.link.dry_run,
+    );
     // Dropped when the run is over, whatever ends it: the terminal is then as it was.
     let mut keys = None;
     let summary = live(
@@ -99,7 +106,15 @@ pub fn run(args: &Run) -> Result<(), Failure> {
                     _ => armed,
                 }
             },
-            phase: &mut |phase: Phase| note(phase.name()),
+            phase: &mut |phase: Phase| {
+                note(phase.name());
+                if phase == Phase::Stand && robot.hangs {
+                    note(&format!(
+                        "lower it until its feet bear it; the policy acts in {} s",
+                        stand.as_secs_f64()
+                    ));
+                }
+            },
             stop: &|| signals::asked().or_else(keyboard::stopped),
             control,
             real_time,
@@ -236,8 +251,10 @@ fn confirm(args: &Run, robot: &Robot, who: &Who, state: &RobotState) -> bool {
     }
     if robot.hangs {
         note(&format!(
-            "A {} must hang: the program cannot lay it down, and nothing else holds it before and after the walk.",
-            robot.title
+            "A {} must hang: the program cannot lay it down, and nothing else holds it before and after the walk. When it has \
+             taken its default pose, you have {} s to lower it until its feet bear it (--stand).",
+            robot.title,
+            args.link.stand(robot).unwrap_or_default().as_secs_f64()
         ));
     }
     note(&format!(

@@ -86,7 +86,7 @@ fn server(name: &str, domain: u16) -> Option<Server> {
     std::fs::create_dir_all(&folder).unwrap();
     let path = folder.join("robot.toml");
     std::fs::write(&path, file).unwrap();
-    let started = Server::start_tool("link_server.py", &[path.display().to_string()], domain, 60.0);
+    let started = Server::start_with(&[path.display().to_string()], domain, 60.0);
     std::fs::remove_dir_all(&folder).unwrap();
     started
 }

@@ -23,18 +23,21 @@ pub struct Server {
 }
 
 impl Server {
-    /// In a domain of its own; `None` where the vendor's software or its needs are missing.
+    /// The vendor's Go2 on a floor, in a domain of its own; `None` where the vendor's software or its needs are missing.
     fn start(domain: u16, seconds: f64) -> Option<Self> {
-        Self::start_tool("go2_server.py", &[], domain, seconds)
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let file = |path: &str| root.join(path).display().to_string();
+        let model = file("../../../shared/third_party/unitree_mujoco/unitree_robots/go2/go2.xml");
+        Self::start_with(&[file("robots/go2.toml"), "--model".to_owned(), model], domain, seconds)
     }
 
-    /// A server of `tools/`.
-    pub fn start_tool(tool: &str, arguments: &[String], domain: u16, seconds: f64) -> Option<Self> {
+    /// `tools/link_server.py` with these arguments.
+    pub fn start_with(arguments: &[String], domain: u16, seconds: f64) -> Option<Self> {
         // A robot's own computer has nothing else to do: where the system allows it the server goes first, as the run does.
         real_time();
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let mut child = Command::new(sdk_python(&root)?)
-            .arg(root.join("tools").join(tool))
+            .arg(root.join("tools/link_server.py"))
             .args(arguments)
             .args(["--domain", &domain.to_string(), "--seconds", &(seconds + 60.0).to_string()])
             .stdin(Stdio::piped())

@@ -49,6 +49,9 @@ pub struct TargetConfig {
     /// Command: the program that measures, and its arguments.
     #[serde(default)]
     pub evaluate: Vec<String>,
+    /// Robot: its name or its file (`.toml`), as `gaitfit run --robot` takes it.
+    #[serde(default = "go2", rename = "robot")]
+    pub robot_name: String,
     /// Robot: network interface to it, for example `eth0`.
     #[serde(default)]
     pub interface: String,
@@ -83,9 +86,9 @@ pub enum TargetKind {
     Simulated,
     /// By another program.
     Command,
-    /// A Unitree Go2, or a simulator that speaks as one, over DDS.
-    #[serde(rename = "unitree-go2")]
-    UnitreeGo2,
+    /// A robot of the link, or a simulator that speaks as one, over DDS.
+    #[serde(alias = "unitree-go2")]
+    Robot,
     /// A Go2 in this engine, run on the clock as the real one is: a rehearsal.
     #[serde(rename = "simulated-go2")]
     SimulatedGo2,
@@ -94,7 +97,7 @@ pub enum TargetKind {
 impl TargetKind {
     /// Whether it is run as `gaitfit collect --robot` runs it.
     pub fn is_robot(self) -> bool {
-        matches!(self, Self::UnitreeGo2 | Self::SimulatedGo2)
+        matches!(self, Self::Robot | Self::SimulatedGo2)
     }
 }
 
@@ -148,6 +151,10 @@ fn patience() -> u16 {
     PATIENCE
 }
 
+fn go2() -> String {
+    crate::robot::GO2.to_owned()
+}
+
 fn yes() -> bool {
     true
 }
@@ -192,7 +199,7 @@ impl TargetConfig {
             "`target.theta`, `spring`, `torque_noise`, `log_shift`, [[target.parameter]] and [[target.number]] are \
              for kind = \"simulated\"; any other robot has its own numbers"
         } else if !self.kind.is_robot() && self.has_link() {
-            "`target.interface`, `domain`, `pause`, `patience`, `yes` and `last_walk` are for kind = \"unitree-go2\""
+            "`target.robot`, `interface`, `domain`, `pause`, `patience`, `yes` and `last_walk` are for kind = \"robot\""
         } else if self.kind.is_robot()
             && let Some(wrong) = self.wrong_link()
         {
@@ -210,6 +217,7 @@ impl TargetConfig {
     /// Whether anything is set that only a robot has.
     fn has_link(&self) -> bool {
         !self.interface.is_empty()
+            || self.robot_name != crate::robot::GO2
             || self.domain != 0
             || self.pause != pause()
             || self.patience != PATIENCE
@@ -219,13 +227,15 @@ impl TargetConfig {
 
     /// What is wrong with a robot's link and walks, in words.
     fn wrong_link(&self) -> Option<String> {
-        let real = self.kind == TargetKind::UnitreeGo2;
+        let real = self.kind == TargetKind::Robot;
         let length = self.trajectories as f64 * (self.seconds + self.pause) - self.pause;
         let wrong = if real && self.interface.is_empty() {
             "`target.interface` is missing: the network interface to the robot, for example \"eth0\"; \"lo\" for a \
              simulator on this machine"
-        } else if !(real || self.interface.is_empty() && self.domain == 0) {
-            "`target.interface` and `target.domain` are for kind = \"unitree-go2\""
+        } else if !(real
+            || self.interface.is_empty() && self.domain == 0 && self.robot_name == crate::robot::GO2)
+        {
+            "`target.robot`, `target.interface` and `target.domain` are for kind = \"robot\""
         } else if self.domain > 232 {
             "`target.domain` must be 0 to 232; robots are in 0, simulators in 1"
         } else if real && self.domain == 0 && self.yes {

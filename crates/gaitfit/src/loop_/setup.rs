@@ -215,7 +215,7 @@ impl Setup {
             TargetKind::Command => Command::new(target, python)
                 .map(Target::Command)
                 .map_err(|wrong| Error::settings(format!("{}: {wrong}", self.config_path.display()))),
-            TargetKind::UnitreeGo2 | TargetKind::SimulatedGo2 => {
+            TargetKind::Robot | TargetKind::SimulatedGo2 => {
                 Ok(Target::Robot(Robot::new(target, &self.program)))
             }
         }

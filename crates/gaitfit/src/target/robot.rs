@@ -38,12 +38,19 @@ impl Robot {
     pub fn new(target: &TargetConfig, program: &Path) -> Self {
         let words = |words: &[&str]| words.iter().map(|&word| word.to_owned()).collect::<Vec<_>>();
         let (mut link, description) = match target.kind {
-            TargetKind::UnitreeGo2 => {
+            TargetKind::Robot => {
                 let domain = target.domain.to_string();
                 let of_domain = if target.domain == 0 { String::new() } else { format!(", domain {domain}") };
                 (
-                    words(&["--robot", "unitree-go2", "--interface", &target.interface, "--domain", &domain]),
-                    format!("the Unitree Go2 on {}{of_domain}", target.interface),
+                    words(&[
+                        "--robot",
+                        &target.robot_name,
+                        "--interface",
+                        &target.interface,
+                        "--domain",
+                        &domain,
+                    ]),
+                    format!("{} on {}{of_domain}", target.robot_name, target.interface),
                 )
             }
             _ => (words(&["--robot", "simulated"]), "a simulated Go2, on the clock".to_owned()),

@@ -4,7 +4,7 @@ mod table;
 
 use super::run::check_link;
 use super::run_name;
-use crate::cli;
+use crate::cli::{self, RobotKind};
 use crate::exit::{Exit, Failure};
 use crate::progress::Lines;
 use crate::watcher::watched;
@@ -12,6 +12,7 @@ use crate::{interrupt, output, viewer};
 use gaitfit::loop_::{self, Setup};
 use gaitfit::settings::{self, LoopConfig, TargetKind};
 use gaitfit_view::loop_report::plain_names;
+use std::str::FromStr;
 
 /// Runs or continues a loop and reports what came out.
 pub fn run(args: &cli::Loop) -> Result<(), Failure> {
@@ -23,7 +24,10 @@ pub fn run(args: &cli::Loop) -> Result<(), Failure> {
     let threads = args.run.threads();
     let devices = args.run.devices(args.device.as_ref(), &config.runs, &name);
     output::devices(&devices);
-    if let Some(target) = config.target.as_ref().filter(|target| target.kind == TargetKind::UnitreeGo2) {
+    if let Some(target) = config.target.as_ref().filter(|target| target.kind == TargetKind::Robot) {
+        RobotKind::from_str(&target.robot_name)
+            .and_then(|kind| kind.robot().map_err(|error| error.to_string()))
+            .map_err(|wrong| Failure::usage(format!("{}: target.robot: {wrong}", args.config.display())))?;
         check_link(&target.interface, target.domain)
             .map_err(|failure| Failure { message: format!("[target] {failure}"), ..failure })?;
     }
