@@ -199,10 +199,13 @@ impl HeldOut {
             _ => "worse than other seconds of the same walks do".to_owned(),
         };
         format!(
-            "the fit explains {logs} {how}: {} against {:.4} ± {:.4} (wass; {nominal})",
+            "the fit explains {logs} {how}: {} against {:.4} ± {:.4} (wass of half of the seconds; of all of them {}, before the \
+             fit {})",
             number(floor.cost),
             floor.mean,
-            floor.range95
+            floor.range95,
+            number(self.cost),
+            number(self.nominal_cost)
         )
     }
 }
