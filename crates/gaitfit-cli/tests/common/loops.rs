@@ -37,6 +37,9 @@ checkpoint_seconds = 0.0
 simulation = { timestep = 0.01, skip_seconds = 0.0 }
 falls.margin_seconds = 0.1
 optimizer = { generations = 2, seeds = 1, replicates = 0 }
+# Intervals of all parameters take most of the time of a fit this short.
+[[adapt.parameter]]
+kind = "frictionloss"
 [finetune]
 train = { environments = 8, iterations = 1 }
 ppo.critic_warmup = 0
