@@ -11,9 +11,9 @@ use crate::estimate::walks;
 use crate::feet::Ground;
 use crate::regression::{Group, SHARED, solve};
 use crate::report::{SwingReport, SwingSettings, usual_groups};
-use crate::springs;
 use crate::stance;
 use crate::torques::Drag;
+use crate::unlike::{self, Singles};
 use gaitfit_log::{Estimate, Trajectory};
 use gaitfit_model::Model;
 use nalgebra::{DMatrix, DVector};
@@ -35,6 +35,8 @@ pub enum EffectKind {
     OddFriction,
     /// A joint has a spring that the same joints of other legs do not have, N·m/rad.
     OddSpring,
+    /// A joint's motor gives more (positive) or less than its commands ask for, unlike the same joints of other legs; part.
+    OddStrength,
     /// Links answer to their motors more (positive) or less than their masses say; share. Play and twist look so too.
     Strength,
     /// The joint twists between motor and link, rad for each N·m.
@@ -102,16 +104,16 @@ pub fn effects(
     let seen: Vec<Window> = gaitfit_pool::map(walks.len(), settings.threads, of_log).concat();
     let law = crate::FrictionLaw::ALL.iter().position(|law| *law == swings.law).unwrap_or_default();
     let steps = (delay - settings.delay_range_s[0]) / settings.delay_step_s;
-    let (mut found, mut all_springs) = (Vec::new(), Vec::new());
+    let (mut found, mut singles) = (Vec::new(), Singles::default());
     for (name, joints) in &groups {
         let in_air =
             |window: &&Window| window.clearance > swings.clearance_m && joints.contains(&window.joint);
         let group = Group::new(seen.iter().filter(in_air).collect(), law);
         found.extend(of_swings(model, name, joints, &group, steps, law));
-        let seen = springs::seen(&seen, joints, settings, swings.clearance_m);
-        all_springs.extend(springs::of_group(name, joints, &Group::new(seen, law), steps));
+        let seen = unlike::seen(&seen, joints, settings, swings.clearance_m);
+        singles.add(name, joints, &Group::new(seen, law), steps);
     }
-    found.extend(springs::odd(model, &all_springs));
+    found.extend(singles.odd(model));
     found.extend(stance::effects(model, &walks, &grounds, &groups, delay, &drag));
     Ok(found)
 }

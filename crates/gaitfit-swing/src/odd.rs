@@ -8,34 +8,34 @@
 /// Differences of normal numbers have a median of their absolute values of a deviation over this.
 const MEDIAN_TO_DEVIATION: f64 = 1.4826;
 
-/// The stiffness of a spring as found on a joint.
+/// A size as found on a joint: the stiffness of a spring, N·m/rad, or the strength of a motor, as a part.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stiffness<'a> {
+pub struct Measured<'a> {
     /// The joint's group; joints of one are siblings.
     pub group: &'a str,
-    /// N·m/rad.
+    /// The size.
     pub value: f64,
-    /// Standard deviation of the estimate, N·m/rad.
+    /// Standard deviation of the estimate.
     pub deviation: f64,
-    /// Difference from its siblings up to which the joint does not count as odd, N·m/rad.
+    /// Difference from its siblings up to which the joint does not count as odd.
     pub min: f64,
 }
 
 /// How far each joint is from its siblings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
-    /// Difference of each joint from the median of its siblings, N·m/rad; from 0 where it has none.
+    /// Difference of each joint from the median of its siblings; from 0 where it has none.
     pub off: Vec<f64>,
-    /// What differences count from, N·m/rad, one a joint.
+    /// The smallest difference of each joint that counts.
     pub limit: Vec<f64>,
 }
 
 impl Judged {
-    /// A joint is odd from so many deviations on.
+    /// A joint is odd if it differs by more than so many deviations.
     pub const LIMIT: f64 = 6.0;
 
     /// Judges all joints.
-    pub fn new(joints: &[Stiffness<'_>]) -> Self {
+    pub fn new(joints: &[Measured<'_>]) -> Self {
         let off: Vec<f64> = (0..joints.len()).map(|at| joints[at].value - usual(joints, at)).collect();
         let scatter = MEDIAN_TO_DEVIATION * median(off.iter().map(|off| off.abs()).collect()).unwrap_or(0.0);
         let limit = joints.iter().map(|joint| joint.min.max(Self::LIMIT * joint.deviation.hypot(scatter)));
@@ -51,11 +51,19 @@ impl Judged {
     }
 }
 
-/// Stiffness of the joint's siblings.
-fn usual(joints: &[Stiffness<'_>], at: usize) -> f64 {
-    let sibling = |(other, joint): &(usize, &Stiffness<'_>)| *other != at && joint.group == joints[at].group;
-    let values: Vec<f64> = joints.iter().enumerate().filter(sibling).map(|(_, joint)| joint.value).collect();
-    median(values).unwrap_or(0.0)
+/// The usual size of the joint's siblings: their median. Of two in the middle it is the smaller one: one of them may be odd.
+fn usual(joints: &[Measured<'_>], at: usize) -> f64 {
+    let sibling = |(other, joint): &(usize, &Measured<'_>)| *other != at && joint.group == joints[at].group;
+    let mut values: Vec<f64> =
+        joints.iter().enumerate().filter(sibling).map(|(_, joint)| joint.value).collect();
+    values.sort_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    match values.len() {
+        0 => 0.0,
+        odd if odd % 2 == 1 => values[middle],
+        _ if values[middle - 1].abs() < values[middle].abs() => values[middle - 1],
+        _ => values[middle],
+    }
 }
 
 /// The median; absent without values.
@@ -71,8 +79,8 @@ mod tests {
     use super::*;
 
     /// Twelve joints of four legs: hips, thighs and calves with errors of the simulator that siblings share.
-    fn legs(change: impl Fn(usize) -> f64) -> Vec<Stiffness<'static>> {
-        let joint = |at: usize| Stiffness {
+    fn legs(change: impl Fn(usize) -> f64) -> Vec<Measured<'static>> {
+        let joint = |at: usize| Measured {
             group: ["hip", "thigh", "calf"][at % 3],
             value: [0.4, -1.5, 2.0][at % 3] + 0.1 * ((7 * at % 5) as f64 - 2.0) + change(at),
             deviation: 0.1,
@@ -90,14 +98,22 @@ mod tests {
         assert_eq!(Judged::new(&two).odd(), [1, 5]);
         let vague: Vec<_> = legs(|at| if at == 11 { 75.0 } else { 0.0 })
             .into_iter()
-            .map(|joint| Stiffness { deviation: 20.0, ..joint })
+            .map(|joint| Measured { deviation: 20.0, ..joint })
             .collect();
         assert!(Judged::new(&vague).odd().is_empty(), "the logs do not show it");
     }
 
     #[test]
+    fn of_three_legs_the_one_with_the_spring_is_odd() {
+        let leg = |value: f64| Measured { group: "calf", value, deviation: 0.1, min: 0.5 };
+        let mut joints = legs(|_| 0.0);
+        joints.extend([leg(0.1), leg(30.0), leg(-0.1)].map(|leg| Measured { group: "arm", ..leg }));
+        assert_eq!(Judged::new(&joints).odd(), [13]);
+    }
+
+    #[test]
     fn a_joint_without_siblings_is_compared_with_none() {
-        let alone = |value: f64| [Stiffness { group: "knee", value, deviation: 0.2, min: 0.5 }];
+        let alone = |value: f64| [Measured { group: "knee", value, deviation: 0.2, min: 0.5 }];
         let judged = Judged::new(&alone(30.0));
         assert_eq!(judged.off, [30.0]);
     }

@@ -116,7 +116,7 @@ class Target(Settings):
             continues without a target. Without one the robot must be there.
         collect: Command: the program that records, and its arguments.
         evaluate: Command: the program that measures, and its arguments.
-        robot_name: Robot: its name or its file (``.toml``), as ``gaitfit run --robot`` takes it.
+        robot: Robot: its name or its file (``.toml``), as ``gaitfit run --robot`` takes it.
         interface: Robot: network interface to it, for example ``eth0``.
         domain: Robot: DDS domain; robots are in 0, simulators in others.
         pause: Robot: how long it stands between trajectories, s.
@@ -142,7 +142,7 @@ class Target(Settings):
     probe: Sequence[str] | None = None
     collect: Sequence[str] | None = None
     evaluate: Sequence[str] | None = None
-    robot_name: str | None = None
+    robot: str | os.PathLike[str] | None = None
     interface: str | None = None
     domain: int | None = None
     pause: float | None = None

@@ -8,6 +8,7 @@ use gaitfit::files::{self, Output};
 use gaitfit::new::{self, NewSettings, Written};
 use gaitfit_log::{LogError, ReadOptions, csv_files};
 use gaitfit_model::{shown, shown_path};
+use gaitfit_robot::run::WHOLE;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -148,17 +149,21 @@ impl Drop for Converted {
     }
 }
 
-/// The logs of a folder in which each recording has a log of its name beside it, as `gaitfit collect --robot` writes them: the
-/// folder if these are all its logs. They say more than the recordings.
+/// The logs of a folder in which each recording has a log of its name beside it, as `gaitfit collect --robot` writes them; the
+/// folder if it holds nothing else. The logs contain more than the recordings.
 fn logs_beside(folder: &Path, recordings: &[PathBuf], args: &New) -> Result<Option<Vec<PathBuf>>, Failure> {
-    let logs: Vec<PathBuf> = recordings.iter().map(|recording| recording.with_extension("csv")).collect();
+    if !recordings.iter().all(|recording| recording.with_extension("csv").is_file()) {
+        return Ok(None);
+    }
+    let all = csv_files(folder).map_err(Failure::failed)?;
+    let is_whole = |path: &&PathBuf| path.file_name().is_some_and(|name| name == WHOLE);
+    let logs: Vec<PathBuf> = all.iter().filter(|path| !is_whole(path)).cloned().collect();
     for log in &logs {
-        if !log.is_file() || !is_log(log, args)? {
+        if !is_log(log, args)? {
             return Ok(None);
         }
     }
-    let all = csv_files(folder).map_err(Failure::failed)?;
-    Ok(Some(if all == logs { vec![folder.to_owned()] } else { logs }))
+    Ok(Some(if all.len() == logs.len() { vec![folder.to_owned()] } else { logs }))
 }
 
 fn has_ending(path: &Path, endings: &[&str]) -> bool {

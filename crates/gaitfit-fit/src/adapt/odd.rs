@@ -13,7 +13,7 @@ use crate::watch::{Watch, Work};
 use gaitfit_adapt::fit::{Alternative, CostOutcome, Fit, FitError, Problem};
 use gaitfit_adapt::{Theta, cost::Cost};
 use gaitfit_model::patterns::compile;
-use gaitfit_swing::{Judged, Stiffness};
+use gaitfit_swing::{Judged, Measured};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -136,9 +136,9 @@ fn compare(setup: &Setup, theta: &Theta, outcome: &CostOutcome) -> OddJoints {
     let gains = setup.method.walking().map(|walking| walking.task.walker.interface.kp.as_slice());
     let gain = gains.unwrap_or_default().iter().copied().filter(|gain| *gain > 0.0).reduce(f64::min);
     let min = gain.map_or(MIN_STIFFNESS, |gain| MIN_SHARE * gain);
-    let stiffness: Vec<Stiffness<'_>> = springs
+    let stiffness: Vec<Measured<'_>> = springs
         .iter()
-        .map(|spring| Stiffness {
+        .map(|spring| Measured {
             group: group(&groups, &spring.joint),
             value: spring.stiffness,
             deviation: deviation(&spring.joint),

@@ -277,7 +277,7 @@ fn what_logs_show(
         let remedies = if config.odd_joints { remedies.without_springs() } else { remedies };
         remedies.extend(config, joints);
         remedies.widen_priors(&mut numbers);
-        numbers.extend(remedies.spring_numbers().iter().filter(|_| config.swings).cloned());
+        numbers.extend(remedies.single_numbers().iter().filter(|_| config.swings).cloned());
         note = remedies.note();
     }
     numbers.extend(feet.filter(|_| config.swings).into_iter().flat_map(sized::usual_priors));

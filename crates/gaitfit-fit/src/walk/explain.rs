@@ -33,6 +33,8 @@ pub enum CauseKind {
     OddFriction,
     /// One joint has a spring that the same joint of other legs does not have.
     OddSpring,
+    /// The motor of one joint gives more or less torque than the same joint of other legs.
+    OddStrength,
     /// The ground gives way, or is uneven.
     Ground,
 }
@@ -84,6 +86,8 @@ mod matters {
     pub const FRICTION: f64 = 0.05;
     /// N·m/rad
     pub const SPRING: f64 = 2.0;
+    /// Part of the torque.
+    pub const STRENGTH: f64 = 0.12;
     /// m
     pub const HEIGHT: f64 = 0.006;
 }
@@ -125,10 +129,11 @@ pub fn causes(found: &SwingFindings) -> Vec<Cause> {
     causes
 }
 
-/// The springs of single joints among the causes.
-pub fn springs(found: &SwingFindings) -> impl Iterator<Item = &Effect> {
+/// Springs and strengths of single joints among the causes.
+pub fn singles(found: &SwingFindings) -> impl Iterator<Item = &Effect> {
     let is_cause = |effect: &&Effect| of_effect(effect, found, &found.effects).is_some();
-    found.effects.iter().filter(|effect| effect.kind == EffectKind::OddSpring).filter(is_cause)
+    let is_single = |effect: &&Effect| matches!(effect.kind, EffectKind::OddSpring | EffectKind::OddStrength);
+    found.effects.iter().filter(is_single).filter(is_cause)
 }
 
 /// A sentence about the effects that the fitted simulator lacks; absent if it lacks none. `base`: the robot that θ changes,
@@ -170,9 +175,16 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate) -> bool {
             .any(|entry| entry.kind == "frictionloss" && entry.joints.iter().eq([&cause.of])),
         CauseKind::OddSpring => {
             let of_joint = |entry: &gaitfit_adapt::Entry| {
-                entry.kind == JointParameter::Stiffness.name() && entry.joints.contains(&cause.of)
+                let kinds = [JointParameter::Stiffness, JointParameter::SpringTorque];
+                kinds.iter().any(|kind| kind.name() == entry.kind) && entry.joints.contains(&cause.of)
             };
             theta.entries().iter().any(of_joint) || some(&robot.stiffness)
+        }
+        CauseKind::OddStrength => {
+            let of_joint = |entry: &gaitfit_adapt::Entry| {
+                entry.kind == JointParameter::TorqueScale.name() && entry.joints == [cause.of.as_str()]
+            };
+            theta.entries().iter().any(of_joint) || robot.torque_scale.iter().any(|scale| *scale != 1.0)
         }
         CauseKind::Backlash => has("play") || some(&robot.play),
         CauseKind::Elasticity => has("compliance") || some(&robot.compliance),
@@ -289,7 +301,7 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
             if value.abs() > matters::SPRING && effect.sure() > SURER && effect.share > OF_ONE_JOINT =>
         {
             let rest = effect.rest.unwrap_or_default();
-            let weak = if value > 0.0 { "" } else { ", as if its motor were weak or its gain low" };
+            let weak = if value > 0.0 { "" } else { " (a weak motor may look so)" };
             (
                 CauseKind::OddSpring,
                 "N·m/rad",
@@ -298,6 +310,22 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
                     "{of} has a spring of {value:.1} ± {error:.1} N·m/rad, at rest at {rest:.2} rad, which the same joint of \
                      the other legs does not have{weak}; it explains {part:.0} % of the residual of legs in the air (fit it: \
                      stiffness and spring_torque of this joint)"
+                ),
+            )
+        }
+        EffectKind::OddStrength
+            if value.abs() > matters::STRENGTH && effect.sure() > SURER && effect.share > OF_ONE_JOINT =>
+        {
+            let than = if value > 0.0 { "more" } else { "less" };
+            (
+                CauseKind::OddStrength,
+                "-",
+                matters::STRENGTH,
+                format!(
+                    "the motor of {of} gives {:.0} ± {:.0} % {than} torque than the same joint of the other legs, or its gains \
+                     are wrong; it explains {part:.0} % of the residual of legs in the air (fit it: torque_scale of this joint)",
+                    100.0 * value.abs(),
+                    100.0 * error
                 ),
             )
         }

@@ -3,8 +3,8 @@
 //! They are added before the search, without a first fit that lacks them. This does little harm: if the robot does not have
 //! the effect, these parameters end near 0 and the other values stay (docs, "Effects that the model lacks").
 
-use super::explain::{CauseKind, causes, covered};
-use super::swing::{Estimate, SwingFindings, SwingNumber, spring_numbers};
+use super::explain::{Cause, CauseKind, causes, covered};
+use super::swing::{Estimate, SwingFindings, SwingNumber, single_numbers};
 use crate::settings::AdaptConfig;
 use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Sharing, Theta};
 use gaitfit_model::patterns::compile;
@@ -20,34 +20,36 @@ pub struct Remedies {
     number: Vec<RobotRule>,
     /// Groups whose dry friction is fitted joint by joint: joint names, and the largest difference of a joint, N·m.
     split_groups: Vec<(Vec<String>, f64)>,
-    /// Stiffness and torque of the springs of single joints.
-    springs: Vec<SwingNumber>,
+    /// Numbers of single joints: stiffness and torque of springs, strengths of motors.
+    singles: Vec<SwingNumber>,
     /// One sentence for each effect.
-    effects: Vec<String>,
+    effects: Vec<(CauseKind, String)>,
 }
 
 impl Remedies {
     /// The same without springs, for a fit that looks for joints with springs itself (`odd_joints`).
     #[must_use]
-    pub fn without_springs(self) -> Self {
-        Self { springs: Vec::new(), ..self }
+    pub fn without_springs(mut self) -> Self {
+        self.singles.retain(|number| number.kind == JointParameter::TorqueScale.name());
+        self.effects.retain(|(kind, _)| *kind != CauseKind::OddSpring);
+        self
     }
 
     /// Remedies for the effects in `found`, except those that `theta` or `base` covers.
     pub fn new(found: &SwingFindings, theta: &Theta, base: &Candidate) -> Self {
         let mut remedies = Self::default();
         for cause in causes(found).iter().filter(|cause| !covered(cause, theta, base)) {
-            if remedies.add(cause.kind, found) {
-                remedies.effects.push(cause.effect().to_owned());
+            if remedies.add(cause, found) {
+                remedies.effects.push((cause.kind, cause.effect().to_owned()));
             }
         }
         remedies
     }
 
     /// Adds the remedy for a cause. Returns false if the cause has none.
-    fn add(&mut self, cause: CauseKind, found: &SwingFindings) -> bool {
+    fn add(&mut self, cause: &Cause, found: &SwingFindings) -> bool {
         use RobotNumber::{GroundSoftness, GyroBiasX, GyroBiasY, GyroBiasZ, ImuPitch, ImuRoll, VelocityLag};
-        match cause {
+        match cause.kind {
             CauseKind::Backlash => self.joints(JointParameter::Play),
             CauseKind::Elasticity => self.joints(JointParameter::Compliance),
             CauseKind::LoadFriction => self.joints(JointParameter::LoadFriction),
@@ -69,7 +71,10 @@ impl Remedies {
                 self.split_groups =
                     groups.iter().map(|group| (group.joints.clone(), largest(group))).collect();
             }
-            CauseKind::OddSpring => self.springs = spring_numbers(found),
+            CauseKind::OddSpring | CauseKind::OddStrength => {
+                let of_joint = |number: &SwingNumber| number.joints == [cause.of.as_str()];
+                self.singles.extend(single_numbers(found).into_iter().filter(of_joint));
+            }
             CauseKind::EncoderStep => return false,
         }
         true
@@ -104,12 +109,17 @@ impl Remedies {
         for (group, _) in &self.split_groups {
             split(config, group, joints);
         }
-        config.parameter.extend(self.springs.iter().filter_map(spring_rule));
+        for number in &self.singles {
+            if number.kind == JointParameter::TorqueScale.name() {
+                leave_out(config, JointParameter::TorqueScale, &number.joints, joints);
+            }
+        }
+        config.parameter.extend(self.singles.iter().filter_map(single_rule));
     }
 
-    /// The estimates of the springs, which are priors of the added parameters.
-    pub fn spring_numbers(&self) -> &[SwingNumber] {
-        &self.springs
+    /// The estimates for single joints, which are priors of the added parameters.
+    pub fn single_numbers(&self) -> &[SwingNumber] {
+        &self.singles
     }
 
     /// Adds the difference between joints to the error of a group's friction. The estimate is of the whole group, and becomes
@@ -132,33 +142,41 @@ impl Remedies {
         if !self.split_groups.is_empty() {
             kinds.push("frictionloss joint by joint");
         }
-        if !self.springs.is_empty() {
+        let has = |kind: JointParameter| self.singles.iter().any(|number| number.kind == kind.name());
+        if has(JointParameter::Stiffness) {
             kinds.push("stiffness and spring_torque of the joint with the spring");
         }
+        if has(JointParameter::TorqueScale) {
+            kinds.push("torque_scale of the joint with the other strength");
+        }
+        let effects: Vec<&str> = self.effects.iter().map(|(_, effect)| effect.as_str()).collect();
         (!kinds.is_empty()).then(|| {
             format!(
                 "the logs show effects that the default parameters do not cover: {}. So the fit also has the parameters {}. \
                  `effects = false` leaves them out",
-                self.effects.join("; "),
+                effects.join("; "),
                 kinds.join(", ")
             )
         })
     }
 }
 
-/// A spring is searched this many standard errors around its estimate.
-const SPRING_RANGE: f64 = 5.0;
+/// A number of a single joint is searched this many standard errors around its estimate.
+const SINGLE_RANGE: f64 = 5.0;
+/// Least strength of a motor that is searched.
+const MIN_STRENGTH: f64 = 0.05;
 
-/// The rule of one number of a spring.
-fn spring_rule(number: &SwingNumber) -> Option<ParameterRule> {
-    let kind = [JointParameter::Stiffness, JointParameter::SpringTorque];
+/// The rule of one number of a single joint.
+fn single_rule(number: &SwingNumber) -> Option<ParameterRule> {
+    let kind = [JointParameter::Stiffness, JointParameter::SpringTorque, JointParameter::TorqueScale];
     let kind = kind.into_iter().find(|kind| kind.name() == number.kind)?;
     let Estimate { value, error } = number.estimate;
-    let half = SPRING_RANGE * error;
+    let half = SINGLE_RANGE * error;
+    let least = if kind == JointParameter::TorqueScale { MIN_STRENGTH } else { f64::NEG_INFINITY };
     let mut rule = ParameterRule {
         per: Sharing::Joint,
         joints: number.joints.clone(),
-        lower: Some(value - half),
+        lower: Some((value - half).max(least)),
         upper: Some(value + half),
         start: Some(value),
         deviation: Some(error),
@@ -166,6 +184,19 @@ fn spring_rule(number: &SwingNumber) -> Option<ParameterRule> {
     };
     rule.resolve();
     Some(rule)
+}
+
+/// Takes `single` joints from the rules of a kind that give several joints one value. `joints`: names of all joints.
+fn leave_out(config: &mut AdaptConfig, kind: JointParameter, single: &[String], joints: &[String]) {
+    for rule in config.parameter.iter_mut().filter(|rule| rule.kind == kind && rule.per != Sharing::Joint) {
+        let patterns = compile(&rule.joints).unwrap_or_default();
+        let covers = |joint: &&String| patterns.iter().any(|pattern| pattern.covers(joint));
+        rule.joints = joints.iter().filter(covers).filter(|joint| !single.contains(joint)).cloned().collect();
+        if rule.per == Sharing::All {
+            rule.name.get_or_insert_with(|| kind.name().to_owned());
+        }
+    }
+    config.parameter.retain(|rule| !rule.joints.is_empty());
 }
 
 /// Replaces the one dry friction of `group` by one for each of its joints.
@@ -338,11 +369,26 @@ mod tests {
         };
         assert_eq!(of_spring("stiffness"), (15.0, 30.0, 45.0), "the error is at least a tenth");
         assert_eq!(of_spring("spring_torque"), (-67.5, -45.0, -22.5));
-        assert_eq!(shown.spring_numbers().len(), 2);
+        assert_eq!(shown.single_numbers().len(), 2);
         let note = shown.note().unwrap();
         assert!(note.contains("spring of 30.0 ± 0.4 N·m/rad, at rest at -1.50 rad"), "{note}");
         assert_eq!(Remedies::new(&found(0.87), &after, &base).note(), None, "it is not added twice");
-        assert_eq!(shown.without_springs().spring_numbers(), []);
+        assert_eq!(shown.without_springs().single_numbers(), []);
         assert_eq!(Remedies::new(&found(0.02), &before, &base).note(), None, "it explains next to nothing");
+    }
+
+    #[test]
+    fn a_weak_motor_brings_the_strength_of_its_joint_beside_that_of_all_others() {
+        let (mut config, before, base, joints) = defaults();
+        let weak = (EffectKind::OddStrength, "FL_calf_joint", -0.3, 0.02, 0.4);
+        let remedies = Remedies::new(&findings(&[weak]), &before, &base);
+        remedies.extend(&mut config, &joints);
+        let after = theta(&config, &joints);
+        let strengths: Vec<_> = after.entries().iter().filter(|entry| entry.kind == "torque_scale").collect();
+        let [all, single] = strengths[..] else { panic!("{strengths:?}") };
+        assert!(all.joints.len() == 11 && !all.joints.contains(&"FL_calf_joint".to_owned()), "{all:?}");
+        assert!(single.joints == ["FL_calf_joint"] && (single.start - 0.7).abs() < 1e-12, "{single:?}");
+        assert!((single.lower - 0.55).abs() < 1e-12 && (single.upper - 0.85).abs() < 1e-12, "{single:?}");
+        assert_eq!(Remedies::new(&findings(&[weak]), &after, &base).note(), None, "it is not added twice");
     }
 }

@@ -6,6 +6,7 @@ use crate::watch::Watch;
 use gaitfit_adapt::{JointParameter, RobotNumber};
 use gaitfit_log::{Gains, ReadOptions, Sensors, Trajectory, read_csv};
 use gaitfit_model::Model;
+use gaitfit_model::patterns::plain;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -49,14 +50,15 @@ impl SwingFindings {
         let (mut found, level) = Self::without_effects(model, logs, settings, watch);
         let level: Vec<&Trajectory> = level.iter().collect();
         found.effects = found.effects_of(model, &level, settings);
-        let mut springs: Vec<Effect> = Vec::new();
-        for _ in 0..SPRING_ROUNDS {
-            let more: Vec<Effect> = explain::springs(&found).cloned().collect();
-            if more.is_empty() {
-                break;
-            }
-            add_springs(&mut springs, more);
-            let sprung = with_springs(model, &springs);
+        let mut singles: Vec<Effect> = Vec::new();
+        for _ in 0..SINGLE_ROUNDS {
+            // One at a time: a joint with a spring changes what its siblings seem to have.
+            let more = explain::singles(&found).max_by(|a, b| a.share.total_cmp(&b.share)).cloned();
+            let Some(more) = more else { break };
+            add_single(&mut singles, more);
+            let sprung = with_springs(model, &singles);
+            let level = with_strengths(&level, &singles);
+            let level: Vec<&Trajectory> = level.iter().collect();
             let again = watch.counted("regression", "regressions", |count| {
                 estimate_counted(&sprung, &level, settings, count)
             });
@@ -64,8 +66,10 @@ impl SwingFindings {
             found.swings = Some(report);
             found.effects = found.effects_of(&sprung, &level, settings);
         }
-        found.effects.retain(|effect| effect.kind != EffectKind::OddSpring);
-        found.effects.extend(springs);
+        let is_single =
+            |effect: &Effect| matches!(effect.kind, EffectKind::OddSpring | EffectKind::OddStrength);
+        found.effects.retain(|effect| !is_single(effect));
+        found.effects.extend(singles);
         // Both would be gears, and gears are simulated only in robots without slides.
         let gear = |effect: &Effect| matches!(effect.kind, EffectKind::Elasticity | EffectKind::Backlash);
         found.effects.retain(|effect| !(model.has_slides() && gear(effect)));
@@ -143,19 +147,22 @@ impl SwingFindings {
     }
 }
 
-/// Max number of times that logs are examined again with the springs that were found.
-const SPRING_ROUNDS: usize = 3;
+/// Max number of times that logs are examined again with the springs and strengths that were found.
+const SINGLE_ROUNDS: usize = 4;
 
-/// Adds `more` springs to `springs`; those of one joint become one.
-fn add_springs(springs: &mut Vec<Effect>, more: Vec<Effect>) {
-    for spring in more {
-        let Some(known) = springs.iter_mut().find(|known| known.of == spring.of) else {
-            springs.push(spring);
-            continue;
-        };
-        let torque = torque_of(known) + torque_of(&spring);
-        known.size = Estimate { value: known.size.value + spring.size.value, error: spring.size.error };
-        known.rest = Some(torque / known.size.value);
+/// Adds an effect of a single joint to `known` ones; those of one kind and joint become one.
+fn add_single(known: &mut Vec<Effect>, one: Effect) {
+    let Some(known) = known.iter_mut().find(|known| (known.kind, &known.of) == (one.kind, &one.of)) else {
+        known.push(one);
+        return;
+    };
+    let (before, error) = (known.size.value, one.size.error);
+    if one.kind == EffectKind::OddStrength {
+        known.size = Estimate { value: (1.0 + before) * (1.0 + one.size.value) - 1.0, error };
+    } else {
+        let torque = torque_of(known) + torque_of(&one);
+        known.size = Estimate { value: before + one.size.value, error };
+        known.rest = Some(torque / known.size.value).filter(|rest| rest.is_finite());
     }
 }
 
@@ -164,10 +171,25 @@ fn torque_of(spring: &Effect) -> f64 {
     spring.size.value * spring.rest.unwrap_or_default()
 }
 
+/// `logs` with the gains that motors of other strengths have in effect.
+pub fn with_strengths(logs: &[&Trajectory], singles: &[Effect]) -> Vec<Trajectory> {
+    let mut logs: Vec<Trajectory> = logs.iter().map(|&log| log.clone()).collect();
+    for strength in singles.iter().filter(|single| single.kind == EffectKind::OddStrength) {
+        for log in &mut logs {
+            let place = log.joints.iter().position(|joint| plain(joint) == plain(&strength.of));
+            if let (Some(place), Some(gains)) = (place, &mut log.gains) {
+                gains.kp[place] *= 1.0 + strength.size.value;
+                gains.kd[place] *= 1.0 + strength.size.value;
+            }
+        }
+    }
+    logs
+}
+
 /// `model` with further springs on its joints.
-pub fn with_springs(model: &Model, springs: &[Effect]) -> Model {
+pub fn with_springs(model: &Model, singles: &[Effect]) -> Model {
     let mut model = model.clone();
-    for spring in springs {
+    for spring in singles.iter().filter(|single| single.kind == EffectKind::OddSpring) {
         let Some(joint) = model.joints.iter_mut().find(|joint| joint.name == spring.of) else { continue };
         let torque = joint.stiffness * joint.springref + torque_of(spring);
         joint.stiffness += spring.size.value;
@@ -259,29 +281,32 @@ const MIN_TILT_ERROR: f64 = 0.003;
 /// Min standard error of a lag of velocities, s: on simulated walks at 50 Hz the estimate was up to 1.8 ms too large.
 const MIN_LAG_ERROR: f64 = 2e-3;
 
-/// Least relative error of a spring that legs in the air show: it was up to this much off on robots in MuJoCo.
-const MIN_SPRING_ERROR: f64 = 0.1;
+/// Least relative error of a spring or strength that legs in the air show: springs were up to this much off on robots in MuJoCo.
+const MIN_SINGLE_ERROR: f64 = 0.1;
 
-/// The springs of single joints that legs in the air show: stiffness and torque at angle 0 of each.
-pub fn spring_numbers(found: &SwingFindings) -> Vec<SwingNumber> {
-    let of_spring = |spring: &Effect| {
-        let Estimate { value, error } = spring.size;
-        let rest = spring.rest.unwrap_or_default();
-        let error = error.max(MIN_SPRING_ERROR * value.abs());
-        let number = |kind: JointParameter, value: f64, error: f64| SwingNumber {
-            kind: kind.name(),
-            joints: vec![spring.of.clone()],
-            estimate: Estimate { value, error },
-            by_strength: 0.0,
-            by_load: 0.0,
-        };
+/// What single joints have by themselves: stiffness and torque at angle 0 of a spring, or the strength of the motor.
+pub fn single_numbers(found: &SwingFindings) -> Vec<SwingNumber> {
+    let number = |single: &Effect, kind: JointParameter, value: f64, error: f64| SwingNumber {
+        kind: kind.name(),
+        joints: vec![single.of.clone()],
+        estimate: Estimate { value, error },
+        by_strength: 0.0,
+        by_load: 0.0,
+    };
+    let of_single = |single: &Effect| {
+        let Estimate { value, error } = single.size;
+        let error = error.max(MIN_SINGLE_ERROR * value.abs());
+        if single.kind == EffectKind::OddStrength {
+            return vec![number(single, JointParameter::TorqueScale, 1.0 + value, error)];
+        }
         // An error of the stiffness moves the torque at angle 0 with it.
-        [
-            number(JointParameter::Stiffness, value, error),
-            number(JointParameter::SpringTorque, torque_of(spring), error * rest.abs().max(1.0)),
+        let of_torque = error * single.rest.unwrap_or_default().abs().max(1.0);
+        vec![
+            number(single, JointParameter::Stiffness, value, error),
+            number(single, JointParameter::SpringTorque, torque_of(single), of_torque),
         ]
     };
-    explain::springs(found).flat_map(of_spring).collect()
+    explain::singles(found).flat_map(of_single).collect()
 }
 
 /// The errors of sensors that a fit can have among its parameters, converted to a simulation with physics steps of `step` s.

@@ -50,8 +50,8 @@ pub struct TargetConfig {
     #[serde(default)]
     pub evaluate: Vec<String>,
     /// Robot: its name or its file (`.toml`), as `gaitfit run --robot` takes it.
-    #[serde(default = "go2", rename = "robot")]
-    pub robot_name: String,
+    #[serde(default = "go2")]
+    pub robot: String,
     /// Robot: network interface to it, for example `eth0`.
     #[serde(default)]
     pub interface: String,
@@ -217,7 +217,7 @@ impl TargetConfig {
     /// Whether anything is set that only a robot has.
     fn has_link(&self) -> bool {
         !self.interface.is_empty()
-            || self.robot_name != crate::robot::GO2
+            || self.robot != crate::robot::GO2
             || self.domain != 0
             || self.pause != pause()
             || self.patience != PATIENCE
@@ -232,8 +232,7 @@ impl TargetConfig {
         let wrong = if real && self.interface.is_empty() {
             "`target.interface` is missing: the network interface to the robot, for example \"eth0\"; \"lo\" for a \
              simulator on this machine"
-        } else if !(real
-            || self.interface.is_empty() && self.domain == 0 && self.robot_name == crate::robot::GO2)
+        } else if !(real || self.interface.is_empty() && self.domain == 0 && self.robot == crate::robot::GO2)
         {
             "`target.robot`, `target.interface` and `target.domain` are for kind = \"robot\""
         } else if self.domain > 232 {

@@ -42,15 +42,8 @@ impl Robot {
                 let domain = target.domain.to_string();
                 let of_domain = if target.domain == 0 { String::new() } else { format!(", domain {domain}") };
                 (
-                    words(&[
-                        "--robot",
-                        &target.robot_name,
-                        "--interface",
-                        &target.interface,
-                        "--domain",
-                        &domain,
-                    ]),
-                    format!("{} on {}{of_domain}", target.robot_name, target.interface),
+                    words(&["--robot", &target.robot, "--interface", &target.interface, "--domain", &domain]),
+                    format!("{} on {}{of_domain}", target.robot, target.interface),
                 )
             }
             _ => (words(&["--robot", "simulated"]), "a simulated Go2, on the clock".to_owned()),

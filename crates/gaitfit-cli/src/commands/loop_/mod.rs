@@ -12,7 +12,20 @@ use crate::{interrupt, output, viewer};
 use gaitfit::loop_::{self, Setup};
 use gaitfit::settings::{self, LoopConfig, TargetKind};
 use gaitfit_view::loop_report::plain_names;
+use std::path::Path;
 use std::str::FromStr;
+
+/// The robot of a target: a built-in one's name, or a file that is looked for here and beside the configuration.
+fn robot_of(named: &str, config: &Path) -> Result<String, Failure> {
+    let wrong = |why: String| Failure::usage(format!("{}: target.robot: {why}", config.display()));
+    let beside = config.parent().unwrap_or(Path::new("")).join(named);
+    let is_beside = named.ends_with(".toml") && !Path::new(named).exists() && beside.exists();
+    let named = if is_beside { beside.display().to_string() } else { named.to_owned() };
+    match RobotKind::from_str(&named).map_err(wrong)? {
+        RobotKind::Simulated => Err(wrong("a simulated robot is kind = \"simulated-go2\"".to_owned())),
+        kind => kind.robot().map(|_| named).map_err(|error| wrong(error.to_string())),
+    }
+}
 
 /// Runs or continues a loop and reports what came out.
 pub fn run(args: &cli::Loop) -> Result<(), Failure> {
@@ -24,10 +37,8 @@ pub fn run(args: &cli::Loop) -> Result<(), Failure> {
     let threads = args.run.threads();
     let devices = args.run.devices(args.device.as_ref(), &config.runs, &name);
     output::devices(&devices);
-    if let Some(target) = config.target.as_ref().filter(|target| target.kind == TargetKind::Robot) {
-        RobotKind::from_str(&target.robot_name)
-            .and_then(|kind| kind.robot().map_err(|error| error.to_string()))
-            .map_err(|wrong| Failure::usage(format!("{}: target.robot: {wrong}", args.config.display())))?;
+    if let Some(target) = config.target.as_mut().filter(|target| target.kind == TargetKind::Robot) {
+        target.robot = robot_of(&target.robot, &args.config)?;
         check_link(&target.interface, target.domain)
             .map_err(|failure| Failure { message: format!("[target] {failure}"), ..failure })?;
     }

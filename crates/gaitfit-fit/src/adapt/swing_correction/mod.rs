@@ -15,7 +15,9 @@ use crate::log::Log;
 use crate::settings::AdaptConfig;
 use crate::walk::explain::{self, Cause, CauseKind};
 use crate::walk::recorder::{NoisyRobot, Recorded, Recorder};
-use crate::walk::swing::{Effect, Estimate, SwingFindings, SwingReport, SwingSettings, with_springs};
+use crate::walk::swing::{
+    Effect, Estimate, SwingFindings, SwingReport, SwingSettings, with_springs, with_strengths,
+};
 use crate::walk::walking::Walking;
 use crate::watch::{Counting, Watch, Work};
 use gaitfit_adapt::Theta;
@@ -94,8 +96,8 @@ pub fn correct(
         found.not_corrected = Some(format!("simulated joints lack this effect: {}", cause.text));
         return Ok(());
     }
-    let springs: Vec<Effect> = explain::springs(found).cloned().collect();
-    let corrected = robot.corrected(logs, report, &with_springs(robot.model, &springs), watch);
+    let singles: Vec<Effect> = explain::singles(found).cloned().collect();
+    let corrected = robot.corrected(logs, report, &singles, watch);
     if watch.stop() {
         return Err(Error::interrupted_with_nothing("interrupted before the fit began"));
     }
@@ -123,8 +125,8 @@ struct World<'a> {
 }
 
 impl Robot<'_> {
-    /// `found`, corrected by simulated `logs` at the policy's rate. `sprung`: the model with the springs of the real robot, which
-    /// simulated ones do not have.
+    /// `found`, corrected by simulated `logs` at the policy's rate. `singles`: springs and strengths of single joints of the
+    /// real robot, which simulated ones do not have.
     ///
     /// # Errors
     /// Why there is no correction.
@@ -132,7 +134,7 @@ impl Robot<'_> {
         &self,
         logs: &[Log],
         found: &SwingReport,
-        sprung: &Model,
+        singles: &[Effect],
         watch: &Watch<'_>,
     ) -> Result<SwingReport, String> {
         let settings = SwingSettings {
@@ -150,7 +152,8 @@ impl Robot<'_> {
             rows
         };
         let all: Vec<Trajectory> = logs.iter().map(rows).collect();
-        let real = estimate(sprung, &all, &settings)?;
+        let real = with_strengths(&all.iter().collect::<Vec<_>>(), singles);
+        let real = estimate(&with_springs(self.model, singles), &real, &settings)?;
         if !groups_of(&real).eq(groups_of(found)) {
             return Err("other joints swing at the policy's rate than at that of the logs".to_owned());
         }
