@@ -74,8 +74,12 @@ def on_floor_text(path):
     world = tree.find("worldbody")
     if all(geom.get("type") != "plane" for geom in world.findall("geom")):
         ElementTree.SubElement(world, "geom").attrib.update(name="floor", type="plane", size="0 0 0.05")
-    base = next(body for body in world.findall("body") if body.find("freejoint") is not None
-                or any(joint.get("type") == "free" for joint in body.findall("joint")))
+    bodies = [body for body in world.findall("body") if body.find("freejoint") is not None
+              or any(joint.get("type") == "free" for joint in body.findall("joint"))]
+    if len(bodies) != 1:
+        sys.exit(f"error: {path} has {len(bodies)} bodies with a free joint in its world, and needs one; write one file with "
+                 "`gaitfit init --one-file`")
+    base = bodies[0]
     if all(site.get("name") != "imu" for site in base.iter("site")):
         ElementTree.SubElement(base, "site").attrib.update(name="imu")
     return ElementTree.tostring(tree, encoding="unicode")
@@ -165,9 +169,10 @@ class OnFloor:
         """The force with which the floor bears the robot, N, without that on slopes."""
         borne = 0.0
         for number in range(self.data.ncon):
-            force = self.numpy.zeros(6)
-            self.mujoco.mj_contactForce(self.model, self.data, number, force)
-            borne += force[0]
+            contact, force = self.data.contact[number], self.numpy.zeros(6)
+            if 0 in self.model.geom_bodyid[[contact.geom1, contact.geom2]]:
+                self.mujoco.mj_contactForce(self.model, self.data, number, force)
+                borne += force[0]
         return borne
 
     def look(self):

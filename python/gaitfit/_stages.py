@@ -177,8 +177,8 @@ def explain(
     progress: Progresses = True,
 ) -> Explanation:
     """What a robot has and its model lacks, read from walks without a simulation, as ``gaitfit explain``: play and twist of gears,
-    friction that grows with load, a joint whose friction differs from its siblings', a spring on one joint, soft ground, late
-    or tilted sensors.
+    friction that grows with load, a joint whose friction differs from its siblings', a spring or a weak motor of one joint,
+    soft ground, late or tilted sensors.
 
     Arguments:
         logs: A log of a walk, or a folder of some; as for :func:`fit`.

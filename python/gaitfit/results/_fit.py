@@ -362,8 +362,8 @@ class Cause:
 
     Attributes:
         kind: What it is, in snake case: ``"backlash"`` is play, ``"elasticity"`` twist; the others are ``"load_friction"``,
-            ``"odd_friction"``, ``"odd_spring"``, ``"ground"``, ``"velocity_lag"``, ``"gyro_bias"``, ``"tilt"`` and
-            ``"encoder_step"``.
+            ``"odd_friction"``, ``"odd_spring"``, ``"odd_strength"``, ``"ground"``, ``"velocity_lag"``, ``"gyro_bias"``, ``"tilt"``
+            and ``"encoder_step"``.
         of: The joint group or joint that has it; empty for the whole robot.
         value: Its size, in ``unit``.
         error: The size's standard error.
@@ -387,7 +387,7 @@ class Cause:
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Explanation(Result):
     """The result of :func:`gaitfit.explain`. It looks for play and twist of gears, friction that grows with load, a joint whose
-    friction differs from its siblings', a spring on one joint, soft ground, and late or tilted sensors.
+    friction differs from its siblings', a spring or a weak motor of one joint, soft ground, and late or tilted sensors.
 
     Attributes:
         logs: The log or the folder.

@@ -14,7 +14,7 @@ pub const PATIENCE: u16 = 20;
 
 /// Times that a robot may stand before the policy acts, s.
 pub const STAND_S: RangeInclusive<f64> = 0.5..=120.0;
-/// The usual one of a robot that hangs, s: a person lowers it.
+/// Default for a robot that hangs, s. A person lowers it in this time.
 const LOWERED_S: f64 = 10.0;
 
 /// A robot that a policy may run on.
@@ -72,8 +72,8 @@ pub struct LinkArgs {
     /// How long the robot stands under the policy between trajectories, s [default: 2]
     #[arg(long, value_name = "S", hide = true)]
     pub pause: Option<f64>,
-    /// Time in the policy's default pose before the policy acts, s; lower a robot that hangs meanwhile [default: 0.5; robots
-    /// that hang: 10]
+    /// Time in the policy's default pose before the policy acts, s. Lower a robot that hangs in this time [default: 0.5;
+    /// robots that hang: 10]
     #[arg(long, value_name = "S", hide = true)]
     pub stand: Option<f64>,
     /// Compute everything and send nothing; its logs go into the folder dry-run within --out
@@ -93,7 +93,7 @@ impl LinkArgs {
         self.pause.unwrap_or(2.0)
     }
 
-    /// How long `robot` stands before the policy acts; `None` if this is no such time.
+    /// How long `robot` stands before the policy acts; `None` if the time is out of range.
     pub fn stand(&self, robot: &Robot) -> Option<Duration> {
         let usual = if robot.hangs { LOWERED_S } else { Times::default().settle.as_secs_f64() };
         let seconds = self.stand.unwrap_or(usual);

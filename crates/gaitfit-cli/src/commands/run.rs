@@ -110,7 +110,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
                 note(phase.name());
                 if phase == Phase::Stand && robot.hangs {
                     note(&format!(
-                        "lower it until its feet bear it; the policy acts in {} s",
+                        "lower the robot until it stands on its feet; the policy acts in {} s",
                         stand.as_secs_f64()
                     ));
                 }
@@ -252,7 +252,7 @@ fn confirm(args: &Run, robot: &Robot, who: &Who, state: &RobotState) -> bool {
     if robot.hangs {
         note(&format!(
             "A {} must hang: the program cannot lay it down, and nothing else holds it before and after the walk. When it has \
-             taken its default pose, you have {} s to lower it until its feet bear it (--stand).",
+             taken its default pose, you have {} s to lower it until it stands on its feet (--stand). Lift it again before the walk ends.",
             robot.title,
             args.link.stand(robot).unwrap_or_default().as_secs_f64()
         ));

@@ -281,7 +281,7 @@ const MIN_TILT_ERROR: f64 = 0.003;
 /// Min standard error of a lag of velocities, s: on simulated walks at 50 Hz the estimate was up to 1.8 ms too large.
 const MIN_LAG_ERROR: f64 = 2e-3;
 
-/// Least relative error of a spring or strength that legs in the air show: springs were up to this much off on robots in MuJoCo.
+/// Least relative error of a spring or strength. Estimates of ten springs on robots in MuJoCo were wrong by up to 7 %.
 const MIN_SINGLE_ERROR: f64 = 0.1;
 
 /// What single joints have by themselves: stiffness and torque at angle 0 of a spring, or the strength of the motor.

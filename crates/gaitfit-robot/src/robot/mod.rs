@@ -212,7 +212,7 @@ impl Robot {
     }
 
     /// Its postures and gains under a policy. Motors that the policy does not move are kept where the policy's file, or else
-    /// the robot's, says. Their gains are at most those of the guard: a smaller gain holds a joint, too.
+    /// the robot's, says. Gains that the policy states for them are at most those of the guard: a smaller gain holds a joint, too.
     ///
     /// # Errors
     /// A policy for other joints.
@@ -242,7 +242,7 @@ impl Robot {
             let motor = self.motors.iter().position(|motor| motor.moves(&held.joint));
             if let Some(motor) = motor.filter(|motor| !motors.contains(motor)) {
                 postures.standing[motor] = held.position as f32;
-                // A gain that is no number stays one, and is refused later.
+                // NaN stays NaN and is refused later.
                 let within = |gain: f64, max: f32| if gain > f64::from(max) { max } else { gain as f32 };
                 postures.kp[motor] = within(held.kp, self.guard.kp);
                 postures.kd[motor] = within(held.kd, self.guard.kd);
