@@ -19,6 +19,7 @@ pub mod remedy;
 pub(crate) mod rule_joints;
 pub mod self_contact;
 pub mod simulator;
+pub mod singles;
 pub mod sized;
 pub mod swing;
 pub mod tilt;

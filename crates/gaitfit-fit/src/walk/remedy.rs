@@ -4,7 +4,8 @@
 //! the effect, these parameters end near 0 and the other values stay (docs, "Effects that the model lacks").
 
 use super::explain::{Cause, CauseKind, causes, covered};
-use super::swing::{Estimate, SwingFindings, SwingNumber, single_numbers};
+use super::singles::single_numbers;
+use super::swing::{Estimate, SwingFindings, SwingNumber};
 use crate::settings::AdaptConfig;
 use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Sharing, Theta};
 use gaitfit_model::patterns::compile;

@@ -1,12 +1,11 @@
 //! Estimates of joints and sensors from walks without a simulation, for tables and for comparison with a fit's values.
 
-use super::explain;
+use super::singles;
 use crate::log::Log;
 use crate::watch::Watch;
 use gaitfit_adapt::{JointParameter, RobotNumber};
 use gaitfit_log::{Gains, ReadOptions, Sensors, Trajectory, read_csv};
 use gaitfit_model::Model;
-use gaitfit_model::patterns::plain;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -50,26 +49,7 @@ impl SwingFindings {
         let (mut found, level) = Self::without_effects(model, logs, settings, watch);
         let level: Vec<&Trajectory> = level.iter().collect();
         found.effects = found.effects_of(model, &level, settings);
-        let mut singles: Vec<Effect> = Vec::new();
-        for _ in 0..SINGLE_ROUNDS {
-            // One at a time: a joint with a spring changes what its siblings seem to have.
-            let more = explain::singles(&found).max_by(|a, b| a.share.total_cmp(&b.share)).cloned();
-            let Some(more) = more else { break };
-            add_single(&mut singles, more);
-            let sprung = with_springs(model, &singles);
-            let level = with_strengths(&level, &singles);
-            let level: Vec<&Trajectory> = level.iter().collect();
-            let again = watch.counted("regression", "regressions", |count| {
-                estimate_counted(&sprung, &level, settings, count)
-            });
-            let Ok(report) = again else { break };
-            found.swings = Some(report);
-            found.effects = found.effects_of(&sprung, &level, settings);
-        }
-        let is_single =
-            |effect: &Effect| matches!(effect.kind, EffectKind::OddSpring | EffectKind::OddStrength);
-        found.effects.retain(|effect| !is_single(effect));
-        found.effects.extend(singles);
+        singles::examine(&mut found, model, &level, settings, watch);
         // Both would be gears, and gears are simulated only in robots without slides.
         let gear = |effect: &Effect| matches!(effect.kind, EffectKind::Elasticity | EffectKind::Backlash);
         found.effects.retain(|effect| !(model.has_slides() && gear(effect)));
@@ -77,7 +57,12 @@ impl SwingFindings {
     }
 
     /// The effects beyond `model`; none if no legs swing.
-    fn effects_of(&self, model: &Model, logs: &[&Trajectory], settings: &SwingSettings) -> Vec<Effect> {
+    pub(super) fn effects_of(
+        &self,
+        model: &Model,
+        logs: &[&Trajectory],
+        settings: &SwingSettings,
+    ) -> Vec<Effect> {
         let found = self.swings.as_ref().map(|report| effects(model, logs, report, settings));
         found.and_then(Result::ok).unwrap_or_default()
     }
@@ -145,58 +130,6 @@ impl SwingFindings {
             .collect();
         Self::new(model, &trajectories.iter().collect::<Vec<_>>(), settings, &Watch::silent())
     }
-}
-
-/// Max number of times that logs are examined again with the springs and strengths that were found.
-const SINGLE_ROUNDS: usize = 4;
-
-/// Adds an effect of a single joint to `known` ones; those of one kind and joint become one.
-fn add_single(known: &mut Vec<Effect>, one: Effect) {
-    let Some(known) = known.iter_mut().find(|known| (known.kind, &known.of) == (one.kind, &one.of)) else {
-        known.push(one);
-        return;
-    };
-    let (before, error) = (known.size.value, one.size.error);
-    if one.kind == EffectKind::OddStrength {
-        known.size = Estimate { value: (1.0 + before) * (1.0 + one.size.value) - 1.0, error };
-    } else {
-        let torque = torque_of(known) + torque_of(&one);
-        known.size = Estimate { value: before + one.size.value, error };
-        known.rest = Some(torque / known.size.value).filter(|rest| rest.is_finite());
-    }
-}
-
-/// The torque of a spring at angle 0, N·m.
-fn torque_of(spring: &Effect) -> f64 {
-    spring.size.value * spring.rest.unwrap_or_default()
-}
-
-/// `logs` with the gains that motors of other strengths have in effect.
-pub fn with_strengths(logs: &[&Trajectory], singles: &[Effect]) -> Vec<Trajectory> {
-    let mut logs: Vec<Trajectory> = logs.iter().map(|&log| log.clone()).collect();
-    for strength in singles.iter().filter(|single| single.kind == EffectKind::OddStrength) {
-        for log in &mut logs {
-            let place = log.joints.iter().position(|joint| plain(joint) == plain(&strength.of));
-            if let (Some(place), Some(gains)) = (place, &mut log.gains) {
-                gains.kp[place] *= 1.0 + strength.size.value;
-                gains.kd[place] *= 1.0 + strength.size.value;
-            }
-        }
-    }
-    logs
-}
-
-/// `model` with further springs on its joints.
-pub fn with_springs(model: &Model, singles: &[Effect]) -> Model {
-    let mut model = model.clone();
-    for spring in singles.iter().filter(|single| single.kind == EffectKind::OddSpring) {
-        let Some(joint) = model.joints.iter_mut().find(|joint| joint.name == spring.of) else { continue };
-        let torque = joint.stiffness * joint.springref + torque_of(spring);
-        joint.stiffness += spring.size.value;
-        // Two springs that cancel each other have no angle of rest.
-        joint.springref = if joint.stiffness == 0.0 { joint.springref } else { torque / joint.stiffness };
-    }
-    model
 }
 
 /// The log at its own rate, under the robot's names; absent where a part of it does not count.
@@ -280,34 +213,6 @@ const MIN_TILT_ERROR: f64 = 0.003;
 
 /// Min standard error of a lag of velocities, s: on simulated walks at 50 Hz the estimate was up to 1.8 ms too large.
 const MIN_LAG_ERROR: f64 = 2e-3;
-
-/// Least relative error of a spring or strength. Estimates of ten springs on robots in MuJoCo were wrong by up to 7 %.
-const MIN_SINGLE_ERROR: f64 = 0.1;
-
-/// What single joints have by themselves: stiffness and torque at angle 0 of a spring, or the strength of the motor.
-pub fn single_numbers(found: &SwingFindings) -> Vec<SwingNumber> {
-    let number = |single: &Effect, kind: JointParameter, value: f64, error: f64| SwingNumber {
-        kind: kind.name(),
-        joints: vec![single.of.clone()],
-        estimate: Estimate { value, error },
-        by_strength: 0.0,
-        by_load: 0.0,
-    };
-    let of_single = |single: &Effect| {
-        let Estimate { value, error } = single.size;
-        let error = error.max(MIN_SINGLE_ERROR * value.abs());
-        if single.kind == EffectKind::OddStrength {
-            return vec![number(single, JointParameter::TorqueScale, 1.0 + value, error)];
-        }
-        // An error of the stiffness moves the torque at angle 0 with it.
-        let of_torque = error * single.rest.unwrap_or_default().abs().max(1.0);
-        vec![
-            number(single, JointParameter::Stiffness, value, error),
-            number(single, JointParameter::SpringTorque, torque_of(single), of_torque),
-        ]
-    };
-    explain::singles(found).flat_map(of_single).collect()
-}
 
 /// The errors of sensors that a fit can have among its parameters, converted to a simulation with physics steps of `step` s.
 /// In a semi-implicit step, velocities belong to a time half a step before the positions.
@@ -474,83 +379,5 @@ pub fn doubt(beside: &[Beside]) -> Option<String> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-mod tests {
-    use super::*;
-
-    fn report() -> SwingReport {
-        let joints = ["FL_calf_joint", "FR_calf_joint"].map(str::to_owned).to_vec();
-        let number = |value, error| Estimate { value, error };
-        let calf = GroupEstimate {
-            group: "calf".into(),
-            joints,
-            friction: number(0.65, 0.05),
-            damping: number(-0.01, 0.03),
-            armature: number(0.018, 0.001),
-            by_strength: [0.0; 3],
-            by_load: [0.0; 3],
-            swings: 100,
-            windows: 1000,
-            residual: 0.4,
-        };
-        SwingReport {
-            groups: vec![calf],
-            delay: number(0.0062, 0.0015),
-            delay_by_strength: 0.0,
-            strength: number(1.0, 0.2),
-            law: FrictionLaw::Coulomb,
-            clearance_m: 0.012,
-            logs: 12,
-            unseen: vec![],
-        }
-    }
-
-    #[test]
-    fn swings_are_priors_that_settings_read() {
-        let tilt = Some([Estimate { value: 0.02, error: 0.0001 }; 2]);
-        let found = SwingFindings { standing: Standing { tilt }, ..SwingFindings::default() };
-        let text = prior_toml(&found, &report(), 0.005);
-        assert!(text.contains("# imu_pitch = { value = 0.02000, deviation = 0.00300 }"), "{text}");
-        let settings: crate::settings::AdaptConfig = toml::from_str(&text).unwrap();
-        let calf = settings.prior["frictionloss_calf"];
-        assert_eq!((calf.value, calf.deviation), (0.65, 0.05));
-        assert!((settings.prior["delay"].value - 0.0087).abs() < 1e-9);
-        assert_eq!(settings.prior.len(), 4);
-        let early = SwingReport { delay: Estimate { value: -0.0065, error: 0.003 }, ..report() };
-        let delay = numbers(&early, 0.005).pop().unwrap().estimate;
-        assert!(delay.value == 0.0 && (delay.error - 0.005).abs() < 1e-12, "{delay:?}");
-    }
-
-    #[test]
-    fn values_far_from_swings_are_named_and_others_are_not() {
-        let calves = ["FL_calf_joint", "FR_calf_joint"].map(str::to_owned);
-        let hips = ["FL_hip_joint".to_owned()];
-        let one =
-            |name, kind, joints, value, interval| Fitted {
-                name, kind, unit: "N·m", joints, value, interval
-            };
-        let fitted = [
-            one("frictionloss_calf", "frictionloss", &calves[..], 1.9, Some([1.8, 2.0])),
-            one("frictionloss_FR_calf", "frictionloss", &calves[1..], 0.7, None),
-            one("frictionloss_hip", "frictionloss", &hips[..], 3.0, None),
-            one("armature_calf", "armature", &calves[..], 0.020, None),
-            one("delay", "delay", &[], 0.0, None),
-            one("load", "base_mass", &[], 3.0, None),
-        ];
-        let strength = Estimate { value: 1.0, error: 0.0 };
-        let beside = beside(&report(), 0.005, strength, fitted);
-        let named: Vec<(&str, bool)> = beside.iter().map(|one| (one.name.as_str(), one.differ)).collect();
-        let expected = [
-            ("frictionloss_calf", true),
-            ("frictionloss_FR_calf", false),
-            ("armature_calf", false),
-            ("delay", true),
-        ];
-        assert_eq!(named, expected);
-        assert!((beside[3].swings.value - 0.0087).abs() < 1e-12, "half a step later");
-        let text = doubt(&beside).unwrap();
-        assert!(text.contains("frictionloss_calf 1.900 fitted, 0.650 ± 0.050"), "{text}");
-        assert!(!text.contains("armature"), "{text}");
-        assert_eq!(doubt(&beside[1..3]), None);
-    }
-}
+#[path = "swing_test.rs"]
+mod tests;

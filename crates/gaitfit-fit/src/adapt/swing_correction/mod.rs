@@ -15,9 +15,8 @@ use crate::log::Log;
 use crate::settings::AdaptConfig;
 use crate::walk::explain::{self, Cause, CauseKind};
 use crate::walk::recorder::{NoisyRobot, Recorded, Recorder};
-use crate::walk::swing::{
-    Effect, Estimate, SwingFindings, SwingReport, SwingSettings, with_springs, with_strengths,
-};
+use crate::walk::singles::{with_springs, with_strengths};
+use crate::walk::swing::{Effect, Estimate, SwingFindings, SwingReport, SwingSettings};
 use crate::walk::walking::Walking;
 use crate::watch::{Counting, Watch, Work};
 use gaitfit_adapt::Theta;

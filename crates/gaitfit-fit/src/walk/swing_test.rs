@@ -1,0 +1,78 @@
+//! Priors and comparisons from estimates of legs in the air.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use super::*;
+
+fn report() -> SwingReport {
+    let joints = ["FL_calf_joint", "FR_calf_joint"].map(str::to_owned).to_vec();
+    let number = |value, error| Estimate { value, error };
+    let calf = GroupEstimate {
+        group: "calf".into(),
+        joints,
+        friction: number(0.65, 0.05),
+        damping: number(-0.01, 0.03),
+        armature: number(0.018, 0.001),
+        by_strength: [0.0; 3],
+        by_load: [0.0; 3],
+        swings: 100,
+        windows: 1000,
+        residual: 0.4,
+    };
+    SwingReport {
+        groups: vec![calf],
+        delay: number(0.0062, 0.0015),
+        delay_by_strength: 0.0,
+        strength: number(1.0, 0.2),
+        law: FrictionLaw::Coulomb,
+        clearance_m: 0.012,
+        logs: 12,
+        unseen: vec![],
+    }
+}
+
+#[test]
+fn swings_are_priors_that_settings_read() {
+    let tilt = Some([Estimate { value: 0.02, error: 0.0001 }; 2]);
+    let found = SwingFindings { standing: Standing { tilt }, ..SwingFindings::default() };
+    let text = prior_toml(&found, &report(), 0.005);
+    assert!(text.contains("# imu_pitch = { value = 0.02000, deviation = 0.00300 }"), "{text}");
+    let settings: crate::settings::AdaptConfig = toml::from_str(&text).unwrap();
+    let calf = settings.prior["frictionloss_calf"];
+    assert_eq!((calf.value, calf.deviation), (0.65, 0.05));
+    assert!((settings.prior["delay"].value - 0.0087).abs() < 1e-9);
+    assert_eq!(settings.prior.len(), 4);
+    let early = SwingReport { delay: Estimate { value: -0.0065, error: 0.003 }, ..report() };
+    let delay = numbers(&early, 0.005).pop().unwrap().estimate;
+    assert!(delay.value == 0.0 && (delay.error - 0.005).abs() < 1e-12, "{delay:?}");
+}
+
+#[test]
+fn values_far_from_swings_are_named_and_others_are_not() {
+    let calves = ["FL_calf_joint", "FR_calf_joint"].map(str::to_owned);
+    let hips = ["FL_hip_joint".to_owned()];
+    let one =
+        |name, kind, joints, value, interval| Fitted { name, kind, unit: "N·m", joints, value, interval };
+    let fitted = [
+        one("frictionloss_calf", "frictionloss", &calves[..], 1.9, Some([1.8, 2.0])),
+        one("frictionloss_FR_calf", "frictionloss", &calves[1..], 0.7, None),
+        one("frictionloss_hip", "frictionloss", &hips[..], 3.0, None),
+        one("armature_calf", "armature", &calves[..], 0.020, None),
+        one("delay", "delay", &[], 0.0, None),
+        one("load", "base_mass", &[], 3.0, None),
+    ];
+    let strength = Estimate { value: 1.0, error: 0.0 };
+    let beside = beside(&report(), 0.005, strength, fitted);
+    let named: Vec<(&str, bool)> = beside.iter().map(|one| (one.name.as_str(), one.differ)).collect();
+    let expected = [
+        ("frictionloss_calf", true),
+        ("frictionloss_FR_calf", false),
+        ("armature_calf", false),
+        ("delay", true),
+    ];
+    assert_eq!(named, expected);
+    assert!((beside[3].swings.value - 0.0087).abs() < 1e-12, "half a step later");
+    let text = doubt(&beside).unwrap();
+    assert!(text.contains("frictionloss_calf 1.900 fitted, 0.650 ± 0.050"), "{text}");
+    assert!(!text.contains("armature"), "{text}");
+    assert_eq!(doubt(&beside[1..3]), None);
+}
