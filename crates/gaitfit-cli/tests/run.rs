@@ -344,7 +344,7 @@ fn collect_on_a_robot_writes_a_log_a_trajectory_as_in_a_simulator() {
     let written = run(&["new", "--policy", WALK, "--logs", &shown, "--out", &config.display().to_string()]);
     assert!(errors(&written).contains("a fit needs at least 10 s"), "{}", errors(&written));
     let config = std::fs::read_to_string(config).unwrap();
-    assert!(config.contains(&format!("logs = [\"{shown}\"]")), "{config}");
+    assert!(config.contains(&format!("    \"{shown}\",\n]")), "{config}");
     assert!(!folder.path().join("fit.logs").exists());
     // Fits read the folder.
     let inspected = run(&["inspect", &shown]);
