@@ -1,7 +1,7 @@
 """Runs Unitree's simulator server for any robot of the link: the vendor's bridge as it is, over DDS, without a window.
 
-The bridge (unitree_mujoco, simulate_python/unitree_sdk2py_bridge.py) imports modules `config` and `pygame`; this script puts
-small stand-ins there. Motors, their order and their torques are those of the robot's file (crates/gaitfit-robot/robots/*.toml).
+The bridge (unitree_mujoco, simulate_python/unitree_sdk2py_bridge.py) imports modules `config` and `pygame`. This script replaces
+them by small modules. The robot's file (crates/gaitfit-robot/robots/*.toml) states the motors, their order and their torques.
 
 Without --model the robot hangs: its base is fixed, and each motor turns a joint with a small inertia, friction and the file's
 range. So no robot description is needed, and contacts are left out. Gravity acts on the inertial unit alone: every link's centre

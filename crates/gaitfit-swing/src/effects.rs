@@ -11,9 +11,9 @@ use crate::estimate::walks;
 use crate::feet::Ground;
 use crate::regression::{Group, SHARED, solve};
 use crate::report::{SwingReport, SwingSettings, usual_groups};
+use crate::singles::{self, Singles};
 use crate::stance;
 use crate::torques::Drag;
-use crate::unlike::{self, Singles};
 use gaitfit_log::{Estimate, Trajectory};
 use gaitfit_model::Model;
 use nalgebra::{DMatrix, DVector};
@@ -58,7 +58,7 @@ pub struct Effect {
     pub size: Estimate,
     /// The part of what is left unexplained, in the signal that shows it, that goes with it, 0 to 1.
     pub share: f64,
-    /// Of a spring: the angle at which it is at rest, rad.
+    /// Rest angle of a spring, rad; absent for other effects.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rest: Option<f64>,
 }
@@ -104,16 +104,16 @@ pub fn effects(
     let seen: Vec<Window> = gaitfit_pool::map(walks.len(), settings.threads, of_log).concat();
     let law = crate::FrictionLaw::ALL.iter().position(|law| *law == swings.law).unwrap_or_default();
     let steps = (delay - settings.delay_range_s[0]) / settings.delay_step_s;
-    let (mut found, mut singles) = (Vec::new(), Singles::default());
+    let (mut found, mut of_joints) = (Vec::new(), Singles::default());
     for (name, joints) in &groups {
         let in_air =
             |window: &&Window| window.clearance > swings.clearance_m && joints.contains(&window.joint);
         let group = Group::new(seen.iter().filter(in_air).collect(), law);
         found.extend(of_swings(model, name, joints, &group, steps, law));
-        let seen = unlike::seen(&seen, joints, settings, swings.clearance_m);
-        singles.add(name, joints, &Group::new(seen, law), steps);
+        let seen = singles::seen(&seen, joints, settings, swings.clearance_m);
+        of_joints.add(name, joints, &Group::new(seen, law), steps);
     }
-    found.extend(singles.odd(model));
+    found.extend(of_joints.odd(model));
     found.extend(stance::effects(model, &walks, &grounds, &groups, delay, &drag));
     Ok(found)
 }

@@ -20,11 +20,11 @@ mod lowest;
 mod odd;
 mod regression;
 mod report;
+mod singles;
 mod stance;
 mod standing;
 mod together;
 mod torques;
-mod unlike;
 mod walk;
 
 pub use count::Progress;

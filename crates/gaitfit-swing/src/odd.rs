@@ -1,14 +1,13 @@
-//! Which joint differs from its siblings, the same joint of the other legs.
+//! Finds joints that differ from their siblings. Siblings are the same joints of the other legs.
 //!
-//! On a healthy robot siblings behave alike: whatever the simulator lacks looks like the same spring on each of them. So a
-//! joint is compared with the median of its siblings, and the difference with how much joints of this robot differ from
-//! their siblings anyway (the median of all such differences, which one odd joint does not move) and with the error of its
-//! own estimate.
+//! On a healthy robot siblings behave alike: whatever the simulator lacks looks like the same spring on each of them. So each
+//! joint is compared with the median of its siblings. Its difference counts if it is large for two scales: the usual difference
+//! of this robot's joints (the median over all joints, which one odd joint does not move), and the error of its own estimate.
 
-/// Differences of normal numbers have a median of their absolute values of a deviation over this.
+/// Standard deviation of normal numbers, divided by the median of their absolute values.
 const MEDIAN_TO_DEVIATION: f64 = 1.4826;
 
-/// A size as found on a joint: the stiffness of a spring, N·m/rad, or the strength of a motor, as a part.
+/// An estimate for one joint: the stiffness of a spring, N·m/rad, or the strength of a motor, as a part of its torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured<'a> {
     /// The joint's group; joints of one are siblings.

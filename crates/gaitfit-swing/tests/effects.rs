@@ -151,6 +151,6 @@ fn a_motor_that_is_weaker_than_its_siblings_is_no_spring() {
     }
     let [weak] = odd(&logs).try_into().unwrap();
     assert_eq!((weak.kind, weak.of.as_str()), (EffectKind::OddStrength, "FR_calf_joint"));
-    // A first estimate: the regression still weighs this joint's windows less than those of the others.
+    // This is only the first estimate: the regression gives this joint's windows less weight.
     assert!((-0.6..-0.2).contains(&weak.size.value) && weak.sure() > 8.0, "{weak:?}");
 }

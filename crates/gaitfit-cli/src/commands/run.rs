@@ -93,7 +93,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         controller,
         Live {
             confirm: &mut |state| {
-                let armed = signals::confirm(confirm(args, &robot, &who, state));
+                let armed = signals::confirm(confirm(args, &robot, &who, stand, state));
                 match &who {
                     Who::Trials(trials) if armed && !args.link.dry_run => {
                         trial::write_form(args, trials).map_err(|failure| note(&failure.message)).is_ok()
@@ -233,8 +233,8 @@ fn without_run(path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Shows the robot's state and asks for the word.
-fn confirm(args: &Run, robot: &Robot, who: &Who, state: &RobotState) -> bool {
+/// Shows the robot's state and asks for the word. `stand`: how long the robot stands before the policy acts.
+fn confirm(args: &Run, robot: &Robot, who: &Who, stand: Duration, state: &RobotState) -> bool {
     let hottest = state.temperature.iter().enumerate().max_by_key(|(_, degrees)| **degrees);
     let (motor, degrees) = hottest.map_or((0, 0), |(motor, degrees)| (motor, *degrees));
     let battery = state.battery.map_or("not reported".to_owned(), |battery| format!("{} %", battery.charge));
@@ -254,7 +254,7 @@ fn confirm(args: &Run, robot: &Robot, who: &Who, state: &RobotState) -> bool {
             "A {} must hang: the program cannot lay it down, and nothing else holds it before and after the walk. When it has \
              taken its default pose, you have {} s to lower it until it stands on its feet (--stand). Lift it again before the walk ends.",
             robot.title,
-            args.link.stand(robot).unwrap_or_default().as_secs_f64()
+            stand.as_secs_f64()
         ));
     }
     note(&format!(

@@ -110,6 +110,8 @@ const MAX_PLAY: f64 = 0.1;
 const MAX_LOAD_FRICTION: f64 = 0.4;
 /// If the friction of a joint differs by more than this many times its group's, the reason is another one.
 const TOO_ODD: f64 = 3.0;
+/// A motor that lacks more than this part of its torque does not swing a leg. A larger lack has another cause.
+const WEAKEST: f64 = -0.9;
 
 /// The causes that `found` shows, the largest weight first.
 pub fn causes(found: &SwingFindings) -> Vec<Cause> {
@@ -160,6 +162,9 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate) -> bool {
     let Candidate { robot, sensors, .. } = base;
     let some = |numbers: &[f64]| numbers.iter().any(|number| *number != 0.0);
     let has = |kind: &str| theta.entries().iter().any(|entry| entry.kind == kind);
+    let alone = |kind: JointParameter| {
+        theta.entries().iter().any(|entry| entry.kind == kind.name() && entry.joints == [cause.of.as_str()])
+    };
     match cause.kind {
         CauseKind::GyroBias => {
             ["gyro_bias_x", "gyro_bias_y", "gyro_bias_z"].iter().all(|kind| has(kind))
@@ -169,10 +174,7 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate) -> bool {
         CauseKind::VelocityLag => has("velocity_lag") || robot.velocity_lag != 0.0,
         CauseKind::Tilt => (has("imu_roll") && has("imu_pitch")) || some(&sensors.imu_tilt),
         CauseKind::LoadFriction => has("load_friction") || some(&robot.load_friction),
-        CauseKind::OddFriction => theta
-            .entries()
-            .iter()
-            .any(|entry| entry.kind == "frictionloss" && entry.joints.iter().eq([&cause.of])),
+        CauseKind::OddFriction => alone(JointParameter::FrictionLoss),
         CauseKind::OddSpring => {
             let of_joint = |entry: &gaitfit_adapt::Entry| {
                 let kinds = [JointParameter::Stiffness, JointParameter::SpringTorque];
@@ -181,10 +183,7 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate) -> bool {
             theta.entries().iter().any(of_joint) || some(&robot.stiffness)
         }
         CauseKind::OddStrength => {
-            let of_joint = |entry: &gaitfit_adapt::Entry| {
-                entry.kind == JointParameter::TorqueScale.name() && entry.joints == [cause.of.as_str()]
-            };
-            theta.entries().iter().any(of_joint) || robot.torque_scale.iter().any(|scale| *scale != 1.0)
+            alone(JointParameter::TorqueScale) || robot.torque_scale.iter().any(|scale| *scale != 1.0)
         }
         CauseKind::Backlash => has("play") || some(&robot.play),
         CauseKind::Elasticity => has("compliance") || some(&robot.compliance),
@@ -307,14 +306,17 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
                 "N·m/rad",
                 matters::SPRING,
                 format!(
-                    "{of} has a spring of {value:.1} ± {error:.1} N·m/rad, at rest at {rest:.2} rad, which the same joint of \
-                     the other legs does not have{weak}; it explains {part:.0} % of the residual of legs in the air (fit it: \
+                    "{of} has a spring of {value:.1} ± {error:.1} N·m/rad, at rest at {rest:.2} rad; the same joint of \
+                     most other legs has none{weak}; it explains {part:.0} % of the residual of legs in the air (fit it: \
                      stiffness and spring_torque of this joint)"
                 ),
             )
         }
         EffectKind::OddStrength
-            if value.abs() > matters::STRENGTH && effect.sure() > SURER && effect.share > OF_ONE_JOINT =>
+            if value.abs() > matters::STRENGTH
+                && value > WEAKEST
+                && effect.sure() > SURER
+                && effect.share > OF_ONE_JOINT =>
         {
             let than = if value > 0.0 { "more" } else { "less" };
             (
@@ -322,7 +324,7 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
                 "-",
                 matters::STRENGTH,
                 format!(
-                    "the motor of {of} gives {:.0} ± {:.0} % {than} torque than the same joint of the other legs, or its gains \
+                    "the motor of {of} gives {:.0} ± {:.0} % {than} torque than the same joint of most other legs, or its gains \
                      are wrong; it explains {part:.0} % of the residual of legs in the air (fit it: torque_scale of this joint)",
                     100.0 * value.abs(),
                     100.0 * error

@@ -164,8 +164,8 @@ impl Remedies {
 
 /// A number of a single joint is searched this many standard errors around its estimate.
 const SINGLE_RANGE: f64 = 5.0;
-/// Least strength of a motor that is searched.
-const MIN_STRENGTH: f64 = 0.05;
+/// Lower bound of a motor's strength in a search.
+const MIN_SEARCHED: f64 = 0.05;
 
 /// The rule of one number of a single joint.
 fn single_rule(number: &SwingNumber) -> Option<ParameterRule> {
@@ -173,7 +173,7 @@ fn single_rule(number: &SwingNumber) -> Option<ParameterRule> {
     let kind = kind.into_iter().find(|kind| kind.name() == number.kind)?;
     let Estimate { value, error } = number.estimate;
     let half = SINGLE_RANGE * error;
-    let least = if kind == JointParameter::TorqueScale { MIN_STRENGTH } else { f64::NEG_INFINITY };
+    let least = if kind == JointParameter::TorqueScale { MIN_SEARCHED } else { f64::NEG_INFINITY };
     let mut rule = ParameterRule {
         per: Sharing::Joint,
         joints: number.joints.clone(),
@@ -382,6 +382,8 @@ mod tests {
     fn a_weak_motor_brings_the_strength_of_its_joint_beside_that_of_all_others() {
         let (mut config, before, base, joints) = defaults();
         let weak = (EffectKind::OddStrength, "FL_calf_joint", -0.3, 0.02, 0.4);
+        let reversed = (EffectKind::OddStrength, "FL_calf_joint", -1.2, 0.02, 0.4);
+        assert_eq!(Remedies::new(&findings(&[reversed]), &before, &base).note(), None, "no weak motor");
         let remedies = Remedies::new(&findings(&[weak]), &before, &base);
         remedies.extend(&mut config, &joints);
         let after = theta(&config, &joints);

@@ -212,7 +212,7 @@ impl Robot {
     }
 
     /// Its postures and gains under a policy. Motors that the policy does not move are kept where the policy's file, or else
-    /// the robot's, says. Gains that the policy states for them are at most those of the guard: a smaller gain holds a joint, too.
+    /// the robot's, says. If the policy states a larger gain for them than the guard allows, they get the guard's.
     ///
     /// # Errors
     /// A policy for other joints.

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 pub(super) const MAX_ROUNDS: usize = 6;
 /// Min number of rounds.
 const MIN_ROUNDS: usize = 3;
-/// Each round divides its standard deviations by those of the round before. If the mean of these ratios exceeds this, no other
-/// round follows.
+/// Max mean ratio of a round's standard deviations to those of the round before. A round with a larger ratio gains little, and is
+/// the last one.
 const SETTLED: f64 = 0.95;
 /// Half the width of the first round, in an entry's deviations.
 const FIRST: f64 = 1.5;

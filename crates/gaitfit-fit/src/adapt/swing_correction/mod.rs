@@ -398,8 +398,6 @@ mod tests {
             format!("policy={:?}", root.join("assets/go2-walk.safetensors")),
             // A few of the logs: it is stopped long before their correction ends.
             format!("logs=[{:?}]", root.join("examples/go2-ground/logs/trajectory_0[0-4].csv")),
-            // Springs would be looked for twice.
-            "effects=false".to_owned(),
             "base=\"free\"".to_owned(),
         ];
         let config: AdaptConfig = settings::load(None, &changes).unwrap();

@@ -15,7 +15,7 @@ use gaitfit_model::Model;
 
 /// Springs weaker than this part of the joint's position gain do not count.
 const MIN_SPRING: f64 = 0.02;
-/// A strength counts from this part on.
+/// Strengths that differ by less than this part of the torque do not count.
 const MIN_STRENGTH: f64 = 0.05;
 /// The least size of a joint itself, as a part of its difference from its siblings.
 const OWN: f64 = 0.5;
@@ -29,7 +29,7 @@ struct Single<'a> {
     size: Measured<'a>,
     /// The part of what the equations leave that it explains.
     share: f64,
-    /// Of a spring: torque at angle 0, N·m, its stiffness times its rest angle.
+    /// Torque of a spring at angle 0, N·m; 0 for a strength.
     torque: f64,
 }
 
