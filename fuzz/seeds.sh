@@ -3,7 +3,7 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 logs=../crates/gaitfit-import/tests/fixtures
-policies=../crates/gaitfit-policy/tests/fixtures/policies
+policies=../crates/gaitfit-policy-files/tests/fixtures/policies
 # put TARGET FILE…: names keep their folders apart.
 put() {
     mkdir -p "corpus/$1"

@@ -1,5 +1,5 @@
 """Makes policies as PyTorch's default exporter writes them, for the tests of gaitfit's reader, in
-crates/gaitfit-policy/tests/fixtures/policies/exported. Each has a TOML file that describes it, and observations with
+crates/gaitfit-policy-files/tests/fixtures/policies/exported. Each has a TOML file that describes it, and observations with
 onnxruntime's actions.
 
 clip.onnx ends in Clip, clip_scaled.onnx in Clip and Mul. gaussian.onnx gives mean and standard deviation in one row and acts
@@ -91,7 +91,7 @@ def session(path):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    default = fixtures.ROOT / "crates/gaitfit-policy/tests/fixtures/policies/exported"
+    default = fixtures.ROOT / "crates/gaitfit-policy-files/tests/fixtures/policies/exported"
     parser.add_argument("--out", type=pathlib.Path, default=default)
     out = parser.parse_args().out
     out.mkdir(parents=True, exist_ok=True)

@@ -1,5 +1,5 @@
 """Makes policies that are no plain perceptrons, for the tests of gaitfit's reader, in
-crates/gaitfit-policy/tests/fixtures/policies/graphs. Each has a TOML file that describes it, and observations with onnxruntime's
+crates/gaitfit-policy-files/tests/fixtures/policies/graphs. Each has a TOML file that describes it, and observations with onnxruntime's
 actions along a sequence.
 
 The architectures are written anew from their papers and public code, with small layers and random weights:
@@ -346,7 +346,7 @@ def operator_fixture(out, stem, branches):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    default = fixtures.ROOT / "crates/gaitfit-policy/tests/fixtures/policies/graphs"
+    default = fixtures.ROOT / "crates/gaitfit-policy-files/tests/fixtures/policies/graphs"
     parser.add_argument("--out", type=pathlib.Path, default=default)
     parser.add_argument("--all", action="store_true", help="all modules with both exporters, and each branch alone")
     args = parser.parse_args()

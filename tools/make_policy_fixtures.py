@@ -1,4 +1,4 @@
-"""Makes policies "trained elsewhere" for the tests of gaitfit's importer, in crates/gaitfit-policy/tests/fixtures/policies.
+"""Makes policies "trained elsewhere" for the tests of gaitfit's importer, in crates/gaitfit-policy-files/tests/fixtures/policies.
 
 foreign.onnx is built with the onnx package out of every form of a linear layer that exporters write, behind a normaliser of
 Sub, Add and Div; its outputs are onnxruntime's. trainer.safetensors has the tensors of a usual PyTorch trainer
@@ -349,7 +349,7 @@ def functions_onnx(out, rng):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    default = ROOT / "crates/gaitfit-policy/tests/fixtures/policies"
+    default = ROOT / "crates/gaitfit-policy-files/tests/fixtures/policies"
     parser.add_argument("--out", type=pathlib.Path, default=default)
     out = parser.parse_args().out
     out.mkdir(parents=True, exist_ok=True)

@@ -1,5 +1,5 @@
 """Makes policies with the trainers' own libraries, exported as their users export them, for the tests of gaitfit's reader, in
-crates/gaitfit-policy/tests/fixtures/policies/trainers. Each has observations with the actions of the library itself along a
+crates/gaitfit-policy-files/tests/fixtures/policies/trainers. Each has observations with the actions of the library itself along a
 sequence, and a TOML file that describes it, except mjlab.onnx, whose metadata do.
 
 rsl_rl.onnx, rsl_rl_two.onnx (a standard deviation that depends on the state), rsl_rl_beta.onnx and rsl_rl_gru.onnx are exported as
@@ -239,7 +239,7 @@ def brax(out):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    default = fixtures.ROOT / "crates/gaitfit-policy/tests/fixtures/policies/trainers"
+    default = fixtures.ROOT / "crates/gaitfit-policy-files/tests/fixtures/policies/trainers"
     parser.add_argument("--out", type=pathlib.Path, default=default)
     out = parser.parse_args().out
     out.mkdir(parents=True, exist_ok=True)

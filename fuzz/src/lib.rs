@@ -75,7 +75,7 @@ pub fn read_policy(ending: &str, bytes: &[u8]) {
         );
         let described = place.write("policy.toml", description.as_bytes());
         for path in [path, described] {
-            if let Ok(policy) = gaitfit_policy::read(&path) {
+            if let Ok(policy) = gaitfit_policy_files::read(&path) {
                 policy.check().expect("what is read is well formed");
             }
         }

@@ -2,7 +2,8 @@
 
 use crate::errors::{failed, value};
 use gaitfit_policy::observation::{Layout, Past, Sensed};
-use gaitfit_policy::{Description, Interface, MotionPlace, Quantity, clock};
+use gaitfit_policy::{Interface, MotionPlace, Quantity, clock};
+use gaitfit_policy_files::Description;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;

@@ -2,7 +2,8 @@
 
 use crate::errors::{failed, value};
 use gaitfit::Error;
-use gaitfit_policy::{Description, Policy};
+use gaitfit_policy::Policy;
+use gaitfit_policy_files::Description;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
@@ -68,7 +69,7 @@ impl Source {
 /// The interface of a policy's file, or of a description without weights, as JSON, and the settings of its task.
 #[pyfunction]
 pub fn interface_of(path: PathBuf) -> PyResult<(String, String)> {
-    let (interface, task) = gaitfit_policy::interface_of(&path).map_err(failed)?;
+    let (interface, task) = gaitfit_policy_files::interface_of(&path).map_err(failed)?;
     Ok((serde_json::to_string(&interface).map_err(failed)?, task))
 }
 

@@ -41,7 +41,7 @@ impl PolicyFile {
     /// Reads a policy of any kind that the program reads.
     #[new]
     fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let policy = py.detach(|| gaitfit_policy::read(&path)).map_err(failed)?;
+        let policy = py.detach(|| gaitfit_policy_files::read(&path)).map_err(failed)?;
         Ok(Self {
             memory: Memory::default(),
             robots: 0,

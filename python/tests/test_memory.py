@@ -13,7 +13,7 @@ from gaitfit.config import Fit, Memory, Optimizer, Parameter, Ppo, Size, Train
 from .common import ROOT, Case
 
 #: Policies as rsl_rl exports them, and what onnxruntime makes of a sequence of observations.
-FIXTURES = ROOT / "crates" / "gaitfit-policy" / "tests" / "fixtures" / "policies"
+FIXTURES = ROOT / "crates" / "gaitfit-policy-files" / "tests" / "fixtures" / "policies"
 CELLS = ("gru", "lstm")
 
 

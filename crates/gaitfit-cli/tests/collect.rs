@@ -10,7 +10,7 @@ use gaitfit_policy::network::Scratch;
 use std::path::Path;
 
 /// Its joints are in another order than the robot's.
-const FOREIGN: &str = "crates/gaitfit-policy/tests/fixtures/policies/foreign.toml";
+const FOREIGN: &str = "crates/gaitfit-policy-files/tests/fixtures/policies/foreign.toml";
 
 /// Logs of three trajectories of 0.4 s.
 fn collect(folder: &Path, more: &[&str]) -> Vec<Trajectory> {
@@ -33,7 +33,7 @@ fn collect(folder: &Path, more: &[&str]) -> Vec<Trajectory> {
 #[test]
 fn logs_read_back_are_what_the_policy_saw_and_did() {
     let folder = tempfile::tempdir().unwrap();
-    let policy = gaitfit_policy::read(&common::root().join(FOREIGN)).unwrap();
+    let policy = gaitfit_policy_files::read(&common::root().join(FOREIGN)).unwrap();
     let interface = &policy.interface;
     let scales = interface.scales(&interface.observation);
     let logs = collect(folder.path(), &["--privileged", "--torque-noise", "1"]);

@@ -5,14 +5,14 @@ use crate::common;
 
 use common::{errors, json, run};
 use gaitfit_policy::network::{Activation, Network, Shape};
-use gaitfit_policy::weights;
+use gaitfit_policy_files::weights;
 use std::path::Path;
 
-const FOREIGN: &str = "crates/gaitfit-policy/tests/fixtures/policies/foreign.toml";
+const FOREIGN: &str = "crates/gaitfit-policy-files/tests/fixtures/policies/foreign.toml";
 
 /// A policy that counts as trained here: for others that do not walk, other orders of the joints are tried, which takes long.
 fn trained() -> gaitfit_policy::Policy {
-    let mut policy = gaitfit_policy::read(&common::root().join(FOREIGN)).unwrap();
+    let mut policy = gaitfit_policy_files::read(&common::root().join(FOREIGN)).unwrap();
     policy.provenance.iteration = 1;
     policy
 }
@@ -110,7 +110,7 @@ fn robots_that_diverge_are_said_first_and_end_with_3() {
 #[test]
 fn a_policy_that_stands_on_joints_in_a_wrong_order_is_put_right() {
     let folder = tempfile::tempdir().unwrap();
-    let mut policy = gaitfit_policy::read(&common::root().join("assets/go2-walk.safetensors")).unwrap();
+    let mut policy = gaitfit_policy_files::read(&common::root().join("assets/go2-walk.safetensors")).unwrap();
     // As a policy that was trained elsewhere, its joints named breadth first. Its robots hardly fall and go nowhere.
     policy.provenance = Default::default();
     let own = policy.interface.joints.clone();

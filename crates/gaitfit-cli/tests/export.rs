@@ -5,7 +5,7 @@ use crate::common;
 
 use common::{errors, json, root, run};
 
-const FOREIGN: &str = "crates/gaitfit-policy/tests/fixtures/policies/foreign.toml";
+const FOREIGN: &str = "crates/gaitfit-policy-files/tests/fixtures/policies/foreign.toml";
 
 #[test]
 fn a_policy_trained_elsewhere_becomes_files_that_are_read_again() {
@@ -53,7 +53,7 @@ fn bad_input_and_bad_names_are_told_apart() {
     }
     assert!(!folder.path().join("a.onnx").exists());
     // Neither the policy nor the weights that its description names are replaced.
-    let fixtures = common::root().join("crates/gaitfit-policy/tests/fixtures/policies");
+    let fixtures = common::root().join("crates/gaitfit-policy-files/tests/fixtures/policies");
     let text = std::fs::read_to_string(fixtures.join("foreign.toml")).unwrap();
     let weights =
         text.lines().find_map(|line| line.strip_prefix("file = ")).unwrap().trim_matches('"').to_owned();
@@ -115,7 +115,7 @@ fn a_policy_becomes_a_bundle_and_cpp_and_nothing_is_replaced_silently() {
     assert!(header.contains("kEffortLimit[kJoints]") && header.contains("4.543e1f"), "effort limits");
 
     let onnx = path("not-written.onnx");
-    let lstm = "crates/gaitfit-policy/tests/fixtures/policies/lstm.toml";
+    let lstm = "crates/gaitfit-policy-files/tests/fixtures/policies/lstm.toml";
     let (fresh, text_file) = (path("fresh"), path("a.txt"));
     for (args, code, message) in [
         (vec!["export", walk, "--cpp", "README.md"], 2, "is a file; name the folder"),

@@ -5,7 +5,8 @@
 use crate::common;
 
 use common::{errors, json, run};
-use gaitfit_policy::{Policy, weights};
+use gaitfit_policy::Policy;
+use gaitfit_policy_files::weights;
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 

@@ -60,9 +60,10 @@ fn a_policy_with_a_memory_goes_through_all_commands() {
     for (number, from) in [&path, &onnx].into_iter().enumerate() {
         let name = format!("f{number}");
         done(&args(&["finetune", from, "--name", &name], whole, &iterations));
-        let after = gaitfit_policy::read(&whole.join(format!("{name}/seed-1/policy.safetensors"))).unwrap();
+        let after =
+            gaitfit_policy_files::read(&whole.join(format!("{name}/seed-1/policy.safetensors"))).unwrap();
         assert!(after.is_recurrent() && after.critic_memory.is_some());
-        assert_ne!(after.front, gaitfit_policy::read(Path::new(&path)).unwrap().front);
+        assert_ne!(after.front, gaitfit_policy_files::read(Path::new(&path)).unwrap().front);
     }
     let refused = |sets: &[&str], word: &str| {
         let output =

@@ -6,7 +6,8 @@ use crate::common;
 use common::{errors, json, root, run};
 use gaitfit_log::{ReadOptions, Trajectory, read_csv, write_csv};
 use gaitfit_policy::network::{Activation, Network, Shape};
-use gaitfit_policy::{Interface, Policy, Quantity, Reference, Term, weights};
+use gaitfit_policy::{Interface, Policy, Quantity, Reference, Term};
+use gaitfit_policy_files::weights;
 use std::path::Path;
 
 /// Friction of every joint of the robot that the fit does not know, N·m.
@@ -40,7 +41,7 @@ fn motion(interface: &Interface) -> Trajectory {
 
 /// A linear policy that goes where the motion is, and to which every number that it observes matters.
 fn policy(folder: &Path) -> Policy {
-    let walk = gaitfit_policy::read(&root().join("assets/go2-walk.safetensors")).unwrap();
+    let walk = gaitfit_policy_files::read(&root().join("assets/go2-walk.safetensors")).unwrap();
     let walking = walk.interface.clone();
     let motion = motion(&walking);
     write_csv(&folder.join("dance.csv"), &motion).unwrap();
@@ -96,11 +97,11 @@ fn a_policy_with_a_motion_is_evaluated_collected_from_and_fitted_with() {
     let at = |name: &str| folder.path().join(name).display().to_string();
     let policy = policy(folder.path());
     std::fs::write(at("policy.safetensors"), weights::write(&policy).unwrap()).unwrap();
-    let read = gaitfit_policy::read(Path::new(&at("policy.safetensors"))).unwrap();
+    let read = gaitfit_policy_files::read(Path::new(&at("policy.safetensors"))).unwrap();
     assert_eq!((&read.interface, &read.actor), (&policy.interface, &policy.actor));
     // A description takes the motion from a log, whose numbers are in double precision.
     std::fs::write(at("p.toml"), "file = \"policy.safetensors\"\nreference = \"dance.csv\"\n").unwrap();
-    let described = gaitfit_policy::read(Path::new(&at("p.toml"))).unwrap();
+    let described = gaitfit_policy_files::read(Path::new(&at("p.toml"))).unwrap();
     assert_eq!(described.interface, policy.interface);
 
     let evaluated = run(&[

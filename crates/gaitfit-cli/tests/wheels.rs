@@ -6,7 +6,8 @@ use crate::common;
 use common::{errors, json, root, run};
 use gaitfit_log::{ReadOptions, Trajectory, read_csv, write_csv};
 use gaitfit_policy::network::{Activation, Network, Shape};
-use gaitfit_policy::{Interface, Policy, Quantity, Term, weights};
+use gaitfit_policy::{Interface, Policy, Quantity, Term};
+use gaitfit_policy_files::weights;
 use std::path::Path;
 
 /// What the fit does not know of the wheels: friction, N·m, and rotor inertia, kg·m².
@@ -17,7 +18,7 @@ const HALF_TRACK_M: f64 = 0.18;
 
 /// A linear policy of the rover: its wheels turn as the command asks, its legs rest.
 fn policy() -> Policy {
-    let walk = gaitfit_policy::read(&root().join("assets/go2-walk.safetensors")).unwrap();
+    let walk = gaitfit_policy_files::read(&root().join("assets/go2-walk.safetensors")).unwrap();
     let legs = ["FL", "FR", "RL", "RR"];
     let parts = [("hip", 0.4, 0.25), ("knee", -0.8, 0.25), ("wheel", 0.0, 10.0)];
     let all = || legs.iter().flat_map(|leg| parts.iter().map(move |part| (leg, part)));

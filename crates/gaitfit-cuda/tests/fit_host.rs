@@ -30,7 +30,7 @@ fn go2() -> Model {
 
 /// The policy on its robot, as a fit simulates it.
 fn walking(robot_timestep: Option<f64>, change: fn(&mut Policy)) -> (Task, Policy) {
-    let mut policy = gaitfit_policy::read(asset("go2-walk.safetensors").as_ref()).unwrap();
+    let mut policy = gaitfit_policy_files::read(asset("go2-walk.safetensors").as_ref()).unwrap();
     change(&mut policy);
     let mut settings: TaskSettings = toml::from_str(&policy.provenance.task).unwrap();
     settings.robot_timestep = robot_timestep;
@@ -445,7 +445,7 @@ fn cxx_walks_with_networks_are_the_cpus() {
 #[ignore = "needs g++"]
 fn long_cxx_walks_with_past_frames_are_the_cpus() {
     for order in [FrameOrder::NewestFirst, FrameOrder::Frames] {
-        let mut policy = gaitfit_policy::read(asset("go2-walk.safetensors").as_ref()).unwrap();
+        let mut policy = gaitfit_policy_files::read(asset("go2-walk.safetensors").as_ref()).unwrap();
         let plain = Layout::new(&policy.interface, &policy.interface.observation);
         policy.interface.history.order = order;
         policy.interface.observation.iter_mut().for_each(|term| term.history = 3);

@@ -198,7 +198,7 @@ fn gpu_trainings_with_a_memory_are_the_cpus() {
 fn gpu_trajectories_agree_with_the_cpus() {
     let device = Device::open(0).unwrap();
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
-    let policy = gaitfit_policy::read(file.as_ref()).unwrap();
+    let policy = gaitfit_policy_files::read(file.as_ref()).unwrap();
     let settings: TaskSettings = toml::from_str(&policy.provenance.task).unwrap();
     for settings in [settings.clone().calm(), settings] {
         let interface = policy.interface.clone();
@@ -247,7 +247,7 @@ fn apart(found: &Collected, wanted: &Collected, until: usize) -> Option<f64> {
 fn gpu_logs_are_the_cpus_at_first() {
     let device = Device::open(0).unwrap();
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
-    let policy = gaitfit_policy::read(file.as_ref()).unwrap();
+    let policy = gaitfit_policy_files::read(file.as_ref()).unwrap();
     let settings: TaskSettings = toml::from_str(&policy.provenance.task).unwrap();
     let mut fitted = Candidate::nominal(&go2());
     fitted.torque_noise = 0.4;

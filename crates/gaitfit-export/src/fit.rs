@@ -74,7 +74,7 @@ impl Fit {
     fn of_policy(&self, model: &Model) -> Option<(Gains, String)> {
         let named = paths::find(self.config.policy.as_ref()?, "policy", &self.path).ok()?;
         let file = gaitfit_run::policy_file::find(&named).ok()?.path;
-        let policy = gaitfit_policy::read(&file).ok()?;
+        let policy = gaitfit_policy_files::read(&file).ok()?;
         Some((of_policy(&policy, &file, model).ok()?, format!("the policy {}", shown_path(&file))))
     }
 }

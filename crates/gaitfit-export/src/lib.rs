@@ -134,7 +134,7 @@ fn gains(settings: &ExportSettings, model: &Model) -> Result<Option<Gains>, Erro
             Ok(Some(Gains { kp, kd }))
         }
         (None, None, Some(path)) => {
-            let policy = gaitfit_policy::read(path)?;
+            let policy = gaitfit_policy_files::read(path)?;
             Ok(Some(fit::of_policy(&policy, path, model)?))
         }
         _ => Err(Error::settings("give `--kp` and `--kd`, or a `--policy` whose gains are used, or neither")),

@@ -2,7 +2,7 @@
 
 use gaitfit_adapt::{SavedNetwork, ThetaFile};
 use gaitfit_policy::network::{Activation, Network, Shape};
-use gaitfit_policy::onnx;
+use gaitfit_policy_files::onnx;
 use gaitfit_settings::Error;
 use std::io::{Cursor, Write};
 use zip::ZipWriter;

@@ -7,7 +7,7 @@ mod curriculum;
 use gaitfit_learn::task::{Kinds, Task, TaskSettings, TerrainKind, TerrainSettings};
 use gaitfit_learn::{CheckpointError, Origin, Tally, Training, TrainingError, TrainingSettings, ppo};
 use gaitfit_physics::Preset;
-use gaitfit_policy::weights;
+use gaitfit_policy_files::weights;
 
 const SETTINGS: TrainingSettings = TrainingSettings { environments: 270, steps: 6, iterations: 5 };
 

@@ -165,7 +165,7 @@ fn course(scene: &Task, log: &Trajectory) -> Course {
 #[test]
 fn sensors_keep_the_true_robot_near_the_log() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
-    let policy = gaitfit_policy::read(std::path::Path::new(path)).unwrap();
+    let policy = gaitfit_policy_files::read(std::path::Path::new(path)).unwrap();
     let plain = scene();
     let scene = Task::with_interface(
         plain.walker.model(),

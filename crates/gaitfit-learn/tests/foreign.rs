@@ -11,14 +11,15 @@ use gaitfit_learn::evaluate::{Subject, run_trials};
 use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_learn::{Training, TrainingSettings, ppo};
 use gaitfit_physics::Preset;
+use gaitfit_policy::Policy;
 use gaitfit_policy::follow::{Job, Script, Track, follow};
 use gaitfit_policy::network::Scratch;
 use gaitfit_policy::observation::Sensed;
-use gaitfit_policy::{Policy, read};
+use gaitfit_policy_files::read;
 use gaitfit_sim::Candidate;
 
 fn fixture(name: &str) -> PathBuf {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../gaitfit-policy/tests/fixtures/policies");
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../gaitfit-policy-files/tests/fixtures/policies");
     PathBuf::from(folder).join(name)
 }
 

@@ -11,7 +11,8 @@ use gaitfit_learn::task::{Ended, Environment, Task, TaskSettings};
 use gaitfit_learn::{Origin, Training, TrainingSettings, ppo};
 use gaitfit_physics::Preset;
 use gaitfit_policy::follow::{Job, Script, Track, follow};
-use gaitfit_policy::{FrameOrder, History, Policy, onnx, weights};
+use gaitfit_policy::{FrameOrder, History, Policy};
+use gaitfit_policy_files::{onnx, weights};
 use gaitfit_sim::Candidate;
 use task_common::{go2, random_policy, script, single, step};
 

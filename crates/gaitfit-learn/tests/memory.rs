@@ -9,7 +9,8 @@ use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_learn::{Origin, Training, TrainingSettings};
 use gaitfit_physics::Preset;
 use gaitfit_policy::network::{Cell, Memory, Recurrent, Scratch};
-use gaitfit_policy::{Front, Policy, weights};
+use gaitfit_policy::{Front, Policy};
+use gaitfit_policy_files::weights;
 use gaitfit_random::{Purpose, Stream};
 
 const WIDTHS: Widths = Widths { observation: 1, critic_observation: 1, action: 1 };

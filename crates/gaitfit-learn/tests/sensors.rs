@@ -139,7 +139,7 @@ fn policies_and_logs_read_a_late_unit() {
 /// A policy that walks, and its task.
 fn walking() -> (Task, Policy) {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
-    let policy = gaitfit_policy::read(std::path::Path::new(path)).unwrap();
+    let policy = gaitfit_policy_files::read(std::path::Path::new(path)).unwrap();
     let scene = Task::with_interface(&go2(), &calm(), policy.interface.clone(), Preset::Fast, 0.0).unwrap();
     (scene, policy)
 }

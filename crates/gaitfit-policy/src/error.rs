@@ -35,6 +35,6 @@ pub enum PolicyError {
 }
 
 /// A [`PolicyError::Invalid`] from anything that can be shown.
-pub(crate) fn invalid(message: impl Into<String>) -> PolicyError {
+pub fn invalid(message: impl Into<String>) -> PolicyError {
     PolicyError::Invalid(message.into())
 }

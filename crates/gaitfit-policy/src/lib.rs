@@ -1,4 +1,5 @@
-//! Policies of legged robots: what they see and do, their networks and their files.
+//! Policies of legged robots: what they see and do, their networks, and what they do on a robot. `gaitfit-policy-files`
+//! reads and writes their files.
 //!
 //! Everything is batched: arrays of rows, one row an environment, row-major, never an object an environment. Joints
 //! are in the order of [`Interface::joints`] and matched to a model by name.
@@ -7,12 +8,11 @@ mod anchor;
 mod base_sample;
 mod check;
 mod error;
-mod files;
 pub mod follow;
 pub mod frames;
 mod front;
 mod function;
-mod graph;
+pub mod graph;
 mod held;
 mod history;
 mod interface;
@@ -27,15 +27,10 @@ mod velocity_joints;
 pub mod walker;
 
 pub use base_sample::BaseSample;
-pub use error::PolicyError;
-pub use files::{
-    Anchored, DescribedTerm, Description, EncoderTensors, Frames, Inputs, MemoryTensors, NormaliserTensors,
-    Passes, PerJoint, ReferenceSource, Taken, checksum, deploy, files_of, interface_of, onnx, read, unsealed,
-    weights,
-};
+pub use error::{PolicyError, invalid};
 pub use front::{Encoder, Front, Latent};
 pub use function::{Act, Function};
-pub use graph::Graph;
+pub use graph::{Frames, Graph, Inputs, Taken};
 pub use held::{ActionClip, Held};
 pub use history::{FrameOrder, History, HistoryStart};
 pub use interface::{Interface, InterfaceError, Term};

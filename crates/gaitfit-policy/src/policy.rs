@@ -45,8 +45,8 @@ pub struct Provenance {
     /// Settings of the task it was trained on, as TOML.
     #[serde(default)]
     pub task: String,
-    /// SHA-256 of the policy that its training began with, as [`crate::weights::write`] writes it, or
-    /// [`crate::weights::plain`] where its file had no checksum, hexadecimal; empty where it began with new networks.
+    /// SHA-256 of the policy that its training began with, as `gaitfit_policy_files::weights::write` writes it, or
+    /// `plain` there, where its file had no checksum, hexadecimal; empty where it began with new networks.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub parent: String,
     /// SHA-256 of the file of the fitted parameters (`theta.toml`) it was trained with, hexadecimal; empty where it

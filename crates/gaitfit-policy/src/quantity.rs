@@ -98,7 +98,7 @@ macro_rules! quantities {
             }
 
             /// Its number `i` as a C++ expression, of `Sensed sensed` and the policy's own state.
-            pub(crate) const fn cxx(self) -> &'static str {
+            pub const fn cxx(self) -> &'static str {
                 match self { $(Self::$variant => $cxx,)* }
             }
 

@@ -93,7 +93,7 @@ impl Reference {
     ///
     /// # Errors
     /// The first contradiction.
-    pub(crate) fn check(&self, joints: &[String]) -> Result<(), InterfaceError> {
+    pub fn check(&self, joints: &[String]) -> Result<(), InterfaceError> {
         let refuse = |what: String| Err(InterfaceError(format!("the reference motion {what}")));
         if !(self.rate_hz.is_finite() && self.rate_hz > 0.0) {
             return refuse(format!("has a rate of {} Hz; give a positive number", self.rate_hz));

@@ -85,7 +85,7 @@ pub fn model(policy: &Policy, path: &Path, asked: Option<&Path>, lenient: bool) 
 pub fn of_policy(config: &mut crate::settings::AdaptConfig, path: &Path) -> Result<(), Error> {
     let Some(named) = config.policy.as_ref().filter(|_| config.robot.is_empty()) else { return Ok(()) };
     let file = crate::policy_file::find(&crate::paths::find(named, "policy", path)?)?.path;
-    let policy = gaitfit_policy::read(&file).map_err(Error::failed)?;
+    let policy = gaitfit_policy_files::read(&file).map_err(Error::failed)?;
     if let Some(recorded) = &policy.provenance.robot_file {
         let (robot, _) = find(&file, recorded, &policy.interface.robot)?;
         config.robot = robot.display().to_string();

@@ -81,7 +81,7 @@ impl World {
     pub fn open(args: &WorldSettings) -> Result<Self, Error> {
         let found = policy_file::find(&args.policy)?;
         let args = WorldSettings { policy: found.path, ..args.clone() };
-        let mut world = Self::new(&args, gaitfit_policy::read(&args.policy)?)?;
+        let mut world = Self::new(&args, gaitfit_policy_files::read(&args.policy)?)?;
         world.warnings.splice(0..0, found.note);
         Ok(world)
     }

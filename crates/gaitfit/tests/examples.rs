@@ -55,7 +55,7 @@ fn the_loop_ends_with_a_policy() {
         "target.probe=[\"false\"]",
     ];
     let policy = walking_loop::run(&root(), &changes).unwrap();
-    assert!(gaitfit_policy::read(Path::new(&policy)).is_ok(), "{policy}");
+    assert!(gaitfit_policy_files::read(Path::new(&policy)).is_ok(), "{policy}");
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn documented_rewards_are_paid_and_documented_commands_grow() {
         assert!(run.contains(&format!("\"{term}\":")), "{term} is not in {run}");
     }
     let policy = folder.path().join("own/seed-1/policy.safetensors");
-    let task = gaitfit_policy::read(&policy).unwrap().provenance.task;
+    let task = gaitfit_policy_files::read(&policy).unwrap().provenance.task;
     assert!(
         task.contains("calf_effort") && task.contains("curriculum"),
         "the policy's file keeps its task: {task}"

@@ -174,7 +174,7 @@ fn mapping(args: &Import, model: Option<&Model>) -> Result<(Mapping, bool), Fail
         }
     };
     if let Some(path) = &args.policy {
-        let policy = gaitfit_policy::read(path).map_err(Failure::failed)?;
+        let policy = gaitfit_policy_files::read(path).map_err(Failure::failed)?;
         let interface = &policy.interface;
         mapping.observation = Some(observed(interface));
         mapping.usual_rate_hz = Some(1.0 / interface.control_dt);
@@ -291,7 +291,7 @@ mod tests {
     #[test]
     fn an_observation_is_unpacked_into_what_was_sensed() {
         let policy = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
-        let policy = gaitfit_policy::read(policy.as_ref()).unwrap();
+        let policy = gaitfit_policy_files::read(policy.as_ref()).unwrap();
         let interface = &policy.interface;
         let joints = interface.joints.len();
         let ramp = |start: f32| (0..joints).map(|joint| start + 0.1 * joint as f32).collect::<Vec<f32>>();

@@ -32,7 +32,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     signals::listen()?;
     let PolicyFile { path, note: chosen } = policy_file::find(&args.policy)?;
     chosen.iter().for_each(|chosen| note(chosen));
-    let policy = gaitfit_policy::read(&path).map_err(Failure::failed)?;
+    let policy = gaitfit_policy_files::read(&path).map_err(Failure::failed)?;
     let robot = args.robot.robot().map_err(usage)?;
     suits(&policy, &robot).map_err(|error| Failure::usage(format!("{}: {error}", args.policy.display())))?;
     let who = walks::who(args, &policy)?;

@@ -24,7 +24,7 @@ fn go2() -> Model {
 }
 
 fn walking(substeps: usize) -> (Task, Policy) {
-    let policy = gaitfit_policy::read(asset("go2-walk.safetensors").as_ref()).unwrap();
+    let policy = gaitfit_policy_files::read(asset("go2-walk.safetensors").as_ref()).unwrap();
     let mut settings: TaskSettings = toml::from_str(&policy.provenance.task).unwrap();
     settings.substeps = substeps;
     let task =

@@ -37,7 +37,7 @@ fn cxx_logs_are_the_cpus() {
     candidate.sensors = Sensors { imu_tilt: [0.06, -0.04], gyro_bias: [0.1, -0.15, 0.05] };
     let candidates = std::slice::from_ref(&candidate);
     let policy = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
-    let policy = gaitfit_policy::read(policy.as_ref()).unwrap();
+    let policy = gaitfit_policy_files::read(policy.as_ref()).unwrap();
     let subject = Subject {
         task: &task,
         policy: &policy,

@@ -31,7 +31,7 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
     settings.fall.tilt = 12.0;
     let task = Task::new(&go2(), &settings, Preset::Fast).unwrap();
     let candidate = Candidate { torque_noise: 0.4, ..Candidate::nominal(&go2()) };
-    let policy = gaitfit_policy::read(
+    let policy = gaitfit_policy_files::read(
         concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors").as_ref(),
     );
     let subject = Subject {

@@ -188,7 +188,7 @@ fn terms_in_another_order_and_gravity_that_points_up_are_named() {
 #[test]
 fn a_policy_that_falls_for_its_joint_order_is_put_right() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let mut policy = gaitfit_policy::read(&folder.join("assets/go2-walk.safetensors")).unwrap();
+    let mut policy = gaitfit_policy_files::read(&folder.join("assets/go2-walk.safetensors")).unwrap();
     // As a policy that was trained elsewhere.
     policy.provenance.iteration = 0;
     let joints = policy.interface.joints.clone();

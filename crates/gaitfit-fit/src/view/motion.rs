@@ -175,7 +175,7 @@ mod tests {
     fn standing_feet_show_where_a_walk_leads() {
         let model = crate::robot::go2().unwrap();
         let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/go2-walk.safetensors");
-        let policy = gaitfit_policy::read(&file).unwrap();
+        let policy = gaitfit_policy_files::read(&file).unwrap();
         let settings = TaskSettings::default().calm();
         let task =
             Task::with_interface(&model, &settings, policy.interface.clone(), Preset::Fast, 0.0).unwrap();

@@ -76,7 +76,7 @@ fn a_walk_is_simulated_by_its_policy_and_shown_alone_without() {
     let path = |name: &str| folder.path().join(name);
     let scene = fixtures::scene();
     let policy = fixtures::policy(&scene, 3);
-    fs::write(path("policy.safetensors"), gaitfit_policy::weights::write(&policy).unwrap()).unwrap();
+    fs::write(path("policy.safetensors"), gaitfit_policy_files::weights::write(&policy).unwrap()).unwrap();
     let mut log = fixtures::puppet(&policy, 1, 3.0);
     log.robot = Some("go2".into());
     gaitfit_log::write_csv(&path("walk.csv"), &log).unwrap();
@@ -95,7 +95,7 @@ fn a_walk_is_simulated_by_its_policy_and_shown_alone_without() {
     let robot = root().join("assets/go2.xml").canonicalize().unwrap();
     let mut named = policy.clone();
     named.provenance.robot_file = Some(crate::robot_file::record(&robot, false).unwrap());
-    fs::write(path("named.safetensors"), gaitfit_policy::weights::write(&named).unwrap()).unwrap();
+    fs::write(path("named.safetensors"), gaitfit_policy_files::weights::write(&named).unwrap()).unwrap();
     let again = view(&ViewSettings { policy: Some(path("named.safetensors")), ..settings.clone() }).unwrap();
     assert_eq!(again.distance_rad, both.distance_rad);
     let late = ViewSettings { from_s: 50.0, ..with };

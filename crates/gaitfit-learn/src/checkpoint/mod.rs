@@ -19,7 +19,7 @@ mod tests;
 use std::collections::HashMap;
 use std::sync::PoisonError;
 
-use gaitfit_policy::checksum;
+use gaitfit_policy_files::checksum;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use serde::{Deserialize, Serialize};
 

@@ -2,15 +2,20 @@
 
 /// What becomes of numbers that go to the same place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Reduction {
+pub enum Reduction {
+    /// Σ x.
     Sum,
+    /// Their mean.
     Mean,
+    /// The largest; NaN if one is.
     Max,
+    /// The smallest; NaN if one is.
     Min,
     /// Σ |x|.
     L1,
     /// √Σ x².
     L2,
+    /// Σ x².
     SumSquare,
 }
 
@@ -46,8 +51,10 @@ impl Reduction {
 
 /// A function of the numbers along an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Along {
+pub enum Along {
+    /// eˣ / Σ eˣ.
     Softmax,
+    /// Its natural logarithm.
     LogSoftmax,
     /// Divided by Σ |x|.
     L1,

@@ -4,23 +4,38 @@ use crate::network::{Activation, activate_all};
 
 /// A function of one number.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Function {
+pub enum Function {
     /// One that networks know too.
     Activation(Activation),
+    /// 1 / (1 + e⁻ˣ).
     Sigmoid,
+    /// eˣ.
     Exp,
+    /// Natural logarithm.
     Log,
+    /// √x.
     Sqrt,
+    /// 1 / x.
     Reciprocal,
+    /// −x.
     Neg,
+    /// |x|.
     Abs,
+    /// The error function.
     Erf,
+    /// ln(1 + eˣ).
     Softplus,
+    /// x / (1 + |x|).
     Softsign,
+    /// Of x in rad.
     Sin,
+    /// Of x in rad.
     Cos,
+    /// −1, 0 or 1.
     Sign,
+    /// The whole number below or at x.
     Floor,
+    /// 1 where x is 0, else 0.
     Not,
     /// max(0, min(1, α x + β)).
     HardSigmoid([f32; 2]),
@@ -78,28 +93,42 @@ fn erf(x: f32) -> f32 {
 
 /// What becomes of two numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Binary {
+pub enum Binary {
+    /// a + b.
     Add,
+    /// a − b.
     Sub,
+    /// a b.
     Mul,
+    /// a / b.
     Div,
+    /// The larger; NaN if one is.
     Max,
+    /// The smaller; NaN if one is.
     Min,
+    /// aᵇ.
     Pow,
     /// a where a > 0, else a times b.
     PRelu,
+    /// 1 where a = b, else 0.
     Equal,
+    /// 1 where a < b, else 0.
     Less,
+    /// 1 where a ≤ b, else 0.
     LessOrEqual,
+    /// 1 where a > b, else 0.
     Greater,
+    /// 1 where a ≥ b, else 0.
     GreaterOrEqual,
+    /// 1 where neither is 0, else 0.
     And,
+    /// 1 where not both are 0, else 0.
     Or,
 }
 
 /// Which number of an operand belongs to a place of the result.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Reach {
+pub enum Reach {
     /// The same place.
     Same,
     /// The one that there is.

@@ -3,13 +3,17 @@
 //! A graph is written for one robot. Every value has a fixed shape, the one that it has for one robot, axes of length one
 //! for rows and time steps included. So shapes are checked when the file is read, and the same steps run for any number of
 //! robots: a value is `rows × count` numbers, and an operator never looks beyond a row.
+//!
+//! `gaitfit-policy-files` makes a [`Plan`] of an ONNX file, and checks all its sizes. Nothing is checked here.
 
 mod along;
 mod elementwise;
+mod inputs;
 mod product;
 
-pub(crate) use along::{Along, Reduction};
-pub(crate) use elementwise::{Binary, Function, Reach};
+pub use along::{Along, Reduction};
+pub use elementwise::{Binary, Function, Reach};
+pub use inputs::{Frames, Inputs, Taken};
 
 use crate::network::{Cell, Memory, RecurrentLayer, Scratch};
 use std::sync::Arc;
@@ -20,19 +24,21 @@ const TILE: usize = 64;
 /// A graph at work. It is read from an ONNX file, and refused by trainings and GPUs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Graph {
-    pub(crate) plan: Arc<Plan>,
+    plan: Arc<Plan>,
 }
 
 /// What a graph does.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Plan {
+pub struct Plan {
     /// Width of the observation.
     pub observed: usize,
     /// Inputs that take numbers of the observation.
     pub feeds: Vec<Feed>,
     /// Inputs that take an output of the step before; zeros at an episode's start.
     pub carried: Vec<Carried>,
+    /// What is computed, in this order.
     pub steps: Vec<Step>,
+    /// Numbers that are the same for all robots.
     pub constants: Vec<Vec<f32>>,
     /// Numbers of each value, a robot.
     pub counts: Vec<usize>,
@@ -43,15 +49,17 @@ pub(crate) struct Plan {
     /// The file: an ONNX model that holds all its numbers.
     pub source: Vec<u8>,
     /// What each input takes, as descriptions write it.
-    pub inputs: crate::files::Inputs,
+    pub inputs: Inputs,
     /// The output that is the action.
     pub output: String,
 }
 
 /// An input of the graph that takes numbers of the observation.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Feed {
+pub struct Feed {
+    /// Its name in the file.
     pub name: String,
+    /// The value that it is.
     pub value: usize,
     /// Places in the observation.
     pub places: Vec<usize>,
@@ -59,17 +67,23 @@ pub(crate) struct Feed {
 
 /// An output that becomes an input one control step later.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Carried {
+pub struct Carried {
+    /// The input's name in the file.
     pub name: String,
+    /// The value that the input is.
     pub value: usize,
+    /// What becomes it.
     pub from: Operand,
+    /// How many numbers it has, a robot.
     pub count: usize,
 }
 
 /// What an operator works on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Operand {
+pub enum Operand {
+    /// A value, by its place in [`Plan::counts`].
     Value(usize),
+    /// A constant, by its place in [`Plan::constants`].
     Constant(usize),
 }
 
@@ -81,8 +95,10 @@ impl Default for Operand {
 
 /// One operator.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Step {
+pub struct Step {
+    /// What it does.
     pub operator: Operator,
+    /// What it works on.
     pub inputs: Vec<Operand>,
     /// The value that it gives.
     pub output: usize,
@@ -90,48 +106,76 @@ pub(crate) struct Step {
 
 /// What a step does.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Operator {
+pub enum Operator {
     /// Number by number: the input and the place that it is taken from. Cuts, joins, turns and repeats are all this.
     Take(Vec<[u32; 2]>),
+    /// A function of each number.
     Function(Function),
+    /// What becomes of two operands, and which of their numbers meet.
     Binary(Binary, [Reach; 2]),
     /// The second where the first is not zero, else the third.
     Choose([Reach; 3]),
     /// The last axis, of `inner` numbers, times a constant matrix `inner × outer`.
     Product {
+        /// Numbers of the last axis.
         inner: usize,
+        /// Numbers that come of it.
         outer: usize,
     },
     /// `many` products of matrices, `rows × inner` and `inner × outer`; a factor that is not repeated is there once.
     Products {
+        /// How many products.
         many: usize,
+        /// Rows of the first factor.
         rows: usize,
+        /// Its columns, rows of the second.
         inner: usize,
+        /// Columns of the second.
         outer: usize,
+        /// Whether there are many matrices of each factor.
         repeated: [bool; 2],
     },
     /// Sums and the like: where each number of the input goes, and how many go to each number of the output.
     Reduce {
+        /// What becomes of numbers that go to the same place.
         what: Reduction,
+        /// Place in the output of each number of the input.
         to: Vec<u32>,
+        /// How many go to a place.
         each: usize,
     },
     /// A function of the numbers along an axis of `length`, `stride` apart.
     Along {
+        /// The function.
         what: Along,
+        /// Numbers along the axis.
         length: usize,
+        /// How far apart they are.
         stride: usize,
     },
     /// A recurrent layer along `times` time steps: inputs, output before and, of an LSTM, its cell before. It gives all
     /// outputs, then the last output and cell.
     Recurrent {
+        /// Its kind.
         cell: Cell,
+        /// Its numbers.
         layer: Box<RecurrentLayer>,
+        /// Time steps.
         times: usize,
     },
 }
 
 impl Graph {
+    /// A graph that does what `plan` says. A plan whose places and sizes do not fit panics when it acts.
+    pub fn new(plan: Plan) -> Self {
+        Self { plan: Arc::new(plan) }
+    }
+
+    /// What it does.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
     /// Width of the observation that it takes.
     pub fn inputs(&self) -> usize {
         self.plan.observed
@@ -147,15 +191,6 @@ impl Graph {
         !self.plan.carried.is_empty()
     }
 
-    /// The same behind another interface.
-    ///
-    /// # Errors
-    /// One that does not give its inputs what they take.
-    pub(crate) fn behind(&self, interface: &crate::Interface) -> Result<Self, crate::PolicyError> {
-        let Plan { source, inputs, output, .. } = &*self.plan;
-        crate::files::onnx::graph_again(source, interface, inputs, output)
-    }
-
     /// In words: operators, inputs, and what is carried from one step to the next.
     pub fn describe(&self) -> String {
         let plan = &self.plan;
@@ -166,12 +201,15 @@ impl Graph {
     }
 
     /// Nothing remembered, for `environments` robots.
-    pub(crate) fn memory(&self, environments: usize) -> Memory {
+    pub fn memory(&self, environments: usize) -> Memory {
         Memory::zeros(self.plan.carried.iter().map(|one| one.count), environments)
     }
 
-    /// Actions, `rows × outputs`, of `rows` robots.
-    pub(crate) fn act(
+    /// Actions, `rows × outputs`, of `rows` robots, which `memory` remembers.
+    ///
+    /// # Panics
+    /// If an array is too short: an error of the caller.
+    pub fn act(
         &self,
         rows: usize,
         observation: &[f32],

@@ -39,7 +39,7 @@ pub enum Activation {
 }
 
 /// α and λ of SELU.
-pub(crate) const SELU: [f64; 2] = [1.673_263_242_354_377_2, 1.050_700_987_355_480_5];
+pub const SELU: [f64; 2] = [1.673_263_242_354_377_2, 1.050_700_987_355_480_5];
 
 impl Activation {
     /// Its name in files, without its parameter.

@@ -17,8 +17,7 @@ mod shape;
 mod tape;
 mod weights;
 
-pub use activation::Activation;
-pub(crate) use activation::SELU;
+pub use activation::{Activation, SELU};
 pub use cell::Cell;
 pub(crate) use lanes::activate_all;
 pub use lanes::{add as add_slices, descend};

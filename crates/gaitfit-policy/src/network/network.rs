@@ -64,7 +64,10 @@ impl Network {
     }
 
     /// A network that passes `width` numbers on.
-    pub(crate) fn identity(width: usize) -> Result<Self, ShapeError> {
+    ///
+    /// # Errors
+    /// No numbers at all.
+    pub fn identity(width: usize) -> Result<Self, ShapeError> {
         let shape = Shape { inputs: width, hidden: Vec::new(), outputs: width, activation: Activation::Elu };
         let mut parameters = vec![0.0; shape.parameters()];
         (0..width).for_each(|number| parameters[number * (width + 1)] = 1.0);

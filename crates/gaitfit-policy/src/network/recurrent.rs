@@ -205,7 +205,7 @@ impl Recurrent {
     }
 
     /// Whether sizes follow each other: what is wrong, in words.
-    pub(crate) fn mistake(&self) -> Option<String> {
+    pub fn mistake(&self) -> Option<String> {
         let gates = self.cell.gates();
         let mut inputs = self.inputs();
         for (number, layer) in self.layers.iter().enumerate() {

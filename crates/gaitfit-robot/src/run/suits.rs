@@ -58,7 +58,7 @@ pub fn suits(policy: &Policy, robot: &Robot) -> Result<(), RobotError> {
         }
     }
     let postures = robot.postures(interface)?;
-    // What `gaitfit_policy::read` gives has a number for each joint.
+    // What `gaitfit_policy_files::read` gives has a number for each joint.
     for (motor, joint) in robot.joints().iter().enumerate() {
         let gains = [("kp", postures.kp[motor], limits.kp), ("kd", postures.kd[motor], limits.kd)];
         for (name, gain, max) in gains {

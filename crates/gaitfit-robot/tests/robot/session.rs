@@ -21,8 +21,10 @@ use crate::toy::go2;
 const TICK: Duration = Duration::from_millis(2);
 
 pub fn walk() -> Policy {
-    gaitfit_policy::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/go2-walk.safetensors"))
-        .unwrap()
+    gaitfit_policy_files::read(
+        &Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/go2-walk.safetensors"),
+    )
+    .unwrap()
 }
 
 /// What a test sees of the robot behind its link.

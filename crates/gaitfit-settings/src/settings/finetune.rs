@@ -22,7 +22,7 @@ pub struct FinetuneConfig {
     /// The policy to train further.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub policy: Option<String>,
-    /// SHA-256 that the policy must have, as [`gaitfit_policy::weights::write`] writes it, hexadecimal.
+    /// SHA-256 that the policy must have, as `gaitfit_policy_files::weights::write` writes it, hexadecimal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub policy_sha256: Option<String>,
     /// Fitted parameters, a `theta.toml`; the robot of the file when absent.

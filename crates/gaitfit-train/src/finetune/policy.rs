@@ -3,7 +3,8 @@
 use crate::Error;
 use crate::run::inputs;
 use gaitfit_learn::ppo::{self, MemorySettings};
-use gaitfit_policy::{Policy, weights};
+use gaitfit_policy::Policy;
+use gaitfit_policy_files::weights;
 use std::path::Path;
 
 /// First updates that only the critic learns in: with the policy's critic, and with a new one.
@@ -12,8 +13,8 @@ const CRITIC_WARMUP: [u32; 2] = [5, 20];
 /// Reads a policy, and its SHA-256 as the program writes it: weights and description count, in one file or two. Of a
 /// policy without a checksum it is that of a file without one: the sum of a file of an earlier version stays the file's.
 pub fn read(path: &Path) -> Result<(Policy, String), Error> {
-    let policy = gaitfit_policy::read(path)?;
-    let sealed = gaitfit_policy::unsealed(path)?.is_empty();
+    let policy = gaitfit_policy_files::read(path)?;
+    let sealed = gaitfit_policy_files::unsealed(path)?.is_empty();
     let bytes = if sealed { weights::write(&policy)? } else { weights::plain(&policy)? };
     Ok((policy, inputs::hash(&bytes)))
 }

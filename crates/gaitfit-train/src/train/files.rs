@@ -14,7 +14,7 @@ use crate::run::protocol::CONFIG;
 use crate::run::{Protocol, RunFolder};
 use crate::watch::Watch;
 use gaitfit_learn::MEND_DIVERGENCE;
-use gaitfit_policy::weights;
+use gaitfit_policy_files::weights;
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};

@@ -8,7 +8,7 @@ use crate::run::RunFolder;
 use crate::tensorboard::EventFile;
 use crate::watch::{Watch, Work};
 use gaitfit_learn::{Training, TrainingError};
-use gaitfit_policy::weights;
+use gaitfit_policy_files::weights;
 use std::time::{Duration, Instant, SystemTime};
 
 /// Files of a seed, in its folder.

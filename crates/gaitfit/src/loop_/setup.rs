@@ -13,7 +13,8 @@ use crate::{collect, finetune, paths, policy_file, robot, robot_file, theta};
 use gaitfit_adapt::ThetaFile;
 use gaitfit_learn::task::TaskSettings;
 use gaitfit_model::Model;
-use gaitfit_policy::{Policy, weights};
+use gaitfit_policy::Policy;
+use gaitfit_policy_files::weights;
 use std::path::{Path, PathBuf};
 
 /// A loop.
@@ -77,7 +78,7 @@ impl Setup {
             logs.extend(found.into_iter().map(|file| file.path));
             files.extend(logs.iter().cloned());
         }
-        let policy = gaitfit_policy::read(&policy_path)?;
+        let policy = gaitfit_policy_files::read(&policy_path)?;
         let policy_bytes = weights::write(&policy)?;
         if let (None, Some(recorded)) = (&robot, &policy.provenance.robot_file) {
             let (path, note) = robot_file::find(&policy_path, recorded, &policy.interface.robot)?;

@@ -17,7 +17,7 @@ use crate::world::WorldSettings;
 use crate::{files as user_files, finetune, train};
 use gaitfit_learn::TrainingSettings;
 use gaitfit_log::csv_files;
-use gaitfit_policy::{onnx, weights};
+use gaitfit_policy_files::{onnx, weights};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -113,7 +113,8 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
     if let Some(path) = &settings.policy {
         settings.policy = Some(policy_file::find(path)?.path);
     }
-    let policy = settings.policy.as_deref().map(gaitfit_policy::read).transpose().map_err(Error::failed)?;
+    let policy =
+        settings.policy.as_deref().map(gaitfit_policy_files::read).transpose().map_err(Error::failed)?;
     let remembered = policy.as_ref().and_then(|policy| policy.provenance.robot_file.as_ref());
     let mut moved = None;
     if let (None, Some(recorded), Some(policy), Some(file)) =

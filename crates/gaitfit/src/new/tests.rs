@@ -118,10 +118,10 @@ fn a_policy_gives_a_loop_and_is_checked_against_the_logs() {
 #[test]
 fn a_policy_that_is_not_trained_here_gives_a_fit() {
     let folder = tempfile::tempdir().unwrap();
-    let mut policy = gaitfit_policy::read(&root("assets/go2-walk.safetensors")).unwrap();
+    let mut policy = gaitfit_policy_files::read(&root("assets/go2-walk.safetensors")).unwrap();
     policy.actor.output = Some(gaitfit_policy::network::Activation::Tanh);
     let path = folder.path().join("policy.safetensors");
-    std::fs::write(&path, gaitfit_policy::weights::write(&policy).unwrap()).unwrap();
+    std::fs::write(&path, gaitfit_policy_files::weights::write(&policy).unwrap()).unwrap();
     let out = Some(folder.path().join("new.toml"));
     let settings = NewSettings { policy: Some(path), logs: walks(), out, ..NewSettings::default() };
     let written = write(&settings).unwrap();
@@ -133,12 +133,12 @@ fn a_policy_that_is_not_trained_here_gives_a_fit() {
 #[test]
 fn the_robot_of_the_policys_training_is_taken() {
     let folder = tempfile::tempdir().unwrap();
-    let mut policy = gaitfit_policy::read(&root("assets/go2-walk.safetensors")).unwrap();
+    let mut policy = gaitfit_policy_files::read(&root("assets/go2-walk.safetensors")).unwrap();
     let robot = root("assets/go2.xml").canonicalize().unwrap();
     policy.provenance.robot_file = Some(crate::robot_file::record(&robot, false).unwrap());
     let seed = folder.path().join("walk/seed-1");
     std::fs::create_dir_all(&seed).unwrap();
-    std::fs::write(seed.join("policy.safetensors"), gaitfit_policy::weights::write(&policy).unwrap())
+    std::fs::write(seed.join("policy.safetensors"), gaitfit_policy_files::weights::write(&policy).unwrap())
         .unwrap();
     let settings = NewSettings {
         policy: Some(seed),

@@ -71,7 +71,7 @@ fn next(results: &AdaptResults, args: &cli::Fit, config: &AdaptConfig) -> Vec<St
 /// Whether a policy can be trained further, as far as its file can be read.
 fn is_trainable(policy: &Path) -> bool {
     let path = gaitfit::policy_file::find(policy).map(|found| found.path).ok();
-    let policy = path.and_then(|path| gaitfit_policy::read(&path).ok());
+    let policy = path.and_then(|path| gaitfit_policy_files::read(&path).ok());
     policy.is_none_or(|policy| policy.untrainable().is_none())
 }
 
@@ -79,7 +79,7 @@ fn is_trainable(policy: &Path) -> bool {
 pub fn robot_option(policy: &Path, robot: &str) -> String {
     let remembers = || {
         let path = gaitfit::policy_file::find(policy).map(|found| found.path).ok();
-        let policy = path.and_then(|path| gaitfit_policy::read(&path).ok());
+        let policy = path.and_then(|path| gaitfit_policy_files::read(&path).ok());
         policy.is_some_and(|policy| policy.provenance.robot_file.is_some())
     };
     if robot.is_empty() || remembers() { String::new() } else { format!(" --robot {robot}") }

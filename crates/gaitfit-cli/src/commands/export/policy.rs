@@ -10,7 +10,8 @@ use gaitfit::policy_file::{self, PolicyFile};
 use gaitfit::robot::{self, Hold};
 use gaitfit::robot_file;
 use gaitfit_model::{Model, builtin};
-use gaitfit_policy::{Policy, PolicyError, deploy, onnx, weights};
+use gaitfit_policy::{Policy, PolicyError};
+use gaitfit_policy_files::{deploy, onnx, weights};
 use std::path::{Path, PathBuf};
 
 /// A file to write.
@@ -41,8 +42,8 @@ pub fn run(args: &Export) -> Result<(), Failure> {
     }
     let PolicyFile { path, note } = policy_file::find(&args.file)?;
     note.iter().for_each(|note| output::note(note));
-    let policy = gaitfit_policy::read(&path).map_err(Failure::failed)?;
-    let read = gaitfit_policy::files_of(&path).map_err(Failure::failed)?;
+    let policy = gaitfit_policy_files::read(&path).map_err(Failure::failed)?;
+    let read = gaitfit_policy_files::files_of(&path).map_err(Failure::failed)?;
     let model = if deployed { model(args, &path, &policy)? } else { None };
     let (files, unsaid) = made(args, &policy, model.as_ref())?;
     if let Some(file) = files.iter().find(|file| file.ending.is_none() && !args.force && file.path.exists()) {

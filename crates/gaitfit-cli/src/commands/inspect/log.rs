@@ -112,7 +112,7 @@ pub fn next(args: &Inspect, log: &Trajectory) -> String {
 /// The log beside a policy, on the robot that was named, or that of the policy's training.
 fn walked(args: &Inspect, path: &Path) -> Result<LogMatch, Failure> {
     let path = policy_file::find(path)?.path;
-    let policy = gaitfit_policy::read(&path).map_err(Failure::failed)?;
+    let policy = gaitfit_policy_files::read(&path).map_err(Failure::failed)?;
     let model = robot_file::model(&policy, &path, args.robot.as_deref(), args.lenient)?;
     Ok(match_log(&policy, &path.display().to_string(), &model, &args.file)?)
 }

@@ -83,8 +83,8 @@ fn policy(args: &Inspect) -> Result<(), Failure> {
     }
     let PolicyFile { path, note } = policy_file::find(&args.file)?;
     note.iter().for_each(|note| output::note(note));
-    let policy = gaitfit_policy::read(&path).map_err(Failure::failed)?;
-    let unsealed = gaitfit_policy::unsealed(&path).map_err(Failure::failed)?;
+    let policy = gaitfit_policy_files::read(&path).map_err(Failure::failed)?;
+    let unsealed = gaitfit_policy_files::unsealed(&path).map_err(Failure::failed)?;
     let document = document(&policy, Vec::new()).unsealed(&unsealed);
     if args.json { output::print_json(&document) } else { output::print(&text(&document)) }
 }

@@ -4,7 +4,7 @@
 use crate::adapt::setup::Setup;
 use crate::settings::AdaptConfig;
 use crate::{Error, files, paths, robot};
-use gaitfit_policy::weights;
+use gaitfit_policy_files::weights;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Write};
 use std::path::{Component, Path};

@@ -120,8 +120,8 @@ fn a_policy_that_sees_the_action_before_the_last_is_known_by_whole_logs() {
 
 /// A policy of another program, and the Go2 under it.
 fn foreign(name: &str) -> (Policy, Task) {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../gaitfit-policy/tests/fixtures/policies/");
-    let policy = gaitfit_policy::read((folder.to_owned() + name).as_ref()).unwrap();
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../gaitfit-policy-files/tests/fixtures/policies/");
+    let policy = gaitfit_policy_files::read((folder.to_owned() + name).as_ref()).unwrap();
     let settings = TaskSettings::default().calm();
     let model = crate::robot::go2().unwrap();
     let scene = Task::with_interface(&model, &settings, policy.interface.clone(), Preset::Fast, 0.0).unwrap();

@@ -1,0 +1,26 @@
+//! Policies as files: the project's own (safetensors), ONNX out and in, policies trained elsewhere, and what other programs
+//! need to run a policy.
+//!
+//! What a policy is stands in `gaitfit-policy`; what is read and written here computes little, and compiles unoptimised.
+//!
+//! Everything here reads untrusted files: sizes are bounded, nothing panics, and errors name the mismatch.
+
+pub mod checksum;
+pub mod deploy;
+mod described;
+mod description;
+mod encoder;
+mod foreign;
+mod layers;
+mod messages;
+mod motion;
+pub mod onnx;
+mod read;
+mod tensors;
+mod torch;
+pub mod weights;
+
+pub use described::{Anchored, DescribedTerm, MemoryTensors, NormaliserTensors, PerJoint, ReferenceSource};
+pub use description::Description;
+pub use encoder::{EncoderTensors, Passes};
+pub use read::{files_of, interface_of, read, unsealed};

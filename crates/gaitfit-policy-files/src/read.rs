@@ -1,0 +1,231 @@
+//! A policy from a path, whatever wrote it.
+
+use super::foreign::{self, Known};
+use super::{Description, messages, onnx, torch, weights};
+use gaitfit_policy::invalid;
+use gaitfit_policy::{Interface, Policy, PolicyError};
+use std::fs::File;
+use std::io::{Error, ErrorKind, Read};
+use std::path::{Path, PathBuf};
+
+/// Largest policy file.
+const MAX_BYTES: u64 = 32 << 20;
+
+/// Reads a policy: `.safetensors` and `.onnx` written by this program, an `.onnx` with the metadata of mjlab or with
+/// unitree_rl_lab's `deploy.yaml` beside it, or a `.toml` that describes a policy trained elsewhere ([`Description`]).
+/// What had to be assumed is in [`Policy::notes`].
+///
+/// # Errors
+/// [`PolicyError`], always with the file's name.
+pub fn read(path: &Path) -> Result<Policy, PolicyError> {
+    let inside = |source| PolicyError::In { path: path.to_owned(), source: Box::new(source) };
+    match ending(path).as_deref() {
+        Some("safetensors") => weights::read(&bytes(path)?).map_err(inside),
+        Some("onnx") => onnx_file(path, &bytes(path)?).map_err(inside),
+        Some("toml") => {
+            let (description, notes) = description(path)?;
+            let mut policy = description.load(folder(path)).map_err(inside)?;
+            policy.notes.splice(0..0, notes);
+            Ok(policy)
+        }
+        Some(ending) if torch::ENDINGS.contains(&ending) => {
+            Err(inside(torch::refuse(path, &bytes(path)?, None)))
+        }
+        _ => {
+            // A name that is mistyped has no ending either.
+            std::fs::metadata(path).map_err(|source| PolicyError::Read { path: path.to_owned(), source })?;
+            Err(inside(invalid("no policy by its ending; give a .safetensors, .onnx or .toml file")))
+        }
+    }
+}
+
+/// What a policy sees and what its outputs mean, and the settings of the task it was trained on (empty where they are not
+/// known): of any file that [`read`] reads, or of a description that names no `file`.
+///
+/// # Errors
+/// As [`read`].
+pub fn interface_of(path: &Path) -> Result<(Interface, String), PolicyError> {
+    if ending(path).as_deref() == Some("toml")
+        && let Ok(mut table) = toml::from_str::<toml::Table>(&text(path)?)
+        && !table.contains_key("file")
+    {
+        let inside = |source| PolicyError::In { path: path.to_owned(), source: Box::new(source) };
+        table.insert("file".to_owned(), String::new().into());
+        let interface =
+            Description::from_table(table).and_then(|description| description.interface_in(folder(path)));
+        return Ok((interface.map_err(inside)?, String::new()));
+    }
+    let policy = read(path)?;
+    Ok((policy.interface, policy.provenance.task))
+}
+
+/// The files that [`read`] reads: the one named, the weights that a description names, and what says more of them.
+///
+/// # Errors
+/// A description that cannot be read.
+pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
+    let mut files = vec![path.to_owned()];
+    if ending(path).as_deref() == Some("toml") {
+        let (description, _) = description(path)?;
+        files.push(folder(path).join(description.file));
+        let reference = description.reference.as_ref().and_then(|source| source.file());
+        files.extend(reference.map(|file| folder(path).join(file)));
+        files
+            .extend(description.encoder.and_then(|encoder| encoder.file).map(|file| folder(path).join(file)));
+    }
+    let graphs: Vec<PathBuf> =
+        files.iter().filter(|file| ending(file).as_deref() == Some("onnx")).cloned().collect();
+    for graph in graphs {
+        // What cannot be read is refused with its reason when the policy is.
+        let others = bytes(&graph).and_then(|bytes| onnx::others(&bytes)).unwrap_or_default();
+        files.extend(others.into_iter().map(|file| folder(&graph).join(file)));
+    }
+    if let Some(beside) =
+        files.iter().take(2).next_back().filter(|file| ending(file).as_deref() == Some("onnx"))
+    {
+        files.extend(foreign::unitree_file(beside));
+    }
+    Ok(files)
+}
+
+/// The files of a policy that carry no checksum, so that damage to them cannot be seen: those of other programs, and of
+/// earlier versions of this one.
+///
+/// # Errors
+/// Files that cannot be read.
+pub fn unsealed(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
+    let mut found = Vec::new();
+    for file in files_of(path)? {
+        let sealed = match ending(&file).as_deref() {
+            Some("safetensors") => weights::is_sealed(&bytes(&file)?),
+            Some("onnx") => onnx::is_sealed(&bytes(&file)?),
+            // Texts that people write.
+            _ => true,
+        };
+        if !sealed {
+            found.push(file);
+        }
+    }
+    Ok(found)
+}
+
+/// The ending of a file's name, in small letters.
+pub(super) fn ending(path: &Path) -> Option<String> {
+    path.extension().map(|ending| ending.to_string_lossy().to_lowercase())
+}
+
+fn folder(path: &Path) -> &Path {
+    path.parent().unwrap_or(Path::new(""))
+}
+
+/// A policy from an ONNX file alone.
+fn onnx_file(path: &Path, bytes: &[u8]) -> Result<Policy, PolicyError> {
+    if let Some(policy) = onnx::read_own(bytes, Some(folder(path)))? {
+        return Ok(policy);
+    }
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let Some(Known { mut table, notes }) = known_of_foreign(path, bytes)? else {
+        return Err(onnx::without_metadata(&name, bytes, Some(folder(path))));
+    };
+    table.insert("file".into(), name.into());
+    let mut policy = Description::from_table(table)?.load(folder(path))?;
+    policy.notes.splice(0..0, notes);
+    Ok(policy)
+}
+
+/// What another program says of an ONNX file, inside or beside it.
+fn known_of_foreign(path: &Path, bytes: &[u8]) -> Result<Option<Known>, PolicyError> {
+    if let Some(known) = onnx::foreign(bytes, Some(folder(path)))? {
+        return Ok(Some(known));
+    }
+    let Some(beside) = foreign::unitree_file(path) else { return Ok(None) };
+    let inside = |source| PolicyError::In { path: beside.clone(), source: Box::new(source) };
+    let text = text(&beside)?;
+    foreign::unitree(&text).map(Some).map_err(inside)
+}
+
+/// What a weights file says of its interface, which a description then need not repeat.
+///
+/// # Errors
+/// What another program says of it, if that is wrong.
+fn known(path: &Path) -> Result<Option<Known>, PolicyError> {
+    let Ok(bytes) = bytes(path) else { return Ok(None) };
+    let interface = match ending(path).as_deref() {
+        Some("safetensors") => weights::interface(&bytes),
+        Some("onnx") => onnx::interface(&bytes),
+        _ => None,
+    };
+    match interface {
+        Some(interface) => {
+            Ok(toml::Table::try_from(interface).ok().map(|table| Known { table, ..Known::default() }))
+        }
+        None if ending(path).as_deref() == Some("onnx") => known_of_foreign(path, &bytes)
+            .map_err(|source| PolicyError::In { path: path.to_owned(), source: Box::new(source) }),
+        None => Ok(None),
+    }
+}
+
+/// A description, completed by what its weights file says, and notes on that.
+fn description(path: &Path) -> Result<(Description, Vec<String>), PolicyError> {
+    let inside = |source| PolicyError::In { path: path.to_owned(), source: Box::new(source) };
+    let text = text(path)?;
+    let Ok(given) = toml::from_str::<toml::Table>(&text) else {
+        // Where the mistake is.
+        return Ok((Description::parse(&text).map_err(inside)?, Vec::new()));
+    };
+    if let Some(kind) = messages::other_kind(&given) {
+        return Err(inside(invalid(kind)));
+    }
+    let file = given.get("file").and_then(toml::Value::as_str).filter(|file| !file.is_empty());
+    match file.map_or(Ok(None), |file| known(&folder(path).join(file))) {
+        Ok(None) => Ok((Description::parse(&text).map_err(inside)?, Vec::new())),
+        // A description that says all that the file should say needs nothing of it.
+        Err(of_file) => match Description::parse(&text) {
+            Ok(description) => Ok((description, Vec::new())),
+            Err(error) if error.to_string().contains("missing field") => Err(of_file),
+            Err(error) => Err(inside(error)),
+        },
+        Ok(Some(Known { table: mut entries, mut notes })) => {
+            if ["control_dt", "observation"].iter().all(|key| given.contains_key(*key)) {
+                notes.clear();
+            }
+            // A slip in a name has a place in the text; what the file adds has none.
+            if let Err(error) = Description::parse(&text)
+                && error.to_string().contains("unknown ")
+            {
+                return Err(inside(error));
+            }
+            entries.extend(given);
+            Ok((Description::from_table(entries).map_err(inside)?, notes))
+        }
+    }
+}
+
+fn text(path: &Path) -> Result<String, PolicyError> {
+    String::from_utf8(bytes(path)?).map_err(|error| PolicyError::In {
+        path: path.to_owned(),
+        source: Box::new(invalid(format!(
+            "not a text in UTF-8, from byte {} on; a description is a TOML file",
+            error.utf8_error().valid_up_to()
+        ))),
+    })
+}
+
+/// The bytes of a regular file of moderate size: a pipe would hang, a device would fill the memory.
+pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, PolicyError> {
+    let read = || -> std::io::Result<Vec<u8>> {
+        if !std::fs::metadata(path)?.is_file() {
+            return Err(Error::new(ErrorKind::InvalidInput, "not a regular file"));
+        }
+        let mut bytes = Vec::new();
+        File::open(path)?.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
+        if bytes.len() as u64 > MAX_BYTES {
+            return Err(Error::new(
+                ErrorKind::InvalidInput,
+                "larger than 32 MiB, no policy of a legged robot",
+            ));
+        }
+        Ok(bytes)
+    };
+    read().map_err(|source| PolicyError::Read { path: path.to_owned(), source })
+}
