@@ -1,7 +1,7 @@
 //! The cost's distances on arrays.
 
 use crate::errors::value;
-use gaitfit_adapt::cost::wasserstein1;
+use gaitfit_adapt::cost::wasserstein1_of_unsorted;
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 
@@ -24,14 +24,8 @@ pub fn wasserstein(
             .map(|column| {
                 let mut first: Vec<f64> = a.column(column).to_vec();
                 let mut second: Vec<f64> = b.column(column).to_vec();
-                if !(first.iter().all(|value| value.is_finite())
-                    && second.iter().all(|value| value.is_finite()))
-                {
-                    return Err(value(format!("column {column} has values that are not finite")));
-                }
-                first.sort_unstable_by(f64::total_cmp);
-                second.sort_unstable_by(f64::total_cmp);
-                Ok(wasserstein1(&first, &second))
+                wasserstein1_of_unsorted(&mut first, &mut second)
+                    .ok_or_else(|| value(format!("column {column} has values that are not finite")))
             })
             .collect()
     })

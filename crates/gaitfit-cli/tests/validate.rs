@@ -58,7 +58,7 @@ fn walking(runs: &Path) -> (Vec<String>, Vec<String>) {
         .filter(|name| name.ends_with(".csv"))
         .collect();
     logs.sort();
-    logs.truncate(24);
+    logs.truncate(18);
     let (fit, other) = logs.split_at(logs.len() / 2);
     let quoted = |logs: &[String]| format!("{logs:?}");
     let config = format!(

@@ -141,9 +141,9 @@ fn every_control_period_of_a_robot_is_counted_once() {
     let logs = CollectOptions { count: 70, seconds: 0.2, shift: [0.1; 2], privileged: false };
     type Stage<'a> = &'a dyn Fn(&Subject<'_>) -> Result<(), TaskError>;
     let stages: [(&str, usize, Stage<'_>); 4] = [
-        ("trials", 300 * 5, &|subject| run_trials(subject, 300, 0.1, 2).map(drop)),
+        ("trials", 70 * 5, &|subject| run_trials(subject, 70, 0.1, 2).map(drop)),
         ("drift", drift_periods(&scene, 2), &|subject| drift(subject, 2, None).map(drop)),
-        ("crossings", crossing_periods(&scene, 20, 4.0), &|subject| crossings(subject, 20, 4.0, 2).map(drop)),
+        ("crossings", crossing_periods(&scene, 4, 2.0), &|subject| crossings(subject, 4, 2.0, 2).map(drop)),
         ("logs", logs.periods(0.02), &|subject| collect(subject, &logs, 2).map(drop)),
     ];
     for policy in [constant_policy(&scene, &STILL), constant_policy(&scene, &nose_dive())] {

@@ -78,6 +78,16 @@ pub fn wasserstein1<T: Copy + Into<f64>>(a: &[T], b: &[f64]) -> f64 {
     merge(a.len(), |i| a[i].into(), b)
 }
 
+/// [`wasserstein1`] of samples in any order, which it sorts; `None` if a value is not finite.
+pub fn wasserstein1_of_unsorted(a: &mut [f64], b: &mut [f64]) -> Option<f64> {
+    if !a.iter().chain(b.iter()).all(|value| value.is_finite()) {
+        return None;
+    }
+    a.sort_unstable_by(f64::total_cmp);
+    b.sort_unstable_by(f64::total_cmp);
+    Some(wasserstein1(a, b))
+}
+
 /// [`wasserstein1`] of a sample given as sorted keys.
 pub(crate) fn wasserstein1_keys(keys: &[u32], b: &[f64]) -> f64 {
     merge(keys.len(), |i| f64::from(value(keys[i])), b)

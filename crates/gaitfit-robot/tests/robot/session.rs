@@ -188,14 +188,7 @@ fn the_committed_walk_stands_up_walks_and_lies_down_and_its_log_is_read() {
 #[test]
 fn a_robot_at_full_speed_comes_to_rest_and_lies_down() {
     let policy = walk();
-    let speeds = [
-        [1.0, 0.0, 0.0],
-        [-0.5, 0.0, 0.0],
-        [0.8, 0.4, 0.8],
-        [-0.4, -0.4, 0.8],
-        [0.9, -0.3, -0.8],
-        [0.2, 0.4, -1.0],
-    ];
+    let speeds = [[1.0, 0.0, 0.0], [-0.4, -0.4, 0.8], [0.2, 0.4, -1.0]];
     for (number, speed) in speeds.into_iter().enumerate() {
         let folder = tempfile::tempdir().unwrap();
         // Other lengths: the legs are at another point of their step.
@@ -284,7 +277,8 @@ fn a_dry_run_computes_and_sends_nothing() {
 #[test]
 fn a_walking_robot_whose_messages_fail_is_damped_and_its_log_ends_with_the_last_good_row() {
     let policy = walk();
-    for number in 0..8 {
+    // Other faults: rules.rs and faults.rs.
+    for number in [0, 2, 4, 6] {
         let draws = Stream::new(21, Purpose::RESET).environment(number);
         let at = Duration::from_millis(4000 + u64::from(draws.word(1) % 1500));
         let folder = tempfile::tempdir().unwrap();
@@ -294,13 +288,9 @@ fn a_walking_robot_whose_messages_fail_is_damped_and_its_log_ends_with_the_last_
             if now >= at {
                 match number {
                     0 => return None,
-                    1 => reading.state.q[3] = f32::NAN,
                     2 => reading.seal = Seal::Wrong,
-                    3 => reading.state.q.rotate_left(1),
                     4 => reading.state.quaternion = [0.0, 1.0, 0.0, 0.0],
-                    5 => reading.state.temperature[5] = 120,
                     6 if now < at + Duration::from_millis(100) => return None,
-                    7 => reading.state.tick = 1,
                     _ => {}
                 }
             }
@@ -308,12 +298,9 @@ fn a_walking_robot_whose_messages_fail_is_damped_and_its_log_ends_with_the_last_
         });
         let reason = run.board.reason.as_ref();
         let expected = match number {
-            0 | 6 | 7 => matches!(reason, Some(Reason::StaleState(_))),
-            1 => matches!(reason, Some(Reason::StateNotFinite(_))),
+            0 | 6 => matches!(reason, Some(Reason::StaleState(_))),
             2 => reason == Some(&Reason::WrongChecksum),
-            3 => matches!(reason, Some(Reason::OutOfRange { .. })),
-            4 => matches!(reason, Some(Reason::Tilt(_))),
-            _ => matches!(reason, Some(Reason::Hot { joint, degrees: 120 }) if joint == "FL_calf"),
+            _ => matches!(reason, Some(Reason::Tilt(_))),
         };
         assert!(expected, "{number}: {reason:?} at {at:?} {:?}", run.phases);
         assert_eq!(*run.seen.wrong.lock().unwrap(), None, "{number}");
