@@ -42,7 +42,7 @@ pub use rmse::{PositionRmse, position_rmse};
 pub use signal::{Signal, Weights};
 pub use time_aligned::TimeAligned;
 pub use wass::Wass;
-pub use wasserstein1::{sort_f32, wasserstein1, wasserstein1_of_unsorted};
+pub use wasserstein1::{sort_f32, wasserstein1, wasserstein1_of_columns};
 
 use crate::{Resets, Signals};
 

@@ -78,14 +78,28 @@ pub fn wasserstein1<T: Copy + Into<f64>>(a: &[T], b: &[f64]) -> f64 {
     merge(a.len(), |i| a[i].into(), b)
 }
 
-/// [`wasserstein1`] of samples in any order, which it sorts; `None` if a value is not finite.
-pub fn wasserstein1_of_unsorted(a: &mut [f64], b: &mut [f64]) -> Option<f64> {
-    if !a.iter().chain(b.iter()).all(|value| value.is_finite()) {
-        return None;
-    }
-    a.sort_unstable_by(f64::total_cmp);
-    b.sort_unstable_by(f64::total_cmp);
-    Some(wasserstein1(a, b))
+/// [`wasserstein1`] of every column of two arrays, `rows × columns`, row-major, with samples in any order.
+///
+/// # Errors
+/// The first column with a value that is not finite.
+///
+/// # Panics
+/// If an array has no row: an error of the caller.
+pub fn wasserstein1_of_columns(a: &[f64], b: &[f64], columns: usize) -> Result<Vec<f64>, usize> {
+    let sorted = |values: &[f64], column: usize| {
+        let mut values: Vec<f64> = values[column..].iter().step_by(columns).copied().collect();
+        values.sort_unstable_by(f64::total_cmp);
+        values
+    };
+    let finite = |values: &[f64], column: usize| {
+        values[column..].iter().step_by(columns).all(|value| value.is_finite())
+    };
+    (0..columns)
+        .map(|column| {
+            let both = finite(a, column) && finite(b, column);
+            both.then(|| wasserstein1(&sorted(a, column), &sorted(b, column))).ok_or(column)
+        })
+        .collect()
 }
 
 /// [`wasserstein1`] of a sample given as sorted keys.
