@@ -146,6 +146,23 @@ fn doctor_tells_the_machine() {
 }
 
 #[test]
+fn bench_times_a_training_of_ones_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("mine.toml");
+    std::fs::write(&config, "[train]\nenvironments = 16\nsteps = 4\n[ppo]\nepochs = 1\nminibatches = 2\n")
+        .unwrap();
+    let config = config.to_str().unwrap();
+    let found = json(&run(&["bench", "train", config, "--iterations", "1", "--device", "cpu", "--json"]));
+    assert_eq!((found["robot"].as_str(), found["task"].as_str()), (Some("go2"), Some("quadruped")));
+    for (what, number) in [("environments", 16), ("steps", 4), ("epochs", 1), ("minibatches", 2)] {
+        assert_eq!(found[what], number, "{what}");
+    }
+    let output = run(&["bench", "train", "no-such.toml"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(errors(&output).contains("no-such.toml"), "{}", errors(&output));
+}
+
+#[test]
 fn bench_prints_what_it_measured() {
     let found = json(&run(&["bench", "physics", "--preset", "fast", "--geoms", "feet", "--json"]));
     assert!(found["substeps_per_second"].as_f64().unwrap() > 0.0);

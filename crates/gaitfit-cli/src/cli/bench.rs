@@ -2,13 +2,14 @@
 
 use super::{Device, Devices, Preset};
 use clap::{Args, Subcommand, ValueEnum};
+use std::path::PathBuf;
 
 /// What to measure.
 #[derive(Debug, Subcommand)]
 pub enum Bench {
     /// Physics substeps a second of a trotting Go2
     Physics(BenchPhysics),
-    /// Iterations of PPO on the default task
+    /// Iterations of PPO, of the default training or of one of yours
     Train(BenchTrain),
 }
 
@@ -59,12 +60,14 @@ fn lanes(text: &str) -> Result<usize, String> {
 /// Arguments of `bench train`.
 #[derive(Debug, Args)]
 pub struct BenchTrain {
-    /// Robots at once
-    #[arg(long, value_name = "N", default_value_t = 4096)]
-    pub environments: usize,
-    /// Control steps of a rollout
-    #[arg(long, value_name = "N", default_value_t = 24)]
-    pub steps: usize,
+    /// A training's configuration (TOML): its robot, task, networks and PPO [default: the default training]
+    pub config: Option<PathBuf>,
+    /// Robots at once [default: as in the training]
+    #[arg(long, value_name = "N")]
+    pub environments: Option<usize>,
+    /// Control steps of a rollout [default: as in the training]
+    #[arg(long, value_name = "N")]
+    pub steps: Option<usize>,
     /// Iterations that are measured, after two that are not
     #[arg(long, value_name = "N", default_value = "10")]
     pub iterations: std::num::NonZeroU32,

@@ -1,13 +1,14 @@
-//! `gaitfit bench train`: whole iterations of PPO on the default task.
+//! `gaitfit bench train`: whole iterations of PPO on a task.
 
 use crate::cli::BenchTrain;
 use crate::exit::Failure;
 use crate::output;
-use gaitfit::settings::TrainConfig;
-use gaitfit::{machine, robot};
-use gaitfit_learn::task::Task;
+use gaitfit::machine;
+use gaitfit::settings::{self, TrainConfig};
+use gaitfit::train::{self, Setup};
 use gaitfit_learn::{Iteration, Training, TrainingSettings};
 use serde::Serialize;
+use std::time::Instant;
 
 /// Iterations before those that are measured: memory is touched, threads are there.
 pub const WARM_UP: u32 = 2;
@@ -16,6 +17,8 @@ pub const SEED: u64 = 1;
 
 #[derive(Serialize)]
 struct Document {
+    robot: String,
+    task: String,
     iteration_seconds: f64,
     rollout_seconds: f64,
     update_seconds: f64,
@@ -33,21 +36,22 @@ struct Document {
 
 /// Trains from nothing and prints medians over the measured iterations.
 pub fn run(args: &BenchTrain) -> Result<(), Failure> {
-    let config = TrainConfig::default();
-    let threads = args.threads.map_or_else(machine::threads, std::num::NonZeroUsize::get);
-    let settings = TrainingSettings {
-        environments: args.environments,
-        steps: args.steps,
+    let begin = Instant::now();
+    let mut config: TrainConfig = settings::load(args.config.as_deref(), &[])?;
+    config.train = TrainingSettings {
+        environments: args.environments.unwrap_or(config.train.environments),
+        steps: args.steps.unwrap_or(config.train.steps),
         iterations: args.iterations.get().saturating_add(WARM_UP),
     };
-    settings.check().map_err(Failure::usage)?;
-    if args.device.are_gpus() {
-        return super::train_cuda::run(args, &settings);
+    config.train.check().map_err(Failure::usage)?;
+    let threads = args.threads.map_or_else(machine::threads, std::num::NonZeroUsize::get);
+    let setup = train::setup(&config, "bench", args.config.as_deref(), threads, &args.device)?;
+    if setup.devices.are_gpus() {
+        return super::train_cuda::run(args, &setup, begin);
     }
-    let model = robot::go2()?;
-    let scene = Task::new(&model, &config.task.settings, config.preset).map_err(Failure::failed)?;
-    let learner = Training::fresh_learner(&scene, &config.ppo, SEED).map_err(Failure::failed)?;
-    let mut training = Training::new(&scene, None, &settings, learner, SEED).map_err(Failure::usage)?;
+    let Setup { scene, plan, .. } = &setup;
+    let learner = Training::fresh_learner(scene, &plan.ppo, SEED).map_err(Failure::failed)?;
+    let mut training = Training::new(scene, None, &plan.train, learner, SEED).map_err(Failure::usage)?;
     let mut measured = Vec::new();
     while !training.finished() {
         let iteration = training.iterate(threads).map_err(Failure::failed)?;
@@ -56,16 +60,19 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
         }
     }
     let iteration_seconds = median(&measured, |it| it.rollout_seconds + it.update_seconds);
+    let (environments, steps) = (plan.train.environments, plan.train.steps);
     let document = Document {
+        robot: setup.model.name.clone(),
+        task: plan.task.clone(),
         iteration_seconds,
         rollout_seconds: median(&measured, |it| it.rollout_seconds),
         update_seconds: median(&measured, |it| it.update_seconds),
-        samples_per_second: (args.environments * args.steps) as f64 / iteration_seconds,
+        samples_per_second: (environments * steps) as f64 / iteration_seconds,
         peak_memory_bytes: peak_memory(),
-        environments: args.environments,
-        steps: args.steps,
-        epochs: config.ppo.epochs,
-        minibatches: config.ppo.minibatches,
+        environments,
+        steps,
+        epochs: plan.ppo.epochs,
+        minibatches: plan.ppo.minibatches,
         iterations: measured.len(),
         threads,
         isa: scene.walker.batch.isa().name(),
@@ -78,12 +85,13 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
     });
     output::print(&format!(
         "{:.3} s an iteration (median of {}): rollout {:.3} s, update {:.3} s; {:.0} k samples/s{memory}\n\
-         {} environments × {} steps, {} epochs × {} minibatches, {threads} thread{}, {}\n",
+         {}, {} environments × {} steps, {} epochs × {} minibatches, {threads} thread{}, {}\n",
         document.iteration_seconds,
         document.iterations,
         document.rollout_seconds,
         document.update_seconds,
         1e-3 * document.samples_per_second,
+        document.robot,
         document.environments,
         document.steps,
         document.epochs,

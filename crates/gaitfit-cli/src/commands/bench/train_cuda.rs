@@ -5,18 +5,19 @@ use crate::cli::{BenchTrain, Products};
 use crate::exit::Failure;
 use crate::output;
 use gaitfit::device::{cuda_error, rollout_error};
-use gaitfit::robot;
-use gaitfit::settings::TrainConfig;
+use gaitfit::train::Setup;
 use gaitfit_cuda::ppo::Precision;
 use gaitfit_cuda::rollout::{RolloutError, Trainer};
 use gaitfit_cuda::runtime::{Device, bytes};
-use gaitfit_learn::task::{Snapshot, Task};
-use gaitfit_learn::{Iteration, Training, TrainingSettings};
+use gaitfit_learn::task::Snapshot;
+use gaitfit_learn::{Iteration, Training};
 use serde::Serialize;
 use std::time::Instant;
 
 #[derive(Serialize)]
 struct Document {
+    robot: String,
+    task: String,
     iteration_seconds: f64,
     rollout_seconds: f64,
     update_seconds: f64,
@@ -64,22 +65,20 @@ fn names(devices: &[Device]) -> String {
     }
 }
 
-/// Trains from nothing and prints medians over the measured iterations.
-pub fn run(args: &BenchTrain, settings: &TrainingSettings) -> Result<(), Failure> {
-    let begin = Instant::now();
-    let config = TrainConfig::default();
+/// Trains from nothing and prints medians over the measured iterations. The program began at `begin`.
+pub fn run(args: &BenchTrain, setup: &Setup, begin: Instant) -> Result<(), Failure> {
+    let Setup { scene, plan, .. } = setup;
+    let (environments, steps) = (plan.train.environments, plan.train.steps);
     let precision = match args.precision {
-        None => config.ppo.precision,
+        None => plan.ppo.precision,
         Some(Products::Bf16) => Precision::Bf16,
         Some(Products::Tf32) => Precision::Tf32,
         Some(Products::F32) => Precision::F32,
     };
-    let devices = args.device.open()?;
-    let model = robot::go2()?;
-    let task = Task::new(&model, &config.task.settings, config.preset).map_err(Failure::failed)?;
+    let devices = setup.devices.open()?;
     let training = || -> Result<Training<'_>, Failure> {
-        let learner = Training::fresh_learner(&task, &config.ppo, SEED).map_err(Failure::failed)?;
-        Training::new(&task, None, settings, learner, SEED).map_err(Failure::usage)
+        let learner = Training::fresh_learner(scene, &plan.ppo, SEED).map_err(Failure::failed)?;
+        Training::new(scene, None, &plan.train, learner, SEED).map_err(Failure::usage)
     };
     let (mut measured, mut start_seconds): (Vec<Iteration>, f64) = (Vec::new(), 0.0);
     let mut train = |host: &mut Training<'_>| -> Result<State, RolloutError> {
@@ -103,10 +102,12 @@ pub fn run(args: &BenchTrain, settings: &TrainingSettings) -> Result<(), Failure
     let iteration_seconds = median(&measured, |it| it.rollout_seconds + it.update_seconds);
     let kernels = trainer.rollout().resources().map_err(|error| cuda_error(&error))?;
     let document = Document {
+        robot: setup.model.name.clone(),
+        task: plan.task.clone(),
         iteration_seconds,
         rollout_seconds: median(&measured, |it| it.rollout_seconds),
         update_seconds: median(&measured, |it| it.update_seconds),
-        samples_per_second: (args.environments * args.steps) as f64 / iteration_seconds,
+        samples_per_second: (environments * steps) as f64 / iteration_seconds,
         device: names(&devices),
         precision,
         breakdown: Parts {
@@ -122,11 +123,11 @@ pub fn run(args: &BenchTrain, settings: &TrainingSettings) -> Result<(), Failure
         memory_bytes: trainer.bytes(),
         lanes: trainer.rollout().lanes(),
         same_bits,
-        environments: args.environments,
-        steps: args.steps,
-        substeps: task.walker.batch.options().substeps,
-        epochs: config.ppo.epochs,
-        minibatches: config.ppo.minibatches,
+        environments,
+        steps,
+        substeps: scene.walker.batch.options().substeps,
+        epochs: plan.ppo.epochs,
+        minibatches: plan.ppo.minibatches,
         iterations: measured.len() / 2,
         kernels,
     };
@@ -138,7 +139,7 @@ pub fn run(args: &BenchTrain, settings: &TrainingSettings) -> Result<(), Failure
         "{:.2} ms an iteration (median of {}): rollout {:.2} ms, update {:.2} ms; {:.2} M samples/s\n\
          GPU alone: observations {:.2} ms, networks {:.2} ms, exploration {:.2} ms, physics {:.2} ms, rewards and new \
          episodes {:.2} ms; rollout {:.2} ms, update {:.2} ms\n\
-         {} environments × {} steps × {} substeps, {} epochs × {} minibatches; {}, {} of the first one's memory, started in {:.1} s, \
+         {}, {} environments × {} steps × {} substeps, {} epochs × {} minibatches; {}, {} of the first one's memory, started in {:.1} s, \
          {}\n",
         1e3 * document.iteration_seconds,
         document.iterations,
@@ -152,6 +153,7 @@ pub fn run(args: &BenchTrain, settings: &TrainingSettings) -> Result<(), Failure
         1e3 * finish,
         1e3 * rollout,
         1e3 * update,
+        document.robot,
         document.environments,
         document.steps,
         document.substeps,
