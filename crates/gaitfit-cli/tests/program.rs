@@ -153,7 +153,7 @@ fn bench_times_a_training_of_ones_own() {
         .unwrap();
     let config = config.to_str().unwrap();
     let found = json(&run(&["bench", "train", config, "--iterations", "1", "--device", "cpu", "--json"]));
-    assert_eq!((found["robot"].as_str(), found["task"].as_str()), (Some("go2"), Some("quadruped")));
+    assert_eq!((found["robot"].as_str(), found["task"].as_str()), (Some("go2"), Some("velocity")));
     for (what, number) in [("environments", 16), ("steps", 4), ("epochs", 1), ("minibatches", 2)] {
         assert_eq!(found[what], number, "{what}");
     }
