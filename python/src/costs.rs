@@ -9,21 +9,20 @@ use pyo3::prelude::*;
 #[pyfunction]
 pub fn wasserstein(
     py: Python<'_>,
-    first: PyReadonlyArray2<'_, f64>,
-    second: PyReadonlyArray2<'_, f64>,
+    a: PyReadonlyArray2<'_, f64>,
+    b: PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Vec<f64>> {
-    let (a, b) = (first.as_array(), second.as_array());
-    if a.ncols() != b.ncols() {
-        return Err(value(format!("a has {} columns and b has {}", a.ncols(), b.ncols())));
+    let ((samples, columns), (others, found)) = (a.as_array().dim(), b.as_array().dim());
+    if columns != found {
+        return Err(value(format!("a has {columns} columns and b has {found}")));
     }
-    if a.nrows() == 0 || b.nrows() == 0 {
+    if samples == 0 || others == 0 {
         return Err(value("there are no samples"));
     }
-    let columns = a.ncols();
     let rows = |array: &PyReadonlyArray2<'_, f64>| -> Vec<f64> {
         array.as_slice().map_or_else(|_| array.as_array().iter().copied().collect(), <[f64]>::to_vec)
     };
-    let (a, b) = (rows(&first), rows(&second));
+    let (a, b) = (rows(&a), rows(&b));
     py.detach(|| wasserstein1_of_columns(&a, &b, columns))
         .map_err(|column| value(format!("column {column} has values that are not finite")))
 }
