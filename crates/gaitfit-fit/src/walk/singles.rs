@@ -1,7 +1,7 @@
 //! Springs and strengths of single joints, as legs in the air show them: in the model, in logs, and as numbers of a fit.
 
 use super::explain;
-use super::swing::{Estimate, SwingFindings, SwingNumber, SwingSettings};
+use super::swing::{Estimate, SwingFindings, SwingNumber, SwingReport, SwingSettings};
 use crate::watch::Watch;
 use gaitfit_adapt::JointParameter;
 use gaitfit_log::Trajectory;
@@ -22,6 +22,7 @@ pub fn examine(
     watch: &Watch<'_>,
 ) {
     let mut singles: Vec<Effect> = Vec::new();
+    let again = found.swings.as_ref().map_or_else(SwingSettings::default, |report| near(report, settings));
     for _ in 0..SINGLE_ROUNDS {
         // One at a time: a joint with a spring changes what its siblings seem to have.
         let more = explain::singles(found).max_by(|a, b| a.share.total_cmp(&b.share)).cloned();
@@ -30,15 +31,24 @@ pub fn examine(
         let sprung = with_springs(model, &singles);
         let level = with_strengths(level, &singles);
         let level: Vec<&Trajectory> = level.iter().collect();
-        let again = watch
-            .counted("regression", "regressions", |count| estimate_counted(&sprung, &level, settings, count));
-        let Ok(report) = again else { break };
+        let report = watch
+            .counted("regression", "regressions", |count| estimate_counted(&sprung, &level, &again, count));
+        let Ok(report) = report else { break };
         found.swings = Some(report);
         found.effects = found.effects_of(&sprung, &level, settings);
     }
     let is_single = |effect: &Effect| matches!(effect.kind, EffectKind::OddSpring | EffectKind::OddStrength);
     found.effects.retain(|effect| !is_single(effect));
     found.effects.extend(singles);
+}
+
+/// Settings for further examinations of the same logs: the clearance of the first one, the next lower and the next higher one. A
+/// spring does not change when feet touch the ground.
+fn near(first: &SwingReport, settings: &SwingSettings) -> SwingSettings {
+    let all = &settings.clearances_m;
+    let place = all.iter().position(|&clearance| clearance >= first.clearance_m).unwrap_or_default();
+    let clearances_m = all[place.saturating_sub(1)..all.len().min(place + 2)].to_vec();
+    SwingSettings { clearances_m, ..settings.clone() }
 }
 
 /// Adds an effect of a single joint to `known` ones; those of one kind and joint become one.
