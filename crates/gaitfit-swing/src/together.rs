@@ -168,10 +168,14 @@ impl<'a> Equations<'a> {
                 unknowns.add(precision * residual, &mut right);
             }
             let projected = &answer.0 * spread;
-            for column in 0..columns {
-                let across = answer.0.row(column);
+            // Columns of three slices: this is most of the work.
+            let (across, projected_on) = (answer.0.as_slice(), projected.as_slice());
+            for (column, below) in normal.as_mut_slice().chunks_exact_mut(columns).enumerate() {
+                let [x, y, z] = [0, 1, 2].map(|axis| across[axis * columns + column]);
+                let [along_x, along_y, along_z] =
+                    [0, 1, 2].map(|axis| &projected_on[axis * columns..][..columns]);
                 for row in column..columns {
-                    normal[(row, column)] -= projected.row(row).dot(&across);
+                    below[row] -= along_x[row] * x + along_y[row] * y + along_z[row] * z;
                 }
             }
             right -= &projected * answer.1;
