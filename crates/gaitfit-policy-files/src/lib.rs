@@ -1,7 +1,7 @@
 //! Policies as files: the project's own (safetensors), ONNX out and in, policies trained elsewhere, and what other programs
 //! need to run a policy.
 //!
-//! What a policy is stands in `gaitfit-policy`; what is read and written here computes little, and compiles unoptimised.
+//! The crate `gaitfit-policy` has the policies themselves and runs them. This crate computes little, so builds do not optimise it.
 //!
 //! Everything here reads untrusted files: sizes are bounded, nothing panics, and errors name the mismatch.
 

@@ -212,11 +212,16 @@ fn a_described_lstm_is_read_from_pytorchs_tensors() {
     // The fixture's own file, its memory's tensors under PyTorch's names.
     let policy = read(&fixture("lstm.toml")).unwrap();
     let folder = tempfile::tempdir().unwrap();
-    let own = Policy { critic: None, critic_normaliser: None, ..policy.clone() };
-    std::fs::write(folder.path().join("own.safetensors"), weights::write(&own).unwrap()).unwrap();
+    let without_critic = Policy { critic: None, critic_normaliser: None, ..policy.clone() };
+    std::fs::write(
+        folder.path().join("without-critic.safetensors"),
+        weights::write(&without_critic).unwrap(),
+    )
+    .unwrap();
     let text = std::fs::read_to_string(fixture("lstm.toml")).unwrap();
     let describe = |more: &str| {
-        let text = text.replace("file = \"lstm.onnx\"", &format!("file = \"own.safetensors\"\n{more}"));
+        let text =
+            text.replace("file = \"lstm.onnx\"", &format!("file = \"without-critic.safetensors\"\n{more}"));
         let path = folder.path().join("described.toml");
         std::fs::write(&path, text).unwrap();
         read(&path).map_err(|error| error.to_string())

@@ -22,7 +22,8 @@ pub fn examine(
     watch: &Watch<'_>,
 ) {
     let mut singles: Vec<Effect> = Vec::new();
-    let again = found.swings.as_ref().map_or_else(SwingSettings::default, |report| near(report, settings));
+    let Some(first) = &found.swings else { return };
+    let again = near(first, settings);
     for _ in 0..SINGLE_ROUNDS {
         // One at a time: a joint with a spring changes what its siblings seem to have.
         let more = explain::singles(found).max_by(|a, b| a.share.total_cmp(&b.share)).cloned();

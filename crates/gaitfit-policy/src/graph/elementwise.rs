@@ -27,9 +27,9 @@ pub enum Function {
     Softplus,
     /// x / (1 + |x|).
     Softsign,
-    /// Of x in rad.
+    /// The sine of an angle x in rad.
     Sin,
-    /// Of x in rad.
+    /// The cosine of an angle x in rad.
     Cos,
     /// −1, 0 or 1.
     Sign,

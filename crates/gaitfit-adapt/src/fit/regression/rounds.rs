@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 pub(super) const MAX_ROUNDS: usize = 6;
 /// Min number of rounds.
 const MIN_ROUNDS: usize = 3;
-/// Max mean ratio of a round's standard deviations to those of the round before. A round with a larger ratio gains little, and is
-/// the last one.
+/// Rounds end when they gain little: when the standard deviations of a round are on average more than this part of those of the
+/// round before.
 const SETTLED: f64 = 0.95;
 /// Half the width of the first round, in an entry's deviations.
 const FIRST: f64 = 1.5;
