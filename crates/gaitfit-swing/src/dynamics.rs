@@ -128,6 +128,16 @@ pub struct JointMomentum {
     pub momentum: f64,
     /// −∂L/∂q, N·m; of a slide N: what velocities and gravity demand.
     pub rest: f64,
+    /// How both change with the velocity of the base's origin, world axes: kg·m and kg·m/s; of a slide kg and kg/s.
+    pub by_base: [Vec3; 2],
+}
+
+impl JointMomentum {
+    /// Both if the base's origin is faster by `velocity`, m/s, world axes.
+    pub fn boosted(&self, velocity: Vec3) -> Self {
+        let [momentum, rest] = self.by_base.map(|by_base| dot(by_base, velocity));
+        Self { momentum: self.momentum + momentum, rest: self.rest + rest, ..*self }
+    }
 }
 
 /// A linear and an angular vector, the angular one about the base's origin.
@@ -236,30 +246,6 @@ impl<'m> Motion<'m> {
         rotate(turn, std::array::from_fn(|k| body.inertia[k] * inner[k]))
     }
 
-    /// How each joint's momentum changes with the velocity of the base's origin, kg·m, of slides kg, world axes, model order.
-    pub fn base_levers(&self) -> Vec<Vec3> {
-        // Mass in the place of the force's first component: a subtree's mass and its first moment.
-        let sums = self.subtree(|body, link| {
-            let part = &self.model.bodies[body];
-            [[part.mass, 0.0, 0.0], link.point(part.ipos).map(|x| x * part.mass)]
-        });
-        let lever = |(joint, axis): (&Joint, &Axis)| {
-            let [[mass, ..], moment] = sums[joint.body];
-            match joint.kind {
-                JointKind::Hinge => cross(axis.joint.axis, sub(moment, axis.joint.anchor.map(|x| x * mass))),
-                JointKind::Slide => axis.joint.axis.map(|x| x * mass),
-            }
-        };
-        self.model.joints.iter().zip(&self.axes).map(lever).collect()
-    }
-
-    /// Momentum of the whole robot, N·s, world axes.
-    pub fn total_momentum(&self) -> Vec3 {
-        self.links.iter().zip(&self.model.bodies).fold([0.0; 3], |sum, (link, body)| {
-            add(sum, link.velocity_at(link.point(body.ipos)).map(|v| v * body.mass))
-        })
-    }
-
     /// Torques (N·m, of slides forces, N; model order) that the joints need for this motion against inertia and gravity, and the force (N)
     /// and the moment about the base's origin (N·m) that the root body needs from outside, world axes.
     pub fn inverse_dynamics(&self) -> (Vec<f64>, Pair) {
@@ -281,36 +267,53 @@ impl<'m> Motion<'m> {
         (torques, sums.first().copied().unwrap_or_default())
     }
 
-    /// The momentum form of every joint's equation, model order. It needs no accelerations.
-    pub fn momentum(&self) -> Vec<JointMomentum> {
+    /// The momentum form of every joint's equation, model order, and the momentum of the whole robot, N·s, world axes. It needs
+    /// no accelerations.
+    pub fn momentum(&self) -> (Vec<JointMomentum>, Vec3) {
         let gravity = self.model.options.gravity;
         let momenta = self.subtree(|body, link| {
             let part = &self.model.bodies[body];
             let linear = link.velocity_at(link.point(part.ipos)).map(|x| x * part.mass);
             self.about_base(body, link, linear, self.inertia_times(body, link, link.omega))
         });
-        let weights = self.subtree(|body, link| {
-            self.about_base(body, link, gravity.map(|x| x * self.model.bodies[body].mass), [0.0; 3])
+        // Mass in the place of the force's first component: a subtree's mass and its first moment.
+        let masses = self.subtree(|body, link| {
+            let part = &self.model.bodies[body];
+            [[part.mass, 0.0, 0.0], link.point(part.ipos).map(|x| x * part.mass)]
         });
         let terms = |(joint, axis): (&Joint, &Axis)| {
             let [linear, angular] = momenta[joint.body];
-            let [weight, moment] = weights[joint.body];
+            let [[mass, ..], moment] = masses[joint.body];
             let along = &axis.joint;
             let axis_rate = cross(axis.omega, along.axis);
-            let moving = match joint.kind {
+            let (moving, by_base) = match joint.kind {
                 JointKind::Hinge => {
                     // d(a·(L − A×P))/dt = a·(dL/dt − A×dP/dt) + da/dt·(L − A×P) − a·(dA/dt×P). The base's origin
                     // moves too. L is taken about it. Its motion cancels in L − A×P if dA/dt is the anchor's full velocity.
                     let about_anchor = sub(angular, cross(along.anchor, linear));
-                    dot(axis_rate, about_anchor) - dot(along.axis, cross(axis.anchor_velocity, linear))
+                    let moving =
+                        dot(axis_rate, about_anchor) - dot(along.axis, cross(axis.anchor_velocity, linear));
+                    // If the base's velocity changes by v, then P changes by m v, L by S×v and dA/dt by v. S: first moment.
+                    let centre = sub(moment, along.anchor.map(|x| x * mass));
+                    let anchor_velocity = axis.anchor_velocity.map(|x| x * mass);
+                    let boosted = add(cross(linear, along.axis), cross(along.axis, anchor_velocity));
+                    let rest = sub(boosted, cross(axis_rate, centre));
+                    (moving, [cross(along.axis, centre), rest])
                 }
                 // d(a·P)/dt = a·dP/dt + da/dt·P.
-                JointKind::Slide => dot(axis_rate, linear),
+                JointKind::Slide => {
+                    let by_base = [along.axis.map(|x| x * mass), axis_rate.map(|x| -x * mass)];
+                    (dot(axis_rate, linear), by_base)
+                }
             };
-            let rest = -moving - along.share_of(weight, moment);
-            JointMomentum { momentum: along.share_of(linear, angular), rest }
+            JointMomentum {
+                momentum: along.share_of(linear, angular),
+                rest: -moving - along.share_of(gravity.map(|x| x * mass), cross(moment, gravity)),
+                by_base,
+            }
         };
-        self.model.joints.iter().zip(&self.axes).map(terms).collect()
+        let whole = momenta.first().map_or([0.0; 3], |[linear, _]| *linear);
+        (self.model.joints.iter().zip(&self.axes).map(terms).collect(), whole)
     }
 }
 
@@ -371,8 +374,8 @@ mod tests {
         let t = 0.3;
         let (torques, _) = at(start, t).inverse_dynamics();
         let (before, after) =
-            (at(turned(start, t, -h), t - h).momentum(), at(turned(start, t, h), t + h).momentum());
-        let here = at(start, t).momentum();
+            (at(turned(start, t, -h), t - h).momentum().0, at(turned(start, t, h), t + h).momentum().0);
+        let (here, _) = at(start, t).momentum();
         for joint in 0..count {
             let rate = (after[joint].momentum - before[joint].momentum) / (2.0 * h);
             let found = rate + here[joint].rest;
@@ -382,10 +385,11 @@ mod tests {
         let [q, dq, ddq] = joints(t, count);
         let moved =
             BaseMotion { quaternion: start, linear_velocity: add(base(t).linear_velocity, push), ..base(t) };
-        let faster = Motion::new(model, &moved, &q, &dq, &ddq).momentum();
-        for (joint, lever) in at(start, t).base_levers().into_iter().enumerate() {
-            let change = faster[joint].momentum - here[joint].momentum;
-            assert!((change - dot(lever, push)).abs() < 1e-12, "joint {joint}: {change}");
+        let (faster, _) = Motion::new(model, &moved, &q, &dq, &ddq).momentum();
+        for (joint, (here, faster)) in here.iter().zip(&faster).enumerate() {
+            let boosted = here.boosted(push);
+            let apart = (boosted.momentum - faster.momentum).abs().max((boosted.rest - faster.rest).abs());
+            assert!(apart < 1e-12, "joint {joint}: {boosted:?}, not {faster:?}");
         }
     }
 
@@ -410,7 +414,7 @@ mod tests {
             (mass * r * r + 0.21) * faster + 2.0 * mass * r * speed * turning + mass * g * r * angle.sin();
         assert!((torques[1] - at_slide).abs() < 1e-12, "{}, not {at_slide}", torques[1]);
         assert!((torques[0] - at_hinge).abs() < 1e-12, "{}, not {at_hinge}", torques[0]);
-        let momentum = motion.momentum();
+        let (momentum, _) = motion.momentum();
         assert!((momentum[1].momentum - mass * speed).abs() < 1e-12);
         let rest = -mass * (r * turning * turning + g * angle.cos());
         assert!((momentum[1].rest - rest).abs() < 1e-12);
@@ -435,7 +439,7 @@ mod tests {
         let by_hand = (2.0 * 0.25 + 0.2) * -4.0 + 2.0 * 9.81 * 0.5 * 0.3f64.sin();
         let (torques, _) = motion.inverse_dynamics();
         assert!((torques[0] - by_hand).abs() < 1e-12, "{}, not {by_hand}", torques[0]);
-        let momentum = motion.momentum()[0];
+        let momentum = motion.momentum().0[0];
         assert!((momentum.momentum - 0.7 * 1.7).abs() < 1e-12);
         assert!((momentum.rest - 9.81 * 0.3f64.sin()).abs() < 1e-12);
     }

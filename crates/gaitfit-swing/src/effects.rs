@@ -88,6 +88,7 @@ pub fn effects(
 ) -> Result<Vec<Effect>, SwingError> {
     let groups = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
     let walks = walks(model, logs, settings.threads)?;
+    let settings = &settings.of_walks(&walks);
     let delay = swings.delay.value;
     let mut drag = vec![Drag::default(); model.joints.len()];
     for (name, joints) in &groups {

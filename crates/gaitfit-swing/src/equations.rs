@@ -5,13 +5,11 @@
 //! the momentum and q̇. So nothing is differentiated, and the noise of differences does not pull armature towards 0 (the
 //! weak form: Messenger & Bortz 2021, "Weak SINDy", Multiscale Modeling & Simulation 19(3)).
 
-use crate::dynamics::{BaseMotion, Motion};
 use crate::feet::Ground;
 use crate::report::SwingSettings;
-use crate::torques::{Bump, Drag, Needed, driven, friction_lead};
+use crate::torques::{Bump, driven, friction_lead};
 use crate::walk::Walk;
 use gaitfit_model::Model;
-use std::collections::BTreeMap;
 
 /// Share of a torque limit from which on a motor counts as saturated.
 const SATURATED: f64 = 0.97;
@@ -53,15 +51,33 @@ pub(crate) struct Window {
 impl Window {
     /// The target's part of the torque at a delay, in steps from the shortest one, N·m.
     pub fn driven_at(&self, delay: f64) -> f64 {
-        self.torque(delay) - self.known
+        Delay::new(delay, self.driven.len()).driven(self)
     }
 
     /// The side of the equation that is known at a delay, in steps from the shortest one.
     pub fn torque(&self, delay: f64) -> f64 {
-        let last = self.driven.len() - 1;
-        let low = (delay.floor().max(0.0) as usize).min(last.saturating_sub(1));
-        let high = (low + 1).min(last);
-        self.known + self.driven[low] + (delay - low as f64) * (self.driven[high] - self.driven[low])
+        self.known + self.driven_at(delay)
+    }
+}
+
+/// A delay between two of those that windows know.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Delay {
+    low: usize,
+    fraction: f64,
+}
+
+impl Delay {
+    /// In steps from the shortest one, of so many.
+    pub fn new(steps: f64, delays: usize) -> Self {
+        let low = (steps.max(0.0) as usize).min(delays.saturating_sub(2));
+        Self { low, fraction: steps - low as f64 }
+    }
+
+    /// The target's part of a window's torque, N·m.
+    pub fn driven(&self, window: &Window) -> f64 {
+        let [low, high] = [self.low, self.low + 1].map(|place| window.driven[place]);
+        low + self.fraction * (high - low)
     }
 }
 
@@ -76,14 +92,13 @@ pub(crate) fn windows(
     log: usize,
 ) -> Vec<Window> {
     let (points, joints) = (walk.points(), walk.joints);
-    let needed = Needed::new(model, walk, &ground.velocity, &vec![Drag::default(); joints]);
+    let needed = &ground.needed;
     let bump = Bump::new(length, walk.step);
     let hop = (settings.hop_s / walk.step).round().max(1.0) as usize;
     let reach = bump.half + (settings.margin_s / walk.step).round() as usize;
     let skip = (settings.skip_s / walk.step).round() as usize;
     let min = settings.clearances_m.first().copied().unwrap_or_default();
     let delays: Vec<f64> = settings.delays().collect();
-    let mut levers = Levers { model, walk, known: BTreeMap::new() };
     let mut found = Vec::new();
     for joint in (0..joints).filter(|&joint| walk.gains[joint].iter().all(|gain| gain.is_finite())) {
         let [kp, kd] = walk.gains[joint];
@@ -126,7 +141,7 @@ pub(crate) fn windows(
                     stiffness: kp,
                     angle: 0.0,
                     motor: 0.0,
-                    lever: levers.at(centre)[joint],
+                    lever: walk.poses.momenta[index(centre)].by_base[0],
                     known: 0.0,
                     driven: Vec::new(),
                 };
@@ -160,21 +175,4 @@ pub(crate) fn windows(
         }
     }
     found
-}
-
-/// Levers of all joints, computed where they are asked for.
-struct Levers<'a> {
-    model: &'a Model,
-    walk: &'a Walk,
-    known: BTreeMap<usize, Vec<[f64; 3]>>,
-}
-
-impl Levers<'_> {
-    fn at(&mut self, point: usize) -> &[[f64; 3]] {
-        self.known.entry(point).or_insert_with(|| {
-            let base = BaseMotion::at_rest(self.walk.quaternion[point]);
-            let zeros = vec![0.0; self.walk.joints];
-            Motion::new(self.model, &base, self.walk.q_at(point), &zeros, &zeros).base_levers()
-        })
-    }
 }

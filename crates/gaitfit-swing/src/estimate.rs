@@ -4,15 +4,12 @@ use crate::SwingError;
 use crate::count::{Count, Progress};
 use crate::equations::{Window, windows};
 use crate::feet::Ground;
-use crate::lowest::lowest;
-use crate::regression::{Group, Named, SHARED, groups, solve};
+use crate::fit::Fit;
 use crate::report::{FrictionLaw, GroupEstimate, SwingReport, SwingSettings, usual_groups};
-use crate::together::{Together, together};
 use crate::torques::Drag;
 use crate::walk::Walk;
 use gaitfit_log::{Estimate, Trajectory};
 use gaitfit_model::Model;
-use nalgebra::DVector;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
@@ -33,10 +30,6 @@ const KNOWN: f64 = 0.02;
 /// Readings are from times that are known to this, s: a feedback that is late by it damps less by kp times it. Delays of
 /// robots in MuJoCo came out up to 0.5 ms off.
 const CLOCK_S: f64 = 4e-4;
-/// Logs from which errors are also judged by how logs differ.
-const LOGS: usize = 8;
-/// Samples nearer than this are not independent, s.
-const BLOCK_S: f64 = 0.5;
 
 /// Estimates from the logs of one robot. Give them as they were recorded: rates above the policy's help. Nothing that a
 /// robot does not measure itself is used; position and velocity of the base in a log are not looked at.
@@ -64,6 +57,7 @@ pub fn estimate_counted(
 ) -> Result<SwingReport, SwingError> {
     let mut count = Count::new(regressions(settings), progress);
     let walks = walks(model, logs, settings.threads)?;
+    let settings = &settings.of_walks(&walks);
     let mut grounds: Vec<Ground> = Vec::new();
     let mut drag = vec![Drag::default(); model.joints.len()];
     let mut delay = FIRST_DELAY_S;
@@ -105,7 +99,7 @@ fn regressions(settings: &SwingSettings) -> usize {
     let laws = if settings.law.is_none() { FrictionLaw::ALL.len() } else { 1 };
     let lengths = if settings.others { LENGTHS.len() } else { 0 };
     // The last pass compares its best choice with two neighbouring clearances, other lengths and the other law.
-    PASSES * clearances.div_ceil(CLEARANCE_STRIDE) + laws * clearances + 2 + lengths + (laws - 1)
+    PASSES * clearances.div_ceil(CLEARANCE_STRIDE) + clearances + 2 + lengths + (laws - 1)
 }
 
 /// The logs as walks.
@@ -141,23 +135,13 @@ impl Choice {
             None => 1..2,
         };
         let every = if all { 1 } else { CLEARANCE_STRIDE };
-        let tried: Vec<(usize, usize)> = (0..settings.clearances_m.len())
-            .step_by(every)
-            .flat_map(|clearance| laws.clone().map(move |law| (clearance, law)))
-            .collect();
+        let tried: Vec<usize> = (0..settings.clearances_m.len()).step_by(every).collect();
         let fits = count.map(tried.len(), settings.threads, |number| {
-            let (clearance, law) = tried[number];
-            Fit::new(windows, &groups, settings, clearance, law, around)
+            let clearance = tried[number];
+            let (law, fit) = Fit::best(windows, &groups, settings, clearance, laws.clone(), around)?;
+            Some(Self { clearance, law, fit })
         });
-        let mut choices: Vec<Self> = Vec::new();
-        for (&(clearance, law), fit) in tried.iter().zip(fits) {
-            let Some(fit) = fit else { continue };
-            match choices.last_mut().filter(|last| last.clearance == clearance) {
-                Some(last) if fit.cost.total_cmp(&last.fit.cost).is_lt() => (last.law, last.fit) = (law, fit),
-                Some(_) => {}
-                None => choices.push(Self { clearance, law, fit }),
-            }
-        }
+        let mut choices: Vec<Self> = fits.into_iter().flatten().collect();
         // Low feet may touch: from high feet, of which there must be enough, to lower ones as long as they agree.
         let logs = choices.iter().map(|choice| choice.fit.logs).max()?;
         let seen = choices.iter().map(|choice| choice.fit.names.len()).max()?;
@@ -196,10 +180,10 @@ impl Choice {
         }
         let fits = count.map(choices.len(), settings.threads, |number| {
             let (windows, clearance, law) = choices[number];
-            Fit::new(windows, groups, settings, clearance, law, around)
+            Fit::best(windows, groups, settings, clearance, law..law + 1, around)
         });
-        let others: Vec<Fit> =
-            std::iter::once(self.fit.unbounded()).chain(fits.into_iter().flatten()).collect();
+        let fits = fits.into_iter().flatten().map(|(_, fit)| fit);
+        let others: Vec<Fit> = std::iter::once(self.fit.unbounded()).chain(fits).collect();
         let mut estimates = self.fit.estimates(model);
         let mut delay = self.fit.delay_estimate(settings);
         let others: Vec<(Vec<GroupEstimate>, Estimate)> = others
@@ -251,174 +235,6 @@ impl Choice {
                 .filter(|name| !seen.contains(name.as_str()))
                 .collect(),
         }
-    }
-}
-
-/// A solution of all groups, and its variances.
-#[derive(Clone)]
-struct Fit {
-    names: Vec<Named>,
-    /// All unknowns, the delay in steps last; and without the bounds at 0.
-    values: DVector<f64>,
-    free: DVector<f64>,
-    /// How all unknowns change with the motors' strength.
-    by_strength: DVector<f64>,
-    /// How they change with friction under load of each group.
-    by_load: Vec<DVector<f64>>,
-    strength: [f64; 2],
-    scales: Vec<f64>,
-    /// Largest position gain of each group, N·m/rad.
-    stiffest: Vec<f64>,
-    /// Swings and windows of each group.
-    counts: Vec<[usize; 2]>,
-    /// First unknown of each group in the covariance.
-    first: Vec<usize>,
-    /// Variances of all unknowns.
-    variances: Vec<f64>,
-    /// Logarithm of what is left unexplained.
-    cost: f64,
-    logs: usize,
-    /// Variances without the bounds at 0.
-    loose: Vec<f64>,
-}
-
-impl Fit {
-    fn new(
-        windows: &[Window],
-        named: &[Named],
-        settings: &SwingSettings,
-        clearance: usize,
-        law: usize,
-        around: Option<f64>,
-    ) -> Option<Self> {
-        let (names, groups) = groups(windows, named, settings.clearances_m[clearance], law);
-        let cost = |delay: f64| -> f64 {
-            let log_likelihood =
-                |group: &Group<'_>| Some(group.windows.len() as f64 * solve(group, delay)?.scale.ln());
-            groups.iter().map(log_likelihood).sum::<Option<f64>>().unwrap_or(f64::INFINITY)
-        };
-        let last = settings.delays().count() as f64 - 1.0;
-        let near = match around {
-            Some(delay) => ((delay - settings.delay_range_s[0]) / settings.delay_step_s).clamp(0.0, last),
-            None => {
-                (0..=last as usize)
-                    .step_by(2)
-                    .map(|step| (step as f64, cost(step as f64)))
-                    .min_by(|a, b| a.1.total_cmp(&b.1))?
-                    .0
-            }
-        };
-        let delay = lowest(&cost, near, last);
-        let solutions = groups.iter().map(|group| solve(group, delay)).collect::<Option<Vec<_>>>()?;
-        if groups.is_empty() {
-            return None;
-        }
-        let block = |window: &Window| ((window.log as u64) << 32) + (window.at / BLOCK_S) as u64;
-        let logs: BTreeSet<usize> =
-            groups.iter().flat_map(|group| group.windows.iter().map(|window| window.log)).collect();
-        let log = |window: &Window| window.log as u64;
-        let kinds: &[&dyn Fn(&Window) -> u64] = if logs.len() >= LOGS { &[&block, &log] } else { &[&block] };
-        let free = together(&groups, &solutions, delay, kinds, &[])?;
-        let mut first = vec![0];
-        for group in &groups {
-            first.push(first[first.len() - 1] + group.columns());
-        }
-        // No joint has less than no friction, damping or armature, and knowing that tells a delay from damping.
-        let negative: Vec<usize> = first[..groups.len()]
-            .iter()
-            .flat_map(|first| *first..first + SHARED)
-            .filter(|&place| settings.bounded && free.values[place] < 0.0)
-            .collect();
-        let held =
-            if negative.is_empty() { None } else { together(&groups, &solutions, delay, kinds, &negative) };
-        let larger = |of: &Together, place: usize| {
-            of.covariances
-                .iter()
-                .flatten()
-                .map(|covariance| covariance[(place, place)])
-                .fold(f64::NAN, f64::max)
-        };
-        let loose: Vec<f64> = (0..free.values.len()).map(|place| larger(&free, place)).collect();
-        let variance = |place: usize| {
-            let bounded = if negative.contains(&place) { &free } else { held.as_ref().unwrap_or(&free) };
-            larger(bounded, place)
-        };
-        let variances: Vec<f64> = (0..free.values.len()).map(variance).collect();
-        if !variances.iter().all(|variance| *variance > 0.0) {
-            return None;
-        }
-        let count = |group: &Group<'_>| {
-            let swings: BTreeSet<_> =
-                group.windows.iter().map(|window| (window.log, window.joint, window.swing)).collect();
-            [swings.len(), group.windows.len()]
-        };
-        let stiffest =
-            |group: &Group<'_>| group.windows.iter().map(|window| window.stiffness).fold(0.0, f64::max);
-        Some(Self {
-            counts: groups.iter().map(count).collect(),
-            stiffest: groups.iter().map(stiffest).collect(),
-            cost: cost(delay) / groups.iter().map(|group| group.windows.len() as f64).sum::<f64>(),
-            logs: logs.len(),
-            loose,
-            names,
-            first,
-            variances,
-            scales: held.as_ref().unwrap_or(&free).scales.clone(),
-            by_strength: held.as_ref().unwrap_or(&free).by_strength.clone(),
-            by_load: held.as_ref().unwrap_or(&free).by_load.clone(),
-            strength: held.as_ref().unwrap_or(&free).strength,
-            values: held.map_or_else(|| free.values.clone(), |held| held.values),
-            free: free.values,
-        })
-    }
-
-    /// Whether the numbers are those of a fit with fewer of the same swings, within what the others bring (Hausman 1978,
-    /// "Specification tests in econometrics": the variance of the difference is the difference of variances).
-    fn agrees(&self, fewer: &Self) -> bool {
-        let shared = self.names.len();
-        (0..shared).flat_map(|group| (0..SHARED).map(move |k| (group, k))).all(|(group, k)| {
-            let (mine, theirs) = (self.first[group] + k, fewer.first[group] + k);
-            let spread = (fewer.loose[theirs] - self.loose[mine]).max(0.25 * fewer.loose[theirs]);
-            (self.free[mine] - fewer.free[theirs]).abs() < 2.0 * spread.sqrt()
-        })
-    }
-
-    /// The same without the bounds at 0.
-    fn unbounded(&self) -> Self {
-        Self { values: self.free.clone(), ..self.clone() }
-    }
-
-    fn delay(&self, settings: &SwingSettings) -> f64 {
-        settings.delay_range_s[0] + self.values[self.values.len() - 1] * settings.delay_step_s
-    }
-
-    fn delay_estimate(&self, settings: &SwingSettings) -> Estimate {
-        let variance = self.variances.last().copied().unwrap_or(f64::INFINITY);
-        Estimate { value: self.delay(settings), error: variance.sqrt() * settings.delay_step_s }
-    }
-
-    fn estimates(&self, model: &Model) -> Vec<GroupEstimate> {
-        (0..self.names.len())
-            .map(|place| {
-                let (name, joints) = &self.names[place];
-                let number = |unknown: usize| Estimate {
-                    value: self.values[self.first[place] + unknown],
-                    error: self.variances[self.first[place] + unknown].sqrt(),
-                };
-                GroupEstimate {
-                    group: name.clone(),
-                    joints: joints.iter().map(|&joint| model.joints[joint].name.clone()).collect(),
-                    friction: number(0),
-                    damping: number(1),
-                    armature: number(2),
-                    by_strength: std::array::from_fn(|unknown| self.by_strength[self.first[place] + unknown]),
-                    by_load: std::array::from_fn(|unknown| self.by_load[place][self.first[place] + unknown]),
-                    swings: self.counts[place][0],
-                    windows: self.counts[place][1],
-                    residual: self.scales[place],
-                }
-            })
-            .collect()
     }
 }
 

@@ -1,6 +1,6 @@
 //! Which limbs bear weight, which are in the air, and how fast the base moves over the feet that stand.
 
-use crate::dynamics::{BaseMotion, Motion};
+use crate::poses::{End, Tip};
 use crate::torques::{Bump, Drag, Needed};
 use crate::walk::Walk;
 use gaitfit_model::rotation::Vec3;
@@ -36,15 +36,15 @@ pub struct Ground {
     pub stands: Vec<f64>,
     /// Velocity of the base's origin, m/s, world axes; not finite where no foot stands.
     pub velocity: Vec<Vec3>,
-    /// Feet, one entry a grid point and end of a limb.
+    /// Feet, one entry a grid point and end of a limb, in the order of the walk's poses.
     pub feet: Vec<Vec<Foot>>,
+    /// What joints without drag need for that velocity.
+    pub(crate) needed: Needed,
 }
 
 /// The end of a limb at one moment.
 #[derive(Clone, Copy, Debug)]
 pub struct Foot {
-    /// Its body.
-    pub body: usize,
     /// Its lowest point, m, world axes, from the base's origin.
     pub point: Vec3,
     /// Velocity of the base's origin with which that point stands, m/s, world axes.
@@ -57,108 +57,52 @@ pub struct Foot {
     pub stands: f64,
 }
 
-/// Bodies at the end of limbs that may touch the ground, with their geoms.
-fn ends(model: &Model) -> Vec<(usize, Vec<usize>)> {
-    let mut geoms: Vec<Vec<usize>> = vec![Vec::new(); model.bodies.len()];
-    for pair in &model.pairs {
-        let list = &mut geoms[model.geoms[pair.geom].body];
-        if !list.contains(&pair.geom) {
-            list.push(pair.geom);
-        }
-    }
-    let mut touches: Vec<bool> = geoms.iter().map(|geoms| !geoms.is_empty()).collect();
-    for body in (1..touches.len()).rev() {
-        if let Some(parent) = model.bodies[body].parent {
-            touches[parent] |= touches[body];
-        }
-    }
-    let last = |body: usize| {
-        !(0..model.bodies.len()).any(|child| model.bodies[child].parent == Some(body) && touches[child])
-    };
-    (1..model.bodies.len())
-        .filter(|&body| !geoms[body].is_empty() && last(body))
-        .map(|body| (body, geoms[body].clone()))
-        .collect()
-}
-
-/// Whether `body` is `ancestor` or hangs on it.
-pub(crate) fn is_below(model: &Model, mut body: usize, ancestor: usize) -> bool {
-    loop {
-        if body == ancestor {
-            return true;
-        }
-        match model.bodies[body].parent {
-            Some(parent) => body = parent,
-            None => return false,
-        }
-    }
-}
-
 impl Ground {
     /// Of a walk whose targets act after `delay` s. The base of a clamped robot rests and its limbs touch nothing.
     pub fn new(model: &Model, walk: &Walk, delay: f64, drag: &[Drag], before: Option<&Self>) -> Self {
-        let points = walk.points();
+        let (points, joints) = (walk.points(), walk.joints);
+        let poses = &walk.poses;
+        // How the base moves matters less for a leg that stands than for one that swings: a first pass does without.
+        let at_rest = || Needed::new(model, walk, &vec![[0.0; 3]; points]);
         if model.root == Root::Fixed {
             return Self {
-                clearance: vec![f64::INFINITY; points * walk.joints],
-                stands: vec![0.0; points * walk.joints],
+                clearance: vec![f64::INFINITY; points * joints],
+                stands: vec![0.0; points * joints],
                 velocity: vec![[0.0; 3]; points],
                 feet: vec![Vec::new(); points],
+                needed: before.map_or_else(at_rest, |before| before.needed.clone()),
             };
         }
-        let ends = ends(model);
-        let moves = |joint: usize, end: usize| is_below(model, ends[end].0, model.joints[joint].body);
-        // Joints that move each end; ends that each joint moves.
-        let chain: Vec<Vec<usize>> = (0..ends.len())
-            .map(|end| (0..walk.joints).filter(|&joint| moves(joint, end)).collect())
+        let ends = &poses.ends;
+        // Ends that each joint moves.
+        let moved: Vec<Vec<usize>> = (0..joints)
+            .map(|joint| (0..ends.len()).filter(|&end| ends[end].chain.contains(&joint)).collect())
             .collect();
-        let moved: Vec<Vec<usize>> = (0..walk.joints)
-            .map(|joint| (0..ends.len()).filter(|&end| moves(joint, end)).collect())
-            .collect();
-        // How the base moves matters less for a leg that stands than for one that swings: a first pass does without.
-        let rest = vec![[0.0; 3]; points];
-        let needed = Needed::new(model, walk, before.map_or(&rest, |before| &before.velocity), drag);
+        let needed = before.map_or_else(at_rest, |before| before.needed.clone()).with_drag(model, walk, drag);
         let bump = Bump::new(FORCE_S, walk.step);
         let mass = model.bodies.iter().map(|body| body.mass).sum::<f64>();
         let weight = mass * GRAVITY;
-        let mut relative = Vec::with_capacity(points);
-        let zeros = vec![0.0; walk.joints];
-        let mut clearance = vec![f64::INFINITY; points * walk.joints];
+        let mut clearance = vec![f64::INFINITY; points * joints];
         let mut feet: Vec<Vec<Foot>> = Vec::with_capacity(points);
         for point in 0..points {
-            let base = BaseMotion {
-                angular_velocity: walk.rates[point],
-                ..BaseMotion::at_rest(walk.quaternion[point])
+            let foot = |(end, tip): (&End, &Tip)| {
+                let left = |(&joint, &lever): (&usize, &Vec3)| {
+                    let known = walk.gains[joint][0].is_finite();
+                    known.then(|| (lever, needed.left(walk, &bump, joint, point, delay)))
+                };
+                let force = force(end.chain.iter().zip(poses.levers(point, end)).filter_map(left));
+                Foot {
+                    point: tip.point,
+                    velocity: tip.velocity.map(|x| -x),
+                    force: force.map(|f| f / mass),
+                    load: force[2] / weight,
+                    stands: 0.0,
+                }
             };
-            let motion = Motion::new(model, &base, walk.q_at(point), walk.dq_at(point), &zeros);
-            relative.push(motion.total_momentum().map(|p| p / mass));
-            let mut here: Vec<Foot> = ends
-                .iter()
-                .zip(&chain)
-                .map(|((body, geoms), chain)| {
-                    let lowest = geoms
-                        .iter()
-                        .map(|&geom| motion.lowest_point(&model.geoms[geom]))
-                        .min_by(|a, b| a[2].total_cmp(&b[2]))
-                        .unwrap_or_default();
-                    let left = |joint: &usize| {
-                        (motion.lever(*joint, lowest), needed.left(walk, &bump, *joint, point, delay))
-                    };
-                    let force =
-                        force(chain.iter().filter(|&&joint| walk.gains[joint][0].is_finite()).map(left));
-                    Foot {
-                        body: *body,
-                        point: lowest,
-                        velocity: motion.link(*body).velocity_at(lowest).map(|x| -x),
-                        force: force.map(|f| f / mass),
-                        load: force[2] / weight,
-                        stands: 0.0,
-                    }
-                })
-                .collect();
+            let mut here: Vec<Foot> = ends.iter().zip(poses.tips_at(point)).map(foot).collect();
             let ground = here.iter().map(|foot| foot.point[2]).fold(f64::INFINITY, f64::min);
             for (joint, moved) in moved.iter().enumerate() {
-                let place = point * walk.joints + joint;
+                let place = point * joints + joint;
                 for &end in moved {
                     clearance[place] = clearance[place].min(here[end].point[2] - ground);
                 }
@@ -166,8 +110,9 @@ impl Ground {
             here.iter_mut().for_each(|foot| foot.stands = bears(foot.load) * low(foot.point[2] - ground));
             feet.push(here);
         }
-        let mut velocity = base_velocity(walk, &feet, &relative);
-        let mut stands = vec![0.0; points * walk.joints];
+        let relative = &poses.relative;
+        let mut velocity = base_velocity(walk, &feet, relative);
+        let mut stands = vec![0.0; points * joints];
         // A foot that swings fast may push as one that stands does, but it does not move as the others do. Bounds that
         // narrow step by step do not depend on the foot that is looked at first.
         for alike in ALIKE {
@@ -179,15 +124,16 @@ impl Ground {
                         * near(velocity[point], foot.velocity, alike);
                 }
             }
-            velocity = base_velocity(walk, &feet, &relative);
+            velocity = base_velocity(walk, &feet, relative);
         }
         for (point, feet) in feet.iter().enumerate() {
             for (joint, moved) in moved.iter().enumerate() {
                 let max = moved.iter().map(|&end| feet[end].stands).fold(0.0, f64::max);
-                stands[point * walk.joints + joint] = max;
+                stands[point * joints + joint] = max;
             }
         }
-        Self { clearance, stands, velocity, feet }
+        let needed = Needed::new(model, walk, &velocity);
+        Self { clearance, stands, velocity, feet, needed }
     }
 }
 

@@ -1,10 +1,14 @@
 //! What is asked and what swings answer.
 
 use crate::torques::Drag;
+use crate::walk::Walk;
 use gaitfit_log::Estimate;
 use gaitfit_model::Model;
 use gaitfit_model::patterns::plain;
 use serde::{Deserialize, Serialize};
+
+/// Walks that last longer than this together are long, s.
+const LONG_S: f64 = 120.0;
 
 /// How legs in the air are looked for and averaged. The defaults suit walking robots of 5 to 60 kg.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -20,7 +24,7 @@ pub struct SwingSettings {
     pub margin_s: f64,
     /// Length of a window over which the equation of motion is averaged, s.
     pub window_s: f64,
-    /// Time between windows, s.
+    /// Time between windows, s; twice as much for walks that last more than two minutes together.
     pub hop_s: f64,
     /// Beginning of each log that does not count, s.
     pub skip_s: f64,
@@ -60,6 +64,13 @@ impl Default for SwingSettings {
 }
 
 impl SwingSettings {
+    /// For these walks. Neighbouring windows share most of their time, so walks that last long get half as many.
+    pub(crate) fn of_walks(&self, walks: &[Walk]) -> Self {
+        let seconds: f64 = walks.iter().map(|walk| walk.points() as f64 * walk.step).sum();
+        let hop_s = if seconds > LONG_S { 2.0 * self.hop_s } else { self.hop_s };
+        Self { hop_s, ..self.clone() }
+    }
+
     /// The delays that are tried, s.
     pub(crate) fn delays(&self) -> impl Iterator<Item = f64> + '_ {
         let [low, high] = self.delay_range_s;

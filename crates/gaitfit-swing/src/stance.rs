@@ -4,11 +4,11 @@
 //! each is. What they disagree by goes with the torques of the joints (a joint that twists or has play), or stays (ground
 //! that gives way, steps). A tilted inertial unit or a sloping floor are taken out first.
 
-use crate::dynamics::{BaseMotion, Motion};
 use crate::effects::{Base, Effect, EffectKind, block};
-use crate::feet::{Foot, Ground, is_below};
+use crate::feet::{Foot, Ground};
+use crate::poses::End;
 use crate::standing::MIN_FEET;
-use crate::torques::{Bump, Drag, Needed};
+use crate::torques::{Bump, Drag};
 use crate::walk::Walk;
 use gaitfit_log::Estimate;
 use gaitfit_model::rotation::{cross, rotate_back, sub, up};
@@ -89,38 +89,36 @@ impl Look<'_> {
     fn pairs(&self, walk: &Walk, ground: &Ground, log: usize) -> Vec<Pair> {
         let Self { model, groups, delay, drag, every } = *self;
         let mut pairs = Vec::new();
-        let needed = Needed::new(model, walk, &ground.velocity, drag);
+        let needed = ground.needed.with_drag(model, walk, drag);
         let bump = Bump::new(TORQUE_S, walk.step);
-        let zeros = vec![0.0; walk.joints];
         for point in (0..walk.points()).step_by(every).filter(|&point| walk.valid[point]) {
-            let feet: Vec<_> = ground.feet[point]
+            let feet: Vec<(&Foot, &End)> = ground.feet[point]
                 .iter()
-                .filter(|foot| foot.stands > STANDS && foot.load.is_finite())
+                .zip(&walk.poses.ends)
+                .filter(|(foot, _)| foot.stands > STANDS && foot.load.is_finite())
                 .collect();
             if feet.len() < 2 {
                 continue;
             }
             let turn = walk.quaternion[point];
-            let base = BaseMotion { angular_velocity: walk.rates[point], ..BaseMotion::at_rest(turn) };
-            let motion = Motion::new(model, &base, walk.q_at(point), walk.dq_at(point), &zeros);
             let torque: Vec<f64> = (0..walk.joints)
                 .map(|joint| needed.left(walk, &bump, joint, point, delay))
                 .map(|torque| if torque.is_finite() { torque } else { 0.0 })
                 .collect();
             // How far an effect lowers a foot.
-            let lowered = |foot: &Foot, joints: &[usize], by: &dyn Fn(f64) -> f64| -> f64 {
-                joints
-                    .iter()
-                    .filter(|&&joint| is_below(model, foot.body, model.joints[joint].body))
-                    .map(|&joint| motion.lever(joint, foot.point)[2] * by(torque[joint]))
+            let lowered = |end: &End, joints: &[usize], by: &dyn Fn(f64) -> f64| -> f64 {
+                let levers = end.chain.iter().zip(walk.poses.levers(point, end));
+                levers
+                    .filter(|(joint, _)| joints.contains(joint))
+                    .map(|(&joint, lever)| lever[2] * by(torque[joint]))
                     .sum()
             };
-            for (k, one) in feet.iter().enumerate() {
-                for other in &feet[k + 1..] {
+            for (k, (one, its)) in feet.iter().enumerate() {
+                for (other, others) in &feet[k + 1..] {
                     let between = sub(one.point, other.point);
                     let lever = cross(rotate_back(turn, between), up(turn));
                     let apart = |joints: &[usize], by: &dyn Fn(f64) -> f64| {
-                        lowered(one, joints, by) - lowered(other, joints, by)
+                        lowered(its, joints, by) - lowered(others, joints, by)
                     };
                     pairs.push(Pair {
                         block: block(log, point as f64 * walk.step),

@@ -6,8 +6,9 @@
 //! "Random-effects models for longitudinal data", Biometrics 38).
 
 use crate::equations::Window;
-use crate::regression::{Factors, Group, HUBER, SHARED, Solution};
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use crate::moment::{Lag, Moment, Row};
+use crate::regression::{Group, HUBER, Solution};
+use nalgebra::{DMatrix, DVector, Vector3};
 use std::collections::BTreeMap;
 
 /// Rounds of expectation and maximisation.
@@ -33,74 +34,13 @@ pub(crate) struct Together {
     pub covariances: Vec<Option<DMatrix<f64>>>,
 }
 
-/// One window among all groups.
-struct Row<'a> {
-    window: &'a Window,
-    group: usize,
-    /// Factors of the group's unknowns, by their places among all.
-    factors: Factors,
-    weight: f64,
-    /// Size of what is left beside the base's acceleration, N·m.
-    left: f64,
-}
-
-impl Row<'_> {
-    /// The motor's torque, N·m.
-    fn motor(&self, values: &DVector<f64>) -> f64 {
-        self.window.motor + self.driven(values)
-    }
-
-    /// The part of the motor's torque that follows the targets, N·m.
-    fn driven(&self, values: &DVector<f64>) -> f64 {
-        self.window.driven_at(values[values.len() - 1])
-    }
-
-    /// Residual and the factors of the unknowns, at these values.
-    fn at(&self, values: &DVector<f64>) -> (f64, Unknowns) {
-        let last = values.len() - 1;
-        let delay = values[last];
-        let mut residual = self.window.torque(delay);
-        for &(place, factor) in &self.factors {
-            residual -= factor * values[place];
-        }
-        let slope = -0.5 * (self.window.torque(delay + 1.0) - self.window.torque(delay - 1.0));
-        let [friction, damping, armature, offset] = self.factors;
-        (residual, Unknowns([friction, damping, armature, offset, (last, slope)]))
-    }
-}
-
-/// The unknowns of a row and their factors: those of its group, then the delay.
-struct Unknowns([(usize, f64); SHARED + 2]);
-
-impl Unknowns {
-    /// Adds the factors, `times` each, to the numbers of all unknowns.
-    fn add(&self, times: f64, sum: &mut DVector<f64>) {
-        for &(place, factor) in &self.0 {
-            sum[place] += times * factor;
-        }
-    }
-
-    /// Adds the factors' products, `times` each, to those of all unknowns: below the diagonal and on it.
-    fn add_square(&self, times: f64, sum: &mut DMatrix<f64>) {
-        for &(column, b) in &self.0 {
-            for &(row, a) in &self.0 {
-                if row >= column {
-                    sum[(row, column)] += times * b * a;
-                }
-            }
-        }
-    }
-
-    fn dot(&self, values: &DVector<f64>) -> f64 {
-        self.0.iter().map(|&(place, factor)| factor * values[place]).sum()
-    }
-}
-
 /// All groups' equations, and what is known of their unknowns so far.
 struct Equations<'a> {
     groups: &'a [Group<'a>],
-    /// The rows of each log and time.
-    moments: BTreeMap<(usize, u64), Vec<Row<'a>>>,
+    /// The rows of each log and time, in this order.
+    moments: Vec<Vec<Row<'a>>>,
+    /// Number of delays that windows know.
+    delays: usize,
     /// All unknowns, the delay last.
     values: DVector<f64>,
     /// Unknowns that are 0.
@@ -145,7 +85,40 @@ impl<'a> Equations<'a> {
         }
         held.iter().for_each(|&place| values[place] = 0.0);
         let variances = solutions.iter().map(|solution| solution.scale.powi(2)).collect();
-        Self { groups, moments, values, held, variances, shaking: Vector3::repeat(FIRST * FIRST) }
+        let moments: Vec<Vec<Row<'_>>> = moments.into_values().collect();
+        let delays = moments.first().and_then(|rows| rows.first()).map_or(0, |row| row.window.driven.len());
+        let shaking = Vector3::repeat(FIRST * FIRST);
+        Self { groups, moments, delays, values, held, variances, shaking }
+    }
+
+    /// Solves all groups, and gives covariances by `clusters`.
+    fn solve(mut self, clusters: &[&dyn Fn(&Window) -> u64]) -> Option<Together> {
+        for _ in 0..ROUNDS {
+            let sums = self.sums()?;
+            self.improve(sums)?;
+        }
+        let bread = self.sums()?.normal.try_inverse()?;
+        let seen = self.seen()?;
+        let lag = Lag::of(&self.values, self.delays);
+        let groups = self.groups;
+        let mut explained = self.explained(&seen, &bread, 2 + groups.len(), &|row, part| match part {
+            0 => row.motor(&lag),
+            1 => row.driven(&lag),
+            load if row.group == load - 2 => row.window.signs[groups[row.group].law] * row.motor(&lag).abs(),
+            _ => 0.0,
+        });
+        let by_load = explained.split_off(2);
+        let [by_strength, by_target] = <[_; 2]>::try_from(explained).ok()?;
+        let strength = self.strength(&seen, clusters[clusters.len() - 1], &by_strength, &by_target);
+        Some(Together {
+            covariances: clusters.iter().map(|cluster| self.covariance(&seen, &bread, cluster)).collect(),
+            by_strength,
+            by_load,
+            strength,
+            scales: self.variances.iter().map(|variance| variance.sqrt()).collect(),
+            values: self.values,
+        })
+        .filter(|found| found.values.iter().all(|value| value.is_finite()))
     }
 
     /// One pass over all rows at the present values, which keeps what is left of each row in it.
@@ -156,34 +129,36 @@ impl<'a> Equations<'a> {
         let mut squares = vec![[0.0; 2]; self.groups.len()];
         let mut shakes = Vector3::zeros();
         let mut sizes: Vec<Vec<f64>> = vec![Vec::new(); self.groups.len()];
-        for rows in self.moments.values_mut() {
-            let seen: Vec<(f64, Unknowns)> = rows.iter().map(|row| row.at(&self.values)).collect();
-            let known = (self.variances.as_slice(), &self.shaking);
-            let Common { answer, spread } = Common::new(rows, &seen, known, columns)?;
-            let mean = spread * answer.1;
+        let lag = Lag::of(&self.values, self.delays);
+        let mut seen = Moment::empty(columns);
+        for rows in &mut self.moments {
+            seen.fill(rows, &self.values, &lag, &self.variances, &self.shaking)?;
+            let pull = seen.pull(&|row| seen.residuals[row]);
+            let mean = seen.spread * pull;
             // (Xᵀ D⁻¹ X − Xᵀ D⁻¹ Λ C Λᵀ D⁻¹ X), and the same with residuals.
-            for (row, (residual, unknowns)) in rows.iter().zip(&seen) {
-                let precision = row.weight / self.variances[row.group];
-                unknowns.add_square(precision, &mut normal);
-                unknowns.add(precision * residual, &mut right);
+            for (row, unknowns) in seen.unknowns.iter().enumerate() {
+                unknowns.add_square(seen.precisions[row], &mut normal);
+                unknowns.add(seen.precisions[row] * seen.residuals[row], &mut right);
             }
-            let projected = &answer.0 * spread;
             // Columns of three slices: this is most of the work.
-            let (across, projected_on) = (answer.0.as_slice(), projected.as_slice());
+            let (across, projected) = (seen.across.as_slice(), seen.projected.as_slice());
             for (column, below) in normal.as_mut_slice().chunks_exact_mut(columns).enumerate() {
                 let [x, y, z] = [0, 1, 2].map(|axis| across[axis * columns + column]);
+                if (x, y, z) == (0.0, 0.0, 0.0) {
+                    continue;
+                }
                 let [along_x, along_y, along_z] =
-                    [0, 1, 2].map(|axis| &projected_on[axis * columns..][..columns]);
+                    [0, 1, 2].map(|axis| &projected[axis * columns..][..columns]);
                 for row in column..columns {
                     below[row] -= along_x[row] * x + along_y[row] * y + along_z[row] * z;
                 }
             }
-            right -= &projected * answer.1;
-            shakes += mean.component_mul(&mean) + spread.diagonal();
-            for (row, (residual, _)) in rows.iter_mut().zip(&seen) {
+            right -= &seen.projected * pull;
+            shakes += mean.component_mul(&mean) + seen.spread.diagonal();
+            for (row, residual) in rows.iter_mut().zip(&seen.residuals) {
                 let lever = Vector3::from(row.window.lever);
                 let left = residual - lever.dot(&mean);
-                let square = left * left + (lever.transpose() * spread * lever)[0];
+                let square = left * left + lever.dot(&(seen.spread * lever));
                 squares[row.group][0] += row.weight * square;
                 squares[row.group][1] += row.weight;
                 sizes[row.group].push(left.abs());
@@ -203,7 +178,7 @@ impl<'a> Equations<'a> {
             1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
         };
         let spreads: Vec<f64> = sums.sizes.iter_mut().map(spread).collect();
-        for row in self.moments.values_mut().flatten() {
+        for row in self.moments.iter_mut().flatten() {
             row.weight = (HUBER * spreads[row.group] / row.left.max(1e-300)).min(1.0);
         }
         self.values += sums.normal.cholesky()?.solve(&sums.right);
@@ -212,35 +187,36 @@ impl<'a> Equations<'a> {
         Some(())
     }
 
-    /// What all rows of a moment say if `part` stands for the residual of each.
-    fn score(
-        &self,
-        rows: &[Row<'_>],
-        part: &dyn Fn(&Row<'_>, f64) -> f64,
-        sum: &mut DVector<f64>,
-    ) -> Option<()> {
-        let one = |row: &Row<'_>| {
-            let (residual, unknowns) = row.at(&self.values);
-            (part(row, residual), unknowns)
+    /// All moments at the present values.
+    fn seen(&self) -> Option<Vec<Moment>> {
+        let lag = Lag::of(&self.values, self.delays);
+        let seen = |rows: &Vec<Row<'_>>| {
+            let mut seen = Moment::empty(self.values.len());
+            seen.fill(rows, &self.values, &lag, &self.variances, &self.shaking)?;
+            Some(seen)
         };
-        let seen: Vec<(f64, Unknowns)> = rows.iter().map(one).collect();
-        let Common { answer, spread } =
-            Common::new(rows, &seen, (self.variances.as_slice(), &self.shaking), self.values.len())?;
-        for (row, (part, unknowns)) in rows.iter().zip(&seen) {
-            unknowns.add(row.weight / self.variances[row.group] * part, sum);
-        }
-        *sum -= &answer.0 * (spread * answer.1);
-        Some(())
+        self.moments.iter().map(seen).collect()
     }
 
-    /// The values that explain only this part of the torque.
-    fn explained(&self, bread: &DMatrix<f64>, part: &dyn Fn(&Row<'_>) -> f64) -> Option<DVector<f64>> {
-        let mut right = DVector::zeros(self.values.len());
-        for rows in self.moments.values() {
-            self.score(rows, &|row, _| part(row), &mut right)?;
+    /// The values that explain only a part of the torque, for each of `count` parts.
+    fn explained(
+        &self,
+        seen: &[Moment],
+        bread: &DMatrix<f64>,
+        count: usize,
+        part: &dyn Fn(&Row<'_>, usize) -> f64,
+    ) -> Vec<DVector<f64>> {
+        let mut rights = vec![DVector::zeros(self.values.len()); count];
+        for (rows, seen) in self.moments.iter().zip(seen) {
+            for (number, right) in rights.iter_mut().enumerate() {
+                seen.score(&|row| part(&rows[row], number), right);
+            }
         }
-        self.held.iter().for_each(|&place| right[place] = 0.0);
-        Some(bread * right)
+        for right in &mut rights {
+            self.held.iter().for_each(|&place| right[place] = 0.0);
+            *right = bread * &*right;
+        }
+        rights
     }
 
     /// The motors' strength with its error: `by_strength` and `by_target` are the values that explain the motors' torque and
@@ -252,37 +228,45 @@ impl<'a> Equations<'a> {
     /// strength.
     fn strength(
         &self,
+        seen: &[Moment],
         cluster: &dyn Fn(&Window) -> u64,
         by_strength: &DVector<f64>,
         by_target: &DVector<f64>,
     ) -> [f64; 2] {
-        let by = |instrument: &dyn Fn(&Row<'_>, &Unknowns) -> f64| {
-            let mut sums: BTreeMap<u64, [f64; 2]> = BTreeMap::new();
-            for rows in self.moments.values() {
-                let sums = sums.entry(cluster(rows[0].window)).or_default();
-                for row in rows {
-                    let (residual, unknowns) = row.at(&self.values);
-                    let weight = row.weight / self.variances[row.group] * instrument(row, &unknowns);
-                    sums[0] -= weight * residual;
-                    sums[1] += weight * (row.motor(&self.values) - unknowns.dot(by_strength));
+        let lag = Lag::of(&self.values, self.delays);
+        // By the motor's torque, and by its part that follows the targets.
+        let mut sums: [BTreeMap<u64, [f64; 2]>; 2] = Default::default();
+        for (rows, seen) in self.moments.iter().zip(seen) {
+            let [low, high] = sums.each_mut().map(|sums| sums.entry(cluster(rows[0].window)).or_default());
+            for (number, row) in rows.iter().enumerate() {
+                let unknowns = &seen.unknowns[number];
+                let unexplained = row.motor(&lag) - unknowns.dot(by_strength);
+                let instruments = [unexplained, row.driven(&lag) - unknowns.dot(by_target)];
+                for (sums, instrument) in [&mut *low, &mut *high].into_iter().zip(instruments) {
+                    let weight = seen.precisions[number] * instrument;
+                    sums[0] -= weight * seen.residuals[number];
+                    sums[1] += weight * unexplained;
                 }
             }
-            ratio(&sums)
-        };
-        let [low, _] = by(&|row, unknowns| row.motor(&self.values) - unknowns.dot(by_strength));
-        let [high, error] = by(&|row, unknowns| row.driven(&self.values) - unknowns.dot(by_target));
+        }
+        let ([low, _], [high, error]) = (ratio(&sums[0]), ratio(&sums[1]));
         let strength = Some([0.5 * (low + high), error.hypot(0.5 * (high - low))]);
         // Logs whose targets stand still do not show the strength.
         strength.filter(|one| one.iter().all(|part| part.is_finite())).unwrap_or([0.0, 1.0])
     }
 
     /// Covariance of the values if rows of one cluster may err together; `None` of few clusters.
-    fn covariance(&self, bread: &DMatrix<f64>, cluster: &dyn Fn(&Window) -> u64) -> Option<DMatrix<f64>> {
+    fn covariance(
+        &self,
+        seen: &[Moment],
+        bread: &DMatrix<f64>,
+        cluster: &dyn Fn(&Window) -> u64,
+    ) -> Option<DMatrix<f64>> {
         let columns = self.values.len();
         let mut scores: BTreeMap<u64, DVector<f64>> = BTreeMap::new();
-        for rows in self.moments.values() {
+        for (rows, seen) in self.moments.iter().zip(seen) {
             let score = scores.entry(cluster(rows[0].window)).or_insert_with(|| DVector::zeros(columns));
-            self.score(rows, &|_, residual| residual, score)?;
+            seen.score(&|row| seen.residuals[row], score);
         }
         let count = scores.len() as f64;
         if count < 4.0 {
@@ -303,32 +287,7 @@ pub(crate) fn together(
     clusters: &[&dyn Fn(&Window) -> u64],
     held: &[usize],
 ) -> Option<Together> {
-    let mut equations = Equations::new(groups, solutions, delay, held);
-    for _ in 0..ROUNDS {
-        let sums = equations.sums()?;
-        equations.improve(sums)?;
-    }
-    let bread = equations.sums()?.normal.try_inverse()?;
-    let values = &equations.values;
-    let by_strength = equations.explained(&bread, &|row| row.motor(values))?;
-    let by_target = equations.explained(&bread, &|row| row.driven(values))?;
-    let load = |group: usize| {
-        equations.explained(&bread, &|row| {
-            let sign = row.window.signs[groups[row.group].law];
-            if row.group == group { sign * row.motor(values).abs() } else { 0.0 }
-        })
-    };
-    let by_load = (0..groups.len()).map(load).collect::<Option<Vec<_>>>()?;
-    let strength = equations.strength(clusters[clusters.len() - 1], &by_strength, &by_target);
-    Some(Together {
-        covariances: clusters.iter().map(|cluster| equations.covariance(&bread, cluster)).collect(),
-        by_strength,
-        by_load,
-        strength,
-        scales: equations.variances.iter().map(|variance| variance.sqrt()).collect(),
-        values: equations.values,
-    })
-    .filter(|found| found.values.iter().all(|value| value.is_finite()))
+    Equations::new(groups, solutions, delay, held).solve(clusters)
 }
 
 /// A ratio of sums by clusters, and its standard error.
@@ -338,36 +297,4 @@ fn ratio(clusters: &BTreeMap<u64, [f64; 2]>) -> [f64; 2] {
     let square: f64 = clusters.values().map(|[above, below]| (above - value * below).powi(2)).sum();
     let count = clusters.len() as f64;
     [value, (square * count / (count - 1.0).max(1.0)).sqrt() / sum(1).abs()]
-}
-
-/// What the equations of one moment say of the base's acceleration.
-struct Common {
-    /// Xᵀ D⁻¹ Λ, and Λᵀ D⁻¹ r.
-    answer: (nalgebra::OMatrix<f64, nalgebra::Dyn, nalgebra::U3>, Vector3<f64>),
-    /// Covariance of the acceleration's error.
-    spread: Matrix3<f64>,
-}
-
-impl Common {
-    fn new(
-        rows: &[Row<'_>],
-        seen: &[(f64, Unknowns)],
-        (variances, shaking): (&[f64], &Vector3<f64>),
-        columns: usize,
-    ) -> Option<Self> {
-        let mut across = nalgebra::OMatrix::<f64, nalgebra::Dyn, nalgebra::U3>::zeros(columns);
-        let mut pull = Vector3::zeros();
-        let mut precision = Matrix3::from_diagonal(&shaking.map(|variance| 1.0 / variance.max(1e-12)));
-        for (row, (residual, unknowns)) in rows.iter().zip(seen) {
-            let lever = Vector3::from(row.window.lever);
-            let weight = row.weight / variances[row.group];
-            for &(place, factor) in &unknowns.0 {
-                let mut place = across.row_mut(place);
-                place += lever.transpose() * (weight * factor);
-            }
-            pull += lever * (weight * residual);
-            precision += lever * lever.transpose() * weight;
-        }
-        Some(Self { answer: (across, pull), spread: precision.try_inverse()? })
-    }
 }

@@ -1,6 +1,6 @@
 //! Torques that motion and gravity need at every grid point, averaged by a bump in time.
 
-use crate::dynamics::{BaseMotion, Motion};
+use crate::dynamics::JointMomentum;
 use crate::walk::Walk;
 use gaitfit_model::rotation::Vec3;
 use gaitfit_model::{Joint, Model};
@@ -94,32 +94,35 @@ pub(crate) struct Needed {
 }
 
 impl Needed {
-    /// For a base that moves at `velocity`, m/s, world axes, and joints with these properties (model order).
-    pub fn new(model: &Model, walk: &Walk, velocity: &[Vec3], drag: &[Drag]) -> Self {
+    /// For a base that moves at `velocity`, m/s, world axes, and joints without drag.
+    pub fn new(model: &Model, walk: &Walk, velocity: &[Vec3]) -> Self {
         let joints = walk.joints;
         let nothing = vec![f64::NAN; walk.points() * joints];
         let mut needed = Self { momentum: nothing.clone(), rest: nothing };
-        let zeros = vec![0.0; joints];
-        let lead: Vec<usize> =
-            model.joints.iter().map(|joint| (friction_lead(joint) / walk.step).round() as usize).collect();
         for point in 0..walk.points() {
             if !walk.valid[point] || !velocity[point].iter().all(|v| v.is_finite()) {
                 continue;
             }
-            let base = BaseMotion {
-                angular_velocity: walk.rates[point],
-                linear_velocity: velocity[point],
-                ..BaseMotion::at_rest(walk.quaternion[point])
-            };
-            let motion = Motion::new(model, &base, walk.q_at(point), walk.dq_at(point), &zeros);
-            for (joint, terms) in motion.momentum().into_iter().enumerate() {
-                let parameters = &model.joints[joint];
-                let spring = parameters.stiffness * (walk.q_at(point)[joint] - parameters.springref);
-                let dq = walk.dq_at(point)[joint];
-                let Drag { friction, damping, armature } = drag[joint];
-                needed.momentum[point * joints + joint] = terms.momentum + armature * dq;
-                needed.rest[point * joints + joint] =
-                    terms.rest + spring + friction * walk.sign(joint, point, lead[joint]) + damping * dq;
+            for (joint, parameters) in model.joints.iter().enumerate() {
+                let place = point * joints + joint;
+                let JointMomentum { momentum, rest, .. } = walk.poses.momenta[place].boosted(velocity[point]);
+                needed.momentum[place] = momentum;
+                needed.rest[place] = rest + parameters.stiffness * (walk.q[place] - parameters.springref);
+            }
+        }
+        needed
+    }
+
+    /// The same for joints with these properties (model order).
+    pub fn with_drag(&self, model: &Model, walk: &Walk, drag: &[Drag]) -> Self {
+        let mut needed = self.clone();
+        for (joint, Drag { friction, damping, armature }) in drag.iter().enumerate() {
+            let lead = (friction_lead(&model.joints[joint]) / walk.step).round() as usize;
+            for point in 0..walk.points() {
+                let place = point * walk.joints + joint;
+                let dq = walk.dq[place];
+                needed.momentum[place] += armature * dq;
+                needed.rest[place] += friction * walk.sign(joint, point, lead) + damping * dq;
             }
         }
         needed

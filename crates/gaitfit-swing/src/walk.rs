@@ -1,6 +1,7 @@
 //! A log as a motion in time: joints, base and targets on an even, fine grid.
 
 use crate::SwingError;
+use crate::poses::Poses;
 use gaitfit_log::Trajectory;
 use gaitfit_model::rotation::{IDENTITY, Quat, Vec3, blend, quat_of};
 use gaitfit_model::{Model, Root};
@@ -41,6 +42,8 @@ pub struct Walk {
     pub joints: usize,
     /// Rate within which the sign of a joint's velocity is not sure, rad/s.
     pub sign_rate: f64,
+    /// What its poses say.
+    pub(crate) poses: Poses,
 }
 
 impl Walk {
@@ -119,6 +122,7 @@ impl Walk {
             gains: vec![[f64::NAN; 2]; joints],
             joints,
             sign_rate: SIGN_RATE,
+            poses: Poses::default(),
         };
         for (joint, place) in column.iter().enumerate() {
             let Some(place) = *place else {
@@ -161,6 +165,7 @@ impl Walk {
             }
             walk.valid[point] = finite;
         }
+        walk.poses = Poses::new(model, &walk);
         Ok(walk)
     }
 
