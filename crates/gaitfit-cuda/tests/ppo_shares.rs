@@ -81,6 +81,11 @@ fn compare(settings: Settings) {
 #[ignore = "needs g++"]
 fn cxx_two_gpus_learn_what_one_does() {
     compare(settings());
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn long_cxx_two_gpus_learn_what_one_does_with_plain_numbers() {
     let plain = Settings {
         fixed_std: Some(0.7),
         normalise_observations: false,

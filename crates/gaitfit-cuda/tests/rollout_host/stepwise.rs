@@ -424,7 +424,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
 
 #[test]
 #[ignore = "needs g++"]
-fn cxx_steps_under_given_actions_are_the_cpus() {
+fn long_cxx_steps_under_given_actions_are_the_cpus() {
     let task = Task::new(&go2(), &lively("velocity"), Preset::Fast).unwrap();
     compare("trot", &task, &Candidate::nominal(&go2()), true);
 }
