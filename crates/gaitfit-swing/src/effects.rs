@@ -5,16 +5,15 @@
 //! (the added-variable regression of Frisch and Waugh 1933, "Partial time regressions as compared with individual trends",
 //! Econometrica 1), with an error by the scatter among blocks of time.
 
-use crate::SwingError;
 use crate::equations::{Window, windows};
-use crate::estimate::walks;
 use crate::feet::Ground;
 use crate::regression::{Group, SHARED, solve};
 use crate::report::{SwingReport, SwingSettings, usual_groups};
 use crate::singles::{self, Singles};
 use crate::stance;
 use crate::torques::Drag;
-use gaitfit_log::{Estimate, Trajectory};
+use crate::walk::Walk;
+use gaitfit_log::Estimate;
 use gaitfit_model::Model;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -75,20 +74,11 @@ impl Effect {
     }
 }
 
-/// All effects of the logs of one robot, as large as they come out, each alone. `swings`: what [`crate::estimate`] found in
-/// the same logs.
-///
-/// # Errors
-/// Logs without what is needed, see [`SwingError`].
-pub fn effects(
-    model: &Model,
-    logs: &[&Trajectory],
-    swings: &SwingReport,
-    settings: &SwingSettings,
-) -> Result<Vec<Effect>, SwingError> {
+/// All effects of the walks of one robot, as large as they come out, each alone. `swings`: what [`crate::estimate_walks`] found
+/// in the same walks.
+pub fn effects(model: &Model, walks: &[Walk], swings: &SwingReport, settings: &SwingSettings) -> Vec<Effect> {
     let groups = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
-    let walks = walks(model, logs, settings.threads)?;
-    let settings = &settings.of_walks(&walks);
+    let settings = &settings.of_walks(walks);
     let delay = swings.delay.value;
     let mut drag = vec![Drag::default(); model.joints.len()];
     for (name, joints) in &groups {
@@ -115,8 +105,8 @@ pub fn effects(
         of_joints.add(name, joints, &Group::new(seen, law), steps);
     }
     found.extend(of_joints.odd(model));
-    found.extend(stance::effects(model, &walks, &grounds, &groups, delay, &drag));
-    Ok(found)
+    found.extend(stance::effects(model, walks, &grounds, &groups, delay, &drag));
+    found
 }
 
 /// What swings of one group show. `steps`: the delay in steps.

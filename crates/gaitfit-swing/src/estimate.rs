@@ -41,28 +41,28 @@ pub fn estimate(
     logs: &[&Trajectory],
     settings: &SwingSettings,
 ) -> Result<SwingReport, SwingError> {
-    estimate_counted(model, logs, settings, &mut |_, _| ControlFlow::Continue(()))
+    let walks = Walk::all(model, logs, settings.threads)?;
+    estimate_walks(model, &walks, settings, &mut |_, _| ControlFlow::Continue(()))
 }
 
-/// As [`estimate`]. Before each regression and after the last, `progress` gets how many are done and how many there are, and
-/// can stop the work.
+/// As [`estimate`], of walks of this model, whose springs may have changed since. Before each regression and after the last,
+/// `progress` gets how many are done and how many there are, and can stop the work.
 ///
 /// # Errors
-/// As [`estimate`], and [`SwingError::Stopped`].
-pub fn estimate_counted(
+/// Walks without swings, see [`SwingError`], and [`SwingError::Stopped`].
+pub fn estimate_walks(
     model: &Model,
-    logs: &[&Trajectory],
+    walks: &[Walk],
     settings: &SwingSettings,
     progress: &mut Progress<'_>,
 ) -> Result<SwingReport, SwingError> {
     let mut count = Count::new(regressions(settings), progress);
-    let walks = walks(model, logs, settings.threads)?;
-    let settings = &settings.of_walks(&walks);
+    let settings = &settings.of_walks(walks);
     let mut grounds: Vec<Ground> = Vec::new();
     let mut drag = vec![Drag::default(); model.joints.len()];
     let mut delay = FIRST_DELAY_S;
     let none = || SwingError::NoSwings {
-        logs: logs.len(),
+        logs: walks.len(),
         least_ms: 1e3 * (settings.window_s + 2.0 * settings.margin_s),
     };
     for pass in 0..=PASSES {
@@ -102,11 +102,6 @@ fn regressions(settings: &SwingSettings) -> usize {
     PASSES * clearances.div_ceil(CLEARANCE_STRIDE) + clearances + 2 + lengths + (laws - 1)
 }
 
-/// The logs as walks.
-pub(crate) fn walks(model: &Model, logs: &[&Trajectory], threads: usize) -> Result<Vec<Walk>, SwingError> {
-    gaitfit_pool::map(logs.len(), threads, |log| Walk::new(model, logs[log])).into_iter().collect()
-}
-
 /// One way of choosing swings, and what it gives.
 struct Choice {
     /// Place of the clearance in the settings.
@@ -136,9 +131,9 @@ impl Choice {
         };
         let every = if all { 1 } else { CLEARANCE_STRIDE };
         let tried: Vec<usize> = (0..settings.clearances_m.len()).step_by(every).collect();
-        let fits = count.map(tried.len(), settings.threads, |number| {
+        let fits = count.map(tried.len(), settings.threads, |number, threads| {
             let clearance = tried[number];
-            let (law, fit) = Fit::best(windows, &groups, settings, clearance, laws.clone(), around)?;
+            let (law, fit) = Fit::best(windows, &groups, settings, clearance, laws.clone(), around, threads)?;
             Some(Self { clearance, law, fit })
         });
         let mut choices: Vec<Self> = fits.into_iter().flatten().collect();
@@ -178,9 +173,9 @@ impl Choice {
         if settings.law.is_none() {
             choices.push((windows, self.clearance, 1 - self.law));
         }
-        let fits = count.map(choices.len(), settings.threads, |number| {
+        let fits = count.map(choices.len(), settings.threads, |number, threads| {
             let (windows, clearance, law) = choices[number];
-            Fit::best(windows, groups, settings, clearance, law..law + 1, around)
+            Fit::best(windows, groups, settings, clearance, law..law + 1, around, threads)
         });
         let fits = fits.into_iter().flatten().map(|(_, fit)| fit);
         let others: Vec<Fit> = std::iter::once(self.fit.unbounded()).chain(fits).collect();

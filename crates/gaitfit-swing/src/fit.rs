@@ -99,21 +99,22 @@ impl Fit {
         clearance: usize,
         laws: Range<usize>,
         around: Option<f64>,
+        threads: usize,
     ) -> Option<(usize, Self)> {
         let alone = |law: usize| Alone::new(windows, named, settings, clearance, law, around);
         let mut tried: Vec<Alone<'_>> = laws.filter_map(alone).collect();
         tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        tried.into_iter().find_map(|alone| Some((alone.law, Self::new(alone, settings)?)))
+        tried.into_iter().find_map(|alone| Some((alone.law, Self::new(alone, settings, threads)?)))
     }
 
-    fn new(alone: Alone<'_>, settings: &SwingSettings) -> Option<Self> {
+    fn new(alone: Alone<'_>, settings: &SwingSettings, threads: usize) -> Option<Self> {
         let Alone { names, groups, delay, solutions, .. } = alone;
         let block = |window: &Window| ((window.log as u64) << 32) + (window.at / BLOCK_S) as u64;
         let logs: BTreeSet<usize> =
             groups.iter().flat_map(|group| group.windows.iter().map(|window| window.log)).collect();
         let log = |window: &Window| window.log as u64;
         let kinds: &[&dyn Fn(&Window) -> u64] = if logs.len() >= LOGS { &[&block, &log] } else { &[&block] };
-        let free = together(&groups, &solutions, delay, kinds, &[])?;
+        let free = together(&groups, &solutions, delay, kinds, &[], threads)?;
         let mut first = vec![0];
         for group in &groups {
             first.push(first[first.len() - 1] + group.columns());
@@ -124,8 +125,11 @@ impl Fit {
             .flat_map(|first| *first..first + SHARED)
             .filter(|&place| settings.bounded && free.values[place] < 0.0)
             .collect();
-        let held =
-            if negative.is_empty() { None } else { together(&groups, &solutions, delay, kinds, &negative) };
+        let held = if negative.is_empty() {
+            None
+        } else {
+            together(&groups, &solutions, delay, kinds, &negative, threads)
+        };
         let larger = |of: &Together, place: usize| {
             of.covariances
                 .iter()

@@ -33,7 +33,7 @@ mod walk;
 pub use count::Progress;
 pub use effects::{Effect, EffectKind, effects};
 pub use error::SwingError;
-pub use estimate::{estimate, estimate_counted};
+pub use estimate::{estimate, estimate_walks};
 pub use feet::{Foot, Ground};
 pub use gaitfit_log::Estimate;
 pub use odd::{Judged, Measured};

@@ -8,11 +8,14 @@
 use crate::equations::Window;
 use crate::moment::{Lag, Moment, Row};
 use crate::regression::{Group, HUBER, Solution};
+use gaitfit_pool::share;
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::collections::BTreeMap;
 
 /// Rounds of expectation and maximisation.
 const ROUNDS: usize = 10;
+/// Parts of a pass over all rows, whatever the number of threads: their sums are added in a fixed order.
+const PARTS: usize = 8;
 /// First spread of the base's acceleration, m/s².
 const FIRST: f64 = 1.0;
 
@@ -34,25 +37,32 @@ pub(crate) struct Together {
     pub covariances: Vec<Option<DMatrix<f64>>>,
 }
 
-/// All groups' equations, and what is known of their unknowns so far.
+/// All groups' equations.
 struct Equations<'a> {
     groups: &'a [Group<'a>],
     /// The rows of each log and time, in this order.
     moments: Vec<Vec<Row<'a>>>,
-    /// Number of delays that windows know.
-    delays: usize,
-    /// All unknowns, the delay last.
-    values: DVector<f64>,
     /// Unknowns that are 0.
     held: &'a [usize],
+    known: Known,
+    threads: usize,
+}
+
+/// What is known of the unknowns so far.
+struct Known {
+    /// All unknowns, the delay last.
+    values: DVector<f64>,
     /// Variance of the residuals of each group.
     variances: Vec<f64>,
     /// Variance of the base's acceleration.
     shaking: Vector3<f64>,
+    /// Number of delays that windows know.
+    delays: usize,
 }
 
 /// Sums over all rows in one round.
 struct Sums {
+    /// Below the diagonal and on it.
     normal: DMatrix<f64>,
     right: DVector<f64>,
     /// Weighted squares and weights of each group.
@@ -63,75 +73,33 @@ struct Sums {
     sizes: Vec<Vec<f64>>,
 }
 
-impl<'a> Equations<'a> {
-    /// From the solutions of each group alone at `delay` (in steps).
-    fn new(groups: &'a [Group<'a>], solutions: &[Solution], delay: f64, held: &'a [usize]) -> Self {
-        let columns: usize = groups.iter().map(Group::columns).sum::<usize>() + 1;
-        let mut values = DVector::zeros(columns);
-        values[columns - 1] = delay;
-        let mut moments: BTreeMap<(usize, u64), Vec<Row<'_>>> = BTreeMap::new();
-        let mut first = 0;
-        for (number, (group, solution)) in groups.iter().zip(solutions).enumerate() {
-            values.rows_mut(first, group.columns()).copy_from(&solution.values);
-            for (window, weight) in group.windows.iter().zip(&solution.weights) {
-                let factors = group.row(window).map(|(place, factor)| {
-                    let place = first + place;
-                    (place, if held.contains(&place) { 0.0 } else { factor })
-                });
-                let row = Row { window, group: number, factors, weight: *weight, left: 0.0 };
-                moments.entry((window.log, (window.at * 1e4).round() as u64)).or_default().push(row);
-            }
-            first += group.columns();
+impl Sums {
+    fn add(&mut self, other: Self) {
+        self.normal += other.normal;
+        self.right += other.right;
+        self.shakes += other.shakes;
+        for (squares, others) in self.squares.iter_mut().zip(other.squares) {
+            squares[0] += others[0];
+            squares[1] += others[1];
         }
-        held.iter().for_each(|&place| values[place] = 0.0);
-        let variances = solutions.iter().map(|solution| solution.scale.powi(2)).collect();
-        let moments: Vec<Vec<Row<'_>>> = moments.into_values().collect();
-        let delays = moments.first().and_then(|rows| rows.first()).map_or(0, |row| row.window.driven.len());
-        let shaking = Vector3::repeat(FIRST * FIRST);
-        Self { groups, moments, delays, values, held, variances, shaking }
-    }
-
-    /// Solves all groups, and gives covariances by `clusters`.
-    fn solve(mut self, clusters: &[&dyn Fn(&Window) -> u64]) -> Option<Together> {
-        for _ in 0..ROUNDS {
-            let sums = self.sums()?;
-            self.improve(sums)?;
+        for (sizes, others) in self.sizes.iter_mut().zip(other.sizes) {
+            sizes.extend(others);
         }
-        let bread = self.sums()?.normal.try_inverse()?;
-        let seen = self.seen()?;
-        let lag = Lag::of(&self.values, self.delays);
-        let groups = self.groups;
-        let mut explained = self.explained(&seen, &bread, 2 + groups.len(), &|row, part| match part {
-            0 => row.motor(&lag),
-            1 => row.driven(&lag),
-            load if row.group == load - 2 => row.window.signs[groups[row.group].law] * row.motor(&lag).abs(),
-            _ => 0.0,
-        });
-        let by_load = explained.split_off(2);
-        let [by_strength, by_target] = <[_; 2]>::try_from(explained).ok()?;
-        let strength = self.strength(&seen, clusters[clusters.len() - 1], &by_strength, &by_target);
-        Some(Together {
-            covariances: clusters.iter().map(|cluster| self.covariance(&seen, &bread, cluster)).collect(),
-            by_strength,
-            by_load,
-            strength,
-            scales: self.variances.iter().map(|variance| variance.sqrt()).collect(),
-            values: self.values,
-        })
-        .filter(|found| found.values.iter().all(|value| value.is_finite()))
     }
+}
 
-    /// One pass over all rows at the present values, which keeps what is left of each row in it.
-    fn sums(&mut self) -> Option<Sums> {
+impl Known {
+    /// Sums over these rows at the present values. It keeps what is left of each row in it.
+    fn sums(&self, groups: usize, moments: &mut [Vec<Row<'_>>]) -> Option<Sums> {
         let columns = self.values.len();
         let mut normal = DMatrix::zeros(columns, columns);
         let mut right = DVector::zeros(columns);
-        let mut squares = vec![[0.0; 2]; self.groups.len()];
+        let mut squares = vec![[0.0; 2]; groups];
         let mut shakes = Vector3::zeros();
-        let mut sizes: Vec<Vec<f64>> = vec![Vec::new(); self.groups.len()];
+        let mut sizes: Vec<Vec<f64>> = vec![Vec::new(); groups];
         let lag = Lag::of(&self.values, self.delays);
         let mut seen = Moment::empty(columns);
-        for rows in &mut self.moments {
+        for rows in moments {
             seen.fill(rows, &self.values, &lag, &self.variances, &self.shaking)?;
             let pull = seen.pull(&|row| seen.residuals[row]);
             let mean = seen.spread * pull;
@@ -165,9 +133,91 @@ impl<'a> Equations<'a> {
                 row.left = left.abs();
             }
         }
-        normal.fill_upper_triangle_with_lower_triangle();
-        self.held.iter().for_each(|&place| normal[(place, place)] = 1.0);
         Some(Sums { normal, right, squares, shakes, sizes })
+    }
+}
+
+impl<'a> Equations<'a> {
+    /// From the solutions of each group alone at `delay` (in steps).
+    fn new(
+        groups: &'a [Group<'a>],
+        solutions: &[Solution],
+        delay: f64,
+        held: &'a [usize],
+        threads: usize,
+    ) -> Self {
+        let columns: usize = groups.iter().map(Group::columns).sum::<usize>() + 1;
+        let mut values = DVector::zeros(columns);
+        values[columns - 1] = delay;
+        let mut moments: BTreeMap<(usize, u64), Vec<Row<'_>>> = BTreeMap::new();
+        let mut first = 0;
+        for (number, (group, solution)) in groups.iter().zip(solutions).enumerate() {
+            values.rows_mut(first, group.columns()).copy_from(&solution.values);
+            for (window, weight) in group.windows.iter().zip(&solution.weights) {
+                let factors = group.row(window).map(|(place, factor)| {
+                    let place = first + place;
+                    (place, if held.contains(&place) { 0.0 } else { factor })
+                });
+                let row = Row { window, group: number, factors, weight: *weight, left: 0.0 };
+                moments.entry((window.log, (window.at * 1e4).round() as u64)).or_default().push(row);
+            }
+            first += group.columns();
+        }
+        held.iter().for_each(|&place| values[place] = 0.0);
+        let variances = solutions.iter().map(|solution| solution.scale.powi(2)).collect();
+        let moments: Vec<Vec<Row<'_>>> = moments.into_values().collect();
+        let delays = moments.first().and_then(|rows| rows.first()).map_or(0, |row| row.window.driven.len());
+        let known = Known { values, variances, shaking: Vector3::repeat(FIRST * FIRST), delays };
+        Self { groups, moments, held, known, threads }
+    }
+
+    /// Solves all groups, and gives covariances by `clusters`.
+    fn solve(mut self, clusters: &[&dyn Fn(&Window) -> u64]) -> Option<Together> {
+        for _ in 0..ROUNDS {
+            let sums = self.sums()?;
+            self.improve(sums)?;
+        }
+        let bread = self.sums()?.normal.try_inverse()?;
+        let seen = self.seen()?;
+        let lag = Lag::of(&self.known.values, self.known.delays);
+        let groups = self.groups;
+        let mut explained = self.explained(&seen, &bread, 2 + groups.len(), &|row, part| match part {
+            0 => row.motor(&lag),
+            1 => row.driven(&lag),
+            load if row.group == load - 2 => row.window.signs[groups[row.group].law] * row.motor(&lag).abs(),
+            _ => 0.0,
+        });
+        let by_load = explained.split_off(2);
+        let [by_strength, by_target] = <[_; 2]>::try_from(explained).ok()?;
+        let strength = self.strength(&seen, clusters[clusters.len() - 1], &by_strength, &by_target);
+        Some(Together {
+            covariances: clusters.iter().map(|cluster| self.covariance(&seen, &bread, cluster)).collect(),
+            by_strength,
+            by_load,
+            strength,
+            scales: self.known.variances.iter().map(|variance| variance.sqrt()).collect(),
+            values: self.known.values,
+        })
+        .filter(|found| found.values.iter().all(|value| value.is_finite()))
+    }
+
+    /// One pass over all rows at the present values, which keeps what is left of each row in it.
+    fn sums(&mut self) -> Option<Sums> {
+        let parts = self.moments.len().div_ceil(PARTS).max(1);
+        let mut found: Vec<Option<Sums>> = (0..self.moments.len().div_ceil(parts)).map(|_| None).collect();
+        let jobs = self.moments.chunks_mut(parts).zip(&mut found);
+        let (known, groups) = (&self.known, self.groups.len());
+        share(&mut vec![(); self.threads.max(1)], jobs, |(), (moments, sums)| {
+            *sums = known.sums(groups, moments)
+        });
+        let mut found = found.into_iter();
+        let mut sums = found.next()??;
+        for part in found {
+            sums.add(part?);
+        }
+        sums.normal.fill_upper_triangle_with_lower_triangle();
+        self.held.iter().for_each(|&place| sums.normal[(place, place)] = 1.0);
+        Some(sums)
     }
 
     /// Moves values, weights and variances to those that the sums of a round ask for.
@@ -181,18 +231,18 @@ impl<'a> Equations<'a> {
         for row in self.moments.iter_mut().flatten() {
             row.weight = (HUBER * spreads[row.group] / row.left.max(1e-300)).min(1.0);
         }
-        self.values += sums.normal.cholesky()?.solve(&sums.right);
-        self.variances = sums.squares.iter().map(|[square, weight]| square / weight).collect();
-        self.shaking = sums.shakes / self.moments.len() as f64;
+        self.known.values += sums.normal.cholesky()?.solve(&sums.right);
+        self.known.variances = sums.squares.iter().map(|[square, weight]| square / weight).collect();
+        self.known.shaking = sums.shakes / self.moments.len() as f64;
         Some(())
     }
 
     /// All moments at the present values.
     fn seen(&self) -> Option<Vec<Moment>> {
-        let lag = Lag::of(&self.values, self.delays);
+        let lag = Lag::of(&self.known.values, self.known.delays);
         let seen = |rows: &Vec<Row<'_>>| {
-            let mut seen = Moment::empty(self.values.len());
-            seen.fill(rows, &self.values, &lag, &self.variances, &self.shaking)?;
+            let mut seen = Moment::empty(self.known.values.len());
+            seen.fill(rows, &self.known.values, &lag, &self.known.variances, &self.known.shaking)?;
             Some(seen)
         };
         self.moments.iter().map(seen).collect()
@@ -206,7 +256,7 @@ impl<'a> Equations<'a> {
         count: usize,
         part: &dyn Fn(&Row<'_>, usize) -> f64,
     ) -> Vec<DVector<f64>> {
-        let mut rights = vec![DVector::zeros(self.values.len()); count];
+        let mut rights = vec![DVector::zeros(self.known.values.len()); count];
         for (rows, seen) in self.moments.iter().zip(seen) {
             for (number, right) in rights.iter_mut().enumerate() {
                 seen.score(&|row| part(&rows[row], number), right);
@@ -233,7 +283,7 @@ impl<'a> Equations<'a> {
         by_strength: &DVector<f64>,
         by_target: &DVector<f64>,
     ) -> [f64; 2] {
-        let lag = Lag::of(&self.values, self.delays);
+        let lag = Lag::of(&self.known.values, self.known.delays);
         // By the motor's torque, and by its part that follows the targets.
         let mut sums: [BTreeMap<u64, [f64; 2]>; 2] = Default::default();
         for (rows, seen) in self.moments.iter().zip(seen) {
@@ -262,7 +312,7 @@ impl<'a> Equations<'a> {
         bread: &DMatrix<f64>,
         cluster: &dyn Fn(&Window) -> u64,
     ) -> Option<DMatrix<f64>> {
-        let columns = self.values.len();
+        let columns = self.known.values.len();
         let mut scores: BTreeMap<u64, DVector<f64>> = BTreeMap::new();
         for (rows, seen) in self.moments.iter().zip(seen) {
             let score = scores.entry(cluster(rows[0].window)).or_insert_with(|| DVector::zeros(columns));
@@ -286,8 +336,9 @@ pub(crate) fn together(
     delay: f64,
     clusters: &[&dyn Fn(&Window) -> u64],
     held: &[usize],
+    threads: usize,
 ) -> Option<Together> {
-    Equations::new(groups, solutions, delay, held).solve(clusters)
+    Equations::new(groups, solutions, delay, held, threads).solve(clusters)
 }
 
 /// A ratio of sums by clusters, and its standard error.

@@ -62,6 +62,19 @@ impl Walk {
         &self.dq[point * self.joints..(point + 1) * self.joints]
     }
 
+    /// Those of all logs of one robot, see [`Self::new`].
+    ///
+    /// # Errors
+    /// The first error of a log.
+    pub fn all(model: &Model, logs: &[&Trajectory], threads: usize) -> Result<Vec<Self>, SwingError> {
+        gaitfit_pool::map(logs.len(), threads, |log| Self::new(model, logs[log])).into_iter().collect()
+    }
+
+    /// Multiplies both gains of a joint.
+    pub fn scale_gains(&mut self, joint: usize, factor: f64) {
+        self.gains[joint].iter_mut().for_each(|gain| *gain *= factor);
+    }
+
     /// From a log whose joints the model has, under any of their names. Joints that the log lacks rest at their reference.
     ///
     /// # Errors

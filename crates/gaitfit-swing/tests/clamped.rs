@@ -4,7 +4,7 @@
 use gaitfit_log::{Gains, Trajectory};
 use gaitfit_model::{Model, Root};
 use gaitfit_swing::dynamics::{BaseMotion, Motion};
-use gaitfit_swing::{FrictionLaw, SwingError, SwingSettings, estimate, estimate_counted};
+use gaitfit_swing::{FrictionLaw, SwingError, SwingSettings, Walk, estimate, estimate_walks};
 use std::ops::ControlFlow;
 
 const FRICTION: [f64; 3] = [0.2, 0.15, 0.6];
@@ -150,7 +150,8 @@ fn regressions_are_counted_and_can_be_stopped() {
         seen.push((done, total));
         ControlFlow::Continue(())
     };
-    let counted = estimate_counted(&model, &[&whole], &settings, &mut count).unwrap();
+    let walks = Walk::all(&model, &[&whole], 1).unwrap();
+    let counted = estimate_walks(&model, &walks, &settings, &mut count).unwrap();
     assert_eq!(counted, estimate(&model, &[&whole], &settings).unwrap());
     let total = seen[0].1;
     assert!(seen.len() > 20 && seen.iter().all(|(_, all)| *all == total), "{seen:?}");
@@ -161,7 +162,7 @@ fn regressions_are_counted_and_can_be_stopped() {
         calls += 1;
         if done < 3 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
-    let stopped = estimate_counted(&model, &[&whole], &settings, &mut stop);
+    let stopped = estimate_walks(&model, &walks, &settings, &mut stop);
     assert!(matches!(stopped, Err(SwingError::Stopped)), "{stopped:?}");
     assert_eq!(calls, 4, "progress was called after it stopped the work");
 }

@@ -3,7 +3,7 @@
 
 use gaitfit_log::{ReadOptions, Trajectory, read_csv};
 use gaitfit_model::Model;
-use gaitfit_swing::{Effect, EffectKind, SwingSettings, effects, estimate, usual_groups};
+use gaitfit_swing::{Effect, EffectKind, SwingSettings, Walk, effects, estimate, usual_groups};
 use std::path::Path;
 
 /// The example's walks, without the calf that has a spring; 50 Hz.
@@ -30,7 +30,7 @@ fn found(model: &Model, logs: &[Trajectory]) -> Vec<Effect> {
     let settings = settings(model);
     let logs: Vec<&Trajectory> = logs.iter().collect();
     let report = estimate(model, &logs, &settings).unwrap();
-    effects(model, &logs, &report, &settings).unwrap()
+    effects(model, &Walk::all(model, &logs, 1).unwrap(), &report, &settings)
 }
 
 fn effect(effects: &[Effect], kind: EffectKind, owner: &str) -> Effect {
@@ -115,7 +115,7 @@ fn the_spring_of_one_calf_is_found_and_no_other_joint_has_one() {
     let springs = |model: &Model| -> Vec<Effect> {
         let settings = SwingSettings { clearances_m: vec![0.03], ..SwingSettings::default() };
         let report = estimate(model, &logs, &settings).unwrap();
-        let mut found = effects(model, &logs, &report, &settings).unwrap();
+        let mut found = effects(model, &Walk::all(model, &logs, 1).unwrap(), &report, &settings);
         found.retain(|effect| effect.kind == EffectKind::OddSpring && effect.share > 0.08);
         found
     };

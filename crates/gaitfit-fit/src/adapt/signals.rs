@@ -1,9 +1,11 @@
 //! Measured and simulated signals as pages show them.
 
 use super::log_set::LogSet;
+use crate::log::Log;
 use gaitfit_adapt::fit::Predicted;
 use gaitfit_log::Signal;
 use gaitfit_model::Model;
+use gaitfit_sim::pool;
 use gaitfit_view::fit::{JointTrace, Signal as Shown, SignalDistribution};
 
 /// One column of a `samples × joints` matrix.
@@ -32,60 +34,56 @@ pub fn traces(set: &LogSet, model: &Model, fitted: &[Predicted], nominal: &[Pred
     compared.map(trace).collect()
 }
 
-/// How the signals of a set's joints are distributed over all of its logs; actions where both sides have them.
+/// How the signals of the joints are distributed over all logs; actions where both sides have them.
 pub fn distributions(
-    set: &LogSet,
+    logs: &[Log],
     model: &Model,
     fitted: &[Predicted],
     nominal: &[Predicted],
+    threads: usize,
 ) -> Vec<SignalDistribution> {
-    let Some(joints) = set.logs.first().map(|log| &log.joints) else { return Vec::new() };
+    let Some(joints) = logs.first().map(|log| &log.joints) else { return Vec::new() };
     let signals = [
         (Signal::Position, Shown::Position),
         (Signal::Velocity, Shown::Velocity),
         (Signal::Action, Shown::Action),
     ];
-    let mut found = Vec::with_capacity(signals.len() * joints.len());
-    for (joint, name) in joints.iter().enumerate() {
-        let is_wheel = set.logs.iter().any(|log| log.trajectory.has_velocity_target(joint));
-        for (signal, shown) in signals {
-            if is_wheel && signal == Signal::Position {
-                continue;
-            }
-            let measured = set.logs.iter().filter_map(|log| log.trajectory.column_at(signal, joint));
-            let measured: Vec<f64> = measured.flatten().collect();
-            let samples = |simulated: &[Predicted]| -> Vec<f64> {
-                let matrix = |one: &'_ Predicted| match signal {
-                    Signal::Position => one.position.clone(),
-                    Signal::Velocity => one.velocity.clone(),
-                    _ => one.action.clone().unwrap_or_default(),
+    let is_wheel = |joint: usize| logs.iter().any(|log| log.trajectory.has_velocity_target(joint));
+    let shown: Vec<(usize, (Signal, Shown))> = (0..joints.len())
+        .flat_map(|joint| signals.map(|signal| (joint, signal)))
+        .filter(|(joint, (signal, _))| *signal != Signal::Position || !is_wheel(*joint))
+        .collect();
+    let distribution = |number: usize| {
+        let (joint, (signal, shown)) = shown[number];
+        let measured = logs.iter().filter_map(|log| log.trajectory.column_at(signal, joint));
+        let measured: Vec<f64> = measured.flatten().collect();
+        let samples = |simulated: &[Predicted]| -> Vec<f64> {
+            let matrix = |one: &Predicted| -> Vec<f64> {
+                let matrix = match signal {
+                    Signal::Position => &one.position,
+                    Signal::Velocity => &one.velocity,
+                    _ => one.action.as_deref().unwrap_or_default(),
                 };
-                let of_log = |one: &Predicted| column(&matrix(one), joint, joints.len()).collect::<Vec<_>>();
-                simulated.iter().flat_map(of_log).collect()
+                column(matrix, joint, joints.len()).collect()
             };
-            let (nominal, fitted) = (samples(nominal), samples(fitted));
-            if measured.is_empty() || fitted.is_empty() {
-                continue;
-            }
-            found.push(SignalDistribution {
-                distance_nominal: distance(&nominal, &measured),
-                distance_fitted: distance(&fitted, &measured),
-                slides: model.slides(name),
-                ..SignalDistribution::from_samples(name, shown, &measured, &nominal, &fitted)
-            });
+            simulated.iter().flat_map(matrix).collect()
+        };
+        let (nominal, fitted) = (samples(nominal), samples(fitted));
+        if measured.is_empty() || fitted.is_empty() || nominal.is_empty() {
+            return None;
         }
-    }
-    found
+        Some(SignalDistribution {
+            distance_nominal: distance(&nominal, &measured),
+            distance_fitted: distance(&fitted, &measured),
+            slides: model.slides(&joints[joint]),
+            ..SignalDistribution::from_samples(&joints[joint], shown, &measured, &nominal, &fitted)
+        })
+    };
+    pool::map(shown.len(), threads, distribution).into_iter().flatten().collect()
 }
 
 /// Wasserstein-1 distance of simulated and measured samples; NaN where one is not finite.
 fn distance(simulated: &[f64], measured: &[f64]) -> f64 {
-    if simulated.iter().chain(measured).any(|value| !value.is_finite()) {
-        return f64::NAN;
-    }
-    let mut simulated: Vec<f32> = simulated.iter().map(|value| *value as f32).collect();
-    let mut measured = measured.to_vec();
-    simulated.sort_by(f32::total_cmp);
-    measured.sort_by(f64::total_cmp);
-    gaitfit_adapt::cost::wasserstein1(&simulated, &measured)
+    let found = gaitfit_adapt::cost::wasserstein1_of_columns(simulated, measured, 1);
+    found.ok().and_then(|found| found.first().copied()).unwrap_or(f64::NAN)
 }

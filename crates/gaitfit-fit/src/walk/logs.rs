@@ -15,6 +15,7 @@ use crate::arrangement;
 use crate::log::Log;
 use crate::log_check;
 use crate::log_joints;
+use crate::machine;
 use crate::settings::AdaptConfig;
 use gaitfit_learn::task::Task;
 use gaitfit_log::{
@@ -24,6 +25,7 @@ use gaitfit_log::{
 use gaitfit_policy::Interface;
 use gaitfit_policy::Policy;
 use gaitfit_policy::walker::WalkerError;
+use gaitfit_sim::pool;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -194,9 +196,10 @@ fn open_all(
     warnings.extend(reads.iter().filter_map(|read| read.even.clone()));
     warnings.extend(reads.iter().filter_map(|read| read.motion.clone()));
     warnings.extend(mounting::settle(&mut reads, policy));
-    for read in &reads {
-        // Judged after `mounting::settle`, which may have corrected a turned unit.
-        let findings = check(&read.trajectory, &CheckSpec::default());
+    // Judged after `mounting::settle`, which may have corrected a turned unit.
+    let found =
+        pool::map(reads.len(), machine::threads(), |at| check(&reads[at].trajectory, &CheckSpec::default()));
+    for (read, findings) in reads.iter().zip(found) {
         let turned = |finding: &&Finding| finding.kind == FindingKind::ImuMounting;
         let findings: Vec<Finding> = findings.iter().filter(turned).cloned().collect();
         log_check::refuse(&log_check::allowed(findings, &config.allow, &read.allowed), &read.file.path, &[])?;

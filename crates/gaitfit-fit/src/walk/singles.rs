@@ -7,17 +7,17 @@ use gaitfit_adapt::JointParameter;
 use gaitfit_log::Trajectory;
 use gaitfit_model::Model;
 use gaitfit_model::patterns::plain;
-use gaitfit_swing::{Effect, EffectKind, estimate_counted};
+use gaitfit_swing::{Effect, EffectKind, Walk, estimate_walks};
 
 /// Max number of times that logs are examined again with the springs and strengths that were found.
 const SINGLE_ROUNDS: usize = 4;
 
-/// Looks for springs and strengths of single joints in `found`, which come from `level` logs, and examines the logs again with
+/// Looks for springs and strengths of single joints in `found`, which come from these walks, and examines the walks again with
 /// the largest one, until there are no more.
 pub fn examine(
     found: &mut SwingFindings,
     model: &Model,
-    level: &[&Trajectory],
+    mut walks: Vec<Walk>,
     settings: &SwingSettings,
     watch: &Watch<'_>,
 ) {
@@ -28,15 +28,17 @@ pub fn examine(
         // One at a time: a joint with a spring changes what its siblings seem to have.
         let more = explain::singles(found).max_by(|a, b| a.share.total_cmp(&b.share)).cloned();
         let Some(more) = more else { break };
+        let joint = model.joints.iter().position(|joint| joint.name == more.of);
+        if let Some(joint) = joint.filter(|_| more.kind == EffectKind::OddStrength) {
+            walks.iter_mut().for_each(|walk| walk.scale_gains(joint, 1.0 + more.size.value));
+        }
         add_single(&mut singles, more);
         let sprung = with_springs(model, &singles);
-        let level = with_strengths(level, &singles);
-        let level: Vec<&Trajectory> = level.iter().collect();
         let report = watch
-            .counted("regression", "regressions", |count| estimate_counted(&sprung, &level, &again, count));
+            .counted("regression", "regressions", |count| estimate_walks(&sprung, &walks, &again, count));
         let Ok(report) = report else { break };
         found.swings = Some(report);
-        found.effects = found.effects_of(&sprung, &level, settings);
+        found.effects = found.effects_of(&sprung, &walks, settings);
     }
     let is_single = |effect: &Effect| matches!(effect.kind, EffectKind::OddSpring | EffectKind::OddStrength);
     found.effects.retain(|effect| !is_single(effect));

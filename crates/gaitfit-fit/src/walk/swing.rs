@@ -11,8 +11,8 @@ use std::collections::BTreeMap;
 
 pub use gaitfit_log::Estimate;
 pub use gaitfit_swing::{
-    Effect, EffectKind, FrictionLaw, GroupEstimate, Standing, SwingError, SwingReport, SwingSettings,
-    effects, estimate_counted, usual_groups,
+    Effect, EffectKind, FrictionLaw, GroupEstimate, Standing, SwingError, SwingReport, SwingSettings, Walk,
+    effects, estimate_walks, usual_groups,
 };
 
 /// What the logs of one robot show without a simulation.
@@ -46,10 +46,9 @@ impl SwingFindings {
     /// The findings from logs as they were recorded. Faults of sensors are taken out first. The delay counts from rows, as in a
     /// walk's fit, even if the log has the times at which targets were sent. If the caller stops the work, the findings are incomplete.
     pub fn new(model: &Model, logs: &[&Trajectory], settings: &SwingSettings, watch: &Watch<'_>) -> Self {
-        let (mut found, level) = Self::without_effects(model, logs, settings, watch);
-        let level: Vec<&Trajectory> = level.iter().collect();
-        found.effects = found.effects_of(model, &level, settings);
-        singles::examine(&mut found, model, &level, settings, watch);
+        let (mut found, walks) = Self::without_effects(model, logs, settings, watch);
+        found.effects = found.effects_of(model, &walks, settings);
+        singles::examine(&mut found, model, walks, settings, watch);
         // Both would be gears, and gears are simulated only in robots without slides.
         let gear = |effect: &Effect| matches!(effect.kind, EffectKind::Elasticity | EffectKind::Backlash);
         found.effects.retain(|effect| !(model.has_slides() && gear(effect)));
@@ -57,23 +56,18 @@ impl SwingFindings {
     }
 
     /// The effects beyond `model`; none if no legs swing.
-    pub(super) fn effects_of(
-        &self,
-        model: &Model,
-        logs: &[&Trajectory],
-        settings: &SwingSettings,
-    ) -> Vec<Effect> {
-        let found = self.swings.as_ref().map(|report| effects(model, logs, report, settings));
-        found.and_then(Result::ok).unwrap_or_default()
+    pub(super) fn effects_of(&self, model: &Model, walks: &[Walk], settings: &SwingSettings) -> Vec<Effect> {
+        self.swings.as_ref().map(|report| effects(model, walks, report, settings)).unwrap_or_default()
     }
 
-    /// As [`Self::new`] without effects beyond the model; and the logs from which faults of sensors are taken out.
+    /// As [`Self::new`] without effects beyond the model; and the logs as walks, without faults of sensors. There
+    /// are no walks if the logs lack what is needed.
     pub fn without_effects(
         model: &Model,
         logs: &[&Trajectory],
         settings: &SwingSettings,
         watch: &Watch<'_>,
-    ) -> (Self, Vec<Trajectory>) {
+    ) -> (Self, Vec<Walk>) {
         let mut rows: Vec<Trajectory> =
             logs.iter().map(|&log| Trajectory { lead: None, ..log.clone() }).collect();
         rows.iter_mut().for_each(Trajectory::unwrap_wheels);
@@ -95,9 +89,16 @@ impl SwingFindings {
         let steady: Vec<&Trajectory> = steady.iter().collect();
         let standing = Standing::new(model, &steady, settings.threads).unwrap_or_default();
         let level = better(&|log| standing.corrected(log), &steady);
-        let swings = watch.counted("regression", "regressions", |count| {
-            estimate_counted(model, &level.iter().collect::<Vec<_>>(), settings, count)
-        });
+        let walks = Walk::all(model, &level.iter().collect::<Vec<_>>(), settings.threads);
+        let (walks, swings) = match walks {
+            Ok(walks) => {
+                let swings = watch.counted("regression", "regressions", |count| {
+                    estimate_walks(model, &walks, settings, count)
+                });
+                (walks, swings)
+            }
+            Err(error) => (Vec::new(), Err(error)),
+        };
         taken_out.sort();
         taken_out.dedup();
         let (swings, why_not) = match swings {
@@ -106,7 +107,7 @@ impl SwingFindings {
         };
         let slides = model.joints.iter().filter(|joint| !joint.kind.is_hinge());
         let slides = slides.map(|joint| joint.name.clone()).collect();
-        (Self { sensors, standing, taken_out, slides, swings, why_not, ..Self::default() }, level)
+        (Self { sensors, standing, taken_out, slides, swings, why_not, ..Self::default() }, walks)
     }
 
     /// The estimates from legs in the air: the corrected ones if there are such.

@@ -141,6 +141,7 @@ impl Robot<'_> {
             law: Some(found.law),
             bounded: false,
             others: false,
+            threads: self.threads,
             ..SwingSettings::default()
         };
         let interface = &self.policy.interface;
@@ -316,13 +317,17 @@ impl World<'_> {
             .recorder
             .record(&self.theta, robots, &|| self.watch.stop())
             .map_err(|error| format!("The robot cannot be simulated: {error}."))?;
+        let settings = SwingSettings {
+            threads: (self.robot.threads / recorded.len().max(1)).max(1),
+            ..self.settings.clone()
+        };
         let sets: Vec<Mutex<Vec<Recorded>>> = recorded.into_iter().map(Mutex::new).collect();
         let reports = pool::map(sets.len(), self.robot.threads, |at| {
             if self.watch.stop() {
                 return Ok(None);
             }
             let set = std::mem::take(&mut *sets[at].lock().unwrap_or_else(PoisonError::into_inner));
-            let report = self.observe_one(set);
+            let report = self.observe_one(set, &settings);
             self.counting.step(self.done.fetch_add(1, Ordering::Relaxed) + 1, 1, "");
             report
         });
@@ -344,7 +349,11 @@ impl World<'_> {
         })
     }
 
-    fn observe_one(&self, set: Vec<Recorded>) -> Result<Option<SwingReport>, String> {
+    fn observe_one(
+        &self,
+        set: Vec<Recorded>,
+        settings: &SwingSettings,
+    ) -> Result<Option<SwingReport>, String> {
         let before = (BEFORE_FALL_S / self.robot.policy.interface.control_dt).ceil() as usize;
         let pairs = self.logs.iter().zip(set);
         let walked = pairs
@@ -354,7 +363,7 @@ impl World<'_> {
         if (walked.len() as f64) < WALKED * self.logs.len() as f64 {
             return Ok(None);
         }
-        let report = estimate(self.robot.model, &walked, &self.settings).ok();
+        let report = estimate(self.robot.model, &walked, settings).ok();
         Ok(report.filter(|report| groups_of(report).eq(self.groups.iter().map(String::as_str))))
     }
 
