@@ -4,7 +4,7 @@
 use crate::host;
 
 use gaitfit_adapt::cost::{sort_f32, wasserstein1};
-use gaitfit_cuda::costs::{Comparison, Sizes, pooled, program};
+use gaitfit_cuda::costs::{Comparison, Sizes, pooled, program, shared};
 use gaitfit_cuda::ppo::{Array, Id, Kind, Launch, Plan, Value};
 use gaitfit_cuda::runtime::{Buffer, Device, Nvrtc, Shape, Stream, compile};
 use gaitfit_random::{Purpose, Stream as Draws};
@@ -65,6 +65,14 @@ fn compare(found: (&[f64], &[f64]), wanted: (&[f64], &[f64])) {
 #[test]
 #[ignore = "needs g++"]
 fn cxx_costs_are_the_cpus() {
+    // With all keys in the GPU's memory, and in shared memory.
+    costs_by(0);
+    costs_by(SIZES.items(THREADS));
+}
+
+const THREADS: u32 = 64;
+
+fn costs_by(items: usize) {
     let (signals, ends, measured) = problem(SIZES);
     let sorted = pooled(SIZES, &measured);
     let Sizes { candidates, recordings, samples, dimensions, skip } = SIZES;
@@ -77,18 +85,17 @@ fn cxx_costs_are_the_cpus() {
     let ends_id = array("ends", Kind::U32, ends.len());
     let sorted_id = array("sorted", Kind::F64, sorted.len());
     let measured_id = array("measured", Kind::F64, measured.len());
-    let scratch_id = array("scratch", Kind::U32, candidates * dimensions * SIZES.sorted());
-    let inside_id = array("inside", Kind::F64, candidates * dimensions);
-    let outside_id = array("outside", Kind::F64, candidates * dimensions);
+    let scratch_id = array("scratch", Kind::U32, candidates * dimensions * 2 * recordings * samples);
+    let distances_id = array("distances", Kind::F64, candidates * dimensions);
     let squares_id = array("squares", Kind::F64, candidates * recordings * dimensions);
     let word = |number: usize| Value::U32(number as u32);
     let counted = sorted.len() / dimensions;
     let shape = Shape {
         grid: [candidates as u32, dimensions as u32, 1],
-        block: [64, 1, 1],
-        shared: 4 * SIZES.sorted() as u32,
+        block: [THREADS, 1, 1],
+        shared: shared(THREADS, items),
     };
-    let distances = |outside: usize, to: Value| Launch {
+    let distances = Launch {
         kernel: "wasserstein",
         shape,
         arguments: vec![
@@ -100,10 +107,8 @@ fn cxx_costs_are_the_cpus() {
             ends_id,
             sorted_id,
             word(counted),
-            word(SIZES.sorted()),
-            word(outside),
             scratch_id,
-            to,
+            distances_id,
         ],
     };
     let squares = Launch {
@@ -121,8 +126,7 @@ fn cxx_costs_are_the_cpus() {
             squares_id,
         ],
     };
-    let (first, second) = (distances(0, inside_id), distances(1, outside_id));
-    let plan = Plan::from_parts(arrays, vec![squares, first, second]);
+    let plan = Plan::from_parts(arrays, vec![squares, distances]);
     let given = |signals: &[f32]| {
         Arrays::from([
             ("signals", bytes(signals, f32::to_ne_bytes)),
@@ -131,28 +135,31 @@ fn cxx_costs_are_the_cpus() {
             ("measured", bytes(&measured, f64::to_ne_bytes)),
         ])
     };
-    let text = program().text;
+    let text = program(items).text;
     let out = host::run(&text, &plan, &given(&signals), &[]);
     let wanted = expected(SIZES, &signals, &ends, &measured);
-    for name in ["inside", "outside"] {
-        compare((&doubles(&out[name]), &doubles(&out["squares"])), (&wanted.0, &wanted.1));
-    }
+    compare((&doubles(&out["distances"]), &doubles(&out["squares"])), (&wanted.0, &wanted.1));
     // A number that is none spoils its dimension, but not before the samples that count.
     let mut spoilt = signals;
     spoilt[2] = f32::NAN;
     spoilt[dimensions * skip + 1] = f32::INFINITY;
     let out = host::run(&text, &plan, &given(&spoilt), &[]);
-    let found = doubles(&out["inside"]);
+    let found = doubles(&out["distances"]);
     assert!(found[1].is_nan() && found[2] == wanted.0[2], "{found:?}");
 }
 
 #[test]
 #[ignore = "needs NVRTC: tools/setup_nvrtc.sh"]
 fn nvrtc_compiles_the_costs_without_spills() {
-    let program = program().option("--ptxas-options=-v");
-    let log = compile(Nvrtc::get().unwrap(), &program, (8, 0), None).unwrap().image.log;
-    let lines: Vec<&str> = log.lines().filter(|line| line.contains("spill")).collect();
-    assert!(!lines.is_empty() && lines.iter().all(|line| line.contains(" 0 bytes spill stores")), "{log}");
+    for items in [0, 5, 77, 91] {
+        let program = program(items).option("--ptxas-options=-v");
+        let log = compile(Nvrtc::get().unwrap(), &program, (8, 0), None).unwrap().image.log;
+        let lines: Vec<&str> = log.lines().filter(|line| line.contains("spill")).collect();
+        assert!(
+            !lines.is_empty() && lines.iter().all(|line| line.contains(" 0 bytes spill stores")),
+            "{log}"
+        );
+    }
 }
 
 #[test]

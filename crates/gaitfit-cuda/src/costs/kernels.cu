@@ -1,12 +1,16 @@
 // What costs are made of: Wasserstein distances of pooled samples, and sums of squared differences.
 //
+// Before this text stands ITEMS: the keys of a thread, an odd number, where a block sorts its keys in shared memory, or 0.
 // `signals` is candidates x recordings x samples x dimensions. Of each recording the samples from `skip` to its entry of
 // `ends` (candidates x recordings) count. The text is also compiled as C++ for a test without a GPU.
 
 typedef unsigned int u32;
 typedef unsigned long long u64;
+// Threads of a block of `wasserstein`, at most.
+#define THREADS 512
 #ifndef GAITFIT_HOST
 #define KERNEL extern "C" __global__ void
+#define BOUNDED extern "C" __global__ void __launch_bounds__(THREADS, 1)
 #define DEVICE __device__ __forceinline__
 #define POOL(name) extern __shared__ float name[]
 DEVICE u32 bits_of(float x) { return __float_as_uint(x); }
@@ -20,25 +24,89 @@ DEVICE u32 key_of(float x) {
 }
 DEVICE float value_of(u32 key) { return float_of(key & 0x80000000u ? key & 0x7FFFFFFFu : ~key); }
 
-// Sorts `size` keys, a power of two, with all threads of the block (Batcher 1968, bitonic).
-DEVICE void sort(u32* keys, u32 size) {
-    for (u32 run = 2; run <= size; run *= 2)
-        // All are powers of two: `low` is pair / apart * 2 * apart + pair % apart.
-        for (u32 apart = run / 2; apart > 0; apart /= 2) {
-            __syncthreads();
-            for (u32 pair = threadIdx.x; pair < size / 2; pair += blockDim.x) {
-                u32 low = pair + (pair & ~(apart - 1)), high = low + apart;
-                u32 a = keys[low], b = keys[high];
-                bool up = (low & run) == 0;
-                if ((a > b) == up) keys[low] = b, keys[high] = a;
-            }
-        }
+// Keys are sorted by four bits at a time, so that a thread has room to count its own keys of each digit.
+#define DIGITS 16
+#if ITEMS > 0
+typedef unsigned short Count;
+#else
+typedef u32 Count;
+#endif
+
+// Where a count is: the padding keeps threads that read DIGITS neighbours each in different banks.
+DEVICE u32 place(u32 count) { return count + count / DIGITS; }
+
+// Where the keys of this thread with the same digit as `key` are counted.
+DEVICE u32 own_count(u32 key, u32 shift) { return place((key >> shift) % DIGITS * blockDim.x + threadIdx.x); }
+
+// Turns counts, of every thread for every digit, digit after digit, into the places where their keys begin.
+DEVICE void begin(Count* counts) {
+    __shared__ u32 totals[THREADS];
+    u32 first = threadIdx.x * DIGITS, total = 0;
+    for (u32 k = 0; k < DIGITS; k++) total += counts[place(first + k)];
+    totals[threadIdx.x] = total;
+    __syncthreads();
+    for (u32 apart = 1; apart < blockDim.x; apart *= 2) {
+        u32 before = threadIdx.x >= apart ? totals[threadIdx.x - apart] : 0;
+        __syncthreads();
+        totals[threadIdx.x] += before;
+        __syncthreads();
+    }
+    u32 from = totals[threadIdx.x] - total;
+    for (u32 k = 0; k < DIGITS; k++) {
+        u32 count = counts[place(first + k)];
+        counts[place(first + k)] = (Count)from;
+        from += count;
+    }
     __syncthreads();
 }
 
+// Sorts keys with all threads of the block, digit by digit from the lowest: keys of the same digit stay in their order. A thread
+// moves keys that follow each other. `counts`: for 17 counts a thread.
+#if ITEMS > 0
+// `keys`: ITEMS a thread, in shared memory. A thread reads all of its own before any is moved.
+DEVICE void sort(u32* keys, u32, Count* counts) {
+    u32 own[ITEMS];
+    for (u32 shift = 0; shift < 32; shift += 4) {
+        for (u32 digit = 0; digit < DIGITS; digit++) counts[place(digit * blockDim.x + threadIdx.x)] = 0;
+#pragma unroll
+        for (u32 k = 0; k < ITEMS; k++) {
+            own[k] = keys[threadIdx.x * ITEMS + k];
+            counts[own_count(own[k], shift)]++;
+        }
+        __syncthreads();
+        begin(counts);
+#pragma unroll
+        for (u32 k = 0; k < ITEMS; k++) keys[counts[own_count(own[k], shift)]++] = own[k];
+        __syncthreads();
+    }
+}
+#else
+// `keys`: twice `size`; they move from one half to the other and back.
+DEVICE void sort(u32* keys, u32 size, Count* counts) {
+    u32 each = (size + blockDim.x - 1) / blockDim.x;
+    u32 first = threadIdx.x * each < size ? threadIdx.x * each : size;
+    u32 last = first + each < size ? first + each : size;
+    for (u32 shift = 0; shift < 32; shift += 4) {
+        const u32* __restrict__ from = keys + (shift % 8 ? size : 0);
+        u32* __restrict__ to = keys + (shift % 8 ? 0 : size);
+        for (u32 digit = 0; digit < DIGITS; digit++) counts[place(digit * blockDim.x + threadIdx.x)] = 0;
+#pragma unroll 8
+        for (u32 i = first; i < last; i++) counts[own_count(from[i], shift)]++;
+        __syncthreads();
+        begin(counts);
+#pragma unroll 8
+        for (u32 i = first; i < last; i++) {
+            u32 key = from[i];
+            to[counts[own_count(key, shift)]++] = key;
+        }
+        __syncthreads();
+    }
+}
+#endif
+
 // Sum over the block's threads, a power of two of them, in a fixed order.
 DEVICE double block_sum(double x) {
-    __shared__ double sums[1024];
+    __shared__ double sums[THREADS];
     __syncthreads();
     sums[threadIdx.x] = x;
     __syncthreads();
@@ -50,17 +118,24 @@ DEVICE double block_sum(double x) {
 }
 
 // One block a candidate (x) and dimension (y): the Wasserstein-1 distance of its samples from the robot's.
-// `reference`: each dimension's samples ascending, `of_reference` numbers each. `size`: a power of two, at least the
-// samples of a candidate. `scratch`: blocks x size where the keys do not fit into shared memory, as `outside` says.
+// `reference`: each dimension's samples ascending, `of_reference` numbers each. `scratch`: blocks x 2 x keys where the keys,
+// one for each sample, do not fit into shared memory.
 // `distance`: candidates x dimensions; not a number if a sample is none, or if there are no samples.
-KERNEL wasserstein(
+BOUNDED wasserstein(
     u32 recordings, u32 samples, u32 dimensions, u32 skip, const float* signals, const u32* ends, const double* reference,
-    u32 of_reference, u32 size, u32 outside, u32* scratch, double* distance
+    u32 of_reference, u32* scratch, double* distance
 ) {
     POOL(pool);
     __shared__ u32 faulty;
-    u32 candidate = blockIdx.x, dimension = blockIdx.y;
-    u32* keys = outside ? scratch + ((u64)candidate * gridDim.y + dimension) * size : (u32*)pool;
+    u32 candidate = blockIdx.x, dimension = blockIdx.y, size = recordings * samples;
+    Count* counts = (Count*)pool;
+#if ITEMS > 0
+    u32 room = ITEMS * blockDim.x;
+    u32* keys = (u32*)(counts + place(DIGITS * blockDim.x));
+#else
+    u32 room = size;
+    u32* keys = scratch + ((u64)candidate * gridDim.y + dimension) * 2 * size;
+#endif
     if (threadIdx.x == 0) faulty = 0;
     __syncthreads();
     signals += (u64)candidate * recordings * samples * dimensions + dimension;
@@ -70,16 +145,17 @@ KERNEL wasserstein(
         end = end < samples ? end : samples;
         count += end > skip ? end - skip : 0;
     }
-    for (u32 i = threadIdx.x; i < size; i += blockDim.x) {
+    for (u32 i = threadIdx.x; i < room; i += blockDim.x) {
         u32 key = 0xFFFFFFFFu, r = i / samples, s = i % samples;
-        if (r < recordings && s >= skip && s < ends[candidate * recordings + r]) {
+        if (i < size && s >= skip && s < ends[candidate * recordings + r]) {
             float x = signals[(u64)i * dimensions];
             if (!(x - x == 0.0f)) atomicExch(&faulty, 1u);
             key = key_of(x);
         }
         keys[i] = key;
     }
-    sort(keys, size);
+    __syncthreads();
+    sort(keys, size, counts);
     // Both inverse distribution functions over t in 0 .. count x of_reference: step i of the candidate's ends at
     // (i + 1) of_reference, step j of the robot's at (j + 1) count.
     const double* b = reference + (u64)dimension * of_reference;

@@ -45,9 +45,11 @@ pub enum CostsError {
 }
 
 /// Threads of a block of `wasserstein`.
-const THREADS: u32 = 1024;
+const THREADS: u32 = 512;
+/// Max number of keys that the registers of a thread hold beside what sorts them.
+const MAX_ITEMS: usize = 101;
 /// Bytes of shared memory that the text declares, at most.
-const DECLARED: usize = 8704;
+const DECLARED: usize = 6400;
 
 impl Sizes {
     fn signals(&self) -> usize {
@@ -56,9 +58,14 @@ impl Sizes {
             .fold(self.candidates, usize::saturating_mul)
     }
 
-    /// Numbers that are sorted: a power of two.
-    pub fn sorted(&self) -> usize {
-        (self.recordings * self.samples).next_power_of_two()
+    /// Numbers that a block of `wasserstein` sorts.
+    fn sorted(&self) -> usize {
+        self.recordings.saturating_mul(self.samples)
+    }
+
+    /// Keys of a thread of such a block, of this many threads. An odd number keeps neighbouring threads in different banks.
+    pub fn items(&self, threads: u32) -> usize {
+        self.sorted().div_ceil(threads as usize) | 1
     }
 
     fn check(&self) -> Result<(), CostsError> {
@@ -72,9 +79,17 @@ impl Sizes {
     }
 }
 
-/// The program of [`Comparison`]. Products and sums are rounded one by one, as on the CPU.
-pub fn program() -> Program {
-    Program::new("costs", include_str!("kernels.cu")).option("--fmad=false")
+/// The program of [`Comparison`], whose threads sort this many keys each in shared memory; with 0 all keys are in the GPU's memory.
+/// Products and sums are rounded one by one, as on the CPU.
+pub fn program(items: usize) -> Program {
+    let text = format!("#define ITEMS {items}\n{}", include_str!("kernels.cu"));
+    Program::new("costs", text).option("--fmad=false")
+}
+
+/// Bytes of shared memory of a block of `wasserstein`: a thread counts 16 digits, with one count of padding.
+pub fn shared(threads: u32, items: usize) -> u32 {
+    let counts = 17 * threads;
+    if items > 0 { 2 * counts + 4 * threads * items as u32 } else { 4 * counts }
 }
 
 /// The robot's side of the costs in a GPU's memory, and room for the results.
@@ -120,10 +135,10 @@ impl Comparison {
             return Err(CostsError::Length { array: "measured", expected, found: measured.len() });
         }
         device.check_room(&Self::parts(device, sizes))?;
-        let module = device.load(&program())?;
+        let items = items(device, sizes);
+        let module = device.load(&program(items))?;
         let blocks = sizes.candidates * sizes.dimensions;
-        let outside = is_outside(device, sizes);
-        let scratch = if outside { blocks.saturating_mul(sizes.sorted()) } else { 0 };
+        let scratch = if items > 0 { 0 } else { blocks.saturating_mul(2 * sizes.sorted()) };
         let runs = sizes.candidates * sizes.recordings * sizes.dimensions;
         Ok(Self {
             sizes,
@@ -136,7 +151,7 @@ impl Comparison {
             distance: Buffer::new(device, "distances", blocks)?,
             squares: Buffer::new(device, "squares", runs)?,
             sums: Buffer::new(device, "sums of squares", blocks)?,
-            shared: if outside { 0 } else { 4 * sizes.sorted() as u32 },
+            shared: shared(THREADS, items),
         })
     }
 
@@ -144,7 +159,7 @@ impl Comparison {
     pub fn parts(device: &Device, sizes: Sizes) -> Vec<(&'static str, u64)> {
         let Sizes { candidates, recordings, samples, dimensions, .. } = sizes;
         let product = |of: &[usize]| of.iter().fold(1u64, |all, &one| all.saturating_mul(one as u64));
-        let keys = if is_outside(device, sizes) { sizes.sorted() } else { 0 };
+        let keys = if items(device, sizes) > 0 { 0 } else { sizes.sorted().saturating_mul(2) };
         vec![
             ("keys", product(&[4, candidates, dimensions, keys])),
             ("measured", product(&[16, recordings, samples, dimensions])),
@@ -213,8 +228,6 @@ impl Comparison {
                 ends.into(),
                 (&self.sorted).into(),
                 (counted as u32).into(),
-                (self.sizes.sorted() as u32).into(),
-                u32::from(self.shared == 0).into(),
                 (&self.scratch).into(),
                 (&self.distance).into(),
             ],
@@ -297,10 +310,12 @@ impl Comparison {
     }
 }
 
-/// Whether keys do not fit into a multiprocessor's memory.
-fn is_outside(device: &Device, sizes: Sizes) -> bool {
+/// Keys of a thread in shared memory and in its registers; 0 where they do not fit.
+fn items(device: &Device, sizes: Sizes) -> usize {
     let available = usize::try_from(device.info().shared_memory).unwrap_or(0);
-    4 * sizes.sorted() + DECLARED > available
+    let items = sizes.items(THREADS);
+    let fits = items <= MAX_ITEMS && shared(THREADS, items) as usize + DECLARED <= available;
+    if fits { items } else { 0 }
 }
 
 /// The robot's samples that count, ascending, dimension by dimension.
