@@ -68,10 +68,10 @@ KERNEL walk(
         __syncthreads();
     }
     // What is recorded of the state that was reached.
-    for (int i = thread; i < rows * (2 * ACTIONS + 2); i += threads) {
-        int r = i / (2 * ACTIONS + 2), k = i % (2 * ACTIONS + 2);
+    for (int i = thread; i < ROWS * (2 * ACTIONS + 2); i += threads) {
+        int r = i % ROWS, k = i / ROWS;
         u32 e = from + r;
-        if (e >= count || sample >= length[r]) continue;
+        if (r >= rows || e >= count || sample >= length[r]) continue;
         if (k > 2 * ACTIONS) {
             bool walks = sample > 0 && ends[e] == length[r] - before[r];
             if (walks && ends_here(state, report, e)) ends[e] = sample > before[r] ? sample - before[r] : 0;
@@ -111,10 +111,11 @@ KERNEL walk(
         }
         __syncthreads();
     }
-    // Observations, four numbers of a term a thread, then in the order of the network.
-    for (int i = thread; i < rows * PARTS; i += threads) {
-        int r = i / PARTS;
-        Part part = PART[i % PARTS];
+    // Observations, four numbers of a term a thread, then in the order of the network. Neighbouring threads have the same term.
+    for (int i = thread; i < ROWS * PARTS; i += threads) {
+        int r = i % ROWS;
+        if (r >= rows) continue;
+        Part part = PART[i / ROWS];
         u32 e = from + r, last = length[r] - 1, here = sample < last ? sample : last;
         u32 now = here > before[r] ? here - before[r] : 0;
         const float* command = commands + ((u64)recording[r] * samples + now) * 3;
@@ -138,13 +139,14 @@ KERNEL walk(
     }
     __syncthreads();
     const float* chosen = forward(network, first, second);
-    for (int i = thread; i < rows * ACTIONS; i += threads) {
-        int r = i / ACTIONS, k = i % ACTIONS;
+    for (int i = thread; i < ROWS * ACTIONS; i += threads) {
+        int r = i % ROWS, k = i / ROWS;
+        if (r >= rows) continue;
         u32 e = from + r;
         float wanted = chosen[k * ROWS + r];
         if (e < count && sample >= before[r] && sample < length[r])
             signals[((u64)e * samples + sample - before[r]) * DIMENSIONS + 2 * ACTIONS + k] = wanted;
-        last_action[(u64)from * ACTIONS + i] = wanted;
+        last_action[(u64)e * ACTIONS + k] = wanted;
         send_target(targets, e, JOINT_OF[k], target_of(k, wanted), placed[r]);
     }
     for (int i = thread; i < rows * OTHER_JOINTS; i += threads) {
