@@ -65,8 +65,9 @@ fn compare(found: (&[f64], &[f64]), wanted: (&[f64], &[f64])) {
 #[test]
 #[ignore = "needs g++"]
 fn cxx_costs_are_the_cpus() {
-    // With all keys in the GPU's memory, and in shared memory.
+    // With all keys in global memory, and in shared memory, without and with room that is left.
     costs_by(0);
+    costs_by(101);
     costs_by(SIZES.items(THREADS));
 }
 
@@ -168,8 +169,8 @@ fn nvrtc_compiles_the_costs_without_many_spills() {
 fn gpu_costs_are_the_cpus() {
     let device = Device::open(0).unwrap();
     let stream = Stream::new(&device).unwrap();
-    // The second one's keys do not fit into a multiprocessor's memory.
-    for (samples, recordings) in [(800, 16), (10_000, 8)] {
+    // The second one's keys just fit into a multiprocessor's memory. The third one's do not.
+    for (samples, recordings) in [(800, 16), (808, 64), (10_000, 8)] {
         let sizes = Sizes { candidates: 4, recordings, samples, dimensions: 36, skip: 50 };
         let (signals, ends, measured) = problem(sizes);
         let mut comparison = Comparison::new(&device, sizes, &measured).unwrap();

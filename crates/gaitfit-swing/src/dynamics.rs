@@ -133,7 +133,7 @@ pub struct JointMomentum {
 }
 
 impl JointMomentum {
-    /// Both if the base's origin is faster by `velocity`, m/s, world axes.
+    /// Both after `velocity`, m/s, world axes, is added to the velocity of the base's origin.
     pub fn boosted(&self, velocity: Vec3) -> Self {
         let [momentum, rest] = self.by_base.map(|by_base| dot(by_base, velocity));
         Self { momentum: self.momentum + momentum, rest: self.rest + rest, ..*self }

@@ -60,23 +60,25 @@ impl Window {
     }
 }
 
-/// A delay between two of those that windows know.
+/// A delay between two of those at which windows have a torque.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Delay {
     low: usize,
+    high: usize,
     fraction: f64,
 }
 
 impl Delay {
-    /// In steps from the shortest one, of so many.
+    /// `steps`: from the shortest delay. `delays`: how many delays a window has.
     pub fn new(steps: f64, delays: usize) -> Self {
         let low = (steps.max(0.0) as usize).min(delays.saturating_sub(2));
-        Self { low, fraction: steps - low as f64 }
+        let high = (low + 1).min(delays.saturating_sub(1));
+        Self { low, high, fraction: steps - low as f64 }
     }
 
     /// The target's part of a window's torque, N·m.
     pub fn driven(&self, window: &Window) -> f64 {
-        let [low, high] = [self.low, self.low + 1].map(|place| window.driven[place]);
+        let [low, high] = [self.low, self.high].map(|place| window.driven[place]);
         low + self.fraction * (high - low)
     }
 }

@@ -45,7 +45,7 @@ pub fn estimate(
     estimate_walks(model, &walks, settings, &mut |_, _| ControlFlow::Continue(()))
 }
 
-/// As [`estimate`], of walks of this model, whose springs may have changed since. Before each regression and after the last,
+/// As [`estimate`], from walks. They may come from a model that differs in its springs only. Before each regression and after the last,
 /// `progress` gets how many are done and how many there are, and can stop the work.
 ///
 /// # Errors

@@ -38,7 +38,7 @@ pub struct Ground {
     pub velocity: Vec<Vec3>,
     /// Feet, one entry a grid point and end of a limb, in the order of the walk's poses.
     pub feet: Vec<Vec<Foot>>,
-    /// What joints without drag need for that velocity.
+    /// Momenta and torques that joints without drag need at that velocity.
     pub(crate) needed: Needed,
 }
 
@@ -62,7 +62,7 @@ impl Ground {
     pub fn new(model: &Model, walk: &Walk, delay: f64, drag: &[Drag], before: Option<&Self>) -> Self {
         let (points, joints) = (walk.points(), walk.joints);
         let poses = &walk.poses;
-        // How the base moves matters less for a leg that stands than for one that swings: a first pass does without.
+        // How the base moves matters less for a leg that stands than for one that swings, so the first pass takes the base to be at rest.
         let at_rest = || Needed::new(model, walk, &vec![[0.0; 3]; points]);
         if model.root == Root::Fixed {
             return Self {
@@ -70,7 +70,7 @@ impl Ground {
                 stands: vec![0.0; points * joints],
                 velocity: vec![[0.0; 3]; points],
                 feet: vec![Vec::new(); points],
-                needed: before.map_or_else(at_rest, |before| before.needed.clone()),
+                needed: at_rest(),
             };
         }
         let ends = &poses.ends;
@@ -110,7 +110,7 @@ impl Ground {
             here.iter_mut().for_each(|foot| foot.stands = bears(foot.load) * low(foot.point[2] - ground));
             feet.push(here);
         }
-        let relative = &poses.relative;
+        let relative = &poses.com_velocity;
         let mut velocity = base_velocity(walk, &feet, relative);
         let mut stands = vec![0.0; points * joints];
         // A foot that swings fast may push as one that stands does, but it does not move as the others do. Bounds that

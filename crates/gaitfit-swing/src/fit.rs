@@ -1,5 +1,6 @@
-//! The equations of all groups for one choice of swings, solved.
+//! Solves the equations of all groups for one choice of swings.
 
+use crate::effects::block;
 use crate::equations::Window;
 use crate::lowest::lowest;
 use crate::regression::{Group, Named, SHARED, Solution, groups, solve};
@@ -13,8 +14,6 @@ use std::ops::Range;
 
 /// Logs from which errors are also judged by how logs differ.
 const LOGS: usize = 8;
-/// Samples nearer than this are not independent, s.
-const BLOCK_S: f64 = 0.5;
 
 /// Each group alone at the delay that leaves least unexplained.
 struct Alone<'a> {
@@ -24,7 +23,7 @@ struct Alone<'a> {
     /// In steps.
     delay: f64,
     solutions: Vec<Solution>,
-    /// Logarithm of what is left unexplained.
+    /// Mean logarithm of the residuals' scale over all windows.
     cost: f64,
 }
 
@@ -91,7 +90,7 @@ pub(crate) struct Fit {
 }
 
 impl Fit {
-    /// With the friction law among `laws` that leaves less unexplained.
+    /// With the friction law among `laws` that leaves less unexplained, and this law.
     pub fn best(
         windows: &[Window],
         named: &[Named],
@@ -109,7 +108,7 @@ impl Fit {
 
     fn new(alone: Alone<'_>, settings: &SwingSettings, threads: usize) -> Option<Self> {
         let Alone { names, groups, delay, solutions, .. } = alone;
-        let block = |window: &Window| ((window.log as u64) << 32) + (window.at / BLOCK_S) as u64;
+        let block = |window: &Window| block(window.log, window.at);
         let logs: BTreeSet<usize> =
             groups.iter().flat_map(|group| group.windows.iter().map(|window| window.log)).collect();
         let log = |window: &Window| window.log as u64;
@@ -153,6 +152,7 @@ impl Fit {
         };
         let stiffest =
             |group: &Group<'_>| group.windows.iter().map(|window| window.stiffness).fold(0.0, f64::max);
+        let chosen = held.as_ref().unwrap_or(&free);
         Some(Self {
             counts: groups.iter().map(count).collect(),
             stiffest: groups.iter().map(stiffest).collect(),
@@ -161,12 +161,12 @@ impl Fit {
             names,
             first,
             variances,
-            scales: held.as_ref().unwrap_or(&free).scales.clone(),
-            by_strength: held.as_ref().unwrap_or(&free).by_strength.clone(),
-            by_load: held.as_ref().unwrap_or(&free).by_load.clone(),
-            strength: held.as_ref().unwrap_or(&free).strength,
-            values: held.map_or_else(|| free.values.clone(), |held| held.values),
-            free: free.values,
+            scales: chosen.scales.clone(),
+            by_strength: chosen.by_strength.clone(),
+            by_load: chosen.by_load.clone(),
+            strength: chosen.strength,
+            values: chosen.values.clone(),
+            free: free.values.clone(),
         })
     }
 

@@ -4,7 +4,7 @@ use crate::equations::{Delay, Window};
 use crate::regression::{Factors, SHARED};
 use nalgebra::{DMatrix, DVector, Dyn, Matrix3, OMatrix, U3, Vector3};
 
-/// One window among all groups.
+/// One equation (a window) with the unknowns of its group.
 pub(crate) struct Row<'a> {
     pub window: &'a Window,
     pub group: usize,
@@ -47,7 +47,7 @@ pub(crate) struct Lag {
 }
 
 impl Lag {
-    /// Of the last of these values, in a group whose windows know so many delays.
+    /// The last of `values` is the delay in steps. Every window has its torque at `delays` delays.
     pub fn of(values: &DVector<f64>, delays: usize) -> Self {
         let steps = values[values.len() - 1];
         let [before, at, after] = [-1.0, 0.0, 1.0].map(|by| Delay::new(steps + by, delays));
@@ -113,8 +113,8 @@ impl Moment {
         }
     }
 
-    /// Replaces the rows. `variances`: of each group's residuals; `shaking`: of the base's acceleration. `None` where they
-    /// are no numbers.
+    /// Replaces the rows. `variances`: of each group's residuals; `shaking`: of the base's acceleration. `None` if the
+    /// covariance of the acceleration cannot be computed.
     pub fn fill(
         &mut self,
         rows: &[Row<'_>],

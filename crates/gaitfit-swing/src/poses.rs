@@ -1,5 +1,5 @@
-//! What the poses of a walk say before anything is known of its base's velocity, its delay and its joints' drag. The passes of an
-//! estimate share it.
+//! What follows from a walk's poses alone, before the base's velocity, the delay and the joints' drag are estimated. The passes of
+//! an estimate share it.
 //!
 //! Momenta and forces are linear in the velocity of the base's origin, so that velocity can be added afterwards.
 
@@ -18,7 +18,7 @@ pub(crate) struct End {
     /// Joints that move it.
     pub chain: Vec<usize>,
     /// Place of its first joint among the joints of all chains.
-    first: usize,
+    first_lever: usize,
 }
 
 /// The end of a limb at one moment, if the base's origin rests. World axes; positions from the base's origin.
@@ -37,11 +37,11 @@ pub(crate) struct Poses {
     pub ends: Vec<End>,
     /// Each end at each grid point; `len × ends`.
     pub tips: Vec<Tip>,
-    /// Velocity that each joint of each end's chain alone, at 1 rad/s or 1 m/s, gives to the end's lowest point; `len × all
+    /// For each joint of each end's chain, the Jacobian's column of the end's lowest point, m/s for 1 rad/s or 1 m/s; `len × all
     /// chains`.
     levers: Vec<Vec3>,
     /// Velocity of the centre of mass if the base's origin rests, m/s; `len`.
-    pub relative: Vec<Vec3>,
+    pub com_velocity: Vec<Vec3>,
     /// The momentum form of each joint if the base's origin rests; `len × joints`.
     pub momenta: Vec<JointMomentum>,
 }
@@ -55,8 +55,8 @@ impl Poses {
         let zeros = vec![0.0; joints];
         let mut poses = Self {
             tips: Vec::with_capacity(points * ends.len()),
-            levers: Vec::with_capacity(points * chained(&ends)),
-            relative: Vec::with_capacity(points),
+            levers: Vec::with_capacity(points * levers_per_point(&ends)),
+            com_velocity: Vec::with_capacity(points),
             momenta: Vec::with_capacity(points * joints),
             ends,
         };
@@ -68,7 +68,7 @@ impl Poses {
             let motion = Motion::new(model, &base, walk.q_at(point), walk.dq_at(point), &zeros);
             let (momenta, whole) = motion.momentum();
             poses.momenta.extend(momenta);
-            poses.relative.push(whole.map(|p| p / mass));
+            poses.com_velocity.push(whole.map(|p| p / mass));
             for end in &poses.ends {
                 let lowest = end
                     .geoms
@@ -91,14 +91,14 @@ impl Poses {
 
     /// Levers of the joints in the chain of an end.
     pub fn levers(&self, point: usize, end: &End) -> &[Vec3] {
-        let first = point * chained(&self.ends) + end.first;
+        let first = point * levers_per_point(&self.ends) + end.first_lever;
         &self.levers[first..first + end.chain.len()]
     }
 }
 
 /// Joints in the chains of all ends.
-fn chained(ends: &[End]) -> usize {
-    ends.last().map_or(0, |last| last.first + last.chain.len())
+fn levers_per_point(ends: &[End]) -> usize {
+    ends.last().map_or(0, |last| last.first_lever + last.chain.len())
 }
 
 /// Bodies at the end of limbs that may touch the ground, with their geoms and joints.
@@ -122,7 +122,7 @@ fn ends(model: &Model, joints: usize) -> Vec<End> {
     let mut ends = Vec::new();
     for body in (1..model.bodies.len()).filter(|&body| !geoms[body].is_empty() && last(body)) {
         let chain = (0..joints).filter(|&joint| is_below(model, body, model.joints[joint].body)).collect();
-        ends.push(End { body, geoms: geoms[body].clone(), chain, first: chained(&ends) });
+        ends.push(End { body, geoms: geoms[body].clone(), chain, first_lever: levers_per_point(&ends) });
     }
     ends
 }

@@ -113,12 +113,12 @@ impl Look<'_> {
                     .map(|(&joint, lever)| lever[2] * by(torque[joint]))
                     .sum()
             };
-            for (k, (one, its)) in feet.iter().enumerate() {
-                for (other, others) in &feet[k + 1..] {
-                    let between = sub(one.point, other.point);
+            for (k, (foot, end)) in feet.iter().enumerate() {
+                for (other, other_end) in &feet[k + 1..] {
+                    let between = sub(foot.point, other.point);
                     let lever = cross(rotate_back(turn, between), up(turn));
                     let apart = |joints: &[usize], by: &dyn Fn(f64) -> f64| {
-                        lowered(its, joints, by) - lowered(others, joints, by)
+                        lowered(end, joints, by) - lowered(other_end, joints, by)
                     };
                     pairs.push(Pair {
                         block: block(log, point as f64 * walk.step),

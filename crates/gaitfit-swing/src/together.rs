@@ -44,12 +44,12 @@ struct Equations<'a> {
     moments: Vec<Vec<Row<'a>>>,
     /// Unknowns that are 0.
     held: &'a [usize],
-    known: Known,
+    current: Current,
     threads: usize,
 }
 
-/// What is known of the unknowns so far.
-struct Known {
+/// Present values of the unknowns, and variances.
+struct Current {
     /// All unknowns, the delay last.
     values: DVector<f64>,
     /// Variance of the residuals of each group.
@@ -88,7 +88,16 @@ impl Sums {
     }
 }
 
-impl Known {
+impl Current {
+    fn lag(&self) -> Lag {
+        Lag::of(&self.values, self.delays)
+    }
+
+    /// Puts the rows of a moment in `moment`; see [`Moment::fill`].
+    fn fill(&self, moment: &mut Moment, rows: &[Row<'_>], lag: &Lag) -> Option<()> {
+        moment.fill(rows, &self.values, lag, &self.variances, &self.shaking)
+    }
+
     /// Sums over these rows at the present values. It keeps what is left of each row in it.
     fn sums(&self, groups: usize, moments: &mut [Vec<Row<'_>>]) -> Option<Sums> {
         let columns = self.values.len();
@@ -97,10 +106,10 @@ impl Known {
         let mut squares = vec![[0.0; 2]; groups];
         let mut shakes = Vector3::zeros();
         let mut sizes: Vec<Vec<f64>> = vec![Vec::new(); groups];
-        let lag = Lag::of(&self.values, self.delays);
+        let lag = self.lag();
         let mut seen = Moment::empty(columns);
         for rows in moments {
-            seen.fill(rows, &self.values, &lag, &self.variances, &self.shaking)?;
+            self.fill(&mut seen, rows, &lag)?;
             let pull = seen.pull(&|row| seen.residuals[row]);
             let mean = seen.spread * pull;
             // (Xᵀ D⁻¹ X − Xᵀ D⁻¹ Λ C Λᵀ D⁻¹ X), and the same with residuals.
@@ -167,8 +176,8 @@ impl<'a> Equations<'a> {
         let variances = solutions.iter().map(|solution| solution.scale.powi(2)).collect();
         let moments: Vec<Vec<Row<'_>>> = moments.into_values().collect();
         let delays = moments.first().and_then(|rows| rows.first()).map_or(0, |row| row.window.driven.len());
-        let known = Known { values, variances, shaking: Vector3::repeat(FIRST * FIRST), delays };
-        Self { groups, moments, held, known, threads }
+        let current = Current { values, variances, shaking: Vector3::repeat(FIRST * FIRST), delays };
+        Self { groups, moments, held, current, threads }
     }
 
     /// Solves all groups, and gives covariances by `clusters`.
@@ -179,7 +188,7 @@ impl<'a> Equations<'a> {
         }
         let bread = self.sums()?.normal.try_inverse()?;
         let seen = self.seen()?;
-        let lag = Lag::of(&self.known.values, self.known.delays);
+        let lag = self.current.lag();
         let groups = self.groups;
         let mut explained = self.explained(&seen, &bread, 2 + groups.len(), &|row, part| match part {
             0 => row.motor(&lag),
@@ -195,21 +204,20 @@ impl<'a> Equations<'a> {
             by_strength,
             by_load,
             strength,
-            scales: self.known.variances.iter().map(|variance| variance.sqrt()).collect(),
-            values: self.known.values,
+            scales: self.current.variances.iter().map(|variance| variance.sqrt()).collect(),
+            values: self.current.values,
         })
         .filter(|found| found.values.iter().all(|value| value.is_finite()))
     }
 
     /// One pass over all rows at the present values, which keeps what is left of each row in it.
     fn sums(&mut self) -> Option<Sums> {
-        let parts = self.moments.len().div_ceil(PARTS).max(1);
-        let mut found: Vec<Option<Sums>> = (0..self.moments.len().div_ceil(parts)).map(|_| None).collect();
-        let jobs = self.moments.chunks_mut(parts).zip(&mut found);
-        let (known, groups) = (&self.known, self.groups.len());
-        share(&mut vec![(); self.threads.max(1)], jobs, |(), (moments, sums)| {
-            *sums = known.sums(groups, moments)
-        });
+        let length = self.moments.len().div_ceil(PARTS).max(1);
+        let mut found: Vec<Option<Sums>> = self.moments.chunks(length).map(|_| None).collect();
+        let mut workers = vec![(); self.threads.clamp(1, PARTS)];
+        let jobs = self.moments.chunks_mut(length).zip(&mut found);
+        let (current, groups) = (&self.current, self.groups.len());
+        share(&mut workers, jobs, |(), (moments, sums)| *sums = current.sums(groups, moments));
         let mut found = found.into_iter();
         let mut sums = found.next()??;
         for part in found {
@@ -231,18 +239,18 @@ impl<'a> Equations<'a> {
         for row in self.moments.iter_mut().flatten() {
             row.weight = (HUBER * spreads[row.group] / row.left.max(1e-300)).min(1.0);
         }
-        self.known.values += sums.normal.cholesky()?.solve(&sums.right);
-        self.known.variances = sums.squares.iter().map(|[square, weight]| square / weight).collect();
-        self.known.shaking = sums.shakes / self.moments.len() as f64;
+        self.current.values += sums.normal.cholesky()?.solve(&sums.right);
+        self.current.variances = sums.squares.iter().map(|[square, weight]| square / weight).collect();
+        self.current.shaking = sums.shakes / self.moments.len() as f64;
         Some(())
     }
 
     /// All moments at the present values.
     fn seen(&self) -> Option<Vec<Moment>> {
-        let lag = Lag::of(&self.known.values, self.known.delays);
+        let lag = self.current.lag();
         let seen = |rows: &Vec<Row<'_>>| {
-            let mut seen = Moment::empty(self.known.values.len());
-            seen.fill(rows, &self.known.values, &lag, &self.known.variances, &self.known.shaking)?;
+            let mut seen = Moment::empty(self.current.values.len());
+            self.current.fill(&mut seen, rows, &lag)?;
             Some(seen)
         };
         self.moments.iter().map(seen).collect()
@@ -256,7 +264,7 @@ impl<'a> Equations<'a> {
         count: usize,
         part: &dyn Fn(&Row<'_>, usize) -> f64,
     ) -> Vec<DVector<f64>> {
-        let mut rights = vec![DVector::zeros(self.known.values.len()); count];
+        let mut rights = vec![DVector::zeros(self.current.values.len()); count];
         for (rows, seen) in self.moments.iter().zip(seen) {
             for (number, right) in rights.iter_mut().enumerate() {
                 seen.score(&|row| part(&rows[row], number), right);
@@ -283,7 +291,7 @@ impl<'a> Equations<'a> {
         by_strength: &DVector<f64>,
         by_target: &DVector<f64>,
     ) -> [f64; 2] {
-        let lag = Lag::of(&self.known.values, self.known.delays);
+        let lag = self.current.lag();
         // By the motor's torque, and by its part that follows the targets.
         let mut sums: [BTreeMap<u64, [f64; 2]>; 2] = Default::default();
         for (rows, seen) in self.moments.iter().zip(seen) {
@@ -312,7 +320,7 @@ impl<'a> Equations<'a> {
         bread: &DMatrix<f64>,
         cluster: &dyn Fn(&Window) -> u64,
     ) -> Option<DMatrix<f64>> {
-        let columns = self.known.values.len();
+        let columns = self.current.values.len();
         let mut scores: BTreeMap<u64, DVector<f64>> = BTreeMap::new();
         for (rows, seen) in self.moments.iter().zip(seen) {
             let score = scores.entry(cluster(rows[0].window)).or_insert_with(|| DVector::zeros(columns));

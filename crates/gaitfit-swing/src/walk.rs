@@ -42,7 +42,7 @@ pub struct Walk {
     pub joints: usize,
     /// Rate within which the sign of a joint's velocity is not sure, rad/s.
     pub sign_rate: f64,
-    /// What its poses say.
+    /// What follows from the poses and velocities above, computed once.
     pub(crate) poses: Poses,
 }
 
@@ -62,7 +62,7 @@ impl Walk {
         &self.dq[point * self.joints..(point + 1) * self.joints]
     }
 
-    /// Those of all logs of one robot, see [`Self::new`].
+    /// The walks of all logs of one robot, see [`Self::new`].
     ///
     /// # Errors
     /// The first error of a log.
@@ -118,7 +118,7 @@ impl Walk {
         let step = period / per_sample as f64;
         let start = log.time[0];
         let points = ((log.duration() / step) + 1e-6).floor() as usize + 1;
-        if points.saturating_mul(joints.max(1)) > 100_000_000 {
+        if points.saturating_mul(joints.max(1)) > 50_000_000 {
             return Err(SwingError::Long { log: name(), seconds: log.duration() });
         }
         let mut walk = Self {

@@ -1,6 +1,7 @@
 // What costs are made of: Wasserstein distances of pooled samples, and sums of squared differences.
 //
-// Before this text stands ITEMS: the keys of a thread, an odd number, where a block sorts its keys in shared memory, or 0.
+// The host defines ITEMS before this text. If it is above 0, a block sorts its keys in shared memory, ITEMS (an odd number) a thread.
+// If it is 0, a block sorts them in global memory.
 // `signals` is candidates x recordings x samples x dimensions. Of each recording the samples from `skip` to its entry of
 // `ends` (candidates x recordings) count. The text is also compiled as C++ for a test without a GPU.
 
@@ -10,7 +11,7 @@ typedef unsigned long long u64;
 #define THREADS 512
 #ifndef GAITFIT_HOST
 #define KERNEL extern "C" __global__ void
-#define BOUNDED extern "C" __global__ void __launch_bounds__(THREADS, 1)
+#define BOUNDED_KERNEL extern "C" __global__ void __launch_bounds__(THREADS, 1)
 #define DEVICE __device__ __forceinline__
 #define POOL(name) extern __shared__ float name[]
 DEVICE u32 bits_of(float x) { return __float_as_uint(x); }
@@ -24,25 +25,25 @@ DEVICE u32 key_of(float x) {
 }
 DEVICE float value_of(u32 key) { return float_of(key & 0x80000000u ? key & 0x7FFFFFFFu : ~key); }
 
-// Keys are sorted by four bits at a time, so that a thread has room to count its own keys of each digit.
-#define DIGITS 16
+// A stable radix sort, four bits a pass: the 16 counts of every thread fit into shared memory.
+#define RADIX 16
 #if ITEMS > 0
 typedef unsigned short Count;
 #else
 typedef u32 Count;
 #endif
 
-// Where a count is: the padding keeps threads that read DIGITS neighbours each in different banks.
-DEVICE u32 place(u32 count) { return count + count / DIGITS; }
+// Where a count is. The padding spreads threads that read RADIX neighbours each over the banks.
+DEVICE u32 padded(u32 count) { return count + count / RADIX; }
 
 // Where the keys of this thread with the same digit as `key` are counted.
-DEVICE u32 own_count(u32 key, u32 shift) { return place((key >> shift) % DIGITS * blockDim.x + threadIdx.x); }
+DEVICE u32 own_count(u32 key, u32 shift) { return padded((key >> shift) % RADIX * blockDim.x + threadIdx.x); }
 
 // Turns counts, of every thread for every digit, digit after digit, into the places where their keys begin.
-DEVICE void begin(Count* counts) {
+DEVICE void prefix_sums(Count* counts) {
     __shared__ u32 totals[THREADS];
-    u32 first = threadIdx.x * DIGITS, total = 0;
-    for (u32 k = 0; k < DIGITS; k++) total += counts[place(first + k)];
+    u32 first = threadIdx.x * RADIX, total = 0;
+    for (u32 k = 0; k < RADIX; k++) total += counts[padded(first + k)];
     totals[threadIdx.x] = total;
     __syncthreads();
     for (u32 apart = 1; apart < blockDim.x; apart *= 2) {
@@ -52,29 +53,29 @@ DEVICE void begin(Count* counts) {
         __syncthreads();
     }
     u32 from = totals[threadIdx.x] - total;
-    for (u32 k = 0; k < DIGITS; k++) {
-        u32 count = counts[place(first + k)];
-        counts[place(first + k)] = (Count)from;
+    for (u32 k = 0; k < RADIX; k++) {
+        u32 count = counts[padded(first + k)];
+        counts[padded(first + k)] = (Count)from;
         from += count;
     }
     __syncthreads();
 }
 
-// Sorts keys with all threads of the block, digit by digit from the lowest: keys of the same digit stay in their order. A thread
-// moves keys that follow each other. `counts`: for 17 counts a thread.
+// Sorts keys with all threads of the block, digit by digit from the lowest: keys of the same digit stay in their order. Each thread
+// handles a contiguous run of keys. `counts`: room for 17 counts a thread (16 digits, one of padding).
 #if ITEMS > 0
 // `keys`: ITEMS a thread, in shared memory. A thread reads all of its own before any is moved.
 DEVICE void sort(u32* keys, u32, Count* counts) {
     u32 own[ITEMS];
     for (u32 shift = 0; shift < 32; shift += 4) {
-        for (u32 digit = 0; digit < DIGITS; digit++) counts[place(digit * blockDim.x + threadIdx.x)] = 0;
+        for (u32 digit = 0; digit < RADIX; digit++) counts[padded(digit * blockDim.x + threadIdx.x)] = 0;
 #pragma unroll
         for (u32 k = 0; k < ITEMS; k++) {
             own[k] = keys[threadIdx.x * ITEMS + k];
             counts[own_count(own[k], shift)]++;
         }
         __syncthreads();
-        begin(counts);
+        prefix_sums(counts);
 #pragma unroll
         for (u32 k = 0; k < ITEMS; k++) keys[counts[own_count(own[k], shift)]++] = own[k];
         __syncthreads();
@@ -89,11 +90,11 @@ DEVICE void sort(u32* keys, u32 size, Count* counts) {
     for (u32 shift = 0; shift < 32; shift += 4) {
         const u32* __restrict__ from = keys + (shift % 8 ? size : 0);
         u32* __restrict__ to = keys + (shift % 8 ? 0 : size);
-        for (u32 digit = 0; digit < DIGITS; digit++) counts[place(digit * blockDim.x + threadIdx.x)] = 0;
+        for (u32 digit = 0; digit < RADIX; digit++) counts[padded(digit * blockDim.x + threadIdx.x)] = 0;
 #pragma unroll 8
         for (u32 i = first; i < last; i++) counts[own_count(from[i], shift)]++;
         __syncthreads();
-        begin(counts);
+        prefix_sums(counts);
 #pragma unroll 8
         for (u32 i = first; i < last; i++) {
             u32 key = from[i];
@@ -120,8 +121,8 @@ DEVICE double block_sum(double x) {
 // One block a candidate (x) and dimension (y): the Wasserstein-1 distance of its samples from the robot's.
 // `reference`: each dimension's samples ascending, `of_reference` numbers each. `scratch`: blocks x 2 x keys where the keys,
 // one for each sample, do not fit into shared memory.
-// `distance`: candidates x dimensions; not a number if a sample is none, or if there are no samples.
-BOUNDED wasserstein(
+// `distance`: candidates x dimensions; NaN if a sample is not finite, or if there are no samples.
+BOUNDED_KERNEL wasserstein(
     u32 recordings, u32 samples, u32 dimensions, u32 skip, const float* signals, const u32* ends, const double* reference,
     u32 of_reference, u32* scratch, double* distance
 ) {
@@ -131,7 +132,7 @@ BOUNDED wasserstein(
     Count* counts = (Count*)pool;
 #if ITEMS > 0
     u32 room = ITEMS * blockDim.x;
-    u32* keys = (u32*)(counts + place(DIGITS * blockDim.x));
+    u32* keys = (u32*)(counts + padded(RADIX * blockDim.x));
 #else
     u32 room = size;
     u32* keys = scratch + ((u64)candidate * gridDim.y + dimension) * 2 * size;

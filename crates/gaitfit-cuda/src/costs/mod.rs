@@ -46,9 +46,11 @@ pub enum CostsError {
 
 /// Threads of a block of `wasserstein`.
 const THREADS: u32 = 512;
-/// Max number of keys that the registers of a thread hold beside what sorts them.
+/// Most keys that a thread keeps in registers; with more, too many spill.
 const MAX_ITEMS: usize = 101;
-/// Bytes of shared memory that the text declares, at most.
+// Places of keys in shared memory are counted in 16 bits.
+const _: () = assert!(MAX_ITEMS * (THREADS as usize) < 1 << 16);
+/// Max bytes of static shared memory of the text.
 const DECLARED: usize = 6400;
 
 impl Sizes {
@@ -70,7 +72,7 @@ impl Sizes {
 
     fn check(&self) -> Result<(), CostsError> {
         let size = self.signals();
-        let sorted = self.recordings.saturating_mul(self.samples);
+        let sorted = self.sorted();
         let max = u32::MAX as usize / 4;
         let small = sorted <= max && self.candidates.saturating_mul(self.recordings) <= max;
         let fits =
@@ -79,7 +81,7 @@ impl Sizes {
     }
 }
 
-/// The program of [`Comparison`], whose threads sort this many keys each in shared memory; with 0 all keys are in the GPU's memory.
+/// The program of [`Comparison`], whose threads sort this many keys each in shared memory; with 0 all keys are in global memory.
 /// Products and sums are rounded one by one, as on the CPU.
 pub fn program(items: usize) -> Program {
     let text = format!("#define ITEMS {items}\n{}", include_str!("kernels.cu"));

@@ -13,7 +13,7 @@
 
 #define GAITFIT_HOST 1
 #define KERNEL extern "C" void
-#define BOUNDED KERNEL
+#define BOUNDED_KERNEL KERNEL
 #define DEVICE static inline
 #define METHOD inline
 #define POOL(name) float* name = host_pool

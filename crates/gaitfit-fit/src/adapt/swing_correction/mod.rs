@@ -136,6 +136,7 @@ impl Robot<'_> {
         singles: &[Effect],
         watch: &Watch<'_>,
     ) -> Result<SwingReport, String> {
+        // Simulated logs are shorter than real ones, so they may have more windows for their time. This does not shift estimates.
         let settings = SwingSettings {
             clearances_m: vec![found.clearance_m],
             law: Some(found.law),
