@@ -2,9 +2,11 @@
 
 use super::logs::Read;
 use crate::log::Log;
+use crate::machine;
 use gaitfit_learn::task::Task;
 use gaitfit_log::{CheckSpec, FindingKind, Severity, check};
 use gaitfit_policy::Interface;
+use gaitfit_sim::pool;
 use std::collections::BTreeMap;
 
 /// Relative difference of gains that is worth a word.
@@ -26,10 +28,13 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
         FindingKind::MissingJoint,
     ];
     let mut kinds: BTreeMap<FindingKind, (usize, String)> = BTreeMap::new();
-    for read in reads {
-        let spec = CheckSpec::of_robot(scene.walker.batch.model(), &read.trajectory.joints);
+    let checked = pool::map(reads.len(), machine::threads(), |at| {
+        let log = &reads[at].trajectory;
+        check(log, &CheckSpec::of_robot(scene.walker.batch.model(), &log.joints))
+    });
+    for (read, checked) in reads.iter().zip(checked) {
         let mut seen = Vec::new();
-        for finding in read.noticed.iter().cloned().chain(check(&read.trajectory, &spec)) {
+        for finding in read.noticed.iter().cloned().chain(checked) {
             if finding.severity == Severity::Note
                 || reported_elsewhere.contains(&finding.kind)
                 || seen.contains(&finding.kind)
