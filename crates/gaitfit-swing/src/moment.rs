@@ -47,8 +47,9 @@ pub(crate) struct Lag {
 }
 
 impl Lag {
-    /// The last of `values` is the delay in steps. Every window has its torque at `delays` delays.
-    pub fn of(values: &DVector<f64>, delays: usize) -> Self {
+    /// From the values of all unknowns, of which the last one is the delay in steps. `delays`: the number of delays at which a window
+    /// has a torque.
+    pub fn from_values(values: &DVector<f64>, delays: usize) -> Self {
         let steps = values[values.len() - 1];
         let [before, at, after] = [-1.0, 0.0, 1.0].map(|by| Delay::new(steps + by, delays));
         Self { before, at, after }

@@ -47,7 +47,7 @@ pub(crate) struct Poses {
 }
 
 impl Poses {
-    /// Of a walk of the model.
+    /// Computes the poses at all grid points of a walk. The walk has the model's joints, in the model's order.
     pub fn new(model: &Model, walk: &Walk) -> Self {
         let (points, joints) = (walk.points(), walk.joints);
         let ends = if model.root == Root::Fixed { Vec::new() } else { ends(model, joints) };

@@ -90,7 +90,7 @@ impl Sums {
 
 impl Current {
     fn lag(&self) -> Lag {
-        Lag::of(&self.values, self.delays)
+        Lag::from_values(&self.values, self.delays)
     }
 
     /// Puts the rows of a moment in `moment`; see [`Moment::fill`].

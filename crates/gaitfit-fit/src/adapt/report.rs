@@ -7,7 +7,7 @@ use super::score::{self, Robot};
 use super::setup::Setup;
 use super::signals;
 use crate::Error;
-use crate::machine::{now, threads};
+use crate::machine::now;
 use crate::pieces;
 use gaitfit_adapt::cost::Signal;
 use gaitfit_adapt::fit::{Predicted, RunGeneration, RunOutcome};
@@ -56,13 +56,7 @@ pub(super) fn page(setup: &Setup, results: &AdaptResults, course: &[RunGeneratio
         } else {
             Vec::new()
         },
-        distributions: signals::distributions(
-            &shown.logs,
-            setup.method.model(),
-            &fitted,
-            &nominal,
-            threads(),
-        ),
+        distributions: signals::distributions(&shown.logs, setup.method.model(), &fitted, &nominal),
         warnings: warnings(setup, results),
         settings: pieces::settings(&setup.config)?,
         versions: pieces::versions(),
@@ -80,13 +74,7 @@ pub fn round(setup: &Setup, results: &AdaptResults, course: &[RunGeneration]) ->
         wall_seconds: results.wall_seconds,
         log: log(setup, results),
         fits: fits(results, course),
-        distributions: signals::distributions(
-            &setup.fit.logs,
-            setup.method.model(),
-            &fitted,
-            &nominal,
-            threads(),
-        ),
+        distributions: signals::distributions(&setup.fit.logs, setup.method.model(), &fitted, &nominal),
         ..Round::default()
     })
 }

@@ -2,6 +2,7 @@
 
 use super::log_set::LogSet;
 use crate::log::Log;
+use crate::machine;
 use gaitfit_adapt::fit::Predicted;
 use gaitfit_log::Signal;
 use gaitfit_model::Model;
@@ -40,7 +41,6 @@ pub fn distributions(
     model: &Model,
     fitted: &[Predicted],
     nominal: &[Predicted],
-    threads: usize,
 ) -> Vec<SignalDistribution> {
     let Some(joints) = logs.first().map(|log| &log.joints) else { return Vec::new() };
     let signals = [
@@ -79,7 +79,7 @@ pub fn distributions(
             ..SignalDistribution::from_samples(&joints[joint], shown, &measured, &nominal, &fitted)
         })
     };
-    pool::map(shown.len(), threads, distribution).into_iter().flatten().collect()
+    pool::map(shown.len(), machine::threads(), distribution).into_iter().flatten().collect()
 }
 
 /// Wasserstein-1 distance of simulated and measured samples; NaN where one is not finite.

@@ -28,6 +28,7 @@ pub fn examine(
         // One at a time: a joint with a spring changes what its siblings seem to have.
         let more = explain::singles(found).max_by(|a, b| a.share.total_cmp(&b.share)).cloned();
         let Some(more) = more else { break };
+        // A strength changes the gains of the walks, a spring the model. The walks keep the strengths of earlier rounds.
         let joint = model.joints.iter().position(|joint| joint.name == more.of);
         if let Some(joint) = joint.filter(|_| more.kind == EffectKind::OddStrength) {
             walks.iter_mut().for_each(|walk| walk.scale_gains(joint, 1.0 + more.size.value));

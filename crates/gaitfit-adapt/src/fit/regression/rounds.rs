@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 pub(super) const MAX_ROUNDS: usize = 6;
 /// Min number of rounds.
 const MIN_ROUNDS: usize = 3;
-/// Rounds end when they gain little: when the standard deviations of a round are on average more than this part of those of the
-/// round before.
+/// A round is the last one if it hardly reduces the standard deviations. This is the max ratio of a round's standard deviations to
+/// those of the round before, on average, after which another round follows.
 const SETTLED: f64 = 0.95;
 /// Half the width of the first round, in an entry's deviations.
 const FIRST: f64 = 1.5;
