@@ -2,6 +2,8 @@
 
 use crate::errors::{failed, to_py_err};
 use crate::watch::waited;
+use gaitfit::watch::Watch;
+use gaitfit_cli::Question;
 use gaitfit_physics::JointParameter;
 use gaitfit_sim::Candidate;
 use pyo3::prelude::*;
@@ -21,11 +23,15 @@ pub fn explain(
     py: Python<'_>,
     robot: PathBuf,
     logs: PathBuf,
+    policy: Option<PathBuf>,
     lenient: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
-    waited(py, progress.as_ref(), move |watch| gaitfit_cli::explain(&robot, &logs, lenient, watch))?
-        .map_err(|error| to_py_err(&error))
+    let explained = move |watch: &Watch<'_>| {
+        let question = Question { logs: &logs, robot: &robot, policy: policy.as_deref(), lenient };
+        gaitfit_cli::explain(question, watch)
+    };
+    waited(py, progress.as_ref(), explained)?.map_err(|error| to_py_err(&error))
 }
 
 /// What a robot's file states of the whole robot and of its joints, as JSON.

@@ -15,12 +15,14 @@ mod table;
 mod viewer;
 mod watcher;
 
+pub use commands::explain::Question;
+
 use cli::{Cli, Command};
 use exit::{Exit, Failure};
 use gaitfit::watch::Watch;
 use std::ffi::OsString;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::OnceLock;
 
 /// The command that starts this program again.
@@ -50,14 +52,8 @@ pub fn program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
 ///
 /// # Errors
 /// Files that cannot be used, in a sentence.
-pub fn explain(
-    robot: &Path,
-    logs: &Path,
-    lenient: bool,
-    watch: &Watch<'_>,
-) -> Result<String, gaitfit::Error> {
-    commands::explain::document(robot, logs, lenient, watch)
-        .map_err(|failure| gaitfit::Error::failed(failure.message))
+pub fn explain(question: Question<'_>, watch: &Watch<'_>) -> Result<String, gaitfit::Error> {
+    commands::explain::document(question, watch).map_err(|failure| gaitfit::Error::failed(failure.message))
 }
 
 /// Prints help that was asked for, or what is wrong with the command line.

@@ -53,8 +53,12 @@ pub struct Effect {
     pub kind: EffectKind,
     /// The joint group or joint that has it; empty of the ground.
     pub of: String,
-    /// Its size, and its standard error.
+    /// Its size in the logs, and its standard error.
     pub size: Estimate,
+    /// What the logs of simulated robots without the effect show in its place, mean and standard deviation; absent if none were
+    /// simulated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub without: Option<Estimate>,
     /// The part of what is left unexplained, in the signal that shows it, that goes with it, 0 to 1.
     pub share: f64,
     /// Rest angle of a spring, rad; absent for other effects.
@@ -65,38 +69,70 @@ pub struct Effect {
 impl Effect {
     /// An effect that is no spring.
     pub fn new(kind: EffectKind, of: &str, size: Estimate, share: f64) -> Self {
-        Self { kind, of: of.to_owned(), size, share, rest: None }
+        Self { kind, of: of.to_owned(), size, without: None, share, rest: None }
     }
 
-    /// How many standard errors the size is from nothing.
+    /// The size beyond that of simulated robots without the effect, and its standard error.
+    pub fn beyond(&self) -> Estimate {
+        let Estimate { value, error } = self.size;
+        match self.without {
+            Some(without) => Estimate { value: value - without.value, error: error.hypot(without.error) },
+            None => self.size,
+        }
+    }
+
+    /// How many standard errors that size is from nothing.
     pub fn sure(&self) -> f64 {
-        if self.size.error > 0.0 { self.size.value.abs() / self.size.error } else { 0.0 }
+        let Estimate { value, error } = self.beyond();
+        if error > 0.0 { value.abs() / error } else { 0.0 }
+    }
+}
+
+/// Walks of one robot, and what is known of its joints from its legs in the air.
+pub(crate) struct Scene<'a> {
+    pub model: &'a Model,
+    pub walks: &'a [Walk],
+    pub groups: Vec<(String, Vec<usize>)>,
+    pub settings: SwingSettings,
+    /// Delay of targets, s.
+    pub delay: f64,
+    /// Friction, damping and armature, one entry a joint.
+    pub drag: Vec<Drag>,
+    /// One entry a walk.
+    pub grounds: Vec<Ground>,
+}
+
+impl<'a> Scene<'a> {
+    fn new(model: &'a Model, walks: &'a [Walk], swings: &SwingReport, settings: &SwingSettings) -> Self {
+        let groups = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
+        let settings = settings.of_walks(walks);
+        let delay = swings.delay.value;
+        let mut drag = vec![Drag::default(); model.joints.len()];
+        for (name, joints) in &groups {
+            if let Some(group) = swings.groups.iter().find(|group| group.group == *name) {
+                joints.iter().for_each(|&joint| drag[joint] = group.drag());
+            }
+        }
+        let grounds = gaitfit_pool::map(walks.len(), settings.threads, |log| {
+            let first = Ground::new(model, &walks[log], delay, &drag, None);
+            Ground::new(model, &walks[log], delay, &drag, Some(&first))
+        });
+        Self { model, walks, groups, settings, delay, drag, grounds }
     }
 }
 
 /// All effects of the walks of one robot, as large as they come out, each alone. `swings`: what [`crate::estimate_walks`] found
 /// in the same walks.
 pub fn effects(model: &Model, walks: &[Walk], swings: &SwingReport, settings: &SwingSettings) -> Vec<Effect> {
-    let groups = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
-    let settings = &settings.of_walks(walks);
-    let delay = swings.delay.value;
-    let mut drag = vec![Drag::default(); model.joints.len()];
-    for (name, joints) in &groups {
-        if let Some(group) = swings.groups.iter().find(|group| group.group == *name) {
-            joints.iter().for_each(|&joint| drag[joint] = group.drag());
-        }
-    }
-    let grounds: Vec<Ground> = gaitfit_pool::map(walks.len(), settings.threads, |log| {
-        let first = Ground::new(model, &walks[log], delay, &drag, None);
-        Ground::new(model, &walks[log], delay, &drag, Some(&first))
-    });
+    let scene = Scene::new(model, walks, swings, settings);
+    let Scene { groups, settings, delay, grounds, .. } = &scene;
     let of_log =
-        |log: usize| windows(model, &walks[log], &grounds[log], settings, settings.window_s, delay, log);
+        |log: usize| windows(model, &walks[log], &grounds[log], settings, settings.window_s, *delay, log);
     let seen: Vec<Window> = gaitfit_pool::map(walks.len(), settings.threads, of_log).concat();
     let law = crate::FrictionLaw::ALL.iter().position(|law| *law == swings.law).unwrap_or_default();
     let steps = (delay - settings.delay_range_s[0]) / settings.delay_step_s;
     let (mut found, mut of_joints) = (Vec::new(), Singles::default());
-    for (name, joints) in &groups {
+    for (name, joints) in groups {
         let in_air =
             |window: &&Window| window.clearance > swings.clearance_m && joints.contains(&window.joint);
         let group = Group::new(seen.iter().filter(in_air).collect(), law);
@@ -105,8 +141,20 @@ pub fn effects(model: &Model, walks: &[Walk], swings: &SwingReport, settings: &S
         of_joints.add(name, joints, &Group::new(seen, law), steps);
     }
     found.extend(of_joints.odd(model));
-    found.extend(stance::effects(model, walks, &grounds, &groups, delay, &drag));
+    found.extend(stance::effects(&scene));
     found
+}
+
+/// The tilt of the inertial unit about the base's x and y axes that is left in the walks, rad, if the joints of `group` twist
+/// under load: a robot on soft legs leans, which looks like a tilt. Absent if the walks do not tell them apart.
+pub fn tilt_beside_twist(
+    model: &Model,
+    walks: &[Walk],
+    swings: &SwingReport,
+    settings: &SwingSettings,
+    group: &str,
+) -> Option<[Estimate; 2]> {
+    stance::tilt_beside_twist(&Scene::new(model, walks, swings, settings), group)
 }
 
 /// What swings of one group show. `steps`: the delay in steps.

@@ -31,7 +31,7 @@ mod torques;
 mod walk;
 
 pub use count::Progress;
-pub use effects::{Effect, EffectKind, effects};
+pub use effects::{Effect, EffectKind, effects, tilt_beside_twist};
 pub use error::SwingError;
 pub use estimate::{estimate, estimate_walks};
 pub use feet::{Foot, Ground};

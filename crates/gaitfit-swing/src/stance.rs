@@ -2,17 +2,17 @@
 //!
 //! Feet that stand on level ground are at one height. Angles of the motors and the base's orientation say at which height
 //! each is. What they disagree by goes with the torques of the joints (a joint that twists or has play), or stays (ground
-//! that gives way, steps). A tilted inertial unit or a sloping floor are taken out first.
+//! that gives way, steps). A tilted inertial unit or a sloping floor and errors of the encoders' zeros are taken out first.
 
-use crate::effects::{Base, Effect, EffectKind, block};
-use crate::feet::{Foot, Ground};
-use crate::poses::End;
+use crate::effects::{Base, Effect, EffectKind, Scene, block};
+use crate::feet::Foot;
 use crate::standing::MIN_FEET;
-use crate::torques::{Bump, Drag};
+use crate::torques::Bump;
 use crate::walk::Walk;
 use gaitfit_log::Estimate;
+use gaitfit_model::Root;
 use gaitfit_model::rotation::{cross, rotate_back, sub, up};
-use gaitfit_model::{Model, Root};
+use nalgebra::{DMatrix, DVector};
 
 /// Feet that stand this much count.
 const STANDS: f64 = 0.5;
@@ -23,112 +23,174 @@ const SIDE_NM: f64 = 0.5;
 
 /// Moments that are looked at, over all logs: neighbours are alike, and more would not be surer.
 const MAX_POINTS: usize = 60_000;
+/// A column counts if this part of it does not follow from the columns before it.
+const OWN_PART: f64 = 1e-3;
 
 /// One pair of standing feet: what each effect adds to the difference of their heights.
 struct Pair {
     block: u64,
     between: f64,
     tilt: [f64; 2],
+    /// One a joint: an error of its encoder's zero of 1 rad.
+    zeros: Vec<f64>,
     /// One a group: twist under 1 N·m, and half the play.
     twist: Vec<f64>,
     play: Vec<f64>,
 }
 
 /// See [`crate::effects()`].
-pub(crate) fn effects(
-    model: &Model,
-    walks: &[Walk],
-    grounds: &[Ground],
-    groups: &[(String, Vec<usize>)],
-    delay: f64,
-    drag: &[Drag],
-) -> Vec<Effect> {
-    let feet = grounds.first().and_then(|ground| ground.feet.first()).map_or(0, Vec::len);
-    if model.root == Root::Fixed || feet < MIN_FEET {
-        return Vec::new();
-    }
-    let every = walks.iter().map(Walk::points).sum::<usize>().div_ceil(MAX_POINTS).max(1);
-    let look = Look { model, groups, delay, drag, every };
-    let seen = walks.iter().zip(grounds).enumerate();
-    let pairs: Vec<Pair> = seen.flat_map(|(log, (walk, ground))| look.pairs(walk, ground, log)).collect();
-    let weights = vec![1.0; pairs.len()];
-    let blocks: Vec<u64> = pairs.iter().map(|pair| pair.block).collect();
-    let heights: Vec<f64> = pairs.iter().map(|pair| pair.between).collect();
-    let tilts: Vec<Vec<f64>> = pairs.iter().map(|pair| pair.tilt.to_vec()).collect();
+pub(crate) fn effects(scene: &Scene<'_>) -> Vec<Effect> {
+    let Some(pairs) = Pairs::new(scene) else { return Vec::new() };
     let mut found = Vec::new();
-    if let Some(base) = Base::new(&tilts, &heights, &weights, &blocks) {
+    let tilts = pairs.rows(|pair| pair.tilt.to_vec());
+    if let Some(base) = pairs.base(&tilts) {
         found.push(Effect::new(EffectKind::UnevenGround, "", base.scatter(), 1.0));
-        let mut add = |kind: EffectKind, of: &str, scale: f64, column: Vec<f64>| {
-            if let Some((size, share)) = base.added(&column) {
-                let size = Estimate { value: scale * size.value, error: scale * size.error };
-                found.push(Effect::new(kind, of, size, share));
-            }
-        };
-        for (place, (name, _)) in groups.iter().enumerate() {
-            add(EffectKind::Elasticity, name, 1.0, pairs.iter().map(|pair| pair.twist[place]).collect());
-            add(EffectKind::Backlash, name, 2.0, pairs.iter().map(|pair| pair.play[place]).collect());
+    }
+    // Torques of a standing leg hardly change their sign, so play looks like an error of the encoders' zeros.
+    let rows = independent(pairs.rows(|pair| [&pair.tilt[..], &pair.zeros].concat()));
+    let Some(base) = pairs.base(&rows) else { return found };
+    let mut add = |kind: EffectKind, of: &str, scale: f64, column: Vec<f64>| {
+        if let Some((size, share)) = base.added(&column) {
+            let size = Estimate { value: scale * size.value, error: scale * size.error };
+            found.push(Effect::new(kind, of, size, share));
         }
+    };
+    for (place, (name, _)) in scene.groups.iter().enumerate() {
+        add(EffectKind::Elasticity, name, 1.0, pairs.column(|pair| pair.twist[place]));
+        add(EffectKind::Backlash, name, 2.0, pairs.column(|pair| pair.play[place]));
     }
     found
 }
 
-/// What is looked at in every walk.
-struct Look<'a> {
-    model: &'a Model,
-    groups: &'a [(String, Vec<usize>)],
-    /// Delay of targets, s.
-    delay: f64,
-    /// Friction, damping and armature, one entry a joint.
-    drag: &'a [Drag],
-    /// Every how many grid points feet are looked at.
-    every: usize,
+/// See [`crate::tilt_beside_twist()`].
+pub(crate) fn tilt_beside_twist(scene: &Scene<'_>, group: &str) -> Option<[Estimate; 2]> {
+    let place = scene.groups.iter().position(|(name, _)| name == group)?;
+    let pairs = Pairs::new(scene)?;
+    let about = |axis: usize| {
+        let rows = pairs.rows(|pair| vec![pair.twist[place], pair.tilt[1 - axis]]);
+        let (tilt, _) = pairs.base(&rows)?.added(&pairs.column(|pair| pair.tilt[axis]))?;
+        Some(tilt)
+    };
+    Some([about(0)?, about(1)?])
 }
 
-impl Look<'_> {
-    /// Pairs of feet that stand in a walk, the log of that number.
-    fn pairs(&self, walk: &Walk, ground: &Ground, log: usize) -> Vec<Pair> {
-        let Self { model, groups, delay, drag, every } = *self;
+/// The rows without the columns that follow from earlier ones, by the pivots of a Cholesky factorisation of their products.
+fn independent(rows: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    let columns = rows.first().map_or(0, Vec::len);
+    let mut left = DMatrix::<f64>::zeros(columns, columns);
+    for row in &rows {
+        let row = DVector::from_column_slice(row);
+        left.ger(1.0, &row, &row, 1.0);
+    }
+    let whole: Vec<f64> = (0..columns).map(|k| left[(k, k)]).collect();
+    let mut kept = Vec::new();
+    for k in 0..columns {
+        let pivot = left[(k, k)];
+        if pivot > OWN_PART * whole[k] {
+            kept.push(k);
+            let column = left.column(k).into_owned();
+            left.ger(-1.0 / pivot, &column, &column, 1.0);
+        }
+    }
+    rows.into_iter().map(|row| kept.iter().map(|&k| row[k]).collect()).collect()
+}
+
+/// The pairs of standing feet of all walks.
+struct Pairs {
+    pairs: Vec<Pair>,
+    weights: Vec<f64>,
+    blocks: Vec<u64>,
+    heights: Vec<f64>,
+}
+
+impl Pairs {
+    /// Absent for robots whose feet do not stand alike.
+    fn new(scene: &Scene<'_>) -> Option<Self> {
+        let feet = scene.grounds.first().and_then(|ground| ground.feet.first()).map_or(0, Vec::len);
+        if scene.model.root == Root::Fixed || feet < MIN_FEET {
+            return None;
+        }
+        let every = scene.walks.iter().map(Walk::points).sum::<usize>().div_ceil(MAX_POINTS).max(1);
+        let pairs: Vec<Pair> = (0..scene.walks.len()).flat_map(|log| scene.pairs(log, every)).collect();
+        Some(Self {
+            weights: vec![1.0; pairs.len()],
+            blocks: pairs.iter().map(|pair| pair.block).collect(),
+            heights: pairs.iter().map(|pair| pair.between).collect(),
+            pairs,
+        })
+    }
+
+    fn rows(&self, row: impl Fn(&Pair) -> Vec<f64>) -> Vec<Vec<f64>> {
+        self.pairs.iter().map(row).collect()
+    }
+
+    fn column(&self, of: impl Fn(&Pair) -> f64) -> Vec<f64> {
+        self.pairs.iter().map(of).collect()
+    }
+
+    /// The heights, explained by `rows`.
+    fn base<'a>(&'a self, rows: &'a [Vec<f64>]) -> Option<Base<'a>> {
+        Base::new(rows, &self.heights, &self.weights, &self.blocks)
+    }
+}
+
+/// A foot that stands.
+struct Standing<'a> {
+    foot: &'a Foot,
+    /// The joints above it, and how far 1 rad of each lowers it, m.
+    levers: Vec<(usize, f64)>,
+}
+
+impl Standing<'_> {
+    /// How far angles of these joints, rad, lower the foot, m.
+    fn lowered(&self, joints: &[usize], angle: impl Fn(usize) -> f64) -> f64 {
+        let of_group = self.levers.iter().filter(|(joint, _)| joints.contains(joint));
+        of_group.map(|&(joint, lever)| lever * angle(joint)).sum()
+    }
+}
+
+impl Scene<'_> {
+    /// Pairs of feet that stand in a walk, the log of that number, at one of `every` points of its grid.
+    fn pairs(&self, log: usize, every: usize) -> Vec<Pair> {
+        let Self { model, groups, delay, drag, .. } = self;
+        let (walk, ground) = (&self.walks[log], &self.grounds[log]);
         let mut pairs = Vec::new();
         let needed = ground.needed.with_drag(model, walk, drag);
         let bump = Bump::new(TORQUE_S, walk.step);
         for point in (0..walk.points()).step_by(every).filter(|&point| walk.valid[point]) {
-            let feet: Vec<(&Foot, &End)> = ground.feet[point]
-                .iter()
-                .zip(&walk.poses.ends)
-                .filter(|(foot, _)| foot.stands > STANDS && foot.load.is_finite())
+            let stands = |foot: &&Foot| foot.stands > STANDS && foot.load.is_finite();
+            let ends = ground.feet[point].iter().zip(&walk.poses.ends).filter(|(foot, _)| stands(foot));
+            let feet: Vec<Standing<'_>> = ends
+                .map(|(foot, end)| {
+                    let heights = walk.poses.levers(point, end).iter().map(|lever| lever[2]);
+                    Standing { foot, levers: end.chain.iter().copied().zip(heights).collect() }
+                })
                 .collect();
             if feet.len() < 2 {
                 continue;
             }
             let turn = walk.quaternion[point];
             let torque: Vec<f64> = (0..walk.joints)
-                .map(|joint| needed.left(walk, &bump, joint, point, delay))
+                .map(|joint| needed.left(walk, &bump, joint, point, *delay))
                 .map(|torque| if torque.is_finite() { torque } else { 0.0 })
                 .collect();
-            // How far an effect lowers a foot.
-            let lowered = |end: &End, joints: &[usize], by: &dyn Fn(f64) -> f64| -> f64 {
-                let levers = end.chain.iter().zip(walk.poses.levers(point, end));
-                levers
-                    .filter(|(joint, _)| joints.contains(joint))
-                    .map(|(&joint, lever)| lever[2] * by(torque[joint]))
-                    .sum()
-            };
-            for (k, (foot, end)) in feet.iter().enumerate() {
-                for (other, other_end) in &feet[k + 1..] {
-                    let between = sub(foot.point, other.point);
+            for (k, one) in feet.iter().enumerate() {
+                for other in &feet[k + 1..] {
+                    let between = sub(one.foot.point, other.foot.point);
                     let lever = cross(rotate_back(turn, between), up(turn));
-                    let apart = |joints: &[usize], by: &dyn Fn(f64) -> f64| {
-                        lowered(end, joints, by) - lowered(other_end, joints, by)
+                    let apart = |joints: &[usize], angle: &dyn Fn(usize) -> f64| {
+                        one.lowered(joints, angle) - other.lowered(joints, angle)
+                    };
+                    let of_groups = |angle: &dyn Fn(usize) -> f64| -> Vec<f64> {
+                        groups.iter().map(|(_, joints)| apart(joints, angle)).collect()
                     };
                     pairs.push(Pair {
                         block: block(log, point as f64 * walk.step),
                         between: between[2],
                         tilt: [lever[0], lever[1]],
-                        twist: groups.iter().map(|(_, joints)| apart(joints, &|torque| torque)).collect(),
-                        play: groups
-                            .iter()
-                            .map(|(_, joints)| apart(joints, &|torque| (torque / SIDE_NM).tanh()))
-                            .collect(),
+                        zeros: (0..walk.joints).map(|joint| apart(&[joint], &|_| 1.0)).collect(),
+                        twist: of_groups(&|joint| torque[joint]),
+                        play: of_groups(&|joint| (torque[joint] / SIDE_NM).tanh()),
                     });
                 }
             }

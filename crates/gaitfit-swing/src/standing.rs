@@ -44,18 +44,29 @@ impl Standing {
         let mut standing = Self { tilt: tilt(model, logs, threads)? };
         // Which feet stand is judged by their heights too, so a first look sees a part of the tilt.
         for _ in 1..ROUNDS {
-            let Some(known) = standing.tilt.filter(|tilt| tilt.iter().any(|axis| axis.matters(TILT))) else {
+            if standing.taken_out() == [0.0; 2] {
                 break;
-            };
+            }
             let level: Vec<Trajectory> = logs.iter().map(|log| standing.corrected(log).0).collect();
             let left = tilt(model, &level.iter().collect::<Vec<_>>(), threads)?;
             let Some(left) = left else { break };
-            standing.tilt = Some(std::array::from_fn(|axis| Estimate {
-                value: left[axis].value + if known[axis].matters(TILT) { known[axis].value } else { 0.0 },
-                error: left[axis].error,
-            }));
+            standing = standing.with_left(left);
         }
         Ok(standing)
+    }
+
+    /// The tilt if logs that this one corrected show the tilt `left`.
+    #[must_use]
+    pub fn with_left(&self, left: [Estimate; 2]) -> Self {
+        let taken_out = self.taken_out();
+        let whole = |axis: usize| Estimate { value: left[axis].value + taken_out[axis], ..left[axis] };
+        Self { tilt: Some([whole(0), whole(1)]) }
+    }
+
+    /// The tilt that [`Self::corrected`] takes out of a log, rad.
+    fn taken_out(&self) -> [f64; 2] {
+        let matters = |axis: Estimate| if axis.matters(TILT) { axis.value } else { 0.0 };
+        self.tilt.map_or([0.0; 2], |tilt| tilt.map(matters))
     }
 
     /// The log with an orientation that is level where feet stand level, and what was changed, in a sentence. What does not
@@ -63,8 +74,8 @@ impl Standing {
     pub fn corrected(&self, log: &Trajectory) -> (Trajectory, Vec<String>) {
         let mut better = log.clone();
         let mut said = Vec::new();
-        let tilt = self.tilt.map(|tilt| tilt.map(|axis| if axis.matters(TILT) { axis.value } else { 0.0 }));
-        if let Some([roll, pitch]) = tilt.filter(|tilt| tilt.iter().any(|axis| *axis != 0.0))
+        let [roll, pitch] = self.taken_out();
+        if [roll, pitch] != [0.0; 2]
             && let Some(quaternions) = better.base.as_mut().and_then(|base| base.quaternion.as_mut())
         {
             let angle = roll.hypot(pitch);

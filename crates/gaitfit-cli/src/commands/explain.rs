@@ -5,10 +5,11 @@ use crate::commands::inspect::{log, swings as look};
 use crate::exit::Failure;
 use crate::watcher::watched;
 use crate::{output, swings};
-use gaitfit::robot;
+use gaitfit::adapt::Opening;
 use gaitfit::walk::explain::{Cause, causes};
 use gaitfit::walk::swing::SwingFindings;
 use gaitfit::watch::{Count, Watch};
+use gaitfit::{robot, settings};
 use gaitfit_log::{
     CheckSpec, ReadOptions, Severity, Trajectory, csv_files, read_csv, read_csv_report, summarise_folder,
 };
@@ -43,10 +44,10 @@ struct Looked {
 }
 
 impl Looked {
-    fn document<'a>(&'a self, robot: &Path, logs: &Path, causes: &'a [Cause]) -> Document<'a> {
+    fn document<'a>(&'a self, question: Question<'_>, causes: &'a [Cause]) -> Document<'a> {
         Document {
-            logs: logs.display().to_string(),
-            robot: robot.display().to_string(),
+            logs: question.logs.display().to_string(),
+            robot: question.robot.display().to_string(),
             read: self.read,
             left_out: self.left_out,
             causes,
@@ -67,10 +68,83 @@ impl Looked {
         }
         line + ".\n"
     }
+
+    /// Whether the effects were compared with simulated robots, in a line.
+    fn comparison(&self, question: Question<'_>) -> String {
+        let compared = self.found.effects.iter().any(|effect| effect.without.is_some());
+        match (question.policy, &self.found.not_corrected) {
+            (Some(_), _) if compared => {
+                "Effects of joints are what is beyond those that simulated robots without them show.\n".to_owned()
+            }
+            (Some(_), Some(why)) => format!("The effects are not compared with simulated robots: {why}.\n"),
+            (Some(_), None) => "The effects are not compared with simulated robots.\n".to_owned(),
+            (None, _) => {
+                "With --policy, the policy that walked, simulated robots show how much of this a robot without effects \
+                 shows too. Play is only named with it.\n"
+                    .to_owned()
+            }
+        }
+    }
 }
 
-/// What logs show of a robot without a simulation, or why they show nothing.
-fn findings(robot: &Path, logs: &Path, lenient: bool, watch: &Watch<'_>) -> Result<Looked, Failure> {
+/// The logs, and what belongs to them.
+#[derive(Clone, Copy)]
+pub struct Question<'a> {
+    /// A log of a walk, or a folder of logs.
+    pub logs: &'a Path,
+    /// The robot's file.
+    pub robot: &'a Path,
+    /// The policy that walked, which simulated robots for comparison need.
+    pub policy: Option<&'a Path>,
+    /// Leave out what the engine cannot simulate in the robot's file.
+    pub lenient: bool,
+}
+
+impl<'a> From<&'a Explain> for Question<'a> {
+    fn from(args: &'a Explain) -> Self {
+        Self { logs: &args.logs, robot: &args.robot, policy: args.policy.as_deref(), lenient: args.lenient }
+    }
+}
+
+/// What logs show of a robot, or why they show nothing.
+fn findings(question: Question<'_>, watch: &Watch<'_>) -> Result<Looked, Failure> {
+    let looked = match question.policy {
+        Some(policy) => compared(question, policy, watch)?,
+        None => without_simulation(question, watch)?,
+    };
+    match (&looked.found.swings, &looked.found.why_not) {
+        (None, Some(why)) => {
+            let logs = question.logs;
+            Err(Failure::failed(format!("{}: {why}. {}", logs.display(), looked.line(logs).trim_end())))
+        }
+        _ => Ok(looked),
+    }
+}
+
+/// What logs show beside those of simulated robots on which `policy` walks: what a fit of them finds before its search.
+fn compared(question: Question<'_>, policy: &Path, watch: &Watch<'_>) -> Result<Looked, Failure> {
+    let Question { logs, robot, lenient, .. } = question;
+    let changes = [
+        "base=\"free\"".to_owned(),
+        format!("lenient={lenient}"),
+        format!("robot={robot:?}"),
+        format!("policy={policy:?}"),
+        format!("logs=[{logs:?}]"),
+    ];
+    let config = settings::load(None, &changes)?;
+    let setup = Opening::new(&config, Path::new("explain")).watch(watch).open()?;
+    let fitted = &setup.fit.logs;
+    Ok(Looked {
+        read: fitted.len(),
+        seconds: fitted.iter().map(|log| log.trajectory.duration()).sum(),
+        left_out: 0,
+        found: setup.swings.unwrap_or_default(),
+    })
+}
+
+/// What logs show without a simulation.
+fn without_simulation(question: Question<'_>, watch: &Watch<'_>) -> Result<Looked, Failure> {
+    let Question { logs, robot, lenient, .. } = question;
     let path = Some(robot);
     let model = robot::named(robot, lenient)?;
     let (all, used) = if logs.is_dir() {
@@ -99,36 +173,36 @@ fn findings(robot: &Path, logs: &Path, lenient: bool, watch: &Watch<'_>) -> Resu
     })?;
     let seconds =
         |log: &Trajectory| log.time.last().zip(log.time.first()).map_or(0.0, |(last, first)| last - first);
-    let looked = Looked {
+    Ok(Looked {
         read: used.len(),
         seconds: used.iter().map(seconds).sum(),
         left_out: all.saturating_sub(used.len()),
         found,
-    };
-    match (&looked.found.swings, &looked.found.why_not) {
-        (None, Some(why)) => {
-            Err(Failure::failed(format!("{}: {why}. {}", logs.display(), looked.line(logs).trim_end())))
-        }
-        _ => Ok(looked),
-    }
+    })
 }
 
 /// The document that `--json` prints.
 ///
 /// # Errors
 /// Files that cannot be used, in a sentence.
-pub fn document(robot: &Path, logs: &Path, lenient: bool, watch: &Watch<'_>) -> Result<String, Failure> {
-    let looked = findings(robot, logs, lenient, watch)?;
-    serde_json::to_string(&looked.document(robot, logs, &causes(&looked.found))).map_err(Failure::failed)
+pub fn document(question: Question<'_>, watch: &Watch<'_>) -> Result<String, Failure> {
+    let looked = findings(question, watch)?;
+    serde_json::to_string(&looked.document(question, &causes(&looked.found))).map_err(Failure::failed)
 }
 
 /// Prints the causes that the logs show, the weightiest first. A log that must not be used is refused, and left out of a
 /// folder.
 pub fn run(args: &Explain) -> Result<(), Failure> {
-    let looked = watched(look::LINES, |watch| findings(&args.robot, &args.logs, args.lenient, watch))?;
+    let question = Question::from(args);
+    let looked = watched(look::LINES, |watch| findings(question, watch))?;
     let causes = causes(&looked.found);
     if args.json {
-        return output::print_json(&looked.document(&args.robot, &args.logs, &causes));
+        return output::print_json(&looked.document(question, &causes));
     }
-    output::print(&format!("{}{}", swings::causes(&causes), looked.line(&args.logs)))
+    output::print(&format!(
+        "{}{}{}",
+        swings::causes(&causes),
+        looked.line(&args.logs),
+        looked.comparison(question)
+    ))
 }

@@ -6,11 +6,14 @@ use crate::machine;
 use gaitfit_learn::task::Task;
 use gaitfit_log::{CheckSpec, FindingKind, Severity, check};
 use gaitfit_policy::Interface;
+use gaitfit_policy::walker::Walker;
 use gaitfit_sim::pool;
 use std::collections::BTreeMap;
 
 /// Relative difference of gains that is worth a word.
 const GAINS: f64 = 0.01;
+/// The same of physics steps.
+const STEP: f64 = 0.05;
 
 /// The doubts of the checks of logs, each kind once. In some walks of any robot noise decides how joints follow: such findings
 /// count only if most logs have them.
@@ -89,6 +92,23 @@ pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
         ));
     }
     warnings
+}
+
+/// Logs of a simulator whose physics step is not that of the robot for which the fit's simulation stands. Then the fit seems to
+/// lack something: friction acts half a step late.
+pub fn other_step(reads: &[Read], walker: &Walker) -> Option<String> {
+    let stands_for = walker.batch.options().emulated_step.unwrap_or(walker.physics_step());
+    let stated = |read: &Read| {
+        let step = read.trajectory.simulated_step?;
+        ((step - stands_for).abs() > STEP * stands_for).then(|| (step, read.file.name.clone()))
+    };
+    let (step, name) = reads.iter().find_map(stated)?;
+    Some(format!(
+        "{name}: the log states a simulator with physics steps of {} ms, and this fit stands for a robot with steps of {} ms: \
+         set `robot_timestep = {step}` in [simulation] (in a loop [adapt.simulation])",
+        1e3 * step,
+        1e3 * stands_for
+    ))
 }
 
 /// Whether the logged targets are what the policy's interface makes of the logged actions.

@@ -79,9 +79,9 @@ mod matters {
     /// N·m for each N·m
     pub const LOAD: f64 = 0.03;
     /// rad for each N·m
-    pub const TWIST: f64 = 0.002;
+    pub const TWIST: f64 = 0.0015;
     /// rad
-    pub const PLAY: f64 = 0.006;
+    pub const PLAY: f64 = 0.01;
     /// N·m
     pub const FRICTION: f64 = 0.05;
     /// N·m/rad
@@ -101,9 +101,7 @@ const SUREST: f64 = 10.0;
 const OF_SWINGS: f64 = 0.1;
 const OF_ONE_JOINT: f64 = 0.08;
 const OF_HEIGHTS: f64 = 0.3;
-/// Play explains little of the heights, and makes swinging links respond less than their masses imply: by this share of the
-/// torque, which explains this part of what swings leave.
-const SLACK: [f64; 2] = [-0.25, 0.25];
+const OF_PLAY: f64 = 0.02;
 /// Play above this is no play, rad.
 const MAX_PLAY: f64 = 0.1;
 /// Max friction under load of a gear, N·m for each N·m. A larger estimate has another cause.
@@ -116,24 +114,33 @@ const WEAKEST: f64 = -0.9;
 /// The causes that `found` shows, the largest weight first.
 pub fn causes(found: &SwingFindings) -> Vec<Cause> {
     let mut causes = sensors(found);
-    let effects = &found.effects;
-    for effect in effects {
-        causes.extend(of_effect(effect, found, effects));
+    for effect in &found.effects {
+        causes.extend(of_effect(effect, found));
     }
-    // A joint that twists or rubs under load looks as if it had play, too.
-    let others: Vec<String> = causes
+    // A joint that rubs under load looks as if it had play, too. On a robot that leans on soft joints others look so.
+    let others: Vec<(CauseKind, String)> = causes
         .iter()
         .filter(|cause| matches!(cause.kind, CauseKind::Elasticity | CauseKind::LoadFriction))
-        .map(|cause| cause.of.clone())
+        .map(|cause| (cause.kind, cause.of.clone()))
         .collect();
-    causes.retain(|cause| cause.kind != CauseKind::Backlash || !others.contains(&cause.of));
+    let explained =
+        |play: &Cause| others.iter().any(|(kind, of)| *kind == CauseKind::Elasticity || *of == play.of);
+    causes.retain(|cause| cause.kind != CauseKind::Backlash || !explained(cause));
     causes.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     causes
 }
 
+/// The joint group whose twist under load the logs show most surely, if they show any.
+pub fn twisting(found: &SwingFindings) -> Option<String> {
+    let twists =
+        |effect: &&Effect| effect.kind == EffectKind::Elasticity && of_effect(effect, found).is_some();
+    let surest = |a: &&Effect, b: &&Effect| a.sure().total_cmp(&b.sure());
+    found.effects.iter().filter(twists).max_by(surest).map(|effect| effect.of.clone())
+}
+
 /// Springs and strengths of single joints among the causes.
 pub fn singles(found: &SwingFindings) -> impl Iterator<Item = &Effect> {
-    let is_cause = |effect: &&Effect| of_effect(effect, found, &found.effects).is_some();
+    let is_cause = |effect: &&Effect| of_effect(effect, found).is_some();
     let is_single = |effect: &&Effect| matches!(effect.kind, EffectKind::OddSpring | EffectKind::OddStrength);
     found.effects.iter().filter(is_single).filter(is_cause)
 }
@@ -239,8 +246,8 @@ fn sensors(found: &SwingFindings) -> Vec<Cause> {
     causes
 }
 
-fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<Cause> {
-    let Estimate { value, error } = effect.size;
+fn of_effect(effect: &Effect, found: &SwingFindings) -> Option<Cause> {
+    let Estimate { value, error } = effect.beyond();
     let (of, part) = (&effect.of, 100.0 * effect.share);
     let enough =
         |min: f64, sure: f64, share: f64| value > min && effect.sure() > sure && effect.share > share;
@@ -269,15 +276,20 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
                 1.0 / value
             ),
         ),
-        EffectKind::Backlash if enough(matters::PLAY, SURE, 0.0) && value < MAX_PLAY && slack(of, all) => (
-            CauseKind::Backlash,
-            "rad",
-            matters::PLAY,
-            format!(
-                "{of} joints have about {value:.3} ± {error:.3} rad of play between motor and link: standing feet \
-                 show it, and swinging links respond less than their masses imply (fit it: play)"
-            ),
-        ),
+        // Without a comparison, the geometry of standing legs looks like play.
+        EffectKind::Backlash
+            if effect.without.is_some() && enough(matters::PLAY, SURE, OF_PLAY) && value < MAX_PLAY =>
+        {
+            (
+                CauseKind::Backlash,
+                "rad",
+                matters::PLAY,
+                format!(
+                    "{of} joints have about {value:.3} ± {error:.3} rad of play between motor and link: heights of standing feet \
+                 differ by that from those of simulated robots without play (fit it: play)"
+                ),
+            )
+        }
         EffectKind::OddFriction
             if value.abs() > matters::FRICTION
                 && effect.sure() > SURER
@@ -344,107 +356,9 @@ fn of_effect(effect: &Effect, found: &SwingFindings, all: &[Effect]) -> Option<C
         _ => return None,
     };
     let weight = value.abs() / min;
-    Some(Cause { kind, of: of.clone(), size: effect.size, unit: unit.to_owned(), weight, text })
-}
-
-/// Whether swinging links of a group answer to their motors as those with play do.
-fn slack(group: &str, effects: &[Effect]) -> bool {
-    let [strength, share] = SLACK;
-    effects.iter().any(|one| {
-        one.kind == EffectKind::Strength && one.of == group && one.size.value < strength && one.share > share
-    })
+    Some(Cause { kind, of: of.clone(), size: effect.beyond(), unit: unit.to_owned(), weight, text })
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-mod tests {
-    use super::*;
-    use crate::walk::swing::Standing;
-    use gaitfit_adapt::{ParameterRule, RobotNumber, RobotRule, Rules, Sharing};
-    use gaitfit_log::Sensors;
-
-    fn findings(effects: &[(EffectKind, &str, f64, f64, f64)]) -> SwingFindings {
-        let effect = |&(kind, of, value, error, share): &(EffectKind, &str, f64, f64, f64)| {
-            Effect::new(kind, of, Estimate { value, error }, share)
-        };
-        SwingFindings { effects: effects.iter().map(effect).collect(), ..SwingFindings::default() }
-    }
-
-    #[test]
-    fn a_cause_is_sure_large_and_explains_something() {
-        let kinds = |effects: &[_]| -> Vec<CauseKind> {
-            causes(&findings(effects)).iter().map(|cause| cause.kind).collect()
-        };
-        let load = |value, error, share| (EffectKind::LoadFriction, "calf", value, error, share);
-        assert_eq!(kinds(&[load(0.09, 0.003, 0.7)]), [CauseKind::LoadFriction]);
-        assert_eq!(kinds(&[load(0.09, 0.02, 0.7), load(0.02, 0.001, 0.7), load(0.09, 0.003, 0.05)]), []);
-        assert_eq!(kinds(&[load(0.68, 0.06, 0.7)]), [], "a gear does not lose two thirds of its torque");
-        let play = (EffectKind::Backlash, "thigh", 0.015, 0.002, 0.03);
-        let strength = |value| (EffectKind::Strength, "thigh", value, 0.03, 0.4);
-        assert_eq!(kinds(&[play, strength(-0.05)]), [], "links answer as they should");
-        assert_eq!(kinds(&[play, strength(-0.38)]), [CauseKind::Backlash]);
-        let twist = (EffectKind::Elasticity, "thigh", 0.005, 0.0001, 0.9);
-        assert_eq!(kinds(&[play, strength(-0.38), twist]), [CauseKind::Elasticity]);
-        let ground = (EffectKind::UnevenGround, "", 0.009, 0.0003, 1.0);
-        assert_eq!(kinds(&[ground, load(0.3, 0.003, 0.7)]), [CauseKind::LoadFriction, CauseKind::Ground]);
-    }
-
-    #[test]
-    fn what_is_fitted_or_known_is_not_missing() {
-        let model = crate::robot::go2().unwrap();
-        let base = Candidate::nominal(&model);
-        let found = causes(&findings(&[
-            (EffectKind::LoadFriction, "calf", 0.09, 0.003, 0.7),
-            (EffectKind::UnevenGround, "", 0.009, 0.0003, 1.0),
-        ]));
-        let text = missing(&found, &Theta::default(), &base).unwrap_or_default();
-        assert!(text.contains("grows by 0.090") && text.contains("9 mm apart"), "{text}");
-        assert_eq!(missing(&[], &Theta::default(), &base), None);
-        // A simulator whose unit is tilted does not lack the tilt.
-        let standing = Standing { tilt: Some([Estimate { value: 0.03, error: 0.001 }; 2]) };
-        let tilted = causes(&SwingFindings { standing, ..SwingFindings::default() });
-        let theta = |kinds: &[RobotNumber]| {
-            let robot = kinds.iter().map(|kind| RobotRule::new(*kind)).collect();
-            Rules { robot, ..Rules::default() }.theta(&[], &[], &[]).unwrap_or_default()
-        };
-        let doubt = missing(&tilted, &theta(&[RobotNumber::BaseMass]), &base).unwrap_or_default();
-        assert!(
-            doubt.contains("tilted by 1.7° of roll") && doubt.contains("fit it: imu_roll, imu_pitch"),
-            "{doubt}"
-        );
-        assert_eq!(missing(&tilted, &theta(&[RobotNumber::ImuRoll, RobotNumber::ImuPitch]), &base), None);
-        let mut known = base.clone();
-        known.sensors.imu_tilt = [0.03, 0.03];
-        assert_eq!(missing(&tilted, &Theta::default(), &known), None);
-        let velocity_lag = Some(Estimate { value: 0.004, error: 0.0001 });
-        let sensors = Sensors { velocity_lag, ..Sensors::default() };
-        let late = causes(&SwingFindings { sensors, ..SwingFindings::default() });
-        let doubt = missing(&late, &theta(&[RobotNumber::ImuRoll]), &base).unwrap_or_default();
-        assert!(doubt.contains("by 4.0 ms") && doubt.contains("fit it: velocity_lag"), "{doubt}");
-        assert_eq!(missing(&late, &theta(&[RobotNumber::VelocityLag]), &base), None);
-    }
-
-    #[test]
-    fn friction_of_another_joint_does_not_cover_the_odd_one() {
-        let base = Candidate::nominal(&crate::robot::go2().unwrap());
-        let joints = ["FL_calf_joint".to_owned(), "waist_joint".to_owned()];
-        let theta = |joint: &str| {
-            let rule = ParameterRule {
-                per: Sharing::Joint,
-                joints: vec![joint.to_owned()],
-                ..ParameterRule::new(JointParameter::FrictionLoss)
-            };
-            Rules { parameter: vec![rule], ..Rules::default() }.theta(&[], &joints, &[]).unwrap()
-        };
-        let odd = Cause {
-            kind: CauseKind::OddFriction,
-            of: "FL_calf_joint".to_owned(),
-            size: Estimate { value: 0.12, error: 0.01 },
-            unit: "N·m".to_owned(),
-            weight: 1.0,
-            text: "odd".to_owned(),
-        };
-        assert!(covered(&odd, &theta("FL_calf_joint"), &base));
-        assert!(!covered(&odd, &theta("waist_joint"), &base), "a group of one joint is another joint's");
-    }
-}
+#[path = "explain_test.rs"]
+mod tests;

@@ -276,6 +276,17 @@ fn gains_and_robots_that_differ_are_told() {
 }
 
 #[test]
+fn logs_of_a_simulator_with_other_steps_are_told() {
+    let bench = Bench::new();
+    let step = bench.scene.walker.physics_step();
+    let stated = |step: f64| {
+        let notes = bench.read(&changed(&bench.logs(), |log| log.simulated_step = Some(step))).unwrap();
+        warned(&notes, &format!("set `robot_timestep = {step}`"))
+    };
+    assert!(!stated(step) && stated(0.5 * step));
+}
+
+#[test]
 fn only_the_horizon_of_each_log_counts_and_it_must_leave_enough() {
     let bench = Bench::new();
     let logs = bench.logs();

@@ -1,6 +1,6 @@
 //! Estimates of joints and sensors from walks without a simulation, for tables and for comparison with a fit's values.
 
-use super::singles;
+use super::{explain, singles};
 use crate::log::Log;
 use crate::watch::Watch;
 use gaitfit_adapt::{JointParameter, RobotNumber};
@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 pub use gaitfit_log::Estimate;
 pub use gaitfit_swing::{
     Effect, EffectKind, FrictionLaw, GroupEstimate, Standing, SwingError, SwingReport, SwingSettings, Walk,
-    effects, estimate_walks, usual_groups,
+    effects, estimate_walks, tilt_beside_twist, usual_groups,
 };
 
 /// What the logs of one robot show without a simulation.
@@ -48,6 +48,11 @@ impl SwingFindings {
     pub fn new(model: &Model, logs: &[&Trajectory], settings: &SwingSettings, watch: &Watch<'_>) -> Self {
         let (mut found, walks) = Self::without_effects(model, logs, settings, watch);
         found.effects = found.effects_of(model, &walks, settings);
+        if let (Some(group), Some(swings)) = (explain::twisting(&found), &found.swings)
+            && let Some(left) = tilt_beside_twist(model, &walks, swings, settings, &group)
+        {
+            found.standing = found.standing.with_left(left);
+        }
         singles::examine(&mut found, model, walks, settings, watch);
         // Both would be gears, and gears are simulated only in robots without slides.
         let gear = |effect: &Effect| matches!(effect.kind, EffectKind::Elasticity | EffectKind::Backlash);
@@ -56,7 +61,7 @@ impl SwingFindings {
     }
 
     /// The effects beyond `model`; none if no legs swing.
-    pub(super) fn effects_of(&self, model: &Model, walks: &[Walk], settings: &SwingSettings) -> Vec<Effect> {
+    pub(crate) fn effects_of(&self, model: &Model, walks: &[Walk], settings: &SwingSettings) -> Vec<Effect> {
         self.swings.as_ref().map(|report| effects(model, walks, report, settings)).unwrap_or_default()
     }
 

@@ -5,6 +5,8 @@
 //! estimator runs on their logs. A regression learns how estimates depend on true values (indirect inference: Gourieroux,
 //! Monfort and Renault 1993).
 
+mod comparison;
+mod noise;
 mod numbers;
 mod response;
 
@@ -25,6 +27,7 @@ use gaitfit_model::Model;
 use gaitfit_policy::Policy;
 use gaitfit_random::{Purpose, Stream, derive_seed};
 use gaitfit_sim::{Candidate, pool};
+use noise::Noise;
 use numbers::{errors_of, groups_of, kinds, numbers_of, slots, theta_of, values_of};
 use response::{Answer, Response};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -47,10 +50,6 @@ const NOISE: f64 = 0.5;
 const STEP_S: f64 = 1e-3;
 /// This part of a correction is added to its error as a standard deviation.
 const DOUBT: f64 = 0.3;
-/// A group shows torque noise if [`NOISE`] makes its mean square residual more than this many times as large.
-const SHOWN: f64 = 1.2;
-/// Largest torque noise, part of the weakest joint's torque limit.
-const MAX_NOISE: f64 = 0.06;
 /// Max standard error of a corrected value, in half widths of a round.
 const MAX_ERROR: f64 = 1.0;
 /// Why there is no correction.
@@ -79,7 +78,7 @@ pub struct Robot<'a> {
 }
 
 /// Corrects the estimates from legs in the air in `found`, which come from `logs`. Stores the corrected ones there, or the
-/// reason why there are none.
+/// reason why there are none; and beside its effects what the simulated robots show in their place.
 ///
 /// # Errors
 /// An interruption.
@@ -90,22 +89,33 @@ pub fn correct(
     watch: &Watch<'_>,
 ) -> Result<(), Error> {
     let Some(report) = &found.swings else { return Ok(()) };
-    let of_joints = |cause: &Cause| LACKING.contains(&cause.kind);
-    if let Some(cause) = explain::causes(found).into_iter().find(of_joints) {
-        found.not_corrected = Some(format!("simulated joints lack this effect: {}", cause.text));
-        return Ok(());
-    }
     let singles: Vec<Effect> = explain::singles(found).cloned().collect();
-    let corrected = robot.corrected(logs, report, &singles, watch);
+    let (corrected, compared) = match robot.world(logs, report, &singles, watch) {
+        Ok((world, real)) => (world.corrected(report, &real.0), world.compared(real.1)),
+        Err(why) => (Err(why), Vec::new()),
+    };
     if watch.stop() {
         return Err(Error::interrupted_with_nothing("interrupted before the fit began"));
     }
-    match corrected {
-        Ok(report) => found.corrected = Some(report),
-        Err(why) => found.not_corrected = Some(why),
+    for effect in compared {
+        let same = |other: &&mut Effect| (other.kind, &other.of) == (effect.kind, &effect.of);
+        if let Some(slot) = found.effects.iter_mut().find(same) {
+            *slot = effect;
+        }
+    }
+    let of_joints = |cause: &Cause| LACKING.contains(&cause.kind);
+    match (explain::causes(found).into_iter().find(of_joints), corrected) {
+        (Some(cause), _) => {
+            found.not_corrected = Some(format!("simulated joints lack this effect: {}", cause.text));
+        }
+        (None, Ok(report)) => found.corrected = Some(report),
+        (None, Err(why)) => found.not_corrected = Some(why),
     }
     Ok(())
 }
+
+/// What the logs of one robot show.
+type Shown = (SwingReport, Vec<Effect>);
 
 /// The simulated robots, and the settings with which their logs are estimated.
 struct World<'a> {
@@ -121,21 +131,23 @@ struct World<'a> {
     counting: Counting<'a>,
     /// Robots that were simulated.
     done: AtomicUsize,
+    /// The effects that each robot of the last round shows.
+    effects_shown: Mutex<Vec<Vec<Effect>>>,
 }
 
 impl Robot<'_> {
-    /// `found`, corrected by simulated `logs` at the policy's rate. `singles`: springs and strengths of single joints of the
-    /// real robot, which simulated ones do not have.
+    /// Robots like that of `found` for simulation under the commands of `logs`, and what the real logs show at the policy's
+    /// rate. `singles`: springs and strengths of single joints of the real robot, which simulated ones do not have.
     ///
     /// # Errors
-    /// Why there is no correction.
-    fn corrected(
-        &self,
+    /// Why there are none.
+    fn world<'a>(
+        &'a self,
         logs: &[Log],
         found: &SwingReport,
         singles: &[Effect],
-        watch: &Watch<'_>,
-    ) -> Result<SwingReport, String> {
+        watch: &'a Watch<'a>,
+    ) -> Result<(World<'a>, Shown), String> {
         // Simulated logs are shorter than real ones, so they may have more windows for their time. This does not shift estimates.
         let settings = SwingSettings {
             clearances_m: vec![found.clearance_m],
@@ -154,7 +166,7 @@ impl Robot<'_> {
         };
         let all: Vec<Trajectory> = logs.iter().map(rows).collect();
         let real = with_strengths(&all.iter().collect::<Vec<_>>(), singles);
-        let real = estimate(&with_springs(self.model, singles), &real, &settings)?;
+        let (real, effects) = shown(&with_springs(self.model, singles), &real, &settings, true)?;
         if !groups_of(&real).eq(groups_of(found)) {
             return Err("other joints swing at the policy's rate than at that of the logs".to_owned());
         }
@@ -181,9 +193,30 @@ impl Robot<'_> {
             parts: "robots",
             seed: None,
         });
-        let done = AtomicUsize::new(0);
-        let world = World { robot: self, recorder, theta, settings, groups, logs, watch, counting, done };
-        let estimates = world.correct(&real)?;
+        let (done, effects_shown) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+        let world = World {
+            robot: self,
+            recorder,
+            theta,
+            settings,
+            groups,
+            logs,
+            watch,
+            counting,
+            done,
+            effects_shown,
+        };
+        Ok((world, (real, effects)))
+    }
+}
+
+impl World<'_> {
+    /// `found`, whose estimates at the policy's rate are `real`, corrected.
+    ///
+    /// # Errors
+    /// Why there is no correction.
+    fn corrected(&self, found: &SwingReport, real: &SwingReport) -> Result<SwingReport, String> {
+        let estimates = self.correct(real)?;
         let mut corrected = found.clone();
         for (slot, Estimate { value, error }) in slots(&mut corrected).zip(estimates) {
             // The recorded logs show how much other choices of swings change an estimate.
@@ -191,13 +224,11 @@ impl Robot<'_> {
         }
         Ok(corrected)
     }
-}
 
-impl World<'_> {
     /// The corrected estimates, in the order of [`values_of`].
     fn correct(&self, real: &SwingReport) -> Result<Vec<Estimate>, String> {
         let (uncorrected, errors) = (values_of(real), errors_of(real));
-        let (noise, slope, group) = self.noise(real, &uncorrected)?;
+        let Noise { variance: noise, slope, group, too_large } = self.noise(real, &uncorrected)?;
         let mut half: Vec<f64> = errors
             .iter()
             .zip(kinds(uncorrected.len()))
@@ -217,10 +248,16 @@ impl World<'_> {
         centre.iter_mut().zip(&least).for_each(|(centre, least)| *centre = centre.max(*least));
         let mut response = Response::default();
         let mut answer = None;
-        for round in 0..ROUNDS {
+        // If noise cannot explain the logs, the robots are only compared.
+        let rounds = if too_large.is_some() { 1 } else { ROUNDS };
+        for round in 0..rounds {
             let first = FIRST_ROBOTS + round * robots_for(centre.len());
             let robots = self.draw(&centre, &half, first);
-            let reports = self.observe(&robots, first)?;
+            let last = round + 1 == rounds;
+            let reports = self.observe(&robots, first, last)?;
+            if let Some(why) = &too_large {
+                return Err(why.clone());
+            }
             for (robot, report) in robots.into_iter().zip(reports) {
                 let Some(report) = report else { continue };
                 response.estimates.push(with_residual(&report));
@@ -247,37 +284,6 @@ impl World<'_> {
         Ok(bounded.zip(errors).map(|(value, error)| Estimate { value, error }).collect())
     }
 
-    /// The variance of the torque noise that gives one group the mean square residual of the real logs, (N·m)²; how fast this
-    /// mean square grows with the variance; and the group, the one that needs the least noise. Effects that the model lacks
-    /// enlarge residuals too, but seldom in all groups.
-    fn noise(&self, real: &SwingReport, values: &[f64]) -> Result<(f64, f64, usize), String> {
-        let least = self.least(values.len() + 1);
-        let values: Vec<f64> = values.iter().zip(least).map(|(value, least)| value.max(least)).collect();
-        let robots = [0.0, NOISE * NOISE].map(|noise| [values.as_slice(), &[noise]].concat());
-        let reports = self.observe(&robots, 0)?;
-        let [Some(quiet), Some(noisy)] = [0, 1].map(|at| reports.get(at).cloned().flatten()) else {
-            return Err("the simulated robot falls in most logs".to_owned());
-        };
-        let square = |report: &SwingReport, group: usize| report.groups[group].residual.powi(2);
-        let asks = |group: usize| {
-            let (none, some) = (square(&quiet, group), square(&noisy, group));
-            let slope = (some - none) / (NOISE * NOISE);
-            (some > SHOWN * none).then(|| (((square(real, group) - none) / slope).max(0.0), slope, group))
-        };
-        let least = (0..real.groups.len()).filter_map(asks).min_by(|a, b| a.0.total_cmp(&b.0));
-        let (noise, slope, group) =
-            least.ok_or("torque noise of simulated robots does not show in their logs")?;
-        let model = self.robot.model;
-        let efforts = (0..model.joints.len()).filter_map(|joint| model.effort(joint));
-        let max = MAX_NOISE * efforts.fold(f64::INFINITY, f64::min);
-        if noise.sqrt() > max {
-            return Err(format!(
-                "the logs leave more unexplained than torque noise of {max:.2} N·m would, so the model lacks an effect"
-            ));
-        }
-        Ok((noise, slope, group))
-    }
-
     /// Robots around `centre` that can exist: no number is below 0, and no target acts before it is sent.
     fn draw(&self, centre: &[f64], half: &[f64], first: usize) -> Vec<Vec<f64>> {
         let stream = Stream::new(self.robot.config.optimizer.seed, Purpose::SIMULATED_ROBOTS);
@@ -300,17 +306,23 @@ impl World<'_> {
         (0..count).map(move |at| if at + 2 == count { -step / 2.0 } else { 0.0 })
     }
 
-    /// The estimates from each robot's logs; `None` for a robot that falls in too many of them.
-    fn observe(&self, robots: &[Vec<f64>], first: usize) -> Result<Vec<Option<SwingReport>>, String> {
+    /// The estimates from each robot's logs; `None` for a robot that falls in too many of them. `effects`: whether to keep the
+    /// effects that the logs show.
+    fn observe(
+        &self,
+        robots: &[Vec<f64>],
+        first: usize,
+        effects: bool,
+    ) -> Result<Vec<Option<SwingReport>>, String> {
         let walking = robots.iter().enumerate().map(|(at, robot)| self.walking(robot, first + at));
         let walking = walking.collect::<Result<Vec<NoisyRobot>, String>>()?;
         // A GPU makes all logs at once. The CPU makes a few at a time, so that progress is visible and the user can stop.
         let at_once = if self.robot.gpus.is_empty() { self.robot.threads } else { walking.len() };
-        let parts = walking.chunks(at_once.max(1)).map(|part| self.observe_part(part));
+        let parts = walking.chunks(at_once.max(1)).map(|part| self.observe_part(part, effects));
         Ok(parts.collect::<Result<Vec<_>, String>>()?.concat())
     }
 
-    fn observe_part(&self, robots: &[NoisyRobot]) -> Result<Vec<Option<SwingReport>>, String> {
+    fn observe_part(&self, robots: &[NoisyRobot], effects: bool) -> Result<Vec<Option<SwingReport>>, String> {
         if self.watch.stop() {
             return Ok(vec![None; robots.len()]);
         }
@@ -328,7 +340,7 @@ impl World<'_> {
                 return Ok(None);
             }
             let set = std::mem::take(&mut *sets[at].lock().unwrap_or_else(PoisonError::into_inner));
-            let report = self.observe_one(set, &settings);
+            let report = self.observe_one(set, &settings, effects);
             self.counting.step(self.done.fetch_add(1, Ordering::Relaxed) + 1, 1, "");
             report
         });
@@ -354,6 +366,7 @@ impl World<'_> {
         &self,
         set: Vec<Recorded>,
         settings: &SwingSettings,
+        effects: bool,
     ) -> Result<Option<SwingReport>, String> {
         let before = (BEFORE_FALL_S / self.robot.policy.interface.control_dt).ceil() as usize;
         let pairs = self.logs.iter().zip(set);
@@ -364,8 +377,16 @@ impl World<'_> {
         if (walked.len() as f64) < WALKED * self.logs.len() as f64 {
             return Ok(None);
         }
-        let report = estimate(self.robot.model, &walked, settings).ok();
-        Ok(report.filter(|report| groups_of(report).eq(self.groups.iter().map(String::as_str))))
+        let Ok((report, shown)) = shown(self.robot.model, &walked, settings, effects) else {
+            return Ok(None);
+        };
+        if !groups_of(&report).eq(self.groups.iter().map(String::as_str)) {
+            return Ok(None);
+        }
+        if effects {
+            self.effects_shown.lock().unwrap_or_else(PoisonError::into_inner).push(shown);
+        }
+        Ok(Some(report))
     }
 
     /// The values as the recorder's physics steps have them.
@@ -378,11 +399,17 @@ impl World<'_> {
     }
 }
 
-/// The estimates from legs in the air, without a search for effects that the model lacks.
-fn estimate(model: &Model, logs: &[Trajectory], settings: &SwingSettings) -> Result<SwingReport, String> {
+/// The estimates from legs in the air, and with `effects` those that the model lacks.
+fn shown(
+    model: &Model,
+    logs: &[Trajectory],
+    settings: &SwingSettings,
+    effects: bool,
+) -> Result<Shown, String> {
     let logs: Vec<&Trajectory> = logs.iter().collect();
-    let (found, _) = SwingFindings::without_effects(model, &logs, settings, &Watch::silent());
-    found.swings.ok_or_else(|| found.why_not.unwrap_or_default())
+    let (found, walks) = SwingFindings::without_effects(model, &logs, settings, &Watch::silent());
+    let effects = if effects { found.effects_of(model, &walks, settings) } else { Vec::new() };
+    Ok((found.swings.ok_or_else(|| found.why_not.unwrap_or_default())?, effects))
 }
 
 /// Robots of a round, for `count` numbers of each.
@@ -391,48 +418,4 @@ fn robots_for(count: usize) -> usize {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-mod tests {
-    use super::*;
-    use crate::adapt::Opening;
-    use crate::settings;
-    use crate::watch::Event;
-    use gaitfit_run::ErrorKind;
-    use std::ops::ControlFlow;
-    use std::path::Path;
-
-    #[test]
-    fn a_caller_sees_the_simulated_robots_and_can_stop_them() {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-        let changes = [
-            format!("policy={:?}", root.join("assets/go2-walk.safetensors")),
-            // A few of the logs: it is stopped long before their correction ends.
-            format!("logs=[{:?}]", root.join("examples/go2-ground/logs/trajectory_0[0-4].csv")),
-            "base=\"free\"".to_owned(),
-        ];
-        let config: AdaptConfig = settings::load(None, &changes).unwrap();
-        let (robots, total) = (AtomicUsize::new(0), AtomicUsize::new(0));
-        let stop_after_two = |event: Event<'_>| {
-            match event {
-                Event::Begin(work) => total.store(work.total, Ordering::Relaxed),
-                Event::Step(step) => robots.store(step.done, Ordering::Relaxed),
-                _ => (),
-            }
-            if robots.load(Ordering::Relaxed) < 2 {
-                ControlFlow::Continue(())
-            } else {
-                ControlFlow::Break(())
-            }
-        };
-        let watch = Watch::new(&stop_after_two);
-        let Err(error) = Opening::new(&config, &root.join("fit.toml")).threads(2).watch(&watch).open() else {
-            panic!("it was not stopped")
-        };
-        assert!(
-            error.kind() == ErrorKind::Interrupted && error.to_string().contains("before the fit"),
-            "{error}"
-        );
-        let (robots, total) = (robots.into_inner(), total.into_inner());
-        assert!((2..=4).contains(&robots) && total >= FIRST_ROBOTS + ROUNDS * ROBOTS, "{robots} of {total}");
-    }
-}
+mod tests;

@@ -1,0 +1,39 @@
+//! Effects that real logs show, beside what logs of simulated robots without these effects show in their place.
+
+use super::World;
+use crate::walk::swing::{Effect, EffectKind, Estimate};
+use std::sync::PoisonError;
+
+/// Effects that are compared with what simulated robots without them show. The geometry of standing legs, soft contacts and
+/// torque noise look like small effects of these kinds.
+const COMPARED: [EffectKind; 3] = [EffectKind::LoadFriction, EffectKind::Elasticity, EffectKind::Backlash];
+/// Min simulated robots for such a comparison.
+const MIN_COMPARED: usize = 6;
+
+impl World<'_> {
+    /// Those of `effects` that the simulated robots of the last round show too, beside what they show.
+    pub(super) fn compared(&self, effects: Vec<Effect>) -> Vec<Effect> {
+        let shown = self.effects_shown.lock().unwrap_or_else(PoisonError::into_inner);
+        let beside = |mut effect: Effect| {
+            let same = |other: &&Effect| (other.kind, &other.of) == (effect.kind, &effect.of);
+            let mut sizes: Vec<f64> =
+                shown.iter().filter_map(|all| all.iter().find(same)).map(|one| one.size.value).collect();
+            // Threads deliver the robots in any order; the sum must not depend on it.
+            sizes.sort_by(f64::total_cmp);
+            effect.without = Some(scatter(&sizes)?);
+            Some(effect)
+        };
+        effects.into_iter().filter(|effect| COMPARED.contains(&effect.kind)).filter_map(beside).collect()
+    }
+}
+
+/// Mean and standard deviation; absent for too few values.
+fn scatter(values: &[f64]) -> Option<Estimate> {
+    let count = values.len() as f64;
+    if values.len() < MIN_COMPARED {
+        return None;
+    }
+    let value = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|one| (one - value).powi(2)).sum::<f64>() / (count - 1.0);
+    Some(Estimate { value, error: variance.sqrt() })
+}

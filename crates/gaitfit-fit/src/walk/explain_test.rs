@@ -1,0 +1,105 @@
+//! Which effects are named, and which of them a fitted simulator lacks.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use super::*;
+use crate::walk::swing::Standing;
+use gaitfit_adapt::{ParameterRule, RobotNumber, RobotRule, Rules, Sharing};
+use gaitfit_log::Sensors;
+
+fn findings(effects: &[(EffectKind, &str, f64, f64, f64)]) -> SwingFindings {
+    let effect = |&(kind, of, value, error, share): &(EffectKind, &str, f64, f64, f64)| {
+        Effect::new(kind, of, Estimate { value, error }, share)
+    };
+    SwingFindings { effects: effects.iter().map(effect).collect(), ..SwingFindings::default() }
+}
+
+#[test]
+fn a_cause_is_sure_large_and_explains_something() {
+    let kinds = |effects: &[_]| -> Vec<CauseKind> {
+        causes(&findings(effects)).iter().map(|cause| cause.kind).collect()
+    };
+    let load = |value, error, share| (EffectKind::LoadFriction, "calf", value, error, share);
+    assert_eq!(kinds(&[load(0.09, 0.003, 0.7)]), [CauseKind::LoadFriction]);
+    assert_eq!(kinds(&[load(0.09, 0.02, 0.7), load(0.02, 0.001, 0.7), load(0.09, 0.003, 0.05)]), []);
+    assert_eq!(kinds(&[load(0.68, 0.06, 0.7)]), [], "a gear does not lose two thirds of its torque");
+    let twist = (EffectKind::Elasticity, "thigh", 0.005, 0.0001, 0.9);
+    let play = (EffectKind::Backlash, "thigh", 0.035, 0.002, 0.03);
+    assert_eq!(kinds(&[play]), [], "it was not compared with robots without play");
+    assert_eq!(kinds(&[play, twist]), [CauseKind::Elasticity]);
+    let ground = (EffectKind::UnevenGround, "", 0.009, 0.0003, 1.0);
+    assert_eq!(kinds(&[ground, load(0.3, 0.003, 0.7)]), [CauseKind::LoadFriction, CauseKind::Ground]);
+}
+
+#[test]
+fn effects_count_beyond_those_of_robots_without_them() {
+    let beside = |kind, size, without: [f64; 2]| {
+        let mut found = findings(&[(kind, "thigh", size, 0.002, 0.2)]);
+        found.effects[0].without = Some(Estimate { value: without[0], error: without[1] });
+        causes(&found).iter().map(|cause| (cause.kind, (1e3 * cause.size.value).round())).collect::<Vec<_>>()
+    };
+    assert_eq!(beside(EffectKind::Backlash, 0.035, [0.005, 0.001]), [(CauseKind::Backlash, 30.0)]);
+    assert_eq!(beside(EffectKind::Backlash, 0.035, [0.028, 0.001]), []);
+    assert_eq!(beside(EffectKind::Backlash, 0.035, [0.005, 0.02]), [], "such robots differ as much");
+    let load = EffectKind::LoadFriction;
+    assert_eq!(beside(load, 0.02, [-0.05, 0.001]), [(CauseKind::LoadFriction, 70.0)]);
+    assert_eq!(beside(load, 0.09, [0.07, 0.001]), []);
+}
+
+#[test]
+fn what_is_fitted_or_known_is_not_missing() {
+    let model = crate::robot::go2().unwrap();
+    let base = Candidate::nominal(&model);
+    let found = causes(&findings(&[
+        (EffectKind::LoadFriction, "calf", 0.09, 0.003, 0.7),
+        (EffectKind::UnevenGround, "", 0.009, 0.0003, 1.0),
+    ]));
+    let text = missing(&found, &Theta::default(), &base).unwrap_or_default();
+    assert!(text.contains("grows by 0.090") && text.contains("9 mm apart"), "{text}");
+    assert_eq!(missing(&[], &Theta::default(), &base), None);
+    // A simulator whose unit is tilted does not lack the tilt.
+    let standing = Standing { tilt: Some([Estimate { value: 0.03, error: 0.001 }; 2]) };
+    let tilted = causes(&SwingFindings { standing, ..SwingFindings::default() });
+    let theta = |kinds: &[RobotNumber]| {
+        let robot = kinds.iter().map(|kind| RobotRule::new(*kind)).collect();
+        Rules { robot, ..Rules::default() }.theta(&[], &[], &[]).unwrap_or_default()
+    };
+    let doubt = missing(&tilted, &theta(&[RobotNumber::BaseMass]), &base).unwrap_or_default();
+    assert!(
+        doubt.contains("tilted by 1.7° of roll") && doubt.contains("fit it: imu_roll, imu_pitch"),
+        "{doubt}"
+    );
+    assert_eq!(missing(&tilted, &theta(&[RobotNumber::ImuRoll, RobotNumber::ImuPitch]), &base), None);
+    let mut known = base.clone();
+    known.sensors.imu_tilt = [0.03, 0.03];
+    assert_eq!(missing(&tilted, &Theta::default(), &known), None);
+    let velocity_lag = Some(Estimate { value: 0.004, error: 0.0001 });
+    let sensors = Sensors { velocity_lag, ..Sensors::default() };
+    let late = causes(&SwingFindings { sensors, ..SwingFindings::default() });
+    let doubt = missing(&late, &theta(&[RobotNumber::ImuRoll]), &base).unwrap_or_default();
+    assert!(doubt.contains("by 4.0 ms") && doubt.contains("fit it: velocity_lag"), "{doubt}");
+    assert_eq!(missing(&late, &theta(&[RobotNumber::VelocityLag]), &base), None);
+}
+
+#[test]
+fn friction_of_another_joint_does_not_cover_the_odd_one() {
+    let base = Candidate::nominal(&crate::robot::go2().unwrap());
+    let joints = ["FL_calf_joint".to_owned(), "waist_joint".to_owned()];
+    let theta = |joint: &str| {
+        let rule = ParameterRule {
+            per: Sharing::Joint,
+            joints: vec![joint.to_owned()],
+            ..ParameterRule::new(JointParameter::FrictionLoss)
+        };
+        Rules { parameter: vec![rule], ..Rules::default() }.theta(&[], &joints, &[]).unwrap()
+    };
+    let odd = Cause {
+        kind: CauseKind::OddFriction,
+        of: "FL_calf_joint".to_owned(),
+        size: Estimate { value: 0.12, error: 0.01 },
+        unit: "N·m".to_owned(),
+        weight: 1.0,
+        text: "odd".to_owned(),
+    };
+    assert!(covered(&odd, &theta("FL_calf_joint"), &base));
+    assert!(!covered(&odd, &theta("waist_joint"), &base), "a group of one joint is another joint's");
+}
