@@ -98,6 +98,41 @@ fn walks_show_joints_and_sensors_without_a_simulation() {
 }
 
 #[test]
+fn effects_are_compared_with_simulated_robots_if_the_policy_is_given() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in
+        ["log.toml", "trajectory_00.csv", "trajectory_01.csv", "trajectory_02.csv", "trajectory_03.csv"]
+    {
+        std::fs::copy(root().join("examples/go2-ground/logs").join(name), folder.path().join(name)).unwrap();
+    }
+    let explain = |logs: &str| {
+        run(&[
+            "explain",
+            logs,
+            "--robot",
+            "assets/go2.xml",
+            "--policy",
+            "assets/go2-walk.safetensors",
+            "--json",
+        ])
+    };
+    let found = json(&explain(folder.path().to_str().unwrap()));
+    assert_eq!(found["causes"][0]["kind"], "odd_spring", "{}", found["causes"]);
+    let effects = found["without_simulation"]["effects"].as_array().unwrap();
+    let compared: Vec<&str> = effects
+        .iter()
+        .filter(|effect| effect["without"]["error"].as_f64().is_some_and(|error| error > 0.0))
+        .filter_map(|effect| effect["kind"].as_str())
+        .collect();
+    assert!(compared.contains(&"load_friction") && compared.contains(&"elasticity"), "{effects:?}");
+    // One short walk is no fit's log.
+    let log = folder.path().join("trajectory_00.csv");
+    let output = explain(log.to_str().unwrap());
+    assert_eq!(output.status.code(), Some(1));
+    assert!(errors(&output).contains("trajectory_00.csv: the logs hold"), "{}", errors(&output));
+}
+
+#[test]
 fn the_next_command_has_what_this_one_was_given() {
     let log = "examples/go2-ground/logs/trajectory_00.csv";
     let output =

@@ -132,7 +132,7 @@ fn compared(question: Question<'_>, policy: &Path, watch: &Watch<'_>) -> Result<
         format!("logs=[{logs:?}]"),
     ];
     let config = settings::load(None, &changes)?;
-    let setup = Opening::new(&config, Path::new("explain")).watch(watch).open()?;
+    let setup = Opening::new(&config, logs).watch(watch).open()?;
     let fitted = &setup.fit.logs;
     Ok(Looked {
         read: fitted.len(),
