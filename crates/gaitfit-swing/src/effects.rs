@@ -187,9 +187,7 @@ fn of_swings(
             let (size, share) = base.added(&friction)?;
             Some(Effect::new(EffectKind::OddFriction, &model.joints[joint].name, size, share))
         };
-        let surest =
-            joints.iter().filter_map(|&joint| odd(joint)).max_by(|a, b| a.sure().total_cmp(&b.sure()));
-        found.extend(surest);
+        found.extend(joints.iter().filter_map(|&joint| odd(joint)));
     }
     found
 }

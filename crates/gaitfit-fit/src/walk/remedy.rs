@@ -10,7 +10,7 @@ use crate::settings::AdaptConfig;
 use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Sharing, Theta};
 use gaitfit_model::patterns::compile;
 use gaitfit_sim::Candidate;
-use gaitfit_swing::{Effect, EffectKind, GroupEstimate};
+use gaitfit_swing::GroupEstimate;
 
 /// Parameters that a fit gets besides the default ones, and the effects that are the reason.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -61,13 +61,12 @@ impl Remedies {
             // If one joint of a leg differs, its other joints may differ too, but the logs show them less well.
             CauseKind::OddFriction => {
                 let groups = found.swings.as_ref().map_or(&[][..], |report| report.groups.as_slice());
+                let all = causes(found);
                 let largest = |group: &GroupEstimate| {
-                    let is_odd_friction = |effect: &&Effect| {
-                        effect.kind == EffectKind::OddFriction && group.joints.contains(&effect.of)
+                    let is_odd_friction = |other: &&Cause| {
+                        other.kind == CauseKind::OddFriction && group.joints.contains(&other.of)
                     };
-                    let sizes =
-                        found.effects.iter().filter(is_odd_friction).map(|effect| effect.size.value.abs());
-                    sizes.fold(0.0, f64::max)
+                    all.iter().filter(is_odd_friction).map(|other| other.size.value.abs()).fold(0.0, f64::max)
                 };
                 self.split_groups =
                     groups.iter().map(|group| (group.joints.clone(), largest(group))).collect();
@@ -226,6 +225,7 @@ mod tests {
     use crate::robot::joint_names;
     use crate::settings::walk_defaults;
     use crate::walk::swing::Standing;
+    use gaitfit_swing::{Effect, EffectKind};
     use gaitfit_swing::{FrictionLaw, SwingReport};
 
     fn estimate(value: f64, error: f64) -> Estimate {
