@@ -1,4 +1,4 @@
-"""Go2s in official MuJoCo with drawn values, most with an effect that the model lacks: whether fits find their values.
+"""Go2s in official MuJoCo with random parameters, most with an effect that the model lacks: do fits find the true values?
 
 `draw` writes robots for mujoco_robot.py and the logs of their walks. After a fit of each, `count` compares the values with the
 drawn ones. The fit of robot NAME is FOLDER/runs/NAME, or that of the first round of a loop in this folder.

@@ -184,9 +184,9 @@ def explain(
     Arguments:
         logs: A log of a walk, or a folder of some; as for :func:`fit`.
         robot: The robot's file, MJCF or URDF; by default the built-in Go2.
-        policy: The file of the policy that walked. With it about 30 simulated robots walk under the logs' commands, which takes up to
-            a minute. Play, twist and friction under load are then what is beyond those that robots without them show. Play is
-            only named with it.
+        policy: The file of the policy that walked. With it, about 30 robots without effects are simulated under the logs' commands
+            (under a minute). What they show is subtracted from play, twist, friction under load and the friction of single joints.
+            Play is named only with a policy.
         lenient: Leave out what the engine cannot simulate in the robot's file.
         progress: As for :func:`fit`. It counts the logs of a folder while they are read, and then the regressions. Each regression takes
             about 0.1 s for 10 s of logs.
@@ -200,7 +200,7 @@ def explain(
     of legs in the air: :func:`fit` names what these show.
 
     >>> [cause.text for cause in gaitfit.explain("walks", "go2.xml").causes]      # doctest: +SKIP
-    ['calf joints twist between motor and link by 0.0045 ± 0.0001 rad for each N·m (221 N·m/rad), … (fit it: compliance)']
+    ['calf joints twist between motor and link by 0.0045 ± 0.0001 rad for each N·m, or 221 N·m/rad, … (fit it: compliance)']
     """
     one = given.log_files(logs, None)
     if len(one) != 1:

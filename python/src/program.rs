@@ -3,7 +3,7 @@
 use crate::errors::{failed, to_py_err};
 use crate::watch::waited;
 use gaitfit::watch::Watch;
-use gaitfit_cli::Question;
+use gaitfit_cli::ExplainInput;
 use gaitfit_physics::JointParameter;
 use gaitfit_sim::Candidate;
 use pyo3::prelude::*;
@@ -28,8 +28,8 @@ pub fn explain(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let explained = move |watch: &Watch<'_>| {
-        let question = Question { logs: &logs, robot: &robot, policy: policy.as_deref(), lenient };
-        gaitfit_cli::explain(question, watch)
+        let input = ExplainInput { logs: &logs, robot: &robot, policy: policy.as_deref(), lenient };
+        gaitfit_cli::explain(input, watch)
     };
     waited(py, progress.as_ref(), explained)?.map_err(|error| to_py_err(&error))
 }

@@ -15,7 +15,7 @@ mod table;
 mod viewer;
 mod watcher;
 
-pub use commands::explain::Question;
+pub use commands::explain::ExplainInput;
 
 use cli::{Cli, Command};
 use exit::{Exit, Failure};
@@ -52,8 +52,8 @@ pub fn program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
 ///
 /// # Errors
 /// Files that cannot be used, in a sentence.
-pub fn explain(question: Question<'_>, watch: &Watch<'_>) -> Result<String, gaitfit::Error> {
-    commands::explain::document(question, watch).map_err(|failure| gaitfit::Error::failed(failure.message))
+pub fn explain(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<String, gaitfit::Error> {
+    commands::explain::document(input, watch).map_err(|failure| gaitfit::Error::failed(failure.message))
 }
 
 /// Prints help that was asked for, or what is wrong with the command line.

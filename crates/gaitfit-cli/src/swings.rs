@@ -68,7 +68,7 @@ fn sensors(found: &SwingFindings) -> String {
     for (axis, bias) in ["x", "y", "z"].iter().zip(sensors.gyro_bias.iter().flatten()) {
         rows.add_row([format!("gyro bias, {axis}"), number(*bias, 1.0, 4), "rad/s".to_owned()]);
     }
-    for (axis, tilt) in ["roll", "pitch"].iter().zip(found.standing.tilt.iter().flatten()) {
+    for (axis, tilt) in ["roll", "pitch"].iter().zip(found.tilt().iter().flatten()) {
         let name = format!("orientation against standing feet, {axis}");
         rows.add_row([name, number(*tilt, 1f64.to_degrees(), 2), "°".to_owned()]);
     }

@@ -53,10 +53,10 @@ pub struct Effect {
     pub kind: EffectKind,
     /// The joint group or joint that has it; empty of the ground.
     pub of: String,
-    /// Its size in the logs, and its standard error.
+    /// Its size in the logs, and its standard error. If it is compared, the logs are at the policy's rate.
     pub size: Estimate,
-    /// What the logs of simulated robots without the effect show in its place, mean and standard deviation; absent if none were
-    /// simulated.
+    /// Mean and standard deviation of the same estimate in logs of simulated robots without the effect; absent if there is no
+    /// comparison.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub without: Option<Estimate>,
     /// The part of what is left unexplained, in the signal that shows it, that goes with it, 0 to 1.
@@ -72,6 +72,11 @@ impl Effect {
         Self { kind, of: of.to_owned(), size, without: None, share, rest: None }
     }
 
+    /// Whether both are of one kind and joint or group.
+    pub fn is_same(&self, other: &Self) -> bool {
+        (self.kind, &self.of) == (other.kind, &other.of)
+    }
+
     /// The size beyond that of simulated robots without the effect, and its standard error.
     pub fn beyond(&self) -> Estimate {
         let Estimate { value, error } = self.size;
@@ -81,7 +86,7 @@ impl Effect {
         }
     }
 
-    /// How many standard errors that size is from nothing.
+    /// How many standard errors [`Self::beyond`] is from 0.
     pub fn sure(&self) -> f64 {
         let Estimate { value, error } = self.beyond();
         if error > 0.0 { value.abs() / error } else { 0.0 }
@@ -145,8 +150,8 @@ pub fn effects(model: &Model, walks: &[Walk], swings: &SwingReport, settings: &S
     found
 }
 
-/// The tilt of the inertial unit about the base's x and y axes that is left in the walks, rad, if the joints of `group` twist
-/// under load: a robot on soft legs leans, which looks like a tilt. Absent if the walks do not tell them apart.
+/// The tilt of the IMU about the base's x and y axes, rad, that remains in the walks if the joints of `group` twist under load.
+/// A robot on soft joints leans, which looks like a tilted IMU. Absent if the walks cannot separate tilt and twist.
 pub fn tilt_beside_twist(
     model: &Model,
     walks: &[Walk],

@@ -8,7 +8,6 @@ use crate::effects::{Base, Effect, EffectKind, Scene, block};
 use crate::feet::Foot;
 use crate::standing::MIN_FEET;
 use crate::torques::Bump;
-use crate::walk::Walk;
 use gaitfit_log::Estimate;
 use gaitfit_model::Root;
 use gaitfit_model::rotation::{cross, rotate_back, sub, up};
@@ -21,9 +20,9 @@ const TORQUE_S: f64 = 0.03;
 /// Torque at which a joint with play surely lies on one side of it, N·m.
 const SIDE_NM: f64 = 0.5;
 
-/// Moments that are looked at, over all logs: neighbours are alike, and more would not be surer.
-const MAX_POINTS: usize = 60_000;
-/// A column counts if this part of it does not follow from the columns before it.
+/// Pairs of standing feet that are looked at, over all logs: neighbours are alike, and more would not be surer.
+const MAX_PAIRS: usize = 60_000;
+/// A column counts if at least this part of its square does not follow from earlier columns.
 const OWN_PART: f64 = 1e-3;
 
 /// One pair of standing feet: what each effect adds to the difference of their heights.
@@ -38,6 +37,13 @@ struct Pair {
     play: Vec<f64>,
 }
 
+impl Pair {
+    fn is_finite(&self) -> bool {
+        let numbers = [&[self.between][..], &self.tilt, &self.zeros, &self.twist, &self.play];
+        numbers.into_iter().flatten().all(|number| number.is_finite())
+    }
+}
+
 /// See [`crate::effects()`].
 pub(crate) fn effects(scene: &Scene<'_>) -> Vec<Effect> {
     let Some(pairs) = Pairs::new(scene) else { return Vec::new() };
@@ -46,7 +52,7 @@ pub(crate) fn effects(scene: &Scene<'_>) -> Vec<Effect> {
     if let Some(base) = pairs.base(&tilts) {
         found.push(Effect::new(EffectKind::UnevenGround, "", base.scatter(), 1.0));
     }
-    // Torques of a standing leg hardly change their sign, so play looks like an error of the encoders' zeros.
+    // The torque of a standing leg's joint rarely changes its sign, so play looks like a wrong zero of its encoder.
     let rows = independent(pairs.rows(|pair| [&pair.tilt[..], &pair.zeros].concat()));
     let Some(base) = pairs.base(&rows) else { return found };
     let mut add = |kind: EffectKind, of: &str, scale: f64, column: Vec<f64>| {
@@ -110,7 +116,9 @@ impl Pairs {
         if scene.model.root == Root::Fixed || feet < MIN_FEET {
             return None;
         }
-        let every = scene.walks.iter().map(Walk::points).sum::<usize>().div_ceil(MAX_POINTS).max(1);
+        let standing = scene.grounds.iter().flat_map(|ground| &ground.feet);
+        let all: usize = standing.map(|feet| pairs_of(feet.iter().filter(|foot| stands(foot)).count())).sum();
+        let every = all.div_ceil(MAX_PAIRS).max(1);
         let pairs: Vec<Pair> = (0..scene.walks.len()).flat_map(|log| scene.pairs(log, every)).collect();
         Some(Self {
             weights: vec![1.0; pairs.len()],
@@ -132,6 +140,16 @@ impl Pairs {
     fn base<'a>(&'a self, rows: &'a [Vec<f64>]) -> Option<Base<'a>> {
         Base::new(rows, &self.heights, &self.weights, &self.blocks)
     }
+}
+
+/// Whether a foot stands.
+fn stands(foot: &Foot) -> bool {
+    foot.stands > STANDS && foot.load.is_finite()
+}
+
+/// Pairs of that many feet.
+fn pairs_of(feet: usize) -> usize {
+    feet * feet.saturating_sub(1) / 2
 }
 
 /// A foot that stands.
@@ -158,7 +176,6 @@ impl Scene<'_> {
         let needed = ground.needed.with_drag(model, walk, drag);
         let bump = Bump::new(TORQUE_S, walk.step);
         for point in (0..walk.points()).step_by(every).filter(|&point| walk.valid[point]) {
-            let stands = |foot: &&Foot| foot.stands > STANDS && foot.load.is_finite();
             let ends = ground.feet[point].iter().zip(&walk.poses.ends).filter(|(foot, _)| stands(foot));
             let feet: Vec<Standing<'_>> = ends
                 .map(|(foot, end)| {
@@ -184,14 +201,15 @@ impl Scene<'_> {
                     let of_groups = |angle: &dyn Fn(usize) -> f64| -> Vec<f64> {
                         groups.iter().map(|(_, joints)| apart(joints, angle)).collect()
                     };
-                    pairs.push(Pair {
+                    let pair = Pair {
                         block: block(log, point as f64 * walk.step),
                         between: between[2],
                         tilt: [lever[0], lever[1]],
                         zeros: (0..walk.joints).map(|joint| apart(&[joint], &|_| 1.0)).collect(),
                         twist: of_groups(&|joint| torque[joint]),
                         play: of_groups(&|joint| (torque[joint] / SIDE_NM).tanh()),
-                    });
+                    };
+                    pairs.extend(Some(pair).filter(Pair::is_finite));
                 }
             }
         }

@@ -55,7 +55,7 @@ impl Standing {
         Ok(standing)
     }
 
-    /// The tilt if logs that this one corrected show the tilt `left`.
+    /// The whole tilt, if logs corrected by this one still show the tilt `left`.
     #[must_use]
     pub fn with_left(&self, left: [Estimate; 2]) -> Self {
         let taken_out = self.taken_out();

@@ -145,8 +145,8 @@ pub struct Explain {
     /// Robot (.xml, .mjcf, .urdf); `unitree-go2` is the built-in Go2
     #[arg(long, value_name = "FILE")]
     pub robot: PathBuf,
-    /// Policy that walked: simulated robots show what a robot without effects shows too (about a
-    /// minute)
+    /// Policy that walked. With it, robots without effects are simulated, and what their logs show
+    /// is subtracted (under a minute)
     #[arg(long, value_name = "POLICY")]
     pub policy: Option<PathBuf>,
     /// Drop what the engine cannot simulate in the robot file, instead of refusing it

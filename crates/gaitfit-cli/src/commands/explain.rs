@@ -41,13 +41,15 @@ struct Looked {
     read: usize,
     seconds: f64,
     left_out: usize,
+    /// What to know of robot, policy and logs.
+    warnings: Vec<String>,
 }
 
 impl Looked {
-    fn document<'a>(&'a self, question: Question<'_>, causes: &'a [Cause]) -> Document<'a> {
+    fn document<'a>(&'a self, input: ExplainInput<'_>, causes: &'a [Cause]) -> Document<'a> {
         Document {
-            logs: question.logs.display().to_string(),
-            robot: question.robot.display().to_string(),
+            logs: input.logs.display().to_string(),
+            robot: input.robot.display().to_string(),
             read: self.read,
             left_out: self.left_out,
             causes,
@@ -70,17 +72,18 @@ impl Looked {
     }
 
     /// Whether the effects were compared with simulated robots, in a line.
-    fn comparison(&self, question: Question<'_>) -> String {
+    fn comparison(&self, input: ExplainInput<'_>) -> String {
         let compared = self.found.effects.iter().any(|effect| effect.without.is_some());
-        match (question.policy, &self.found.not_corrected) {
+        match (input.policy, &self.found.not_corrected) {
             (Some(_), _) if compared => {
-                "Effects of joints are what is beyond those that simulated robots without them show.\n".to_owned()
+                "Logs of simulated robots without effects show a part of them too; it is subtracted from the effects of joints.\n"
+                    .to_owned()
             }
             (Some(_), Some(why)) => format!("The effects are not compared with simulated robots: {why}.\n"),
             (Some(_), None) => "The effects are not compared with simulated robots.\n".to_owned(),
             (None, _) => {
-                "With --policy, the policy that walked, simulated robots show how much of this a robot without effects \
-                 shows too. Play is only named with it.\n"
+                "Nothing was compared with simulated robots. With --policy, the policy that walked, gaitfit simulates robots \
+                 without effects and subtracts what their logs show. Only then it names play.\n"
                     .to_owned()
             }
         }
@@ -89,7 +92,7 @@ impl Looked {
 
 /// The logs, and what belongs to them.
 #[derive(Clone, Copy)]
-pub struct Question<'a> {
+pub struct ExplainInput<'a> {
     /// A log of a walk, or a folder of logs.
     pub logs: &'a Path,
     /// The robot's file.
@@ -100,36 +103,38 @@ pub struct Question<'a> {
     pub lenient: bool,
 }
 
-impl<'a> From<&'a Explain> for Question<'a> {
+impl<'a> From<&'a Explain> for ExplainInput<'a> {
     fn from(args: &'a Explain) -> Self {
         Self { logs: &args.logs, robot: &args.robot, policy: args.policy.as_deref(), lenient: args.lenient }
     }
 }
 
 /// What logs show of a robot, or why they show nothing.
-fn findings(question: Question<'_>, watch: &Watch<'_>) -> Result<Looked, Failure> {
-    let looked = match question.policy {
-        Some(policy) => compared(question, policy, watch)?,
-        None => without_simulation(question, watch)?,
+fn findings(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<Looked, Failure> {
+    let looked = match input.policy {
+        Some(policy) => compared(input, policy, watch)?,
+        None => without_simulation(input, watch)?,
     };
     match (&looked.found.swings, &looked.found.why_not) {
         (None, Some(why)) => {
-            let logs = question.logs;
+            let logs = input.logs;
             Err(Failure::failed(format!("{}: {why}. {}", logs.display(), looked.line(logs).trim_end())))
         }
         _ => Ok(looked),
     }
 }
 
-/// What logs show beside those of simulated robots on which `policy` walks: what a fit of them finds before its search.
-fn compared(question: Question<'_>, policy: &Path, watch: &Watch<'_>) -> Result<Looked, Failure> {
-    let Question { logs, robot, lenient, .. } = question;
+/// What logs show, compared with simulated robots on which `policy` walks. A fit finds the same before its search. As in a fit,
+/// a log that must not be used is refused.
+fn compared(input: ExplainInput<'_>, policy: &Path, watch: &Watch<'_>) -> Result<Looked, Failure> {
+    let ExplainInput { logs, robot, lenient, .. } = input;
+    let text = |path: &Path| toml::Value::from(path.display().to_string());
     let changes = [
         "base=\"free\"".to_owned(),
         format!("lenient={lenient}"),
-        format!("robot={robot:?}"),
-        format!("policy={policy:?}"),
-        format!("logs=[{logs:?}]"),
+        format!("robot={}", text(robot)),
+        format!("policy={}", text(policy)),
+        format!("logs=[{}]", text(logs)),
     ];
     let config = settings::load(None, &changes)?;
     let setup = Opening::new(&config, logs).watch(watch).open()?;
@@ -138,13 +143,14 @@ fn compared(question: Question<'_>, policy: &Path, watch: &Watch<'_>) -> Result<
         read: fitted.len(),
         seconds: fitted.iter().map(|log| log.trajectory.duration()).sum(),
         left_out: 0,
+        warnings: setup.warnings,
         found: setup.swings.unwrap_or_default(),
     })
 }
 
 /// What logs show without a simulation.
-fn without_simulation(question: Question<'_>, watch: &Watch<'_>) -> Result<Looked, Failure> {
-    let Question { logs, robot, lenient, .. } = question;
+fn without_simulation(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<Looked, Failure> {
+    let ExplainInput { logs, robot, lenient, .. } = input;
     let path = Some(robot);
     let model = robot::named(robot, lenient)?;
     let (all, used) = if logs.is_dir() {
@@ -177,6 +183,7 @@ fn without_simulation(question: Question<'_>, watch: &Watch<'_>) -> Result<Looke
         read: used.len(),
         seconds: used.iter().map(seconds).sum(),
         left_out: all.saturating_sub(used.len()),
+        warnings: Vec::new(),
         found,
     })
 }
@@ -185,24 +192,25 @@ fn without_simulation(question: Question<'_>, watch: &Watch<'_>) -> Result<Looke
 ///
 /// # Errors
 /// Files that cannot be used, in a sentence.
-pub fn document(question: Question<'_>, watch: &Watch<'_>) -> Result<String, Failure> {
-    let looked = findings(question, watch)?;
-    serde_json::to_string(&looked.document(question, &causes(&looked.found))).map_err(Failure::failed)
+pub fn document(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<String, Failure> {
+    let looked = findings(input, watch)?;
+    serde_json::to_string(&looked.document(input, &causes(&looked.found))).map_err(Failure::failed)
 }
 
 /// Prints the causes that the logs show, the weightiest first. A log that must not be used is refused, and left out of a
 /// folder.
 pub fn run(args: &Explain) -> Result<(), Failure> {
-    let question = Question::from(args);
-    let looked = watched(look::LINES, |watch| findings(question, watch))?;
+    let input = ExplainInput::from(args);
+    let looked = watched(look::LINES, |watch| findings(input, watch))?;
+    looked.warnings.iter().for_each(|warning| output::note(&format!("note: {warning}")));
     let causes = causes(&looked.found);
     if args.json {
-        return output::print_json(&looked.document(question, &causes));
+        return output::print_json(&looked.document(input, &causes));
     }
     output::print(&format!(
         "{}{}{}",
         swings::causes(&causes),
         looked.line(&args.logs),
-        looked.comparison(question)
+        looked.comparison(input)
     ))
 }

@@ -94,8 +94,8 @@ pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
     warnings
 }
 
-/// Logs of a simulator whose physics step is not that of the robot for which the fit's simulation stands. Then the fit seems to
-/// lack something: friction acts half a step late.
+/// Logs of a simulator whose physics step differs from that of the robot which the fit assumes. Then the model seems to lack
+/// something, because friction acts at another time.
 pub fn other_step(reads: &[Read], walker: &Walker) -> Option<String> {
     let stands_for = walker.batch.options().emulated_step.unwrap_or(walker.physics_step());
     let stated = |read: &Read| {
@@ -103,11 +103,12 @@ pub fn other_step(reads: &[Read], walker: &Walker) -> Option<String> {
         ((step - stands_for).abs() > STEP * stands_for).then(|| (step, read.file.name.clone()))
     };
     let (step, name) = reads.iter().find_map(stated)?;
+    let milliseconds = |step: f64| (1e6 * step).round() / 1e3;
     Some(format!(
-        "{name}: the log states a simulator with physics steps of {} ms, and this fit stands for a robot with steps of {} ms: \
-         set `robot_timestep = {step}` in [simulation] (in a loop [adapt.simulation])",
-        1e3 * step,
-        1e3 * stands_for
+        "{name}: the log was simulated in physics steps of {} ms, but this fit assumes a robot with steps of {} ms. Set \
+         `robot_timestep = {step}` in [simulation] (in a loop: [adapt.simulation])",
+        milliseconds(step),
+        milliseconds(stands_for)
     ))
 }
 

@@ -101,6 +101,7 @@ const SUREST: f64 = 10.0;
 const OF_SWINGS: f64 = 0.1;
 const OF_ONE_JOINT: f64 = 0.08;
 const OF_HEIGHTS: f64 = 0.3;
+/// Play explains little of the heights.
 const OF_PLAY: f64 = 0.02;
 /// Play above this is no play, rad.
 const MAX_PLAY: f64 = 0.1;
@@ -117,7 +118,7 @@ pub fn causes(found: &SwingFindings) -> Vec<Cause> {
     for effect in &found.effects {
         causes.extend(of_effect(effect, found));
     }
-    // A joint that rubs under load looks as if it had play, too. On a robot that leans on soft joints others look so.
+    // Friction under load makes a joint look as if it had play. If joints twist, the robot leans, and any joint can look so.
     let others: Vec<(CauseKind, String)> = causes
         .iter()
         .filter(|cause| matches!(cause.kind, CauseKind::Elasticity | CauseKind::LoadFriction))
@@ -227,7 +228,7 @@ fn sensors(found: &SwingFindings) -> Vec<Cause> {
             add(CauseKind::GyroBias, max, "rad/s", matters::GYRO, text);
         }
     }
-    if let Some(tilt) = found.standing.tilt {
+    if let Some(tilt) = found.tilt() {
         let max = largest(tilt);
         if max.value.abs() > matters::TILT && max.value.abs() > SUREST * max.error {
             let [roll, pitch] = tilt.map(|axis| axis.value.to_degrees());
@@ -249,6 +250,11 @@ fn sensors(found: &SwingFindings) -> Vec<Cause> {
 fn of_effect(effect: &Effect, found: &SwingFindings) -> Option<Cause> {
     let Estimate { value, error } = effect.beyond();
     let (of, part) = (&effect.of, 100.0 * effect.share);
+    // The part belongs to the whole size.
+    let explains = |residual: &str| match effect.without {
+        Some(_) => String::new(),
+        None => format!(", which explains {part:.0} % of the residual of {residual}"),
+    };
     let enough =
         |min: f64, sure: f64, share: f64| value > min && effect.sure() > sure && effect.share > share;
     let group_friction = || {
@@ -261,8 +267,9 @@ fn of_effect(effect: &Effect, found: &SwingFindings) -> Option<Cause> {
             "-",
             matters::LOAD,
             format!(
-                "dry friction of {of} grows by {value:.3} ± {error:.3} N·m for each N·m of the motor's torque, which \
-                 explains {part:.0} % of the residual of legs in the air (fit it: load_friction)"
+                "dry friction of {of} grows by {value:.3} ± {error:.3} N·m for each N·m of the motor's torque{} (fit it: \
+                 load_friction)",
+                explains("legs in the air")
             ),
         ),
         EffectKind::Elasticity if enough(matters::TWIST, SURER, OF_HEIGHTS) => (
@@ -270,13 +277,13 @@ fn of_effect(effect: &Effect, found: &SwingFindings) -> Option<Cause> {
             "rad/(N·m)",
             matters::TWIST,
             format!(
-                "{of} joints twist between motor and link by {value:.4} ± {error:.4} rad for each N·m ({:.0} \
-                 N·m/rad), which explains {part:.0} % of the residual of the heights of standing feet \
-                 (fit it: compliance)",
-                1.0 / value
+                "{of} joints twist between motor and link by {value:.4} ± {error:.4} rad for each N·m, or \
+                 {:.0} N·m/rad{} (fit it: compliance)",
+                1.0 / value,
+                explains("the heights of standing feet")
             ),
         ),
-        // Without a comparison, the geometry of standing legs looks like play.
+        // Without simulated robots, play cannot be told from the geometry of standing legs.
         EffectKind::Backlash
             if effect.without.is_some() && enough(matters::PLAY, SURE, OF_PLAY) && value < MAX_PLAY =>
         {
@@ -285,8 +292,8 @@ fn of_effect(effect: &Effect, found: &SwingFindings) -> Option<Cause> {
                 "rad",
                 matters::PLAY,
                 format!(
-                    "{of} joints have about {value:.3} ± {error:.3} rad of play between motor and link: heights of standing feet \
-                 differ by that from those of simulated robots without play (fit it: play)"
+                    "{of} joints have about {value:.3} ± {error:.3} rad of play between motor and link: the heights of standing \
+                 feet show this much more than those of simulated robots without play (fit it: play)"
                 ),
             )
         }

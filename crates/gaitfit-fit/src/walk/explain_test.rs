@@ -22,10 +22,8 @@ fn a_cause_is_sure_large_and_explains_something() {
     assert_eq!(kinds(&[load(0.09, 0.003, 0.7)]), [CauseKind::LoadFriction]);
     assert_eq!(kinds(&[load(0.09, 0.02, 0.7), load(0.02, 0.001, 0.7), load(0.09, 0.003, 0.05)]), []);
     assert_eq!(kinds(&[load(0.68, 0.06, 0.7)]), [], "a gear does not lose two thirds of its torque");
-    let twist = (EffectKind::Elasticity, "thigh", 0.005, 0.0001, 0.9);
     let play = (EffectKind::Backlash, "thigh", 0.035, 0.002, 0.03);
     assert_eq!(kinds(&[play]), [], "it was not compared with robots without play");
-    assert_eq!(kinds(&[play, twist]), [CauseKind::Elasticity]);
     let ground = (EffectKind::UnevenGround, "", 0.009, 0.0003, 1.0);
     assert_eq!(kinds(&[ground, load(0.3, 0.003, 0.7)]), [CauseKind::LoadFriction, CauseKind::Ground]);
 }
@@ -43,6 +41,33 @@ fn effects_count_beyond_those_of_robots_without_them() {
     let load = EffectKind::LoadFriction;
     assert_eq!(beside(load, 0.02, [-0.05, 0.001]), [(CauseKind::LoadFriction, 70.0)]);
     assert_eq!(beside(load, 0.09, [0.07, 0.001]), []);
+}
+
+#[test]
+fn what_looks_like_play_hides_it() {
+    let play = (EffectKind::Backlash, "thigh", 0.035, 0.002, 0.03);
+    let kinds = |other: (EffectKind, &str, f64, f64, f64)| -> Vec<CauseKind> {
+        let mut found = findings(&[play, other]);
+        found.effects[0].without = Some(Estimate { value: 0.005, error: 0.001 });
+        causes(&found).iter().map(|cause| cause.kind).collect()
+    };
+    let twist = (EffectKind::Elasticity, "calf", 0.005, 0.0001, 0.9);
+    assert_eq!(kinds(twist), [CauseKind::Elasticity], "a robot on soft joints leans");
+    let load = |group| (EffectKind::LoadFriction, group, 0.09, 0.003, 0.7);
+    assert_eq!(kinds(load("thigh")), [CauseKind::LoadFriction]);
+    assert_eq!(kinds(load("calf")), [CauseKind::Backlash, CauseKind::LoadFriction]);
+}
+
+#[test]
+fn the_tilt_depends_on_whether_joints_twist() {
+    let tilt = |pitch| Standing { tilt: Some([0.0, pitch].map(|value| Estimate { value, error: 0.0005 })) };
+    let mut found = findings(&[(EffectKind::Elasticity, "calf", 0.005, 0.0001, 0.9)]);
+    (found.standing, found.beside_twist) = (tilt(0.012), Some(tilt(0.001)));
+    let kinds = |found: &SwingFindings| causes(found).iter().map(|cause| cause.kind).collect::<Vec<_>>();
+    assert_eq!(kinds(&found), [CauseKind::Elasticity]);
+    // Simulated robots that do not twist show the same.
+    found.effects[0].without = Some(Estimate { value: 0.005, error: 0.0001 });
+    assert_eq!(kinds(&found), [CauseKind::Tilt]);
 }
 
 #[test]

@@ -281,7 +281,7 @@ fn logs_of_a_simulator_with_other_steps_are_told() {
     let step = bench.scene.walker.physics_step();
     let stated = |step: f64| {
         let notes = bench.read(&changed(&bench.logs(), |log| log.simulated_step = Some(step))).unwrap();
-        warned(&notes, &format!("set `robot_timestep = {step}`"))
+        warned(&notes, &format!("Set `robot_timestep = {step}`"))
     };
     assert!(!stated(step) && stated(0.5 * step));
 }

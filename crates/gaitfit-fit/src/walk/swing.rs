@@ -22,6 +22,9 @@ pub struct SwingFindings {
     pub sensors: Sensors,
     /// What standing feet show of the inertial unit.
     pub standing: Standing,
+    /// The same if the joints that seem to twist do so; absent if none seem to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beside_twist: Option<Standing>,
     /// What was removed from the logs before legs in the air were examined, each in a sentence.
     pub taken_out: Vec<String>,
     /// Names of the robot's slides. Estimates from legs in the air leave them out.
@@ -48,16 +51,21 @@ impl SwingFindings {
     pub fn new(model: &Model, logs: &[&Trajectory], settings: &SwingSettings, watch: &Watch<'_>) -> Self {
         let (mut found, walks) = Self::without_effects(model, logs, settings, watch);
         found.effects = found.effects_of(model, &walks, settings);
-        if let (Some(group), Some(swings)) = (explain::twisting(&found), &found.swings)
-            && let Some(left) = tilt_beside_twist(model, &walks, swings, settings, &group)
-        {
-            found.standing = found.standing.with_left(left);
+        if let (Some(group), Some(swings)) = (explain::twisting(&found), &found.swings) {
+            let left = tilt_beside_twist(model, &walks, swings, settings, &group);
+            found.beside_twist = left.map(|left| found.standing.with_left(left));
         }
         singles::examine(&mut found, model, walks, settings, watch);
         // Both would be gears, and gears are simulated only in robots without slides.
         let gear = |effect: &Effect| matches!(effect.kind, EffectKind::Elasticity | EffectKind::Backlash);
         found.effects.retain(|effect| !(model.has_slides() && gear(effect)));
         found
+    }
+
+    /// The tilt of the IMU about the base's x and y axes, rad.
+    pub fn tilt(&self) -> Option<[Estimate; 2]> {
+        let twists = explain::twisting(self).is_some();
+        self.beside_twist.filter(|_| twists).unwrap_or(self.standing).tilt
     }
 
     /// The effects beyond `model`; none if no legs swing.
@@ -231,7 +239,8 @@ pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumb
         by_load: 0.0,
     };
     let careful = |tilt: &Estimate| Estimate { error: tilt.error.max(MIN_TILT_ERROR), ..*tilt };
-    let tilt = found.standing.tilt.iter().flatten().map(careful);
+    let tilt = found.tilt().into_iter().flatten();
+    let tilt: Vec<Estimate> = tilt.map(|axis| careful(&axis)).collect();
     let tilt = [RobotNumber::ImuRoll, RobotNumber::ImuPitch].into_iter().zip(tilt);
     let bias = [RobotNumber::GyroBiasX, RobotNumber::GyroBiasY, RobotNumber::GyroBiasZ];
     let bias = bias.into_iter().zip(found.sensors.gyro_bias.iter().flatten().copied());

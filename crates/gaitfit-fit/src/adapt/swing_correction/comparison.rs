@@ -1,7 +1,8 @@
-//! Effects that real logs show, beside what logs of simulated robots without these effects show in their place.
+//! Compares the effects in real logs with what logs of simulated robots without these effects show.
 
 use super::World;
 use crate::walk::swing::{Effect, EffectKind, Estimate};
+use gaitfit_sim::stats::{deviation, mean};
 use std::sync::PoisonError;
 
 /// Effects that are compared with what simulated robots without them show. The geometry of standing legs, soft contacts and
@@ -12,13 +13,14 @@ const COMPARED: [EffectKind; 4] =
 const MIN_COMPARED: usize = 6;
 
 impl World<'_> {
-    /// Those of `effects` that the simulated robots of the last round show too, beside what they show.
+    /// The `effects` that the simulated robots of the latest round show too, with the mean and scatter of their sizes.
     pub(super) fn compared(&self, effects: Vec<Effect>) -> Vec<Effect> {
         let shown = self.effects_shown.lock().unwrap_or_else(PoisonError::into_inner);
         let beside = |mut effect: Effect| {
-            let same = |other: &&Effect| (other.kind, &other.of) == (effect.kind, &effect.of);
+            let same = |other: &&Effect| other.is_same(&effect);
             let mut sizes: Vec<f64> =
                 shown.iter().filter_map(|all| all.iter().find(same)).map(|one| one.size.value).collect();
+            sizes.retain(|size| size.is_finite());
             // Threads deliver the robots in any order; the sum must not depend on it.
             sizes.sort_by(f64::total_cmp);
             effect.without = Some(scatter(&sizes)?);
@@ -30,11 +32,6 @@ impl World<'_> {
 
 /// Mean and standard deviation; absent for too few values.
 fn scatter(values: &[f64]) -> Option<Estimate> {
-    let count = values.len() as f64;
-    if values.len() < MIN_COMPARED {
-        return None;
-    }
-    let value = values.iter().sum::<f64>() / count;
-    let variance = values.iter().map(|one| (one - value).powi(2)).sum::<f64>() / (count - 1.0);
-    Some(Estimate { value, error: variance.sqrt() })
+    let enough = values.len() >= MIN_COMPARED;
+    Some(Estimate { value: mean(values)?, error: deviation(values)? }).filter(|_| enough)
 }

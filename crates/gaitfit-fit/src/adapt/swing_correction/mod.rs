@@ -78,7 +78,7 @@ pub struct Robot<'a> {
 }
 
 /// Corrects the estimates from legs in the air in `found`, which come from `logs`. Stores the corrected ones there, or the
-/// reason why there are none; and beside its effects what the simulated robots show in their place.
+/// reason why there are none. Adds to its effects what simulated robots without them show.
 ///
 /// # Errors
 /// An interruption.
@@ -97,14 +97,15 @@ pub fn correct(
     if watch.stop() {
         return Err(Error::interrupted_with_nothing("interrupted before the fit began"));
     }
+    let is_compared = !compared.is_empty();
     for effect in compared {
-        let same = |other: &&mut Effect| (other.kind, &other.of) == (effect.kind, &effect.of);
-        if let Some(slot) = found.effects.iter_mut().find(same) {
+        if let Some(slot) = found.effects.iter_mut().find(|other| other.is_same(&effect)) {
             *slot = effect;
         }
     }
     let of_joints = |cause: &Cause| LACKING.contains(&cause.kind);
     match (explain::causes(found).into_iter().find(of_joints), corrected) {
+        (_, Err(why)) if !is_compared => found.not_corrected = Some(why),
         (Some(cause), _) => {
             found.not_corrected = Some(format!("simulated joints lack this effect: {}", cause.text));
         }
@@ -131,7 +132,7 @@ struct World<'a> {
     counting: Counting<'a>,
     /// Robots that were simulated.
     done: AtomicUsize,
-    /// The effects that each robot of the last round shows.
+    /// The effects that each robot of the latest round shows.
     effects_shown: Mutex<Vec<Vec<Effect>>>,
 }
 
@@ -248,13 +249,13 @@ impl World<'_> {
         centre.iter_mut().zip(&least).for_each(|(centre, least)| *centre = centre.max(*least));
         let mut response = Response::default();
         let mut answer = None;
-        // If noise cannot explain the logs, the robots are only compared.
+        // If torque noise cannot explain the logs, there is no correction. One round is enough for the comparison.
         let rounds = if too_large.is_some() { 1 } else { ROUNDS };
         for round in 0..rounds {
             let first = FIRST_ROBOTS + round * robots_for(centre.len());
             let robots = self.draw(&centre, &half, first);
-            let last = round + 1 == rounds;
-            let reports = self.observe(&robots, first, last)?;
+            self.effects_shown.lock().unwrap_or_else(PoisonError::into_inner).clear();
+            let reports = self.observe(&robots, first, true)?;
             if let Some(why) = &too_large {
                 return Err(why.clone());
             }
@@ -399,7 +400,7 @@ impl World<'_> {
     }
 }
 
-/// The estimates from legs in the air, and with `effects` those that the model lacks.
+/// The estimates from legs in the air; with `effects` also the effects that the logs show.
 fn shown(
     model: &Model,
     logs: &[Trajectory],

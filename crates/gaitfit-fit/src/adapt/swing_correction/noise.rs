@@ -12,11 +12,11 @@ const MAX_NOISE: f64 = 0.06;
 pub(super) struct Noise {
     /// Its variance, (N·m)².
     pub variance: f64,
-    /// How fast a group's mean square residual grows with that.
+    /// How fast the group's mean square residual grows with this variance.
     pub slope: f64,
     /// The group.
     pub group: usize,
-    /// Why the noise cannot be the reason of the residuals; then the variance is the largest possible one.
+    /// Why torque noise cannot explain the residuals. Then `variance` is the largest possible one.
     pub too_large: Option<String>,
 }
 
