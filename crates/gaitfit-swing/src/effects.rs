@@ -8,7 +8,7 @@
 use crate::equations::{Window, windows};
 use crate::feet::Ground;
 use crate::regression::{Group, SHARED, solve};
-use crate::report::{SwingReport, SwingSettings, usual_groups};
+use crate::report::{SwingReport, SwingSettings};
 use crate::singles::{self, Singles};
 use crate::stance;
 use crate::torques::Drag;
@@ -109,7 +109,7 @@ pub(crate) struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     fn new(model: &'a Model, walks: &'a [Walk], swings: &SwingReport, settings: &SwingSettings) -> Self {
-        let groups = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
+        let groups = settings.groups_of(model);
         let settings = settings.of_walks(walks);
         let delay = swings.delay.value;
         let mut drag = vec![Drag::default(); model.joints.len()];

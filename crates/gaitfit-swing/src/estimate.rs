@@ -5,7 +5,7 @@ use crate::count::{Count, Progress};
 use crate::equations::{Window, windows};
 use crate::feet::Ground;
 use crate::fit::Fit;
-use crate::report::{FrictionLaw, GroupEstimate, SwingReport, SwingSettings, usual_groups};
+use crate::report::{FrictionLaw, GroupEstimate, SwingReport, SwingSettings};
 use crate::torques::Drag;
 use crate::walk::Walk;
 use gaitfit_log::{Estimate, Trajectory};
@@ -122,7 +122,7 @@ impl Choice {
         all: bool,
         count: &mut Count<'_, '_>,
     ) -> Option<Self> {
-        let groups = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
+        let groups = settings.groups_of(model);
         let laws = match settings.law {
             Some(FrictionLaw::Coulomb) => 0..1,
             Some(FrictionLaw::Engine) => 1..2,
@@ -214,7 +214,7 @@ impl Choice {
             }
         }
         delay.error = delay.error.hypot(CLOCK_S);
-        let named = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
+        let named = settings.groups_of(model);
         let seen: BTreeSet<&str> = groups.iter().map(|(name, _)| name.as_str()).collect();
         SwingReport {
             groups: estimates,

@@ -71,6 +71,11 @@ impl SwingSettings {
         Self { hop_s, ..self.clone() }
     }
 
+    /// The joint groups: those chosen, or else the usual ones.
+    pub(crate) fn groups_of(&self, model: &Model) -> Vec<(String, Vec<usize>)> {
+        if self.groups.is_empty() { usual_groups(model) } else { self.groups.clone() }
+    }
+
     /// The delays that are tried, s.
     pub(crate) fn delays(&self) -> impl Iterator<Item = f64> + '_ {
         let [low, high] = self.delay_range_s;

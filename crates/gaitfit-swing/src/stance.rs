@@ -6,15 +6,13 @@
 
 use crate::effects::{Base, Effect, EffectKind, Scene, block};
 use crate::feet::Foot;
-use crate::standing::MIN_FEET;
+use crate::standing::{MIN_FEET, STANDS, tilt_lever};
 use crate::torques::Bump;
 use gaitfit_log::Estimate;
 use gaitfit_model::Root;
-use gaitfit_model::rotation::{cross, rotate_back, sub, up};
+use gaitfit_model::rotation::sub;
 use nalgebra::{DMatrix, DVector};
 
-/// Feet that stand this much count.
-const STANDS: f64 = 0.5;
 /// Time over which a joint's torque is averaged, s.
 const TORQUE_S: f64 = 0.03;
 /// Torque at which a joint with play surely lies on one side of it, N·m.
@@ -194,7 +192,6 @@ impl Scene<'_> {
             for (k, one) in feet.iter().enumerate() {
                 for other in &feet[k + 1..] {
                     let between = sub(one.foot.point, other.foot.point);
-                    let lever = cross(rotate_back(turn, between), up(turn));
                     let apart = |joints: &[usize], angle: &dyn Fn(usize) -> f64| {
                         one.lowered(joints, angle) - other.lowered(joints, angle)
                     };
@@ -204,7 +201,7 @@ impl Scene<'_> {
                     let pair = Pair {
                         block: block(log, point as f64 * walk.step),
                         between: between[2],
-                        tilt: [lever[0], lever[1]],
+                        tilt: tilt_lever(turn, between),
                         zeros: (0..walk.joints).map(|joint| apart(&[joint], &|_| 1.0)).collect(),
                         twist: of_groups(&|joint| torque[joint]),
                         play: of_groups(&|joint| (torque[joint] / SIDE_NM).tanh()),

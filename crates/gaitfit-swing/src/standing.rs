@@ -5,14 +5,14 @@ use crate::feet::Ground;
 use crate::torques::Drag;
 use crate::walk::Walk;
 use gaitfit_log::{Estimate, Trajectory};
-use gaitfit_model::rotation::{axis_angle, cross, product, quat_of, rotate_back, sub, up};
+use gaitfit_model::rotation::{Quat, Vec3, axis_angle, cross, product, quat_of, rotate_back, sub, up};
 use gaitfit_model::{Model, Root};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Feet that stand this much count.
-const STANDS: f64 = 0.5;
+pub(crate) const STANDS: f64 = 0.5;
 /// Delay of targets for forces at the feet, s.
 const DELAY_S: f64 = 0.005;
 /// Samples nearer than this are not independent, s.
@@ -117,14 +117,19 @@ fn tilt(model: &Model, logs: &[&Trajectory], threads: usize) -> Result<Option<[E
             for (k, one) in feet.iter().enumerate() {
                 for other in &feet[k + 1..] {
                     let between = sub(one.point, other.point);
-                    // With the true orientation turned by e in the base: height + e·(between × up) = 0.
-                    let lever = cross(rotate_back(turn, between), up(turn));
-                    equations.add(block, [lever[0], lever[1]], between[2]);
+                    equations.add(block, tilt_lever(turn, between), between[2]);
                 }
             }
         }
     }
     Ok(equations.estimate())
+}
+
+/// How the height of one foot above another changes with a tilt of the IMU about the base's x and y axes, m/rad. With the true
+/// orientation turned by e in the base, height + e·(between × up) = 0. `between`: from one to the other, m, world axes.
+pub(crate) fn tilt_lever(turn: Quat, between: Vec3) -> [f64; 2] {
+    let [x, y, _] = cross(rotate_back(turn, between), up(turn));
+    [x, y]
 }
 
 /// Normal equations of N unknowns by blocks of time.

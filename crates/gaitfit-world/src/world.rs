@@ -217,6 +217,16 @@ pub fn longest_delay(candidate: &Candidate) -> f64 {
     candidate.robot.delay.iter().fold(0.0, |max, &delay| max.max(delay))
 }
 
+/// The task on which a policy was trained, as its file states it; absent if the file states none.
+///
+/// # Errors
+/// Settings that no task has.
+pub fn trained_task(policy: &Policy) -> Result<Option<TaskSettings>, Error> {
+    let text = &policy.provenance.task;
+    let wrong = |error| Error::settings(format!("the task in the policy's file: {error}"));
+    if text.is_empty() { Ok(None) } else { toml::from_str(text).map(Some).map_err(wrong) }
+}
+
 /// The task: as asked for, as the policy remembers it, or the built-in one. A file's settings lie upon the task that
 /// its `base` names, or else upon the policy's own.
 ///
@@ -224,18 +234,15 @@ pub fn longest_delay(candidate: &Candidate) -> f64 {
 /// A task or a file that there is not, or settings that no task has.
 pub fn task(args: &WorldSettings, policy: &Policy) -> Result<TaskSettings, Error> {
     let remembered = &policy.provenance.task;
-    let parse = |text: &str, what: &str| {
-        toml::from_str::<TaskSettings>(text).map_err(|error| Error::settings(format!("{what}: {error}")))
-    };
     let model = || match &args.robot {
         Some(path) => robot::read(path, args.lenient, Hold::File),
         None => robot::go2(),
     };
     let Some(name) = &args.task else {
-        if remembered.is_empty() {
-            return usual_task(&model()?);
-        }
-        return parse(remembered, "the task in the policy's file");
+        return match trained_task(policy)? {
+            Some(task) => Ok(task),
+            None => usual_task(&model()?),
+        };
     };
     let model = model()?;
     if let Some(text) = preset(name) {
@@ -246,7 +253,7 @@ pub fn task(args: &WorldSettings, policy: &Policy) -> Result<TaskSettings, Error
                 shown(&model.name)
             )));
         }
-        return parse(text, name);
+        return toml::from_str(text).map_err(|error| Error::settings(format!("{name}: {error}")));
     }
     let under = match remembered.is_empty() {
         true => toml::to_string(&usual_task(&model)?).map_err(|error| Error::failed(error.to_string()))?,

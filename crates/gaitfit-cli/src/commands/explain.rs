@@ -128,6 +128,8 @@ fn findings(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<Looked, Failur
 /// a log that must not be used is refused.
 fn compared(input: ExplainInput<'_>, policy: &Path, watch: &Watch<'_>) -> Result<Looked, Failure> {
     let ExplainInput { logs, robot, lenient, .. } = input;
+    // A fit names the built-in robot by no name.
+    let robot = if robot::is_built_in(robot) { Path::new("") } else { robot };
     let text = |path: &Path| toml::Value::from(path.display().to_string());
     let changes = [
         "base=\"free\"".to_owned(),

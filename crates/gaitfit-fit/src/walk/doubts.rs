@@ -3,10 +3,11 @@
 use super::logs::Read;
 use crate::log::Log;
 use crate::machine;
+use crate::world::trained_task;
 use gaitfit_learn::task::Task;
 use gaitfit_log::{CheckSpec, FindingKind, Severity, check};
-use gaitfit_policy::Interface;
 use gaitfit_policy::walker::Walker;
+use gaitfit_policy::{Interface, Policy};
 use gaitfit_sim::pool;
 use std::collections::BTreeMap;
 
@@ -95,8 +96,12 @@ pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
 }
 
 /// Logs of a simulator whose physics step differs from that of the robot which the fit assumes. Then the model seems to lack
-/// something, because friction acts at another time.
-pub fn other_step(reads: &[Read], walker: &Walker) -> Option<String> {
+/// something, because friction acts at another time. A simulator whose task has a robot step stands for a robot with that step.
+pub fn other_step(reads: &[Read], policy: &Policy, walker: &Walker) -> Option<String> {
+    let trained = trained_task(policy).ok().flatten();
+    if trained.is_some_and(|task| task.robot_timestep.is_some()) {
+        return None;
+    }
     let stands_for = walker.batch.options().emulated_step.unwrap_or(walker.physics_step());
     let stated = |read: &Read| {
         let step = read.trajectory.simulated_step?;

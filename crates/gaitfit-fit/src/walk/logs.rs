@@ -206,7 +206,7 @@ fn open_all(
     }
     warnings.extend(doubts::findings(&reads, scene));
     warnings.extend(doubts::other_robots(&reads, &scene.walker.interface));
-    warnings.extend(doubts::other_step(&reads, &scene.walker));
+    warnings.extend(doubts::other_step(&reads, policy, &scene.walker));
     let rates = rate::text(reads.iter().map(|read| read.trajectory.rate_hz));
     if rates.contains(", ") {
         warnings.push(format!(

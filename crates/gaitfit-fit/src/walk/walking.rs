@@ -109,7 +109,8 @@ pub fn timestep(config: &AdaptConfig, policy: &Policy) -> Result<f64, Error> {
     if step != SimulationConfig::default().timestep {
         return Ok(step);
     }
-    let trained = trained(policy)?.map(|task| policy.interface.control_dt / task.substeps.max(1) as f64);
+    let trained =
+        world::trained_task(policy)?.map(|task| policy.interface.control_dt / task.substeps.max(1) as f64);
     Ok(trained.map_or(step, |trained| step.min(trained)))
 }
 
@@ -121,16 +122,9 @@ pub fn feet(config: &AdaptConfig, policy: &Policy, model: &Model) -> Result<usiz
     Ok(settings(config, policy, model)?.feet.len())
 }
 
-/// The task in the policy's file, if it has one.
-fn trained(policy: &Policy) -> Result<Option<TaskSettings>, Error> {
-    let task = &policy.provenance.task;
-    let wrong = |error| Error::failed(format!("the task in the policy's file: {error}"));
-    if task.is_empty() { Ok(None) } else { toml::from_str(task).map(Some).map_err(wrong) }
-}
-
 /// The policy's task as the configuration has it simulated.
 fn settings(config: &AdaptConfig, policy: &Policy, model: &Model) -> Result<TaskSettings, Error> {
-    let mut settings = match trained(policy)? {
+    let mut settings = match world::trained_task(policy)? {
         Some(task) => task,
         None => world::usual_task(model)?,
     };

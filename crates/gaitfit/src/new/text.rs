@@ -2,7 +2,7 @@
 
 use super::{BOARD_SECONDS, Found, quoted};
 use crate::air::choices;
-use gaitfit_learn::task::TaskSettings;
+use crate::world::trained_task;
 use gaitfit_log::PerJoint;
 use gaitfit_model::JointKind;
 use std::fmt::Write as _;
@@ -65,8 +65,8 @@ impl Found<'_> {
     /// The step of the robot that made the logs, s, and where it is known from. A simulator whose task has a robot step of its own
     /// stands for a robot with that step, and its logs state the simulator's.
     fn robot_timestep(&self) -> (f64, &'static str) {
-        let task = self.policy.as_ref().map(|policy| policy.provenance.task.as_str()).unwrap_or_default();
-        let emulated = toml::from_str::<TaskSettings>(task).is_ok_and(|task| task.robot_timestep.is_some());
+        let task = self.policy.as_ref().and_then(|policy| trained_task(policy).ok().flatten());
+        let emulated = task.is_some_and(|task| task.robot_timestep.is_some());
         match self.logs.simulated_step().filter(|_| !emulated) {
             Some(step) => (step, "s, the simulator's step, as the logs state"),
             None => (BOARD_SECONDS, "s, assumed period of the robot's motor boards"),
