@@ -84,7 +84,7 @@ class Worlds(Case):
     def test_walks_are_explained(self) -> None:
         play = TrueParameter("play", joints=["*calf*"], value=0.06)
         logs = gaitfit.collect(POLICY, self.folder / "logs", trajectories=3, seconds=8.0, theta=[play], progress=False)
-        found = gaitfit.explain(self.folder / "logs", "assets/go2.xml")
+        found = gaitfit.explain(self.folder / "logs", "assets/go2.xml", policy=POLICY)
         self.assertEqual(len(logs.files), 3)
         self.assertIn("backlash", [one.kind for one in found.causes])
         self.assertEqual(len(found.rows()), len(found.causes))

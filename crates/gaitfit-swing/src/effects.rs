@@ -36,7 +36,8 @@ pub enum EffectKind {
     OddSpring,
     /// A joint's motor gives more (positive) or less than its commands ask for, unlike the same joints of other legs; part.
     OddStrength,
-    /// Links answer to their motors more (positive) or less than their masses say; share. Play and twist look so too.
+    /// Links respond to their motors more (positive) or less than their masses imply; part of the torque. Play, twist and weak
+    /// motors look so.
     Strength,
     /// The joint twists between motor and link, rad for each N·m.
     Elasticity,

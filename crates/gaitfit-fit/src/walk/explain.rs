@@ -103,6 +103,9 @@ const OF_ONE_JOINT: f64 = 0.08;
 const OF_HEIGHTS: f64 = 0.3;
 /// Play explains little of the heights.
 const OF_PLAY: f64 = 0.02;
+/// Joints with much play respond less to their motors in swings than their masses imply: by this part of the torque, which
+/// explains this part of what swings leave.
+const SLACK: [f64; 2] = [-0.25, 0.25];
 /// Play above this is no play, rad.
 const MAX_PLAY: f64 = 0.1;
 /// Max friction under load of a gear, N·m for each N·m. A larger estimate has another cause.
@@ -115,8 +118,13 @@ const WEAKEST: f64 = -0.9;
 /// The causes that `found` shows, the largest weight first.
 pub fn causes(found: &SwingFindings) -> Vec<Cause> {
     let mut causes = sensors(found);
-    for effect in &found.effects {
-        causes.extend(of_effect(effect, found));
+    let (swings, others): (Vec<&Effect>, Vec<&Effect>) =
+        found.effects.iter().partition(|effect| effect.kind == EffectKind::Strength);
+    // Heights of feet give the size of play. Swings only show that there is some.
+    for effect in others.into_iter().chain(swings) {
+        let new = of_effect(effect, found);
+        let is_known = |new: &Cause| causes.iter().any(|old| (old.kind, &old.of) == (new.kind, &new.of));
+        causes.extend(new.filter(|new| !is_known(new)));
     }
     // Friction under load makes a joint look as if it had play. If joints twist, the robot leans, and any joint can look so.
     let others: Vec<(CauseKind, String)> = causes
@@ -294,6 +302,24 @@ fn of_effect(effect: &Effect, found: &SwingFindings) -> Option<Cause> {
                 format!(
                     "{of} joints have about {value:.3} ± {error:.3} rad of play between motor and link: the heights of standing \
                  feet show this much more than those of simulated robots without play (fit it: play)"
+                ),
+            )
+        }
+        EffectKind::Strength
+            if effect.without.is_some()
+                && value < SLACK[0]
+                && effect.sure() > SURE
+                && effect.share > SLACK[1] =>
+        {
+            (
+                CauseKind::Backlash,
+                "-",
+                matters::STRENGTH,
+                format!(
+                    "{of} joints respond {:.0} ± {:.0} % less to their motors in swings than those of simulated robots without \
+                     play: they have play between motor and link, or weak motors (fit it: play)",
+                    -100.0 * value,
+                    100.0 * error
                 ),
             )
         }

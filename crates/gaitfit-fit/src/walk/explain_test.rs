@@ -44,6 +44,28 @@ fn effects_count_beyond_those_of_robots_without_them() {
 }
 
 #[test]
+fn swings_show_much_play_if_feet_do_not() {
+    let strength = (EffectKind::Strength, "calf", -0.5, 0.03, 0.6);
+    let kinds = |effects: &[_], without: f64| -> Vec<(CauseKind, String)> {
+        let mut found = findings(effects);
+        let compared = |effect: &mut Effect| effect.without = Some(Estimate { value: without, error: 0.02 });
+        found.effects.iter_mut().filter(|effect| effect.kind == EffectKind::Strength).for_each(compared);
+        let play = (EffectKind::Backlash, Some(Estimate { value: 0.0, error: 0.001 }));
+        found
+            .effects
+            .iter_mut()
+            .filter(|effect| effect.kind == play.0)
+            .for_each(|effect| effect.without = play.1);
+        causes(&found).into_iter().map(|cause| (cause.kind, cause.unit)).collect()
+    };
+    assert_eq!(kinds(&[strength], -0.1), [(CauseKind::Backlash, "-".to_owned())]);
+    assert_eq!(kinds(&[strength], -0.4), [], "simulated robots respond as little");
+    let heights = (EffectKind::Backlash, "calf", 0.03, 0.002, 0.1);
+    assert_eq!(kinds(&[strength, heights], -0.1), [(CauseKind::Backlash, "rad".to_owned())], "once");
+    assert_eq!(causes(&findings(&[strength])), [], "it was not compared");
+}
+
+#[test]
 fn what_looks_like_play_hides_it() {
     let play = (EffectKind::Backlash, "thigh", 0.035, 0.002, 0.03);
     let kinds = |other: (EffectKind, &str, f64, f64, f64)| -> Vec<CauseKind> {

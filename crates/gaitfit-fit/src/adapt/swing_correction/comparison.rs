@@ -7,8 +7,13 @@ use std::sync::PoisonError;
 
 /// Effects that are compared with what simulated robots without them show. The geometry of standing legs, soft contacts and
 /// torque noise look like small effects of these kinds.
-const COMPARED: [EffectKind; 4] =
-    [EffectKind::LoadFriction, EffectKind::OddFriction, EffectKind::Elasticity, EffectKind::Backlash];
+const COMPARED: [EffectKind; 5] = [
+    EffectKind::LoadFriction,
+    EffectKind::OddFriction,
+    EffectKind::Strength,
+    EffectKind::Elasticity,
+    EffectKind::Backlash,
+];
 /// Min simulated robots for such a comparison.
 const MIN_COMPARED: usize = 6;
 
