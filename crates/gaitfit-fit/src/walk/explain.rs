@@ -132,8 +132,11 @@ pub fn causes(found: &SwingFindings) -> Vec<Cause> {
         .filter(|cause| matches!(cause.kind, CauseKind::Elasticity | CauseKind::LoadFriction))
         .map(|cause| (cause.kind, cause.of.clone()))
         .collect();
-    let explained =
-        |play: &Cause| others.iter().any(|(kind, of)| *kind == CauseKind::Elasticity || *of == play.of);
+    let explained = |play: &Cause| {
+        // Links whose gears rub under load respond less to their motors, too, and seldom does one group alone rub.
+        let in_swings = play.unit != "rad";
+        others.iter().any(|(kind, of)| in_swings || *kind == CauseKind::Elasticity || *of == play.of)
+    };
     causes.retain(|cause| cause.kind != CauseKind::Backlash || !explained(cause));
     causes.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     causes

@@ -63,6 +63,8 @@ fn swings_show_much_play_if_feet_do_not() {
     let heights = (EffectKind::Backlash, "calf", 0.03, 0.002, 0.1);
     assert_eq!(kinds(&[strength, heights], -0.1), [(CauseKind::Backlash, "rad".to_owned())], "once");
     assert_eq!(causes(&findings(&[strength])), [], "it was not compared");
+    let load = (EffectKind::LoadFriction, "hip", 0.09, 0.003, 0.7);
+    assert_eq!(kinds(&[strength, load], -0.1), [(CauseKind::LoadFriction, "-".to_owned())], "gears rub");
 }
 
 #[test]
