@@ -168,7 +168,10 @@ def main():
     for each in (drawing, counting):
         each.add_argument("folder", type=pathlib.Path)
     arguments = parser.parse_args()
-    draw_all(arguments.folder, arguments) if arguments.command == "draw" else count(arguments.folder)
+    if arguments.command == "draw":
+        draw_all(arguments.folder, arguments)
+    else:
+        count(arguments.folder)
 
 
 if __name__ == "__main__":

@@ -151,13 +151,13 @@ fn pairs_of(feet: usize) -> usize {
 }
 
 /// A foot that stands.
-struct Standing<'a> {
+struct StandingFoot<'a> {
     foot: &'a Foot,
     /// The joints above it, and how far 1 rad of each lowers it, m.
     levers: Vec<(usize, f64)>,
 }
 
-impl Standing<'_> {
+impl StandingFoot<'_> {
     /// How far angles of these joints, rad, lower the foot, m.
     fn lowered(&self, joints: &[usize], angle: impl Fn(usize) -> f64) -> f64 {
         let of_group = self.levers.iter().filter(|(joint, _)| joints.contains(joint));
@@ -175,10 +175,10 @@ impl Scene<'_> {
         let bump = Bump::new(TORQUE_S, walk.step);
         for point in (0..walk.points()).step_by(every).filter(|&point| walk.valid[point]) {
             let ends = ground.feet[point].iter().zip(&walk.poses.ends).filter(|(foot, _)| stands(foot));
-            let feet: Vec<Standing<'_>> = ends
+            let feet: Vec<StandingFoot<'_>> = ends
                 .map(|(foot, end)| {
                     let heights = walk.poses.levers(point, end).iter().map(|lever| lever[2]);
-                    Standing { foot, levers: end.chain.iter().copied().zip(heights).collect() }
+                    StandingFoot { foot, levers: end.chain.iter().copied().zip(heights).collect() }
                 })
                 .collect();
             if feet.len() < 2 {

@@ -97,6 +97,7 @@ fn joints_that_twist_are_seen_where_feet_stand() {
     }
     let after = effect(&found(&model, &logs), EffectKind::Elasticity, "calf");
     assert!((0.002..0.008).contains(&(after.size.value - before.size.value)), "{before:?} and {after:?}");
+    // Soft contacts look like a little twist, once the encoders' zeros are unknowns too.
     assert!(after.share > 0.3 && before.share < 0.1, "{before:?} and {after:?}");
 }
 

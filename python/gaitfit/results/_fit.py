@@ -387,14 +387,15 @@ class Cause:
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Explanation(Result):
     """The result of :func:`gaitfit.explain`. It looks for play and twist of gears, friction that grows with load, a joint whose
-    friction differs from its siblings', a spring or a weak motor of one joint, soft ground, and late or tilted sensors.
+    friction differs from its siblings', a spring or a weak motor of one joint, soft ground, and late or tilted sensors. It looks for
+    play only if it gets the policy.
 
     Attributes:
         logs: The log or the folder.
         robot: The robot's file.
         causes: What the robot has and its model lacks, the largest weight first.
 
-    >>> explained = gaitfit.explain("walks", "go2.xml")      # doctest: +SKIP
+    >>> explained = gaitfit.explain("walks", "go2.xml", policy="policy.onnx")      # doctest: +SKIP
     >>> explained.causes[0].kind      # doctest: +SKIP
     'backlash'
     """

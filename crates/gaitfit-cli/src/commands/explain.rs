@@ -199,8 +199,8 @@ pub fn document(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<String, Fa
     serde_json::to_string(&looked.document(input, &causes(&looked.found))).map_err(Failure::failed)
 }
 
-/// Prints the causes that the logs show, the weightiest first. A log that must not be used is refused, and left out of a
-/// folder.
+/// Prints the causes that the logs show, the weightiest first. A log that must not be used is refused. In a folder it is left out,
+/// unless a policy is given.
 pub fn run(args: &Explain) -> Result<(), Failure> {
     let input = ExplainInput::from(args);
     let looked = watched(look::LINES, |watch| findings(input, watch))?;

@@ -120,24 +120,24 @@ pub fn causes(found: &SwingFindings) -> Vec<Cause> {
     let mut causes = sensors(found);
     let (swings, others): (Vec<&Effect>, Vec<&Effect>) =
         found.effects.iter().partition(|effect| effect.kind == EffectKind::Strength);
-    // Heights of feet give the size of play. Swings only show that there is some.
-    for effect in others.into_iter().chain(swings) {
-        let new = of_effect(effect, found);
-        let is_known = |new: &Cause| causes.iter().any(|old| (old.kind, &old.of) == (new.kind, &new.of));
-        causes.extend(new.filter(|new| !is_known(new)));
-    }
+    causes.extend(others.into_iter().filter_map(|effect| of_effect(effect, found)));
     // Friction under load makes a joint look as if it had play. If joints twist, the robot leans, and any joint can look so.
     let others: Vec<(CauseKind, String)> = causes
         .iter()
         .filter(|cause| matches!(cause.kind, CauseKind::Elasticity | CauseKind::LoadFriction))
         .map(|cause| (cause.kind, cause.of.clone()))
         .collect();
-    let explained = |play: &Cause| {
-        // Links whose gears rub under load respond less to their motors, too, and seldom does one group alone rub.
-        let in_swings = play.unit != "rad";
-        others.iter().any(|(kind, of)| in_swings || *kind == CauseKind::Elasticity || *of == play.of)
-    };
+    let explained =
+        |play: &Cause| others.iter().any(|(kind, of)| *kind == CauseKind::Elasticity || *of == play.of);
     causes.retain(|cause| cause.kind != CauseKind::Backlash || !explained(cause));
+    // Swings show play too, but not its size. If a gear rubs under load, its links respond less to their motors as well, and one
+    // group seldom rubs alone.
+    if others.is_empty() {
+        let is_new = |play: &Cause| !causes.iter().any(|old| old.kind == play.kind && old.of == play.of);
+        let plays = swings.into_iter().filter_map(|effect| of_effect(effect, found));
+        let plays: Vec<Cause> = plays.filter(is_new).collect();
+        causes.extend(plays);
+    }
     causes.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     causes
 }

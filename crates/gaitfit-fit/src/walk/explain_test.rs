@@ -1,4 +1,4 @@
-//! Which effects are named, and which of them a fitted simulator lacks.
+//! Tests of the named effects, and of the doubt about those that a fitted simulator lacks.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use super::*;

@@ -22,7 +22,7 @@ pub struct SwingFindings {
     pub sensors: Sensors,
     /// What standing feet show of the inertial unit.
     pub standing: Standing,
-    /// The same if the joints that seem to twist do so; absent if none seem to.
+    /// The same, estimated together with the twist of joints; absent if no joints seem to twist. See [`Self::tilt`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beside_twist: Option<Standing>,
     /// What was removed from the logs before legs in the air were examined, each in a sentence.
@@ -62,7 +62,8 @@ impl SwingFindings {
         found
     }
 
-    /// The tilt of the IMU about the base's x and y axes, rad.
+    /// The tilt of the IMU about the base's x and y axes, rad. If joints twist, the one that was estimated together with their
+    /// twist.
     pub fn tilt(&self) -> Option<[Estimate; 2]> {
         let twists = explain::twisting(self).is_some();
         self.beside_twist.filter(|_| twists).unwrap_or(self.standing).tilt
@@ -238,9 +239,8 @@ pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumb
         by_strength: 0.0,
         by_load: 0.0,
     };
-    let careful = |tilt: &Estimate| Estimate { error: tilt.error.max(MIN_TILT_ERROR), ..*tilt };
-    let tilt = found.tilt().into_iter().flatten();
-    let tilt: Vec<Estimate> = tilt.map(|axis| careful(&axis)).collect();
+    let careful = |tilt: Estimate| Estimate { error: tilt.error.max(MIN_TILT_ERROR), ..tilt };
+    let tilt = found.tilt().into_iter().flatten().map(careful);
     let tilt = [RobotNumber::ImuRoll, RobotNumber::ImuPitch].into_iter().zip(tilt);
     let bias = [RobotNumber::GyroBiasX, RobotNumber::GyroBiasY, RobotNumber::GyroBiasZ];
     let bias = bias.into_iter().zip(found.sensors.gyro_bias.iter().flatten().copied());
