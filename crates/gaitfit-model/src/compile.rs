@@ -2,6 +2,7 @@
 
 use crate::attributes::Context;
 use crate::contact::{candidates, numbered, self_collisions};
+use crate::coupling::Coupling;
 use crate::error::ModelError;
 use crate::keyframes::fill_keyframes;
 use crate::mend::{fill_masses, outlines};
@@ -84,6 +85,7 @@ pub(crate) fn compile(
         parts: Parts::new(&spec, &welds, &member),
         free_joint: free_joint(&spec, root).filter(|_| attachment == Root::Floating),
         actuators: Vec::new(),
+        couplings: Vec::new(),
         keyframes: Vec::new(),
         sites: Vec::new(),
         outlines: Vec::new(),
@@ -99,6 +101,7 @@ pub(crate) fn compile(
     }
     fill_geoms(ctx, &mut model, &spec, &member, &welds, &pairs)?;
     fill_actuators(ctx, &mut model, &mut spec, &joint_numbers);
+    model.couplings = couplings(&spec, &joint_numbers);
     resolve_springs(&mut model);
     for joint in &mut model.joints {
         if spec.disabled.spring {
@@ -138,6 +141,23 @@ fn fill_actuators(ctx: &mut Context, model: &mut Model, spec: &mut Spec, joint_n
             ),
         }
     }
+}
+
+/// The couplings of the robot's joints; `joint_numbers`: the model's joints, by those of `spec`.
+fn couplings(spec: &Spec, joint_numbers: &[Option<usize>]) -> Vec<Coupling> {
+    let all = spec.couplings.iter().filter(|_| !spec.disabled.equality);
+    all.filter_map(|coupling| {
+        let leader = coupling.leader.map(|leader| joint_numbers[leader]);
+        Some(Coupling {
+            follower: joint_numbers[coupling.follower]?,
+            leader: match leader {
+                Some(leader) => Some(leader?),
+                None => None,
+            },
+            ..coupling.clone()
+        })
+    })
+    .collect()
 }
 
 fn scale_total_mass(spec: &mut Spec) {

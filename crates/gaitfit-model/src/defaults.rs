@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use crate::actuator::{ActuatorForm, FOREIGN_KINDS, KINDS};
 use crate::attributes::{Attributes, Context};
+use crate::coupling::CouplingForm;
 use crate::error::ModelError;
 use crate::geom::GeomForm;
 use crate::joint::JointForm;
@@ -22,6 +23,7 @@ pub(crate) struct Class {
     pub site: SiteForm,
     pub pair: ContactPair,
     pub actuator: ActuatorForm,
+    pub coupling: CouplingForm,
     /// Factors of meshes along their axes.
     pub mesh_scale: [f64; 3],
 }
@@ -34,6 +36,7 @@ impl Default for Class {
             site: SiteForm::default(),
             pair: default_pair(),
             actuator: ActuatorForm::default(),
+            coupling: CouplingForm::default(),
             mesh_scale: [1.0; 3],
         }
     }
@@ -162,7 +165,8 @@ fn read_entry(
             a.set_array(ctx, "scale", &mut class.mesh_scale)?;
             return Ok(());
         }
-        "material" | "camera" | "light" | "equality" | "tendon" => return Ok(()),
+        "equality" => class.coupling.apply(ctx, &mut a)?,
+        "material" | "camera" | "light" | "tendon" => return Ok(()),
         kind if FOREIGN_KINDS.contains(&kind) => {
             return ctx.refuse(
                 element.at,

@@ -12,21 +12,21 @@
 //!
 //! | MJCF | |
 //! | --- | --- |
-//! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `replicate`, `attach`, `inertial`, `freejoint`, hinges, slides, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `key`, the tuple `velocity_limit` |
+//! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `replicate`, `attach`, `inertial`, `freejoint`, hinges, slides, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `equality joint` within a chain, `key`, the tuple `velocity_limit` |
 //! | read of `asset` | `hfield`: elevations, MuJoCo's binary files, PNG pictures |
 //! | passed over | other assets, `visual`, `statistic`, `size`, other `custom` data, lights, cameras |
 //! | listed | visual geoms, sensors, self-collision ([`Model::touching_itself`] chooses pairs of it) |
-//! | refused | ball joints, `equality`, `tendon`, plugins, colliding meshes, obstacles of other shapes, boxes and cylinders that may touch obstacles, actuators with state, fluid, `composite`, RK4 and `implicit` |
+//! | refused | ball joints, other `equality`, `tendon`, plugins, colliding meshes, obstacles of other shapes, boxes and cylinders that may touch obstacles, actuators with state, fluid, `composite`, RK4 and `implicit` |
 //!
 //! | URDF | |
 //! | --- | --- |
-//! | read | links, inertials, box, sphere and cylinder collisions, revolute, continuous, prismatic and fixed joints, limits, dynamics |
-//! | added | a ground plane z = 0, a motor on every joint, MuJoCo's defaults |
+//! | read | links, inertials, box, sphere and cylinder collisions, revolute, continuous, prismatic and fixed joints, limits, dynamics, `mimic` within a chain |
+//! | added | a ground plane z = 0, a motor on every joint that follows no other, MuJoCo's defaults |
 //! | changed | a massless root link fixed to its only child or below a floating joint, impossible inertias of light fixed links; [`Model::changed`] says so |
 //! | listed | collision meshes, transmissions, annotations of other simulators (`contact`, `gazebo`, `dont_collapse`, ...) |
-//! | refused | planar joints, floating ones but at the root, `mimic`, unknown elements |
+//! | refused | planar joints, floating ones but at the root, unknown elements |
 //!
-//! A mending reading ([`ReadOptions::mend`]) locks coupled joints, gives links mass, and keeps what a robot looks
+//! A mending reading ([`ReadOptions::mend`]) locks joints that are coupled across limbs, gives links mass, and keeps what a robot looks
 //! like ([`Model::outlines`], with the readers of [`mesh`]); [`Model::to_mjcf`] writes the result as a file of its own.
 
 mod actuator;
@@ -37,6 +37,7 @@ pub mod builtin;
 mod cholesky;
 mod compile;
 mod contact;
+mod coupling;
 mod defaults;
 mod error;
 mod floor;
@@ -77,6 +78,7 @@ mod write;
 mod xml;
 
 pub use cholesky::Cholesky;
+pub use coupling::{Coupling, MAX_SPAN};
 pub use error::{ModelError, Place};
 pub use joint_kind::{JointAxis, JointKind};
 pub use listing::LeftOut;

@@ -1,9 +1,10 @@
-//! What a mending reading makes of parts that a strict one refuses: coupled joints are locked, links without mass get one,
-//! impossible inertias become possible. Every change is listed.
+//! What a mending reading makes of parts that a strict one refuses: joints coupled across limbs are locked, links without mass
+//! get one, impossible inertias become possible. Every change is listed.
 
 use std::collections::HashSet;
 
 use crate::attributes::Context;
+use crate::coupling::{MAX_SPAN, NamedCoupling};
 use crate::inertia::{Inertial, Solid, combine};
 use crate::kinematics::Frame;
 use crate::mesh::Measure;
@@ -167,10 +168,14 @@ pub(crate) fn outlines(spec: &Spec, member: &[bool]) -> Vec<Outline> {
     found
 }
 
+/// Whether an element of `<equality>` is in force.
+pub(crate) fn is_active(element: &Element) -> bool {
+    element.get("active") != Some("false")
+}
+
 /// Whether an element of `<equality>` closes a loop.
 pub(crate) fn closes_a_loop(element: &Element) -> bool {
-    let off = element.get("active") == Some("false");
-    !off && !matches!(element.name.as_str(), "joint" | "tendon")
+    is_active(element) && !matches!(element.name.as_str(), "joint" | "tendon")
 }
 
 /// Where joints that were locked stood in `qpos` and `qvel`.
@@ -206,18 +211,9 @@ fn left(values: Vec<f64>, without: &HashSet<usize>, length: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Locks the joints that MJCF's `<equality>` couples to others, in a mending reading: the coupled one keeps the position that it
-/// has while the other is at its reference.
-pub(crate) fn lock_coupled(ctx: &mut Context, document: &Element, bodies: &mut [BodySpec]) -> Locked {
+/// Locks the followers of couplings that are not simulated. Each stays where it is while the other joint is at its reference.
+pub(crate) fn lock(ctx: &mut Context, couplings: &[NamedCoupling], bodies: &mut [BodySpec]) -> Locked {
     let mut locked = Locked::default();
-    if !ctx.mend {
-        return locked;
-    }
-    let sections = document.children.iter().filter(|section| section.name == "equality");
-    let coupled: Vec<&Element> = sections
-        .flat_map(|section| &section.children)
-        .filter(|child| child.name == "joint" && child.get("active") != Some("false"))
-        .collect();
     let (mut q, mut v) = (0, 0);
     for body in bodies.iter_mut() {
         if body.free.is_some() {
@@ -226,30 +222,23 @@ pub(crate) fn lock_coupled(ctx: &mut Context, document: &Element, bodies: &mut [
         let mut kept = Vec::new();
         let alone = body.joints.len() == 1;
         for (joint, at) in std::mem::take(&mut body.joints) {
-            let names =
-                |element: &&&Element| !joint.name.is_empty() && element.get("joint1") == Some(&joint.name);
-            match coupled.iter().find(names) {
+            match couplings.iter().find(|coupling| coupling.follower == joint.name) {
                 None => kept.push((joint, at)),
-                Some(element) => {
+                Some(coupling) => {
                     locked.qpos.insert(q);
                     locked.qvel.insert(v);
-                    let first =
-                        element.get("polycoef").and_then(|text| text.split_whitespace().next()?.parse().ok());
-                    let angle: f64 = first.filter(|angle: &f64| angle.is_finite()).unwrap_or(0.0);
-                    if alone && angle != 0.0 {
-                        let moved = joint.moved_by(&Frame::WORLD, angle);
+                    let position = coupling.parameters.polynomial[0];
+                    if alone && position != 0.0 {
+                        let moved = joint.moved_by(&Frame::WORLD, position);
                         (body.pos, body.quat) =
                             compose((body.pos, body.quat), (moved.position, moved.quaternion));
                     }
-                    let other = element.get("joint2").map(|name| format!("follows \"{}\"", shown(name)));
+                    let other = coupling.leader.as_ref().map(|name| format!("follows \"{}\"", shown(name)));
                     let other = other.unwrap_or_else(|| "is held by the file".to_owned());
-                    ctx.note(
-                        element.at,
-                        format!("joint \"{}\"", shown(&joint.name)),
-                        format!(
-                            "it {other} (<equality>), and coupled joints are not simulated: it is locked"
-                        ),
+                    let how = format!(
+                        "it {other}; couplings are simulated among {MAX_SPAN} neighbouring joints of one chain: it is locked"
                     );
+                    ctx.note(coupling.at, format!("joint \"{}\"", shown(&joint.name)), how);
                 }
             }
             (q, v) = (q + 1, v + 1);

@@ -4,10 +4,11 @@ use crate::actuator::{FOREIGN_KINDS, KINDS};
 use crate::attach::attached;
 use crate::attributes::{Attributes, Context};
 use crate::bodies::BodyReader;
+use crate::coupling::{read_couplings, resolve};
 use crate::defaults::{APART, Defaults};
 use crate::error::ModelError;
 use crate::floor::add_floor;
-use crate::mend::{self, Locked, lock_coupled};
+use crate::mend::{self, Locked};
 use crate::model::{Joint, Root};
 use crate::options::{Compiler, default_options, read_option};
 use crate::outline::Meshes;
@@ -62,7 +63,8 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
     }
     let mut bodies = reader.bodies;
     add_floor(ctx, document, &defaults, &mut bodies, wanted);
-    let locked = lock_coupled(ctx, document, &mut bodies);
+    let named = read_couplings(ctx, sections("equality"), &defaults)?;
+    let (couplings, locked) = resolve(ctx, named, &mut bodies)?;
 
     let mut spec = Spec {
         name,
@@ -73,6 +75,7 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
         excludes: Vec::new(),
         pairs: Vec::new(),
         actuators: Vec::new(),
+        couplings,
         keys: Vec::new(),
         total_mass: compiler.total_mass,
     };
@@ -109,7 +112,7 @@ fn other_section(ctx: &mut Context, section: &Element) -> Result<(), ModelError>
             ctx.drop_quietly(section.at, format!("<sensor> ({count} sensors)"), "the state is known exactly");
             Ok(())
         }
-        // Coupled joints are locked then; what is left are closed loops.
+        "equality" if section.children.iter().all(|c| c.name == "joint" || !mend::is_active(c)) => Ok(()),
         "equality" if ctx.mend && !ctx.lenient => {
             let loops = section.children.iter().find(|child| mend::closes_a_loop(child));
             loops.map_or(Ok(()), |child| {
@@ -124,7 +127,7 @@ fn other_section(ctx: &mut Context, section: &Element) -> Result<(), ModelError>
         "equality" | "tendon" | "deformable" => ctx.refuse(
             section.at,
             format!("<{name}> with {count} elements"),
-            "the engine simulates trees without loops, couplings or soft parts",
+            "the engine simulates trees without loops, tendons or soft parts",
             "remove the section",
         ),
         "extension" => ctx.refuse(section.at, "<extension>", "plugins are not loaded", "remove the section"),

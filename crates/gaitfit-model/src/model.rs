@@ -6,6 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::coupling::Coupling;
 use crate::joint_kind::JointKind;
 use crate::outline::Outline;
 use crate::self_contact::{Parts, SelfPair};
@@ -77,6 +78,9 @@ pub struct Model {
     pub free_joint: Option<FreeJoint>,
     /// Actuators in file order: one scalar each of `ctrl`.
     pub actuators: Vec<Actuator>,
+    /// Joints that follow other joints, by soft constraints.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub couplings: Vec<Coupling>,
     /// Named states.
     pub keyframes: Vec<Keyframe>,
     /// Named points on bodies.

@@ -238,6 +238,7 @@ fn read_flag(
     off(&mut a, ctx, "constraint", &mut constraint)?;
     off(&mut a, ctx, "passive", &mut passive)?;
     off(&mut a, ctx, "contact", &mut disabled.contact)?;
+    off(&mut a, ctx, "equality", &mut disabled.equality)?;
     off(&mut a, ctx, "limit", &mut disabled.limit)?;
     off(&mut a, ctx, "frictionloss", &mut disabled.frictionloss)?;
     off(&mut a, ctx, "spring", &mut disabled.spring)?;
@@ -247,6 +248,7 @@ fn read_flag(
     off(&mut a, ctx, "filterparent", &mut disabled.filterparent)?;
     if constraint {
         disabled.contact = true;
+        disabled.equality = true;
         disabled.limit = true;
         disabled.frictionloss = true;
     }
@@ -268,16 +270,7 @@ fn read_flag(
         }
     }
     // Diagnostics, collision search, memory: the motion stays the same.
-    a.ignore(&[
-        "equality",
-        "warmstart",
-        "sensor",
-        "sensornoise",
-        "midphase",
-        "autoreset",
-        "nativeccd",
-        "island",
-    ]);
+    a.ignore(&["warmstart", "sensor", "sensornoise", "midphase", "autoreset", "nativeccd", "island"]);
     a.ignore(&["multiccd", "energy", "invdiscrete", "sleep"]);
     a.finish(ctx)
 }

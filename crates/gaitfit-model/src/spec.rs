@@ -1,5 +1,6 @@
 //! What both readers fill: bodies below the world, resolved to SI units, before one robot is chosen.
 
+use crate::coupling::Coupling;
 use crate::inertia::Inertial;
 use crate::joint_kind::JointKind;
 use crate::model::{Actuator, ContactPair, FreeJoint, Joint, Options, Shape, Site};
@@ -35,6 +36,8 @@ pub(crate) struct Spec {
     pub pairs: Vec<PairSpec>,
     /// Actuators with the joint's index in file order.
     pub actuators: Vec<Actuator>,
+    /// Joints that follow others; joints by their index in file order.
+    pub couplings: Vec<Coupling>,
     pub keys: Vec<KeySpec>,
     /// Masses are scaled to this sum (`compiler settotalmass`), kg.
     pub total_mass: Option<f64>,
@@ -44,6 +47,7 @@ pub(crate) struct Spec {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Disabled {
     pub contact: bool,
+    pub equality: bool,
     pub limit: bool,
     pub frictionloss: bool,
     pub spring: bool,

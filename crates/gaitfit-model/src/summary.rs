@@ -28,6 +28,9 @@ pub struct Summary {
     pub joints: Vec<JointSummary>,
     /// Actuators in model order.
     pub actuators: Vec<ActuatorSummary>,
+    /// Joints that follow others, in words; x is the leader's position from its reference.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub couplings: Vec<String>,
     /// Contact geoms in model order.
     pub geoms: Vec<GeomSummary>,
     /// Ground planes.
@@ -224,6 +227,7 @@ impl Model {
                     forcerange: a.forcerange,
                 })
                 .collect(),
+            couplings: self.couplings_in_words(),
             geoms: self
                 .geoms
                 .iter()

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use crate::coupling::Coupling;
 use crate::joint_kind::JointKind;
 use crate::model::{Actuator, Cone, ContactPair, Geom, Integrator, Joint, Model, Root, Shape};
 use crate::rotation::IDENTITY;
@@ -42,6 +43,7 @@ impl Model {
         text.push_str("  </worldbody>\n");
         section(&mut text, "contact", self.pairs.iter().map(|pair| self.pair(pair)));
         section(&mut text, "actuator", self.actuators.iter().map(|actuator| self.actuator(actuator)));
+        section(&mut text, "equality", self.couplings.iter().map(|coupling| self.coupling(coupling)));
         section(
             &mut text,
             "keyframe",
@@ -188,6 +190,18 @@ impl Model {
         }
         unless(&mut line, "margin", pair.margin, 0.0);
         unless(&mut line, "gap", pair.gap, 0.0);
+        line + "/>"
+    }
+
+    fn coupling(&self, coupling: &Coupling) -> String {
+        let name = |joint: usize| quoted(&self.joints[joint].name);
+        let mut line = format!("<joint joint1={}", name(coupling.follower));
+        if let Some(leader) = coupling.leader {
+            let _ = write!(line, " joint2={}", name(leader));
+        }
+        attribute(&mut line, "polycoef", &coupling.polynomial);
+        attribute(&mut line, "solref", &coupling.solref);
+        attribute(&mut line, "solimp", &coupling.solimp);
         line + "/>"
     }
 

@@ -1,6 +1,7 @@
 //! The tests of `gaitfit-model`: one program, one module for each subject.
 
 mod attach;
+mod coupling;
 mod free_joint;
 mod ground;
 mod hostile;

@@ -1,9 +1,10 @@
 //! From a [`Model`] to a [`Tree`].
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use gaitfit_model::{ContactPair, Ground, Joint, JointKind, Model, Root, Shape};
 
+use crate::coupling;
 use crate::obstacles::Obstacles;
 use crate::seat::{IDENTITY, Mount, Seat, mat_mul, seats, unit};
 use crate::self_contact;
@@ -134,7 +135,8 @@ pub(crate) fn compile_with<T: Real>(
         links.push(compile_link::<T>(mount, joint, settings, ranges[number + 1].clone())?);
     }
     links[0].pairs = ranges[0].clone();
-    let (segments, nodes) = segment(&links);
+    let (mut segments, nodes) = segment(&links, &model.coupled_spans());
+    let couplings = coupling::compile::<T>(model, settings, &mut segments)?;
     let (mut touching, spins) = touching(&mut links, &segments, &mut pairs);
     let self_contact =
         self_contact::compile::<T>(model, settings, &seats, &mut links, &segments, &mut touching)?;
@@ -146,6 +148,7 @@ pub(crate) fn compile_with<T: Real>(
         gravity: k3(model.options.gravity),
         links,
         segments,
+        couplings,
         nodes,
         planes: planes
             .iter()
@@ -258,8 +261,13 @@ fn touching<K>(
     (touching, spins)
 }
 
-/// Segments, parents first, and the link of each node.
-fn segment<K>(links: &[Link<K>]) -> (Vec<Segment>, Vec<usize>) {
+/// Segments, parents first, and the link of each node. The joints of a span of `coupled` come into one segment.
+fn segment<K>(links: &[Link<K>], coupled: &[RangeInclusive<usize>]) -> (Vec<Segment>, Vec<usize>) {
+    // Links of the span that begins with link `i`.
+    let span = |i: usize| {
+        let begins = coupled.iter().find(|span| *span.start() + 1 == i);
+        begins.map_or(1, |span| span.end() - span.start() + 1)
+    };
     let mut children = vec![0; links.len()];
     for link in &links[1..] {
         children[link.parent] += 1;
@@ -270,7 +278,8 @@ fn segment<K>(links: &[Link<K>]) -> (Vec<Segment>, Vec<usize>) {
     let mut home = vec![usize::MAX; links.len()];
     for i in 1..links.len() {
         let parent = links[i].parent;
-        let continues = parent > 0 && children[parent] == 1 && segments[home[parent]].len < SEGMENT;
+        let continues =
+            parent > 0 && children[parent] == 1 && segments[home[parent]].len + span(i) <= SEGMENT;
         if continues {
             home[i] = home[parent];
             let segment = &mut segments[home[i]];
@@ -284,7 +293,8 @@ fn segment<K>(links: &[Link<K>]) -> (Vec<Segment>, Vec<usize>) {
             nodes.len() - 1
         });
         home[i] = segments.len();
-        segments.push(Segment { first: i, len: 1, parent: node, node: None, pairs: links[i].pairs.clone() });
+        let pairs = links[i].pairs.clone();
+        segments.push(Segment { first: i, len: 1, parent: node, node: None, pairs, couplings: 0..0 });
     }
     (segments, nodes)
 }

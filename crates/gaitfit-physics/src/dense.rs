@@ -14,6 +14,8 @@ use crate::{Drive, Params};
 /// What a constraint row belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowKind {
+    /// A coupling of joints (index of the coupling in `Tree`).
+    Coupling(usize),
     /// Dry friction of the free joint (degree of freedom: along the world's axes, then about the base's own).
     Free(usize),
     /// Dry friction of a joint (index of the joint).
@@ -174,6 +176,13 @@ pub fn constraint_rows(
         row
     };
     let mut rows = Vec::new();
+    for (index, (coupling, each)) in tree.couplings.iter().zip(&work.couplings).enumerate() {
+        let mut jacobian = unit(coupling.follower, 1.0);
+        if let Some(leader) = coupling.leader {
+            jacobian[first + leader] = -each.slope;
+        }
+        rows.push(Row { kind: RowKind::Coupling(index), jacobian, aref: -each.bias, d: each.d });
+    }
     let rubbing = tree.free.iter().filter(|free| free.frictionloss > 0.0);
     for each in rubbing.flat_map(|_| &work.free) {
         for dof in 0..6 {

@@ -13,6 +13,7 @@
 mod compile;
 mod cone;
 mod contact;
+mod coupling;
 mod dense;
 mod drive;
 mod dual;

@@ -6,10 +6,11 @@
 //! p − F H⁻¹ r on the node.
 
 use crate::Real;
+use crate::coupling;
 use crate::solver::set_step;
 use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6};
 use crate::state::{State, Work};
-use crate::tree::{SEGMENT, Tree};
+use crate::tree::{Coupling, SEGMENT, Tree};
 use crate::vec3::*;
 
 /// How much of a Newton step is needed.
@@ -106,6 +107,9 @@ fn eliminate_joints<T: Real, const N: usize>(
             block.r[k] = block.r[k] + work.self_contact.torque[segment.first + k - 1];
         }
     }
+    for number in segment.couplings.clone() {
+        couple(tree, index, number, hessian, &mut block, state, work);
+    }
     if let Some(node) = segment.node {
         let (inertia, residual) = (work.nodes[node].inertia, work.nodes[node].residual);
         block.carry::<N>(N - 1, &work.segments[index].axis, &inertia, residual);
@@ -178,6 +182,37 @@ pub(crate) fn joint_terms<T: Real>(j: usize, hessian: bool, state: &State<T>, wo
     }
     joint.row = row;
     if hessian { (curvature, row) } else { (joint.implicit, joint.implicit.fma(qacc, row)) }
+}
+
+/// Adds coupling `number` to the block of its segment.
+#[inline(always)]
+fn couple<T: Real>(
+    tree: &Tree<T::K>,
+    index: usize,
+    number: usize,
+    hessian: bool,
+    block: &mut Block<T>,
+    state: &State<T>,
+    work: &mut Work<T>,
+) {
+    let Coupling { follower, leader, .. } = tree.couplings[number];
+    let first = tree.segments[index].first - 1;
+    let [force, back] = coupling::push(tree, number, state, work);
+    let [own, mixed, other] = work.couplings[number].hessian();
+    let k = follower - first;
+    block.r[k] = block.r[k] + force;
+    if hessian {
+        block.h[k] = block.h[k] + own;
+    }
+    if let Some(leader) = leader {
+        let i = leader - first;
+        block.r[i] = block.r[i] + back;
+        if hessian {
+            let place = below(k.max(i), k.min(i));
+            block.h[i] = block.h[i] + other;
+            block.h[place] = block.h[place] + mixed;
+        }
+    }
 }
 
 /// Adds the contacts of the segment's links to its block and to the node.

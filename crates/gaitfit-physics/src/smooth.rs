@@ -7,6 +7,7 @@
 use gaitfit_model::JointKind;
 
 use crate::contact::{impedance, link_contacts};
+use crate::coupling;
 use crate::drive::Drive;
 use crate::free;
 use crate::self_contact::self_contacts;
@@ -40,6 +41,7 @@ pub(crate) fn smooth<T: Real>(
     for j in 0..work.joints.len() {
         joint_rows(tree, params, state, drives, j, work);
     }
+    coupling::prepare(tree, params, state, work);
     let root = root_motion(tree, state);
     let (origin, origin_velocity) = if tree.floating {
         (state.base_position, state.base_linear)

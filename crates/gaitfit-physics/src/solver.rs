@@ -9,6 +9,7 @@ use core::ops::Range;
 
 use crate::cone::{Kinks, ellipse, ellipse_line, ellipse3, pyramid, pyramid_line, pyramid3, pyramid3_line};
 use crate::contact::components;
+use crate::coupling;
 use crate::free;
 use crate::segment::{Wanted, back_substitute, eliminate};
 use crate::self_contact;
@@ -362,6 +363,7 @@ fn rows_along<T: Real>(
             g = (g.0.merge(limited, before.0), g.1.merge(limited, before.1));
         }
     }
+    g = coupling::along(tree, alpha, state, work, g);
     for index in 0..tree.pairs.len() {
         let pair = &tree.pairs[index];
         let active = work.pairs[index].active;

@@ -1,6 +1,7 @@
 //! State of one block of environments and the scratch of one step. Made once by the caller.
 
 use crate::Real;
+use crate::coupling::CouplingWork;
 use crate::free::FreeWork;
 use crate::self_contact::SelfContactWork;
 use crate::spatial::{Articulated, Rigid, V6, zero6};
@@ -204,6 +205,8 @@ pub struct Work<T: Real> {
     pub(crate) nodes: Vec<Node<T>>,
     pub(crate) segments: Vec<SegmentWork<T>>,
     pub(crate) joints: Vec<JointWork<T>>,
+    /// Rows of joints that follow others.
+    pub(crate) couplings: Vec<CouplingWork<T>>,
     /// Guards what is only needed where a lane may be beyond the joint's limit; apart, for it would take a joint a
     /// whole vector.
     pub(crate) limited: Vec<T::Guard>,
@@ -274,6 +277,12 @@ macro_rules! work_numbers {
             $visit(joint("limit_bias"), $($reference)+ each.limit_bias);
             $visit(joint("row"), $($reference)+ each.row);
             $visit(joint("step"), $($reference)+ each.step);
+        }
+        for (each, coupling) in ($($reference)+ $work.couplings).into_iter().zip(&$tree.couplings) {
+            let joint = |name| Slot::new(Owner::Joint(coupling.follower), name);
+            $visit(joint("coupling_d"), $($reference)+ each.d);
+            $visit(joint("coupling_bias"), $($reference)+ each.bias);
+            $visit(joint("coupling_slope"), $($reference)+ each.slope);
         }
         for each in $($reference)+ $work.free {
             let base = |name| Slot::new(Owner::Base, name);
@@ -395,6 +404,7 @@ impl<T: Real> Work<T> {
             nodes: vec![node; tree.nodes.len()],
             segments: vec![segment; tree.segments.len()],
             joints: vec![joint; tree.joints()],
+            couplings: vec![CouplingWork::zero(); tree.couplings.len()],
             limited: vec![T::never(); tree.joints()],
             free: vec![FreeWork::zero(); usize::from(tree.free.is_some())],
             displacements: vec![(z, z); tree.joints()],

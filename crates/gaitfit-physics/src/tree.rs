@@ -84,6 +84,17 @@ pub(crate) struct Link<K> {
     pub touching: Option<usize>,
 }
 
+/// A joint that follows another one of its segment, or is held.
+#[derive(Clone, Debug)]
+pub(crate) struct Coupling<K> {
+    pub follower: usize,
+    pub leader: Option<usize>,
+    /// Coefficients of the follower's position by powers of the leader's, both from their references.
+    pub polynomial: [K; 5],
+    pub impedance: Impedance<K>,
+    pub reference: Reference<K>,
+}
+
 /// What resists the motion of a floating base besides its inertia, alike in its six degrees of freedom.
 #[derive(Clone, Debug)]
 pub(crate) struct FreeJoint<K> {
@@ -112,10 +123,12 @@ pub(crate) struct Segment {
     pub node: Option<usize>,
     /// Contact pairs of its links.
     pub pairs: Range<usize>,
+    /// Couplings of its joints.
+    pub couplings: Range<usize>,
 }
 
-/// Most links in a segment.
-pub(crate) const SEGMENT: usize = 3;
+/// Max number of links in a segment.
+pub(crate) const SEGMENT: usize = gaitfit_model::MAX_SPAN;
 
 /// A contact shape in its link's frame.
 #[derive(Clone, Debug)]
@@ -193,6 +206,8 @@ pub struct Tree<K> {
     pub(crate) links: Vec<Link<K>>,
     /// Parents before children.
     pub(crate) segments: Vec<Segment>,
+    /// Joints that follow others, in the order of the segments.
+    pub(crate) couplings: Vec<Coupling<K>>,
     /// Link of each node; node 0 is the root.
     pub(crate) nodes: Vec<usize>,
     pub(crate) planes: Vec<GroundPlane<K>>,

@@ -390,19 +390,24 @@ impl Interface {
         Ok(found)
     }
 
-    /// Angles of all joints of `model` at action zero, its order, rad; 0 for joints that are neither moved nor held.
+    /// Angles of all joints of `model` at action zero, its order, rad. Joints that are neither moved nor held follow others or are
+    /// at 0.
     ///
     /// # Errors
     /// As [`Interface::resolve`] and [`Interface::resolve_held`].
     pub fn model_pose(&self, model: &Model) -> Result<Vec<f64>, InterfaceError> {
-        let mut pose = vec![0.0; model.joints.len()];
         let joints = self.resolve(model)?;
-        for (&joint, &angle) in joints.iter().zip(&self.default_pose) {
-            pose[joint] = angle;
-        }
-        for (joint, held) in self.resolve_held(model, &joints)?.into_iter().zip(&self.held) {
-            pose[joint] = held.position;
-        }
+        let held = self.resolve_held(model, &joints)?.into_iter().zip(&self.held);
+        let stated: Vec<(usize, f64)> = joints
+            .iter()
+            .copied()
+            .zip(self.default_pose.iter().copied())
+            .chain(held.map(|(joint, held)| (joint, held.position)))
+            .collect();
+        let mut pose = vec![0.0; model.joints.len()];
+        stated.iter().for_each(|&(joint, angle)| pose[joint] = angle);
+        model.couple(&mut pose);
+        stated.iter().for_each(|&(joint, angle)| pose[joint] = angle);
         Ok(pose)
     }
 }

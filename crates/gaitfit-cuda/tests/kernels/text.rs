@@ -216,6 +216,7 @@ fn cxx_text_computes_the_step() {
     let go2 = robot("go2");
     check_cxx("go2 feet", &feet(go2.clone()), Preset::Fast, 4, usize::MAX, false);
     check_cxx("telescope", &robot("telescope"), Preset::Fast, 2, 300, false);
+    check_cxx("hand", &robot("hand"), Preset::Fast, 1, 300, false);
 }
 
 #[test]

@@ -61,7 +61,7 @@ impl Task {
         let velocities = velocity_joints(model, &policy.velocity_joints, &moved)?;
         let unseen: Vec<bool> = moved.iter().map(|joint| velocities.contains(joint)).collect();
         let seen = |terms: &[Term]| terms.iter().map(|term| without_angles(term, &unseen)).collect();
-        let held = all.iter().filter(|joint| !moved.contains(joint));
+        let held = all.iter().filter(|joint| !moved.contains(joint) && !model.only_follows(**joint));
         let held = held.map(|&joint| Held {
             joint: name(&joint),
             position: pose[joint],

@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 
 use crate::attributes::{Attributes, Context};
+use crate::coupling::NamedCoupling;
 use crate::error::ModelError;
 use crate::joint_kind::JointKind;
-use crate::kinematics::Frame;
 use crate::model::Joint;
 use crate::rotation::{IDENTITY, Quat, Vec3, unit};
 use crate::shown::shown;
@@ -24,6 +24,8 @@ pub(super) struct Connection {
     pub quat: Quat,
     /// `None`: the links are welded.
     pub joint: Option<Joint>,
+    /// The coupling of a joint that follows another one.
+    pub follows: Option<NamedCoupling>,
     /// The child floats: it is the robot's root.
     pub floats: bool,
     /// It is revolute or prismatic, but its file gives it no limits.
@@ -80,7 +82,7 @@ pub(super) fn read_joint(
     for child in &element.children {
         read_child(ctx, child, &label, links, &mut parts)?;
     }
-    let Parts { ends, mut pose, mut joint, effort, follows, limits, unlimited } = parts;
+    let Parts { ends, pose, mut joint, effort, follows, limits, unlimited } = parts;
     let [Some(parent), Some(child)] = ends else {
         return Err(ctx.invalid(
             element.at,
@@ -98,17 +100,14 @@ pub(super) fn read_joint(
     if bounded && !unlimited {
         joint.range = Some(range(ctx, element, kind, limits)?);
     }
-    if let Some(offset) = follows {
-        let locked = joint.moved(&Frame { position: pose.0, quaternion: pose.1 }, offset);
-        pose = (locked.position, locked.quaternion);
-    }
     Ok(Some(Connection {
         element: element.at,
         parent,
         child,
         pos: pose.0,
         quat: pose.1,
-        joint: (moves && follows.is_none()).then_some(joint),
+        joint: moves.then_some(joint),
+        follows: follows.filter(|_| moves),
         floats,
         unlimited,
         effort,
@@ -122,8 +121,8 @@ struct Parts {
     pose: (Vec3, Quat),
     joint: Joint,
     effort: f64,
-    /// Position at which a joint that follows another one is locked, rad or m.
-    follows: Option<f64>,
+    /// Its coupling, if it follows another joint.
+    follows: Option<NamedCoupling>,
     limits: Option<[f64; 2]>,
     unlimited: bool,
 }
@@ -167,18 +166,12 @@ fn read_child(
             a.set_nonnegative(ctx, "damping", &mut parts.joint.damping)?;
             a.set_nonnegative(ctx, "friction", &mut parts.joint.frictionloss)?;
         }
-        "mimic" if ctx.mend && !ctx.lenient => {
-            let leader = shown(a.text("joint").unwrap_or("")).to_string();
-            let how = format!(
-                "it follows \"{leader}\" (<mimic>), and coupled joints are not simulated: it is locked"
-            );
-            ctx.note(child.at, format!("joint \"{}\"", shown(&parts.joint.name)), how);
-            parts.follows = Some(a.number(ctx, "offset")?.unwrap_or(0.0));
-            return Ok(());
-        }
         "mimic" => {
-            ctx.refuse(child.at, format!("<mimic> of {label}"), "coupled joints", "remove it")?;
-            return Ok(());
+            let leader = required(ctx, &mut a, "joint")?;
+            let (mut factor, mut offset) = (1.0, 0.0);
+            a.set(ctx, "multiplier", &mut factor)?;
+            a.set(ctx, "offset", &mut offset)?;
+            parts.follows = Some(NamedCoupling::mimic(child.at, &parts.joint.name, leader, offset, factor));
         }
         "safety_controller" | "calibration" => {
             let what = format!("<{}> of {label}", child.name);

@@ -12,6 +12,7 @@ mod shown;
 use std::collections::HashMap;
 
 use crate::attributes::{Attributes, Context};
+use crate::coupling::{Coupling, resolve};
 use crate::error::ModelError;
 use crate::inertia::MASSLESS;
 use crate::model::{Actuator, Root};
@@ -106,7 +107,10 @@ pub(crate) fn read(
 
     mend_inertias(ctx, &mut links, &connections)?;
     note_unlimited(ctx, &connections);
-    let (bodies, actuators) = assemble(ctx, document.at, links, &connections, wanted)?;
+    let mut bodies = assemble(ctx, document.at, links, &connections, wanted)?;
+    let named = connections.iter_mut().filter_map(|connection| connection.follows.take()).collect();
+    let (couplings, _) = resolve(ctx, named, &mut bodies)?;
+    let actuators = motors(&bodies, &connections, &couplings);
     let spec = Spec {
         name,
         options,
@@ -116,6 +120,7 @@ pub(crate) fn read(
         excludes: Vec::new(),
         pairs: Vec::new(),
         actuators,
+        couplings,
         keys: Vec::new(),
         total_mass: compiler.total_mass,
     };
@@ -189,7 +194,7 @@ fn assemble(
     links: Vec<Link>,
     connections: &[Connection],
     wanted: Option<Root>,
-) -> Result<(Vec<BodySpec>, Vec<Actuator>), ModelError> {
+) -> Result<Vec<BodySpec>, ModelError> {
     let mut root = root_link(ctx, at, &links, connections)?;
     let mut children: Vec<Vec<usize>> = vec![Vec::new(); links.len()];
     for (index, connection) in connections.iter().enumerate() {
@@ -197,8 +202,6 @@ fn assemble(
     }
 
     let mut bodies = vec![BodySpec::new("world".to_string(), at, 0)];
-    let mut actuators = Vec::new();
-    let mut joints = 0;
     let mut bodyless: Vec<Option<BodySpec>> = links.into_iter().map(|l| Some(l.body)).collect();
     root = below_floating_joint(ctx, root, &mut bodyless, connections, &children)?;
     let is_world = bodyless[root].as_ref().is_some_and(|b| {
@@ -250,17 +253,6 @@ fn assemble(
         body.parent = parent;
         (body.pos, body.quat) = (connection.pos, connection.quat);
         if let Some(joint) = &connection.joint {
-            let limit = connection.effort;
-            actuators.push(Actuator {
-                name: joint.name.strip_suffix("_joint").unwrap_or(&joint.name).to_string(),
-                joint: joints,
-                gear: 1.0,
-                ctrlrange: (limit > 0.0).then_some([-limit, limit]),
-                forcerange: None,
-                gain: 1.0,
-                bias: [0.0; 3],
-            });
-            joints += 1;
             body.joints.push((joint.clone(), connection.element));
         }
         stack.extend(children[connection.child].iter().rev().map(|&c| (c, bodies.len())));
@@ -273,7 +265,30 @@ fn assemble(
             "break the cycle",
         ));
     }
-    Ok((bodies, actuators))
+    Ok(bodies)
+}
+
+/// A motor for every joint that does not follow another one.
+fn motors(bodies: &[BodySpec], connections: &[Connection], couplings: &[Coupling]) -> Vec<Actuator> {
+    let joints = bodies.iter().flat_map(|body| &body.joints).enumerate();
+    let driven = joints.filter(|(index, _)| !couplings.iter().any(|coupling| coupling.follower == *index));
+    driven
+        .map(|(index, (joint, _))| {
+            let own = |connection: &&Connection| {
+                connection.joint.as_ref().is_some_and(|other| other.name == joint.name)
+            };
+            let limit = connections.iter().find(own).map_or(0.0, |connection| connection.effort);
+            Actuator {
+                name: joint.name.strip_suffix("_joint").unwrap_or(&joint.name).to_string(),
+                joint: index,
+                gear: 1.0,
+                ctrlrange: (limit > 0.0).then_some([-limit, limit]),
+                forcerange: None,
+                gain: 1.0,
+                bias: [0.0; 3],
+            }
+        })
+        .collect()
 }
 
 /// The robot's root: the child of a floating joint at the root, whose parent stands for the world and is left out.

@@ -6,12 +6,13 @@
 
 use crate::Real;
 use crate::cone::{Kinks, ellipse, ellipse_line, pyramid, pyramid_line};
+use crate::coupling;
 use crate::segment::joint_terms;
 use crate::self_contact::{SelfContactPair, SelfContactPairWork};
 use crate::separate::separate;
 use crate::spatial::{Articulated, V6, add6, dot6, dot6_add, zero6};
 use crate::state::{State, Work};
-use crate::tree::Tree;
+use crate::tree::{Coupling, Tree};
 
 separate! {
     /// Forces and Hessians of the contacts at their residuals, and the torques of them on the joints.
@@ -227,6 +228,18 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
             }
         }
         work.self_contact.carried[tree.links[link].parent].add(&carried);
+    }
+    for number in 0..tree.couplings.len() {
+        let Coupling { follower, leader, .. } = tree.couplings[number];
+        coupling::push(tree, number, state, work);
+        let [own, mixed, other] = work.couplings[number].hessian();
+        let matrix = &mut work.self_contact.matrix;
+        matrix[at(follower, follower)] = matrix[at(follower, follower)] + own;
+        if let Some(leader) = leader {
+            let place = at(follower.max(leader), follower.min(leader));
+            matrix[at(leader, leader)] = matrix[at(leader, leader)] + other;
+            matrix[place] = matrix[place] + mixed;
+        }
     }
     if tree.floating {
         let root = work.self_contact.carried[0];

@@ -5,6 +5,8 @@ use gaitfit_physics::{Forward, Row, RowKind, Settings, Work, constraint_rows, st
 
 use super::{Arrays, Ledger, difference, largest, relative, relative_1};
 
+/// Values of `efc_type`.
+const EQUALITY: f64 = 0.0;
 const FRICTION: f64 = 1.0;
 const LIMIT: f64 = 3.0;
 
@@ -134,6 +136,12 @@ fn compare_rows(
     assert_eq!(rows.len(), count, "number of rows, {}", place(""));
 
     let mut at = 0;
+    while at < count && kinds[at] == EQUALITY {
+        assert_eq!(rows[at].kind, RowKind::Coupling(at), "kind of row {at}, {}", place(""));
+        let want = reference(at);
+        compare_row(&rows[at], &want, want.aref, &|| place(&format!("row {at}")), limits, ledger);
+        at += 1;
+    }
     while at < count && (kinds[at] == FRICTION || kinds[at] == LIMIT) {
         let id = ids[at] as usize;
         let want = match kinds[at] == FRICTION {

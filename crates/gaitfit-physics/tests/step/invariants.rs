@@ -292,6 +292,7 @@ fn imbalance(model: &Model, q: &[f64], v: &[f64], torques: &[f64], warm: &[f64])
                 let loss = model.free_joint.map_or(0.0, |free| free.frictionloss);
                 -pull.clamp(-loss, loss)
             }
+            RowKind::Coupling(_) => -pull,
             RowKind::Limit(_) | RowKind::Contact(..) | RowKind::SelfContact(..) => -pull.min(0.0),
         };
         for (sum, j) in sum.iter_mut().zip(&row.jacobian) {

@@ -185,6 +185,13 @@ fn telescopic_legs_converge_to_f64() {
     each_isa!(against_f64(&model, "states_telescope_pyr_imp1_fl", 1e-4));
 }
 
+/// Joints that follow others, with and without contact of own parts.
+#[test]
+fn coupled_joints_converge_to_f64() {
+    each_isa!(against_f64(&robot("hand"), "states_hand_pyr_imp1_fl", 1e-4));
+    each_isa!(against_f64(&touching("hand"), "states_hand_pyr_imp1_fl", 1e-4));
+}
+
 /// Balls and rods on a height field and on boxes.
 #[test]
 fn uneven_ground_converges_to_f64() {

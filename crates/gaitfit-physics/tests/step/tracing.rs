@@ -133,6 +133,11 @@ fn recorded_step_of_telescopic_legs_equals_f64() {
 }
 
 #[test]
+fn recorded_step_of_coupled_joints_equals_f64() {
+    compare(&robot("hand"), Preset::Accurate, "states_hand_pyr_imp1_fl");
+}
+
+#[test]
 fn recorded_self_contact_equals_f64() {
     compare(&touching("crab"), Preset::Fast, "states_crab_pyr_imp1_fl");
     for (name, file) in [("crab", "states_crab_ell_imp10_nofl"), ("twins", "states_twins_ell_imp1_fl")] {

@@ -117,8 +117,11 @@ impl Anatomy {
         let wheels: Vec<usize> = legs.iter().filter_map(|leg| wheel(model, leg, &frames)).collect();
         let of_legs = || (0..model.joints.len()).filter(|joint| all.iter().any(|path| path.contains(joint)));
         let driven = |joint: &usize| model.actuators.iter().any(|actuator| actuator.joint == *joint);
-        let passive: Vec<usize> =
-            of_legs().filter(|joint| of_legs().any(|other| driven(&other)) && !driven(joint)).collect();
+        let limp = |joint: &usize| {
+            let of_leg = all.iter().any(|path| path.contains(joint));
+            model.only_follows(*joint) || of_leg && of_legs().any(|other| driven(&other)) && !driven(joint)
+        };
+        let passive: Vec<usize> = (0..model.joints.len()).filter(limp).collect();
         let wheels: Vec<usize> = wheels.into_iter().filter(|joint| !passive.contains(joint)).collect();
         let moves = |joint: &usize| !wheels.contains(joint) && !passive.contains(joint);
         let moved: Vec<usize> = of_legs().filter(moves).collect();

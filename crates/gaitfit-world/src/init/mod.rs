@@ -263,11 +263,17 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
             format!("{wheels}: they roll; the policy gives them velocities. Steps are not paid for"),
         );
     }
-    if !anatomy.passive.is_empty() {
-        let passive = names(&anatomy.passive);
+    let couplings = model.couplings_in_words();
+    if !couplings.is_empty() {
+        say("coupled", couplings.join(", "));
+    }
+    let limp: Vec<usize> =
+        anatomy.passive.iter().copied().filter(|&joint| !model.only_follows(joint)).collect();
+    if !limp.is_empty() {
+        let limp = names(&limp);
         say(
             "passive",
-            format!("{passive}: without motors in the file; they move under their springs and limits"),
+            format!("{limp}: without motors in the file; they move under their springs and limits"),
         );
     }
     let held = others - anatomy.passive.len();

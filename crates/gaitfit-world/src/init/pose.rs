@@ -68,7 +68,9 @@ pub fn start(model: &Model) -> Pose {
 
 /// Every joint at its reference, as the file draws the robot, as far as its range allows. rad, model order.
 pub fn drawn(model: &Model) -> Vec<f64> {
-    model.joints.iter().map(|joint| within(joint, joint.reference)).collect()
+    let mut angles: Vec<f64> = model.joints.iter().map(|joint| within(joint, joint.reference)).collect();
+    model.couple(&mut angles);
+    angles
 }
 
 fn within(joint: &gaitfit_model::Joint, angle: f64) -> f64 {

@@ -80,6 +80,11 @@ fn text(summary: &Summary) -> String {
     for part in [bodies, hinges, slides, actuators, geoms].iter().filter(|part| part.row_count() > 0) {
         let _ = writeln!(text, "\n{part}");
     }
+    if !summary.couplings.is_empty() {
+        let couplings = summary.couplings.join("\n  ");
+        let _ =
+            writeln!(text, "\ncoupled joints (x: the leader's position from its reference):\n  {couplings}");
+    }
     if !summary.keyframes.is_empty() {
         let _ = writeln!(text, "\nkeyframes: {}", summary.keyframes.join(", "));
     }

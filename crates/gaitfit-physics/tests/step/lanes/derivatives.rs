@@ -208,6 +208,12 @@ fn a_period_of_telescopic_legs_has_its_derivatives() {
 }
 
 #[test]
+fn a_period_of_coupled_joints_has_its_derivatives() {
+    compare(&robot("hand"), "states_hand_pyr_imp1_fl", Preset::Accurate, true, 2.0);
+    compare(&robot("hand"), "states_hand_pyr_imp1_fl", Preset::Converged, false, 0.0);
+}
+
+#[test]
 fn a_period_with_elliptic_cones_has_its_derivatives() {
     let mut model = robot("go2");
     model.options.cone = Cone::Elliptic;

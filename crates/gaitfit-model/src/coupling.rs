@@ -1,0 +1,301 @@
+//! Joints that follow another one: MJCF `<equality><joint>`, URDF `<mimic>`.
+//!
+//! The engine solves a chain of up to three joints at once ([`MAX_SPAN`]). Couplings within such a chain are simulated. A
+//! mending reading locks the others; a strict one refuses them.
+
+use std::ops::RangeInclusive;
+
+use serde::Serialize;
+
+use crate::attributes::{Attributes, Context};
+use crate::defaults::Defaults;
+use crate::error::ModelError;
+use crate::mend::{Locked, lock};
+use crate::model::Model;
+use crate::shown::shown;
+use crate::spec::{BodySpec, MAX_ITEMS, SOLIMP, SOLREF};
+use crate::xml::{At, Element};
+
+/// Max number of neighbouring joints of a chain that couplings may connect.
+pub const MAX_SPAN: usize = 3;
+
+/// A joint that follows another one, or that is held: MuJoCo's equality constraint of joints, which is soft.
+///
+/// It pulls the follower's distance from its reference to Σₖ cₖ xᵏ, with x the leader's distance from its own reference.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Coupling {
+    /// The joint that follows: index into `joints`.
+    pub follower: usize,
+    /// The joint that it follows; `None`: it is held at c₀.
+    pub leader: Option<usize>,
+    /// c₀ to c₄: rad and m, by powers of the leader's rad or m.
+    pub polynomial: [f64; 5],
+    /// Reference (time constant s, damping ratio), or direct stiffness and damping if negative.
+    pub solref: [f64; 2],
+    /// Impedance (dmin, dmax, width, midpoint, power).
+    pub solimp: [f64; 5],
+}
+
+impl Coupling {
+    /// The follower's distance from its reference where the leader is `x` from its own.
+    pub fn follow(&self, x: f64) -> f64 {
+        self.polynomial.iter().rev().fold(0.0, |sum, c| sum * x + c)
+    }
+}
+
+impl Model {
+    /// Whether joint `index` follows another one or is held by a coupling.
+    pub fn follows(&self, index: usize) -> bool {
+        self.couplings.iter().any(|coupling| coupling.follower == index)
+    }
+
+    /// Whether joint `index` follows another one, or is held, and has no motor of its own.
+    pub fn only_follows(&self, index: usize) -> bool {
+        self.follows(index) && !self.actuators.iter().any(|actuator| actuator.joint == index)
+    }
+
+    /// The couplings in words: `tip follows knuckle: 0.1 + 0.9 x`.
+    pub fn couplings_in_words(&self) -> Vec<String> {
+        let name = |joint: usize| shown(&self.joints[joint].name);
+        let words = |coupling: &Coupling| {
+            let power = |k: usize| match k {
+                0 => String::new(),
+                1 => " x".to_owned(),
+                k => format!(" x^{k}"),
+            };
+            let all = coupling.polynomial.iter().enumerate().filter(|(_, c)| **c != 0.0);
+            let terms: Vec<String> = all.map(|(k, c)| format!("{c}{}", power(k))).collect();
+            let sum = if terms.is_empty() { "0".to_owned() } else { terms.join(" + ") };
+            let follower = name(coupling.follower);
+            match coupling.leader {
+                Some(leader) => format!("{follower} follows {}: {sum}", name(leader)),
+                None => format!("{follower} is held at {}", coupling.polynomial[0]),
+            }
+        };
+        self.couplings.iter().map(words).collect()
+    }
+
+    /// Moves the joints that follow others to where these want them; `positions` are those of all joints, rad or m.
+    pub fn couple(&self, positions: &mut [f64]) {
+        // A leader may follow another joint.
+        for _ in 0..MAX_SPAN {
+            for coupling in &self.couplings {
+                let reference = |joint: usize| self.joints[joint].reference;
+                let moved = coupling.leader.map_or(0.0, |leader| positions[leader] - reference(leader));
+                positions[coupling.follower] = reference(coupling.follower) + coupling.follow(moved);
+            }
+        }
+    }
+
+    /// Neighbouring joints that couplings connect, as ranges of indices.
+    pub fn coupled_spans(&self) -> Vec<RangeInclusive<usize>> {
+        spans(self.couplings.iter().map(|coupling| (coupling.follower, coupling.leader)))
+    }
+}
+
+/// The ranges of joints that `pairs` of follower and leader connect.
+fn spans(pairs: impl Iterator<Item = (usize, Option<usize>)>) -> Vec<RangeInclusive<usize>> {
+    let mut spans: Vec<RangeInclusive<usize>> = Vec::new();
+    for (follower, leader) in pairs {
+        let leader = leader.unwrap_or(follower);
+        let mut span = follower.min(leader)..=follower.max(leader);
+        spans.retain(|other| {
+            let apart = other.end() < span.start() || span.end() < other.start();
+            if !apart {
+                span = *other.start().min(span.start())..=*other.end().max(span.end());
+            }
+            apart
+        });
+        spans.push(span);
+    }
+    spans
+}
+
+/// A coupling of a file: joints by name, since locked joints may leave.
+pub(crate) struct NamedCoupling {
+    pub at: At,
+    pub follower: String,
+    pub leader: Option<String>,
+    /// Its joints are not set yet.
+    pub parameters: Coupling,
+}
+
+/// Parameters of `<equality>` by default.
+#[derive(Clone, Debug)]
+pub(crate) struct CouplingForm {
+    solref: [f64; 2],
+    solimp: [f64; 5],
+    inactive: bool,
+}
+
+impl Default for CouplingForm {
+    fn default() -> Self {
+        Self { solref: SOLREF, solimp: SOLIMP, inactive: false }
+    }
+}
+
+impl CouplingForm {
+    /// Reads an element's attributes over the present values.
+    pub fn apply(&mut self, ctx: &Context, a: &mut Attributes) -> Result<(), ModelError> {
+        a.prefix(ctx, "solref", &mut self.solref)?;
+        a.prefix(ctx, "solimp", &mut self.solimp)?;
+        if let Some(active) = a.boolean(ctx, "active")? {
+            self.inactive = !active;
+        }
+        Ok(())
+    }
+}
+
+impl NamedCoupling {
+    fn new(at: At, follower: &str, leader: Option<&str>, polynomial: [f64; 5], form: &CouplingForm) -> Self {
+        let CouplingForm { solref, solimp, .. } = *form;
+        let parameters = Coupling { follower: 0, leader: None, polynomial, solref, solimp };
+        Self { at, follower: follower.to_owned(), leader: leader.map(str::to_owned), parameters }
+    }
+
+    /// A `<mimic>` of URDF, with MuJoCo's usual softness.
+    pub fn mimic(at: At, follower: &str, leader: &str, offset: f64, factor: f64) -> Self {
+        let polynomial = [offset, factor, 0.0, 0.0, 0.0];
+        Self::new(at, follower, Some(leader), polynomial, &CouplingForm::default())
+    }
+}
+
+/// Reads the couplings of `<equality>` sections.
+///
+/// # Errors
+/// Attributes that cannot be read.
+pub(crate) fn read_couplings<'e>(
+    ctx: &mut Context,
+    sections: impl Iterator<Item = &'e Element>,
+    defaults: &Defaults,
+) -> Result<Vec<NamedCoupling>, ModelError> {
+    let mut all = Vec::new();
+    for element in sections.flat_map(|section| &section.children).filter(|child| child.name == "joint") {
+        if all.len() >= MAX_ITEMS {
+            return Err(ctx.too_many(element.at, "couplings", MAX_ITEMS));
+        }
+        let mut a = Attributes::new(element);
+        a.ignore(&["name"]);
+        let class = match a.text("class") {
+            Some(name) => defaults.find(ctx, a.at("class"), name)?,
+            None => 0,
+        };
+        let mut form = defaults.class(class).coupling.clone();
+        form.apply(ctx, &mut a)?;
+        let mut polynomial = [0.0, 1.0, 0.0, 0.0, 0.0];
+        a.prefix(ctx, "polycoef", &mut polynomial)?;
+        let follower = a.text("joint1").unwrap_or_default();
+        let leader = a.text("joint2").filter(|name| !name.is_empty());
+        a.finish(ctx)?;
+        if !form.inactive {
+            all.push(NamedCoupling::new(element.at, follower, leader, polynomial, &form));
+        }
+    }
+    Ok(all)
+}
+
+/// Finds the joints of `couplings` among those of `bodies`, by their order in the file. What cannot be simulated is refused; a
+/// mending reading locks it, a lenient one leaves it out.
+///
+/// # Errors
+/// A joint that does not exist, or follows itself; in a strict reading, joints too far apart.
+pub(crate) fn resolve(
+    ctx: &mut Context,
+    couplings: Vec<NamedCoupling>,
+    bodies: &mut [BodySpec],
+) -> Result<(Vec<Coupling>, Locked), ModelError> {
+    let chain = Chain::new(bodies);
+    let mut kept: Vec<NamedCoupling> = Vec::new();
+    let mut locked: Vec<NamedCoupling> = Vec::new();
+    for coupling in couplings {
+        let name = shown(&coupling.follower);
+        let other = shown(coupling.leader.as_deref().unwrap_or_default());
+        let Some((follower, leader)) = chain.find(&coupling) else {
+            let what = format!("coupling of joint \"{name}\" to \"{other}\"");
+            if !ctx.drops() {
+                let what = format!("{what}: one of them does not exist");
+                return Err(ctx.invalid(coupling.at, what, "name existing hinges or slides"));
+            }
+            ctx.refuse(coupling.at, what, "no hinge or slide has this name", "correct it")?;
+            continue;
+        };
+        if leader == Some(follower) {
+            let what = format!("joint \"{name}\" follows itself");
+            return Err(ctx.invalid(coupling.at, what, "name another joint"));
+        }
+        let pairs = kept.iter().filter_map(|other| chain.find(other));
+        let connected = spans(pairs.chain([(follower, leader)]));
+        if connected.iter().all(|span| chain.is_simulated(span)) {
+            kept.push(coupling);
+        } else if ctx.mend && !ctx.lenient {
+            locked.push(coupling);
+        } else {
+            ctx.refuse(
+                coupling.at,
+                format!("joint \"{name}\", which follows \"{other}\""),
+                format!("couplings are simulated among {MAX_SPAN} neighbouring joints of one chain"),
+                "remove the coupling and fix the joint",
+            )?;
+        }
+    }
+    // What follows a locked joint does not move either.
+    let fixed = |coupling: &NamedCoupling, locked: &[NamedCoupling]| {
+        let is_locked = |name: &String| locked.iter().any(|other| other.follower == *name);
+        is_locked(&coupling.follower) || coupling.leader.as_ref().is_some_and(is_locked)
+    };
+    while let Some(place) = kept.iter().position(|coupling| fixed(coupling, &locked)) {
+        locked.push(kept.remove(place));
+    }
+    let lost = lock(ctx, &locked, bodies);
+    let chain = Chain::new(bodies);
+    let numbered = kept.into_iter().filter_map(|coupling| {
+        let (follower, leader) = chain.find(&coupling)?;
+        Some(Coupling { follower, leader, ..coupling.parameters })
+    });
+    Ok((numbered.collect(), lost))
+}
+
+/// A file's joints in order, each with the joint that carries it.
+struct Chain {
+    names: Vec<String>,
+    parents: Vec<Option<usize>>,
+}
+
+impl Chain {
+    fn new(bodies: &[BodySpec]) -> Self {
+        let (mut names, mut parents) = (Vec::new(), Vec::new());
+        // The last joint of each body, or that of the body that carries it.
+        let mut last: Vec<Option<usize>> = Vec::with_capacity(bodies.len());
+        for (index, body) in bodies.iter().enumerate() {
+            let mut carrier = if index == 0 { None } else { last[body.parent] };
+            for (joint, _) in &body.joints {
+                parents.push(carrier);
+                carrier = Some(names.len());
+                names.push(joint.name.clone());
+            }
+            last.push(carrier);
+        }
+        Self { names, parents }
+    }
+
+    /// Follower and leader of a coupling; `None` if one of them does not exist.
+    fn find(&self, coupling: &NamedCoupling) -> Option<(usize, Option<usize>)> {
+        let joint = |name: &String| self.names.iter().position(|joint| !name.is_empty() && joint == name);
+        let leader = match &coupling.leader {
+            Some(name) => Some(joint(name)?),
+            None => None,
+        };
+        Some((joint(&coupling.follower)?, leader))
+    }
+
+    /// Whether the joints of `span` carry each other one by one, and nothing else but the last one.
+    fn is_simulated(&self, span: &RangeInclusive<usize>) -> bool {
+        let children =
+            |joint: usize| self.parents.iter().filter(move |parent| **parent == Some(joint)).count();
+        let links = *span.start() + 1..=*span.end();
+        span.end() - span.start() < MAX_SPAN
+            && links
+                .into_iter()
+                .all(|joint| self.parents[joint] == Some(joint - 1) && children(joint - 1) == 1)
+    }
+}

@@ -1,0 +1,145 @@
+//! Joints that follow others: MuJoCo's equality constraints of joints, within one segment.
+//!
+//! The row of a coupling is J a − aref with J = 1 at the follower and −s at the leader, s the slope of its polynomial at the
+//! leader's position. It is always active. `mj_diagApprox` takes the sum of both joints' `dof_invweight0`, without s.
+
+use gaitfit_model::Model;
+
+use crate::compile::{impedance as compile_impedance, reference};
+use crate::contact::impedance;
+use crate::state::{State, Work};
+use crate::tree::{Coupling, Reference, Segment, Tree};
+use crate::{Params, PhysicsError, Real, Settings};
+
+/// The row of a coupling during one step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CouplingWork<T> {
+    /// The row's stiffness.
+    pub d: T,
+    /// Minus its reference acceleration.
+    pub bias: T,
+    /// How far the follower moves for a unit of the leader.
+    pub slope: T,
+}
+
+impl<T: Real> CouplingWork<T> {
+    pub fn zero() -> Self {
+        let z = T::zero();
+        Self { d: z, bias: z, slope: z }
+    }
+}
+
+/// Constants of the model's couplings, in the order of `segments`, which get their ranges.
+///
+/// # Errors
+/// Joints of two segments, and an impedance that single precision cannot hold.
+pub(crate) fn compile<T: Real>(
+    model: &Model,
+    settings: &Settings,
+    segments: &mut [Segment],
+) -> Result<Vec<Coupling<T::K>>, PhysicsError> {
+    let mut all = Vec::with_capacity(model.couplings.len());
+    for segment in segments.iter_mut() {
+        let first = all.len();
+        let joints = segment.first - 1..segment.first - 1 + segment.len;
+        for coupling in model.couplings.iter().filter(|coupling| joints.contains(&coupling.follower)) {
+            let name = |joint: usize| model.joints[joint].name.clone();
+            if let Some(leader) = coupling.leader.filter(|leader| !joints.contains(leader)) {
+                return Err(PhysicsError::Coupling {
+                    follower: name(coupling.follower),
+                    leader: name(leader),
+                });
+            }
+            let (k, b, gain) = reference(&coupling.solref, coupling.solimp[1], settings);
+            let label = format!("coupling of joint `{}`", name(coupling.follower));
+            all.push(Coupling {
+                follower: coupling.follower,
+                leader: coupling.leader,
+                polynomial: coupling.polynomial.map(T::constant),
+                impedance: compile_impedance(&coupling.solimp, T::constant, &label)?,
+                reference: Reference { k: T::constant(k), b: T::constant(b), gain: T::constant(gain) },
+            });
+        }
+        segment.couplings = first..all.len();
+    }
+    Ok(all)
+}
+
+/// Rows of all couplings at the state's pose and velocity.
+#[inline(always)]
+pub(crate) fn prepare<T: Real>(tree: &Tree<T::K>, params: &Params<T>, state: &State<T>, work: &mut Work<T>) {
+    for (index, coupling) in tree.couplings.iter().enumerate() {
+        let moved = |joint: usize| state.qpos[joint] - T::k(tree.links[joint + 1].reference);
+        let mut gap = moved(coupling.follower) - T::k(coupling.polynomial[0]);
+        let mut velocity = state.qvel[coupling.follower];
+        let mut weight = params.joints[coupling.follower].weight;
+        let mut slope = T::zero();
+        if let Some(leader) = coupling.leader {
+            let x = moved(leader);
+            let [_, linear, square, cube, fourth] = coupling.polynomial.map(|c| T::k(c));
+            gap = x.fnma(x.fma(x.fma(x.fma(fourth, cube), square), linear), gap);
+            let [square, cube, fourth] = [T::lit(2.0) * square, T::lit(3.0) * cube, T::lit(4.0) * fourth];
+            slope = x.fma(x.fma(x.fma(fourth, cube), square), linear);
+            velocity = slope.fnma(state.qvel[leader], velocity);
+            // The reciprocal of the sum of both joints' inverse inertias.
+            let other = params.joints[leader].weight;
+            weight = weight * other * (weight + other).recip();
+        }
+        let reference = &coupling.reference;
+        let imp = impedance(&coupling.impedance, gap);
+        let d = imp * weight * T::k(reference.gain) * (T::lit(1.0) - imp).recip();
+        let bias = T::k(reference.b).fma(velocity, T::k(reference.k) * imp * gap);
+        work.couplings[index] = CouplingWork { d, bias, slope };
+    }
+}
+
+/// J of accelerations or steps of the joints.
+#[inline(always)]
+fn along_row<T: Real>(coupling: &Coupling<T::K>, row: &CouplingWork<T>, joint: impl Fn(usize) -> T) -> T {
+    let own = joint(coupling.follower);
+    coupling.leader.map_or(own, |leader| row.slope.fnma(joint(leader), own))
+}
+
+/// Negative torques of a coupling on its follower and its leader, which it adds to the joints' rows.
+#[inline(always)]
+pub(crate) fn push<T: Real>(tree: &Tree<T::K>, index: usize, state: &State<T>, work: &mut Work<T>) -> [T; 2] {
+    let coupling = &tree.couplings[index];
+    let row = work.couplings[index];
+    let force = row.d * (along_row(coupling, &row, |joint| state.qacc[joint]) + row.bias);
+    let joint = &mut work.joints[coupling.follower];
+    joint.row = joint.row + force;
+    let back = -(row.slope * force);
+    if let Some(leader) = coupling.leader {
+        let joint = &mut work.joints[leader];
+        joint.row = joint.row + back;
+    }
+    [force, back]
+}
+
+impl<T: Real> CouplingWork<T> {
+    /// Its Hessian: of the follower, between follower and leader, of the leader.
+    #[inline(always)]
+    pub fn hessian(&self) -> [T; 3] {
+        let mixed = -(self.slope * self.d);
+        [self.d, mixed, -(self.slope * mixed)]
+    }
+}
+
+/// `g` with the first and second derivative of the rows' cost at `alpha` along the step.
+#[inline(always)]
+pub(crate) fn along<T: Real>(
+    tree: &Tree<T::K>,
+    alpha: T,
+    state: &State<T>,
+    work: &Work<T>,
+    mut g: (T, T),
+) -> (T, T) {
+    for (coupling, row) in tree.couplings.iter().zip(&work.couplings) {
+        let step = along_row(coupling, row, |joint| work.joints[joint].step);
+        let now = along_row(coupling, row, |joint| state.qacc[joint]) + row.bias;
+        let curve = row.d * step;
+        g.0 = curve.fma(alpha.fma(step, now), g.0);
+        g.1 = curve.fma(step, g.1);
+    }
+    g
+}
