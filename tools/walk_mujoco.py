@@ -36,6 +36,7 @@ def main():
     parser.add_argument("--tilt", type=float, help="degrees from which a robot has fallen [the task's]")
     parser.add_argument("--lowest", type=float, help="base height below which it has, m [the task's]")
     parser.add_argument("--friction", type=float, help="sliding friction of every geom [the file's]")
+    parser.add_argument("--armature", type=float, help="rotor inertia of every joint, kg·m² [the file's]")
     parser.add_argument("--ground-only", action="store_true", help="no contacts between parts of the robot")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--processes", type=int, default=2)
@@ -53,6 +54,7 @@ def main():
     world = World(
         **{name: getattr(args, name) for name in same},
         fall={key: value for key, value in fall.items() if value is not None},
+        armature={} if args.armature is None else {"*": args.armature},
     )
     check(world)
     ranges = Policy(args.policy).command

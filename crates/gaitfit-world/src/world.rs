@@ -52,6 +52,15 @@ impl WorldSettings {
         }
     }
 
+    /// The task with the robots that are asked for: randomised, the nominal one, or the fitted one.
+    pub fn of_robots(&self, settings: TaskSettings) -> TaskSettings {
+        match (self.randomised, &self.theta) {
+            (true, _) => settings,
+            (false, None) => settings.nominal(),
+            (false, Some(_)) => settings.calm(),
+        }
+    }
+
     /// Threads asked for, or one a core.
     pub fn threads(&self) -> usize {
         self.threads.map_or_else(crate::machine::threads, std::num::NonZeroUsize::get)
@@ -93,7 +102,7 @@ impl World {
         let mut settings = task(args, &policy)?;
         // Uneven ground is measured on its own.
         settings.terrain = None;
-        let world = Self::with_task(args, policy, if args.randomised { settings } else { settings.calm() });
+        let world = Self::with_task(args, policy, args.of_robots(settings));
         let mut world = world.map_err(|error| args.of_task(error))?;
         world.warnings.splice(0..0, notes);
         Ok(world)
@@ -114,6 +123,11 @@ impl World {
         let mut changes = Vec::new();
         if args.randomised {
             changes.push("randomised as in training".to_owned());
+        } else if settings.randomisation.armature[0] > 0.0 {
+            let smallest = settings.randomisation.armature[0];
+            changes.push(format!(
+                "rotor inertia of {smallest} kg·m² added to each joint, the smallest of the training"
+            ));
         }
         let mut model = match &args.robot {
             Some(path) => robot::read(path, args.lenient, Hold::File)?,

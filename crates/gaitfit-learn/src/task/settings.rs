@@ -277,6 +277,14 @@ pub struct PushSettings {
 }
 
 impl TaskSettings {
+    /// As [`Self::calm`], with the smallest rotor inertia of the training: of a file without rotors no robot of the training is
+    /// without one, and its gains would shake light links. For a robot whose numbers nobody fitted.
+    pub fn nominal(&self) -> Self {
+        let mut nominal = self.calm();
+        nominal.randomisation.armature = [self.randomisation.armature[0].max(0.0); 2];
+        nominal
+    }
+
     /// The task as it is evaluated: one command, the nominal robot, no noise, no pushes, starts at rest, the robot file's
     /// ground.
     pub fn calm(&self) -> Self {

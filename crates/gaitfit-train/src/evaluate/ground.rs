@@ -175,9 +175,7 @@ pub(super) fn open(
     let args = &args;
     let mut settings = world::task(args, policy)?;
     let Some(terrain) = choice.settings(settings.terrain.take()) else { return Ok(None) };
-    if !args.randomised {
-        settings = settings.calm();
-    }
+    settings = args.of_robots(settings);
     settings.terrain = Some(terrain);
     World::with_task(args, policy.clone(), settings).map(Some).map_err(|error| choice.named(error))
 }

@@ -18,7 +18,8 @@ pub struct Shown {
 
 /// Runs the policy's mean actions on the task without noise, pushes and variation, and records them.
 pub fn show(setup: &Setup, policy: &Policy) -> Result<Shown, Error> {
-    let task = setup.scene.settings.calm();
+    let settings = &setup.scene.settings;
+    let task = if setup.candidate.is_some() { settings.calm() } else { settings.nominal() };
     let interface = policy.interface.clone();
     let delay = setup.candidate.as_ref().map_or(0.0, longest_delay);
     let scene = Task::with_interface(&setup.model, &task, interface, setup.plan.preset, delay)?;

@@ -2,6 +2,7 @@
 
 use super::InitError;
 use super::anatomy::{Anatomy, path};
+use super::rotors::Rotors;
 use super::sizes::{Sizes, digits, tidy};
 use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{dot, sub};
@@ -30,8 +31,6 @@ const THICKEST: f64 = 1.6;
 /// The same of held joints, of which a limb has many.
 const HELD_STIFFEST: f64 = 0.1;
 const HELD_THICKEST: f64 = 0.2;
-/// Rotor inertia of a motor over m l²: the Go2's 0.01 kg·m².
-const ROTOR: f64 = 0.0073;
 /// How far a held joint sags under what hangs on it, rad.
 const SAG: f64 = 0.1;
 
@@ -58,8 +57,8 @@ pub struct Gains {
     pub scale: Vec<f64>,
     /// Physics steps in a control period.
     pub substeps: usize,
-    /// Rotor inertia that robots get in training where the file has none: `[smallest, largest]`, kg·m².
-    pub armature: Option<[f64; 2]>,
+    /// Rotor inertia where the robot's own file has none.
+    pub rotors: Option<Rotors>,
     /// Where they are from.
     pub how: String,
     /// What is odd about them.
@@ -237,21 +236,25 @@ impl<'a> Chooser<'a> {
 }
 
 impl Gains {
-    /// In the pose `angles` (rad, model order).
+    /// In the pose `angles` (rad, model order). `written`: the rotors that `init` wrote into the robot's file.
     pub fn new(
         model: &Model,
         anatomy: &Anatomy,
         angles: &[f64],
         sizes: &Sizes,
         source: Source,
+        written: Option<Rotors>,
     ) -> Result<Self, InitError> {
-        let chooser = Chooser::new(model, anatomy, angles, sizes, source)?;
+        let mut chooser = Chooser::new(model, anatomy, angles, sizes, source)?;
         let ratio = chooser.ratio();
         let takes_servos = match source {
             Source::Likely => ratio.is_some_and(|ratio| (1.0 / LIKELY..=LIKELY).contains(&ratio)),
             Source::Servos => ratio.is_some(),
             Source::Size(_) => false,
         };
+        let rotors = written.or_else(|| Rotors::guess(model, anatomy, sizes));
+        let unwritten = rotors.map_or(0.0, |rotors| rotors.unwritten());
+        chooser.inertia.iter_mut().for_each(|inertia| *inertia += unwritten);
         let (mut kp, mut kd, mut scale) = (Vec::new(), Vec::new(), Vec::new());
         let mut bounded = Vec::new();
         for joint in 0..model.joints.len() {
@@ -278,18 +281,14 @@ impl Gains {
                 digits(PERIOD / substeps as f64, 3)
             ));
         }
-        let bare = anatomy.moved.iter().all(|&joint| model.joints[joint].armature == 0.0);
-        let armature = bare.then(|| {
-            let max = ROTOR * sizes.mass * sizes.leg * sizes.leg;
-            [tidy(max / 3.0), tidy(max)]
-        });
-        if let Some([min, max]) = armature {
+        if let Some(Rotors { smallest, largest, in_file }) = rotors {
+            let has = if in_file { "written into the robot file" } else { "of the nominal robot" };
             doubts.push(format!(
-                "the file gives no rotor inertia (armature), without which light links shake; robots get {min:?} to \
-                 {max:?} kg·m² in training (a guess)"
+                "the file gives no rotor inertia (armature), without which light links shake; robots get {smallest:?} to \
+                 {largest:?} kg·m² in training (a guess); the smallest is {has}"
             ));
         }
-        Ok(Self { kp, kd, scale, substeps, armature, how: chooser.how(source, takes_servos, ratio), doubts })
+        Ok(Self { kp, kd, scale, substeps, rotors, how: chooser.how(source, takes_servos, ratio), doubts })
     }
 }
 

@@ -1,12 +1,13 @@
 //! A robot file for a first task: as it is if it reads, else mended and written anew.
 //!
 //! What a strict reading refuses is mended where the robot stays the same to walk with: feet that are meshes get simple shapes,
-//! coupled joints are locked, links without mass get one, unknown parts are left out. The result is a robot file of its own,
+//! joints coupled across limbs are locked, links without mass and motors without rotor inertia get one, unknown parts are left out. The result is a robot file of its own,
 //! which every command and MuJoCo read as any other; every change is listed in it.
 
 use super::anatomy::made_up;
 use super::feet::{Added, fit_feet};
-use super::{Guess, InitError, Look, look, twin};
+use super::gains::Source;
+use super::{Guess, InitError, Look, look, look_with, twin};
 use crate::Error;
 use crate::robot::{self, Hold};
 use gaitfit_model::{Changed, Model, ReadOptions, read_mjcf_str, shown, shown_path};
@@ -95,7 +96,16 @@ fn mend(path: &Path, lenient: bool, anew: bool) -> Result<Prepared, Error> {
     let mut model = gaitfit_model::read(path, &options)?;
     let added = fit_feet(&mut model, anew);
     name_geoms(&mut model);
-    let mended = changes(&model, &added);
+    let mut mended = changes(&model, &added);
+    let mut rotors = look(&model).map_err(|error| looked(path, &error))?.rotors;
+    if let Some(rotors) = &mut rotors {
+        rotors.write(&mut model);
+        let found = format!(
+            "rotor inertia of {:?} kg·m² in every joint with a motor: the file gives none (a guess)",
+            rotors.smallest
+        );
+        mended.push(Guess { what: "rotors", found });
+    }
     let mut comments = vec![
         format!("Written by `gaitfit init` from {}: one file without includes and meshes.", shown_path(path)),
         "What it mended, and why; change here what is wrong:".to_owned(),
@@ -104,7 +114,7 @@ fn mend(path: &Path, lenient: bool, anew: bool) -> Result<Prepared, Error> {
     let text = model.to_mjcf(&comments).map_err(Error::failed)?;
     // What is written is what trains.
     let model = read_mjcf_str(&text, &ReadOptions { add_floor: true, ..ReadOptions::default() })?;
-    let look = look(&model).map_err(|error| looked(path, &error))?;
+    let look = look_with(&model, Source::Likely, rotors).map_err(|error| looked(path, &error))?;
     Ok(Prepared { model, look, file: Some(text), mended })
 }
 

@@ -5,8 +5,11 @@
 //! bipedal and quadrupedal animals": walks of equal Froude number v²/(g l) are alike).
 
 mod anatomy;
+#[cfg(test)]
+mod biped_test;
 mod feet;
 mod gains;
+mod level;
 mod mended;
 #[cfg(test)]
 mod mended_test;
@@ -14,6 +17,7 @@ mod motors;
 #[cfg(test)]
 mod odd_test;
 mod pose;
+mod rotors;
 mod shape;
 mod sizes;
 #[cfg(test)]
@@ -35,6 +39,7 @@ pub use gains::servo;
 use gains::{Gains, Source};
 pub use mended::{Preparation, Prepared, prepare};
 use pose::Pose;
+use rotors::Rotors;
 use sizes::Sizes;
 
 /// Why no task is found for a robot.
@@ -102,6 +107,9 @@ pub enum InitError {
 /// What a robot with elliptic cones trains with: those take the solver three times as many steps.
 const CONE: &str = "cone = \"pyramidal\"              # the file's elliptic cones take longer in training\n";
 
+/// Number of couplings of joints that are printed.
+const NAMED_COUPLINGS: usize = 2;
+
 /// Number of randomised robots that are made of what is written, as a training would make them.
 const VARIED: usize = 64;
 
@@ -127,6 +135,8 @@ pub struct Look {
     text: String,
     /// Legs and gait.
     anatomy: Anatomy,
+    /// Rotor inertia where the robot's own file has none.
+    rotors: Option<Rotors>,
     /// Joints of the stance, rad, of slides m; model order.
     angles: Vec<f64>,
 }
@@ -168,7 +178,7 @@ impl Look {
 /// # Errors
 /// A robot that cannot walk, or in which no legs are found.
 pub fn look(model: &Model) -> Result<Look, InitError> {
-    look_with(model, Source::Likely)
+    look_with(model, Source::Likely, None)
 }
 
 /// Other guesses at the gains of a robot whose policy did not learn to walk: the gains of the file's position actuators, then
@@ -176,7 +186,7 @@ pub fn look(model: &Model) -> Result<Look, InitError> {
 pub fn other_guesses(model: &Model, first: &Look) -> Vec<Look> {
     let sources = [Source::Servos, Source::Size(1.0), Source::Size(0.6), Source::Size(1.6)];
     let mut found: Vec<Look> = Vec::new();
-    for look in sources.iter().filter_map(|&source| look_with(model, source).ok()) {
+    for look in sources.iter().filter_map(|&source| look_with(model, source, first.rotors).ok()) {
         let same = |other: &Look| other.settings.policy == look.settings.policy;
         if !same(first) && !found.iter().any(same) {
             found.push(look);
@@ -185,7 +195,8 @@ pub fn other_guesses(model: &Model, first: &Look) -> Vec<Look> {
     found
 }
 
-fn look_with(model: &Model, source: Source) -> Result<Look, InitError> {
+/// `written`: the rotors that `init` wrote into the robot's file.
+fn look_with(model: &Model, source: Source, written: Option<Rotors>) -> Result<Look, InitError> {
     let robot = || shown(&model.name);
     if model.root != Root::Floating {
         return Err(InitError::Clamped { robot: robot() });
@@ -195,7 +206,7 @@ fn look_with(model: &Model, source: Source) -> Result<Look, InitError> {
     // Feet are looked for once more in the pose that was found: the lowest geoms may be others.
     let anatomy = Anatomy::find(model, &pose.angles)?;
     let sizes = Sizes::new(model, &anatomy, &pose.angles);
-    let gains = Gains::new(model, &anatomy, &pose.angles, &sizes, source)?;
+    let gains = Gains::new(model, &anatomy, &pose.angles, &sizes, source, written)?;
     let text = text::task(model, &anatomy, &pose, &sizes, &gains);
     let settings = read(&text).map_err(|why| InitError::Task { robot: robot(), why })?;
     // What a training would refuse, in a robot of odd sizes, is said now.
@@ -204,7 +215,7 @@ fn look_with(model: &Model, source: Source) -> Result<Look, InitError> {
     task.robots(&[Candidate::nominal(model)], 0, 0, VARIED).map_err(refused)?;
     let elliptic = model.options.cone == Cone::Elliptic;
     let guesses = guesses(model, &anatomy, &pose, &sizes, &gains);
-    Ok(Look { settings, guesses, elliptic, text, anatomy, angles: pose.angles })
+    Ok(Look { settings, guesses, elliptic, text, anatomy, rotors: gains.rotors, angles: pose.angles })
 }
 
 /// The pose from which the stance is sought, and the legs in it: a keyframe's, unless the robot as the file draws it has more
@@ -265,7 +276,13 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
     }
     let couplings = model.couplings_in_words();
     if !couplings.is_empty() {
-        say("coupled", couplings.join(", "));
+        let more = couplings.len().saturating_sub(NAMED_COUPLINGS);
+        let more = if more > 0 { format!("; {more} more") } else { String::new() };
+        let named = &couplings[..couplings.len().min(NAMED_COUPLINGS)];
+        say(
+            "coupled",
+            format!("{}{more} (x: how far the other joint is from its reference)", named.join("; ")),
+        );
     }
     let limp: Vec<usize> =
         anatomy.passive.iter().copied().filter(|&joint| !model.only_follows(joint)).collect();

@@ -1,6 +1,7 @@
 //! The pose in which a robot stands.
 
 use super::anatomy::{Anatomy, Leg};
+use super::level::Sole;
 use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{dot, quat_of, rotate, sub, up};
 use gaitfit_model::{JointKind, Model, shown};
@@ -12,10 +13,14 @@ const BENT: f64 = 0.8;
 const NEARLY_STRAIGHT: f64 = 0.95;
 /// The same share below which a keyframe has folded legs: the robot lies. Unitree's own B2 has 0.2, standing robots 0.6 or more.
 const FOLDED: f64 = 0.35;
+/// Legs that the file draws shorter than this share are folded.
+const DRAWN_SHORT: f64 = 0.6;
 /// How far a keyframe may be beyond the limits of a joint, rad.
 const BEYOND: f64 = 0.1;
 /// Sine of the angle at the knee from which a leg counts as bent as the file draws it.
 const DRAWN_BENT: f64 = 0.1;
+/// Part of a joint's range to each limit that a stance leaves.
+const ROOM: f64 = 0.2;
 /// Steps of the search for a leg's angles.
 const STEPS: usize = 400;
 
@@ -77,6 +82,14 @@ fn within(joint: &gaitfit_model::Joint, angle: f64) -> f64 {
     joint.range.map_or(angle, |[low, high]| angle.clamp(low, high.max(low)))
 }
 
+/// `angle` as far as it leaves room to the joint's limits: nobody stands with a knee at its stop.
+fn well_within(joint: &gaitfit_model::Joint, angle: f64) -> f64 {
+    joint.range.map_or(angle, |[low, high]| {
+        let room = ROOM * (high - low).max(0.0);
+        angle.clamp(low + room, (high - room).max(low + room))
+    })
+}
+
 /// The pose itself where a keyframe has it; else, and where the keyframe's legs are folded, every leg bent such that its foot
 /// is under its hip.
 pub fn standing(model: &Model, start: Pose, anatomy: &Anatomy) -> Pose {
@@ -85,8 +98,11 @@ pub fn standing(model: &Model, start: Pose, anatomy: &Anatomy) -> Pose {
         return start;
     }
     let mut angles = start.angles;
-    let share = if anatomy.biped() { NEARLY_STRAIGHT } else { BENT };
+    let usual = if anatomy.biped() { NEARLY_STRAIGHT } else { BENT };
     for leg in &anatomy.legs {
+        // Legs that the file draws bent stay as long.
+        let drawn = share_of(model, leg, &angles).filter(|share| *share > DRAWN_SHORT);
+        let share = drawn.map_or(usual, |drawn| drawn.min(usual));
         extend(model, leg, &mut angles);
         bend(model, leg, share, anatomy.biped(), &mut angles);
     }
@@ -212,7 +228,12 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
     let axis = |joint: usize| axis(model, joint, &rest);
     let anchor = |joint: usize, frames: &[Frame]| anchor(model, joint, frames);
     let target = |frames: &[Frame]| chain.end(model, leg, frames);
+    let sole = if flat { Sole::new(model, leg, &rest) } else { None };
     let level = |frames: &[Frame]| {
+        if let Some(sole) = &sole {
+            return sole.tilt(frames);
+        }
+        // As the file draws it.
         let body = model.joints[last].body;
         let before = rotate(rest[body].quaternion, [1.0, 0.0, 0.0]);
         let now = rotate(frames[body].quaternion, [1.0, 0.0, 0.0]);
@@ -236,7 +257,7 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
         let mut found = angles.to_vec();
         for (place, &joint) in pitch.iter().enumerate() {
             let turn = [0.6, -1.2, 0.6][place.min(2)] * sign * axis(joint)[1].signum();
-            found[joint] = within(&model.joints[joint], angles[joint] + turn);
+            found[joint] = well_within(&model.joints[joint], angles[joint] + turn);
         }
         let reached = descend(model, pitch, &mut found, cost);
         let wrong_way = (knee_ahead(&found) > 0.0) != forward;
@@ -267,7 +288,7 @@ fn descend(model: &Model, joints: &[usize], angles: &mut [f64], cost: impl Fn(&[
             let before = angles[joint];
             let mut better = false;
             for sign in [1.0, -1.0] {
-                angles[joint] = within(&model.joints[joint], before + sign * *step);
+                angles[joint] = well_within(&model.joints[joint], before + sign * *step);
                 let found = cost(angles);
                 if found < best {
                     (best, better) = (found, true);

@@ -184,8 +184,12 @@ fn falls_and_draws(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &
     let min = -mass.min(MIN_SHARE * base_mass);
     line(text, "base_mass", format!("[{:?}, {:?}]", tidy(min), tidy(3.0 * mass)), "kg added");
     line(text, "base_com", float(tidy(0.02 * sizes.length())), "m, half range along each axis");
-    if let Some([min, max]) = gains.armature {
-        let comment = "kg·m² added: the file has no rotor inertia (a guess)";
+    if let Some(rotors) = gains.rotors {
+        let [min, max] = rotors.added();
+        let comment = match rotors.in_file {
+            true => "kg·m² added to what `init` wrote into the file (a guess)",
+            false => "kg·m² added: the file has no rotor inertia (a guess)",
+        };
         line(text, "armature", format!("[{min:?}, {max:?}]"), comment);
     }
     let _ = writeln!(text, "\n[task.push]");
