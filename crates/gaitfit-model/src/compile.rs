@@ -4,6 +4,7 @@ use crate::attributes::Context;
 use crate::contact::{candidates, numbered, self_collisions};
 use crate::error::ModelError;
 use crate::keyframes::fill_keyframes;
+use crate::looks::Source;
 use crate::mend::{fill_masses, outlines};
 use crate::model::{Body, FreeJoint, Geom, Model, Plane, Root, Shape};
 use crate::names::name_everything;
@@ -87,6 +88,7 @@ pub(crate) fn compile(
         keyframes: Vec::new(),
         sites: Vec::new(),
         outlines: Vec::new(),
+        source: Source::default(),
         dropped: Vec::new(),
         changed: Vec::new(),
     };

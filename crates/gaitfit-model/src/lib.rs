@@ -28,6 +28,7 @@
 //!
 //! A mending reading ([`ReadOptions::mend`]) locks coupled joints, gives links mass, and keeps what a robot looks
 //! like ([`Model::outlines`], with the readers of [`mesh`]); [`Model::to_mjcf`] writes the result as a file of its own.
+//! [`Model::looks`] are the meshes of the file, for pictures.
 
 mod actuator;
 mod attach;
@@ -48,6 +49,7 @@ mod joint_kind;
 mod keyframes;
 pub mod kinematics;
 mod listing;
+mod looks;
 mod mend;
 pub mod mesh;
 mod mjcf;
@@ -80,6 +82,7 @@ pub use cholesky::Cholesky;
 pub use error::{ModelError, Place};
 pub use joint_kind::{JointAxis, JointKind};
 pub use listing::LeftOut;
+pub use looks::{Look, Looks, Source};
 pub use model::*;
 pub use outline::{Form, MeshFile, Outline};
 pub use read::{ReadOptions, read, read_mjcf_str, read_urdf_str};

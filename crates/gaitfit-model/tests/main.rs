@@ -4,6 +4,7 @@ mod attach;
 mod free_joint;
 mod ground;
 mod hostile;
+mod looks;
 mod mend;
 mod mujoco;
 mod refuse;
