@@ -12,7 +12,7 @@
 //!
 //! | MJCF | |
 //! | --- | --- |
-//! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `replicate`, `attach`, `inertial`, `freejoint`, hinges, slides, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `key`, the tuple `velocity_limit` |
+//! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `replicate`, `attach`, `inertial`, `freejoint`, hinges, slides, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `key`, the tuple `velocity_limit`, the text `gaitfit_source` |
 //! | read of `asset` | `hfield`: elevations, MuJoCo's binary files, PNG pictures |
 //! | passed over | other assets, `visual`, `statistic`, `size`, other `custom` data, lights, cameras |
 //! | listed | visual geoms, sensors, self-collision ([`Model::touching_itself`] chooses pairs of it) |

@@ -23,7 +23,7 @@ const MAX_PLACES: usize = 256;
 const MAX_FILES: usize = 256;
 const MAX_BYTES: u64 = 200_000_000;
 /// Triangles of the files at most, before they get fewer.
-const MAX_READ: usize = 1 << 21;
+const MAX_READ: usize = 1 << 20;
 
 /// Meshes on the links of a robot.
 #[derive(Clone, Debug, Default, PartialEq)]

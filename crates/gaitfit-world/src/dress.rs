@@ -17,11 +17,32 @@ pub(crate) fn dressed(mut robot: ReplayRobot, model: &Model) -> ReplayRobot {
         Some(Geom { body, shape, position: place.pos, quaternion: place.quat, foot })
     });
     let meshes: Vec<Geom> = meshes.collect();
+    let hidden = |foot: usize| !meshes.is_empty() && meshes.iter().all(|mesh| mesh.foot != Some(foot));
+    for geom in robot.geoms.iter_mut().filter(|geom| geom.foot.is_some_and(hidden)) {
+        geom.shape = grown(geom.shape);
+    }
     robot.geoms.retain(|geom| geom.foot.is_some() || !meshes.iter().any(|mesh| mesh.body == geom.body));
     robot.geoms.extend(meshes);
     let mesh = |mesh: &ThinMesh| Mesh { vertices: mesh.vertices.clone(), triangles: mesh.triangles.clone() };
     robot.meshes = looks.meshes.iter().map(mesh).collect();
     robot
+}
+
+/// A foot's geom a tenth thicker: most of it would lie within the mesh of a leg.
+fn grown(shape: Shape) -> Shape {
+    let by = |sizes: &[f64]| 0.1 * sizes.iter().copied().fold(f64::INFINITY, f64::min);
+    match shape {
+        Shape::Box { half } => Shape::Box { half: half.map(|side| side + by(&half)) },
+        Shape::Sphere { radius } => Shape::Sphere { radius: radius + by(&[radius]) },
+        Shape::Cylinder { radius, half_length } => {
+            let more = by(&[radius, half_length]);
+            Shape::Cylinder { radius: radius + more, half_length: half_length + more }
+        }
+        Shape::Capsule { radius, half_length } => {
+            Shape::Capsule { radius: radius + by(&[radius]), half_length }
+        }
+        Shape::Mesh { .. } => shape,
+    }
 }
 
 /// A mesh's vertices in its body's frame, m.
@@ -102,6 +123,11 @@ mod tests {
             found,
             [(0, ball(0.1), None), (1, ball(0.02), Some(0)), (1, mesh(0), Some(0)), (1, mesh(1), None)]
         );
+        // A shank hides it too, and is no foot: the ball shows through.
+        write("shank.xml", &text(&visual("shank")));
+        let drawn = shape("r", &read("shank.xml"), &["foot".to_owned()]);
+        let found: Vec<_> = drawn.geoms.iter().map(|geom| (geom.shape, geom.foot)).collect();
+        assert_eq!(found, [(ball(0.1), None), (ball(0.022), Some(0)), (mesh(0), None)]);
         write("bare.xml", &text(""));
         std::fs::remove_file(folder.path().join("m.obj")).unwrap();
         assert_eq!(

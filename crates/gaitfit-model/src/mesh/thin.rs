@@ -39,6 +39,8 @@ pub(crate) struct Pool {
     mesh: Vec<usize>,
     pub triangles: Vec<[u32; 3]>,
     meshes: usize,
+    /// Diagonal of the largest mesh's box, m.
+    largest: f64,
 }
 
 impl Pool {
@@ -51,8 +53,9 @@ impl Pool {
     pub fn add(&mut self, mesh: &Mesh) -> usize {
         let number = self.meshes;
         self.meshes += 1;
-        let cell = diagonal(mesh.triangles.iter().flatten()) / CELLS;
-        let mut grid = Grid::new(cell);
+        let diagonal = diagonal(mesh.triangles.iter().flatten());
+        self.largest = self.largest.max(diagonal);
+        let mut grid = Grid::new(diagonal / CELLS);
         let start = self.vertices.len();
         for triangle in &mesh.triangles {
             self.triangles.extend(distinct(triangle.map(|point| (start + grid.put(number, point)) as u32)));
@@ -70,7 +73,7 @@ impl Pool {
 
     /// The meshes by their numbers, with at most `max` triangles together. A mesh may end without any.
     pub fn thinned(mut self, max: usize) -> Vec<ThinMesh> {
-        let mut cell = (diagonal(self.vertices.iter()) / FINE_CELLS).max(NARROWEST);
+        let mut cell = (self.largest / FINE_CELLS).max(NARROWEST);
         let mut shrink = |pool: &mut Self, max: usize, corners: usize| {
             while pool.len() > max || pool.vertices.len() > corners {
                 pool.cluster(cell);
@@ -102,7 +105,7 @@ impl Pool {
             sorted.sort_unstable();
             triangles.extend(distinct(corners).filter(|_| seen.insert(sorted)));
         }
-        *self = Self { vertices: grid.means().collect(), mesh, triangles, meshes: self.meshes };
+        (self.vertices, self.mesh, self.triangles) = (grid.means().collect(), mesh, triangles);
     }
 
     /// The meshes one by one.
