@@ -73,19 +73,24 @@ impl Pool {
 
     /// The meshes by their numbers, with at most `max` triangles together. A mesh may end without any.
     pub fn thinned(mut self, max: usize) -> Vec<ThinMesh> {
-        let mut cell = (self.largest / FINE_CELLS).max(NARROWEST);
-        let mut shrink = |pool: &mut Self, max: usize, corners: usize| {
-            while pool.len() > max || pool.vertices.len() > corners {
-                pool.cluster(cell);
-                cell *= (pool.len() as f64 / max as f64).sqrt().max(WIDER);
-            }
-        };
-        shrink(&mut self, MAX_FINE, usize::MAX);
+        if self.len() <= MAX_FINE {
+            // Some files have each triangle twice, once for either side.
+            self.cluster(0.0);
+        }
+        self.shrink(MAX_FINE, usize::MAX);
         collapse(&mut self, max);
         self.cluster(0.0);
-        let corners = MAX_CORNERS * max.min(usize::from(u16::MAX) / MAX_CORNERS);
-        shrink(&mut self, max, corners);
+        self.shrink(max, MAX_CORNERS * max.min(usize::from(u16::MAX) / MAX_CORNERS));
         self.parts()
+    }
+
+    /// Widens the cells of a grid until no more than so many triangles and corners are left.
+    fn shrink(&mut self, max: usize, corners: usize) {
+        let mut cell = (self.largest / FINE_CELLS).max(NARROWEST);
+        while self.len() > max || self.vertices.len() > corners {
+            self.cluster(cell);
+            cell *= (self.len() as f64 / max as f64).sqrt().max(WIDER);
+        }
     }
 
     /// Makes vertices in one cell one. Vertices without a triangle go, as do triangles that are there twice.

@@ -8,6 +8,9 @@ use serde::Serialize;
 /// Largest code; a channel's range is spread over −32767 … 32767.
 const LARGEST: f64 = i16::MAX as f64;
 
+/// How much larger the mesh of a foot is drawn: often the leg's mesh has the same surface, and would hide its colour in patches.
+const FOOT: f64 = 1.04;
+
 #[derive(Serialize)]
 pub(super) struct Packed {
     dt: f64,
@@ -83,7 +86,7 @@ struct PackedJoint {
 struct PackedGeom {
     body: usize,
     shape: &'static str,
-    /// Half lengths; radius twice and half length for cylinders and capsules.
+    /// Half lengths; radius twice and half length for cylinders and capsules; factors of a mesh.
     size: [f64; 3],
     position: [f64; 3],
     quaternion: [f64; 4],
@@ -192,7 +195,7 @@ fn geom(geom: &Geom, meshes: &[usize]) -> PackedGeom {
         Shape::Sphere { radius } => ("sphere", [radius; 3]),
         Shape::Cylinder { radius, half_length } => ("cylinder", [radius, radius, half_length]),
         Shape::Capsule { radius, half_length } => ("capsule", [radius, radius, half_length]),
-        Shape::Mesh { .. } => ("mesh", [1.0; 3]),
+        Shape::Mesh { .. } => ("mesh", [if geom.foot.is_some() { FOOT } else { 1.0 }; 3]),
     };
     let mesh = match geom.shape {
         Shape::Mesh { mesh } => meshes.get(mesh).copied(),
