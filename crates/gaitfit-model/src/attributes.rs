@@ -14,6 +14,8 @@ pub(crate) struct Context<'s> {
     pub lenient: bool,
     /// Mend what can be mended and drop what the rest of the robot does without, as [`crate::ReadOptions::mend`] says.
     pub mend: bool,
+    /// Weigh geoms that are meshes.
+    pub weighs_meshes: bool,
     /// Folder of meshes from the file's, where the file names one.
     pub mesh_folder: String,
     /// Give a floating robot without a floor one.

@@ -232,8 +232,10 @@ impl<'c, 's> BodyReader<'c, 's> {
                 if !counts {
                     continue;
                 }
-                let of_mesh =
-                    || self.bodies[index].geoms.get(place).and_then(|geom| weigh(geom, source.weight));
+                let of_mesh = || {
+                    let geom = self.bodies[index].geoms.get(place).filter(|_| self.ctx.weighs_meshes);
+                    geom.and_then(|geom| weigh(geom, source.weight))
+                };
                 match source.part.or_else(of_mesh) {
                     Some(part) => parts.push(part),
                     None => self.ctx.refuse(

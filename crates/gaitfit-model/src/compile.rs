@@ -2,9 +2,10 @@
 
 use crate::attributes::Context;
 use crate::contact::{candidates, numbered, self_collisions};
-use crate::coupling::Coupling;
+use crate::coupling::of_robot;
 use crate::error::ModelError;
 use crate::keyframes::fill_keyframes;
+use crate::looks::Source;
 use crate::mend::{fill_masses, outlines};
 use crate::model::{Body, FreeJoint, Geom, Model, Plane, Root, Shape};
 use crate::names::name_everything;
@@ -89,6 +90,7 @@ pub(crate) fn compile(
         keyframes: Vec::new(),
         sites: Vec::new(),
         outlines: Vec::new(),
+        source: Source::default(),
         dropped: Vec::new(),
         changed: Vec::new(),
     };
@@ -101,7 +103,7 @@ pub(crate) fn compile(
     }
     fill_geoms(ctx, &mut model, &spec, &member, &welds, &pairs)?;
     fill_actuators(ctx, &mut model, &mut spec, &joint_numbers);
-    model.couplings = couplings(&spec, &joint_numbers);
+    model.couplings = of_robot(&spec, &joint_numbers);
     resolve_springs(&mut model);
     for joint in &mut model.joints {
         if spec.disabled.spring {
@@ -141,23 +143,6 @@ fn fill_actuators(ctx: &mut Context, model: &mut Model, spec: &mut Spec, joint_n
             ),
         }
     }
-}
-
-/// The couplings of the robot's joints; `joint_numbers`: the model's joints, by those of `spec`.
-fn couplings(spec: &Spec, joint_numbers: &[Option<usize>]) -> Vec<Coupling> {
-    let all = spec.couplings.iter().filter(|_| !spec.disabled.equality);
-    all.filter_map(|coupling| {
-        let leader = coupling.leader.map(|leader| joint_numbers[leader]);
-        Some(Coupling {
-            follower: joint_numbers[coupling.follower]?,
-            leader: match leader {
-                Some(leader) => Some(leader?),
-                None => None,
-            },
-            ..coupling.clone()
-        })
-    })
-    .collect()
 }
 
 fn scale_total_mass(spec: &mut Spec) {

@@ -13,7 +13,7 @@ use crate::error::ModelError;
 use crate::mend::{Locked, lock};
 use crate::model::Model;
 use crate::shown::shown;
-use crate::spec::{BodySpec, MAX_ITEMS, SOLIMP, SOLREF};
+use crate::spec::{BodySpec, MAX_ITEMS, SOLIMP, SOLREF, Spec};
 use crate::xml::{At, Element};
 
 /// Max number of neighbouring joints of a chain that couplings may connect.
@@ -253,6 +253,20 @@ pub(crate) fn resolve(
         Some(Coupling { follower, leader, ..coupling.parameters })
     });
     Ok((numbered.collect(), lost))
+}
+
+/// The couplings of the robot that a file's content becomes; `joint_numbers`: the model's joints, by those of `spec`.
+pub(crate) fn of_robot(spec: &Spec, joint_numbers: &[Option<usize>]) -> Vec<Coupling> {
+    let all = spec.couplings.iter().filter(|_| !spec.disabled.equality);
+    all.filter_map(|coupling| {
+        let follower = joint_numbers[coupling.follower]?;
+        let leader = match coupling.leader {
+            Some(leader) => Some(joint_numbers[leader]?),
+            None => None,
+        };
+        Some(Coupling { follower, leader, ..coupling.clone() })
+    })
+    .collect()
 }
 
 /// A file's joints in order, each with the joint that carries it.

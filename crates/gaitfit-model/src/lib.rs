@@ -12,7 +12,7 @@
 //!
 //! | MJCF | |
 //! | --- | --- |
-//! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `replicate`, `attach`, `inertial`, `freejoint`, hinges, slides, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `equality joint` within a chain, `key`, the tuple `velocity_limit` |
+//! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `replicate`, `attach`, `inertial`, `freejoint`, hinges, slides, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `equality joint` within a chain, `key`, the tuple `velocity_limit`, the text `gaitfit_source` |
 //! | read of `asset` | `hfield`: elevations, MuJoCo's binary files, PNG pictures |
 //! | passed over | other assets, `visual`, `statistic`, `size`, other `custom` data, lights, cameras |
 //! | listed | visual geoms, sensors, self-collision ([`Model::touching_itself`] chooses pairs of it) |
@@ -28,6 +28,7 @@
 //!
 //! A mending reading ([`ReadOptions::mend`]) locks joints that are coupled across limbs, gives links mass, and keeps what a robot looks
 //! like ([`Model::outlines`], with the readers of [`mesh`]); [`Model::to_mjcf`] writes the result as a file of its own.
+//! [`Model::looks`] are the meshes of the file, for pictures.
 
 mod actuator;
 mod attach;
@@ -49,6 +50,7 @@ mod joint_kind;
 mod keyframes;
 pub mod kinematics;
 mod listing;
+mod looks;
 mod mend;
 pub mod mesh;
 mod mjcf;
@@ -82,6 +84,7 @@ pub use coupling::{Coupling, MAX_SPAN};
 pub use error::{ModelError, Place};
 pub use joint_kind::{JointAxis, JointKind};
 pub use listing::LeftOut;
+pub use looks::{Look, Looks, Source};
 pub use model::*;
 pub use outline::{Form, MeshFile, Outline};
 pub use read::{ReadOptions, read, read_mjcf_str, read_urdf_str};

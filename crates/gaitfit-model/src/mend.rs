@@ -152,20 +152,22 @@ fn shapes(body: &BodySpec) -> Vec<Inertial> {
 /// What the robot's bodies look like beside the geoms that are simulated.
 pub(crate) fn outlines(spec: &Spec, member: &[bool]) -> Vec<Outline> {
     let root = member.iter().position(|member| *member).unwrap_or(0);
-    let mut found = Vec::new();
-    for (index, body) in spec.bodies.iter().enumerate().filter(|(index, _)| member[*index]) {
-        let place = index - root;
-        found.extend(body.outlines.iter().map(|outline| Outline { body: place, ..outline.clone() }));
-        found.extend(body.geoms.iter().filter_map(|geom| {
-            // Simple shapes that do not collide are no feet: their file could have said so.
-            let form = Form::Mesh(geom.mesh.clone()?);
-            let colliding = !geom.surface.is_visual();
-            let name = geom.name.clone();
-            Some(Outline { name, body: place, pos: geom.pos, quat: geom.quat, colliding, form })
-        }));
-    }
-    found.truncate(MAX_OUTLINES);
-    found
+    let members = spec.bodies.iter().enumerate().filter(|(index, _)| member[*index]);
+    let all =
+        members.flat_map(|(index, body)| of_body(body).map(move |one| Outline { body: index - root, ..one }));
+    all.take(MAX_OUTLINES).collect()
+}
+
+/// The same of one body, without its number.
+pub(crate) fn of_body(body: &BodySpec) -> impl Iterator<Item = Outline> {
+    let meshes = body.geoms.iter().filter_map(|geom| {
+        // Simple shapes that do not collide are no feet: their file could have said so.
+        let form = Form::Mesh(geom.mesh.clone()?);
+        let colliding = !geom.surface.is_visual();
+        let name = geom.name.clone();
+        Some(Outline { name, body: 0, pos: geom.pos, quat: geom.quat, colliding, form })
+    });
+    body.outlines.iter().cloned().chain(meshes)
 }
 
 /// Whether an element of `<equality>` is in force.

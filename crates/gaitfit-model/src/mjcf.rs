@@ -55,7 +55,7 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
     }
     let mut meshes = Meshes::default();
     for section in sections("asset") {
-        meshes.read(ctx, section, &compiler, defaults.class(0).mesh_scale)?;
+        meshes.read(ctx, section, &compiler, &defaults)?;
     }
     let mut reader = BodyReader::new(ctx, &compiler, &defaults, &fields, &meshes);
     for section in sections("worldbody") {

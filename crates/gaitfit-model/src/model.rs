@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::coupling::Coupling;
 use crate::joint_kind::JointKind;
+use crate::looks::Source;
 use crate::outline::Outline;
 use crate::self_contact::{Parts, SelfPair};
 use crate::terrain::{Ground, Obstacle};
@@ -88,6 +89,9 @@ pub struct Model {
     /// Shapes that are shown or collide in the file and are not simulated: kept by a mending reading alone.
     #[serde(skip)]
     pub outlines: Vec<Outline>,
+    /// Where its meshes are, for pictures.
+    #[serde(skip)]
+    pub source: Source,
     /// What the file says and this model leaves out (lenient reading, visuals, self-collision).
     pub dropped: Vec<Dropped>,
     /// What reading added or mended: a floor, a root link folded into its child, an inertia that cannot be.

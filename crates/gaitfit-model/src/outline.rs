@@ -7,11 +7,12 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use crate::attributes::{Attributes, Context};
+use crate::defaults::Defaults;
 use crate::error::ModelError;
 use crate::mesh::{self, Mesh, MeshError};
 use crate::model::Shape;
 use crate::options::Compiler;
-use crate::rotation::{Quat, Vec3, add, rotate};
+use crate::rotation::{IDENTITY, Quat, Vec3, add, normalize, rotate, rotate_back, sub};
 use crate::xml::Element;
 
 /// Max number of folders above a robot file in which a package is looked for.
@@ -50,7 +51,9 @@ pub enum Form {
 pub struct MeshFile {
     /// Where it should be; it may be missing.
     pub file: PathBuf,
-    /// Factors along the mesh's axes; the file's unit times these is metres.
+    /// Position and orientation in the file of what the file calls the mesh's own frame: `refpos` and `refquat` of MJCF.
+    pub frame: (Vec3, Quat),
+    /// Factors along the axes of that frame; the file's unit times these is metres.
     pub scale: Vec3,
 }
 
@@ -62,7 +65,8 @@ impl MeshFile {
     pub fn read(&self) -> Result<Mesh, MeshError> {
         let mut mesh = mesh::read(&self.file)?;
         for point in mesh.triangles.iter_mut().flatten() {
-            *point = std::array::from_fn(|k| point[k] * self.scale[k]);
+            let own = rotate_back(self.frame.1, sub(*point, self.frame.0));
+            *point = std::array::from_fn(|k| own[k] * self.scale[k]);
         }
         Ok(mesh)
     }
@@ -117,26 +121,31 @@ fn surface(shape: &Shape) -> Vec<Vec3> {
 pub(crate) struct Meshes(HashMap<String, MeshFile>);
 
 impl Meshes {
-    /// The meshes that the `<asset>` section names. `scale`: that of the default class.
+    /// The meshes that the `<asset>` section names.
     pub fn read(
         &mut self,
         ctx: &Context,
         asset: &Element,
         compiler: &Compiler,
-        scale: Vec3,
+        defaults: &Defaults,
     ) -> Result<(), ModelError> {
         let Some(folder) = ctx.sources.folder.as_ref().filter(|_| ctx.mend) else { return Ok(()) };
         for element in asset.children.iter().filter(|child| child.name == "mesh") {
             let mut a = Attributes::new(element);
             let Some(file) = a.text("file") else { continue };
             let name = a.text("name").unwrap_or_else(|| crate::terrain::stem(file));
-            let mut scale = scale;
+            let class = a.text("class").and_then(|class| defaults.find(ctx, element.at, class).ok());
+            let mut scale = defaults.class(class.unwrap_or(0)).mesh_scale;
             a.set_array(ctx, "scale", &mut scale)?;
+            let mut frame = ([0.0; 3], IDENTITY);
+            a.set_array(ctx, "refpos", &mut frame.0)?;
+            a.set_array(ctx, "refquat", &mut frame.1)?;
+            frame.1 = normalize(frame.1);
             if self.0.len() >= MAX_OUTLINES {
                 return Err(ctx.too_many(element.at, "meshes", MAX_OUTLINES));
             }
             let file = folder.join(&compiler.mesh_folder).join(file);
-            self.0.insert(name.to_string(), MeshFile { file, scale });
+            self.0.insert(name.to_string(), MeshFile { file, frame, scale });
         }
         Ok(())
     }

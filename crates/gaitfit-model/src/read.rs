@@ -5,8 +5,13 @@ use std::path::Path;
 use crate::attributes::Context;
 use crate::compile::compile;
 use crate::error::{ModelError, Place};
+use crate::looks::Source;
+use crate::mend::of_body;
 use crate::model::{Model, Root};
+use crate::names::name_everything;
+use crate::outline::Outline;
 use crate::shown::shown;
+use crate::spec::Spec;
 use crate::xml::{self, Element, Sources};
 use crate::{mjcf, urdf};
 
@@ -37,7 +42,20 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Model, ModelError> {
     let mut sources = Sources::default();
     let document = xml::load(path, &mut sources)?;
     let stem = path.file_stem().map_or("robot".to_string(), |s| s.to_string_lossy().into_owned());
-    build(&document, &sources, &stem, options)
+    let source = Source::of(path, &document);
+    Ok(Model { source, ..build(&document, &sources, &stem, options)? })
+}
+
+/// What the bodies of a robot file show, by their names. Parts that no robot is simulated with do not matter.
+pub(crate) fn outlines(path: &Path) -> Result<Vec<(String, Vec<Outline>)>, ModelError> {
+    let mut sources = Sources::default();
+    let document = xml::load(path, &mut sources)?;
+    let options = ReadOptions { lenient: true, mend: true, ..ReadOptions::default() };
+    let mut ctx = Context { weighs_meshes: false, ..context(&sources, &options) };
+    let (mut spec, _) = content(&mut ctx, &document, None)?;
+    name_everything(&ctx, &mut spec)?;
+    let bodies = spec.bodies.into_iter().skip(1);
+    Ok(bodies.map(|body| (body.name.clone(), of_body(&body).collect())).collect())
 }
 
 /// Reads MJCF from a text; `<include>` is refused, because there is no folder to look in.
@@ -71,21 +89,35 @@ fn build(
     stem: &str,
     options: &ReadOptions,
 ) -> Result<Model, ModelError> {
-    let mut ctx = Context {
+    let mut ctx = context(sources, options);
+    let (spec, wanted) = content(&mut ctx, document, options.root)?;
+    compile(&mut ctx, spec, stem, wanted)
+}
+
+fn context<'s>(sources: &'s Sources, options: &ReadOptions) -> Context<'s> {
+    Context {
         sources,
         lenient: options.lenient,
         mend: options.mend,
+        weighs_meshes: options.mend,
         mesh_folder: String::new(),
         add_floor: options.add_floor,
         dropped: Vec::new(),
         changed: Vec::new(),
-    };
-    let (spec, wanted) = match document.name.as_str() {
-        "mujoco" => (mjcf::read(&mut ctx, document, options.root)?, options.root),
-        "robot" => urdf::read(&mut ctx, document, options.root)?,
-        _ => return Err(wrong_root(document, sources)),
-    };
-    compile(&mut ctx, spec, stem, wanted)
+    }
+}
+
+/// What a document says, and how its root is attached if the caller `wanted` that.
+fn content(
+    ctx: &mut Context,
+    document: &Element,
+    wanted: Option<Root>,
+) -> Result<(Spec, Option<Root>), ModelError> {
+    match document.name.as_str() {
+        "mujoco" => Ok((mjcf::read(ctx, document, wanted)?, wanted)),
+        "robot" => urdf::read(ctx, document, wanted),
+        _ => Err(wrong_root(document, ctx.sources)),
+    }
 }
 
 fn wrong_root(document: &Element, sources: &Sources) -> ModelError {

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use crate::coupling::Coupling;
 use crate::joint_kind::JointKind;
+use crate::looks::SOURCE;
 use crate::model::{Actuator, Cone, ContactPair, Geom, Integrator, Joint, Model, Root, Shape};
 use crate::rotation::IDENTITY;
 use crate::spec::{SOLIMP, SOLREF};
@@ -19,12 +20,13 @@ pub enum WriteError {
 
 impl Model {
     /// The robot as MJCF, which reads as this model again: the same tree, masses, joints, actuators, contacts with the ground,
-    /// options, keyframes and sites. `comments` are lines at its beginning. Contacts are explicit pairs, so that no parameter
-    /// is mixed; parts of the robot do not touch each other.
+    /// options, keyframes and sites. `comments` are lines at its beginning; `source` names the file with its meshes, as seen
+    /// from the file that is written. Contacts are explicit pairs, so that no parameter is mixed; parts of the robot do not
+    /// touch each other.
     ///
     /// # Errors
     /// A model with a height field.
-    pub fn to_mjcf(&self, comments: &[String]) -> Result<String, WriteError> {
+    pub fn to_mjcf(&self, comments: &[String], source: Option<&str>) -> Result<String, WriteError> {
         let mut text = String::from("<?xml version=\"1.0\"?>\n");
         if !comments.is_empty() {
             text.push_str("<!--\n");
@@ -63,10 +65,14 @@ impl Model {
                 format!("  <element objtype=\"joint\" objname={} prm=\"{limit}\"/>", quoted(&joint.name))
             })
             .collect();
+        let mut custom: Vec<String> =
+            source.iter().map(|file| format!("<text name=\"{SOURCE}\" data={}/>", quoted(file))).collect();
         if !limits.is_empty() {
-            let tuple = "<tuple name=\"velocity_limit\">".to_owned();
-            section(&mut text, "custom", [tuple].into_iter().chain(limits).chain(["</tuple>".to_owned()]));
+            custom.push("<tuple name=\"velocity_limit\">".to_owned());
+            custom.extend(limits);
+            custom.push("</tuple>".to_owned());
         }
+        section(&mut text, "custom", custom.into_iter());
         text.push_str("</mujoco>\n");
         Ok(text)
     }

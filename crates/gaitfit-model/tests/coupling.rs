@@ -64,7 +64,7 @@ fn couplings_are_read_with_their_defaults() {
     model.couple(&mut positions);
     assert_eq!(positions, [0.5, 1.1, 0.3, 0.7, 0.8]);
     // A file that is written has them.
-    let again = strict(&model.to_mjcf(&[]).unwrap()).unwrap();
+    let again = strict(&model.to_mjcf(&[], None).unwrap()).unwrap();
     assert_eq!(again.couplings, model.couplings);
     for flag in ["equality", "constraint"] {
         let off = text.replace(

@@ -5,6 +5,7 @@ mod coupling;
 mod free_joint;
 mod ground;
 mod hostile;
+mod looks;
 mod mend;
 mod mujoco;
 mod refuse;

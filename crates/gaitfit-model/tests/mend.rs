@@ -29,7 +29,7 @@ fn urdf(body: &str) -> String {
 }
 
 /// A cube of edges 2 in binary STL, as exporters write it.
-fn cube() -> Vec<u8> {
+pub fn cube() -> Vec<u8> {
     let corner = |index: usize| [0, 1, 2].map(|k| if index >> k & 1 == 0 { -1.0_f32 } else { 1.0 });
     let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     let faces: Vec<[usize; 3]> = sides.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
@@ -210,7 +210,7 @@ fn foreign_words_of_other_programs_are_listed() {
 
 /// What is written reads as the same robot, but for the last bits of orientations.
 fn written(model: &Model) -> Model {
-    let text = model.to_mjcf(&["a comment -- with hyphens".to_owned()]).unwrap();
+    let text = model.to_mjcf(&["a comment -- with hyphens".to_owned()], None).unwrap();
     read_mjcf_str(&text, &ReadOptions::default()).unwrap()
 }
 

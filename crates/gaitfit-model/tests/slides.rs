@@ -94,7 +94,7 @@ fn a_prismatic_joint_of_urdf_is_a_slide_of_mjcf() {
 #[test]
 fn a_robot_with_slides_is_written_as_it_was_read() {
     let model = telescope();
-    let again = mjcf(&model.to_mjcf(&[]).unwrap());
+    let again = mjcf(&model.to_mjcf(&[], None).unwrap());
     for (read, own) in again.joints.iter().zip(&model.joints) {
         // A skew axis is made unit once more.
         assert!(read.axis.iter().zip(own.axis).all(|(a, b)| (a - b).abs() < 1e-15), "{read:?}");

@@ -5,7 +5,7 @@
 use crate::go2;
 use crate::page;
 
-use gaitfit_view::replay::{Frame, Geom, Ground, Joint, Replay, ReplayError, Shape};
+use gaitfit_view::replay::{Frame, Geom, Ground, Joint, Mesh, Replay, ReplayError, Shape};
 use gaitfit_view::replay_html;
 use page::{HOSTILE, assert_harmless, assert_offline, parse};
 use serde_json::Value;
@@ -31,7 +31,7 @@ fn ten_seconds_of_a_go2_are_small_and_complete() {
     let mut one = replay(500);
     one.robots.truncate(1);
     let html = replay_html(&one).unwrap();
-    assert!(html.len() < 100_000, "{} bytes", html.len());
+    assert!(html.len() < 105_000, "{} bytes", html.len());
     let data = data(&html);
     let robot = &data["robots"][0];
     assert_eq!(robot["bodies"].as_array().unwrap().len(), 13);
@@ -43,6 +43,27 @@ fn ten_seconds_of_a_go2_are_small_and_complete() {
     let length = |key: &str| robot[key].as_str().unwrap().len();
     assert_eq!(length("motion"), (500 * 25 * 2_usize).div_ceil(3) * 4);
     assert_eq!(length("contacts"), (500 * 4_usize).div_ceil(3) * 4);
+}
+
+/// As many triangles as a robot has at most, on two robots.
+#[test]
+fn meshes_of_a_robot_are_in_the_page_once() {
+    let plain = replay_html(&replay(50)).unwrap().len();
+    let mut replay = replay(50);
+    let vertex = |k: u16| [0.01 * f64::from(k % 100), 0.01 * f64::from(k / 100), f64::from(k).sin()];
+    let triangle = |k: u16| [k % 7998, k % 7998 + 1, k % 7998 + 2];
+    let mesh =
+        Mesh { vertices: (0..8000).map(vertex).collect(), triangles: (0..15_000).map(triangle).collect() };
+    for robot in &mut replay.robots {
+        robot.meshes = vec![mesh.clone()];
+        robot.geoms[0].shape = Shape::Mesh { mesh: 0 };
+    }
+    let html = replay_html(&replay).unwrap();
+    assert_offline(&html);
+    let data = data(&html);
+    assert_eq!(data["meshes"].as_array().unwrap().len(), 1);
+    assert!(data["robots"].as_array().unwrap().iter().all(|robot| robot["geoms"][0]["mesh"] == 0));
+    assert!(html.len() < plain + 400_000, "{} bytes", html.len() - plain);
 }
 
 #[test]
@@ -100,7 +121,7 @@ type Spoil = fn(&mut Replay);
 
 #[test]
 fn what_does_not_fit_is_named() {
-    let broken: [(&str, Spoil); 14] = [
+    let broken: [(&str, Spoil); 17] = [
         ("time between frames", |r| r.dt = 0.0),
         ("time between frames", |r| r.dt = f64::NAN),
         ("1 to 8 robots, not 0", |r| r.robots.clear()),
@@ -118,6 +139,14 @@ fn what_does_not_fit_is_named() {
             let shape = Shape::Capsule { radius: 0.01, half_length: 0.1 };
             let quaternion = [1.0, 0.0, 0.0, 0.0];
             r.robots[0].geoms.push(Geom { body: 99, shape, position: [0.0; 3], quaternion, foot: None });
+        }),
+        ("geom 0 is mesh 0, of 0", |r| r.robots[0].geoms[0].shape = Shape::Mesh { mesh: 0 }),
+        ("mesh 0 has a corner", |r| {
+            r.robots[0].meshes = vec![Mesh { vertices: vec![[0.0; 3]; 2], triangles: vec![[0, 1, 2]] }];
+        }),
+        ("1 meshes of 30000 triangles", |r| {
+            r.robots[0].meshes =
+                vec![Mesh { vertices: vec![[0.0; 3]; 3], triangles: vec![[0, 1, 2]; 30_000] }];
         }),
         ("frame 7 has 2 joint angles", |r| r.robots[0].frames[7].joints.truncate(2)),
         ("frame 2 has 12 joint angles and 0 contacts; expected 12 and 4", |r| {

@@ -5,6 +5,7 @@
 
 pub mod device;
 pub mod draws;
+mod dress;
 pub mod init;
 pub mod log_joints;
 pub mod replay;

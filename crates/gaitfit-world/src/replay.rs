@@ -1,5 +1,6 @@
 //! From a simulated robot and its record to what a 3-D replay draws.
 
+use crate::dress::dressed;
 use crate::skeleton::bones;
 use gaitfit_learn::evaluate::GaitRecord;
 use gaitfit_model::{JointKind, Model, Shape, Surface};
@@ -12,8 +13,13 @@ pub fn robot(name: &str, model: &Model, record: &GaitRecord) -> ReplayRobot {
     ReplayRobot { frames, ..shape(name, model, &record.feet) }
 }
 
-/// The robot called `name` without a motion. `feet`: names of the geoms whose contacts are shown.
+/// The robot called `name` without a motion. `feet`: names of the geoms, or of bodies, whose contacts are shown.
 pub fn shape(name: &str, model: &Model, feet: &[String]) -> ReplayRobot {
+    dressed(bare(name, model, feet), model)
+}
+
+/// The robot in simple shapes: first the model's geoms, then bones.
+pub(crate) fn bare(name: &str, model: &Model, feet: &[String]) -> ReplayRobot {
     let mut bodies: Vec<Body> = Vec::with_capacity(model.bodies.len());
     // The drawn body that carries a model body's geoms and children.
     let mut carrier = Vec::with_capacity(model.bodies.len());
@@ -52,12 +58,13 @@ pub fn shape(name: &str, model: &Model, feet: &[String]) -> ReplayRobot {
         },
         position: geom.pos,
         quaternion: geom.quat,
-        foot: feet.iter().position(|foot| *foot == geom.name),
+        foot: feet.iter().position(|foot| *foot == geom.name || *foot == model.bodies[geom.body].name),
     });
     ReplayRobot {
         name: name.to_owned(),
         geoms: geoms.chain(bones(model, &carrier)).collect(),
         bodies,
+        meshes: Vec::new(),
         feet: feet.iter().map(|foot| foot_name(foot).to_owned()).collect(),
         ground: None,
         frames: Vec::new(),

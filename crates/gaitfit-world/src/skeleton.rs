@@ -20,8 +20,9 @@ pub(crate) fn bones(model: &Model, carrier: &[usize]) -> Vec<Geom> {
         if let Some(parent) = body.parent.filter(|&parent| bare(parent)) {
             bones.extend(bone(carrier[parent], body.pos));
         }
+        // A body without mass, such as one that marks a foot's place, is no link.
         let end = !model.bodies.iter().any(|other| other.parent == Some(index));
-        if end && bare(index) {
+        if end && bare(index) && (body.mass > 0.0 || geoms(index).next().is_some()) {
             let to = geoms(index).next().map_or(body.ipos, |ball| ball.pos);
             bones.extend(bone(carrier[index], to));
         }

@@ -82,8 +82,12 @@ pub fn run(args: &Init) -> Result<(), Failure> {
             "the built-in Go2 needs no configuration: `gaitfit train` trains a policy for it, and `gaitfit config train` prints the settings",
         ));
     }
-    let how =
-        Preparation { lenient: args.lenient, feet_from_mesh: args.feet_from_mesh, one_file: args.one_file };
+    let how = Preparation {
+        lenient: args.lenient,
+        feet_from_mesh: args.feet_from_mesh,
+        one_file: args.one_file,
+        folder: args.out.as_deref().and_then(Path::parent),
+    };
     let prepared = prepare(&args.robot, how)?;
     let files = Files::new(args, &prepared)?;
     if let (Some(path), Some(text)) = (&files.mended, &prepared.file) {

@@ -1,13 +1,16 @@
 //! Triangles of mesh files: STL, OBJ, Collada and MuJoCo's MSH.
 //!
 //! The engine collides no meshes. They are read to fit spheres, capsules, cylinders and boxes to feet ([`crate::Outline`]),
-//! and to weigh links without inertia. Only positions count; normals, colours and textures are passed over.
+//! to weigh links without inertia, and to draw robots ([`crate::Looks`]). Only positions count; normals, colours and
+//! textures are passed over.
 
 mod collada;
+mod collapse;
 mod content;
 mod measure;
 mod obj;
 mod stl;
+mod thin;
 
 use std::path::Path;
 
@@ -16,13 +19,15 @@ use crate::shown::shown_path;
 
 pub use content::ContentError;
 pub use measure::Measure;
+pub(crate) use thin::Pool;
+pub use thin::ThinMesh;
 
 /// Max size of a mesh file, bytes.
 const MAX_BYTES: u64 = 64 << 20;
 /// Max number of triangles that are kept of a file.
 const MAX_TRIANGLES: usize = 1 << 19;
 /// Coordinates beyond this are no part of a robot, m.
-const MAX_COORDINATE: f64 = 1e4;
+pub(crate) const MAX_COORDINATE: f64 = 1e4;
 
 /// A mesh: the corners of its triangles, in the file's unit.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -35,7 +35,7 @@ pub(super) fn show(
                     "mesh" => {
                         let file = resolve(&folder, a.text("filename")?, &ctx.mesh_folder);
                         let scale = a.array(ctx, "scale").ok().flatten().unwrap_or([1.0; 3]);
-                        Form::Mesh(MeshFile { file, scale })
+                        Form::Mesh(MeshFile { file, frame: ([0.0; 3], IDENTITY), scale })
                     }
                     _ if colliding => return None,
                     "sphere" => Form::Solid(Shape::Sphere { radius: number("radius")? }),

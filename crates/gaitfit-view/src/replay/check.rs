@@ -4,10 +4,13 @@ use super::{Frame, Replay, ReplayError, ReplayRobot, Shape};
 
 /// Robots a page holds at most.
 const ROBOTS: usize = 8;
-/// Bodies, geoms, joints or feet of a robot at most.
+/// Bodies, simple geoms, geoms that are meshes, joints or feet of a robot at most.
 const PARTS: usize = 1000;
 /// Frames of a robot at most: twenty minutes at 50 Hz.
 const FRAMES: usize = 60_000;
+/// Meshes and triangles of a robot at most.
+const MESHES: usize = 256;
+const TRIANGLES: usize = 20_000;
 /// Heights of the ground at most.
 const HEIGHTS: usize = 250_000;
 
@@ -20,7 +23,8 @@ pub(super) fn check(replay: &Replay) -> Result<(), ReplayError> {
     }
     for robot in &replay.robots {
         let fail = |what| ReplayError::Robot { robot: crate::format::clean(&robot.name), what };
-        let all = tree(robot).and_then(|()| geoms(robot)).and_then(|()| frames(robot));
+        let all =
+            tree(robot).and_then(|()| meshes(robot)).and_then(|()| geoms(robot)).and_then(|()| frames(robot));
         all.and_then(|()| ground(robot)).map_err(fail)?;
     }
     Ok(())
@@ -30,9 +34,13 @@ fn tree(robot: &ReplayRobot) -> Result<(), String> {
     if robot.bodies.is_empty() {
         return Err("has no bodies; the first body is the base".to_string());
     }
-    for (what, count) in
-        [("bodies", robot.bodies.len()), ("geoms", robot.geoms.len()), ("feet", robot.feet.len())]
-    {
+    let simple = robot.geoms.iter().filter(|geom| !matches!(geom.shape, Shape::Mesh { .. })).count();
+    for (what, count) in [
+        ("bodies", robot.bodies.len()),
+        ("simple geoms", simple),
+        ("geoms that are meshes", robot.geoms.len() - simple),
+        ("feet", robot.feet.len()),
+    ] {
         if count > PARTS {
             return Err(format!("has {count} {what}; a page holds at most {PARTS}"));
         }
@@ -56,6 +64,25 @@ fn tree(robot: &ReplayRobot) -> Result<(), String> {
     Ok(())
 }
 
+fn meshes(robot: &ReplayRobot) -> Result<(), String> {
+    let triangles: usize = robot.meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+    if robot.meshes.len() > MESHES || triangles > TRIANGLES {
+        return Err(format!(
+            "has {} meshes of {triangles} triangles; a page holds at most {MESHES} of {TRIANGLES}",
+            robot.meshes.len()
+        ));
+    }
+    for (i, mesh) in robot.meshes.iter().enumerate() {
+        let corners = mesh.vertices.len();
+        let finite = mesh.vertices.iter().flatten().all(|x| x.is_finite());
+        let theirs = mesh.triangles.iter().flatten().all(|&corner| usize::from(corner) < corners);
+        if !finite || !theirs || corners > 1 + usize::from(u16::MAX) {
+            return Err(format!("mesh {i} has a corner that cannot be drawn, or that is not there"));
+        }
+    }
+    Ok(())
+}
+
 fn geoms(robot: &ReplayRobot) -> Result<(), String> {
     for (i, geom) in robot.geoms.iter().enumerate() {
         if geom.body >= robot.bodies.len() {
@@ -69,6 +96,10 @@ fn geoms(robot: &ReplayRobot) -> Result<(), String> {
             Shape::Sphere { radius } => vec![radius],
             Shape::Cylinder { radius, half_length } => vec![radius, half_length],
             Shape::Capsule { radius, half_length } => vec![radius, half_length],
+            Shape::Mesh { mesh } if mesh >= robot.meshes.len() => {
+                return Err(format!("geom {i} is mesh {mesh}, of {}", robot.meshes.len()));
+            }
+            Shape::Mesh { .. } => Vec::new(),
         };
         let finite = geom.position.iter().chain(&geom.quaternion).all(|x| x.is_finite());
         if !finite || length(&geom.quaternion) == 0.0 || !sizes.iter().all(|s| s.is_finite() && *s >= 0.0) {

@@ -1,4 +1,4 @@
-//! What a replay shows: robots as trees of bodies with simple shapes, and their motion, one frame a control step.
+//! What a replay shows: robots as trees of bodies with simple shapes or meshes, and their motion, one frame a control step.
 //!
 //! Lengths are in m, angles in rad, times in s; z is up. Quaternions are wxyz and need not be of unit length. The
 //! page holds only base poses and joint angles: it computes the poses of bodies itself.
@@ -27,6 +27,8 @@ pub struct ReplayRobot {
     pub bodies: Vec<Body>,
     /// What is drawn.
     pub geoms: Vec<Geom>,
+    /// Meshes that geoms look like; robots of one page may have the same.
+    pub meshes: Vec<Mesh>,
     /// Names of the feet, in the order of [`Frame::contacts`]; by convention FL, FR, RL, RR.
     pub feet: Vec<String>,
     /// The motion; robots of one page may have different numbers of frames.
@@ -93,6 +95,15 @@ pub struct Geom {
     pub foot: Option<usize>,
 }
 
+/// Triangles that share corners.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Mesh {
+    /// Corners, m; their middle is near the origin.
+    pub vertices: Vec<[f64; 3]>,
+    /// Corners of each triangle.
+    pub triangles: Vec<[u16; 3]>,
+}
+
 /// A shape about its own centre; axes of revolution are z.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -120,6 +131,11 @@ pub enum Shape {
         radius: f64,
         /// Half of the cylinder's length, without the ends, m.
         half_length: f64,
+    },
+    /// A mesh.
+    Mesh {
+        /// Index in [`ReplayRobot::meshes`].
+        mesh: usize,
     },
 }
 

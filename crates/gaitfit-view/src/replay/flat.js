@@ -26,11 +26,13 @@ function outline(mesh) {
 }
 
 class FlatRenderer {
-  constructor(canvas) {
+  /** `own`: the meshes of robots. */
+  constructor(canvas, own) {
     this.canvas = canvas;
     this.pen = canvas.getContext("2d");
     this.outlines = {};
     ["box", "sphere", "cylinder", "cone"].forEach((mesh) => { this.outlines[mesh] = outline(mesh); });
+    own.forEach((mesh, i) => { this.outlines["mesh" + i] = mesh.outline(); });
   }
 
   draw(list, view, box, colors, ground) {

@@ -8,7 +8,7 @@ mod pack;
 #[cfg(feature = "pages")]
 mod player;
 
-pub use data::{Body, Frame, Geom, Ground, Joint, Replay, ReplayRobot, Shape};
+pub use data::{Body, Frame, Geom, Ground, Joint, Mesh, Replay, ReplayRobot, Shape};
 #[cfg(feature = "pages")]
 pub(crate) use player::Motion;
 #[cfg(feature = "pages")]

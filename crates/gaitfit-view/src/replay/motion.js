@@ -145,7 +145,9 @@ function shapes(robot, state, colors) {
     const plain = g.foot === -1 ? colors.body[Math.min(robot.depth[g.body], 3)] : colors.foot;
     const color = touches ? colors.contact : plain;
     const [r, , h] = g.size;
-    if (g.shape === "capsule") {
+    if (g.shape === "mesh") {
+      put("mesh" + g.mesh, position, quaternion, g.size, color, true);
+    } else if (g.shape === "capsule") {
       put("cylinder", position, quaternion, g.size, color, true);
       [h, -h].forEach((z) =>
         put("sphere", add(position, rotate(quaternion, [0, 0, z])), quaternion, [r, r, r], color, true));

@@ -1,6 +1,6 @@
 //! A replay as the page's script reads it: JSON with the motion in sixteen bits a number.
 
-use super::{Frame, Geom, Ground, Replay, ReplayRobot, Shape};
+use super::{Frame, Geom, Ground, Mesh, Replay, ReplayRobot, Shape};
 use crate::format::clean;
 use base64::{Engine, engine::general_purpose::STANDARD};
 use serde::Serialize;
@@ -8,10 +8,26 @@ use serde::Serialize;
 /// Largest code; a channel's range is spread over −32767 … 32767.
 const LARGEST: f64 = i16::MAX as f64;
 
+/// How much larger the mesh of a foot is drawn: often the leg's mesh has the same surface, and would hide its colour in patches.
+const FOOT: f64 = 1.04;
+
 #[derive(Serialize)]
 pub(super) struct Packed {
     dt: f64,
     robots: Vec<PackedRobot>,
+    /// The meshes of all robots, each once.
+    meshes: Vec<PackedMesh>,
+}
+
+#[derive(Serialize)]
+struct PackedMesh {
+    /// A coordinate is `offset + scale · code`.
+    offset: [f64; 3],
+    scale: [f64; 3],
+    /// Codes, little-endian, base64: all x, then all y, then all z.
+    vertices: String,
+    /// Three corners a triangle, 16 bits each, little-endian, base64.
+    triangles: String,
 }
 
 #[derive(Serialize)]
@@ -70,19 +86,34 @@ struct PackedJoint {
 struct PackedGeom {
     body: usize,
     shape: &'static str,
-    /// Half lengths; radius twice and half length for cylinders and capsules.
+    /// Half lengths; radius twice and half length for cylinders and capsules; factors of a mesh.
     size: [f64; 3],
     position: [f64; 3],
     quaternion: [f64; 4],
     /// −1 if it is no foot.
     foot: i64,
+    /// Of a mesh, which of the page's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mesh: Option<usize>,
 }
 
 pub(super) fn pack(replay: &Replay) -> Packed {
-    Packed { dt: replay.dt, robots: replay.robots.iter().map(robot).collect() }
+    let mut meshes: Vec<&Mesh> = Vec::new();
+    let robots = replay.robots.iter().map(|one| {
+        let places = one.meshes.iter().map(|mesh| {
+            meshes.iter().position(|known| *known == mesh).unwrap_or_else(|| {
+                meshes.push(mesh);
+                meshes.len() - 1
+            })
+        });
+        let places: Vec<usize> = places.collect();
+        robot(one, &places)
+    });
+    Packed { dt: replay.dt, robots: robots.collect(), meshes: meshes.into_iter().map(mesh).collect() }
 }
 
-fn robot(robot: &ReplayRobot) -> PackedRobot {
+/// A robot; `meshes`: the page's numbers of its meshes.
+fn robot(robot: &ReplayRobot, meshes: &[usize]) -> PackedRobot {
     let bodies = robot.bodies.iter().map(|b| PackedBody {
         parent: b.parent.map_or(-1, |p| p as i64),
         position: b.position,
@@ -99,11 +130,7 @@ fn robot(robot: &ReplayRobot) -> PackedRobot {
     let (mut offset, mut scale) = (Vec::new(), Vec::new());
     for mut channel in channels(&robot.frames, joints) {
         hold(&mut channel);
-        let (low, high) = crate::chart::extent(channel.iter().copied()).unwrap_or((0.0, 0.0));
-        let (low, high) = (low.max(-1e30), high.min(1e30));
-        let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
-        let step = if half > 0.0 { half / LARGEST } else { 1.0 };
-        codes.extend(channel.iter().flat_map(|x| (((x - middle) / step).round() as i16).to_le_bytes()));
+        let (middle, step) = coded(&channel, &mut codes);
         offset.push(middle);
         scale.push(step);
     }
@@ -112,7 +139,7 @@ fn robot(robot: &ReplayRobot) -> PackedRobot {
     PackedRobot {
         name: clean(&robot.name),
         bodies: bodies.collect(),
-        geoms: robot.geoms.iter().map(geom).collect(),
+        geoms: robot.geoms.iter().map(|one| geom(one, meshes)).collect(),
         feet: robot.feet.iter().map(|f| clean(f)).collect(),
         frames: robot.frames.len(),
         joints,
@@ -124,29 +151,55 @@ fn robot(robot: &ReplayRobot) -> PackedRobot {
     }
 }
 
-fn ground(ground: &Ground) -> PackedGround {
-    let (low, high) = crate::chart::extent(ground.heights.iter().copied()).unwrap_or((0.0, 0.0));
+/// Puts the codes of finite numbers behind `codes`; returns the offset and the scale with which they come back.
+fn coded(values: &[f64], codes: &mut Vec<u8>) -> (f64, f64) {
+    let (low, high) = crate::chart::extent(values.iter().copied()).unwrap_or((0.0, 0.0));
     let (low, high) = (low.max(-1e30), high.min(1e30));
     let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
     let scale = if half > 0.0 { half / LARGEST } else { 1.0 };
-    let code = |height: &f64| (((height - middle) / scale).round() as i16).to_le_bytes();
-    let codes: Vec<u8> = ground.heights.iter().flat_map(code).collect();
+    codes.extend(values.iter().flat_map(|x| (((x - middle) / scale).round() as i16).to_le_bytes()));
+    (middle, scale)
+}
+
+fn ground(ground: &Ground) -> PackedGround {
+    let mut codes = Vec::new();
+    let (offset, scale) = coded(&ground.heights, &mut codes);
     PackedGround {
         corner: ground.corner,
         step: ground.step,
         columns: ground.columns,
-        offset: middle,
+        offset,
         scale,
         heights: STANDARD.encode(codes),
     }
 }
 
-fn geom(geom: &Geom) -> PackedGeom {
+fn mesh(mesh: &Mesh) -> PackedMesh {
+    let mut codes = Vec::new();
+    let channels = [0, 1, 2].map(|k| {
+        let along: Vec<f64> = mesh.vertices.iter().map(|vertex| vertex[k]).collect();
+        coded(&along, &mut codes)
+    });
+    let corners: Vec<u8> = mesh.triangles.iter().flatten().flat_map(|corner| corner.to_le_bytes()).collect();
+    PackedMesh {
+        offset: channels.map(|(offset, _)| offset),
+        scale: channels.map(|(_, scale)| scale),
+        vertices: STANDARD.encode(codes),
+        triangles: STANDARD.encode(corners),
+    }
+}
+
+fn geom(geom: &Geom, meshes: &[usize]) -> PackedGeom {
     let (shape, size) = match geom.shape {
         Shape::Box { half } => ("box", half),
         Shape::Sphere { radius } => ("sphere", [radius; 3]),
         Shape::Cylinder { radius, half_length } => ("cylinder", [radius, radius, half_length]),
         Shape::Capsule { radius, half_length } => ("capsule", [radius, radius, half_length]),
+        Shape::Mesh { .. } => ("mesh", [if geom.foot.is_some() { FOOT } else { 1.0 }; 3]),
+    };
+    let mesh = match geom.shape {
+        Shape::Mesh { mesh } => meshes.get(mesh).copied(),
+        _ => None,
     };
     PackedGeom {
         body: geom.body,
@@ -155,6 +208,7 @@ fn geom(geom: &Geom) -> PackedGeom {
         position: geom.position,
         quaternion: geom.quaternion,
         foot: geom.foot.map_or(-1, |f| f as i64),
+        mesh,
     }
 }
 
@@ -222,6 +276,41 @@ mod tests {
     }
 
     #[test]
+    fn robots_share_equal_meshes() {
+        let vertices: Vec<[f64; 3]> = (0..4).map(|k| [f64::from(k), -0.5 * f64::from(k * k), 2.0]).collect();
+        let one = Mesh { vertices: vertices.clone(), triangles: vec![[0, 1, 2], [3, 2, 1]] };
+        let other = Mesh { triangles: vec![[0, 1, 3]], ..one.clone() };
+        let robot = |meshes: &[&Mesh]| ReplayRobot {
+            meshes: meshes.iter().map(|&mesh| mesh.clone()).collect(),
+            geoms: vec![Geom {
+                body: 0,
+                shape: Shape::Mesh { mesh: meshes.len() - 1 },
+                position: [0.0; 3],
+                quaternion: [1.0, 0.0, 0.0, 0.0],
+                foot: None,
+            }],
+            ..ReplayRobot::default()
+        };
+        let packed =
+            pack(&Replay { robots: vec![robot(&[&one]), robot(&[&other, &one])], ..Replay::default() });
+        assert_eq!(packed.meshes.len(), 2);
+        assert!(packed.robots.iter().all(|robot| robot.geoms[0].mesh == Some(0)), "the same of both");
+        let (codes, corners) = (
+            STANDARD.decode(&packed.meshes[0].vertices).unwrap(),
+            STANDARD.decode(&packed.meshes[0].triangles).unwrap(),
+        );
+        assert_eq!(corners, [0, 0, 1, 0, 2, 0, 3, 0, 2, 0, 1, 0]);
+        for (k, vertex) in vertices.iter().enumerate() {
+            for (axis, wanted) in vertex.iter().enumerate() {
+                let at = 2 * (axis * vertices.len() + k);
+                let code = f64::from(i16::from_le_bytes([codes[at], codes[at + 1]]));
+                let found = packed.meshes[0].offset[axis] + packed.meshes[0].scale[axis] * code;
+                assert!((found - wanted).abs() < 5.0 / 65534.0, "{k}: {found}, not {wanted}");
+            }
+        }
+    }
+
+    #[test]
     fn numbers_come_back_to_sixteen_bits_of_their_range() {
         let frame = |i: usize| Frame {
             base_position: [0.02 * i as f64, -1.0, 0.3],
@@ -237,7 +326,7 @@ mod tests {
             frames: (0..500).map(frame).collect(),
             ..ReplayRobot::default()
         };
-        let packed = super::robot(&robot);
+        let packed = super::robot(&robot, &[]);
         for i in [0, 1, 250, 499] {
             assert!((unpack(&packed, 0, i) - 0.02 * i as f64).abs() < 10.0 / 65534.0);
             assert!((unpack(&packed, 7, i) - (i as f64 * 0.1).sin()).abs() < 2.0 / 65534.0);

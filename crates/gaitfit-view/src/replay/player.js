@@ -3,6 +3,7 @@
 const element = (id) => document.getElementById(id);
 const data = JSON.parse(element("replay").textContent);
 const robots = data.robots.map((r) => new Robot(r, data.dt));
+const own = data.meshes.map((m) => new Mesh(m));
 const duration = Math.max(...robots.map((r) => r.duration), data.dt);
 let scene = element("scene");
 const slider = element("time"), strip = element("strip");
@@ -24,14 +25,14 @@ function parameter(name) {
 
 function makeRenderer() {
   if (parameter("flat") === null) {
-    try { return new WebGlRenderer(scene); } catch (problem) { console.warn("drawn flat:", problem); }
+    try { return new WebGlRenderer(scene, own); } catch (problem) { console.warn("drawn flat:", problem); }
   }
   element("flat").hidden = false;
   // A canvas that has once given a WebGL context refuses any other.
   const fresh = scene.cloneNode();
   scene.replaceWith(fresh);
   scene = fresh;
-  return new FlatRenderer(scene);
+  return new FlatRenderer(scene, own);
 }
 
 /** Rectangles of the panes in pixels of the canvas, from its lower left. */
@@ -221,7 +222,7 @@ function start() {
   }).observe(player);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colors = palette(); dirty = true; });
   scene.addEventListener("webglcontextlost", (e) => e.preventDefault());
-  scene.addEventListener("webglcontextrestored", () => { renderer = new WebGlRenderer(scene); dirty = true; });
+  scene.addEventListener("webglcontextrestored", () => { renderer = new WebGlRenderer(scene, own); dirty = true; });
   orbit();
   const from = Number(parameter("t"));
   if (parameter("t") !== null && Number.isFinite(from)) { playing = false; seek(from); }

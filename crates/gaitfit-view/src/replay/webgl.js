@@ -1,4 +1,4 @@
-// The scene in WebGL 2: every shape is an instance of one of four meshes.
+// The scene in WebGL 2: every shape is an instance of one of four meshes, or of a robot's own.
 
 const LIGHTS = 7;
 const SHAPE_SHADER = `#version 300 es
@@ -33,6 +33,8 @@ out vec4 pixel;
 void main() {
   if (shadowLight.z > 0.0) { pixel = vec4(0.0, 0.0, 0.0, shadowDepth); return; }
   vec3 n = normalize(outward), light = normalize(vec3(0.35, -0.45, 0.85)), view = normalize(eye - at);
+  // Files may wind triangles either way.
+  if (dot(n, view) < 0.0) { n = -n; }
   float sky = 0.5 + 0.5 * n.z;
   float sun = max(dot(n, light), 0.0);
   float gloss = pow(max(dot(n, normalize(light + view)), 0.0), 40.0);
@@ -112,7 +114,8 @@ function meshes() {
 }
 
 class WebGlRenderer {
-  constructor(canvas) {
+  /** `own`: the meshes of robots. */
+  constructor(canvas, own) {
     const gl = canvas.getContext("webgl2", { antialias: true, stencil: true, alpha: false });
     if (!gl) { throw new Error("no WebGL 2"); }
     this.gl = gl;
@@ -123,7 +126,8 @@ class WebGlRenderer {
     this.surfaces = new Map();
     this.instances = gl.createBuffer();
     this.meshes = {};
-    Object.entries(meshes()).forEach(([name, triangles]) => {
+    const named = own.map((mesh, i) => ["mesh" + i, mesh.triangles()]);
+    [...Object.entries(meshes()), ...named].forEach(([name, triangles]) => {
       this.meshes[name] = { array: this.vertexArray(triangles), count: triangles.length / 6 };
     });
     const plane = [[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]].flatMap((p) => [...p, 0, 0, 0, 1]);

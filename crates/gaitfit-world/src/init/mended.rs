@@ -11,7 +11,7 @@ use super::{Guess, InitError, Look, look, look_with, twin};
 use crate::Error;
 use crate::robot::{self, Hold};
 use gaitfit_model::{Changed, Model, ReadOptions, read_mjcf_str, shown, shown_path};
-use std::path::Path;
+use std::path::{Path, absolute};
 
 /// A robot that a task can be written for.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,13 +28,15 @@ pub struct Prepared {
 
 /// How a robot file is prepared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Preparation {
+pub struct Preparation<'a> {
     /// Drop what the engine cannot simulate.
     pub lenient: bool,
     /// Fit the feet to the file's meshes even if other shapes of it touch the ground.
     pub feet_from_mesh: bool,
     /// Write the robot as a file of its own even if it reads as it is.
     pub one_file: bool,
+    /// The folder that a mended file will be written to; the current one without it.
+    pub folder: Option<&'a Path>,
 }
 
 /// Reads the robot at `path`, mends it where that is needed, and looks at it.
@@ -43,18 +45,18 @@ pub struct Preparation {
 /// A file that reads neither plainly nor mended, or a robot that cannot walk; the message of the plain reading, and what keeps
 /// the file from being mended.
 pub fn prepare(path: &Path, how: Preparation) -> Result<Prepared, Error> {
-    let Preparation { lenient, feet_from_mesh, one_file } = how;
+    let Preparation { lenient, feet_from_mesh, one_file, .. } = how;
     let plain = plainly(path, lenient);
     let refusal = match plain {
         Ok(prepared) if !feet_from_mesh && !one_file => return Ok(prepared),
         Ok(_) => None,
         Err(error) => Some(error),
     };
-    let Some(refusal) = refusal else { return mend(path, lenient, feet_from_mesh) };
+    let Some(refusal) = refusal else { return mend(path, how) };
     if !mendable(&refusal) {
         return Err(refusal);
     }
-    match mend(path, lenient, feet_from_mesh) {
+    match mend(path, how) {
         Ok(prepared) => Ok(prepared),
         Err(other) => {
             let (first, second) = (refusal.to_string(), other.to_string());
@@ -91,10 +93,10 @@ fn mendable(error: &Error) -> bool {
     !matches!(error, Error::Robot(Io { .. } | Syntax { .. }))
 }
 
-fn mend(path: &Path, lenient: bool, anew: bool) -> Result<Prepared, Error> {
-    let options = ReadOptions { lenient, add_floor: true, mend: true, ..ReadOptions::default() };
+fn mend(path: &Path, how: Preparation) -> Result<Prepared, Error> {
+    let options = ReadOptions { lenient: how.lenient, add_floor: true, mend: true, ..ReadOptions::default() };
     let mut model = gaitfit_model::read(path, &options)?;
-    let added = fit_feet(&mut model, anew);
+    let added = fit_feet(&mut model, how.feet_from_mesh);
     name_geoms(&mut model);
     let mut mended = changes(&model, &added);
     let mut rotors = look(&model).map_err(|error| looked(path, &error))?.rotors;
@@ -111,11 +113,28 @@ fn mend(path: &Path, lenient: bool, anew: bool) -> Result<Prepared, Error> {
         "What it mended, and why; change here what is wrong:".to_owned(),
     ];
     comments.extend(mended.iter().map(|change| format!("- {}: {}", change.what, change.found)));
-    let text = model.to_mjcf(&comments).map_err(Error::failed)?;
+    let source = std::mem::take(&mut model.source);
+    let named = source.file().and_then(|file| seen_from(how.folder.unwrap_or(Path::new("")), file));
+    let text = model.to_mjcf(&comments, named.as_deref()).map_err(Error::failed)?;
     // What is written is what trains.
-    let model = read_mjcf_str(&text, &ReadOptions { add_floor: true, ..ReadOptions::default() })?;
+    let read = read_mjcf_str(&text, &ReadOptions { add_floor: true, ..ReadOptions::default() })?;
+    let model = Model { source, ..read };
     let look = look_with(&model, Source::Likely, rotors).map_err(|error| looked(path, &error))?;
     Ok(Prepared { model, look, file: Some(text), mended })
+}
+
+/// A file as seen from a folder, so that both can move together.
+fn seen_from(folder: &Path, file: &Path) -> Option<String> {
+    let folder = Path::new(".").join(folder);
+    let (folder, file) = (folder.canonicalize().or_else(|_| absolute(&folder)).ok()?, absolute(file).ok()?);
+    let file = file.parent()?.canonicalize().ok()?.join(file.file_name()?);
+    let shared = folder.components().zip(file.components()).take_while(|(one, other)| one == other).count();
+    if shared == 0 {
+        return Some(file.to_str()?.to_owned());
+    }
+    let up = folder.components().skip(shared).map(|_| Some(".."));
+    let down = file.components().skip(shared).map(|part| part.as_os_str().to_str());
+    Some(up.chain(down).collect::<Option<Vec<_>>>()?.join("/"))
 }
 
 /// Renames geoms whose names were made up after their links, so that a reader of the new file finds them.

@@ -3,6 +3,7 @@
 
 use super::{Preparation, look, other_guesses, prepare};
 use gaitfit_model::{ReadOptions, Shape, read_mjcf_str};
+use gaitfit_view::replay::Shape as Drawn;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -152,6 +153,29 @@ fn without_the_mesh_the_foot_is_a_guess_that_names_the_file() {
         (foot.pos[2] - radius + 0.2).abs() < 1e-3,
         "at the end of the rod that has the shank's inertia: {foot:?}"
     );
+}
+
+/// The mended file names the one with the meshes, wherever both lie.
+#[test]
+fn a_mended_robot_is_drawn_in_its_own_meshes() {
+    let (folder, file) = package(&walker(&FOUR, false, 20.0), true);
+    let tasks = folder.path().join("tasks");
+    fs::create_dir(&tasks).unwrap();
+    let found = prepare(&file, Preparation { folder: Some(&tasks), ..Preparation::default() }).unwrap();
+    let text = found.file.as_ref().unwrap();
+    assert!(text.contains("data=\"../walker/urdf/walker.urdf\""), "{text}");
+    let file = tasks.join("walker.xml");
+    fs::write(&file, text).unwrap();
+    let again = gaitfit_model::read(&file, &ReadOptions::default()).unwrap();
+    for model in [&found.model, &again] {
+        let robot = &found.look.stance(model).robots[0];
+        // The trunk and the shanks are meshes, of two sizes; the thighs have nothing but bones.
+        let count = |is: fn(&Drawn) -> bool| robot.geoms.iter().filter(|geom| is(&geom.shape)).count();
+        assert_eq!(count(|shape| matches!(shape, Drawn::Mesh { .. })), 5);
+        assert_eq!(count(|shape| matches!(shape, Drawn::Sphere { .. })), 4, "feet");
+        assert_eq!((count(|shape| matches!(shape, Drawn::Capsule { .. })), robot.geoms.len()), (4, 13));
+        assert_eq!(robot.meshes.len(), 2);
+    }
 }
 
 /// Files that read as they are keep their own shapes, unless the meshes are asked for.

@@ -2,9 +2,10 @@
 
 use super::anatomy::Anatomy;
 use super::pose;
-use crate::replay::shape;
+use crate::dress::dressed;
+use crate::replay::bare;
 use gaitfit_model::Model;
-use gaitfit_view::replay::{Frame, Replay};
+use gaitfit_view::replay::{Frame, Replay, ReplayRobot};
 
 /// Frames a second, frames of the stance before the gait, of a step, and steps of each group.
 const RATE: f64 = 50.0;
@@ -16,7 +17,7 @@ const STEPS: usize = 3;
 /// the base, m; `angles`: rad, model order.
 pub fn stance(model: &Model, anatomy: &Anatomy, angles: &[f64], height: f64) -> Replay {
     let feet: Vec<String> = anatomy.legs.iter().map(|leg| leg.foot.clone()).collect();
-    let mut robot = shape(&model.name, model, &feet);
+    let mut robot = bare(&model.name, model, &feet);
     // A foot may be a body with all its geoms.
     for (number, leg) in anatomy.legs.iter().enumerate() {
         for &geom in &leg.geoms {
@@ -43,7 +44,7 @@ pub fn stance(model: &Model, anatomy: &Anatomy, angles: &[f64], height: f64) -> 
             frame(&between, group)
         }));
     }
-    robot.frames = frames;
+    let robot = ReplayRobot { frames, ..dressed(robot, model) };
     Replay {
         title: format!("{}: stance and gait of a first task", model.name),
         note: "Written by gaitfit init. Feet light up while they are to touch the ground. Forward is x: right in the first view. \
