@@ -224,7 +224,7 @@ fn what_cannot_walk_is_said_and_nothing_is_overwritten() {
             "its last links (l0, l1, l2, l3) have no geom",
         ),
         (write("spider.xml", &legs(9, "", 1.0)), "m has 9 legs, and a task may have 8 feet"),
-        (write("heavy.xml", &legs(4, "", 1e5)), "task.randomisation.base_mass"),
+        (write("heavy.xml", &legs(4, "", 1e5)), "task.policy.kp is"),
     ] {
         let output = program().arg("init").arg(&path).current_dir(folder.path()).output().unwrap();
         assert_eq!(output.status.code(), Some(1));

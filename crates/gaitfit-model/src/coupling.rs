@@ -1,8 +1,9 @@
 //! Joints that follow another one: MJCF `<equality><joint>`, URDF `<mimic>`.
 //!
 //! The engine solves a chain of up to three joints at once ([`MAX_SPAN`]). Couplings within such a chain are simulated. A
-//! mending reading locks the others; a strict one refuses them.
+//! mending reading locks the other followers, a lenient one drops their couplings, a strict one refuses them.
 
+use std::collections::HashMap;
 use std::ops::RangeInclusive;
 
 use serde::Serialize;
@@ -12,8 +13,8 @@ use crate::defaults::Defaults;
 use crate::error::ModelError;
 use crate::mend::{Locked, lock};
 use crate::model::Model;
-use crate::shown::shown;
-use crate::spec::{BodySpec, MAX_ITEMS, SOLIMP, SOLREF, Spec};
+use crate::shown::{shown, shown_number};
+use crate::spec::{BodySpec, MAX_JOINTS, SOLIMP, SOLREF, Spec};
 use crate::xml::{At, Element};
 
 /// Max number of neighbouring joints of a chain that couplings may connect.
@@ -58,14 +59,35 @@ impl Model {
     pub fn couplings_in_words(&self) -> Vec<String> {
         let name = |joint: usize| shown(&self.joints[joint].name);
         let words = |coupling: &Coupling| {
-            let power = |k: usize| match k {
-                0 => String::new(),
-                1 => " x".to_owned(),
-                k => format!(" x^{k}"),
-            };
-            let all = coupling.polynomial.iter().enumerate().filter(|(_, c)| **c != 0.0);
-            let terms: Vec<String> = all.map(|(k, c)| format!("{c}{}", power(k))).collect();
-            let sum = if terms.is_empty() { "0".to_owned() } else { terms.join(" + ") };
+            let mut sum = String::new();
+            for (k, c) in coupling.polynomial.iter().enumerate().filter(|(_, c)| **c != 0.0) {
+                let sign = match (sum.is_empty(), *c < 0.0) {
+                    (true, negative) => {
+                        if negative {
+                            "-"
+                        } else {
+                            ""
+                        }
+                    }
+                    (false, negative) => {
+                        if negative {
+                            " - "
+                        } else {
+                            " + "
+                        }
+                    }
+                };
+                let power = match k {
+                    0 => String::new(),
+                    1 => "x".to_owned(),
+                    k => format!("x^{k}"),
+                };
+                let size = c.abs();
+                let factor = if size == 1.0 && k > 0 { String::new() } else { format!("{size}") };
+                let space = if factor.is_empty() || power.is_empty() { "" } else { " " };
+                sum.push_str(&format!("{sign}{factor}{space}{power}"));
+            }
+            let sum = if sum.is_empty() { "0".to_owned() } else { sum };
             let follower = name(coupling.follower);
             match coupling.leader {
                 Some(leader) => format!("{follower} follows {}: {sum}", name(leader)),
@@ -77,9 +99,14 @@ impl Model {
 
     /// Moves the joints that follow others to where these want them; `positions` are those of all joints, rad or m.
     pub fn couple(&self, positions: &mut [f64]) {
+        self.couple_others(positions, &[]);
+    }
+
+    /// The same, except for the joints `stated`, by index.
+    pub fn couple_others(&self, positions: &mut [f64], stated: &[usize]) {
         // A leader may follow another joint.
         for _ in 0..MAX_SPAN {
-            for coupling in &self.couplings {
+            for coupling in self.couplings.iter().filter(|coupling| !stated.contains(&coupling.follower)) {
                 let reference = |joint: usize| self.joints[joint].reference;
                 let moved = coupling.leader.map_or(0.0, |leader| positions[leader] - reference(leader));
                 positions[coupling.follower] = reference(coupling.follower) + coupling.follow(moved);
@@ -110,6 +137,11 @@ fn spans(pairs: impl Iterator<Item = (usize, Option<usize>)>) -> Vec<RangeInclus
     }
     spans
 }
+
+/// Largest coefficient of a coupling: no gear of a robot moves one joint so much faster than another.
+const MAX_COEFFICIENT: f64 = 1e4;
+/// Max number of couplings of a file.
+const MAX_COUPLINGS: usize = 4 * MAX_JOINTS;
 
 /// A coupling of a file: joints by name, since locked joints may leave.
 pub(crate) struct NamedCoupling {
@@ -171,8 +203,8 @@ pub(crate) fn read_couplings<'e>(
 ) -> Result<Vec<NamedCoupling>, ModelError> {
     let mut all = Vec::new();
     for element in sections.flat_map(|section| &section.children).filter(|child| child.name == "joint") {
-        if all.len() >= MAX_ITEMS {
-            return Err(ctx.too_many(element.at, "couplings", MAX_ITEMS));
+        if all.len() >= MAX_COUPLINGS {
+            return Err(ctx.too_many(element.at, "couplings", MAX_COUPLINGS));
         }
         let mut a = Attributes::new(element);
         a.ignore(&["name"]);
@@ -184,7 +216,13 @@ pub(crate) fn read_couplings<'e>(
         form.apply(ctx, &mut a)?;
         let mut polynomial = [0.0, 1.0, 0.0, 0.0, 0.0];
         a.prefix(ctx, "polycoef", &mut polynomial)?;
-        let follower = a.text("joint1").unwrap_or_default();
+        let Some(follower) = a.text("joint1").filter(|name| !name.is_empty()) else {
+            return Err(ctx.invalid(
+                element.at,
+                "<joint> of <equality> without joint1",
+                "add joint1=\"...\"",
+            ));
+        };
         let leader = a.text("joint2").filter(|name| !name.is_empty());
         a.finish(ctx)?;
         if !form.inactive {
@@ -198,35 +236,46 @@ pub(crate) fn read_couplings<'e>(
 /// mending reading locks it, a lenient one leaves it out.
 ///
 /// # Errors
-/// A joint that does not exist, or follows itself; in a strict reading, joints too far apart.
+/// A joint that does not exist, or a coefficient beyond bounds; in a strict reading, joints too far apart, and joints that
+/// follow each other.
 pub(crate) fn resolve(
     ctx: &mut Context,
     couplings: Vec<NamedCoupling>,
     bodies: &mut [BodySpec],
 ) -> Result<(Vec<Coupling>, Locked), ModelError> {
     let chain = Chain::new(bodies);
-    let mut kept: Vec<NamedCoupling> = Vec::new();
+    let mut kept: Vec<(NamedCoupling, Pair)> = Vec::new();
     let mut locked: Vec<NamedCoupling> = Vec::new();
     for coupling in couplings {
         let name = shown(&coupling.follower);
-        let other = shown(coupling.leader.as_deref().unwrap_or_default());
-        let Some((follower, leader)) = chain.find(&coupling) else {
-            let what = format!("coupling of joint \"{name}\" to \"{other}\"");
-            if !ctx.drops() {
-                let what = format!("{what}: one of them does not exist");
-                return Err(ctx.invalid(coupling.at, what, "name existing hinges or slides"));
-            }
-            ctx.refuse(coupling.at, what, "no hinge or slide has this name", "correct it")?;
-            continue;
-        };
-        if leader == Some(follower) {
-            let what = format!("joint \"{name}\" follows itself");
-            return Err(ctx.invalid(coupling.at, what, "name another joint"));
+        if let Some(large) = coupling.parameters.polynomial.iter().find(|c| c.abs() > MAX_COEFFICIENT) {
+            let what = format!(
+                "joint \"{name}\" follows another one with a coefficient of {}",
+                shown_number(*large)
+            );
+            return Err(ctx.invalid(coupling.at, what, format!("give at most {MAX_COEFFICIENT}")));
         }
-        let pairs = kept.iter().filter_map(|other| chain.find(other));
-        let connected = spans(pairs.chain([(follower, leader)]));
+        let pair = match chain.find(&coupling) {
+            Ok(pair) => pair,
+            Err(missing) => {
+                let what = format!("coupling of joint \"{name}\"");
+                let why = format!("no hinge or slide is called \"{}\"", shown(missing));
+                if !ctx.drops() {
+                    return Err(ctx.invalid(coupling.at, format!("{what}: {why}"), "name an existing joint"));
+                }
+                ctx.refuse(coupling.at, what, why, "name an existing joint")?;
+                continue;
+            }
+        };
+        let other = shown(coupling.leader.as_deref().unwrap_or_default());
+        if leads_back(pair, &kept) {
+            let what = format!("joint \"{name}\" follows \"{other}\", which follows it");
+            ctx.refuse(coupling.at, what, "neither leads", "remove one of the couplings")?;
+            continue;
+        }
+        let connected = spans(kept.iter().map(|(_, pair)| *pair).chain([pair]));
         if connected.iter().all(|span| chain.is_simulated(span)) {
-            kept.push(coupling);
+            kept.push((coupling, pair));
         } else if ctx.mend && !ctx.lenient {
             locked.push(coupling);
         } else {
@@ -234,75 +283,102 @@ pub(crate) fn resolve(
                 coupling.at,
                 format!("joint \"{name}\", which follows \"{other}\""),
                 format!("couplings are simulated among {MAX_SPAN} neighbouring joints of one chain"),
-                "remove the coupling and fix the joint",
+                "remove the coupling and fix the joint, or let `gaitfit init` write a mended file",
             )?;
         }
     }
-    // What follows a locked joint does not move either.
-    let fixed = |coupling: &NamedCoupling, locked: &[NamedCoupling]| {
-        let is_locked = |name: &String| locked.iter().any(|other| other.follower == *name);
-        is_locked(&coupling.follower) || coupling.leader.as_ref().is_some_and(is_locked)
-    };
-    while let Some(place) = kept.iter().position(|coupling| fixed(coupling, &locked)) {
-        locked.push(kept.remove(place));
-    }
+    lock_followers(&mut kept, &mut locked);
     let lost = lock(ctx, &locked, bodies);
     let chain = Chain::new(bodies);
-    let numbered = kept.into_iter().filter_map(|coupling| {
-        let (follower, leader) = chain.find(&coupling)?;
+    let numbered = kept.into_iter().filter_map(|(coupling, _)| {
+        let (follower, leader) = chain.find(&coupling).ok()?;
         Some(Coupling { follower, leader, ..coupling.parameters })
     });
     Ok((numbered.collect(), lost))
 }
 
+/// Whether the leader of a pair follows its follower, perhaps over others.
+fn leads_back((follower, leader): Pair, kept: &[(NamedCoupling, Pair)]) -> bool {
+    let mut seen = vec![follower];
+    let mut next: Vec<usize> = leader.into_iter().collect();
+    while let Some(joint) = next.pop() {
+        if joint == follower {
+            return true;
+        }
+        if !seen.contains(&joint) {
+            seen.push(joint);
+            next.extend(kept.iter().filter(|(_, pair)| pair.0 == joint).filter_map(|(_, pair)| pair.1));
+        }
+    }
+    false
+}
+
+/// What follows a locked joint does not move either: it is locked where the other one's position puts it.
+fn lock_followers(kept: &mut Vec<(NamedCoupling, Pair)>, locked: &mut Vec<NamedCoupling>) {
+    let position = |name: &str, locked: &[NamedCoupling]| {
+        let other = locked.iter().find(|other| other.follower == name)?;
+        Some(other.parameters.polynomial[0])
+    };
+    let fixed = |coupling: &NamedCoupling, locked: &[NamedCoupling]| {
+        let leader = coupling.leader.as_deref().and_then(|name| position(name, locked));
+        leader.map(|at| coupling.parameters.follow(at)).or_else(|| position(&coupling.follower, locked))
+    };
+    while let Some((place, at)) =
+        kept.iter().enumerate().find_map(|(place, (coupling, _))| Some((place, fixed(coupling, locked)?)))
+    {
+        let (mut coupling, _) = kept.remove(place);
+        coupling.parameters.polynomial[0] = at;
+        locked.push(coupling);
+    }
+}
+
 /// The couplings of the robot that a file's content becomes; `joint_numbers`: the model's joints, by those of `spec`.
 pub(crate) fn of_robot(spec: &Spec, joint_numbers: &[Option<usize>]) -> Vec<Coupling> {
-    let all = spec.couplings.iter().filter(|_| !spec.disabled.equality);
-    all.filter_map(|coupling| {
+    let all = spec.couplings.iter().filter_map(|coupling| {
         let follower = joint_numbers[coupling.follower]?;
         let leader = match coupling.leader {
             Some(leader) => Some(joint_numbers[leader]?),
             None => None,
         };
         Some(Coupling { follower, leader, ..coupling.clone() })
-    })
-    .collect()
+    });
+    all.collect()
 }
+
+/// Follower and leader, by their order in the file.
+type Pair = (usize, Option<usize>);
 
 /// A file's joints in order, each with the joint that carries it.
 struct Chain {
-    names: Vec<String>,
+    numbers: HashMap<String, usize>,
     parents: Vec<Option<usize>>,
 }
 
 impl Chain {
     fn new(bodies: &[BodySpec]) -> Self {
-        let (mut names, mut parents) = (Vec::new(), Vec::new());
+        let (mut numbers, mut parents) = (HashMap::new(), Vec::new());
         // The last joint of each body, or that of the body that carries it.
         let mut last: Vec<Option<usize>> = Vec::with_capacity(bodies.len());
         for (index, body) in bodies.iter().enumerate() {
             let mut carrier = if index == 0 { None } else { last[body.parent] };
             for (joint, _) in &body.joints {
+                let number = parents.len();
                 parents.push(carrier);
-                carrier = Some(names.len());
-                names.push(joint.name.clone());
+                carrier = Some(number);
+                numbers.entry(joint.name.clone()).or_insert(number);
             }
             last.push(carrier);
         }
-        Self { names, parents }
+        Self { numbers, parents }
     }
 
-    /// Follower and leader of a coupling; `None` if one of them does not exist.
-    fn find(&self, coupling: &NamedCoupling) -> Option<(usize, Option<usize>)> {
-        let joint = |name: &String| self.names.iter().position(|joint| !name.is_empty() && joint == name);
-        let leader = match &coupling.leader {
-            Some(name) => Some(joint(name)?),
-            None => None,
-        };
-        Some((joint(&coupling.follower)?, leader))
+    /// Follower and leader of a coupling, or the name of the one that does not exist.
+    fn find<'n>(&self, coupling: &'n NamedCoupling) -> Result<Pair, &'n str> {
+        let joint = |name: &'n String| self.numbers.get(name).copied().ok_or(name.as_str());
+        Ok((joint(&coupling.follower)?, coupling.leader.as_ref().map(joint).transpose()?))
     }
 
-    /// Whether the joints of `span` carry each other one by one, and nothing else but the last one.
+    /// Whether the joints of a span form one chain without branches.
     fn is_simulated(&self, span: &RangeInclusive<usize>) -> bool {
         let children =
             |joint: usize| self.parents.iter().filter(move |parent| **parent == Some(joint)).count();

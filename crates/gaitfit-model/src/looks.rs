@@ -16,13 +16,13 @@ use crate::xml::Element;
 
 /// The text of `<custom>` that names the file which shows what a robot looks like, as seen from the robot's own file.
 pub(crate) const SOURCE: &str = "gaitfit_source";
-/// Triangles of all meshes together at most.
+/// Max number of triangles of all meshes together.
 const MAX_TRIANGLES: usize = 15_000;
-/// Places of meshes, mesh files, and their bytes at most.
+/// Max number of places of meshes, of mesh files, and of their bytes.
 const MAX_PLACES: usize = 256;
 const MAX_FILES: usize = 256;
 const MAX_BYTES: u64 = 200_000_000;
-/// Triangles of the files at most, before they get fewer.
+/// Max number of triangles that are read from the files.
 const MAX_READ: usize = 1 << 20;
 
 /// Meshes on the links of a robot.
@@ -105,7 +105,7 @@ fn read(path: &Path, model: &Model) -> Looks {
     for (body, outlines) in bodies {
         let shown = outlines.iter().any(|outline| !outline.colliding && is_mesh(outline));
         let meshes = outlines.iter().filter(|outline| outline.colliding != shown && is_mesh(outline));
-        // A link that lacks a part would look like another robot's.
+        // A link with a missing mesh has none: a part of a link looks like another robot.
         let whole: Option<Vec<Look>> = meshes.map(|outline| files.look(&body, outline)).collect();
         places.extend(whole.filter(|whole| places.len() + whole.len() <= MAX_PLACES).unwrap_or_default());
     }

@@ -175,11 +175,6 @@ pub(crate) fn is_active(element: &Element) -> bool {
     element.get("active") != Some("false")
 }
 
-/// Whether an element of `<equality>` closes a loop.
-pub(crate) fn closes_a_loop(element: &Element) -> bool {
-    is_active(element) && !matches!(element.name.as_str(), "joint" | "tendon")
-}
-
 /// Where joints that were locked stood in `qpos` and `qvel`.
 #[derive(Debug, Default)]
 pub(crate) struct Locked {
@@ -213,7 +208,7 @@ fn left(values: Vec<f64>, without: &HashSet<usize>, length: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Locks the followers of couplings that are not simulated. Each stays where it is while the other joint is at its reference.
+/// Locks the followers of couplings that are not simulated. Each stays where its leader's reference would put it.
 pub(crate) fn lock(ctx: &mut Context, couplings: &[NamedCoupling], bodies: &mut [BodySpec]) -> Locked {
     let mut locked = Locked::default();
     let (mut q, mut v) = (0, 0);
@@ -235,10 +230,10 @@ pub(crate) fn lock(ctx: &mut Context, couplings: &[NamedCoupling], bodies: &mut 
                         (body.pos, body.quat) =
                             compose((body.pos, body.quat), (moved.position, moved.quaternion));
                     }
-                    let other = coupling.leader.as_ref().map(|name| format!("follows \"{}\"", shown(name)));
-                    let other = other.unwrap_or_else(|| "is held by the file".to_owned());
+                    let leader = shown(coupling.leader.as_deref().unwrap_or_default());
                     let how = format!(
-                        "it {other}; couplings are simulated among {MAX_SPAN} neighbouring joints of one chain: it is locked"
+                        "it follows \"{leader}\", which is too far from it (couplings work within {MAX_SPAN} neighbouring joints of \
+                         a chain), so it is locked"
                     );
                     ctx.note(coupling.at, format!("joint \"{}\"", shown(&joint.name)), how);
                 }

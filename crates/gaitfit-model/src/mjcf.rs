@@ -63,7 +63,8 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
     }
     let mut bodies = reader.bodies;
     add_floor(ctx, document, &defaults, &mut bodies, wanted);
-    let named = read_couplings(ctx, sections("equality"), &defaults)?;
+    let named =
+        if disabled.equality { Vec::new() } else { read_couplings(ctx, sections("equality"), &defaults)? };
     let (couplings, locked) = resolve(ctx, named, &mut bodies)?;
 
     let mut spec = Spec {
@@ -112,27 +113,39 @@ fn other_section(ctx: &mut Context, section: &Element) -> Result<(), ModelError>
             ctx.drop_quietly(section.at, format!("<sensor> ({count} sensors)"), "the state is known exactly");
             Ok(())
         }
-        "equality" if section.children.iter().all(|c| c.name == "joint" || !mend::is_active(c)) => Ok(()),
-        "equality" if ctx.mend && !ctx.lenient => {
-            let loops = section.children.iter().find(|child| mend::closes_a_loop(child));
-            loops.map_or(Ok(()), |child| {
-                ctx.refuse_unmended(
-                    child.at,
-                    child.label(),
-                    "it closes a loop, and the engine simulates trees",
-                    "take the robot's file of serial legs, if there is one",
-                )
-            })
-        }
-        "equality" | "tendon" | "deformable" => ctx.refuse(
+        "equality" => other_equalities(ctx, section),
+        "tendon" | "deformable" => ctx.refuse(
             section.at,
             format!("<{name}> with {count} elements"),
-            "the engine simulates trees without loops, tendons or soft parts",
+            "the engine simulates trees without tendons or soft parts",
             "remove the section",
         ),
         "extension" => ctx.refuse(section.at, "<extension>", "plugins are not loaded", "remove the section"),
         _ => ctx.refuse(section.at, section.label(), "not a section of MJCF known here", "remove it"),
     }
+}
+
+/// The constraints of `<equality>` other than couplings of joints: they are refused, but for tendons' in a mending reading.
+fn other_equalities(ctx: &mut Context, section: &Element) -> Result<(), ModelError> {
+    for child in section.children.iter().filter(|child| mend::is_active(child)) {
+        match child.name.as_str() {
+            "joint" => {}
+            "tendon" if ctx.mend && !ctx.lenient => {}
+            "tendon" => ctx.refuse(
+                child.at,
+                format!("{} of <equality>", child.label()),
+                "the engine simulates trees without tendons",
+                "remove it",
+            )?,
+            _ => ctx.refuse_unmended(
+                child.at,
+                format!("{} of <equality>", child.label()),
+                "it closes a loop, and the engine simulates trees",
+                "take the robot's file of serial legs, if there is one",
+            )?,
+        }
+    }
+    Ok(())
 }
 
 fn read_actuators(

@@ -28,7 +28,7 @@ pub struct Summary {
     pub joints: Vec<JointSummary>,
     /// Actuators in model order.
     pub actuators: Vec<ActuatorSummary>,
-    /// Joints that follow others, in words; x is the leader's position from its reference.
+    /// Joints that follow others, in words; x is the other joint's distance from its reference.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub couplings: Vec<String>,
     /// Contact geoms in model order.

@@ -59,6 +59,12 @@ fn couplings_are_read_with_their_defaults() {
     ];
     assert_eq!(model.couplings, expected);
     assert_eq!(model.couplings_in_words(), ["b follows a: 0.1 + 2 x", "c is held at 0.3"]);
+    let signs =
+        equality(r#"<joint joint1="b" joint2="a" polycoef="-1 -1 0 2.5"/><joint joint1="c" joint2="b"/>"#);
+    assert_eq!(
+        strict(&signs).unwrap().couplings_in_words(),
+        ["b follows a: -1 - x + 2.5 x^3", "c follows b: x"]
+    );
     assert_eq!(model.coupled_spans(), [0..=1, 2..=2]);
     let mut positions = vec![0.5, 9.0, 9.0, 0.7, 0.8];
     model.couple(&mut positions);
@@ -73,6 +79,11 @@ fn couplings_are_read_with_their_defaults() {
         );
         assert!(strict(&off).unwrap().couplings.is_empty(), "{flag}");
     }
+    // What a file switches off is not refused.
+    let far = robot(
+        r#"<option><flag equality="disable"/></option><equality><joint joint1="e" joint2="a"/></equality>"#,
+    );
+    assert!(strict(&far).unwrap().couplings.is_empty());
 }
 
 #[test]
@@ -115,17 +126,47 @@ fn couplings_within_three_neighbours_are_simulated() {
 
 #[test]
 fn what_follows_a_locked_joint_is_locked() {
-    let mended = mending(&equality(r#"<joint joint1="b" joint2="a"/><joint joint1="a" joint2="e"/>"#));
+    let couplings =
+        r#"<joint joint1="b" joint2="a" polycoef="0.2 2"/><joint joint1="a" joint2="e" polycoef="-0.5"/>"#;
+    let mended = mending(&equality(couplings));
     let names: Vec<&str> = mended.joints.iter().map(|joint| joint.name.as_str()).collect();
     assert_eq!((names, mended.couplings.len()), (vec!["c", "d", "e"], 0));
+    // `a` is held at -0.5 rad, and `b` where that puts it: 0.2 - 2 · 0.5 rad.
+    let half_turns = [-0.25_f64, -0.4];
+    for (body, half) in mended.bodies[1..3].iter().zip(half_turns) {
+        assert!((body.quat[3] - half.sin()).abs() < 1e-12, "{body:?}");
+    }
+}
+
+#[test]
+fn joints_do_not_follow_each_other_in_a_ring() {
+    let text = equality(
+        r#"<joint joint1="b" joint2="a"/><joint joint1="c" joint2="b"/><joint joint1="a" joint2="c"/>"#,
+    );
+    let error = strict(&text).unwrap_err().to_string();
+    assert!(error.contains("joint \"a\" follows \"c\", which follows it"), "{error}");
+    assert_eq!((lenient(&text).couplings.len(), mending(&text).couplings.len()), (2, 2));
+}
+
+#[test]
+fn only_what_is_left_out_of_an_equality_is_listed() {
+    let text =
+        equality(r#"<joint joint1="b" joint2="a"/><connect body1="body1" body2="body2" anchor="0 0 0"/>"#);
+    assert!(strict(&text).unwrap_err().to_string().contains("<connect> of <equality>"));
+    let left = lenient(&text);
+    assert_eq!(left.couplings.len(), 1);
+    let listed: Vec<&str> =
+        left.dropped.iter().filter(|part| !part.harmless).map(|part| part.what.as_str()).collect();
+    assert!(listed.len() == 1 && listed[0].contains("<connect>"), "{listed:?}");
 }
 
 #[test]
 fn couplings_of_nothing_are_errors() {
     for (couplings, words) in [
-        (r#"<joint joint1="b" joint2="x"/>"#, "one of them does not exist"),
-        (r#"<joint joint2="b"/>"#, "one of them does not exist"),
-        (r#"<joint joint1="b" joint2="b"/>"#, "follows itself"),
+        (r#"<joint joint1="b" joint2="x"/>"#, "no hinge or slide is called \"x\""),
+        (r#"<joint joint2="b"/>"#, "without joint1"),
+        (r#"<joint joint1="b" joint2="b"/>"#, "follows it"),
+        (r#"<joint joint1="b" joint2="a" polycoef="0 1e300"/>"#, "at most 10000"),
         (r#"<joint joint1="b" joint2="a" polycoef="0 nan"/>"#, "polycoef"),
         (r#"<joint joint1="b" joint2="a" class="x"/>"#, "default class"),
         (r#"<joint joint1="b" joint2="a" colour="red"/>"#, "colour"),
@@ -173,7 +214,7 @@ fn a_mimic_is_a_coupling_without_a_motor() {
             && model.warnings().iter().all(|said| !said.contains("effort"))
     );
     for (mimic, words) in
-        [("<mimic multiplier=\"1\"/>", "`joint`"), ("<mimic joint=\"x\"/>", "does not exist")]
+        [("<mimic multiplier=\"1\"/>", "`joint`"), ("<mimic joint=\"x\"/>", "is called \"x\"")]
     {
         let error = read_urdf_str(&robot(mimic), &ReadOptions::default()).unwrap_err().to_string();
         assert!(error.contains(words), "{mimic}: {error}");

@@ -14,9 +14,9 @@ use crate::{Params, PhysicsError, Real, Settings};
 /// The row of a coupling during one step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CouplingWork<T> {
-    /// The row's stiffness.
+    /// Weight D of the row, kg·m² or kg.
     pub d: T,
-    /// Minus its reference acceleration.
+    /// Minus the row's reference acceleration.
     pub bias: T,
     /// How far the follower moves for a unit of the leader.
     pub slope: T,
@@ -29,10 +29,10 @@ impl<T: Real> CouplingWork<T> {
     }
 }
 
-/// Constants of the model's couplings, in the order of `segments`, which get their ranges.
+/// Constants of the couplings, sorted by segment; sets each segment's range of them.
 ///
 /// # Errors
-/// Joints of two segments, and an impedance that single precision cannot hold.
+/// Joints of two segments, and a reference or an impedance that single precision cannot hold.
 pub(crate) fn compile<T: Real>(
     model: &Model,
     settings: &Settings,
@@ -52,6 +52,12 @@ pub(crate) fn compile<T: Real>(
             }
             let (k, b, gain) = reference(&coupling.solref, coupling.solimp[1], settings);
             let label = format!("coupling of joint `{}`", name(coupling.follower));
+            for (quantity, value) in [("the stiffness of solref", k), ("the damping of solref", b)] {
+                if !(value as f32).is_finite() {
+                    let must = "finite in single precision";
+                    return Err(PhysicsError::Value { object: label, quantity, value, must });
+                }
+            }
             all.push(Coupling {
                 follower: coupling.follower,
                 leader: coupling.leader,
@@ -100,28 +106,45 @@ fn along_row<T: Real>(coupling: &Coupling<T::K>, row: &CouplingWork<T>, joint: i
     coupling.leader.map_or(own, |leader| row.slope.fnma(joint(leader), own))
 }
 
-/// Negative torques of a coupling on its follower and its leader, which it adds to the joints' rows.
-#[inline(always)]
-pub(crate) fn push<T: Real>(tree: &Tree<T::K>, index: usize, state: &State<T>, work: &mut Work<T>) -> [T; 2] {
-    let coupling = &tree.couplings[index];
-    let row = work.couplings[index];
-    let force = row.d * (along_row(coupling, &row, |joint| state.qacc[joint]) + row.bias);
-    let joint = &mut work.joints[coupling.follower];
-    joint.row = joint.row + force;
-    let back = -(row.slope * force);
-    if let Some(leader) = coupling.leader {
-        let joint = &mut work.joints[leader];
-        joint.row = joint.row + back;
-    }
-    [force, back]
+/// What a coupling adds to the system of its segment, as `(joint, other joint, number)`.
+pub(crate) struct Terms<T> {
+    /// Negative torques.
+    pub torques: [Option<(usize, T)>; 2],
+    /// Elements of the Hessian, on and below the diagonal.
+    pub hessian: [Option<(usize, usize, T)>; 3],
 }
 
-impl<T: Real> CouplingWork<T> {
-    /// Its Hessian: of the follower, between follower and leader, of the leader.
-    #[inline(always)]
-    pub fn hessian(&self) -> [T; 3] {
-        let mixed = -(self.slope * self.d);
-        [self.d, mixed, -(self.slope * mixed)]
+/// A coupling's terms. Its torques are also added to the joints' rows.
+#[inline(always)]
+pub(crate) fn terms<T: Real>(
+    tree: &Tree<T::K>,
+    index: usize,
+    state: &State<T>,
+    work: &mut Work<T>,
+) -> Terms<T> {
+    let coupling = &tree.couplings[index];
+    let row = work.couplings[index];
+    let follower = coupling.follower;
+    let force = row.d * (along_row(coupling, &row, |joint| state.qacc[joint]) + row.bias);
+    let joint = &mut work.joints[follower];
+    joint.row = joint.row + force;
+    let Some(leader) = coupling.leader else {
+        return Terms {
+            torques: [Some((follower, force)), None],
+            hessian: [Some((follower, follower, row.d)), None, None],
+        };
+    };
+    let back = -(row.slope * force);
+    let joint = &mut work.joints[leader];
+    joint.row = joint.row + back;
+    let mixed = -(row.slope * row.d);
+    Terms {
+        torques: [Some((follower, force)), Some((leader, back))],
+        hessian: [
+            Some((follower, follower, row.d)),
+            Some((leader, leader, -(row.slope * mixed))),
+            Some((follower.max(leader), follower.min(leader), mixed)),
+        ],
     }
 }
 

@@ -6,11 +6,11 @@
 //! p − F H⁻¹ r on the node.
 
 use crate::Real;
-use crate::coupling;
+use crate::coupling::{self, Terms};
 use crate::solver::set_step;
 use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6};
 use crate::state::{State, Work};
-use crate::tree::{Coupling, SEGMENT, Tree};
+use crate::tree::{SEGMENT, Tree};
 use crate::vec3::*;
 
 /// How much of a Newton step is needed.
@@ -195,23 +195,14 @@ fn couple<T: Real>(
     state: &State<T>,
     work: &mut Work<T>,
 ) {
-    let Coupling { follower, leader, .. } = tree.couplings[number];
     let first = tree.segments[index].first - 1;
-    let [force, back] = coupling::push(tree, number, state, work);
-    let [own, mixed, other] = work.couplings[number].hessian();
-    let k = follower - first;
-    block.r[k] = block.r[k] + force;
-    if hessian {
-        block.h[k] = block.h[k] + own;
+    let Terms { torques, hessian: elements } = coupling::terms(tree, number, state, work);
+    for (joint, torque) in torques.into_iter().flatten() {
+        block.r[joint - first] = block.r[joint - first] + torque;
     }
-    if let Some(leader) = leader {
-        let i = leader - first;
-        block.r[i] = block.r[i] + back;
-        if hessian {
-            let place = below(k.max(i), k.min(i));
-            block.h[i] = block.h[i] + other;
-            block.h[place] = block.h[place] + mixed;
-        }
+    for (k, i, element) in elements.into_iter().flatten().filter(|_| hessian) {
+        let place = if k == i { k - first } else { below(k - first, i - first) };
+        block.h[place] = block.h[place] + element;
     }
 }
 

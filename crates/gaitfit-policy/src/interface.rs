@@ -406,8 +406,8 @@ impl Interface {
             .collect();
         let mut pose = vec![0.0; model.joints.len()];
         stated.iter().for_each(|&(joint, angle)| pose[joint] = angle);
-        model.couple(&mut pose);
-        stated.iter().for_each(|&(joint, angle)| pose[joint] = angle);
+        let joints: Vec<usize> = stated.iter().map(|(joint, _)| *joint).collect();
+        model.couple_others(&mut pose, &joints);
         Ok(pose)
     }
 }

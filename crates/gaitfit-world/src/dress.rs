@@ -28,7 +28,7 @@ pub(crate) fn dressed(mut robot: ReplayRobot, model: &Model) -> ReplayRobot {
     robot
 }
 
-/// A foot's geom a tenth thicker: most of it would lie within the mesh of a leg.
+/// A foot's geom, a tenth thicker, so that it shows through the leg's mesh.
 fn grown(shape: Shape) -> Shape {
     let by = |sizes: &[f64]| 0.1 * sizes.iter().copied().fold(f64::INFINITY, f64::min);
     match shape {
@@ -50,7 +50,7 @@ fn corners(place: &Look, mesh: &ThinMesh) -> Vec<Vec3> {
     mesh.vertices.iter().map(|&vertex| add(place.pos, rotate(place.quat, vertex))).collect()
 }
 
-/// The foot of a body about whose geoms all of a mesh lies: the mesh hides them, and is to show their contact.
+/// The foot whose geoms a mesh hides: all of the mesh lies within or near their box. The mesh then shows the contact.
 fn foot_within(robot: &ReplayRobot, body: usize, corners: &[Vec3]) -> Option<usize> {
     let geoms = |foot: usize| {
         let own = move |geom: &&Geom| geom.body == body && geom.foot == Some(foot);

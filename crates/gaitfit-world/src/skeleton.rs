@@ -20,7 +20,7 @@ pub(crate) fn bones(model: &Model, carrier: &[usize]) -> Vec<Geom> {
         if let Some(parent) = body.parent.filter(|&parent| bare(parent)) {
             bones.extend(bone(carrier[parent], body.pos));
         }
-        // A body without mass, such as one that marks a foot's place, is no link.
+        // A body without mass and geoms marks a place, such as a foot's; it gets no bone.
         let end = !model.bodies.iter().any(|other| other.parent == Some(index));
         if end && bare(index) && (body.mass > 0.0 || geoms(index).next().is_some()) {
             let to = geoms(index).next().map_or(body.ipos, |ball| ball.pos);

@@ -41,6 +41,13 @@ pub fn add_self_contact(file: &ThetaFile, settings: &mut TaskSettings) {
     }
 }
 
+/// Adds no rotor inertia to robots whose rotors a fit has found.
+pub fn keep_rotors(file: &ThetaFile, settings: &mut TaskSettings) {
+    if file.parameter.iter().any(|parameter| parameter.kind == "armature") {
+        settings.randomisation.armature = [0.0; 2];
+    }
+}
+
 /// The robot of `model` as the file at `path` has it.
 pub fn candidate(file: &ThetaFile, path: &Path, model: &Model) -> Result<Candidate, Error> {
     on(Candidate::nominal(model), file, path, model)

@@ -52,13 +52,9 @@ impl WorldSettings {
         }
     }
 
-    /// The task with the robots that are asked for: randomised, the nominal one, or the fitted one.
+    /// The task with the robots that are asked for: randomised, or the nominal one.
     pub fn of_robots(&self, settings: TaskSettings) -> TaskSettings {
-        match (self.randomised, &self.theta) {
-            (true, _) => settings,
-            (false, None) => settings.nominal(),
-            (false, Some(_)) => settings.calm(),
-        }
+        if self.randomised { settings } else { settings.nominal() }
     }
 
     /// Threads asked for, or one a core.
@@ -123,7 +119,13 @@ impl World {
         let mut changes = Vec::new();
         if args.randomised {
             changes.push("randomised as in training".to_owned());
-        } else if settings.randomisation.armature[0] > 0.0 {
+        }
+        let theta =
+            args.theta.as_deref().map(|path| Ok::<_, Error>((path, theta::read(path)?))).transpose()?;
+        if let Some((_, file)) = theta.as_ref().filter(|_| !args.randomised) {
+            theta::keep_rotors(file, &mut settings);
+        }
+        if !args.randomised && settings.randomisation.armature[0] > 0.0 {
             let smallest = settings.randomisation.armature[0];
             changes.push(format!(
                 "rotor inertia of {smallest} kg·m² added to each joint, the smallest of the training"
@@ -145,8 +147,6 @@ impl World {
             let rest = spring.put_on(&mut model, |joint| pose.get(joint).copied())?;
             changes.push(format!("spring {} N·m/rad about {rest} rad on {}", spring.stiffness, spring.joint));
         }
-        let theta =
-            args.theta.as_deref().map(|path| Ok::<_, Error>((path, theta::read(path)?))).transpose()?;
         let mut candidate = match &theta {
             Some((path, file)) => {
                 theta::add_self_contact(file, &mut settings);

@@ -394,6 +394,7 @@ class Explanation(Result):
         logs: The log or the folder.
         robot: The robot's file.
         causes: What the robot has and its model lacks, the largest weight first.
+        warnings: What to know of robot, policy and logs. Empty without a policy.
 
     >>> explained = gaitfit.explain("walks", "go2.xml", policy="policy.onnx")      # doctest: +SKIP
     >>> explained.causes[0].kind      # doctest: +SKIP
@@ -403,6 +404,7 @@ class Explanation(Result):
     logs: str
     robot: str
     causes: tuple[Cause, ...]
+    warnings: tuple[str, ...]
 
     def rows(self) -> list[dict[str, Any]]:
         """One row a cause."""

@@ -32,6 +32,8 @@ struct Document<'a> {
     read: usize,
     left_out: usize,
     causes: &'a [Cause],
+    /// What to know of robot, policy and logs.
+    warnings: &'a [String],
     without_simulation: &'a SwingFindings,
 }
 
@@ -53,6 +55,7 @@ impl Looked {
             read: self.read,
             left_out: self.left_out,
             causes,
+            warnings: &self.warnings,
             without_simulation: &self.found,
         }
     }

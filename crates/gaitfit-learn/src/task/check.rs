@@ -36,12 +36,19 @@ const ROUNDED: f64 = 0.05;
 
 /// Refuses a default pose that a joint cannot be in.
 pub(super) fn check_pose(model: &Model, pose: &[f64]) -> Result<(), TaskError> {
-    for (joint, &angle) in model.joints.iter().zip(pose) {
+    for (index, (joint, &angle)) in model.joints.iter().zip(pose).enumerate() {
         if let Some([low, high]) = joint.range
             && let rounded = joint.kind.like("rad", ROUNDED)
             && !(low - rounded..=high + rounded).contains(&angle)
         {
             let unit = joint.kind.unit("rad");
+            if model.only_follows(index) {
+                return Err(TaskError::Coupling {
+                    joint: shown(&joint.name),
+                    at: format!("{} {unit}", shown_number(angle)),
+                    range: format!("{} to {} {unit}", shown_number(low), shown_number(high)),
+                });
+            }
             let what = format!(
                 "puts `{}` at {} {unit}, and its range is {} to {} {unit}; a joint that no pattern covers is at 0",
                 shown(&joint.name),

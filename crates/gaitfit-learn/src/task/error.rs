@@ -26,6 +26,19 @@ pub enum TaskError {
         /// What is wrong with it, and where.
         error: Box<ExpressionError>,
     },
+    /// A joint whose leader puts it beyond its range.
+    #[error(
+        "joint {joint} follows another joint, which puts it at {at} in the task's pose; its range is {range}. Correct the coupling or \
+         the range in the robot file, or the pose of the other joint in task.policy.default_pose"
+    )]
+    Coupling {
+        /// The joint that follows.
+        joint: String,
+        /// Where it is, with the unit.
+        at: String,
+        /// Its range, with the unit.
+        range: String,
+    },
     /// The robot's gravity.
     #[error(
         "the robot {robot} has the gravity `{gravity}` (m/s²), and a walking task needs it along -z; mend it in the \

@@ -277,8 +277,8 @@ pub struct PushSettings {
 }
 
 impl TaskSettings {
-    /// As [`Self::calm`], with the smallest rotor inertia of the training: of a file without rotors no robot of the training is
-    /// without one, and its gains would shake light links. For a robot whose numbers nobody fitted.
+    /// As [`Self::calm`], but with the smallest rotor inertia of the training. Gains of a file without rotors would shake light
+    /// links otherwise. For robots whose rotors nobody fitted.
     pub fn nominal(&self) -> Self {
         let mut nominal = self.calm();
         nominal.randomisation.armature = [self.randomisation.armature[0].max(0.0); 2];

@@ -46,7 +46,9 @@ impl Task {
         let policy = &settings.policy;
         check(settings)?;
         let pose = by_joint(model, &policy.default_pose, "policy.default_pose")?;
-        let pose: Vec<f64> = pose.iter().map(|angle| angle.unwrap_or(0.0)).collect();
+        let stated: Vec<usize> = (0..pose.len()).filter(|&joint| pose[joint].is_some()).collect();
+        let mut pose: Vec<f64> = pose.iter().map(|angle| angle.unwrap_or(0.0)).collect();
+        model.couple_others(&mut pose, &stated);
         check_pose(model, &pose)?;
         let name = |&joint: &usize| model.joints[joint].name.clone();
         let moved = moved(model, &policy.joints)?;

@@ -61,7 +61,7 @@ impl Quadric {
         let edge = sub(ends[1], ends[0]);
         let length = dot(edge, edge);
         let away = sub(solved, middle);
-        // A point far from its edge is no good one, whatever the planes say.
+        // A point farther from the middle than the edge is long is not used.
         let near = dot(away, away) <= length;
         let point = if near { solved } else { middle };
         let error: f64 =
@@ -113,7 +113,7 @@ struct Work<'a> {
     edges: BinaryHeap<Edge>,
 }
 
-/// Lets edges collapse until at most `max` triangles are left, or no edge can collapse without a face that turns over.
+/// Lets edges collapse until at most `max` triangles are left, or every further collapse would turn a face over.
 pub(super) fn collapse(pool: &mut Pool, max: usize) {
     let mut left = pool.len();
     if left <= max {

@@ -12,14 +12,14 @@ use crate::rotation::{Vec3, add};
 
 /// Cells along the diagonal of a mesh as it comes in.
 const CELLS: f64 = 4096.0;
-/// Cells along that of the largest mesh, and triangles, with which edges begin to collapse at most: more take too long.
+/// Before edges collapse: max number of cells along the largest mesh's diagonal, and of triangles. More would take too long.
 const FINE_CELLS: f64 = 1500.0;
 const MAX_FINE: usize = 60_000;
 /// The narrowest cell, m.
 const NARROWEST: f64 = 1e-9;
-/// How much wider cells become at least where they leave too much.
+/// Smallest factor by which cells grow while too much is left.
 const WIDER: f64 = 1.4;
-/// Corners of a triangle that is kept, on average, at most.
+/// Max number of vertices per triangle that is kept, on average.
 const MAX_CORNERS: usize = 2;
 
 /// A mesh whose triangles share corners.
@@ -93,7 +93,7 @@ impl Pool {
         }
     }
 
-    /// Makes vertices in one cell one. Vertices without a triangle go, as do triangles that are there twice.
+    /// Joins the vertices of each cell. Vertices without a triangle go, as do triangles that are there twice.
     fn cluster(&mut self, cell: f64) {
         let mut grid = Grid::new(cell);
         let mut seen = HashSet::new();

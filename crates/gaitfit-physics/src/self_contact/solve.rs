@@ -12,7 +12,7 @@ use crate::self_contact::{SelfContactPair, SelfContactPairWork};
 use crate::separate::separate;
 use crate::spatial::{Articulated, V6, add6, dot6, dot6_add, zero6};
 use crate::state::{State, Work};
-use crate::tree::{Coupling, Tree};
+use crate::tree::Tree;
 
 separate! {
     /// Forces and Hessians of the contacts at their residuals, and the torques of them on the joints.
@@ -230,15 +230,10 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
         work.self_contact.carried[tree.links[link].parent].add(&carried);
     }
     for number in 0..tree.couplings.len() {
-        let Coupling { follower, leader, .. } = tree.couplings[number];
-        coupling::push(tree, number, state, work);
-        let [own, mixed, other] = work.couplings[number].hessian();
-        let matrix = &mut work.self_contact.matrix;
-        matrix[at(follower, follower)] = matrix[at(follower, follower)] + own;
-        if let Some(leader) = leader {
-            let place = at(follower.max(leader), follower.min(leader));
-            matrix[at(leader, leader)] = matrix[at(leader, leader)] + other;
-            matrix[place] = matrix[place] + mixed;
+        let terms = coupling::terms(tree, number, state, work);
+        for (k, i, element) in terms.hessian.into_iter().flatten() {
+            let place = &mut work.self_contact.matrix[at(k, i)];
+            *place = *place + element;
         }
     }
     if tree.floating {

@@ -1,6 +1,6 @@
 // Meshes of robots: unpacking, normals, outlines.
 
-/** Faces that meet at a smaller angle than this one's cosine look round. */
+/** Cosine of the largest angle between faces that are shaded as one surface. */
 const ROUND = 0.8;
 
 class Mesh {

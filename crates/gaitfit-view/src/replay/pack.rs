@@ -8,7 +8,8 @@ use serde::Serialize;
 /// Largest code; a channel's range is spread over −32767 … 32767.
 const LARGEST: f64 = i16::MAX as f64;
 
-/// How much larger the mesh of a foot is drawn: often the leg's mesh has the same surface, and would hide its colour in patches.
+/// How much larger the mesh of a foot is drawn. Otherwise the leg's mesh, which often has the same surface, hides its colour in
+/// patches.
 const FOOT: f64 = 1.04;
 
 #[derive(Serialize)]

@@ -115,12 +115,12 @@ impl Anatomy {
             leg.joints = leg.path.iter().copied().filter(|joint| !shared(joint)).collect();
         }
         let wheels: Vec<usize> = legs.iter().filter_map(|leg| wheel(model, leg, &frames)).collect();
-        let of_legs = || (0..model.joints.len()).filter(|joint| all.iter().any(|path| path.contains(joint)));
+        let of_leg = |joint: &usize| all.iter().any(|path| path.contains(joint));
+        let of_legs = || (0..model.joints.len()).filter(of_leg);
         let driven = |joint: &usize| model.actuators.iter().any(|actuator| actuator.joint == *joint);
-        let limp = |joint: &usize| {
-            let of_leg = all.iter().any(|path| path.contains(joint));
-            model.only_follows(*joint) || of_leg && of_legs().any(|other| driven(&other)) && !driven(joint)
-        };
+        let some_driven = of_legs().any(|joint| driven(&joint));
+        let limp =
+            |joint: &usize| model.only_follows(*joint) || of_leg(joint) && some_driven && !driven(joint);
         let passive: Vec<usize> = (0..model.joints.len()).filter(limp).collect();
         let wheels: Vec<usize> = wheels.into_iter().filter(|joint| !passive.contains(joint)).collect();
         let moves = |joint: &usize| !wheels.contains(joint) && !passive.contains(joint);

@@ -68,3 +68,60 @@ fn light_feet_do_not_take_the_damping_from_ankles() {
     // The nominal robot of evaluations has the smallest.
     assert_eq!(look.settings.nominal().randomisation.armature, [smallest; 2]);
 }
+
+/// A robot on four legs of a thigh, a shank and an upright last link of 0.1 m. `equality`: couplings of its joints.
+fn quadruped(equality: &str) -> Model {
+    let leg = |name: &str, x: f64, y: f64| {
+        format!(
+            "<body pos=\"{x} {y} 0\"><joint name=\"{name}_hip\" axis=\"0 1 0\" range=\"-2 2\"/><geom type=\"capsule\" fromto=\"0 0 -.03 0 \
+             0 -.2\" size=\".02\"/><body pos=\"0 0 -.2\"><joint name=\"{name}_knee\" axis=\"0 1 0\" range=\"-2.6 2.6\"/><geom \
+             type=\"capsule\" fromto=\"0 0 -.03 0 0 -.2\" size=\".02\"/><body name=\"{name}_end\" pos=\"0 0 -.2\"><joint \
+             name=\"{name}_ankle\" axis=\"0 1 0\" range=\"-2 2\"/><geom type=\"capsule\" fromto=\"0 0 0 0 0 -.1\" size=\".015\"/>\
+             </body></body></body>"
+        )
+    };
+    let legs = [("FL", 0.2, 0.1), ("FR", 0.2, -0.1), ("RL", -0.2, 0.1), ("RR", -0.2, -0.1)];
+    let bodies: String = legs.map(|(name, x, y)| leg(name, x, y)).concat();
+    let couplings: String = legs.map(|(name, ..)| equality.replace("LEG", name)).concat();
+    let motors: String = legs
+        .map(|(name, ..)| format!("<motor joint=\"{name}_hip\"/><motor joint=\"{name}_knee\"/>"))
+        .concat();
+    let text = format!(
+        "<mujoco><compiler angle=\"radian\"/><worldbody><body pos=\"0 0 .5\"><freejoint/><geom type=\"box\" size=\".2 .1 .05\" \
+         mass=\"10\"/>{bodies}</body></worldbody><equality>{couplings}</equality><actuator>{motors}</actuator></mujoco>"
+    );
+    read_mjcf_str(&text, &ReadOptions { add_floor: true, ..ReadOptions::default() }).unwrap()
+}
+
+/// Angles of all joints in the pose of a task, as a training begins with them.
+fn pose(model: &Model) -> Vec<f64> {
+    let task =
+        gaitfit_learn::task::Task::new(model, &look(model).unwrap().settings, gaitfit_physics::Preset::Fast);
+    task.unwrap().walker.interface.model_pose(model).unwrap()
+}
+
+#[test]
+fn an_upright_last_link_is_no_sole() {
+    let model = quadruped("");
+    let frames = body_frames(&model, &Frame::WORLD, &pose(&model));
+    for name in ["FL_end", "RR_end"] {
+        let up = rotate(frames[model.body(name).unwrap()].quaternion, [0.0, 0.0, 1.0]);
+        assert!(up[2] > 0.8, "{name} leans: {up:?}");
+    }
+}
+
+#[test]
+fn a_coupled_ankle_stands_where_its_knee_puts_it() {
+    let model = quadruped("<joint joint1=\"LEG_ankle\" joint2=\"LEG_knee\" polycoef=\"0 -0.5\"/>");
+    let look = look(&model).unwrap();
+    assert!(!look.settings.policy.default_pose.contains_key("FL_ankle"));
+    assert!(look.guesses.iter().any(|guess| guess.what == "coupled"), "{:?}", look.guesses);
+    let angles = pose(&model);
+    let at = |name: &str| angles[model.joint(name).unwrap()];
+    assert!(at("FL_knee").abs() > 0.3 && (at("FL_ankle") + 0.5 * at("FL_knee")).abs() < 1e-9, "{angles:?}");
+    // The height is that of the pose with its ankles.
+    let frames = body_frames(&model, &Frame::WORLD, &angles);
+    let foot = frames[model.body("FL_end").unwrap()].point([0.0, 0.0, -0.1]);
+    let height = frames[0].position[2] - foot[2] + 0.015;
+    assert!((look.settings.height - height).abs() < 0.01, "{} {height}", look.settings.height);
+}

@@ -281,11 +281,10 @@ impl Gains {
                 digits(PERIOD / substeps as f64, 3)
             ));
         }
-        if let Some(Rotors { smallest, largest, in_file }) = rotors {
-            let has = if in_file { "written into the robot file" } else { "of the nominal robot" };
+        if let Some(Rotors { smallest, largest, .. }) = rotors {
             doubts.push(format!(
-                "the file gives no rotor inertia (armature), without which light links shake; robots get {smallest:?} to \
-                 {largest:?} kg·m² in training (a guess); the smallest is {has}"
+                "the file gives the legs no rotor inertia (armature), and light links shake without one. In training robots have \
+                 {smallest:?} to {largest:?} kg·m² (a guess), in evaluations the smallest. State armature in the file if you know it"
             ));
         }
         Ok(Self { kp, kd, scale, substeps, rotors, how: chooser.how(source, takes_servos, ratio), doubts })

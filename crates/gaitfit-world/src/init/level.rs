@@ -12,8 +12,8 @@ const MIN_SOLE: f64 = 0.01;
 pub struct Sole([(usize, [f64; 3]); 2]);
 
 impl Sole {
-    /// The longest line of a leg's foot in the vertical plane in which the leg bends: along a rod, an edge of a box, or from
-    /// one shape to another. `frames`: any pose. `None` if the foot has no length there, as a ball.
+    /// The longest lying line of a leg's foot in the vertical plane in which the leg bends: along a rod, an edge of a box, or
+    /// from one shape to another. `frames`: the robot as its file draws it. `None` if the foot has no such line, as a ball.
     pub fn new(model: &Model, leg: &Leg, frames: &[Frame]) -> Option<Self> {
         let mut lines: Vec<[(usize, [f64; 3]); 2]> = Vec::new();
         for (place, &geom) in leg.geoms.iter().enumerate() {
@@ -34,11 +34,20 @@ impl Sole {
             let others = leg.geoms[..place].iter().map(|&other| &model.geoms[other]);
             lines.extend(others.map(|other| [(other.body, other.pos), (geom.body, geom.pos)]));
         }
-        let length = |line: &[(usize, [f64; 3]); 2]| {
+        let span = |line: &[(usize, [f64; 3]); 2]| {
             let [from, to] = line.map(|(body, point)| frames[body].point(point));
-            (to[0] - from[0]).hypot(to[2] - from[2])
+            [to[0] - from[0], to[2] - from[2]]
         };
-        let longest = lines.into_iter().max_by(|a, b| length(a).total_cmp(&length(b)))?;
+        let length = |line: &[(usize, [f64; 3]); 2]| {
+            let [x, z] = span(line);
+            x.hypot(z)
+        };
+        // An upright rod is a shank.
+        let lies = |line: &[(usize, [f64; 3]); 2]| {
+            let [x, z] = span(line);
+            z.abs() < x.abs()
+        };
+        let longest = lines.into_iter().filter(lies).max_by(|a, b| length(a).total_cmp(&length(b)))?;
         (length(&longest) >= MIN_SOLE).then_some(Self(longest))
     }
 

@@ -1,8 +1,9 @@
 //! A robot file for a first task: as it is if it reads, else mended and written anew.
 //!
 //! What a strict reading refuses is mended where the robot stays the same to walk with: feet that are meshes get simple shapes,
-//! joints coupled across limbs are locked, links without mass and motors without rotor inertia get one, unknown parts are left out. The result is a robot file of its own,
-//! which every command and MuJoCo read as any other; every change is listed in it.
+//! joints coupled across limbs are locked. Links without mass get a mass, motors without rotor inertia get one, unknown parts
+//! are left out. The result is a robot file of its own, which every command and MuJoCo read as any other; every change is
+//! listed in it.
 
 use super::anatomy::made_up;
 use super::feet::{Added, fit_feet};
@@ -103,7 +104,7 @@ fn mend(path: &Path, how: Preparation) -> Result<Prepared, Error> {
     if let Some(rotors) = &mut rotors {
         rotors.write(&mut model);
         let found = format!(
-            "rotor inertia of {:?} kg·m² in every joint with a motor: the file gives none (a guess)",
+            "rotor inertia of {:?} kg·m² in every joint that has a motor and no rotor in the file (a guess)",
             rotors.smallest
         );
         mended.push(Guess { what: "rotors", found });

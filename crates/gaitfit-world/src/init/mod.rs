@@ -80,6 +80,14 @@ pub enum InitError {
         /// How many there may be.
         max: usize,
     },
+    /// No joint of the legs can be moved.
+    #[error(
+        "no joint of {robot}'s legs can be moved: each follows another joint or has no motor; a policy needs joints that it can move"
+    )]
+    Limp {
+        /// The robot.
+        robot: String,
+    },
     /// What reaches lowest cannot touch the ground.
     #[error(
         "no legs are found in {robot}: its last links ({links}) have no geom that collides with the ground; give the feet \
@@ -107,7 +115,7 @@ pub enum InitError {
 /// What a robot with elliptic cones trains with: those take the solver three times as many steps.
 const CONE: &str = "cone = \"pyramidal\"              # the file's elliptic cones take longer in training\n";
 
-/// Number of couplings of joints that are printed.
+/// Max number of couplings that are printed.
 const NAMED_COUPLINGS: usize = 2;
 
 /// Number of randomised robots that are made of what is written, as a training would make them.
@@ -205,6 +213,9 @@ fn look_with(model: &Model, source: Source, written: Option<Rotors>) -> Result<L
     let pose = pose::standing(model, start, &anatomy);
     // Feet are looked for once more in the pose that was found: the lowest geoms may be others.
     let anatomy = Anatomy::find(model, &pose.angles)?;
+    if anatomy.acting().is_empty() {
+        return Err(InitError::Limp { robot: robot() });
+    }
     let sizes = Sizes::new(model, &anatomy, &pose.angles);
     let gains = Gains::new(model, &anatomy, &pose.angles, &sizes, source, written)?;
     let text = text::task(model, &anatomy, &pose, &sizes, &gains);
@@ -281,7 +292,7 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
         let named = &couplings[..couplings.len().min(NAMED_COUPLINGS)];
         say(
             "coupled",
-            format!("{}{more} (x: how far the other joint is from its reference)", named.join("; ")),
+            format!("{}{more} (x: the other joint's distance from its reference)", named.join("; ")),
         );
     }
     let limp: Vec<usize> =

@@ -21,8 +21,9 @@ const BEYOND: f64 = 0.1;
 const DRAWN_BENT: f64 = 0.1;
 /// Part of a joint's range to each limit that a stance leaves.
 const ROOM: f64 = 0.2;
-/// Steps of the search for a leg's angles.
+/// Steps of the search for a leg's angles, and the max number of poses that it tries.
 const STEPS: usize = 400;
+const MAX_POSES: usize = 8000;
 
 /// A pose.
 #[derive(Clone, Debug, PartialEq)]
@@ -153,6 +154,8 @@ pub fn lifted(model: &Model, anatomy: &Anatomy, legs: &[usize], angles: &[f64]) 
 struct Chain {
     /// Joints that turn about the sideways axis, from the hip on.
     pitch: Vec<usize>,
+    /// Those of them that do not follow others.
+    free: Vec<usize>,
     /// Length of the straight leg, m: to the foot, or to the ankle where the foot lies flat.
     reach: f64,
     /// Whether the foot lies flat.
@@ -165,8 +168,11 @@ impl Chain {
         let sideways = |joint: &usize| {
             model.joints[*joint].kind.is_hinge() && axis(model, *joint, frames)[1].abs() > 0.7
         };
-        let pitch: Vec<usize> = leg.joints.iter().copied().filter(sideways).collect();
-        if pitch.len() < 2 {
+        let own = |joint: &usize| leg.joints.contains(joint) || model.only_follows(*joint);
+        let pitch: Vec<usize> =
+            leg.path.iter().copied().filter(|joint| own(joint) && sideways(joint)).collect();
+        let free: Vec<usize> = pitch.iter().copied().filter(|&joint| !model.only_follows(joint)).collect();
+        if pitch.len() < 2 || free.is_empty() {
             return None;
         }
         let length = |a: [f64; 3], b: [f64; 3]| {
@@ -178,7 +184,7 @@ impl Chain {
         let flat = leg.sole && pitch.len() > 2;
         let reach =
             if flat { chain } else { chain + length(joints[joints.len() - 1], foot(model, leg, frames)) };
-        (reach > 0.0 && reach.is_finite()).then_some(Self { pitch, reach, flat })
+        (reach > 0.0 && reach.is_finite()).then_some(Self { pitch, free, reach, flat })
     }
 
     /// The leg's end: the foot, or the ankle where the foot lies flat.
@@ -239,15 +245,20 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
         let now = rotate(frames[body].quaternion, [1.0, 0.0, 0.0]);
         now[2] - before[2]
     };
+    let coupled = |angles: &[f64]| {
+        let mut all = angles.to_vec();
+        model.couple(&mut all);
+        body_frames(model, &Frame::WORLD, &all)
+    };
     let cost = |angles: &[f64]| {
-        let frames = body_frames(model, &Frame::WORLD, angles);
+        let frames = coupled(angles);
         let (hip, end) = (anchor(hip, &frames), target(&frames));
         let (forward, down) = ((end[0] - hip[0]) / reach, (hip[2] - end[2]) / reach - share);
         let tilt = if flat { level(&frames) } else { 0.0 };
         forward * forward + down * down + tilt * tilt
     };
     let knee_ahead = |angles: &[f64]| {
-        let frames = body_frames(model, &Frame::WORLD, angles);
+        let frames = coupled(angles);
         anchor(pitch[1], &frames)[0] - anchor(hip, &frames)[0]
     };
     let drawn = knee_forward(anchor(hip, &rest), anchor(pitch[1], &rest), target(&rest));
@@ -255,11 +266,11 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
     let mut best: Option<(f64, Vec<f64>)> = None;
     for sign in [1.0, -1.0] {
         let mut found = angles.to_vec();
-        for (place, &joint) in pitch.iter().enumerate() {
+        for (place, &joint) in pitch.iter().enumerate().filter(|(_, joint)| chain.free.contains(joint)) {
             let turn = [0.6, -1.2, 0.6][place.min(2)] * sign * axis(joint)[1].signum();
             found[joint] = well_within(&model.joints[joint], angles[joint] + turn);
         }
-        let reached = descend(model, pitch, &mut found, cost);
+        let reached = descend(model, &chain.free, &mut found, cost);
         let wrong_way = (knee_ahead(&found) > 0.0) != forward;
         let rated = reached + if wrong_way { 1e-3 } else { 0.0 };
         if best.as_ref().is_none_or(|(other, _)| rated < *other) {
@@ -268,6 +279,7 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
     }
     if let Some((_, found)) = best {
         angles.copy_from_slice(&found);
+        model.couple(angles);
     }
 }
 
@@ -283,7 +295,7 @@ fn knee_forward(hip: [f64; 3], knee: [f64; 3], foot: [f64; 3]) -> Option<bool> {
 fn descend(model: &Model, joints: &[usize], angles: &mut [f64], cost: impl Fn(&[f64]) -> f64) -> f64 {
     let mut best = cost(angles);
     let mut steps = vec![0.2; joints.len()];
-    for _ in 0..STEPS {
+    for _ in 0..STEPS.min(MAX_POSES / (2 * joints.len()).max(1)) {
         for (step, &joint) in steps.iter_mut().zip(joints) {
             let before = angles[joint];
             let mut better = false;

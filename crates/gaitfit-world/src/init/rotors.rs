@@ -4,7 +4,7 @@ use super::anatomy::Anatomy;
 use super::sizes::{Sizes, tidy};
 use gaitfit_model::Model;
 
-/// Rotor inertia of a motor over m l²: the Go2's 0.01 kg·m².
+/// Largest rotor inertia over m l². It gives the built-in Go2's 0.01 kg·m².
 const LARGEST: f64 = 0.0073;
 /// The largest over the smallest in training. Motors of humanoids have rotors that are smaller for their size.
 const SPREAD: f64 = 3.0;

@@ -111,7 +111,12 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     }
     if some {
         let names = list(acting.iter().map(|&joint| quoted(&model.joints[joint].name)));
-        line(&mut text, "joints", names, "those of the legs; the others are held in the default pose");
+        line(
+            &mut text,
+            "joints",
+            names,
+            "those of the legs with motors; others are held, follow another joint, or turn freely",
+        );
     }
     if !anatomy.wheels.is_empty() {
         let names = list(anatomy.wheels.iter().map(|&joint| quoted(&model.joints[joint].name)));
@@ -134,7 +139,8 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     let guessed = if gains.how.contains("(a guess)") { " (a guess)" } else { "" };
     numbers(&mut text, model, &all, "kd", &gains.kd, &format!("{}{guessed}", model.units("N·m·s/rad")));
     let _ = writeln!(text, "\n[task.policy.default_pose]       # {}: {}", model.units("rad"), pose.how());
-    for (index, (joint, angle)) in model.joints.iter().zip(&pose.angles).enumerate() {
+    let stated = model.joints.iter().zip(&pose.angles).enumerate();
+    for (index, (joint, angle)) in stated.filter(|(index, _)| !model.only_follows(*index)) {
         let angle = if anatomy.wheels.contains(&index) { 0.0 } else { digits(round(*angle), 4) };
         let _ = writeln!(text, "{} = {angle:?}", quoted(&joint.name));
     }

@@ -82,8 +82,10 @@ fn text(summary: &Summary) -> String {
     }
     if !summary.couplings.is_empty() {
         let couplings = summary.couplings.join("\n  ");
-        let _ =
-            writeln!(text, "\ncoupled joints (x: the leader's position from its reference):\n  {couplings}");
+        let _ = writeln!(
+            text,
+            "\ncoupled joints (x: the other joint's distance from its reference):\n  {couplings}"
+        );
     }
     if !summary.keyframes.is_empty() {
         let _ = writeln!(text, "\nkeyframes: {}", summary.keyframes.join(", "));
