@@ -1,5 +1,6 @@
 //! Joints that follow others: how both formats are read, what is refused, locked and left out, and that a written file has
 //! them.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use gaitfit_model::{Coupling, Model, ModelError, ReadOptions, read_mjcf_str, read_urdf_str};
 

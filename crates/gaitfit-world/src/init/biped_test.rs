@@ -1,4 +1,5 @@
 //! Two legs: soles lie flat in a stance, knees keep away from their stops, ankles are damped as other joints are.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use super::look;
 use gaitfit_model::kinematics::{Frame, body_frames};
