@@ -185,6 +185,18 @@ impl Supervisor {
         }
     }
 
+    /// A part of the robot's state does not come, `what` in words: if no state is fresh at `now`, a reason for damping; while
+    /// idle it keeps the robot from being armed until a state comes.
+    pub fn lacks(&mut self, now: Duration, what: String) {
+        if self.watch.fresh(now).is_ok() {
+            return;
+        }
+        match self.phase {
+            Phase::Idle => self.refused = Some(Reason::Lacks(what)),
+            _ => self.stop(now, Reason::Lacks(what)),
+        }
+    }
+
     /// Another program's command was seen.
     pub fn second_controller(&mut self, now: Duration) {
         self.stop(now, Reason::SecondController);

@@ -159,11 +159,12 @@ fn check(args: &Run, simulator: bool) -> Result<(), Failure> {
 #[cfg(feature = "dds")]
 fn over_dds(args: &Run, robot: &Robot, interface: &str) -> Result<Box<dyn Link + Send>, Failure> {
     note(&format!("listening to a {} on {interface}, domain {}", robot.title, args.link.domain));
-    if !args.link.dry_run {
+    if !args.link.dry_run && robot.messages.has_motion_service() {
         super::motion::released(interface, args.link.domain, args.link.yes, robot.hangs)?;
     }
     let link = gaitfit_robot::link::Dds::open(robot, interface, args.link.domain, args.link.dry_run)
-        .map_err(usage)?;
+        .map_err(usage)?
+        .with_patience(Duration::from_millis(args.link.patience.into()));
     Ok(Box::new(link))
 }
 
@@ -237,11 +238,13 @@ fn without_run(path: &Path) -> Result<(), Failure> {
 fn confirm(args: &Run, robot: &Robot, who: &Who, stand: Duration, state: &RobotState) -> bool {
     let hottest = state.temperature.iter().enumerate().max_by_key(|(_, degrees)| **degrees);
     let (motor, degrees) = hottest.map_or((0, 0), |(motor, degrees)| (motor, *degrees));
+    let name = robot.motors.get(motor).map_or("none", |motor| &motor.joint);
+    let hottest = match robot.messages.has_temperatures() {
+        true => format!("hottest motor {name} at {degrees} °C"),
+        false => "temperatures not reported".to_owned(),
+    };
     let battery = state.battery.map_or("not reported".to_owned(), |battery| format!("{} %", battery.charge));
-    note(&format!(
-        "connected to the robot: battery {battery}, hottest motor {} at {degrees} °C",
-        robot.motors.get(motor).map_or("none", |motor| &motor.joint)
-    ));
+    note(&format!("connected to the robot: battery {battery}, {hottest}"));
     if args.link.dry_run {
         note("a dry run: nothing is sent");
         return true;

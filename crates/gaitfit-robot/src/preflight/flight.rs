@@ -104,6 +104,23 @@ impl Flight {
         }
     }
 
+    /// A part of the robot's state does not come, `what` in words: if no state is fresh at `now`, a reason for damping; while
+    /// idle it keeps the robot from being armed until a state comes.
+    pub fn lacks(&mut self, now: Duration, what: String) {
+        if self.watch.fresh(now).is_ok() {
+            return;
+        }
+        match self.stage {
+            Stage::Idle => self.refused = Some(Reason::Lacks(what)),
+            _ => self.stop(now, Reason::Lacks(what)),
+        }
+    }
+
+    /// Why an idle robot may not be armed.
+    pub fn refused(&self) -> Option<&Reason> {
+        self.flown.reason.as_ref().or(self.refused.as_ref())
+    }
+
     /// Goes to damping, for `reason`. The first reason stays. While idle the reason keeps the robot from being armed.
     pub fn stop(&mut self, now: Duration, reason: Reason) {
         match self.stage {
@@ -122,7 +139,7 @@ impl Flight {
     /// # Errors
     /// A rule that the robot's state fails.
     pub fn arm(&mut self, now: Duration) -> Result<(), RobotError> {
-        if let Some(reason) = self.flown.reason.as_ref().or(self.refused.as_ref()) {
+        if let Some(reason) = self.refused() {
             return Err(RobotError::NotArmed(reason.clone()));
         }
         let state = self.watch.fresh(now).map_err(RobotError::NotArmed)?;

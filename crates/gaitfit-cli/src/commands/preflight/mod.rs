@@ -245,7 +245,8 @@ fn over_dds<'b>(
 ) -> Result<Box<dyn Link + Send + 'b>, Failure> {
     note(&format!("a {} on {interface}, domain {}", robot.title, args.domain));
     let link = gaitfit_robot::link::Dds::open(robot, interface, args.domain, what == For::Listening)
-        .map_err(super::run::usage)?;
+        .map_err(super::run::usage)?
+        .with_patience(Duration::from_millis(args.patience.into()));
     Ok(Box::new(link))
 }
 
@@ -274,7 +275,9 @@ fn motion(
     let Some(last) = heard.last() else { return Ok(None) };
     let plan = Plan::new(robot, last.state.q);
     #[cfg(feature = "dds")]
-    if let Some(interface) = &args.interface {
+    if let Some(interface) = &args.interface
+        && robot.messages.has_motion_service()
+    {
         super::motion::released(interface, args.domain, args.yes, robot.hangs)?;
     }
     if !signals::confirm(args.yes || agreed(robot, &plan)) {
