@@ -185,13 +185,11 @@ impl Supervisor {
         }
     }
 
-    /// A part of the robot's state does not come, `what` in words: if no state is fresh at `now`, a reason for damping; while
-    /// idle it keeps the robot from being armed until a state comes.
+    /// A part of the robot's state no longer comes, `what` in words: a reason for damping; while idle it keeps the robot from
+    /// being armed until a state comes.
     pub fn lacks(&mut self, now: Duration, what: String) {
-        if self.watch.fresh(now).is_ok() {
-            return;
-        }
         match self.phase {
+            Phase::Idle if self.watch.fresh(now).is_ok() => {}
             Phase::Idle => self.refused = Some(Reason::Lacks(what)),
             _ => self.stop(now, Reason::Lacks(what)),
         }

@@ -35,6 +35,11 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let policy = gaitfit_policy_files::read(&path).map_err(Failure::failed)?;
     let robot = args.robot.robot().map_err(usage)?;
     suits(&policy, &robot).map_err(|error| Failure::usage(format!("{}: {error}", args.policy.display())))?;
+    if args.remote && !robot.messages.has_remote() {
+        return Err(Failure::usage(
+            "--remote: the messages of this robot (`messages` in its file) have no remote; use --keyboard or --commands",
+        ));
+    }
     let who = walks::who(args, &policy)?;
     if args.link.pause.is_some() && who.logs().is_none() {
         return Err(Failure::usage("--pause: there is only one walk; leave --pause out"));
@@ -261,12 +266,21 @@ fn confirm(args: &Run, robot: &Robot, who: &Who, stand: Duration, state: &RobotS
         ));
     }
     note(&format!(
-        "It will stand up, {}; then stop and lie down. Clear the ground, hold the robot's own switch ready. Ctrl-C stops it, \
-         and so does B on its remote: the motors go limp and it sinks.\nType `{WORD}` and Enter to begin; anything else ends.",
-        who.length()
+        "It will stand up, {}; then stop and lie down. Clear the ground, hold the robot's own switch ready. {}: the motors go \
+         limp and it sinks.\nType `{WORD}` and Enter to begin; anything else ends.",
+        who.length(),
+        stopped_by(robot)
     ));
     let mut line = String::new();
     std::io::stdin().lock().read_line(&mut line).is_ok() && line.trim() == WORD
+}
+
+/// What stops a robot at once, for the person beside it.
+pub fn stopped_by(robot: &Robot) -> &'static str {
+    match robot.messages.has_remote() {
+        true => "Ctrl-C stops it, and so does B on its remote",
+        false => "Ctrl-C stops it (its remote does not)",
+    }
 }
 
 /// Prints and saves what the run was; the reason of a stop is the last thing said.

@@ -38,7 +38,8 @@ pub trait Link {
     /// In words: the link broke.
     fn send(&mut self, command: &Command) -> Result<(), String>;
 
-    /// Why no states are handed over though something is heard, in words: a part of them is missing.
+    /// Why no states are handed over though something is heard, in words: a part of them does not come, or is older than a
+    /// state may be.
     fn lacks(&self) -> Option<String> {
         None
     }

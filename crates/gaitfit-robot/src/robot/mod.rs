@@ -67,6 +67,11 @@ impl Messages {
         self != Self::Ros2
     }
 
+    /// Whether messages have the buttons and sticks of the robot's remote.
+    pub fn has_remote(self) -> bool {
+        self != Self::Ros2
+    }
+
     /// Whether messages have the motors' temperatures.
     pub fn has_temperatures(self) -> bool {
         self != Self::Ros2

@@ -110,6 +110,10 @@ impl States {
         patience: Duration,
     ) -> Result<Taken, String> {
         if message.name != self.names && !self.find(&message.name)? {
+            // Another program's joints beside those of the robot.
+            if !self.names.is_empty() {
+                return Ok(Taken::Nothing);
+            }
             return Ok(Taken::Lacks(format!(
                 "no motor of the robot on {}; its messages have {}",
                 self.joint_topic,

@@ -304,10 +304,11 @@ fn motion(
 fn agreed(robot: &Robot, plan: &Plan) -> bool {
     note(&format!(
         "The {} must hang with its feet off the ground and nobody near it. For {:.0} s its legs go slowly to their pose in the air, \
-         each joint moves alone by 0.1 rad, then all together, then back. Watch that the joint that is named moves. Ctrl-C stops \
-         it, and so does B on its remote: the motors go limp.\nType `{WORD}` and Enter to begin; anything else ends.",
+         each joint moves alone by 0.1 rad, then all together, then back. Watch that the joint that is named moves. {}: \
+         the motors go limp.\nType `{WORD}` and Enter to begin; anything else ends.",
         robot.title,
-        plan.seconds()
+        plan.seconds(),
+        super::run::stopped_by(robot)
     ));
     let mut line = String::new();
     std::io::stdin().lock().read_line(&mut line).is_ok() && line.trim() == WORD
