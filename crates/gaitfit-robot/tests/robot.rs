@@ -36,6 +36,8 @@ mod preflight;
 mod ros2;
 #[path = "robot/ros2_messages.rs"]
 mod ros2_messages;
+#[path = "robot/ros2_rules.rs"]
+mod ros2_rules;
 #[path = "robot/rules.rs"]
 mod rules;
 #[cfg(all(feature = "dds", target_os = "linux"))]

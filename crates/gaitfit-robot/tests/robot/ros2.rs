@@ -1,6 +1,9 @@
 //! A robot that speaks ROS 2, over DDS on the loopback interface: its joints follow their motors, and a run on the clock is at
 //! the other end.
 
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -169,18 +172,15 @@ fn side(robot: &Robot, domain: u16, fault: Fault, done: &AtomicBool) -> Felt {
     felt
 }
 
+/// Short phases before and after the walk.
+fn quick() -> Times {
+    let short = Duration::from_millis(400);
+    Times { fold: short, rise: short, settle: short / 4, lie_down: short, damping: short, ..Times::default() }
+}
+
 /// A run of two seconds on the robot, with what it ends with.
 fn run(robot: &Robot, domain: u16, fault: Fault) -> (Summary, Felt, Vec<Phase>, usize) {
     let patience = Duration::from_millis(if real_time() { 60 } else { 300 });
-    let short = Duration::from_millis(400);
-    let times = Times {
-        fold: short,
-        rise: short,
-        settle: short / 4,
-        lie_down: short,
-        damping: short,
-        ..Times::default()
-    };
     let guard = GuardSettings { stale: patience, late: patience, ..robot.guard(CONTROL) };
     let guard = GuardSettings { late_policy: 2 * CONTROL + patience, ..guard };
     let (done, folder) = (AtomicBool::new(false), tempfile::tempdir().unwrap());
@@ -188,8 +188,9 @@ fn run(robot: &Robot, domain: u16, fault: Fault) -> (Summary, Felt, Vec<Phase>, 
     let (summary, felt) = std::thread::scope(|scope| {
         let side = scope.spawn(|| side(robot, domain, fault, &done));
         let seconds = if fault == Fault::Nothing { 1.5 } else { 20.0 };
-        let summary =
-            run_guarded(robot, domain, folder.path(), seconds, guard, times, &mut |phase| phases.push(phase));
+        let summary = run_guarded(robot, domain, folder.path(), seconds, guard, quick(), &mut |phase| {
+            phases.push(phase)
+        });
         // The last command is on its way.
         std::thread::sleep(Duration::from_millis(100));
         done.store(true, Ordering::SeqCst);
@@ -205,12 +206,16 @@ fn damps(command: &Command) -> bool {
     command.iter().all(|motor| motor.kp == 0.0 && motor.tau == 0.0 && motor.kd > 0.0)
 }
 
-/// The robot with commands without names, gains first.
-fn without_names() -> Robot {
+/// Its file with commands without names, gains first.
+fn with_order() -> String {
     let keys = r#"command_type = "std_msgs/msg/Float64MultiArray"
 command_order = ["stiffness", "damping", "position", "velocity", "effort"]
 guard"#;
-    Robot::parse(&FILE.replacen("guard", keys, 1), "biped.toml").unwrap()
+    FILE.replacen("guard", keys, 1)
+}
+
+fn without_names() -> Robot {
+    Robot::parse(&with_order(), "biped.toml").unwrap()
 }
 
 #[test]
@@ -267,4 +272,45 @@ fn another_program_on_the_command_topic_is_seen_and_a_silent_link_says_what_is_m
         assert!(begin.elapsed() < Duration::from_secs(30), "{seen} {:?}", link.lacks());
     }
     assert_eq!(link.lacks().unwrap(), "no inertial unit: nothing on /imu/data");
+}
+
+#[test]
+#[ignore = "needs cyclonedds in .venv"]
+fn python_a_robot_behind_another_dds_is_walked_and_damped() {
+    let _alone = alone();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let Some(python) = crate::messages::python_with(&root, "cyclonedds") else { return };
+    let array = without_names();
+    for (number, (robot, file)) in [(robot(), FILE.to_owned()), (array, with_order())].iter().enumerate() {
+        let (domain, folder) = (DOMAIN + 5 + number as u16, tempfile::tempdir().unwrap());
+        let path = folder.path().join("biped.toml");
+        std::fs::write(&path, file).unwrap();
+        let mut child = std::process::Command::new(&python)
+            .arg(root.join("tools/ros2_follower.py"))
+            .arg(&path)
+            .args(["--domain", &domain.to_string()])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
+        assert!(lines.next().unwrap().contains("ready"));
+        let patience = Duration::from_millis(400);
+        let guard = GuardSettings { stale: patience, late: patience, ..robot.guard(CONTROL) };
+        let guard = GuardSettings { late_policy: patience, ..guard };
+        let mut last = None;
+        let summary =
+            run_guarded(robot, domain, folder.path(), 1.5, guard, quick(), &mut |phase| last = Some(phase));
+        drop(child.stdin.take());
+        let felt: serde_json::Value = serde_json::from_str(&lines.next().unwrap()).unwrap();
+        child.wait().unwrap();
+        eprintln!("{} of {} commands taken, {felt}", felt["commands"], summary.commands);
+        assert_eq!((summary.reason, last), (None, Some(Phase::Damping)));
+        assert!(felt["commands"].as_f64().unwrap() > 0.8 * summary.commands as f64);
+        assert_eq!(
+            (felt["stiffness"].as_f64(), felt["last"][0]["stiffness"].as_f64()),
+            (Some(50.0), Some(0.0))
+        );
+        assert!(felt["last"][0]["damping"].as_f64().unwrap() > 0.0);
+    }
 }
