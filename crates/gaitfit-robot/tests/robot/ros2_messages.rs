@@ -76,6 +76,16 @@ fn messages_are_those_of_another_dds_byte_for_byte() {
 }
 
 #[test]
+fn the_file_of_the_documentation_is_read() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let page = std::fs::read_to_string(root.join("docs/robot-link.md")).unwrap();
+    let section = page.split("## A robot that speaks ROS 2").nth(1).unwrap();
+    let file = section.split("```").nth(1).unwrap().strip_prefix("toml").unwrap();
+    let robot = Robot::parse(file, "robot-link.md").unwrap();
+    assert_eq!((robot.motors.len(), robot.ros2().unwrap().imu.name), (4, "/imu/data".to_owned()));
+}
+
+#[test]
 #[ignore = "needs cyclonedds in .venv"]
 fn python_the_ros2_fixtures_are_what_cyclonedds_writes() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
