@@ -3,7 +3,7 @@
 Three joints swing: joint k is at 0.3 sin(2π t + k) rad, t seconds after the first message. Topics, in DDS's names:
 rt/joint_states (sensor_msgs/JointState, --rate a second), rt/imu/data (sensor_msgs/Imu, 100 a second: the base turns about z at
 0.2 rad/s), rt/joint_commands (sensor_msgs/JointState: the target is where the joint will be 20 ms later), rt/cmd_vel
-(geometry_msgs/Twist, 10 a second: 0.5, 0, 0.1). Types are written down here; nothing of ROS is needed. It prints a JSON line
+(geometry_msgs/Twist, 10 a second: 0.5, 0, 0.1). Nothing of ROS is needed. It prints a JSON line
 when it publishes and ends after SECONDS, or when its standard input is closed.
 
 Needs the package cyclonedds (11.0.1).
@@ -17,78 +17,15 @@ import math
 import select
 import sys
 import time
-from dataclasses import dataclass
 
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import Domain, DomainParticipant
-from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.annotations import final
-from cyclonedds.idl.types import array, float64, int32, sequence, uint32
 from cyclonedds.pub import DataWriter
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
+from ros2_messages import Header, Imu, JointState, Quaternion, Time, Twist, Vector3
 
 JOINTS = ["hip", "thigh", "calf"]
-
-
-@dataclass
-@final
-class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
-    sec: int32
-    nanosec: uint32
-
-
-@dataclass
-@final
-class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
-    stamp: Time
-    frame_id: str
-
-
-@dataclass
-@final
-class JointState(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
-    header: Header
-    name: sequence[str]
-    position: sequence[float64]
-    velocity: sequence[float64]
-    effort: sequence[float64]
-
-
-@dataclass
-@final
-class Vector3(IdlStruct, typename="geometry_msgs::msg::dds_::Vector3_"):
-    x: float64
-    y: float64
-    z: float64
-
-
-@dataclass
-@final
-class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
-    x: float64
-    y: float64
-    z: float64
-    w: float64
-
-
-@dataclass
-@final
-class Imu(IdlStruct, typename="sensor_msgs::msg::dds_::Imu_"):
-    header: Header
-    orientation: Quaternion
-    orientation_covariance: array[float64, 9]
-    angular_velocity: Vector3
-    angular_velocity_covariance: array[float64, 9]
-    linear_acceleration: Vector3
-    linear_acceleration_covariance: array[float64, 9]
-
-
-@dataclass
-@final
-class Twist(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
-    linear: Vector3
-    angular: Vector3
 
 
 def main():

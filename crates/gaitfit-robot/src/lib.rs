@@ -2,6 +2,7 @@
 //!
 //! - [`Robot`]: a robot's joints, motors, limits, gains, poses, messages and topics, from its file.
 //! - [`unitree`]: the messages of Unitree's robots, bit for bit.
+//! - [`ros`]: ROS 2's messages of joints, for any other robot.
 //! - [`guard`]: what may be sent to the motors, and the reasons for sending damping instead.
 //! - [`Supervisor`]: the states from idle over standing up and walking to lying down, with the guard before every command.
 //! - [`link`]: a robot over DDS (with the feature `dds`), and one in the project's own engine.
@@ -21,6 +22,7 @@ pub mod listen;
 mod per_motor;
 pub mod preflight;
 pub mod robot;
+pub mod ros;
 pub mod run;
 mod state;
 mod supervisor;

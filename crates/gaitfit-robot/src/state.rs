@@ -52,6 +52,8 @@ pub enum Seal {
     Wrong,
     /// The sender wrote 0 in its place and the checksum is another: simulators do not fill it in.
     Absent,
+    /// Messages of this kind have none: ROS 2's.
+    Unused,
 }
 
 /// A message of the robot.

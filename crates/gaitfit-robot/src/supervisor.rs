@@ -185,6 +185,16 @@ impl Supervisor {
         }
     }
 
+    /// A part of the robot's state no longer comes, `what` in words: a reason for damping; while idle it keeps the robot from
+    /// being armed until a state comes.
+    pub fn lacks(&mut self, now: Duration, what: String) {
+        match self.phase {
+            Phase::Idle if self.watch.fresh(now).is_ok() => {}
+            Phase::Idle => self.refused = Some(Reason::Lacks(what)),
+            _ => self.stop(now, Reason::Lacks(what)),
+        }
+    }
+
     /// Another program's command was seen.
     pub fn second_controller(&mut self, now: Duration) {
         self.stop(now, Reason::SecondController);

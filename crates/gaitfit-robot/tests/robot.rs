@@ -31,6 +31,13 @@ mod motion;
 mod pilot;
 #[path = "robot/preflight.rs"]
 mod preflight;
+#[cfg(all(feature = "dds", target_os = "linux"))]
+#[path = "robot/ros2.rs"]
+mod ros2;
+#[path = "robot/ros2_messages.rs"]
+mod ros2_messages;
+#[path = "robot/ros2_rules.rs"]
+mod ros2_rules;
 #[path = "robot/rules.rs"]
 mod rules;
 #[cfg(all(feature = "dds", target_os = "linux"))]

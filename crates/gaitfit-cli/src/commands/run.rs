@@ -35,6 +35,11 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let policy = gaitfit_policy_files::read(&path).map_err(Failure::failed)?;
     let robot = args.robot.robot().map_err(usage)?;
     suits(&policy, &robot).map_err(|error| Failure::usage(format!("{}: {error}", args.policy.display())))?;
+    if args.remote && !robot.messages.has_remote() {
+        return Err(Failure::usage(
+            "--remote: the messages of this robot (`messages` in its file) have no remote; use --keyboard or --commands",
+        ));
+    }
     let who = walks::who(args, &policy)?;
     if args.link.pause.is_some() && who.logs().is_none() {
         return Err(Failure::usage("--pause: there is only one walk; leave --pause out"));
@@ -159,11 +164,12 @@ fn check(args: &Run, simulator: bool) -> Result<(), Failure> {
 #[cfg(feature = "dds")]
 fn over_dds(args: &Run, robot: &Robot, interface: &str) -> Result<Box<dyn Link + Send>, Failure> {
     note(&format!("listening to a {} on {interface}, domain {}", robot.title, args.link.domain));
-    if !args.link.dry_run {
+    if !args.link.dry_run && robot.messages.has_motion_service() {
         super::motion::released(interface, args.link.domain, args.link.yes, robot.hangs)?;
     }
     let link = gaitfit_robot::link::Dds::open(robot, interface, args.link.domain, args.link.dry_run)
-        .map_err(usage)?;
+        .map_err(usage)?
+        .with_patience(Duration::from_millis(args.link.patience.into()));
     Ok(Box::new(link))
 }
 
@@ -237,11 +243,13 @@ fn without_run(path: &Path) -> Result<(), Failure> {
 fn confirm(args: &Run, robot: &Robot, who: &Who, stand: Duration, state: &RobotState) -> bool {
     let hottest = state.temperature.iter().enumerate().max_by_key(|(_, degrees)| **degrees);
     let (motor, degrees) = hottest.map_or((0, 0), |(motor, degrees)| (motor, *degrees));
+    let name = robot.motors.get(motor).map_or("none", |motor| &motor.joint);
+    let hottest = match robot.messages.has_temperatures() {
+        true => format!("hottest motor {name} at {degrees} °C"),
+        false => "temperatures not reported".to_owned(),
+    };
     let battery = state.battery.map_or("not reported".to_owned(), |battery| format!("{} %", battery.charge));
-    note(&format!(
-        "connected to the robot: battery {battery}, hottest motor {} at {degrees} °C",
-        robot.motors.get(motor).map_or("none", |motor| &motor.joint)
-    ));
+    note(&format!("connected to the robot: battery {battery}, {hottest}"));
     if args.link.dry_run {
         note("a dry run: nothing is sent");
         return true;
@@ -258,12 +266,21 @@ fn confirm(args: &Run, robot: &Robot, who: &Who, stand: Duration, state: &RobotS
         ));
     }
     note(&format!(
-        "It will stand up, {}; then stop and lie down. Clear the ground, hold the robot's own switch ready. Ctrl-C stops it, \
-         and so does B on its remote: the motors go limp and it sinks.\nType `{WORD}` and Enter to begin; anything else ends.",
-        who.length()
+        "It will stand up, {}; then stop and lie down. Clear the ground, hold the robot's own switch ready. {}: the motors go \
+         limp and it sinks.\nType `{WORD}` and Enter to begin; anything else ends.",
+        who.length(),
+        stopped_by(robot)
     ));
     let mut line = String::new();
     std::io::stdin().lock().read_line(&mut line).is_ok() && line.trim() == WORD
+}
+
+/// What stops a robot at once, for the person beside it.
+pub fn stopped_by(robot: &Robot) -> &'static str {
+    match robot.messages.has_remote() {
+        true => "Ctrl-C stops it, and so does B on its remote",
+        false => "Ctrl-C stops it (its remote does not)",
+    }
 }
 
 /// Prints and saves what the run was; the reason of a stop is the last thing said.

@@ -8,6 +8,11 @@ pub enum Reason {
         "no state of the robot has arrived; check cable, network interface and domain, and whether the robot is switched on"
     )]
     NoState,
+    /// A part of the state does not come.
+    #[error(
+        "the robot's state is not complete: {0}; check that its driver runs, and the topics in the robot's file"
+    )]
+    Lacks(String),
     /// The last state is old.
     #[error("the robot's last state is {0:.0} ms old; check the cable and how busy this computer is")]
     StaleState(f64),

@@ -25,8 +25,8 @@ pub struct GuardSettings {
     pub late_policy: Duration,
     /// Largest angle between the base's z axis and the world's, degrees.
     pub tilt: f32,
-    /// Hottest motor, °C.
-    pub temperature: i16,
+    /// Hottest motor, °C; `None` where the robot's state has no temperatures.
+    pub temperature: Option<i16>,
     /// Least charge of the battery, %; `None` where the robot's state has no battery.
     pub charge: Option<u8>,
     /// How far a joint may be outside of its range, rad: encoders are off, and stops give way.
@@ -96,7 +96,7 @@ impl Watch {
     /// The first rule that it fails.
     pub fn take(&mut self, now: Duration, reading: &Reading) -> Result<(), Reason> {
         let sealed = match reading.seal {
-            Seal::Right => true,
+            Seal::Right | Seal::Unused => true,
             Seal::Absent => self.settings.simulator,
             Seal::Wrong => false,
         };
@@ -106,12 +106,12 @@ impl Watch {
         let state = &reading.state;
         if let Some((_, before)) = &self.last
             && before.tick == state.tick
-            && !(self.settings.simulator && state.tick == 0)
+            && self.counts(reading)
         {
             return Ok(());
         }
         self.check_numbers(state)?;
-        self.check_joints(now, state)?;
+        self.check_joints(now, state, self.counts(reading))?;
         self.check_body(state)?;
         // Whoever commands: it is the button at hand.
         if state.remote.b {
@@ -149,7 +149,12 @@ impl Watch {
         }
     }
 
-    fn check_joints(&self, now: Duration, state: &RobotState) -> Result<(), Reason> {
+    /// Whether its sender counts: simulators may not, and messages without a checksum may have no stamp.
+    fn counts(&self, reading: &Reading) -> bool {
+        reading.state.tick != 0 || !(self.settings.simulator || reading.seal == Seal::Unused)
+    }
+
+    fn check_joints(&self, now: Duration, state: &RobotState, counts: bool) -> Result<(), Reason> {
         let GuardSettings { limits, range_margin, temperature, .. } = &self.settings;
         // A link gives as many joints as its robot has; another number is another robot.
         if state.q.len() != limits.torque.len() {
@@ -174,17 +179,17 @@ impl Watch {
                 let wheel = limits.upper[motor] - limits.lower[motor] == f32::INFINITY;
                 let jump = if wheel { jump - TAU * (jump / TAU).round() } else { jump };
                 // Messages that were held up come in a heap: the robot's own counter tells how far apart they are.
-                // A simulator that does not count may have been held up for as long as that.
-                let counted = match state.tick {
-                    0 if self.settings.simulator => MAX_COUNTED,
-                    tick => tick.wrapping_sub(before.tick).min(MAX_COUNTED),
+                // One that does not count may have been held up for as long as that.
+                let counted = match counts {
+                    true => state.tick.wrapping_sub(before.tick).min(MAX_COUNTED),
+                    false => MAX_COUNTED,
                 };
                 let apart = now.saturating_sub(*came).max(Duration::from_millis(counted.into()));
                 if jump.abs() > JUMP + fastest * apart.as_secs_f32() {
                     return Err(Reason::Jump { joint: self.joint(motor), angle: jump });
                 }
             }
-            if state.temperature[motor] > *temperature {
+            if temperature.is_some_and(|hottest| state.temperature[motor] > hottest) {
                 return Err(Reason::Hot { joint: self.joint(motor), degrees: state.temperature[motor] });
             }
         }

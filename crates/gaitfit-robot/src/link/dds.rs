@@ -2,8 +2,7 @@
 
 use std::collections::VecDeque;
 use std::net::{IpAddr, Ipv4Addr};
-use std::sync::atomic::{AtomicU8, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use futures::StreamExt;
@@ -12,15 +11,17 @@ use rustdds::no_key::{DataReader, DataWriter};
 use rustdds::policy::{History, Reliability};
 use rustdds::{
     CDRDeserializerAdapter, CDRSerializerAdapter, DomainParticipant, DomainParticipantBuilder, QosPolicies,
-    QosPolicyBuilder, RTPSEntity, Topic, TopicKind,
+    QosPolicyBuilder, RTPSEntity, Subscriber, Topic, TopicKind,
 };
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use super::Link;
 use crate::RobotError;
 use crate::command::Command;
 use crate::robot::{Messages, Robot};
-use crate::state::{Reading, Seal};
-use crate::unitree::{CommandMessage, LowCmd, LowState, StateMessage, hg};
+use crate::state::Reading;
+use crate::unitree::{LowCmd, LowState, hg};
 
 /// Messages that each end keeps; with fewer a writer loses some in its own queue.
 const DEPTH: i32 = 16;
@@ -29,23 +30,45 @@ const WAITING: usize = 64;
 /// Largest domain that DDS has ports for.
 const MAX_DOMAIN: u16 = 232;
 
+/// How old a part of a state may be; see [`Dds::with_patience`].
+const PATIENCE: Duration = Duration::from_millis(20);
+
 /// What has arrived.
-#[derive(Default)]
-struct Inbox {
+pub(super) struct Inbox {
     states: VecDeque<(Instant, Reading)>,
     others: u64,
     broken: Option<String>,
+    pub(super) lacks: Option<String>,
+    pub(super) patience: Duration,
 }
 
-/// Sends a command to the motors of a machine of this kind.
-type Sending = Box<dyn Fn(&Command, u8) -> Result<(), String> + Send>;
+impl Default for Inbox {
+    fn default() -> Self {
+        Self { states: VecDeque::new(), others: 0, broken: None, lacks: None, patience: PATIENCE }
+    }
+}
+
+impl Inbox {
+    pub(super) fn push(&mut self, reading: Reading) {
+        if self.states.len() == WAITING {
+            self.states.pop_front();
+        }
+        self.states.push_back((Instant::now(), reading));
+    }
+
+    /// The first problem stays.
+    pub(super) fn break_off(&mut self, problem: String) {
+        self.broken.get_or_insert(problem);
+    }
+}
+
+/// Sends a command.
+pub(super) type Sending = Box<dyn Fn(&Command) -> Result<(), String> + Send>;
 
 /// The link to a robot, or to a simulator that speaks as one.
 pub struct Dds {
     inbox: Arc<Mutex<Inbox>>,
     writer: Option<Sending>,
-    /// What the last state says of the machine; commands repeat it.
-    machine: Arc<AtomicU8>,
     listeners: Vec<AbortHandle>,
     // Ends the protocol when it is dropped: last.
     _participant: DomainParticipant,
@@ -69,85 +92,139 @@ impl Dds {
     /// # Errors
     /// An interface that is not there or has no IPv4 address; a domain beyond 232; DDS that cannot begin.
     pub fn open(robot: &Robot, interface: &str, domain: u16, silent: bool) -> Result<Self, RobotError> {
+        let joining = Joining::new(interface, domain)?;
         match robot.messages {
-            Messages::UnitreeGo => Self::join::<LowState, LowCmd>(robot, interface, domain, silent),
-            Messages::UnitreeHg => Self::join::<hg::LowState, hg::LowCmd>(robot, interface, domain, silent),
+            Messages::UnitreeGo => joining.unitree::<LowState, LowCmd>(robot, silent),
+            Messages::UnitreeHg => joining.unitree::<hg::LowState, hg::LowCmd>(robot, silent),
+            Messages::Ros2 => joining.ros2(robot, silent),
         }
     }
 
-    fn join<S: StateMessage, C: CommandMessage>(
-        robot: &Robot,
-        interface: &str,
-        domain: u16,
-        silent: bool,
-    ) -> Result<Self, RobotError> {
-        let address = Self::check(interface, domain)?;
+    /// How old a part of a robot's state may be when another part comes, for messages that state it in parts; 20 ms if this
+    /// is not called.
+    #[must_use]
+    pub fn with_patience(self, patience: Duration) -> Self {
+        lock(&self.inbox).patience = patience;
+        self
+    }
+}
+
+/// A link that is being made.
+pub(super) struct Joining {
+    participant: DomainParticipant,
+    subscriber: Subscriber,
+    listening: QosPolicies,
+    inbox: Arc<Mutex<Inbox>>,
+    listeners: Vec<AbortHandle>,
+}
+
+impl Joining {
+    pub(super) fn new(interface: &str, domain: u16) -> Result<Self, RobotError> {
+        let address = Dds::check(interface, domain)?;
         let participant = DomainParticipantBuilder::new(domain)
             .with_only_networks([IpAddr::V4(address)])
             .same_host_loopback(address.is_loopback())
             .build()
             .map_err(failed("join the domain"))?;
         let listening = qos(Reliability::BestEffort);
-        let sending = qos(Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) });
-        let topic = |(name, kind): (&str, &str), qos: &QosPolicies| -> Result<Topic, RobotError> {
-            participant
-                .create_topic(name.to_owned(), kind.to_owned(), qos, TopicKind::NoKey)
-                .map_err(failed("make a topic"))
-        };
         let subscriber = participant.create_subscriber(&listening).map_err(failed("listen"))?;
-        let states = subscriber
-            .create_datareader_no_key_cdr::<S>(
-                &topic((&robot.state_topic, S::TYPE), &listening)?,
-                Some(listening.clone()),
+        Ok(Self {
+            participant,
+            subscriber,
+            listening,
+            inbox: Arc::new(Mutex::new(Inbox::default())),
+            listeners: Vec::new(),
+        })
+    }
+
+    pub(super) fn inbox(&self) -> Arc<Mutex<Inbox>> {
+        Arc::clone(&self.inbox)
+    }
+
+    fn topic(&self, (name, kind): (&str, &str), qos: &QosPolicies) -> Result<Topic, RobotError> {
+        self.participant
+            .create_topic(name.to_owned(), kind.to_owned(), qos, TopicKind::NoKey)
+            .map_err(failed("make a topic"))
+    }
+
+    /// Hands every message of a topic (its name and type) to `take`, on a thread.
+    pub(super) fn hear<M: DeserializeOwned + Send + 'static>(
+        &mut self,
+        topic: (&str, &str),
+        thread: &'static str,
+        take: impl Fn(M) + Send + 'static,
+    ) -> Result<(), RobotError> {
+        let reader = self
+            .subscriber
+            .create_datareader_no_key_cdr::<M>(
+                &self.topic(topic, &self.listening)?,
+                Some(self.listening.clone()),
             )
             .map_err(failed("listen to the robot's state"))?;
-        let commands = topic((&robot.command_topic, C::TYPE), &sending)?;
-        let others = subscriber
-            .create_datareader_no_key_cdr::<C>(&commands, Some(listening))
-            .map_err(failed("listen for other controllers"))?;
-        let slots = robot.slots();
-        let writer: Option<Sending> = if silent {
-            None
-        } else {
-            let publisher = participant.create_publisher(&sending).map_err(failed("send"))?;
-            let writer: DataWriter<C, CDRSerializerAdapter<C>> = publisher
-                .create_datawriter_no_key_cdr::<C>(&commands, Some(sending))
-                .map_err(failed("send commands"))?;
-            Some(Box::new(move |command: &Command, machine: u8| {
-                writer
-                    .write(C::for_motors(command, &slots, machine), None)
-                    .map_err(|error| format!("a command was not sent: {error}"))
-            }))
-        };
-        let inbox = Arc::new(Mutex::new(Inbox::default()));
-        let prefix = participant.guid().prefix;
-        let machine = Arc::new(AtomicU8::new(0));
-        let (into, kind) = (Arc::clone(&inbox), Arc::clone(&machine));
-        let heard = listen(states, "states", Arc::clone(&inbox), move |state: S, _| {
-            let reading = state.reading(&slots);
-            if reading.seal != Seal::Wrong {
-                kind.store(state.machine(), Ordering::Relaxed);
-            }
-            let mut inbox = into.lock().unwrap_or_else(PoisonError::into_inner);
-            if inbox.states.len() == WAITING {
-                inbox.states.pop_front();
-            }
-            inbox.states.push_back((Instant::now(), reading));
-        })?;
-        let into = Arc::clone(&inbox);
-        let overheard = listen(others, "others", Arc::clone(&inbox), move |_: C, writer| {
-            if writer.prefix != prefix {
-                into.lock().unwrap_or_else(PoisonError::into_inner).others += 1;
-            }
-        })?;
-        Ok(Self { inbox, writer, machine, listeners: vec![heard, overheard], _participant: participant })
+        self.listeners.push(listen(reader, thread, self.inbox(), move |message, _| take(message))?);
+        Ok(())
     }
+
+    /// Counts the commands `C` of other programs, and makes the writer of ours: `None` if it is to be silent.
+    pub(super) fn commands<C: Serialize + Send + 'static>(
+        &mut self,
+        topic: (&str, &str),
+        silent: bool,
+    ) -> Result<Option<Writer<C>>, RobotError> {
+        let sending = qos(Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) });
+        let commands = self.topic(topic, &sending)?;
+        let others = self
+            .subscriber
+            .create_datareader_no_key_cdr::<Anything>(&commands, Some(self.listening.clone()))
+            .map_err(failed("listen for other controllers"))?;
+        let (into, prefix) = (self.inbox(), self.participant.guid().prefix);
+        self.listeners.push(listen(others, "others", self.inbox(), move |_: Anything, writer| {
+            if writer.prefix != prefix {
+                lock(&into).others += 1;
+            }
+        })?);
+        if silent {
+            return Ok(None);
+        }
+        let publisher = self.participant.create_publisher(&sending).map_err(failed("send"))?;
+        let writer = publisher
+            .create_datawriter_no_key_cdr::<C>(&commands, Some(sending))
+            .map_err(failed("send commands"))?;
+        Ok(Some(Writer(writer)))
+    }
+
+    pub(super) fn link(self, writer: Option<Sending>) -> Dds {
+        let Self { participant, inbox, listeners, .. } = self;
+        Dds { inbox, writer, listeners, _participant: participant }
+    }
+}
+
+/// Sends commands.
+pub(super) struct Writer<C: Serialize>(DataWriter<C, CDRSerializerAdapter<C>>);
+
+impl<C: Serialize> Writer<C> {
+    pub(super) fn send(&self, command: C) -> Result<(), String> {
+        self.0.write(command, None).map_err(|error| format!("a command was not sent: {error}"))
+    }
+}
+
+/// A message whose content does not matter.
+struct Anything;
+
+impl<'de> serde::Deserialize<'de> for Anything {
+    fn deserialize<D: serde::Deserializer<'de>>(_: D) -> Result<Self, D::Error> {
+        Ok(Self)
+    }
+}
+
+pub(super) fn lock(inbox: &Mutex<Inbox>) -> MutexGuard<'_, Inbox> {
+    inbox.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Link for Dds {
     fn receive(&mut self, _: Duration, each: &mut dyn FnMut(Duration, &Reading)) -> Result<u64, String> {
         let (states, others) = {
-            let mut inbox = self.inbox.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut inbox = lock(&self.inbox);
             if let Some(problem) = inbox.broken.take() {
                 return Err(problem);
             }
@@ -161,7 +238,11 @@ impl Link for Dds {
 
     fn send(&mut self, command: &Command) -> Result<(), String> {
         let Some(writer) = &self.writer else { return Ok(()) };
-        writer(command, self.machine.load(Ordering::Relaxed))
+        writer(command)
+    }
+
+    fn lacks(&self) -> Option<String> {
+        lock(&self.inbox).lacks.clone()
     }
 }
 
@@ -180,7 +261,7 @@ pub(crate) fn failed<E: std::fmt::Display>(what: &'static str) -> impl FnOnce(E)
 }
 
 /// A thread that hands every message of `reader` to `take`, until it is aborted.
-fn listen<M: serde::de::DeserializeOwned + Send + 'static>(
+fn listen<M: DeserializeOwned + Send + 'static>(
     reader: DataReader<M, CDRDeserializerAdapter<M>>,
     name: &'static str,
     inbox: Arc<Mutex<Inbox>>,
@@ -197,8 +278,7 @@ fn listen<M: serde::de::DeserializeOwned + Send + 'static>(
                 }
                 // A message that cannot be read is not ours to answer for; its checksum would be wrong.
                 Err(error) => {
-                    let mut inbox = inbox.lock().unwrap_or_else(PoisonError::into_inner);
-                    inbox.broken.get_or_insert(format!("a message could not be read: {error}"));
+                    lock(&inbox).break_off(format!("a message could not be read: {error}"));
                 }
             }
         }

@@ -4,7 +4,11 @@
 mod dds;
 #[cfg(feature = "dds")]
 mod motion;
+#[cfg(feature = "dds")]
+mod ros2;
 mod simulated;
+#[cfg(feature = "dds")]
+mod unitree;
 
 use std::time::Duration;
 
@@ -33,4 +37,10 @@ pub trait Link {
     /// # Errors
     /// In words: the link broke.
     fn send(&mut self, command: &Command) -> Result<(), String>;
+
+    /// Why no states are handed over though something is heard, in words: a part of them does not come, or is older than a
+    /// state may be.
+    fn lacks(&self) -> Option<String> {
+        None
+    }
 }

@@ -19,6 +19,34 @@ pub struct Topic {
 }
 
 impl Topic {
+    /// A topic of this name and type. The name may be without its slash, or as DDS has it; the type may lack `msg`.
+    ///
+    /// # Errors
+    /// In words: names that no topic or type can have.
+    pub fn new(name: &str, kind: &str) -> Result<Self, String> {
+        let shown = name.escape_debug();
+        let plain = |text: &str, more: &str| {
+            !text.is_empty()
+                && text.len() <= LONGEST
+                && text.chars().all(|c| c.is_ascii_alphanumeric() || more.contains(c))
+        };
+        let short = name.strip_prefix("rt/").unwrap_or(name).trim_start_matches('/');
+        if !plain(short, "_/") {
+            return Err(format!("`{shown}` is no name of a topic; names have letters, digits, _ and /"));
+        }
+        let parts: Vec<&str> = kind.split('/').filter(|part| *part != "msg").collect();
+        let [package, type_name] = parts[..] else {
+            return Err(format!(
+                "`{shown}`: `{}` is no type; write package/msg/Name, such as sensor_msgs/msg/JointState",
+                kind.escape_debug()
+            ));
+        };
+        if !(plain(package, "_") && plain(type_name, "_")) {
+            return Err(format!("`{shown}`: `{}` is no name of a type", kind.escape_debug()));
+        }
+        Ok(Self { name: format!("/{short}"), kind: format!("{package}/msg/{type_name}") })
+    }
+
     /// Its name in DDS: `rt/joint_states`.
     pub fn dds_name(&self) -> String {
         format!("rt{}", self.name)
@@ -54,27 +82,7 @@ pub fn topics(table: &BTreeMap<String, String>) -> Result<Vec<Topic>, RobotError
     }
     let mut all: Vec<Topic> = Vec::with_capacity(table.len());
     for (name, kind) in table {
-        let shown = name.escape_debug();
-        let plain = |text: &str, more: &str| {
-            !text.is_empty()
-                && text.len() <= LONGEST
-                && text.chars().all(|c| c.is_ascii_alphanumeric() || more.contains(c))
-        };
-        let short = name.strip_prefix("rt/").unwrap_or(name).trim_start_matches('/');
-        if !plain(short, "_/") {
-            return refuse(format!("`{shown}` is no name of a topic; names have letters, digits, _ and /"));
-        }
-        let parts: Vec<&str> = kind.split('/').filter(|part| *part != "msg").collect();
-        let [package, type_name] = parts[..] else {
-            return refuse(format!(
-                "`{shown}`: `{}` is no type; write package/msg/Name, such as sensor_msgs/msg/JointState",
-                kind.escape_debug()
-            ));
-        };
-        if !(plain(package, "_") && plain(type_name, "_")) {
-            return refuse(format!("`{shown}`: `{}` is no name of a type", kind.escape_debug()));
-        }
-        let topic = Topic { name: format!("/{short}"), kind: format!("{package}/msg/{type_name}") };
+        let topic = Topic::new(name, kind).map_err(RobotError::Topics)?;
         if all.iter().any(|other| other.name == topic.name) {
             return refuse(format!("`{}` is there twice; name each topic once", topic.name));
         }

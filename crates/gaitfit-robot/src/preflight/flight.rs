@@ -104,6 +104,21 @@ impl Flight {
         }
     }
 
+    /// A part of the robot's state no longer comes, `what` in words: a reason for damping; while idle it keeps the robot from
+    /// being armed until a state comes.
+    pub fn lacks(&mut self, now: Duration, what: String) {
+        match self.stage {
+            Stage::Idle if self.watch.fresh(now).is_ok() => {}
+            Stage::Idle => self.refused = Some(Reason::Lacks(what)),
+            _ => self.stop(now, Reason::Lacks(what)),
+        }
+    }
+
+    /// Why an idle robot may not be armed.
+    pub fn refused(&self) -> Option<&Reason> {
+        self.flown.reason.as_ref().or(self.refused.as_ref())
+    }
+
     /// Goes to damping, for `reason`. The first reason stays. While idle the reason keeps the robot from being armed.
     pub fn stop(&mut self, now: Duration, reason: Reason) {
         match self.stage {
@@ -122,7 +137,7 @@ impl Flight {
     /// # Errors
     /// A rule that the robot's state fails.
     pub fn arm(&mut self, now: Duration) -> Result<(), RobotError> {
-        if let Some(reason) = self.flown.reason.as_ref().or(self.refused.as_ref()) {
+        if let Some(reason) = self.refused() {
             return Err(RobotError::NotArmed(reason.clone()));
         }
         let state = self.watch.fresh(now).map_err(RobotError::NotArmed)?;

@@ -105,14 +105,14 @@ fn heard_of(came: Duration, reading: &Reading) -> Heard {
 /// programs.
 ///
 /// # Errors
-/// A link that breaks, a reason of `stop`. Silence is no error: then there are no states.
+/// A link that breaks, states of which a part never came, a reason of `stop`. Silence is no error: then there are no states.
 pub fn listen(
     link: &mut dyn Link,
     turns: &mut dyn Turns,
     length: Duration,
     stop: &dyn Fn() -> Option<Reason>,
 ) -> Result<(Vec<Heard>, u64), RobotError> {
-    let (mut heard, mut others) = (Vec::new(), 0);
+    let (mut heard, mut others) = (Vec::<Heard>::new(), 0);
     loop {
         let now = turns.next();
         if let Some(reason) = stop() {
@@ -124,6 +124,9 @@ pub fn listen(
             None => now >= FIRST_STATE,
         };
         if over {
+            if let (true, Some(what)) = (heard.is_empty(), link.lacks()) {
+                return Err(RobotError::NotArmed(Reason::Lacks(what)));
+            }
             return Ok((heard, others));
         }
     }
@@ -200,10 +203,16 @@ pub fn fly(
             Ok(_) => flight.stop(now, Reason::SecondController),
             Err(problem) => flight.stop(now, Reason::Link(problem.to_string())),
         }
+        if let Some(what) = link.lacks() {
+            flight.lacks(now, what);
+        }
         if stage == Stage::Idle {
             match first {
                 Some(first) if now.saturating_sub(first) >= BEFORE => flight.arm(now)?,
-                None if now >= FIRST_STATE => return Err(RobotError::NotArmed(Reason::NoState)),
+                None if now >= FIRST_STATE => {
+                    let reason = flight.refused().cloned();
+                    return Err(RobotError::NotArmed(reason.unwrap_or(Reason::NoState)));
+                }
                 _ => continue,
             }
         }

@@ -69,14 +69,20 @@ pub(super) fn network(heard: &[Heard], other_commands: u64) -> NetworkReport {
     let usual = median(&ahead);
     // A counter in ms of messages that come every 2 ms may step by 1 or 3.
     let missing = |step: f64| if step >= 1.75 * usual { (step / usual).round() as u64 - 1 } else { 0 };
+    // The stamps of ROS 2 are times: they show how regularly states are made, not how many. Two may have the same ms.
+    let stamped = heard.iter().any(|one| one.seal == Seal::Unused);
+    let doubled = |pair: &[Heard]| {
+        let [a, b] = [&pair[0].state, &pair[1].state];
+        a.tick == b.tick && (!stamped || a == b)
+    };
     let sealed = |seal: Seal| heard.iter().filter(|one| one.seal == seal).count() as u64;
     NetworkReport {
         messages: heard.len(),
         seconds,
         hz: if seconds > 0.0 { (heard.len() - 1) as f64 / seconds } else { 0.0 },
         longest_gap_ms: gaps.fold(0.0, f64::max),
-        lost: counts.then(|| ahead.iter().map(|step| missing(*step)).sum()),
-        doubled: if counts { steps.iter().filter(|step| **step == 0).count() as u64 } else { 0 },
+        lost: (counts && !stamped).then(|| ahead.iter().map(|step| missing(*step)).sum()),
+        doubled: if counts { heard.windows(2).filter(|pair| doubled(pair)).count() as u64 } else { 0 },
         disordered: steps.iter().filter(|step| **step < 0).count() as u64,
         wrong_checksum: sealed(Seal::Wrong),
         without_checksum: sealed(Seal::Absent),

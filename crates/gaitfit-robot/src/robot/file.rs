@@ -59,10 +59,13 @@ impl Robot {
                     .to_owned(),
             );
         }
-        if self.state_topic.is_empty() || self.command_topic.is_empty() {
+        if self.state_topic().is_empty() || self.command_topic().is_empty() {
             return Some(
-                "`state_topic` or `command_topic` is empty; robots use rt/lowstate and rt/lowcmd".to_owned(),
+                "`state_topic` or `command_topic` is empty; leave it out for the usual one".to_owned(),
             );
+        }
+        if let Some(problem) = self.wrong_kind() {
+            return Some(problem);
         }
         let rules = [("tilt", self.guard.tilt), ("kp", self.guard.kp), ("kd", self.guard.kd)];
         if let Some((name, value)) = rules.into_iter().find(|(_, value)| !(*value > 0.0 && *value <= LARGEST))

@@ -2,6 +2,7 @@
 
 mod built_in;
 mod file;
+mod ros2;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,11 +11,12 @@ use gaitfit_policy::Interface;
 use serde::Deserialize;
 
 use crate::guard::{GuardSettings, Limits};
-use crate::per_motor::PerMotor;
+use crate::per_motor::{MAX_MOTORS, PerMotor};
 use crate::supervisor::Postures;
 use crate::{RobotError, unitree};
 
 pub use built_in::BUILT_IN;
+pub use ros2::{CommandPart, CommandType, Ros2};
 
 /// A robot that can be walked over a link. `robots/*.toml` in this crate are the built-in ones, and examples for others.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -31,12 +33,16 @@ pub struct Robot {
     /// Whether it must hang before and after the walk: nothing else holds a humanoid then.
     #[serde(default)]
     pub hangs: bool,
-    /// Topic of its states.
-    #[serde(default = "state_topic")]
-    pub state_topic: String,
-    /// Topic of the commands to it.
-    #[serde(default = "command_topic")]
-    pub command_topic: String,
+    /// Topic of its states; absent: [`Robot::state_topic`] says which.
+    pub state_topic: Option<String>,
+    /// Topic of its inertial unit, with [`Messages::Ros2`].
+    pub imu_topic: Option<String>,
+    /// Topic of the commands to it; absent: [`Robot::command_topic`] says which.
+    pub command_topic: Option<String>,
+    /// Type of its commands, with [`Messages::Ros2`].
+    pub command_type: Option<CommandType>,
+    /// Numbers of each joint in commands without names.
+    pub command_order: Option<Vec<CommandPart>>,
     /// When it goes to damping.
     pub guard: Rules,
     /// Its motors, motor order.
@@ -51,14 +57,32 @@ pub enum Messages {
     UnitreeGo,
     /// `unitree_hg` `LowState_` and `LowCmd_`: 35 slots, no battery in the state.
     UnitreeHg,
+    /// ROS 2's `sensor_msgs` `JointState` and `Imu`: joints by name, no battery and no temperatures.
+    Ros2,
 }
 
 impl Messages {
-    /// Slots for motors.
+    /// Whether robots of this kind have Unitree's motion service, which must release the motors.
+    pub fn has_motion_service(self) -> bool {
+        self != Self::Ros2
+    }
+
+    /// Whether messages have the buttons and sticks of the robot's remote.
+    pub fn has_remote(self) -> bool {
+        self != Self::Ros2
+    }
+
+    /// Whether messages have the motors' temperatures.
+    pub fn has_temperatures(self) -> bool {
+        self != Self::Ros2
+    }
+
+    /// Slots for motors; of messages with names, max motors.
     pub fn slots(self) -> usize {
         match self {
             Self::UnitreeGo => unitree::SLOTS,
             Self::UnitreeHg => unitree::hg::SLOTS,
+            Self::Ros2 => MAX_MOTORS,
         }
     }
 }
@@ -69,8 +93,8 @@ impl Messages {
 pub struct Rules {
     /// Largest angle between the base's z axis and the world's, degrees.
     pub tilt: f32,
-    /// Hottest motor, °C.
-    pub temperature: i16,
+    /// Hottest motor, °C; absent where messages have no temperatures.
+    pub temperature: Option<i16>,
     /// Least charge of the battery, %; absent where the state has no battery.
     pub charge: Option<u8>,
     /// Largest position gain, N·m/rad.
@@ -88,6 +112,8 @@ pub struct Motor {
     /// Other names of the joint, without `_joint`.
     #[serde(default)]
     pub aliases: Vec<String>,
+    /// The joint's name in messages with names; absent: `joint`, also with `_joint`.
+    pub topic_name: Option<String>,
     /// Its slot in the messages; absent: its place in the list.
     pub slot: Option<usize>,
     /// Least and largest angle, rad; absent for wheels.
@@ -113,14 +139,6 @@ pub struct Motor {
 /// How far a robot that hangs is kept from the stops of its joints, rad.
 const STOPS: f32 = 0.15;
 
-fn state_topic() -> String {
-    "rt/lowstate".to_owned()
-}
-
-fn command_topic() -> String {
-    "rt/lowcmd".to_owned()
-}
-
 impl Motor {
     /// Whether this is a name of its joint, with or without `_joint`.
     fn moves(&self, joint: &str) -> bool {
@@ -135,6 +153,18 @@ impl Motor {
 }
 
 impl Robot {
+    /// Topic of its states.
+    pub fn state_topic(&self) -> &str {
+        let default = if self.messages == Messages::Ros2 { "/joint_states" } else { "rt/lowstate" };
+        self.state_topic.as_deref().unwrap_or(default)
+    }
+
+    /// Topic of the commands to it.
+    pub fn command_topic(&self) -> &str {
+        let default = if self.messages == Messages::Ros2 { "/joint_commands" } else { "rt/lowcmd" };
+        self.command_topic.as_deref().unwrap_or(default)
+    }
+
     /// Joints, motor order.
     pub fn joints(&self) -> Arc<[String]> {
         self.motors.iter().map(|motor| motor.joint.clone()).collect()

@@ -83,6 +83,9 @@ impl<'a> Sender<'a> {
             }
             Err(problem) => supervisor.stop(now, Reason::Link(problem)),
         }
+        if let Some(what) = link.lacks() {
+            supervisor.lacks(now, what);
+        }
         if let Some(reason) = board.stop.take() {
             supervisor.stop(now, reason);
         }

@@ -72,7 +72,7 @@ pub fn run_guarded(
     let recorder = Recorder::new(folder, &policy.interface, robot).unwrap();
     let controller = Controller::new(robot, &policy, &script, recorder).unwrap();
     let real_time = real_time();
-    let link = Box::new(Dds::open(robot, "lo", domain, false).unwrap());
+    let link = Box::new(Dds::open(robot, "lo", domain, false).unwrap().with_patience(guard.stale));
     let postures = robot.postures(&policy.interface).unwrap();
     let sender = Sender::new(link, Supervisor::new(guard, postures, times), false);
     let ask =

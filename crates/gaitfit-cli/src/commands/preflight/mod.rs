@@ -245,7 +245,8 @@ fn over_dds<'b>(
 ) -> Result<Box<dyn Link + Send + 'b>, Failure> {
     note(&format!("a {} on {interface}, domain {}", robot.title, args.domain));
     let link = gaitfit_robot::link::Dds::open(robot, interface, args.domain, what == For::Listening)
-        .map_err(super::run::usage)?;
+        .map_err(super::run::usage)?
+        .with_patience(Duration::from_millis(args.patience.into()));
     Ok(Box::new(link))
 }
 
@@ -274,7 +275,9 @@ fn motion(
     let Some(last) = heard.last() else { return Ok(None) };
     let plan = Plan::new(robot, last.state.q);
     #[cfg(feature = "dds")]
-    if let Some(interface) = &args.interface {
+    if let Some(interface) = &args.interface
+        && robot.messages.has_motion_service()
+    {
         super::motion::released(interface, args.domain, args.yes, robot.hangs)?;
     }
     if !signals::confirm(args.yes || agreed(robot, &plan)) {
@@ -301,10 +304,11 @@ fn motion(
 fn agreed(robot: &Robot, plan: &Plan) -> bool {
     note(&format!(
         "The {} must hang with its feet off the ground and nobody near it. For {:.0} s its legs go slowly to their pose in the air, \
-         each joint moves alone by 0.1 rad, then all together, then back. Watch that the joint that is named moves. Ctrl-C stops \
-         it, and so does B on its remote: the motors go limp.\nType `{WORD}` and Enter to begin; anything else ends.",
+         each joint moves alone by 0.1 rad, then all together, then back. Watch that the joint that is named moves. {}: \
+         the motors go limp.\nType `{WORD}` and Enter to begin; anything else ends.",
         robot.title,
-        plan.seconds()
+        plan.seconds(),
+        super::run::stopped_by(robot)
     ));
     let mut line = String::new();
     std::io::stdin().lock().read_line(&mut line).is_ok() && line.trim() == WORD
