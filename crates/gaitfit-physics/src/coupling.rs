@@ -7,6 +7,7 @@ use gaitfit_model::Model;
 
 use crate::compile::{impedance as compile_impedance, reference};
 use crate::contact::impedance;
+use crate::separate::separate;
 use crate::state::{State, Work};
 use crate::tree::{Coupling, Reference, Segment, Tree};
 use crate::{Params, PhysicsError, Real, Settings};
@@ -71,31 +72,32 @@ pub(crate) fn compile<T: Real>(
     Ok(all)
 }
 
-/// Rows of all couplings at the state's pose and velocity.
-#[inline(always)]
-pub(crate) fn prepare<T: Real>(tree: &Tree<T::K>, params: &Params<T>, state: &State<T>, work: &mut Work<T>) {
-    for (index, coupling) in tree.couplings.iter().enumerate() {
-        let moved = |joint: usize| state.qpos[joint] - T::k(tree.links[joint + 1].reference);
-        let mut gap = moved(coupling.follower) - T::k(coupling.polynomial[0]);
-        let mut velocity = state.qvel[coupling.follower];
-        let mut weight = params.joints[coupling.follower].weight;
-        let mut slope = T::zero();
-        if let Some(leader) = coupling.leader {
-            let x = moved(leader);
-            let [_, linear, square, cube, fourth] = coupling.polynomial.map(|c| T::k(c));
-            gap = x.fnma(x.fma(x.fma(x.fma(fourth, cube), square), linear), gap);
-            let [square, cube, fourth] = [T::lit(2.0) * square, T::lit(3.0) * cube, T::lit(4.0) * fourth];
-            slope = x.fma(x.fma(x.fma(fourth, cube), square), linear);
-            velocity = slope.fnma(state.qvel[leader], velocity);
-            // The reciprocal of the sum of both joints' inverse inertias.
-            let other = params.joints[leader].weight;
-            weight = weight * other * (weight + other).recip();
+separate! {
+    /// Rows of all couplings at the state's pose and velocity.
+    pub(crate) fn prepare<T>(tree: &Tree<T::K>, params: &Params<T>, state: &State<T>, work: &mut Work<T>) {
+        for (index, coupling) in tree.couplings.iter().enumerate() {
+            let moved = |joint: usize| state.qpos[joint] - T::k(tree.links[joint + 1].reference);
+            let mut gap = moved(coupling.follower) - T::k(coupling.polynomial[0]);
+            let mut velocity = state.qvel[coupling.follower];
+            let mut weight = params.joints[coupling.follower].weight;
+            let mut slope = T::zero();
+            if let Some(leader) = coupling.leader {
+                let x = moved(leader);
+                let [_, linear, square, cube, fourth] = coupling.polynomial.map(|c| T::k(c));
+                gap = x.fnma(x.fma(x.fma(x.fma(fourth, cube), square), linear), gap);
+                let [square, cube, fourth] = [T::lit(2.0) * square, T::lit(3.0) * cube, T::lit(4.0) * fourth];
+                slope = x.fma(x.fma(x.fma(fourth, cube), square), linear);
+                velocity = slope.fnma(state.qvel[leader], velocity);
+                // The reciprocal of the sum of both joints' inverse inertias.
+                let other = params.joints[leader].weight;
+                weight = weight * other * (weight + other).recip();
+            }
+            let reference = &coupling.reference;
+            let imp = impedance(&coupling.impedance, gap);
+            let d = imp * weight * T::k(reference.gain) * (T::lit(1.0) - imp).recip();
+            let bias = T::k(reference.b).fma(velocity, T::k(reference.k) * imp * gap);
+            work.couplings[index] = CouplingWork { d, bias, slope };
         }
-        let reference = &coupling.reference;
-        let imp = impedance(&coupling.impedance, gap);
-        let d = imp * weight * T::k(reference.gain) * (T::lit(1.0) - imp).recip();
-        let bias = T::k(reference.b).fma(velocity, T::k(reference.k) * imp * gap);
-        work.couplings[index] = CouplingWork { d, bias, slope };
     }
 }
 
@@ -148,21 +150,23 @@ pub(crate) fn terms<T: Real>(
     }
 }
 
-/// `g` with the first and second derivative of the rows' cost at `alpha` along the step.
-#[inline(always)]
-pub(crate) fn along<T: Real>(
-    tree: &Tree<T::K>,
-    alpha: T,
-    state: &State<T>,
-    work: &Work<T>,
-    mut g: (T, T),
-) -> (T, T) {
-    for (coupling, row) in tree.couplings.iter().zip(&work.couplings) {
-        let step = along_row(coupling, row, |joint| work.joints[joint].step);
-        let now = along_row(coupling, row, |joint| state.qacc[joint]) + row.bias;
-        let curve = row.d * step;
-        g.0 = curve.fma(alpha.fma(step, now), g.0);
-        g.1 = curve.fma(step, g.1);
+separate! {
+    /// `g` with the first and second derivative of the rows' cost at `alpha` along the step.
+    pub(crate) fn along<T>(
+        tree: &Tree<T::K>,
+        alpha: T,
+        state: &State<T>,
+        work: &Work<T>,
+        before: (T, T),
+    ) -> (T, T) {
+        let mut g = before;
+        for (coupling, row) in tree.couplings.iter().zip(&work.couplings) {
+            let step = along_row(coupling, row, |joint| work.joints[joint].step);
+            let now = along_row(coupling, row, |joint| state.qacc[joint]) + row.bias;
+            let curve = row.d * step;
+            g.0 = curve.fma(alpha.fma(step, now), g.0);
+            g.1 = curve.fma(step, g.1);
+        }
+        g
     }
-    g
 }

@@ -7,6 +7,7 @@
 
 use crate::Real;
 use crate::coupling::{self, Terms};
+use crate::separate::separate;
 use crate::solver::set_step;
 use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6};
 use crate::state::{State, Work};
@@ -107,8 +108,15 @@ fn eliminate_joints<T: Real, const N: usize>(
             block.r[k] = block.r[k] + work.self_contact.torque[segment.first + k - 1];
         }
     }
-    for number in segment.couplings.clone() {
-        couple(tree, index, number, hessian, &mut block, state, work);
+    if !segment.couplings.is_empty() {
+        let (h, r) = couplings(tree, index, hessian, state, work);
+        // By constant places: others would keep the block in memory for all robots.
+        for k in 0..h.len() {
+            block.h[k] = block.h[k] + h[k];
+        }
+        for k in 0..N {
+            block.r[k] = block.r[k] + r[k];
+        }
     }
     if let Some(node) = segment.node {
         let (inertia, residual) = (work.nodes[node].inertia, work.nodes[node].residual);
@@ -184,25 +192,29 @@ pub(crate) fn joint_terms<T: Real>(j: usize, hessian: bool, state: &State<T>, wo
     if hessian { (curvature, row) } else { (joint.implicit, joint.implicit.fma(qacc, row)) }
 }
 
-/// Adds coupling `number` to the block of its segment.
-#[inline(always)]
-fn couple<T: Real>(
-    tree: &Tree<T::K>,
-    index: usize,
-    number: usize,
-    hessian: bool,
-    block: &mut Block<T>,
-    state: &State<T>,
-    work: &mut Work<T>,
-) {
-    let first = tree.segments[index].first - 1;
-    let Terms { torques, hessian: elements } = coupling::terms(tree, number, state, work);
-    for (joint, torque) in torques.into_iter().flatten() {
-        block.r[joint - first] = block.r[joint - first] + torque;
-    }
-    for (k, i, element) in elements.into_iter().flatten().filter(|_| hessian) {
-        let place = if k == i { k - first } else { below(k - first, i - first) };
-        block.h[place] = block.h[place] + element;
+separate! {
+    /// What the couplings of segment `index` add to its block: to the packed matrix, and to the residuals.
+    fn couplings<T>(
+        tree: &Tree<T::K>,
+        index: usize,
+        hessian: bool,
+        state: &State<T>,
+        work: &mut Work<T>,
+    ) -> ([T; 6], [T; SEGMENT]) {
+        let segment = &tree.segments[index];
+        let first = segment.first - 1;
+        let (mut h, mut r) = ([T::zero(); 6], [T::zero(); SEGMENT]);
+        for number in segment.couplings.clone() {
+            let Terms { torques, hessian: elements } = coupling::terms(tree, number, state, work);
+            for (joint, torque) in torques.into_iter().flatten() {
+                r[joint - first] = r[joint - first] + torque;
+            }
+            for (k, i, element) in elements.into_iter().flatten().filter(|_| hessian) {
+                let place = if k == i { k - first } else { below(k - first, i - first) };
+                h[place] = h[place] + element;
+            }
+        }
+        (h, r)
     }
 }
 

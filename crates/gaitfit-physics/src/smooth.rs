@@ -41,7 +41,9 @@ pub(crate) fn smooth<T: Real>(
     for j in 0..work.joints.len() {
         joint_rows(tree, params, state, drives, j, work);
     }
-    coupling::prepare(tree, params, state, work);
+    if !tree.couplings.is_empty() {
+        coupling::prepare(tree, params, state, work);
+    }
     let root = root_motion(tree, state);
     let (origin, origin_velocity) = if tree.floating {
         (state.base_position, state.base_linear)

@@ -363,7 +363,9 @@ fn rows_along<T: Real>(
             g = (g.0.merge(limited, before.0), g.1.merge(limited, before.1));
         }
     }
-    g = coupling::along(tree, alpha, state, work, g);
+    if !tree.couplings.is_empty() {
+        g = coupling::along(tree, alpha, state, work, g);
+    }
     for index in 0..tree.pairs.len() {
         let pair = &tree.pairs[index];
         let active = work.pairs[index].active;
