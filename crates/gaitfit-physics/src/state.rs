@@ -415,44 +415,4 @@ impl<T: Real> Work<T> {
             self_contact: SelfContactWork::new(&tree.self_contact, tree.links.len(), tree.floating),
         }
     }
-
-    /// Normal contact force of compiled pair `pair` in the last step, N; pairs as [`Tree::model_pairs`] lists them.
-    pub fn normal_force(&self, tree: &Tree<T::K>, pair: usize) -> T {
-        let mut force = T::zero();
-        let active = self.pairs[pair].active;
-        if T::enter(active) {
-            for k in tree.pairs[pair].points.clone() {
-                force = force - self.points[k].force[0][0];
-            }
-            T::leave(active);
-            force = force.merge(active, T::zero());
-        }
-        force
-    }
-
-    /// Centre of compiled pair `pair`'s shape from the base's origin, m, world axes, at the start of the last step.
-    pub fn pair_center(&self, tree: &Tree<T::K>, pair: usize) -> V3<T> {
-        let link = tree.links.iter().find(|link| link.pairs.contains(&pair));
-        match link.and_then(|link| link.touching) {
-            Some(place) => {
-                let pose = &self.touching[place];
-                rotate_k_add(&pose.rotation, &tree.pairs[pair].center, pose.position)
-            }
-            None => zero3(),
-        }
-    }
-
-    /// Normal stiffness of every contact point in the last step, zero where nothing touched.
-    pub fn contact_stiffness(&self, tree: &Tree<T::K>) -> Vec<T> {
-        let mut all = vec![T::zero(); self.points.len()];
-        for (pair, work) in tree.pairs.iter().zip(&self.pairs) {
-            if T::enter(work.active) {
-                T::leave(work.active);
-                for k in pair.points.clone() {
-                    all[k] = self.points[k].d.merge(work.active, T::zero());
-                }
-            }
-        }
-        all
-    }
 }

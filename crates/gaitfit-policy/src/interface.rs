@@ -398,15 +398,11 @@ impl Interface {
     pub fn model_pose(&self, model: &Model) -> Result<Vec<f64>, InterfaceError> {
         let joints = self.resolve(model)?;
         let held = self.resolve_held(model, &joints)?.into_iter().zip(&self.held);
-        let stated: Vec<(usize, f64)> = joints
-            .iter()
-            .copied()
-            .zip(self.default_pose.iter().copied())
-            .chain(held.map(|(joint, held)| (joint, held.position)))
-            .collect();
+        let moved = joints.iter().copied().zip(self.default_pose.iter().copied());
+        let stated = moved.chain(held.map(|(joint, held)| (joint, held.position)));
+        let (joints, angles): (Vec<usize>, Vec<f64>) = stated.unzip();
         let mut pose = vec![0.0; model.joints.len()];
-        stated.iter().for_each(|&(joint, angle)| pose[joint] = angle);
-        let joints: Vec<usize> = stated.iter().map(|(joint, _)| *joint).collect();
+        joints.iter().zip(angles).for_each(|(&joint, angle)| pose[joint] = angle);
         model.couple_others(&mut pose, &joints);
         Ok(pose)
     }
