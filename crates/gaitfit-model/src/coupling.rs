@@ -6,43 +6,17 @@
 use std::collections::HashMap;
 use std::ops::RangeInclusive;
 
-use serde::Serialize;
-
 use crate::attributes::{Attributes, Context};
 use crate::defaults::Defaults;
 use crate::error::ModelError;
-use crate::mend::{Locked, lock};
-use crate::model::Model;
+use crate::locked::{Lock, Locked, lock};
+use crate::model::{Coupling, Model};
 use crate::shown::{shown, shown_number};
 use crate::spec::{BodySpec, MAX_JOINTS, SOLIMP, SOLREF, Spec};
 use crate::xml::{At, Element};
 
 /// Max number of neighbouring joints of a chain that couplings may connect.
 pub const MAX_SPAN: usize = 3;
-
-/// A joint that follows another one, or that is held: MuJoCo's equality constraint of joints, which is soft.
-///
-/// It pulls the follower's distance from its reference to Σₖ cₖ xᵏ, with x the leader's distance from its own reference.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Coupling {
-    /// The joint that follows: index into `joints`.
-    pub follower: usize,
-    /// The joint that it follows; `None`: it is held at c₀.
-    pub leader: Option<usize>,
-    /// c₀ to c₄: rad and m, by powers of the leader's rad or m.
-    pub polynomial: [f64; 5],
-    /// Reference (time constant s, damping ratio), or direct stiffness and damping if negative.
-    pub solref: [f64; 2],
-    /// Impedance (dmin, dmax, width, midpoint, power).
-    pub solimp: [f64; 5],
-}
-
-impl Coupling {
-    /// The follower's distance from its reference where the leader is `x` from its own.
-    pub fn follow(&self, x: f64) -> f64 {
-        self.polynomial.iter().rev().fold(0.0, |sum, c| sum * x + c)
-    }
-}
 
 impl Model {
     /// Whether joint `index` follows another one or is held by a coupling.
@@ -185,6 +159,16 @@ impl NamedCoupling {
         Self { at, follower: follower.to_owned(), leader: leader.map(str::to_owned), parameters }
     }
 
+    /// A lock of the follower, where its leader's reference would put it.
+    fn into_lock(self) -> Lock {
+        let leader = shown(self.leader.as_deref().unwrap_or_default());
+        let how = format!(
+            "it follows \"{leader}\", which is too far from it (couplings work within {MAX_SPAN} neighbouring joints of a chain), \
+             so it is locked"
+        );
+        Lock { at: self.at, joint: self.follower, position: self.parameters.polynomial[0], how }
+    }
+
     /// A `<mimic>` of URDF, with MuJoCo's usual softness.
     pub fn mimic(at: At, follower: &str, leader: &str, offset: f64, factor: f64) -> Self {
         let polynomial = [offset, factor, 0.0, 0.0, 0.0];
@@ -288,7 +272,8 @@ pub(crate) fn resolve(
         }
     }
     lock_followers(&mut kept, &mut locked);
-    let lost = lock(ctx, &locked, bodies);
+    let locks: Vec<Lock> = locked.into_iter().map(NamedCoupling::into_lock).collect();
+    let lost = lock(ctx, &locks, bodies);
     let chain = Chain::new(bodies);
     let numbered = kept.into_iter().filter_map(|(coupling, _)| {
         let (follower, leader) = chain.find(&coupling).ok()?;

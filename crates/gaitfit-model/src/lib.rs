@@ -50,6 +50,7 @@ mod joint_kind;
 mod keyframes;
 pub mod kinematics;
 mod listing;
+mod locked;
 mod looks;
 mod mend;
 pub mod mesh;
@@ -80,7 +81,7 @@ mod write;
 mod xml;
 
 pub use cholesky::Cholesky;
-pub use coupling::{Coupling, MAX_SPAN};
+pub use coupling::MAX_SPAN;
 pub use error::{ModelError, Place};
 pub use joint_kind::{JointAxis, JointKind};
 pub use listing::LeftOut;

@@ -1,12 +1,8 @@
-//! What a mending reading makes of parts that a strict one refuses: joints coupled across limbs are locked, links without mass
-//! get one, impossible inertias become possible. Every change is listed.
-
-use std::collections::HashSet;
+//! What a mending reading makes of parts that a strict one refuses: links without mass get one, impossible inertias become
+//! possible. Every change is listed.
 
 use crate::attributes::Context;
-use crate::coupling::{MAX_SPAN, NamedCoupling};
 use crate::inertia::{Inertial, Solid, combine};
-use crate::kinematics::Frame;
 use crate::mesh::Measure;
 use crate::model::Shape;
 use crate::orientation::compose;
@@ -173,77 +169,6 @@ pub(crate) fn of_body(body: &BodySpec) -> impl Iterator<Item = Outline> {
 /// Whether an element of `<equality>` is in force.
 pub(crate) fn is_active(element: &Element) -> bool {
     element.get("active") != Some("false")
-}
-
-/// Where joints that were locked stood in `qpos` and `qvel`.
-#[derive(Debug, Default)]
-pub(crate) struct Locked {
-    qpos: HashSet<usize>,
-    qvel: HashSet<usize>,
-    nq: usize,
-    nv: usize,
-}
-
-impl Locked {
-    /// A keyframe's `qpos` without the locked joints; as it is if it is of another length than the file's.
-    pub fn left_of_qpos(&self, qpos: Vec<f64>) -> Vec<f64> {
-        left(qpos, &self.qpos, self.nq)
-    }
-
-    /// The same of `qvel`.
-    pub fn left_of_qvel(&self, qvel: Vec<f64>) -> Vec<f64> {
-        left(qvel, &self.qvel, self.nv)
-    }
-}
-
-fn left(values: Vec<f64>, without: &HashSet<usize>, length: usize) -> Vec<f64> {
-    if values.len() != length {
-        return values;
-    }
-    values
-        .into_iter()
-        .enumerate()
-        .filter(|(place, _)| !without.contains(place))
-        .map(|(_, value)| value)
-        .collect()
-}
-
-/// Locks the followers of couplings that are not simulated. Each stays where its leader's reference would put it.
-pub(crate) fn lock(ctx: &mut Context, couplings: &[NamedCoupling], bodies: &mut [BodySpec]) -> Locked {
-    let mut locked = Locked::default();
-    let (mut q, mut v) = (0, 0);
-    for body in bodies.iter_mut() {
-        if body.free.is_some() {
-            (q, v) = (q + 7, v + 6);
-        }
-        let mut kept = Vec::new();
-        let alone = body.joints.len() == 1;
-        for (joint, at) in std::mem::take(&mut body.joints) {
-            match couplings.iter().find(|coupling| coupling.follower == joint.name) {
-                None => kept.push((joint, at)),
-                Some(coupling) => {
-                    locked.qpos.insert(q);
-                    locked.qvel.insert(v);
-                    let position = coupling.parameters.polynomial[0];
-                    if alone && position != 0.0 {
-                        let moved = joint.moved_by(&Frame::WORLD, position);
-                        (body.pos, body.quat) =
-                            compose((body.pos, body.quat), (moved.position, moved.quaternion));
-                    }
-                    let leader = shown(coupling.leader.as_deref().unwrap_or_default());
-                    let how = format!(
-                        "it follows \"{leader}\", which is too far from it (couplings work within {MAX_SPAN} neighbouring joints of \
-                         a chain), so it is locked"
-                    );
-                    ctx.note(coupling.at, format!("joint \"{}\"", shown(&joint.name)), how);
-                }
-            }
-            (q, v) = (q + 1, v + 1);
-        }
-        body.joints = kept;
-    }
-    (locked.nq, locked.nv) = (q, v);
-    locked
 }
 
 /// Whether a body of the world floats by six joints of one degree of freedom, or three and a ball: three slides and what turns.

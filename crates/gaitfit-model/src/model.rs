@@ -6,7 +6,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::coupling::Coupling;
 use crate::joint_kind::JointKind;
 use crate::looks::Source;
 use crate::outline::Outline;
@@ -315,6 +314,30 @@ pub struct Actuator {
     pub gain: f64,
     /// Affine bias: constant, on length, on velocity.
     pub bias: [f64; 3],
+}
+
+/// A joint that follows another one, or that is held: MuJoCo's equality constraint of joints, which is soft.
+///
+/// It pulls the follower's distance from its reference to Σₖ cₖ xᵏ, with x the leader's distance from its own reference.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Coupling {
+    /// The joint that follows: index into `joints`.
+    pub follower: usize,
+    /// The joint that it follows; `None`: it is held at c₀.
+    pub leader: Option<usize>,
+    /// c₀ to c₄: rad and m, by powers of the leader's rad or m.
+    pub polynomial: [f64; 5],
+    /// Reference (time constant s, damping ratio), or direct stiffness and damping if negative.
+    pub solref: [f64; 2],
+    /// Impedance (dmin, dmax, width, midpoint, power).
+    pub solimp: [f64; 5],
+}
+
+impl Coupling {
+    /// The follower's distance from its reference where the leader is `x` from its own.
+    pub fn follow(&self, x: f64) -> f64 {
+        self.polynomial.iter().rev().fold(0.0, |sum, c| sum * x + c)
+    }
 }
 
 /// A named state.

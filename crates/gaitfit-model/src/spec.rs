@@ -1,9 +1,8 @@
 //! What both readers fill: bodies below the world, resolved to SI units, before one robot is chosen.
 
-use crate::coupling::Coupling;
 use crate::inertia::Inertial;
 use crate::joint_kind::JointKind;
-use crate::model::{Actuator, ContactPair, FreeJoint, Joint, Options, Shape, Site};
+use crate::model::{Actuator, ContactPair, Coupling, FreeJoint, Joint, Options, Shape, Site};
 use crate::outline::{MeshFile, Outline};
 use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::terrain::{Ground, HeightField};

@@ -2,10 +2,9 @@
 
 use std::fmt::Write as _;
 
-use crate::coupling::Coupling;
 use crate::joint_kind::JointKind;
 use crate::looks::SOURCE;
-use crate::model::{Actuator, Cone, ContactPair, Geom, Integrator, Joint, Model, Root, Shape};
+use crate::model::{Actuator, Cone, ContactPair, Coupling, Geom, Integrator, Joint, Model, Root, Shape};
 use crate::rotation::IDENTITY;
 use crate::spec::{SOLIMP, SOLREF};
 use crate::terrain::{Ground, ObstacleShape};

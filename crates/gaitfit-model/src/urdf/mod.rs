@@ -12,10 +12,10 @@ mod shown;
 use std::collections::HashMap;
 
 use crate::attributes::{Attributes, Context};
-use crate::coupling::{Coupling, resolve};
+use crate::coupling::resolve;
 use crate::error::ModelError;
 use crate::inertia::MASSLESS;
-use crate::model::{Actuator, Root};
+use crate::model::{Actuator, Coupling, Root};
 use crate::options::{Compiler, default_options, read_option};
 use crate::orientation::{compose, euler};
 use crate::rotation::{IDENTITY, Quat, Vec3};
