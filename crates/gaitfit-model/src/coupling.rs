@@ -36,20 +36,10 @@ impl Model {
             let mut sum = String::new();
             for (k, c) in coupling.polynomial.iter().enumerate().filter(|(_, c)| **c != 0.0) {
                 let sign = match (sum.is_empty(), *c < 0.0) {
-                    (true, negative) => {
-                        if negative {
-                            "-"
-                        } else {
-                            ""
-                        }
-                    }
-                    (false, negative) => {
-                        if negative {
-                            " - "
-                        } else {
-                            " + "
-                        }
-                    }
+                    (true, true) => "-",
+                    (true, false) => "",
+                    (false, true) => " - ",
+                    (false, false) => " + ",
                 };
                 let power = match k {
                     0 => String::new(),
@@ -71,7 +61,7 @@ impl Model {
         self.couplings.iter().map(words).collect()
     }
 
-    /// Moves the joints that follow others to where these want them; `positions` are those of all joints, rad or m.
+    /// Moves the joints that follow others to where their leaders put them; `positions`: of all joints, rad or m.
     pub fn couple(&self, positions: &mut [f64]) {
         self.couple_others(positions, &[]);
     }
@@ -95,7 +85,7 @@ impl Model {
 }
 
 /// The ranges of joints that `pairs` of follower and leader connect.
-fn spans(pairs: impl Iterator<Item = (usize, Option<usize>)>) -> Vec<RangeInclusive<usize>> {
+fn spans(pairs: impl Iterator<Item = Pair>) -> Vec<RangeInclusive<usize>> {
     let mut spans: Vec<RangeInclusive<usize>> = Vec::new();
     for (follower, leader) in pairs {
         let leader = leader.unwrap_or(follower);
@@ -119,11 +109,11 @@ const MAX_COUPLINGS: usize = 4 * MAX_JOINTS;
 
 /// A coupling of a file: joints by name, since locked joints may leave.
 pub(crate) struct NamedCoupling {
-    pub at: At,
-    pub follower: String,
-    pub leader: Option<String>,
+    at: At,
+    follower: String,
+    leader: Option<String>,
     /// Its joints are not set yet.
-    pub parameters: Coupling,
+    parameters: Coupling,
 }
 
 /// Parameters of `<equality>` by default.
@@ -330,7 +320,7 @@ pub(crate) fn of_robot(spec: &Spec, joint_numbers: &[Option<usize>]) -> Vec<Coup
     all.collect()
 }
 
-/// Follower and leader, by their order in the file.
+/// Follower and leader, by their numbers.
 type Pair = (usize, Option<usize>);
 
 /// A file's joints in order, each with the joint that carries it.

@@ -71,7 +71,7 @@ impl Source {
     }
 
     /// The source of the robot in the file at `path`: the one that it names, or itself.
-    pub(crate) fn of(path: &Path, document: &Element) -> Self {
+    pub(crate) fn named_by(path: &Path, document: &Element) -> Self {
         let custom = document.children.iter().filter(|section| section.name == "custom");
         let texts = custom.flat_map(|section| &section.children).filter(|child| child.name == "text");
         let named = texts.filter(|text| text.get("name") == Some(SOURCE)).find_map(|text| text.get("data"));
@@ -98,8 +98,8 @@ impl Model {
 
 /// The meshes that the robot file at `path` has for the bodies of `model`; what cannot be read is left out.
 fn read(path: &Path, model: &Model) -> Looks {
-    let own = |name: &String| model.bodies.iter().any(|body| body.name == *name);
-    let bodies = outlines(path).unwrap_or_default().into_iter().filter(|(body, _)| own(body));
+    let bodies =
+        outlines(path).unwrap_or_default().into_iter().filter(|(body, _)| model.body(body).is_some());
     let mut files = Files::default();
     let mut places = Vec::new();
     for (body, outlines) in bodies {

@@ -65,8 +65,8 @@ impl MeshFile {
     pub fn read(&self) -> Result<Mesh, MeshError> {
         let mut mesh = mesh::read(&self.file)?;
         for point in mesh.triangles.iter_mut().flatten() {
-            let own = rotate_back(self.frame.1, sub(*point, self.frame.0));
-            *point = std::array::from_fn(|k| own[k] * self.scale[k]);
+            let local = rotate_back(self.frame.1, sub(*point, self.frame.0));
+            *point = std::array::from_fn(|k| local[k] * self.scale[k]);
         }
         Ok(mesh)
     }

@@ -42,7 +42,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Model, ModelError> {
     let mut sources = Sources::default();
     let document = xml::load(path, &mut sources)?;
     let stem = path.file_stem().map_or("robot".to_string(), |s| s.to_string_lossy().into_owned());
-    let source = Source::of(path, &document);
+    let source = Source::named_by(path, &document);
     Ok(Model { source, ..build(&document, &sources, &stem, options)? })
 }
 

@@ -101,11 +101,11 @@ separate! {
     }
 }
 
-/// J of accelerations or steps of the joints.
+/// The row's Jacobian times accelerations or steps; `joint`: those of a joint.
 #[inline(always)]
 fn along_row<T: Real>(coupling: &Coupling<T::K>, row: &CouplingWork<T>, joint: impl Fn(usize) -> T) -> T {
-    let own = joint(coupling.follower);
-    coupling.leader.map_or(own, |leader| row.slope.fnma(joint(leader), own))
+    let follower = joint(coupling.follower);
+    coupling.leader.map_or(follower, |leader| row.slope.fnma(joint(leader), follower))
 }
 
 /// What a coupling adds to the system of its segment, as `(joint, other joint, number)`.

@@ -25,7 +25,7 @@ struct Quadric {
 }
 
 impl Quadric {
-    /// Of the plane through `point` across the unit vector `normal`.
+    /// The squared distance from the plane through `point` with the unit normal `normal`, times `weight`.
     fn of_plane(normal: Vec3, point: Vec3, weight: f64) -> Self {
         let d = -dot(normal, point);
         Self {

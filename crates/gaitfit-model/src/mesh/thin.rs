@@ -101,9 +101,9 @@ impl Pool {
         let mut mesh = Vec::new();
         for triangle in &self.triangles {
             let corners = triangle.map(|corner| {
-                let of = self.mesh[corner as usize];
-                let place = grid.put(of, self.vertices[corner as usize]);
-                mesh.resize(mesh.len().max(place + 1), of);
+                let number = self.mesh[corner as usize];
+                let place = grid.put(number, self.vertices[corner as usize]);
+                mesh.resize(mesh.len().max(place + 1), number);
                 place as u32
             });
             let mut sorted = corners;

@@ -274,10 +274,10 @@ fn motors(bodies: &[BodySpec], connections: &[Connection], couplings: &[Coupling
     let driven = joints.filter(|(index, _)| !couplings.iter().any(|coupling| coupling.follower == *index));
     driven
         .map(|(index, (joint, _))| {
-            let own = |connection: &&Connection| {
+            let moves_it = |connection: &&Connection| {
                 connection.joint.as_ref().is_some_and(|other| other.name == joint.name)
             };
-            let limit = connections.iter().find(own).map_or(0.0, |connection| connection.effort);
+            let limit = connections.iter().find(moves_it).map_or(0.0, |connection| connection.effort);
             Actuator {
                 name: joint.name.strip_suffix("_joint").unwrap_or(&joint.name).to_string(),
                 joint: index,

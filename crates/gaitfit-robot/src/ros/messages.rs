@@ -93,11 +93,11 @@ pub struct Vector3 {
 /// `geometry_msgs/msg/Quaternion`, whose order is x, y, z, w.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quaternion {
-    /// Of i.
+    /// Coefficient of i.
     pub x: f64,
-    /// Of j.
+    /// Coefficient of j.
     pub y: f64,
-    /// Of k.
+    /// Coefficient of k.
     pub z: f64,
     /// The real part.
     pub w: f64,

@@ -39,7 +39,7 @@ pub struct States {
 }
 
 impl States {
-    /// Of a robot.
+    /// The states of a robot, before any message.
     pub fn new(robot: &Robot, ros: &Ros2) -> Self {
         let name = |motor: &crate::robot::Motor| match &motor.topic_name {
             Some(name) => (name.clone(), false),

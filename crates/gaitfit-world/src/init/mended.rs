@@ -8,7 +8,7 @@
 use super::anatomy::made_up;
 use super::feet::{Added, fit_feet};
 use super::gains::Source;
-use super::{Guess, InitError, Look, look, look_with, twin};
+use super::{Guess, InitError, Look, look, look_with, rotors, twin};
 use crate::Error;
 use crate::robot::{self, Hold};
 use gaitfit_model::{Changed, Model, ReadOptions, read_mjcf_str, shown, shown_path};
@@ -100,7 +100,7 @@ fn mend(path: &Path, how: Preparation) -> Result<Prepared, Error> {
     let added = fit_feet(&mut model, how.feet_from_mesh);
     name_geoms(&mut model);
     let mut mended = changes(&model, &added);
-    let mut rotors = look(&model).map_err(|error| looked(path, &error))?.rotors;
+    let mut rotors = rotors(&model).map_err(|error| looked(path, &error))?;
     if let Some(rotors) = &mut rotors {
         rotors.write(&mut model);
         let found = format!(

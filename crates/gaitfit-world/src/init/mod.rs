@@ -203,8 +203,8 @@ pub fn other_guesses(model: &Model, first: &Look) -> Vec<Look> {
     found
 }
 
-/// `written`: the rotors that `init` wrote into the robot's file.
-fn look_with(model: &Model, source: Source, written: Option<Rotors>) -> Result<Look, InitError> {
+/// The pose in which a robot stands, its legs, and its sizes.
+fn stand(model: &Model) -> Result<(Pose, Anatomy, Sizes), InitError> {
     let robot = || shown(&model.name);
     if model.root != Root::Floating {
         return Err(InitError::Clamped { robot: robot() });
@@ -217,6 +217,19 @@ fn look_with(model: &Model, source: Source, written: Option<Rotors>) -> Result<L
         return Err(InitError::Limp { robot: robot() });
     }
     let sizes = Sizes::new(model, &anatomy, &pose.angles);
+    Ok((pose, anatomy, sizes))
+}
+
+/// Rotor inertia of a robot whose legs have none in its file.
+fn rotors(model: &Model) -> Result<Option<Rotors>, InitError> {
+    let (_, anatomy, sizes) = stand(model)?;
+    Ok(Rotors::guess(model, &anatomy, &sizes))
+}
+
+/// `written`: the rotors that `init` wrote into the robot's file.
+fn look_with(model: &Model, source: Source, written: Option<Rotors>) -> Result<Look, InitError> {
+    let robot = || shown(&model.name);
+    let (pose, anatomy, sizes) = stand(model)?;
     let gains = Gains::new(model, &anatomy, &pose.angles, &sizes, source, written)?;
     let text = text::task(model, &anatomy, &pose, &sizes, &gains);
     let settings = read(&text).map_err(|why| InitError::Task { robot: robot(), why })?;
