@@ -73,6 +73,7 @@ VARIANTS = {
     "telescope": [Variant("pyr_imp1_fl"), Variant("ell_imp10_fl_implicitfast", ELLIPTIC, 10, integrator=IMPLICITFAST), Variant("ell_imp1_nofl", ELLIPTIC, frictionloss=False)],
     "crab": [Variant("pyr_imp1_fl"), Variant("ell_imp10_nofl", ELLIPTIC, 10, frictionloss=False)],
     "hand": [Variant("pyr_imp1_fl"), Variant("ell_imp10_fl_implicitfast", ELLIPTIC, 10, integrator=IMPLICITFAST), Variant("pyr_imp1_nofl_noeulerdamp", frictionloss=False, eulerdamp=False)],
+    "gears": [Variant("pyr_imp1_fl"), Variant("ell_imp10_fl_implicitfast", ELLIPTIC, 10, integrator=IMPLICITFAST), Variant("pyr_imp1_nofl_noeulerdamp", frictionloss=False, eulerdamp=False)],
     "twins": [Variant("pyr_imp1_nofl_implicitfast", integrator=IMPLICITFAST, frictionloss=False), Variant("ell_imp1_fl", ELLIPTIC)],
     "terrain": [Variant("pyr_imp1_fl"), Variant("ell_imp10_nofl", ELLIPTIC, 10, frictionloss=False)],
     "go2": [
@@ -83,9 +84,9 @@ VARIANTS = {
     ],
 }
 # Robots whose own parts touch each other.
-OWN = ("crab", "hand", "twins")
+OWN = ("crab", "gears", "hand", "twins")
 # The variant of each robot whose fall is recorded, and the steps recorded.
-ROLLOUTS = {"twins": "ell_imp1_fl", "hand": "pyr_imp1_fl", "biped": "pyr_imp1_fl", "humanoid": "ell_imp1_fl", "arm": "pyr_imp1_fl_implicitfast", "rover": "pyr_imp1_fl", "telescope": "pyr_imp1_fl", "go2": "pyr_imp1_fl"}
+ROLLOUTS = {"twins": "ell_imp1_fl", "hand": "pyr_imp1_fl", "gears": "pyr_imp1_fl", "biped": "pyr_imp1_fl", "humanoid": "ell_imp1_fl", "arm": "pyr_imp1_fl_implicitfast", "rover": "pyr_imp1_fl", "telescope": "pyr_imp1_fl", "go2": "pyr_imp1_fl"}
 
 
 def load(robot, variant):

@@ -1,22 +1,17 @@
 //! Joints that follow another one: MJCF `<equality><joint>`, URDF `<mimic>`.
 //!
-//! The engine solves a chain of up to three joints at once ([`MAX_SPAN`]). Couplings within such a chain are simulated. A
-//! mending reading locks the other followers, a lenient one drops their couplings, a strict one refuses them.
+//! All of them are simulated, but for joints that follow each other in a ring: there neither leads. A strict reading refuses
+//! the ring's last coupling, the others drop it.
 
 use std::collections::HashMap;
-use std::ops::RangeInclusive;
 
 use crate::attributes::{Attributes, Context};
 use crate::defaults::Defaults;
 use crate::error::ModelError;
-use crate::locked::{Lock, Locked, lock};
 use crate::model::{Coupling, Model};
 use crate::shown::{shown, shown_number};
 use crate::spec::{BodySpec, MAX_JOINTS, SOLIMP, SOLREF, Spec};
 use crate::xml::{At, Element};
-
-/// Max number of neighbouring joints of a chain that couplings may connect.
-pub const MAX_SPAN: usize = 3;
 
 impl Model {
     /// Whether joint `index` follows another one or is held by a coupling.
@@ -68,38 +63,21 @@ impl Model {
 
     /// The same, except for the joints `stated`, by index.
     pub fn couple_others(&self, positions: &mut [f64], stated: &[usize]) {
-        // A leader may follow another joint.
-        for _ in 0..MAX_SPAN {
+        // A leader may follow another joint, whose coupling may come later.
+        for _ in 0..self.couplings.len() {
+            let mut moves = false;
             for coupling in self.couplings.iter().filter(|coupling| !stated.contains(&coupling.follower)) {
                 let reference = |joint: usize| self.joints[joint].reference;
                 let moved = coupling.leader.map_or(0.0, |leader| positions[leader] - reference(leader));
-                positions[coupling.follower] = reference(coupling.follower) + coupling.follow(moved);
+                let position = reference(coupling.follower) + coupling.follow(moved);
+                moves |= position != positions[coupling.follower];
+                positions[coupling.follower] = position;
+            }
+            if !moves {
+                return;
             }
         }
     }
-
-    /// Neighbouring joints that couplings connect, as ranges of indices.
-    pub fn coupled_spans(&self) -> Vec<RangeInclusive<usize>> {
-        spans(self.couplings.iter().map(|coupling| (coupling.follower, coupling.leader)))
-    }
-}
-
-/// The ranges of joints that `pairs` of follower and leader connect.
-fn spans(pairs: impl Iterator<Item = Pair>) -> Vec<RangeInclusive<usize>> {
-    let mut spans: Vec<RangeInclusive<usize>> = Vec::new();
-    for (follower, leader) in pairs {
-        let leader = leader.unwrap_or(follower);
-        let mut span = follower.min(leader)..=follower.max(leader);
-        spans.retain(|other| {
-            let apart = other.end() < span.start() || span.end() < other.start();
-            if !apart {
-                span = *other.start().min(span.start())..=*other.end().max(span.end());
-            }
-            apart
-        });
-        spans.push(span);
-    }
-    spans
 }
 
 /// Largest coefficient of a coupling: no gear of a robot moves one joint so much faster than another.
@@ -107,7 +85,7 @@ const MAX_COEFFICIENT: f64 = 1e4;
 /// Max number of couplings of a file.
 const MAX_COUPLINGS: usize = 4 * MAX_JOINTS;
 
-/// A coupling of a file: joints by name, since locked joints may leave.
+/// A coupling of a file: its joints by name, because the file may state it before them.
 pub(crate) struct NamedCoupling {
     at: At,
     follower: String,
@@ -149,14 +127,10 @@ impl NamedCoupling {
         Self { at, follower: follower.to_owned(), leader: leader.map(str::to_owned), parameters }
     }
 
-    /// A lock of the follower, where its leader's reference would put it.
-    fn into_lock(self) -> Lock {
-        let leader = shown(self.leader.as_deref().unwrap_or_default());
-        let how = format!(
-            "it follows \"{leader}\", which is too far from it (couplings work within {MAX_SPAN} neighbouring joints of a chain), \
-             so it is locked"
-        );
-        Lock { at: self.at, joint: self.follower, position: self.parameters.polynomial[0], how }
+    /// Its follower and its leader by their numbers, or the name of the one that does not exist.
+    fn find<'n>(&'n self, numbers: &HashMap<&str, usize>) -> Result<(usize, Option<usize>), &'n str> {
+        let joint = |name: &'n String| numbers.get(name.as_str()).copied().ok_or(name.as_str());
+        Ok((joint(&self.follower)?, self.leader.as_ref().map(joint).transpose()?))
     }
 
     /// A `<mimic>` of URDF, with MuJoCo's usual softness.
@@ -206,20 +180,20 @@ pub(crate) fn read_couplings<'e>(
     Ok(all)
 }
 
-/// Finds the joints of `couplings` among those of `bodies`, by their order in the file. What cannot be simulated is refused; a
-/// mending reading locks it, a lenient one leaves it out.
+/// Finds the joints of `couplings` among those of `bodies`, by their order in the file.
 ///
 /// # Errors
-/// A joint that does not exist, or a coefficient beyond bounds; in a strict reading, joints too far apart, and joints that
-/// follow each other.
+/// A joint that does not exist, or a coefficient beyond bounds; in a strict reading, joints that follow each other.
 pub(crate) fn resolve(
     ctx: &mut Context,
     couplings: Vec<NamedCoupling>,
-    bodies: &mut [BodySpec],
-) -> Result<(Vec<Coupling>, Locked), ModelError> {
-    let chain = Chain::new(bodies);
-    let mut kept: Vec<(NamedCoupling, Pair)> = Vec::new();
-    let mut locked: Vec<NamedCoupling> = Vec::new();
+    bodies: &[BodySpec],
+) -> Result<Vec<Coupling>, ModelError> {
+    let mut numbers: HashMap<&str, usize> = HashMap::new();
+    for (number, (joint, _)) in bodies.iter().flat_map(|body| &body.joints).enumerate() {
+        numbers.entry(&joint.name).or_insert(number);
+    }
+    let mut kept: Vec<Coupling> = Vec::new();
     for coupling in couplings {
         let name = shown(&coupling.follower);
         if let Some(large) = coupling.parameters.polynomial.iter().find(|c| c.abs() > MAX_COEFFICIENT) {
@@ -229,7 +203,7 @@ pub(crate) fn resolve(
             );
             return Err(ctx.invalid(coupling.at, what, format!("give at most {MAX_COEFFICIENT}")));
         }
-        let pair = match chain.find(&coupling) {
+        let (follower, leader) = match coupling.find(&numbers) {
             Ok(pair) => pair,
             Err(missing) => {
                 let what = format!("coupling of joint \"{name}\"");
@@ -241,39 +215,19 @@ pub(crate) fn resolve(
                 continue;
             }
         };
-        let other = shown(coupling.leader.as_deref().unwrap_or_default());
-        if leads_back(pair, &kept) {
+        if leads_back(follower, leader, &kept) {
+            let other = shown(coupling.leader.as_deref().unwrap_or_default());
             let what = format!("joint \"{name}\" follows \"{other}\", which follows it");
             ctx.refuse(coupling.at, what, "neither leads", "remove one of the couplings")?;
             continue;
         }
-        let connected = spans(kept.iter().map(|(_, pair)| *pair).chain([pair]));
-        if connected.iter().all(|span| chain.is_simulated(span)) {
-            kept.push((coupling, pair));
-        } else if ctx.mend && !ctx.lenient {
-            locked.push(coupling);
-        } else {
-            ctx.refuse(
-                coupling.at,
-                format!("joint \"{name}\", which follows \"{other}\""),
-                format!("couplings are simulated among {MAX_SPAN} neighbouring joints of one chain"),
-                "remove the coupling and fix the joint, or let `gaitfit init` write a mended file",
-            )?;
-        }
+        kept.push(Coupling { follower, leader, ..coupling.parameters });
     }
-    lock_followers(&mut kept, &mut locked);
-    let locks: Vec<Lock> = locked.into_iter().map(NamedCoupling::into_lock).collect();
-    let lost = lock(ctx, &locks, bodies);
-    let chain = Chain::new(bodies);
-    let numbered = kept.into_iter().filter_map(|(coupling, _)| {
-        let (follower, leader) = chain.find(&coupling).ok()?;
-        Some(Coupling { follower, leader, ..coupling.parameters })
-    });
-    Ok((numbered.collect(), lost))
+    Ok(kept)
 }
 
-/// Whether the leader of a pair follows its follower, perhaps over others.
-fn leads_back((follower, leader): Pair, kept: &[(NamedCoupling, Pair)]) -> bool {
+/// Whether `leader` follows `follower`, perhaps over others.
+fn leads_back(follower: usize, leader: Option<usize>, kept: &[Coupling]) -> bool {
     let mut seen = vec![follower];
     let mut next: Vec<usize> = leader.into_iter().collect();
     while let Some(joint) = next.pop() {
@@ -282,29 +236,11 @@ fn leads_back((follower, leader): Pair, kept: &[(NamedCoupling, Pair)]) -> bool 
         }
         if !seen.contains(&joint) {
             seen.push(joint);
-            next.extend(kept.iter().filter(|(_, pair)| pair.0 == joint).filter_map(|(_, pair)| pair.1));
+            let leaders = kept.iter().filter(|coupling| coupling.follower == joint);
+            next.extend(leaders.filter_map(|coupling| coupling.leader));
         }
     }
     false
-}
-
-/// What follows a locked joint does not move either: it is locked where the other one's position puts it.
-fn lock_followers(kept: &mut Vec<(NamedCoupling, Pair)>, locked: &mut Vec<NamedCoupling>) {
-    let position = |name: &str, locked: &[NamedCoupling]| {
-        let other = locked.iter().find(|other| other.follower == name)?;
-        Some(other.parameters.polynomial[0])
-    };
-    let fixed = |coupling: &NamedCoupling, locked: &[NamedCoupling]| {
-        let leader = coupling.leader.as_deref().and_then(|name| position(name, locked));
-        leader.map(|at| coupling.parameters.follow(at)).or_else(|| position(&coupling.follower, locked))
-    };
-    while let Some((place, at)) =
-        kept.iter().enumerate().find_map(|(place, (coupling, _))| Some((place, fixed(coupling, locked)?)))
-    {
-        let (mut coupling, _) = kept.remove(place);
-        coupling.parameters.polynomial[0] = at;
-        locked.push(coupling);
-    }
 }
 
 /// The couplings of the robot that a file's content becomes; `joint_numbers`: the model's joints, by those of `spec`.
@@ -318,49 +254,4 @@ pub(crate) fn of_robot(spec: &Spec, joint_numbers: &[Option<usize>]) -> Vec<Coup
         Some(Coupling { follower, leader, ..coupling.clone() })
     });
     all.collect()
-}
-
-/// Follower and leader, by their numbers.
-type Pair = (usize, Option<usize>);
-
-/// A file's joints in order, each with the joint that carries it.
-struct Chain {
-    numbers: HashMap<String, usize>,
-    parents: Vec<Option<usize>>,
-}
-
-impl Chain {
-    fn new(bodies: &[BodySpec]) -> Self {
-        let (mut numbers, mut parents) = (HashMap::new(), Vec::new());
-        // The last joint of each body, or that of the body that carries it.
-        let mut last: Vec<Option<usize>> = Vec::with_capacity(bodies.len());
-        for (index, body) in bodies.iter().enumerate() {
-            let mut carrier = if index == 0 { None } else { last[body.parent] };
-            for (joint, _) in &body.joints {
-                let number = parents.len();
-                parents.push(carrier);
-                carrier = Some(number);
-                numbers.entry(joint.name.clone()).or_insert(number);
-            }
-            last.push(carrier);
-        }
-        Self { numbers, parents }
-    }
-
-    /// Follower and leader of a coupling, or the name of the one that does not exist.
-    fn find<'n>(&self, coupling: &'n NamedCoupling) -> Result<Pair, &'n str> {
-        let joint = |name: &'n String| self.numbers.get(name).copied().ok_or(name.as_str());
-        Ok((joint(&coupling.follower)?, coupling.leader.as_ref().map(joint).transpose()?))
-    }
-
-    /// Whether the joints of a span form one chain without branches.
-    fn is_simulated(&self, span: &RangeInclusive<usize>) -> bool {
-        let children =
-            |joint: usize| self.parents.iter().filter(move |parent| **parent == Some(joint)).count();
-        let links = *span.start() + 1..=*span.end();
-        span.end() - span.start() < MAX_SPAN
-            && links
-                .into_iter()
-                .all(|joint| self.parents[joint] == Some(joint - 1) && children(joint - 1) == 1)
-    }
 }

@@ -26,7 +26,7 @@ pub(crate) fn fill_keyframes(
         };
         let qpos = key.qpos.clone().unwrap_or_else(|| whole(&rest));
         let qvel = key.qvel.clone().unwrap_or_else(|| vec![0.0; base_v + joints]);
-        // A mending reading drops actuators of locked joints; a pose is of use without controls.
+        // A mending reading drops some actuators; a pose is of use without controls.
         let stated = key.ctrl.clone().filter(|ctrl| !ctx.mend || ctrl.len() == model.actuators.len());
         let ctrl = stated.unwrap_or_else(|| vec![0.0; model.actuators.len()]);
         let lengths = [

@@ -12,7 +12,7 @@
 //!
 //! | MJCF | |
 //! | --- | --- |
-//! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `replicate`, `attach`, `inertial`, `freejoint`, hinges, slides, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `equality joint` within a chain, `key`, the tuple `velocity_limit`, the text `gaitfit_source` |
+//! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `replicate`, `attach`, `inertial`, `freejoint`, hinges, slides, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `equality joint`, `key`, the tuple `velocity_limit`, the text `gaitfit_source` |
 //! | read of `asset` | `hfield`: elevations, MuJoCo's binary files, PNG pictures |
 //! | passed over | other assets, `visual`, `statistic`, `size`, other `custom` data, lights, cameras |
 //! | listed | visual geoms, sensors, self-collision ([`Model::touching_itself`] chooses pairs of it) |
@@ -20,13 +20,13 @@
 //!
 //! | URDF | |
 //! | --- | --- |
-//! | read | links, inertials, box, sphere and cylinder collisions, revolute, continuous, prismatic and fixed joints, limits, dynamics, `mimic` within a chain |
+//! | read | links, inertials, box, sphere and cylinder collisions, revolute, continuous, prismatic and fixed joints, limits, dynamics, `mimic` |
 //! | added | a ground plane z = 0, a motor on every joint that follows no other, MuJoCo's defaults |
 //! | changed | a massless root link fixed to its only child or below a floating joint, impossible inertias of light fixed links; [`Model::changed`] says so |
 //! | listed | collision meshes, transmissions, annotations of other simulators (`contact`, `gazebo`, `dont_collapse`, ...) |
 //! | refused | planar joints, floating ones but at the root, unknown elements |
 //!
-//! A mending reading ([`ReadOptions::mend`]) locks joints that are coupled across limbs, gives links mass, and keeps what a robot looks
+//! A mending reading ([`ReadOptions::mend`]) gives links mass, and keeps what a robot looks
 //! like ([`Model::outlines`], with the readers of [`mesh`]); [`Model::to_mjcf`] writes the result as a file of its own.
 //! [`Model::looks`] are the meshes of the file, for pictures.
 
@@ -50,7 +50,6 @@ mod joint_kind;
 mod keyframes;
 pub mod kinematics;
 mod listing;
-mod locked;
 mod looks;
 mod mend;
 pub mod mesh;
@@ -81,7 +80,6 @@ mod write;
 mod xml;
 
 pub use cholesky::Cholesky;
-pub use coupling::MAX_SPAN;
 pub use error::{ModelError, Place};
 pub use joint_kind::{JointAxis, JointKind};
 pub use listing::LeftOut;

@@ -8,7 +8,6 @@ use crate::coupling::{read_couplings, resolve};
 use crate::defaults::{APART, Defaults};
 use crate::error::ModelError;
 use crate::floor::add_floor;
-use crate::locked::Locked;
 use crate::mend;
 use crate::model::{Joint, Root};
 use crate::options::{Compiler, default_options, read_option};
@@ -66,7 +65,7 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
     add_floor(ctx, document, &defaults, &mut bodies, wanted);
     let named =
         if disabled.equality { Vec::new() } else { read_couplings(ctx, sections("equality"), &defaults)? };
-    let (couplings, locked) = resolve(ctx, named, &mut bodies)?;
+    let couplings = resolve(ctx, named, &bodies)?;
 
     let mut spec = Spec {
         name,
@@ -88,7 +87,7 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
         read_actuators(ctx, section, &compiler, &defaults, &mut spec)?;
     }
     for section in sections("keyframe") {
-        read_keys(ctx, section, &locked, &mut spec)?;
+        read_keys(ctx, section, &mut spec)?;
     }
     for section in sections("custom") {
         read_speed_limits(ctx, section, &mut spec)?;
@@ -187,12 +186,7 @@ fn read_actuators(
     Ok(())
 }
 
-fn read_keys(
-    ctx: &mut Context,
-    section: &Element,
-    locked: &Locked,
-    spec: &mut Spec,
-) -> Result<(), ModelError> {
+fn read_keys(ctx: &mut Context, section: &Element, spec: &mut Spec) -> Result<(), ModelError> {
     for element in &section.children {
         if element.name != "key" {
             ctx.refuse(element.at, element.label(), "not known in <keyframe>", "remove it")?;
@@ -206,8 +200,8 @@ fn read_keys(
         let key = KeySpec {
             at: element.at,
             name: a.text("name").unwrap_or("").to_string(),
-            qpos: filled(a.numbers(ctx, "qpos")?).map(|qpos| locked.left_of_qpos(qpos)),
-            qvel: filled(a.numbers(ctx, "qvel")?).map(|qvel| locked.left_of_qvel(qvel)),
+            qpos: filled(a.numbers(ctx, "qpos")?),
+            qvel: filled(a.numbers(ctx, "qvel")?),
             ctrl: filled(a.numbers(ctx, "ctrl")?),
         };
         a.ignore(&["time", "act", "mpos", "mquat"]);

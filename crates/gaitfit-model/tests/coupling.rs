@@ -1,5 +1,4 @@
-//! Joints that follow others: how both formats are read, what is refused, locked and left out, and that a written file has
-//! them.
+//! Joints that follow others: how both formats are read, what is refused and left out, and that a written file has them.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use gaitfit_model::{Coupling, Model, ModelError, ReadOptions, read_mjcf_str, read_urdf_str};
@@ -66,7 +65,6 @@ fn couplings_are_read_with_their_defaults() {
         strict(&signs).unwrap().couplings_in_words(),
         ["b follows a: -1 - x + 2.5 x^3", "c follows b: x"]
     );
-    assert_eq!(model.coupled_spans(), [0..=1, 2..=2]);
     let mut positions = vec![0.5, 9.0, 9.0, 0.7, 0.8];
     model.couple(&mut positions);
     assert_eq!(positions, [0.5, 1.1, 0.3, 0.7, 0.8]);
@@ -80,63 +78,24 @@ fn couplings_are_read_with_their_defaults() {
         );
         assert!(strict(&off).unwrap().couplings.is_empty(), "{flag}");
     }
-    // What a file switches off is not refused.
-    let far = robot(
-        r#"<option><flag equality="disable"/></option><equality><joint joint1="e" joint2="a"/></equality>"#,
+}
+
+#[test]
+fn joints_may_follow_joints_of_other_limbs() {
+    let text = equality(
+        r#"<joint joint1="d" joint2="b" polycoef="0 2"/><joint joint1="e" joint2="a"/><joint joint1="b" joint2="e" polycoef="1"/>"#,
     );
-    assert!(strict(&far).unwrap().couplings.is_empty());
-}
-
-#[test]
-fn couplings_within_three_neighbours_are_simulated() {
-    for (couplings, spans) in [
-        (r#"<joint joint1="c" joint2="a"/>"#, vec![0..=2]),
-        (r#"<joint joint1="a" joint2="b"/><joint joint1="c" joint2="b"/>"#, vec![0..=2]),
-        (
-            r#"<joint joint1="b" joint2="a"/><joint joint1="d" joint2="c"/><joint joint1="e"/>"#,
-            vec![0..=1, 2..=3, 4..=4],
-        ),
-    ] {
-        assert_eq!(strict(&equality(couplings)).unwrap().coupled_spans(), spans, "{couplings}");
-    }
-    for couplings in [
-        r#"<joint joint1="d" joint2="a"/>"#,
-        r#"<joint joint1="e" joint2="a"/>"#,
-        r#"<joint joint1="b" joint2="a"/><joint joint1="c" joint2="b"/><joint joint1="d" joint2="c"/>"#,
-    ] {
-        let text = equality(couplings);
-        let error = strict(&text).unwrap_err();
-        assert!(
-            matches!(error, ModelError::Unsupported { .. }) && error.to_string().contains("3 neighbouring"),
-            "{error}"
-        );
-        // The last coupling is too much.
-        let (mended, left) = (mending(&text), lenient(&text));
-        assert_eq!((mended.joints.len(), left.joints.len()), (4, 5));
-        assert!(mended.changed.iter().any(|change| change.how.contains("locked")), "{:?}", mended.changed);
-        assert!(left.dropped.iter().any(|part| part.what.contains("which follows")), "{:?}", left.dropped);
-        assert_eq!(mended.couplings.len(), couplings.matches("joint1").count() - 1);
-        assert_eq!(left.couplings, mended.couplings);
-    }
-    // A joint that carries two.
-    let fork = "<mujoco><worldbody><body><freejoint/><geom size=\".1\"/><body><joint name=\"a\"/><geom size=\".1\"/><body><joint \
-                name=\"b\"/><geom size=\".1\"/></body><body><joint name=\"c\"/><geom size=\".1\"/></body></body></body></worldbody>\
-                <equality><joint joint1=\"b\" joint2=\"a\"/></equality></mujoco>";
-    assert!(strict(fork).unwrap_err().to_string().contains("neighbouring"));
-}
-
-#[test]
-fn what_follows_a_locked_joint_is_locked() {
-    let couplings =
-        r#"<joint joint1="b" joint2="a" polycoef="0.2 2"/><joint joint1="a" joint2="e" polycoef="-0.5"/>"#;
-    let mended = mending(&equality(couplings));
-    let names: Vec<&str> = mended.joints.iter().map(|joint| joint.name.as_str()).collect();
-    assert_eq!((names, mended.couplings.len()), (vec!["c", "d", "e"], 0));
-    // `a` is held at -0.5 rad, and `b` where that puts it: 0.2 - 2 · 0.5 rad.
-    let half_turns = [-0.25_f64, -0.4];
-    for (body, half) in mended.bodies[1..3].iter().zip(half_turns) {
-        assert!((body.quat[3] - half.sin()).abs() < 1e-12, "{body:?}");
-    }
+    let model = strict(&text).unwrap();
+    let pairs: Vec<_> = model.couplings.iter().map(|coupling| (coupling.follower, coupling.leader)).collect();
+    assert_eq!(pairs, [(3, Some(1)), (4, Some(0)), (1, Some(4))]);
+    assert_eq!(
+        [mending(&text).couplings, lenient(&text).couplings],
+        [model.couplings.clone(), model.couplings.clone()]
+    );
+    // d follows b, which follows e, which follows a.
+    let mut positions = vec![0.5, 9.0, 0.7, 9.0, 9.0];
+    model.couple(&mut positions);
+    assert_eq!(positions, [0.5, 1.5, 0.7, 3.0, 0.5]);
 }
 
 #[test]

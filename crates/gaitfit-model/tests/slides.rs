@@ -15,10 +15,6 @@ fn mjcf(text: &str) -> Model {
     read_mjcf_str(text, &ReadOptions::default()).unwrap()
 }
 
-fn mending() -> ReadOptions {
-    ReadOptions { mend: true, ..ReadOptions::default() }
-}
-
 /// Positions of slides are metres in a file in degrees, and their springs and motors are as for hinges.
 #[test]
 fn a_file_in_degrees_has_slides_in_metres() {
@@ -105,16 +101,6 @@ fn a_robot_with_slides_is_written_as_it_was_read() {
         (again.bodies, again.actuators, again.keyframes),
         (model.bodies, model.actuators, model.keyframes)
     );
-}
-
-#[test]
-fn slides_that_follow_joints_of_another_limb_are_locked_where_they_are_held() {
-    let text = r#"<mujoco><worldbody><body><freejoint/><geom size=".1"/>
-        <body pos="0 0 1"><joint name="a"/><geom size=".1"/></body>
-        <body pos="1 0 0"><joint name="b" type="slide" axis="0 1 0" ref="0.5"/><geom size=".1"/></body></body></worldbody>
-        <equality><joint joint1="b" joint2="a" polycoef="0.2 1 0 0 0"/></equality></mujoco>"#;
-    let model = read_mjcf_str(text, &mending()).unwrap();
-    assert_eq!((model.joints.len(), model.bodies[2].pos), (1, [1.0, 0.2, 0.0]));
 }
 
 /// Only a mending reading takes six joints of one degree of freedom for a free one.

@@ -8,80 +8,13 @@ use crate::coupling;
 use crate::obstacles::Obstacles;
 use crate::seat::{IDENTITY, Mount, Seat, mat_mul, seats, unit};
 use crate::self_contact;
+use crate::softness::{impedance, impedance_at_zero, reference};
 use crate::tree::*;
 use crate::vec3::*;
 use crate::{PhysicsError, Real, Settings};
 
-/// Smallest and largest impedance (MuJoCo's `mjMINIMP`, `mjMAXIMP`).
-const IMPEDANCE: [f64; 2] = [0.0001, 0.9999];
 /// Share of an obstacle's reach for rounding.
 const SLACK: f64 = 1e-3;
-/// Largest power of an impedance curve: beyond it single precision overflows.
-const MAX_POWER: f64 = 8.0;
-
-pub(crate) fn impedance<K>(
-    solimp: &[f64; 5],
-    k: impl Fn(f64) -> K,
-    object: &str,
-) -> Result<Impedance<K>, PhysicsError> {
-    let clamp = |x: f64| x.clamp(IMPEDANCE[0], IMPEDANCE[1]);
-    let (dmin, dmax, width) = (clamp(solimp[0]), clamp(solimp[1]), solimp[2].max(0.0));
-    let (midpoint, power) = (clamp(solimp[3]), solimp[4].max(1.0));
-    if dmin == dmax || width <= TINY {
-        let flat = 0.5 * (dmin + dmax);
-        return Ok(Impedance {
-            dmin: k(flat),
-            rise: k(0.0),
-            per_width: k(0.0),
-            midpoint: k(0.5),
-            power: 1,
-            fraction: 0,
-            low: k(1.0),
-            high: k(1.0),
-        });
-    }
-    if !(1.0..=MAX_POWER).contains(&power) {
-        return Err(PhysicsError::ImpedancePower { object: object.to_owned(), power });
-    }
-    Ok(Impedance {
-        dmin: k(dmin),
-        rise: k(dmax - dmin),
-        per_width: k(1.0 / width),
-        midpoint: k(midpoint),
-        power: power as u32,
-        fraction: (power.fract() * 2f64.powi(64)) as u64,
-        low: k(1.0 / midpoint.powf(power - 1.0)),
-        high: k(1.0 / (1.0 - midpoint).powf(power - 1.0)),
-    })
-}
-
-/// Impedance at zero violation, as friction loss has it.
-fn impedance_at_zero(solimp: &[f64; 5]) -> f64 {
-    let clamp = |x: f64| x.clamp(IMPEDANCE[0], IMPEDANCE[1]);
-    let (dmin, dmax) = (clamp(solimp[0]), clamp(solimp[1]));
-    if solimp[2] <= TINY { 0.5 * (dmin + dmax) } else { dmin }
-}
-
-/// A row's stiffness k and damping b, and the factor on its D. Where velocities act `lead` later than at the step's
-/// start, the residual J a + b v + k r becomes J a + b (v + lead · J a) + k r.
-pub(crate) fn reference(solref: &[f64; 2], dmax: f64, settings: &Settings) -> (f64, f64, f64) {
-    let (k, b) = mujoco_reference(solref, dmax, settings.emulated_step.unwrap_or(settings.timestep));
-    let gain = 1.0 + b * settings.lead();
-    (k / gain, b / gain, gain)
-}
-
-/// Stiffness and damping of MuJoCo's two reference formats.
-fn mujoco_reference(solref: &[f64; 2], dmax: f64, timestep: f64) -> (f64, f64) {
-    let dmax = dmax.clamp(IMPEDANCE[0], IMPEDANCE[1]);
-    // A mixed format is replaced by the default, as MuJoCo does.
-    let solref = if (solref[0] > 0.0) != (solref[1] > 0.0) { [0.02, 1.0] } else { *solref };
-    if solref[0] > 0.0 {
-        let (time, ratio) = (solref[0].max(2.0 * timestep), solref[1]);
-        (1.0 / (dmax * dmax * time * time * ratio * ratio).max(TINY), 2.0 / (dmax * time).max(TINY))
-    } else {
-        (-solref[0] / (dmax * dmax).max(TINY), -solref[1] / dmax.max(TINY))
-    }
-}
 
 /// Longest emulated step, in steps: beyond it dampers would push.
 const MAX_EMULATED: f64 = 2.0;
@@ -135,11 +68,13 @@ pub(crate) fn compile_with<T: Real>(
         links.push(compile_link::<T>(mount, joint, settings, ranges[number + 1].clone())?);
     }
     links[0].pairs = ranges[0].clone();
-    let (mut segments, nodes) = segment(&links, &model.coupled_spans());
-    let couplings = coupling::compile::<T>(model, settings, &mut segments)?;
+    let spans = coupling::Spans::new(model, &links);
+    let (mut segments, nodes) = segment(&links, &spans.near);
+    let couplings = coupling::compile::<T>(model, settings, &spans, &mut segments)?;
+    let distant = segments.last().map_or(0, |segment| segment.couplings.end)..couplings.len();
     let (mut touching, spins) = touching(&mut links, &segments, &mut pairs);
     let self_contact =
-        self_contact::compile::<T>(model, settings, &seats, &mut links, &segments, &mut touching)?;
+        self_contact::compile::<T>(model, settings, &seats, &mut links, &segments, &mut touching, distant)?;
     let free = model.free_joint.filter(|_| floating).map(|free| compile_free::<T>(&free, settings));
     Ok(Tree {
         floating,

@@ -27,16 +27,6 @@ pub enum PhysicsError {
         /// The joint.
         joint: String,
     },
-    /// A joint that follows one which is not solved together with it.
-    #[error(
-        "joint `{follower}` follows joint `{leader}`: couplings are simulated among three neighbouring joints of one chain"
-    )]
-    Coupling {
-        /// The joint that follows.
-        follower: String,
-        /// The joint that it follows.
-        leader: String,
-    },
     /// A number that is not finite or has the wrong sign.
     #[error("{object}: {quantity} is {value}; it must be {must}")]
     Value {

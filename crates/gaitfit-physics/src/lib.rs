@@ -38,6 +38,7 @@ mod self_contact;
 mod separate;
 mod settings;
 mod smooth;
+mod softness;
 mod solver;
 mod spatial;
 mod state;

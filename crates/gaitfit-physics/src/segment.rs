@@ -205,7 +205,7 @@ separate! {
         let first = segment.first - 1;
         let (mut h, mut r) = ([T::zero(); 6], [T::zero(); SEGMENT]);
         for number in segment.couplings.clone() {
-            let Terms { torques, hessian: elements } = coupling::terms(tree, number, state, work);
+            let Terms { torques, hessian: elements } = coupling::near_terms(tree, number, state, work);
             for (joint, torque) in torques.into_iter().flatten() {
                 r[joint - first] = r[joint - first] + torque;
             }

@@ -65,7 +65,7 @@ separate! {
     ) -> (T, T) {
         contact_terms(tree, work);
         if !tree.self_contact.is_empty() {
-            self_contact::terms(tree, work);
+            self_contact::terms(tree, state, work);
         }
         for node in &mut work.nodes {
             node.inertia = Articulated::from_rigid(&node.rigid);
@@ -116,7 +116,7 @@ separate! {
             curvature = curvature + smooth;
         }
         if wanted == Wanted::Everything && !tree.self_contact.is_empty() {
-            slope = slope - self_contact::steps(tree, work);
+            slope = slope - self_contact::steps(tree, state, work);
         }
         for node in &work.nodes {
             curvature = dot6_add(node.step, node.step_wrench, curvature);

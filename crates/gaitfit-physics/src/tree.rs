@@ -84,7 +84,7 @@ pub(crate) struct Link<K> {
     pub touching: Option<usize>,
 }
 
-/// A joint that follows another one of its segment, or is held.
+/// A joint that follows another one, or is held.
 #[derive(Clone, Debug)]
 pub(crate) struct Coupling<K> {
     pub follower: usize,
@@ -128,7 +128,7 @@ pub(crate) struct Segment {
 }
 
 /// Max number of links in a segment.
-pub(crate) const SEGMENT: usize = gaitfit_model::MAX_SPAN;
+pub(crate) const SEGMENT: usize = 3;
 
 /// A contact shape in its link's frame.
 #[derive(Clone, Debug)]
@@ -206,7 +206,7 @@ pub struct Tree<K> {
     pub(crate) links: Vec<Link<K>>,
     /// Parents before children.
     pub(crate) segments: Vec<Segment>,
-    /// Joints that follow others, in the order of the segments.
+    /// Joints that follow others: those of each segment, then the distant ones (`self_contact.couplings`).
     pub(crate) couplings: Vec<Coupling<K>>,
     /// Link of each node; node 0 is the root.
     pub(crate) nodes: Vec<usize>,

@@ -217,6 +217,7 @@ fn cxx_text_computes_the_step() {
     check_cxx("go2 feet", &feet(go2.clone()), Preset::Fast, 4, usize::MAX, false);
     check_cxx("telescope", &robot("telescope"), Preset::Fast, 2, 300, false);
     check_cxx("hand", &robot("hand"), Preset::Fast, 1, 300, false);
+    check_cxx("gears", &robot("gears"), Preset::Fast, 1, 300, false);
 }
 
 #[test]

@@ -107,9 +107,9 @@ pub(crate) fn read(
 
     mend_inertias(ctx, &mut links, &connections)?;
     note_unlimited(ctx, &connections);
-    let mut bodies = assemble(ctx, document.at, links, &connections, wanted)?;
+    let bodies = assemble(ctx, document.at, links, &connections, wanted)?;
     let named = connections.iter_mut().filter_map(|connection| connection.follows.take()).collect();
-    let (couplings, _) = resolve(ctx, named, &mut bodies)?;
+    let couplings = resolve(ctx, named, &bodies)?;
     let actuators = motors(&bodies, &connections, &couplings);
     let spec = Spec {
         name,

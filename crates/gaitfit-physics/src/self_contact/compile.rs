@@ -1,12 +1,14 @@
 //! From a model's self-contact pairs to those of a tree.
 
+use std::ops::Range;
+
 use gaitfit_model::{Geom, Model, SelfPair, Shape};
 
-use crate::compile::{impedance, reference};
 use crate::seat::{Seat, mat_mul};
 use crate::self_contact::{
     Form, MAX_POINTS, SelfContactJoint, SelfContactPair, SelfContactShape, SelfContacts,
 };
+use crate::softness::{impedance, reference};
 use crate::tree::{Link, Reference, Segment};
 use crate::vec3::*;
 use crate::{PhysicsError, Real, Settings};
@@ -14,7 +16,7 @@ use crate::{PhysicsError, Real, Settings};
 /// Share of a pair's reach for rounding.
 const SLACK: f64 = 1e-3;
 
-/// Compiles the self-contact pairs of `model`. `links` get their place among those that touch.
+/// Compiles the self-contact pairs of `model`. `links` get their place among those that touch. `couplings`: the distant ones.
 ///
 /// # Errors
 /// Names the geom whose numbers the step cannot honour.
@@ -25,6 +27,7 @@ pub(crate) fn compile<T: Real>(
     links: &mut [Link<T::K>],
     segments: &[Segment],
     touching: &mut Vec<(usize, Option<usize>)>,
+    couplings: Range<usize>,
 ) -> Result<SelfContacts<T::K>, PhysicsError> {
     let mut contacts = SelfContacts {
         pairs: Vec::new(),
@@ -34,8 +37,9 @@ pub(crate) fn compile<T: Real>(
         points: 0,
         rows: 0,
         weights: 0,
+        couplings,
     };
-    if model.self_pairs.is_empty() {
+    if model.self_pairs.is_empty() && contacts.couplings.is_empty() {
         return Ok(contacts);
     }
     let home = |link: usize| segments.iter().position(|s| (s.first..s.first + s.len).contains(&link));

@@ -6,7 +6,10 @@
 //! something touches, H s = H s₀ − JᵀWJ s₀ corrects it, with the whole Hessian as one dense matrix ([`solve`]). Where
 //! nothing does the correction is zero, and it is left out if that is so in all lanes.
 //!
-//! A robot without such pairs does none of this. A recording scalar refuses robots that have them.
+//! Couplings of joints in different segments ([`crate::coupling::distant`]) are rows that always act: the correction takes
+//! them too.
+//!
+//! A robot with neither does none of this.
 
 mod compile;
 mod narrow;
@@ -73,7 +76,7 @@ pub(crate) struct SelfContactJoint {
     pub second: bool,
 }
 
-/// All self-contact pairs of a tree.
+/// All self-contact pairs of a tree, and which of its couplings are corrected for beside them.
 #[derive(Clone, Debug)]
 pub(crate) struct SelfContacts<K> {
     pub pairs: Vec<SelfContactPair<K>>,
@@ -86,12 +89,14 @@ pub(crate) struct SelfContacts<K> {
     pub points: usize,
     pub rows: usize,
     pub weights: usize,
+    /// The distant ones of the tree's couplings.
+    pub couplings: Range<usize>,
 }
 
 impl<K> SelfContacts<K> {
-    /// Whether there are none.
+    /// Whether there are neither pairs nor distant couplings.
     pub fn is_empty(&self) -> bool {
-        self.pairs.is_empty()
+        self.pairs.is_empty() && self.couplings.is_empty()
     }
 }
 
@@ -128,15 +133,17 @@ pub(crate) struct SelfContactWork<T: Real> {
     /// Rows of the Jacobian over the pair's joints, and the Hessians of the cones.
     pub rows: Vec<T>,
     pub weights: Vec<T>,
-    /// Guards what is only needed where something touches.
+    /// Guards what is only needed where something touches; active if there are distant couplings.
     pub touching: T::Guard,
-    /// Negative torque of the contacts on each joint, N·m.
+    /// Negative torque of the contacts and the distant couplings on each joint, N·m.
     pub torque: Vec<T>,
     /// Lower triangle of the Hessian by rows: joints, then the base (angular, linear).
     pub matrix: Vec<T>,
     /// One row of it, which also keeps values of a region until they are merged; and a right side.
     pub row: Vec<T>,
     pub change: Vec<T>,
+    /// Rows of the distant couplings times the step before its correction.
+    pub coupling_steps: Vec<T>,
     /// Sums that the guarded region of a pair computes, until they are merged.
     pub sums: Vec<T>,
     /// Inertia that each link carries beyond its own segment, contacts with the ground included.
@@ -161,6 +168,7 @@ impl<T: Real> SelfContactWork<T> {
             matrix: vec![z; n * (n + 1) / 2],
             row: vec![z; n],
             change: vec![z; n],
+            coupling_steps: vec![z; contacts.couplings.len()],
             sums: vec![z; n * (n + 1) / 2],
             carried: vec![Articulated::zero(); some(links)],
         }

@@ -14,8 +14,8 @@ separate! {
     pub(crate) fn self_contacts<T>(pass: &Pass<'_, T>, work: &mut Work<T>) {
         let Pass { tree, params, .. } = *pass;
         let contacts = &tree.self_contact;
-        // How far the surfaces are from a contact, where they are nearest to one.
-        let mut gap = T::lit(1.0);
+        // How far the surfaces are from a contact, where they are nearest to one. Distant couplings always act.
+        let mut gap = T::lit(if contacts.couplings.is_empty() { 1.0 } else { -1.0 });
         for index in 0..contacts.pairs.len() {
             let pair = &contacts.pairs[index];
             let [first, second] = &pair.shapes;

@@ -6,7 +6,7 @@
 
 use crate::Real;
 use crate::cone::{Kinks, ellipse, ellipse_line, pyramid, pyramid_line};
-use crate::coupling;
+use crate::coupling::{self, distant};
 use crate::segment::joint_terms;
 use crate::self_contact::{SelfContactPair, SelfContactPairWork};
 use crate::separate::separate;
@@ -15,12 +15,13 @@ use crate::state::{State, Work};
 use crate::tree::Tree;
 
 separate! {
-    /// Forces and Hessians of the contacts at their residuals, and the torques of them on the joints.
-    pub(crate) fn terms<T>(tree: &Tree<T::K>, work: &mut Work<T>) {
-        let contacts = &mut work.self_contact;
-        for torque in &mut contacts.torque {
+    /// Forces and Hessians of the contacts at their residuals, and the torques of them and of distant couplings on the joints.
+    pub(crate) fn terms<T>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
+        for torque in &mut work.self_contact.torque {
             *torque = T::zero();
         }
+        distant::add_torques(tree, state, work);
+        let contacts = &mut work.self_contact;
         if apart::<T>(contacts.touching) {
             return;
         }
@@ -105,6 +106,7 @@ separate! {
     pub(crate) fn correct<T>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) -> T {
         hessian(tree, state, work);
         couple(tree, work);
+        distant::couple(tree, state, work, at);
         solve(work);
         let joints = tree.joints();
         for j in 0..joints {
@@ -117,7 +119,7 @@ separate! {
                 step[1][k] = step[1][k] + work.self_contact.change[joints + 3 + k];
             }
         }
-        change_of_slope(tree, work)
+        change_of_slope(tree, work) + distant::change_of_slope(tree, work)
     }
 }
 
@@ -229,8 +231,8 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
         }
         work.self_contact.carried[tree.links[link].parent].add(&carried);
     }
-    for number in 0..tree.couplings.len() {
-        let terms = coupling::terms(tree, number, state, work);
+    for number in 0..tree.self_contact.couplings.start {
+        let terms = coupling::near_terms(tree, number, state, work);
         for (k, i, element) in terms.hessian.into_iter().flatten() {
             let place = &mut work.self_contact.matrix[at(k, i)];
             *place = *place + element;
@@ -346,9 +348,9 @@ fn solve<T: Real>(work: &mut Work<T>) {
 }
 
 separate! {
-    /// Keeps the points' steps; returns the slope of their cost.
-    pub(crate) fn steps<T>(tree: &Tree<T::K>, work: &mut Work<T>) -> T {
-        let mut slope = T::zero();
+    /// Keeps the points' steps; returns the slope of their cost and of that of the distant couplings.
+    pub(crate) fn steps<T>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) -> T {
+        let mut slope = distant::slope(tree, state, work);
         if apart::<T>(work.self_contact.touching) {
             return slope;
         }

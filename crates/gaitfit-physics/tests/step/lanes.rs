@@ -190,6 +190,8 @@ fn telescopic_legs_converge_to_f64() {
 fn coupled_joints_converge_to_f64() {
     each_isa!(against_f64(&robot("hand"), "states_hand_pyr_imp1_fl", 1e-4));
     each_isa!(against_f64(&touching("hand"), "states_hand_pyr_imp1_fl", 1e-4));
+    each_isa!(against_f64(&robot("gears"), "states_gears_pyr_imp1_fl", 1e-4));
+    each_isa!(against_f64(&touching("gears"), "states_gears_pyr_imp1_fl", 1e-4));
 }
 
 /// Balls and rods on a height field and on boxes.

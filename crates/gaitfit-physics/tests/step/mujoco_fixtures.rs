@@ -79,10 +79,10 @@ fn states_on_uneven_ground() {
 }
 
 /// Spheres, capsules and a box of one robot against each other: four legs with spin and rolling, explicit pairs and
-/// excluded bodies; two legs whose feet are rods; a hand whose joints are coupled.
+/// excluded bodies; two legs whose feet are rods; a hand whose joints are coupled; legs and fingers that are coupled.
 #[test]
 fn states_of_robots_that_touch_themselves() {
-    for name in ["crab", "twins", "hand"] {
+    for name in ["crab", "twins", "hand", "gears"] {
         let model = touching(name);
         for path in files(&format!("states_{name}_")) {
             let data = Arrays::open(&path);
@@ -97,15 +97,6 @@ fn states_of_robots_that_touch_themselves() {
 #[test]
 fn states_of_the_rover() {
     compare_states("rover");
-}
-
-/// Neighbours, over a joint between, in a chain of three, a leader beyond its follower, a hinge that follows a slide, a joint
-/// that is held. Its states are compared below.
-#[test]
-fn a_hand_has_coupled_joints() {
-    let model = robot("hand");
-    assert_eq!(model.couplings.len(), 6);
-    assert_eq!(model.coupled_spans(), [0..=2, 4..=6, 7..=8, 9..=10, 11..=11]);
 }
 
 /// Slides: as knees, beyond each other, with a hinge beyond them, and where a limb branches.
@@ -171,7 +162,7 @@ fn rollouts() {
         let label = path.file_stem().unwrap().to_str().unwrap();
         let name = label.split('_').nth(1).unwrap();
         let data = Arrays::open(&path);
-        let base = if ["twins", "hand"].contains(&name) { touching(name) } else { robot(name) };
+        let base = if ["twins", "hand", "gears"].contains(&name) { touching(name) } else { robot(name) };
         let model = variant(&base, &data);
         let mut forward = Forward::new(&model, &converged(&model)).unwrap();
         let mut state = state_from(forward.tree(), data.row("qpos", 0), data.row("qvel", 0)).unwrap();

@@ -135,6 +135,8 @@ fn recorded_step_of_telescopic_legs_equals_f64() {
 #[test]
 fn recorded_step_of_coupled_joints_equals_f64() {
     compare(&robot("hand"), Preset::Accurate, "states_hand_pyr_imp1_fl");
+    compare(&robot("gears"), Preset::Accurate, "states_gears_pyr_imp1_fl");
+    compare(&touching("gears"), Preset::Accurate, "states_gears_pyr_imp1_fl");
 }
 
 #[test]

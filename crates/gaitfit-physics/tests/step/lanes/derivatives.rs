@@ -209,8 +209,10 @@ fn a_period_of_telescopic_legs_has_its_derivatives() {
 
 #[test]
 fn a_period_of_coupled_joints_has_its_derivatives() {
-    compare(&robot("hand"), "states_hand_pyr_imp1_fl", Preset::Accurate, true, 2.0);
-    compare(&robot("hand"), "states_hand_pyr_imp1_fl", Preset::Converged, false, 0.0);
+    for (name, states) in [("hand", "states_hand_pyr_imp1_fl"), ("gears", "states_gears_pyr_imp1_fl")] {
+        compare(&robot(name), states, Preset::Accurate, true, 2.0);
+        compare(&robot(name), states, Preset::Converged, false, 0.0);
+    }
 }
 
 #[test]

@@ -1,16 +1,21 @@
-//! Joints that follow others: MuJoCo's equality constraints of joints, within one segment.
+//! Joints that follow others: MuJoCo's equality constraints of joints.
 //!
 //! The row of a coupling is J a − aref with J = 1 at the follower and −s at the leader, s the slope of its polynomial at the
 //! leader's position. It is always active. `mj_diagApprox` takes the sum of both joints' `dof_invweight0`, without s.
+//!
+//! A coupling of joints in one segment is part of the segment's block. All others are distant: the tree's factorisation
+//! does not know them, and the dense correction of self-contacts takes them ([`distant`]).
 
-use gaitfit_model::Model;
+mod compile;
+pub(crate) mod distant;
 
-use crate::compile::{impedance as compile_impedance, reference};
 use crate::contact::impedance;
 use crate::separate::separate;
 use crate::state::{State, Work};
-use crate::tree::{Coupling, Reference, Segment, Tree};
-use crate::{Params, PhysicsError, Real, Settings};
+use crate::tree::{Coupling, Tree};
+use crate::{Params, Real};
+
+pub(crate) use compile::{Spans, compile};
 
 /// The row of a coupling during one step.
 #[derive(Clone, Copy, Debug)]
@@ -28,48 +33,6 @@ impl<T: Real> CouplingWork<T> {
         let z = T::zero();
         Self { d: z, bias: z, slope: z }
     }
-}
-
-/// Constants of the couplings, sorted by segment; sets each segment's range of them.
-///
-/// # Errors
-/// Joints of two segments, and a reference or an impedance that single precision cannot hold.
-pub(crate) fn compile<T: Real>(
-    model: &Model,
-    settings: &Settings,
-    segments: &mut [Segment],
-) -> Result<Vec<Coupling<T::K>>, PhysicsError> {
-    let mut all = Vec::with_capacity(model.couplings.len());
-    for segment in segments.iter_mut() {
-        let first = all.len();
-        let joints = segment.first - 1..segment.first - 1 + segment.len;
-        for coupling in model.couplings.iter().filter(|coupling| joints.contains(&coupling.follower)) {
-            let name = |joint: usize| model.joints[joint].name.clone();
-            if let Some(leader) = coupling.leader.filter(|leader| !joints.contains(leader)) {
-                return Err(PhysicsError::Coupling {
-                    follower: name(coupling.follower),
-                    leader: name(leader),
-                });
-            }
-            let (k, b, gain) = reference(&coupling.solref, coupling.solimp[1], settings);
-            let label = format!("coupling of joint `{}`", name(coupling.follower));
-            for (quantity, value) in [("the stiffness of solref", k), ("the damping of solref", b)] {
-                if !(value as f32).is_finite() {
-                    let must = "finite in single precision";
-                    return Err(PhysicsError::Value { object: label, quantity, value, must });
-                }
-            }
-            all.push(Coupling {
-                follower: coupling.follower,
-                leader: coupling.leader,
-                polynomial: coupling.polynomial.map(T::constant),
-                impedance: compile_impedance(&coupling.solimp, T::constant, &label)?,
-                reference: Reference { k: T::constant(k), b: T::constant(b), gain: T::constant(gain) },
-            });
-        }
-        segment.couplings = first..all.len();
-    }
-    Ok(all)
 }
 
 separate! {
@@ -108,7 +71,7 @@ fn along_row<T: Real>(coupling: &Coupling<T::K>, row: &CouplingWork<T>, joint: i
     coupling.leader.map_or(follower, |leader| row.slope.fnma(joint(leader), follower))
 }
 
-/// What a coupling adds to the system of its segment, as `(joint, other joint, number)`.
+/// What a coupling adds to the system that is solved, as `(joint, other joint, number)`.
 pub(crate) struct Terms<T> {
     /// Negative torques.
     pub torques: [Option<(usize, T)>; 2],
@@ -116,38 +79,44 @@ pub(crate) struct Terms<T> {
     pub hessian: [Option<(usize, usize, T)>; 3],
 }
 
-/// A coupling's terms. Its torques are also added to the joints' rows.
+/// A coupling's terms at the present accelerations.
 #[inline(always)]
-pub(crate) fn terms<T: Real>(
-    tree: &Tree<T::K>,
-    index: usize,
-    state: &State<T>,
-    work: &mut Work<T>,
-) -> Terms<T> {
+pub(crate) fn terms<T: Real>(tree: &Tree<T::K>, index: usize, state: &State<T>, work: &Work<T>) -> Terms<T> {
     let coupling = &tree.couplings[index];
     let row = work.couplings[index];
     let follower = coupling.follower;
     let force = row.d * (along_row(coupling, &row, |joint| state.qacc[joint]) + row.bias);
-    let joint = &mut work.joints[follower];
-    joint.row = joint.row + force;
     let Some(leader) = coupling.leader else {
         return Terms {
             torques: [Some((follower, force)), None],
             hessian: [Some((follower, follower, row.d)), None, None],
         };
     };
-    let back = -(row.slope * force);
-    let joint = &mut work.joints[leader];
-    joint.row = joint.row + back;
     let mixed = -(row.slope * row.d);
     Terms {
-        torques: [Some((follower, force)), Some((leader, back))],
+        torques: [Some((follower, force)), Some((leader, -(row.slope * force)))],
         hessian: [
             Some((follower, follower, row.d)),
             Some((leader, leader, -(row.slope * mixed))),
             Some((follower.max(leader), follower.min(leader), mixed)),
         ],
     }
+}
+
+/// The terms of a coupling within one segment. Its torques are also added to the joints' rows.
+#[inline(always)]
+pub(crate) fn near_terms<T: Real>(
+    tree: &Tree<T::K>,
+    index: usize,
+    state: &State<T>,
+    work: &mut Work<T>,
+) -> Terms<T> {
+    let terms = terms(tree, index, state, work);
+    for &(joint, torque) in terms.torques.iter().flatten() {
+        let joint = &mut work.joints[joint];
+        joint.row = joint.row + torque;
+    }
+    terms
 }
 
 separate! {

@@ -1,0 +1,73 @@
+//! Couplings of joints in different segments: rows that always act, in the dense correction of self-contacts.
+
+use crate::Real;
+use crate::coupling::{Terms, along_row, terms};
+use crate::state::{State, Work};
+use crate::tree::Tree;
+
+/// `J` of the joints' steps of coupling `index`.
+#[inline(always)]
+fn row_step<T: Real>(tree: &Tree<T::K>, index: usize, work: &Work<T>) -> T {
+    along_row(&tree.couplings[index], &work.couplings[index], |joint| work.joints[joint].step)
+}
+
+/// Adds the couplings' torques to those of the self-contacts.
+#[inline(always)]
+pub(crate) fn add_torques<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
+    for index in tree.self_contact.couplings.clone() {
+        for (joint, torque) in terms(tree, index, state, work).torques.into_iter().flatten() {
+            work.self_contact.torque[joint] = work.self_contact.torque[joint] + torque;
+        }
+    }
+}
+
+/// Adds the couplings' Hessian C to the dense matrix and −C s₀ to the right side, and keeps the rows' steps at s₀. `place`: of
+/// an element on or below the diagonal.
+#[inline(always)]
+pub(crate) fn couple<T: Real>(
+    tree: &Tree<T::K>,
+    state: &State<T>,
+    work: &mut Work<T>,
+    place: impl Fn(usize, usize) -> usize,
+) {
+    for (number, index) in tree.self_contact.couplings.clone().enumerate() {
+        let Terms { hessian, .. } = terms(tree, index, state, work);
+        let step = row_step(tree, index, work);
+        let (coupling, row) = (&tree.couplings[index], work.couplings[index]);
+        let contacts = &mut work.self_contact;
+        contacts.coupling_steps[number] = step;
+        for (k, i, element) in hessian.into_iter().flatten() {
+            let element_of_sum = &mut contacts.matrix[place(k, i)];
+            *element_of_sum = *element_of_sum + element;
+        }
+        let pull = row.d * step;
+        let change = &mut contacts.change;
+        change[coupling.follower] = change[coupling.follower] - pull;
+        if let Some(leader) = coupling.leader {
+            change[leader] = row.slope.fma(pull, change[leader]);
+        }
+    }
+}
+
+/// What the correction of the step adds to the slope: s₀ᵀ C s.
+#[inline(always)]
+pub(crate) fn change_of_slope<T: Real>(tree: &Tree<T::K>, work: &Work<T>) -> T {
+    let mut slope = T::zero();
+    for (number, index) in tree.self_contact.couplings.clone().enumerate() {
+        let weight = work.couplings[index].d * work.self_contact.coupling_steps[number];
+        slope = weight.fma(row_step(tree, index, work), slope);
+    }
+    slope
+}
+
+/// The slope of the couplings' cost along the step.
+#[inline(always)]
+pub(crate) fn slope<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &Work<T>) -> T {
+    let mut slope = T::zero();
+    for index in tree.self_contact.couplings.clone() {
+        for (joint, torque) in terms(tree, index, state, work).torques.into_iter().flatten() {
+            slope = torque.fma(work.joints[joint].step, slope);
+        }
+    }
+    slope
+}
