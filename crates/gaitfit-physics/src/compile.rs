@@ -71,10 +71,17 @@ pub(crate) fn compile_with<T: Real>(
     let spans = coupling::Spans::new(model, &links);
     let (mut segments, nodes) = segment(&links, &spans.near);
     let couplings = coupling::compile::<T>(model, settings, &spans, &mut segments)?;
-    let distant = segments.last().map_or(0, |segment| segment.couplings.end)..couplings.len();
+    let first_distant = segments.last().map_or(0, |segment| segment.couplings.end);
     let (mut touching, spins) = touching(&mut links, &segments, &mut pairs);
-    let self_contact =
-        self_contact::compile::<T>(model, settings, &seats, &mut links, &segments, &mut touching, distant)?;
+    let self_contact = self_contact::compile::<T>(
+        model,
+        settings,
+        &seats,
+        &mut links,
+        &segments,
+        &mut touching,
+        (&couplings, first_distant),
+    )?;
     let free = model.free_joint.filter(|_| floating).map(|free| compile_free::<T>(&free, settings));
     Ok(Tree {
         floating,

@@ -1,4 +1,4 @@
-//! Couplings of joints in different segments: rows that always act, in the dense correction of self-contacts.
+//! Couplings of joints in different segments: rows that always act, in the correction of self-contacts.
 
 use crate::Real;
 use crate::coupling::{Terms, along_row, terms};
@@ -21,15 +21,10 @@ pub(crate) fn add_torques<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &m
     }
 }
 
-/// Adds the couplings' Hessian C to the dense matrix and −C s₀ to the right side, and keeps the rows' steps at s₀. `place`: of
-/// an element on or below the diagonal.
+/// Adds the couplings' Hessian C to the matrix and −C s₀ to the right side, and keeps the rows' steps at s₀.
 #[inline(always)]
-pub(crate) fn couple<T: Real>(
-    tree: &Tree<T::K>,
-    state: &State<T>,
-    work: &mut Work<T>,
-    place: impl Fn(usize, usize) -> usize,
-) {
+pub(crate) fn couple<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
+    let sparsity = &tree.self_contact.sparsity;
     for (number, index) in tree.self_contact.couplings.clone().enumerate() {
         let Terms { hessian, .. } = terms(tree, index, state, work);
         let step = row_step(tree, index, work);
@@ -37,14 +32,15 @@ pub(crate) fn couple<T: Real>(
         let contacts = &mut work.self_contact;
         contacts.coupling_steps[number] = step;
         for (k, i, element) in hessian.into_iter().flatten() {
-            let element_of_sum = &mut contacts.matrix[place(k, i)];
-            *element_of_sum = *element_of_sum + element;
+            let sum = &mut contacts.matrix[sparsity.joints(k, i)];
+            *sum = *sum + element;
         }
         let pull = row.d * step;
-        let change = &mut contacts.change;
-        change[coupling.follower] = change[coupling.follower] - pull;
+        let follower = &mut contacts.change[sparsity.joint(coupling.follower)];
+        *follower = *follower - pull;
         if let Some(leader) = coupling.leader {
-            change[leader] = row.slope.fma(pull, change[leader]);
+            let leader = &mut contacts.change[sparsity.joint(leader)];
+            *leader = row.slope.fma(pull, *leader);
         }
     }
 }

@@ -4,7 +4,7 @@
 //! leader's position. It is always active. `mj_diagApprox` takes the sum of both joints' `dof_invweight0`, without s.
 //!
 //! A coupling of joints in one segment is part of the segment's block. All others are distant: the tree's factorisation
-//! does not know them, and the dense correction of self-contacts takes them ([`distant`]).
+//! does not know them, and the correction of self-contacts takes them ([`distant`]).
 
 mod compile;
 pub(crate) mod distant;

@@ -1,22 +1,20 @@
 //! From a model's self-contact pairs to those of a tree.
 
-use std::ops::Range;
-
-use gaitfit_model::{Geom, Model, SelfPair, Shape};
+use gaitfit_model::{Geom, Model, Root, SelfPair, Shape};
 
 use crate::seat::{Seat, mat_mul};
 use crate::self_contact::{
-    Form, MAX_POINTS, SelfContactJoint, SelfContactPair, SelfContactShape, SelfContacts,
+    Form, MAX_POINTS, SelfContactJoint, SelfContactPair, SelfContactShape, SelfContacts, Sparsity,
 };
 use crate::softness::{impedance, reference};
-use crate::tree::{Link, Reference, Segment};
+use crate::tree::{Coupling, Link, Reference, Segment};
 use crate::vec3::*;
 use crate::{PhysicsError, Real, Settings};
 
 /// Share of a pair's reach for rounding.
 const SLACK: f64 = 1e-3;
 
-/// Compiles the self-contact pairs of `model`. `links` get their place among those that touch. `couplings`: the distant ones.
+/// Compiles the self-contact pairs of `model`. `links` get their place among those that touch. `couplings`: all of the tree, and the number of the first distant one.
 ///
 /// # Errors
 /// Names the geom whose numbers the step cannot honour.
@@ -27,7 +25,7 @@ pub(crate) fn compile<T: Real>(
     links: &mut [Link<T::K>],
     segments: &[Segment],
     touching: &mut Vec<(usize, Option<usize>)>,
-    couplings: Range<usize>,
+    (couplings, first_distant): (&[Coupling<T::K>], usize),
 ) -> Result<SelfContacts<T::K>, PhysicsError> {
     let mut contacts = SelfContacts {
         pairs: Vec::new(),
@@ -37,7 +35,8 @@ pub(crate) fn compile<T: Real>(
         points: 0,
         rows: 0,
         weights: 0,
-        couplings,
+        couplings: first_distant..couplings.len(),
+        sparsity: Sparsity::default(),
     };
     if model.self_pairs.is_empty() && contacts.couplings.is_empty() {
         return Ok(contacts);
@@ -70,6 +69,16 @@ pub(crate) fn compile<T: Real>(
         contacts.weights += pair.points.len() * pair.dims * pair.dims;
         contacts.pairs.push(pair);
     }
+    let distant = &couplings[first_distant..];
+    let of_pair = |pair: &SelfContactPair<T::K>| {
+        contacts.joints[pair.joints.clone()].iter().map(|joint| joint.joint).collect()
+    };
+    let of_coupling =
+        |coupling: &Coupling<T::K>| coupling.leader.into_iter().chain([coupling.follower]).collect();
+    let of_contacts = contacts.pairs.iter().map(of_pair);
+    let coupled: Vec<Vec<usize>> = of_contacts.chain(distant.iter().map(of_coupling)).collect();
+    let parents: Vec<Option<usize>> = links[1..].iter().map(|link| link.parent.checked_sub(1)).collect();
+    contacts.sparsity = Sparsity::new(&parents, model.root == Root::Floating, &coupled);
     Ok(contacts)
 }
 

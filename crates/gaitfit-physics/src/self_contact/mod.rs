@@ -3,7 +3,7 @@
 //! A contact's rows are the difference of the velocities of two links at one point. The joints that carry both links
 //! cancel in it, and so does the base; what is left couples two limbs, which the tree's factorisation does not know.
 //! So a Newton step is solved along the tree first, with the contacts' forces but without their Hessian JᵀWJ. Where
-//! something touches, H s = H s₀ − JᵀWJ s₀ corrects it, with the whole Hessian as one dense matrix ([`solve`]). Where
+//! something touches, H s = H s₀ − JᵀWJ s₀ corrects it, with the whole Hessian as one sparse matrix ([`solve`]). Where
 //! nothing does the correction is zero, and it is left out if that is so in all lanes.
 //!
 //! Couplings of joints in different segments ([`crate::coupling::distant`]) are rows that always act: the correction takes
@@ -15,6 +15,7 @@ mod compile;
 mod narrow;
 mod rows;
 mod solve;
+mod sparsity;
 
 use std::ops::Range;
 
@@ -25,6 +26,7 @@ use crate::tree::{Impedance, Reference};
 pub(crate) use compile::compile;
 pub(crate) use rows::self_contacts;
 pub(crate) use solve::{advance, correct, points_along, steps, terms};
+pub(crate) use sparsity::Sparsity;
 
 /// A shape in its link's frame.
 #[derive(Clone, Debug)]
@@ -91,6 +93,8 @@ pub(crate) struct SelfContacts<K> {
     pub weights: usize,
     /// The distant ones of the tree's couplings.
     pub couplings: Range<usize>,
+    /// Which elements of the Hessian may differ from 0.
+    pub sparsity: Sparsity,
 }
 
 impl<K> SelfContacts<K> {
@@ -137,9 +141,9 @@ pub(crate) struct SelfContactWork<T: Real> {
     pub touching: T::Guard,
     /// Negative torque of the contacts and the distant couplings on each joint, N·m.
     pub torque: Vec<T>,
-    /// Lower triangle of the Hessian by rows: joints, then the base (angular, linear).
+    /// Lower triangle of the Hessian, in the order of [`Sparsity`].
     pub matrix: Vec<T>,
-    /// One row of it, which also keeps values of a region until they are merged; and a right side.
+    /// Values of a region until they are merged; and a right side in the same order.
     pub row: Vec<T>,
     pub change: Vec<T>,
     /// Rows of the distant couplings times the step before its correction.

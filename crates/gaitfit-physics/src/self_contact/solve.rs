@@ -1,4 +1,4 @@
-//! Self-contacts in Newton's method: forces, the dense correction of a step, the line search.
+//! Self-contacts in Newton's method: forces, the correction of a step, the line search.
 //!
 //! With H₀ the Hessian along the tree, C = JᵀWJ of these contacts and g the gradient, the tree gives s₀ = −H₀⁻¹ g.
 //! The step is s = −(H₀ + C)⁻¹ g = s₀ − (H₀ + C)⁻¹ C s₀. H₀ is put together as composite rigid bodies make a mass
@@ -8,6 +8,7 @@ use crate::Real;
 use crate::cone::{Kinks, ellipse, ellipse_line, pyramid, pyramid_line};
 use crate::coupling::{self, distant};
 use crate::segment::joint_terms;
+use crate::self_contact::sparsity::{Sparsity, at};
 use crate::self_contact::{SelfContactPair, SelfContactPairWork};
 use crate::separate::separate;
 use crate::spatial::{Articulated, V6, add6, dot6, dot6_add, zero6};
@@ -94,29 +95,22 @@ fn cone<T: Real>(
     }
 }
 
-/// Place of element (i, j), i ≥ j, of the matrix.
-#[inline(always)]
-fn at(i: usize, j: usize) -> usize {
-    i * (i + 1) / 2 + j
-}
-
 separate! {
     /// Corrects the step in `work` for the contacts' Hessian; returns what the slope along it changes by. Called in the region
     /// in which the steps of all joints and of the root were made.
     pub(crate) fn correct<T>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) -> T {
         hessian(tree, state, work);
         couple(tree, work);
-        distant::couple(tree, state, work, at);
-        solve(work);
-        let joints = tree.joints();
-        for j in 0..joints {
-            work.joints[j].step = work.joints[j].step + work.self_contact.change[j];
+        distant::couple(tree, state, work);
+        let sparsity = &tree.self_contact.sparsity;
+        solve(sparsity, work);
+        for j in 0..tree.joints() {
+            work.joints[j].step = work.joints[j].step + work.self_contact.change[sparsity.joint(j)];
         }
         if tree.floating {
             let step = &mut work.nodes[0].step;
-            for k in 0..3 {
-                step[0][k] = step[0][k] + work.self_contact.change[joints + k];
-                step[1][k] = step[1][k] + work.self_contact.change[joints + 3 + k];
+            for k in 0..6 {
+                step[k / 3][k % 3] = step[k / 3][k % 3] + work.self_contact.change[sparsity.base(k)];
             }
         }
         change_of_slope(tree, work) + distant::change_of_slope(tree, work)
@@ -175,8 +169,9 @@ fn point_step<T: Real>(
 #[inline(always)]
 fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
     let joints = tree.joints();
-    for number in &mut work.self_contact.matrix {
-        *number = T::zero();
+    let sparsity = &tree.self_contact.sparsity;
+    for place in sparsity.places() {
+        work.self_contact.matrix[place] = T::zero();
     }
     for carried in &mut work.self_contact.carried {
         *carried = Articulated::zero();
@@ -210,23 +205,24 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
         let axis = segment.axis[member];
         let carried = work.self_contact.carried[link];
         let force = carried.mul(axis);
-        work.self_contact.matrix[at(j, j)] = dot6_add(axis, force, segment.mass[member] + curvature);
+        work.self_contact.matrix[sparsity.joints(j, j)] =
+            dot6_add(axis, force, segment.mass[member] + curvature);
         let first = tree.segments[home].first;
         for i in 0..member {
             let inner = dot6_add(segment.axis[i], force, segment.mass[2 + member + i]);
-            work.self_contact.matrix[at(j, first + i - 1)] = inner;
+            work.self_contact.matrix[sparsity.joints(j, first + i - 1)] = inner;
         }
         let force = add6(force, segment.force[member]);
         let mut outer = tree.links[first].parent;
         while outer > 0 {
             let (home, member) = tree.self_contact.homes[outer - 1];
-            work.self_contact.matrix[at(j, outer - 1)] = dot6(work.segments[home].axis[member], force);
+            let inner = dot6(work.segments[home].axis[member], force);
+            work.self_contact.matrix[sparsity.joints(j, outer - 1)] = inner;
             outer = tree.links[outer].parent;
         }
         if tree.floating {
-            for k in 0..3 {
-                work.self_contact.matrix[at(joints + k, j)] = force[0][k];
-                work.self_contact.matrix[at(joints + 3 + k, j)] = force[1][k];
+            for k in 0..6 {
+                work.self_contact.matrix[sparsity.base_and_joint(k, j)] = force[k / 3][k % 3];
             }
         }
         work.self_contact.carried[tree.links[link].parent].add(&carried);
@@ -234,7 +230,7 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
     for number in 0..tree.self_contact.couplings.start {
         let terms = coupling::near_terms(tree, number, state, work);
         for (k, i, element) in terms.hessian.into_iter().flatten() {
-            let place = &mut work.self_contact.matrix[at(k, i)];
+            let place = &mut work.self_contact.matrix[sparsity.joints(k, i)];
             *place = *place + element;
         }
     }
@@ -245,7 +241,7 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
             unit[k / 3][k % 3] = T::lit(1.0);
             let force = root.mul(unit);
             for i in k..6 {
-                work.self_contact.matrix[at(joints + i, joints + k)] = force[i / 3][i % 3];
+                work.self_contact.matrix[sparsity.bases(i, k)] = force[i / 3][i % 3];
             }
         }
     }
@@ -254,6 +250,7 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
 /// Adds the contacts' Hessian C to the matrix, and puts −C s₀ on the right side; keeps the points' steps at s₀.
 #[inline(always)]
 fn couple<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
+    let sparsity = &tree.self_contact.sparsity;
     for number in &mut work.self_contact.change {
         *number = T::zero();
     }
@@ -267,10 +264,11 @@ fn couple<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
         let count = joints.len();
         // The region's sums begin with the values so far: right sides in `row`, elements of the matrix in `sums`.
         let elements = || (0..count).flat_map(|place| (place..count).map(move |other| (place, other)));
-        let element = |(place, other): (usize, usize)| at(joints[other].joint, joints[place].joint);
+        let element =
+            |(place, other): (usize, usize)| sparsity.joints(joints[other].joint, joints[place].joint);
         let contacts = &mut work.self_contact;
         for (place, joint) in joints.iter().enumerate() {
-            contacts.row[place] = contacts.change[joint.joint];
+            contacts.row[place] = contacts.change[sparsity.joint(joint.joint)];
         }
         for (sum, places) in contacts.sums.iter_mut().zip(elements()) {
             *sum = contacts.matrix[element(places)];
@@ -306,7 +304,8 @@ fn couple<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
         T::leave(active);
         let contacts = &mut work.self_contact;
         for (place, joint) in joints.iter().enumerate() {
-            contacts.change[joint.joint] = contacts.row[place].merge(active, contacts.change[joint.joint]);
+            let change = &mut contacts.change[sparsity.joint(joint.joint)];
+            *change = contacts.row[place].merge(active, *change);
         }
         for (sum, places) in contacts.sums.iter().zip(elements()) {
             let place = element(places);
@@ -317,33 +316,29 @@ fn couple<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
 
 /// Solves the matrix for the right side in `change`, by LDLᵀ.
 #[inline(always)]
-fn solve<T: Real>(work: &mut Work<T>) {
+fn solve<T: Real>(sparsity: &Sparsity, work: &mut Work<T>) {
     let contacts = &mut work.self_contact;
-    let n = contacts.change.len();
-    // The diagonal becomes D⁻¹.
-    for i in 0..n {
-        let mut diagonal = contacts.matrix[at(i, i)];
-        let mut right = contacts.change[i];
-        for j in 0..i {
-            let mut element = contacts.matrix[at(i, j)];
-            for k in 0..j {
-                element = contacts.row[k].fnma(contacts.matrix[at(j, k)], element);
+    // The diagonal becomes D⁻¹, the rest L.
+    for (k, below) in sparsity.columns() {
+        let inverse = contacts.matrix[at(k, k)].recip();
+        contacts.matrix[at(k, k)] = inverse;
+        let right = contacts.change[k];
+        for (number, &j) in below.iter().enumerate() {
+            let lower = contacts.matrix[at(j, k)] * inverse;
+            contacts.change[j] = lower.fnma(right, contacts.change[j]);
+            // Elements of this column at and below row j still contain D.
+            for &i in &below[number..] {
+                contacts.matrix[at(i, j)] = lower.fnma(contacts.matrix[at(i, k)], contacts.matrix[at(i, j)]);
             }
-            contacts.row[j] = element;
-            let lower = element * contacts.matrix[at(j, j)];
-            contacts.matrix[at(i, j)] = lower;
-            diagonal = lower.fnma(element, diagonal);
-            right = lower.fnma(contacts.change[j], right);
+            contacts.matrix[at(j, k)] = lower;
         }
-        contacts.matrix[at(i, i)] = diagonal.recip();
-        contacts.change[i] = right;
     }
-    for i in (0..n).rev() {
-        let mut x = contacts.matrix[at(i, i)] * contacts.change[i];
-        for k in i + 1..n {
-            x = contacts.matrix[at(k, i)].fnma(contacts.change[k], x);
+    for (k, below) in sparsity.columns().rev() {
+        let mut x = contacts.matrix[at(k, k)] * contacts.change[k];
+        for &j in below {
+            x = contacts.matrix[at(j, k)].fnma(contacts.change[j], x);
         }
-        contacts.change[i] = x;
+        contacts.change[k] = x;
     }
 }
 
