@@ -239,9 +239,11 @@ def unitree_folders(out, rng):
         f"stiffness: {[25.0, 25.0, 30.0] * 4}\n"
         f"damping: {[0.5] * 12}\n"
         f"default_joint_pos: {POSE}\n"
-        "commands:\n  base_velocity:\n    ranges:\n      lin_vel_x: [-1.0, 1.0]\n      heading: null\n"
+        "commands:\n  base_velocity:\n    ranges:\n      lin_vel_x: [-1.0, 1.0]\n      lin_vel_y: [-0.4, 0.4]\n"
+        "      ang_vel_z: [-1.0, 1.0]\n      heading: null\n"
         "actions:\n  JointPositionAction:\n    clip: null\n    joint_names: [.*]\n"
-        f"    scale: {[0.25] * 12}\n    offset: {POSE}\n    joint_ids: null\n"
+        f"    scale: {[0.25] * 12}\n    offset: {POSE}\n"
+        "    joint_ids: !!python/object/apply:builtins.slice [null, null, null]\n"
         "observations:\n" + "".join(term.format(name, "{}", [scale] * count) for name, count, scale in terms)
     )
     (out / "unitree/params").mkdir(parents=True, exist_ok=True)

@@ -5,7 +5,7 @@ use crate::common;
 
 use common::{act, fixture, go2, largest_difference, policy, rows};
 use gaitfit_policy::network::Activation;
-use gaitfit_policy::{History, Policy};
+use gaitfit_policy::{FrameOrder, History, Policy};
 use gaitfit_policy_files::{files_of, onnx, read, weights};
 use std::path::Path;
 
@@ -55,15 +55,53 @@ fn a_deploy_yaml_gives_gains_in_the_sdks_order_and_a_history() {
     assert!(files.len() == 2 && files[1].ends_with("params/deploy.yaml"), "{files:?}");
 }
 
-/// The error of a deploy.yaml changed from `from` to `to`.
-fn deploy(from: &str, to: &str) -> String {
+/// The policy, or the error, of a deploy.yaml that is changed.
+fn changed(change: impl Fn(String) -> String) -> Result<Policy, String> {
     let folder = tempfile::tempdir().unwrap();
     let text = std::fs::read_to_string(fixture("unitree/params/deploy.yaml")).unwrap();
-    assert!(text.contains(from), "{from}");
-    std::fs::write(folder.path().join("deploy.yaml"), text.replacen(from, to, 1)).unwrap();
+    let other = change(text.clone());
+    assert!(other != text);
+    std::fs::write(folder.path().join("deploy.yaml"), other).unwrap();
     let path = folder.path().join("policy.onnx");
     std::fs::copy(fixture("unitree/exported/policy.onnx"), &path).unwrap();
-    read(&path).unwrap_err().to_string()
+    read(&path).map_err(|error| error.to_string())
+}
+
+/// The error of a deploy.yaml changed from `from` to `to`.
+fn deploy(from: &str, to: &str) -> String {
+    changed(|text| text.replacen(from, to, 1)).unwrap_err()
+}
+
+/// A slice of Isaac Lab, as the exporter of 2025 writes it.
+const SLICE: &str = "!!python/object/apply:builtins.slice [null, null, null]";
+
+#[test]
+fn a_deploy_yaml_may_have_slices_nulls_and_one_group() {
+    let plain = read(&fixture("unitree/exported/policy.onnx")).unwrap();
+    let all = "[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]";
+    let cfg = format!("params: {{asset_cfg: {{name: robot, joint_ids: {all}}}}}");
+    for (from, to) in [
+        (SLICE, "null"),
+        (SLICE, all),
+        ("params: {}", &format!("params: {{asset_cfg: {{joint_ids: {SLICE}}}}}")),
+        ("  joint_pos_rel:\n    params: {}", &format!("  joint_pos_rel:\n    {cfg}")),
+        ("observations:\n", "observations:\n  scale_first: true\n"),
+    ] {
+        assert_eq!(changed(|text| text.replacen(from, to, 1)).unwrap().interface, plain.interface, "{to}");
+    }
+    let grouped = |first: &str| {
+        changed(|text| {
+            let (head, terms) = text.split_once("observations:\n").unwrap();
+            let terms: Vec<String> = terms.lines().map(|line| format!("  {line}\n")).collect();
+            format!("{head}observations:\n  obs:\n{first}{}", terms.concat())
+        })
+    };
+    assert_eq!(grouped("").unwrap().interface, plain.interface);
+    let frames = grouped("    use_gym_history: true\n").unwrap().interface.history;
+    assert_eq!(frames.order, FrameOrder::Frames);
+    // The program takes no scale for a factor of 1.
+    let scale = "scale: [0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25]";
+    assert_eq!(changed(|text| text.replace(scale, "scale: null")).unwrap().interface.action_scale, [1.0; 12]);
 }
 
 #[test]
@@ -73,6 +111,19 @@ fn deploy_files_that_are_not_understood_are_named() {
         ("velocity_commands", "height_scan", "it observes `height_scan`"),
         ("    clip: null\n    joint_names", "    clip: [[-1.0, 1.0]]\n    joint_names", "clips targets"),
         ("offset: [0.1,", "offset: [0.2,", "offset is not default_joint_pos"),
+        (
+            "offset: [0.1, -0.1, 0.1, -0.1, 0.8, 0.8, 1.0, 1.0, -1.5, -1.5, -1.5, -1.5]",
+            "offset: null",
+            "offset is not default_joint_pos",
+        ),
+        (SLICE, "[0, 1, 2]", "some of the joints"),
+        (SLICE, "[1, 0, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]", "in another order"),
+        (
+            "  joint_vel_rel:\n    params: {}",
+            "  joint_vel_rel:\n    params: {asset_cfg: {joint_ids: [1, 0]}}",
+            "`joint_vel_rel` has some of the joints, or in another order",
+        ),
+        ("observations:\n", "observations:\n  obs: {}\n", "`obs` is a group of observations"),
         ("JointPositionAction", "JointVelocityAction", "only JointPositionAction"),
         ("joint_ids_map: [3,", "joint_ids_map: [33,", "do not belong together"),
         ("stiffness: [25.0, ", "stiffness: [", "gains of 11 joints"),

@@ -9,5 +9,6 @@ mod graphs;
 mod hostile;
 mod import;
 mod motion;
+mod programs;
 mod recurrent;
 mod trainers;

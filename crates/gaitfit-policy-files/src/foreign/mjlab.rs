@@ -13,6 +13,8 @@ use gaitfit_policy::{PolicyError, Quantity};
 
 /// Control period of mjlab's tasks: four physics steps of 5 ms.
 const CONTROL_DT: f64 = 0.02;
+/// Control periods by which it reads the motion ahead: it counts the motion on before it observes, also after a reset.
+const AHEAD: i64 = 1;
 /// Bounds beyond which a clipped term counts as not clipped.
 const FAR: f64 = 50.0;
 /// Max frames of a history.
@@ -227,6 +229,9 @@ impl Terms {
             term.insert("quantity".into(), quantity.name().into());
             if histories[place] > 1 {
                 term.insert("history".into(), (histories[place] as i64).into());
+            }
+            if quantity.is_of_reference() {
+                term.insert("ahead".into(), AHEAD.into());
             }
             match scales.map(|scales| &scales[place][..]) {
                 None | Some([1.0]) => {}

@@ -29,21 +29,60 @@ struct Deploy {
 #[derive(Deserialize)]
 struct Action {
     clip: Option<Vec<Vec<f64>>>,
-    scale: Numbers,
+    scale: Option<Numbers>,
     offset: Option<Numbers>,
-    joint_ids: Option<Vec<usize>>,
+    joint_ids: Option<Ids>,
 }
 
-/// A term, or a switch of the whole observation.
+/// Numbers of joints; nulls where Isaac Lab has a slice of all.
+#[derive(Deserialize)]
+struct Ids(Vec<Option<usize>>);
+
+impl Ids {
+    /// Whether these are all of `count` joints, in their order.
+    fn are_all(ids: Option<&Self>, count: usize) -> bool {
+        ids.is_none_or(|Self(ids)| {
+            ids.iter().all(Option::is_none) || ids.iter().copied().eq((0..count).map(Some))
+        })
+    }
+}
+
+/// What stands under `observations`: a term, a switch of all terms, or a group of both.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Entry {
-    Switch(bool),
-    Term(Observed),
+    One(Part),
+    Group(IndexMap<String, Part>),
+    /// A term that lacks `params`.
+    Bare(Settings),
 }
 
 #[derive(Deserialize)]
-struct Observed {
+#[serde(untagged)]
+enum Part {
+    Switch(bool),
+    Term(Term),
+}
+
+#[derive(Deserialize)]
+struct Term {
+    params: Params,
+    #[serde(flatten)]
+    settings: Settings,
+}
+
+#[derive(Deserialize)]
+struct Params {
+    asset_cfg: Option<Asset>,
+}
+
+#[derive(Deserialize)]
+struct Asset {
+    joint_ids: Option<Ids>,
+}
+
+#[derive(Deserialize)]
+struct Settings {
     scale: Option<Numbers>,
     clip: Option<Vec<f64>>,
     history_length: Option<usize>,
@@ -113,50 +152,29 @@ pub(crate) fn read(text: &str) -> Result<Known, PolicyError> {
     if name != "JointPositionAction" {
         return Err(invalid(format!("its action is `{name}`; only JointPositionAction is read")));
     }
-    if action.clip.is_some() || action.joint_ids.as_ref().is_some_and(|ids| ids.len() != count) {
+    if action.clip.is_some() || !Ids::are_all(action.joint_ids.as_ref(), count) {
         return Err(invalid(
-            "its action clips targets or moves some of the joints only; describe the policy in a TOML file \
+            "its action clips targets, or moves some of the joints or in another order; describe the policy in a TOML file \
              (docs/policies.md)",
         ));
     }
     let pose = &deploy.default_joint_pos;
-    let offset = action.offset.as_ref().map_or_else(|| pose.clone(), |offset| offset.spread(count));
+    // The program adds nothing where it is null.
+    let offset = action.offset.as_ref().unwrap_or(&Numbers::One(0.0)).spread(count);
     let apart = |(a, b): (&f64, &f64)| (a - b).abs() > 1e-6;
     if offset.len() != pose.len() || offset.iter().zip(pose).any(apart) {
         return Err(invalid(
             "the action's offset is not default_joint_pos: gaitfit's policies have one pose for both",
         ));
     }
-    let mut order = None;
-    let mut observation = Vec::new();
-    for (name, entry) in &deploy.observations {
-        let observed = match entry {
-            Entry::Switch(frames) if name == "use_gym_history" => {
-                order = frames.then_some("frames");
-                continue;
-            }
-            Entry::Term(observed) if observed.use_gym_history.is_none() => observed,
-            _ => return Err(invalid(format!("`{name}` is a group of observations; only one group is read"))),
-        };
-        let quantity = Quantity::from_foreign(name).ok_or_else(|| invalid(terms::unknown(name)))?;
-        if let Some(clip) = observed.clip.as_ref().filter(|clip| clip.iter().any(|x| x.abs() < FAR)) {
-            return Err(invalid(format!("`{name}` is clipped to {clip:?}, which is not known here")));
-        }
-        let mut term = toml::Table::new();
-        term.insert("quantity".into(), quantity.name().into());
-        if let Some(scale) = &observed.scale {
-            term.insert("scale".into(), numbers(&scale.spread(quantity.width(count))));
-        }
-        let history = observed.history_length.unwrap_or(1).clamp(1, 1 << 20);
-        if history > 1 {
-            term.insert("history".into(), (history as i64).into());
-        }
-        observation.push(toml::Value::Table(term));
-    }
+    let (observation, order) = observed(&deploy.observations, count)?;
     let mut table = toml::Table::new();
     table.insert("joints".into(), names(&joints));
     table.insert("default_pose".into(), numbers(pose));
-    table.insert("action_scale".into(), numbers(&action.scale.spread(count)));
+    table.insert(
+        "action_scale".into(),
+        numbers(&action.scale.as_ref().unwrap_or(&Numbers::One(1.0)).spread(count)),
+    );
     table.insert("kp".into(), numbers(&of_policy(&deploy.stiffness)));
     table.insert("kd".into(), numbers(&of_policy(&deploy.damping)));
     table.insert("control_dt".into(), deploy.step_dt.into());
@@ -171,4 +189,69 @@ pub(crate) fn read(text: &str) -> Result<Known, PolicyError> {
          Unitree's SDK"
     )];
     Ok(Known { table, notes })
+}
+
+/// The observation of a description, and the order of its history's frames if it is not Isaac Lab's.
+fn observed(
+    entries: &IndexMap<String, Entry>,
+    joints: usize,
+) -> Result<(Vec<toml::Value>, Option<&'static str>), PolicyError> {
+    let one_group =
+        |name: &str| invalid(format!("`{name}` is a group of observations; only one group is read"));
+    let mut parts: Vec<(&str, Option<&Part>, Option<&Settings>)> = Vec::new();
+    for (name, entry) in entries {
+        match entry {
+            Entry::One(part) => parts.push((name, Some(part), None)),
+            Entry::Group(group) if entries.len() == 1 && group.len() <= MAX_ENTRIES => {
+                parts.extend(group.iter().map(|(name, part)| (&name[..], Some(part), None)));
+            }
+            Entry::Bare(settings) if settings.use_gym_history.is_none() => {
+                parts.push((name, None, Some(settings)));
+            }
+            Entry::Group(_) | Entry::Bare(_) => return Err(one_group(name)),
+        }
+    }
+    let (mut observation, mut order) = (Vec::new(), None);
+    for (name, part, bare) in parts {
+        let settings = match (part, bare) {
+            (Some(Part::Switch(frames)), _) if name == "use_gym_history" => {
+                order = frames.then_some("frames");
+                continue;
+            }
+            // Whether it clips before or behind the scale: clips that matter are refused.
+            (Some(Part::Switch(_)), _) if name == "scale_first" => continue,
+            (Some(Part::Term(Term { params, settings })), _) if settings.use_gym_history.is_none() => {
+                let ids = params.asset_cfg.as_ref().and_then(|asset| asset.joint_ids.as_ref());
+                if !Ids::are_all(ids, joints) {
+                    return Err(invalid(format!(
+                        "`{name}` has some of the joints, or in another order; describe the policy in a TOML file \
+                         (docs/policies.md)"
+                    )));
+                }
+                settings
+            }
+            (None, Some(settings)) => settings,
+            _ => return Err(one_group(name)),
+        };
+        observation.push(term(name, settings, joints)?);
+    }
+    Ok((observation, order))
+}
+
+/// A term of a description.
+fn term(name: &str, settings: &Settings, joints: usize) -> Result<toml::Value, PolicyError> {
+    let quantity = Quantity::from_foreign(name).ok_or_else(|| invalid(terms::unknown(name)))?;
+    if let Some(clip) = settings.clip.as_ref().filter(|clip| clip.iter().any(|x| x.abs() < FAR)) {
+        return Err(invalid(format!("`{name}` is clipped to {clip:?}, which is not known here")));
+    }
+    let mut term = toml::Table::new();
+    term.insert("quantity".into(), quantity.name().into());
+    if let Some(scale) = &settings.scale {
+        term.insert("scale".into(), numbers(&scale.spread(quantity.width(joints))));
+    }
+    let history = settings.history_length.unwrap_or(1).clamp(1, 1 << 20);
+    if history > 1 {
+        term.insert("history".into(), (history as i64).into());
+    }
+    Ok(toml::Value::Table(term))
 }

@@ -178,6 +178,10 @@ fn deploy_yaml_is_read_as_the_same_interface() {
     for interface in [walk.interface.clone(), frames] {
         let policy = Policy { provenance: walk.provenance.clone(), ..seeing(interface, &[8]) };
         let made = deploy::bundle(&policy, None).unwrap();
+        // The program aborts if the first entry is no term.
+        let written = text(&made, "params/deploy.yaml");
+        let first = written.split_once("observations:\n").unwrap().1;
+        assert!(first.lines().nth(1).unwrap().contains("params"), "{first}");
         let folder = tempfile::tempdir().unwrap();
         for name in ["exported", "params"] {
             std::fs::create_dir(folder.path().join(name)).unwrap();

@@ -118,9 +118,11 @@ fn walked(args: &Inspect, path: &Path) -> Result<LogMatch, Failure> {
 }
 
 fn policy_text(found: &LogMatch) -> String {
+    // What a log lacks of the base's motion is chosen so that the actions fit best.
+    let chosen = if found.policy_match.exact { "" } else { ", unmeasured base motion chosen in its favour" };
     let mut text = match found.policy_match.is_enough() {
         true => format!(
-            "\npolicy: its actions differ from the logged ones by {:.3} of their spread over {} samples\n",
+            "\npolicy: its actions differ from the logged ones by {:.3} of their spread over {} samples{chosen}\n",
             found.policy_match.mismatch, found.policy_match.samples
         ),
         false => "\npolicy: its actions cannot be compared with the logged ones\n".to_owned(),
