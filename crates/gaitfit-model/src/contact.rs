@@ -67,7 +67,7 @@ pub(crate) fn candidates(
         let (body, geom) = geoms[g];
         robot[body] && welds[body] != 0 && matches!(geom.kind, GeomKind::Solid(_))
     };
-    let mut found = Vec::new();
+    let mut candidates = Vec::new();
     let mut explicit = HashSet::new();
     let mut refused = HashSet::new();
     for (number, pair) in spec.pairs.iter().enumerate() {
@@ -79,7 +79,7 @@ pub(crate) fn candidates(
             let mut parameters = pair.parameters.clone();
             parameters.friction = parameters.friction.map(|f| f.max(MIN_FRICTION));
             let bodies = (geoms[ground].0.min(geoms[geom].0), geoms[ground].0.max(geoms[geom].0));
-            found.push(((bodies, 0, number, 0), Candidate { geom, ground, parameters }));
+            candidates.push(((bodies, 0, number, 0), Candidate { geom, ground, parameters }));
         }
     }
     let excluded: HashSet<(usize, usize)> = spec.excludes.iter().copied().collect();
@@ -95,15 +95,15 @@ pub(crate) fn candidates(
             {
                 continue;
             }
-            if found.len() >= MAX_PAIRS {
+            if candidates.len() >= MAX_PAIRS {
                 return Err(ctx.too_many(geoms[geom].1.at, "pairs of geoms and ground", MAX_PAIRS));
             }
             let parameters = mix(first, second);
-            found.push(((bodies, 1, ground, geom), Candidate { geom, ground, parameters }));
+            candidates.push(((bodies, 1, ground, geom), Candidate { geom, ground, parameters }));
         }
     }
-    found.sort_by_key(|(key, _)| *key);
-    Ok(found.into_iter().map(|(_, candidate)| candidate).collect())
+    candidates.sort_by_key(|(key, _)| *key);
+    Ok(candidates.into_iter().map(|(_, candidate)| candidate).collect())
 }
 
 /// Whether the contact of a geom with a plane or obstacle is computed. It is refused where it is not, once a geom (its

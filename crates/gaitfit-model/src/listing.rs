@@ -70,21 +70,21 @@ impl Model {
     /// What to know before trusting a simulation of this robot: what a lenient reading took away, joints without a bound
     /// on their torque, no contact with the ground.
     pub fn warnings(&self) -> Vec<String> {
-        let mut found = Vec::new();
+        let mut warnings = Vec::new();
         for group in self.left_out().iter().filter(|group| !group.harmless) {
-            found.push(format!("the robot is read without {}: {}", group.what, group.why));
+            warnings.push(format!("the robot is read without {}: {}", group.what, group.why));
         }
         if let Some(unbounded) = self.unbounded() {
-            found.push(format!(
+            warnings.push(format!(
                 "{unbounded}: torques grow without bound; give the actuators a `forcerange`, motors a `ctrlrange`, or \
                  the joints an `actuatorfrcrange` (URDF: <limit effort=\"...\"/>)"
             ));
         }
         if let Some(uneven) = self.uneven() {
-            found.push(uneven);
+            warnings.push(uneven);
         }
         if self.root == Root::Floating && self.pairs.is_empty() {
-            found.push(match self.feet_of_meshes() {
+            warnings.push(match self.feet_of_meshes() {
                 Some(meshes) => {
                     format!("nothing of the robot touches the ground, so it falls without end: {meshes}")
                 }
@@ -101,7 +101,7 @@ impl Model {
                 }
             });
         }
-        found
+        warnings
     }
 
     /// Why nothing of a robot touches the ground whose links collide as meshes alone, and what to write into its file;

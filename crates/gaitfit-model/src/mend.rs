@@ -103,14 +103,14 @@ pub(crate) fn fill_masses(ctx: &mut Context, spec: &mut Spec, welds: &[usize], m
             continue;
         }
         let body = &spec.bodies[index];
-        let found = combine(&shapes(body));
+        let of_shapes = combine(&shapes(body));
         let (inertial, how) = if mass >= MIN_MASS {
             // A point mass: a ball around it.
             let inertia = [0.4 * body.inertial.mass.max(mass) * DUMMY_RADIUS * DUMMY_RADIUS; 3];
             (Inertial { inertia, ..body.inertial }, format!("that of a ball of {DUMMY_RADIUS} m"))
-        } else if found.mass >= MIN_MASS {
-            let kilograms = shown_number(format!("{:.2e}", found.mass).parse().unwrap_or(found.mass));
-            (found, format!("its shapes weigh {kilograms} kg at {DENSITY} kg/m³"))
+        } else if of_shapes.mass >= MIN_MASS {
+            let kilograms = shown_number(format!("{:.2e}", of_shapes.mass).parse().unwrap_or(of_shapes.mass));
+            (of_shapes, format!("its shapes weigh {kilograms} kg at {DENSITY} kg/m³"))
         } else {
             let mass = if total > 0.0 { DUMMY_SHARE * total } else { 1.0 };
             let inertia = [0.4 * mass * DUMMY_RADIUS * DUMMY_RADIUS; 3];

@@ -176,6 +176,6 @@ pub(crate) fn resolve(folder: &Path, filename: &str, mesh_folder: &str) -> PathB
             places.push(above.join(rest));
         }
     }
-    let found = places.iter().find(|path| path.is_file()).cloned();
-    found.unwrap_or_else(|| places.swap_remove(0))
+    let present = places.iter().find(|path| path.is_file()).cloned();
+    present.unwrap_or_else(|| places.swap_remove(0))
 }

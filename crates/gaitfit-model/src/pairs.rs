@@ -48,8 +48,8 @@ pub(crate) fn read_contact(
                 let mut ends = [0; 2];
                 for (end, name) in ends.iter_mut().zip(["body1", "body2"]) {
                     let wanted = a.text(name).unwrap_or("");
-                    let found = bodies.iter().position(|b| !b.name.is_empty() && b.name == wanted);
-                    *end = found.ok_or_else(|| unknown(ctx, child, "body", wanted))?;
+                    let number = bodies.iter().position(|b| !b.name.is_empty() && b.name == wanted);
+                    *end = number.ok_or_else(|| unknown(ctx, child, "body", wanted))?;
                 }
                 a.finish(ctx)?;
                 excludes.push((ends[0].min(ends[1]), ends[0].max(ends[1])));
@@ -65,8 +65,8 @@ pub(crate) fn read_contact(
                 for (geom, name) in geoms.iter_mut().zip(["geom1", "geom2"]) {
                     let wanted = a.text(name).unwrap_or("");
                     let mut all = bodies.iter().flat_map(|b| &b.geoms);
-                    let found = all.position(|g| !g.name.is_empty() && g.name == wanted);
-                    *geom = found.ok_or_else(|| unknown(ctx, child, "geom", wanted))?;
+                    let number = all.position(|g| !g.name.is_empty() && g.name == wanted);
+                    *geom = number.ok_or_else(|| unknown(ctx, child, "geom", wanted))?;
                 }
                 a.finish(ctx)?;
                 pairs.push(PairSpec { geoms, parameters });

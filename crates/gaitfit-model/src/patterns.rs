@@ -146,18 +146,18 @@ pub fn table<'e, T: Clone + 'e, S: AsRef<str>>(
     let mut named = vec![false; joints.len()];
     for (text, value) in entries {
         let pattern = Pattern::new(text)?;
-        let mut found = false;
+        let mut matches = false;
         for ((slot, named), joint) in values.iter_mut().zip(&mut named).zip(joints) {
             let name = pattern.names(joint.as_ref());
             if name || pattern.covers(joint.as_ref()) {
-                found = true;
+                matches = true;
                 if name || !*named {
                     *slot = Some(value.clone());
                 }
                 *named |= name;
             }
         }
-        if !found {
+        if !matches {
             return Err(pattern.unmatched(robot, joints));
         }
     }

@@ -64,10 +64,10 @@ struct Expander<'c, 's> {
 impl Expander<'_, '_> {
     /// The children of an element; `copy`: the place in `copies` of the copy that it is part of.
     fn children(&mut self, element: &Element, copy: Option<usize>) -> Result<Vec<Element>, ModelError> {
-        let mut found = Vec::new();
+        let mut children = Vec::new();
         for child in &element.children {
             if child.name == "replicate" {
-                found.extend(self.replicate(child, copy)?);
+                children.extend(self.replicate(child, copy)?);
                 continue;
             }
             self.count(child.at)?;
@@ -79,9 +79,9 @@ impl Expander<'_, '_> {
                     name.value.push_str(&copy.suffix);
                 }
             }
-            found.push(copied);
+            children.push(copied);
         }
-        Ok(found)
+        Ok(children)
     }
 
     fn count(&mut self, at: At) -> Result<(), ModelError> {

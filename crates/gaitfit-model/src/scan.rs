@@ -76,8 +76,8 @@ struct Scan<'t> {
 impl Scan<'_> {
     /// Goes on behind the next `mark`; returns where it begins.
     fn find(&mut self, mark: &[u8]) -> Option<usize> {
-        let found = self.bytes[self.at..].windows(mark.len()).position(|window| window == mark)?;
-        self.at += found + mark.len();
+        let distance = self.bytes[self.at..].windows(mark.len()).position(|window| window == mark)?;
+        self.at += distance + mark.len();
         Some(self.at - mark.len())
     }
 

@@ -310,7 +310,7 @@ impl<T: Real> Softness<T> {
         let less = (one + softness).recip();
         // What is kept is 1/gain, and the numbers over the gain.
         let change = (gain + (one - gain) * less).recip();
-        let found = Self {
+        let softer = Self {
             k: k * (change * less * less),
             b: b * (change * less),
             friction_b: friction_b * (change * less),
@@ -318,10 +318,10 @@ impl<T: Real> Softness<T> {
         };
         T::leave(soft);
         Self {
-            k: found.k.merge(soft, hard.k),
-            b: found.b.merge(soft, hard.b),
-            friction_b: found.friction_b.merge(soft, hard.friction_b),
-            gain: found.gain.merge(soft, hard.gain),
+            k: softer.k.merge(soft, hard.k),
+            b: softer.b.merge(soft, hard.b),
+            friction_b: softer.friction_b.merge(soft, hard.friction_b),
+            gain: softer.gain.merge(soft, hard.gain),
         }
     }
 }

@@ -419,8 +419,8 @@ fn normalised(
     let network = tensors.network(prefix, activation, epsilon)?;
     let Some(names) = normaliser else { return Ok(network) };
     if !(0.0..=1e3).contains(&names.epsilon) {
-        let found = names.epsilon;
-        return Err(invalid(format!("epsilon of the normaliser is {found}; give 0 to 1000")));
+        let epsilon = names.epsilon;
+        return Err(invalid(format!("epsilon of the normaliser is {epsilon}; give 0 to 1000")));
     }
     let (mean, std) = (tensors.vector(&names.mean)?, tensors.vector(&names.std)?);
     for (name, values) in [(&names.mean, &mean), (&names.std, &std)] {

@@ -94,7 +94,7 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
 /// # Errors
 /// Files that cannot be read.
 pub fn unsealed(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
-    let mut found = Vec::new();
+    let mut unsealed = Vec::new();
     for file in files_of(path)? {
         let sealed = match ending(&file).as_deref() {
             Some("safetensors") => weights::is_sealed(&bytes(&file)?),
@@ -103,10 +103,10 @@ pub fn unsealed(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
             _ => true,
         };
         if !sealed {
-            found.push(file);
+            unsealed.push(file);
         }
     }
-    Ok(found)
+    Ok(unsealed)
 }
 
 /// The ending of a file's name, in small letters.

@@ -166,12 +166,12 @@ impl<'a, 'input> Reader<'a, 'input> {
 
     fn numbers<T: std::str::FromStr>(&mut self, node: Node) -> Result<Vec<T>, ContentError> {
         let texts = node.children().filter_map(|child| child.text());
-        let mut found = Vec::new();
+        let mut numbers = Vec::new();
         for word in texts.flat_map(str::split_whitespace) {
-            found.push(word.parse().map_err(|_| ContentError::Number)?);
+            numbers.push(word.parse().map_err(|_| ContentError::Number)?);
             self.count(1)?;
         }
-        Ok(found)
+        Ok(numbers)
     }
 
     fn count(&mut self, work: usize) -> Result<(), ContentError> {

@@ -202,19 +202,19 @@ impl Parts {
 
     /// Pairs that the file lets touch.
     fn of_file(&self) -> BTreeSet<[usize; 2]> {
-        let mut found = BTreeSet::new();
+        let mut pairs = BTreeSet::new();
         if self.off {
-            return found;
+            return pairs;
         }
-        found.extend(self.pairs.iter().map(|(parts, _)| *parts));
+        pairs.extend(self.pairs.iter().map(|(parts, _)| *parts));
         for a in 0..self.parts.len() {
             for b in a + 1..self.parts.len() {
                 if self.parts[a].surface.may_touch(&self.parts[b].surface) && self.apart(a, b) {
-                    found.insert([a, b]);
+                    pairs.insert([a, b]);
                 }
             }
         }
-        found
+        pairs
     }
 
     /// Pairs of the last moving parts of limbs.
@@ -237,11 +237,11 @@ impl Parts {
         let covers = |glob: &GlobMatcher, part: &Part| {
             glob.is_match(&part.geom.name) || (glob.is_match(&part.body) && !part.surface.is_visual())
         };
-        let found: Vec<usize> = (0..self.parts.len()).filter(|&p| covers(&glob, &self.parts[p])).collect();
-        if found.is_empty() {
+        let covered: Vec<usize> = (0..self.parts.len()).filter(|&p| covers(&glob, &self.parts[p])).collect();
+        if covered.is_empty() {
             return Err(self.unknown(name, robot));
         }
-        Ok(found)
+        Ok(covered)
     }
 
     fn unknown(&self, name: &str, robot: &str) -> SelfContactError {
@@ -340,14 +340,14 @@ impl Model {
                 for [one, other] in pairs {
                     let (first, second) = (parts.named(one, &self.name)?, parts.named(other, &self.name)?);
                     let all = first.iter().flat_map(|&a| second.iter().map(move |&b| [a.min(b), a.max(b)]));
-                    let found: BTreeSet<[usize; 2]> = all.filter(|&[a, b]| parts.apart(a, b)).collect();
-                    if found.is_empty() {
+                    let apart: BTreeSet<[usize; 2]> = all.filter(|&[a, b]| parts.apart(a, b)).collect();
+                    if apart.is_empty() {
                         let what = format!("{one} with {other}");
                         let why = "they are one part, or one carries the other, or the file excludes them"
                             .to_owned();
                         return Err(SelfContactError::Nothing { what, why });
                     }
-                    wanted.extend(found);
+                    wanted.extend(apart);
                 }
                 "the pairs".to_owned()
             }
@@ -356,17 +356,17 @@ impl Model {
         model.self_pairs.clear();
         let (mut others, mut simplified) = (Vec::new(), Vec::new());
         let frames = rest_frames(self);
-        let found: Vec<Result<Computed, String>> =
+        let contacts: Vec<Result<Computed, String>> =
             wanted.into_iter().map(|[a, b]| parts.pair(a, b, &frames)).collect();
         // Each pair costs time. Rods stand for other shapes where a pair is named, or where nothing else could touch.
         let is_named = matches!(chosen, SelfContact::Pairs(_));
-        let exact = !is_named && found.iter().flatten().any(|one| one.simplified.is_none());
-        for found in found {
-            match found {
+        let exact = !is_named && contacts.iter().flatten().any(|one| one.simplified.is_none());
+        for contact in contacts {
+            match contact {
                 Ok(Computed { simplified: Some(words), .. }) if exact => others.push(words),
-                Ok(found) if model.self_pairs.len() < MAX_PAIRS => {
-                    model.self_pairs.push(found.pair);
-                    simplified.extend(found.simplified);
+                Ok(contact) if model.self_pairs.len() < MAX_PAIRS => {
+                    model.self_pairs.push(contact.pair);
+                    simplified.extend(contact.simplified);
                 }
                 Ok(_) => return Err(SelfContactError::TooMany),
                 Err(words) => others.push(words),
@@ -410,9 +410,9 @@ impl Model {
     pub fn self_pairs_of_file(&self) -> Vec<SelfPair> {
         let frames = rest_frames(self);
         let pairs = self.parts.of_file();
-        let found = pairs.into_iter().filter_map(|[a, b]| Some(self.parts.pair(a, b, &frames).ok()?.pair));
-        let found: Vec<SelfPair> = found.take(MAX_PAIRS + 1).collect();
-        if found.len() > MAX_PAIRS { Vec::new() } else { found }
+        let pairs = pairs.into_iter().filter_map(|[a, b]| Some(self.parts.pair(a, b, &frames).ok()?.pair));
+        let pairs: Vec<SelfPair> = pairs.take(MAX_PAIRS + 1).collect();
+        if pairs.len() > MAX_PAIRS { Vec::new() } else { pairs }
     }
 
     /// How many pairs of own parts the file lets touch, and of how many of them the contact is computed.

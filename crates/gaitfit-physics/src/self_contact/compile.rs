@@ -50,18 +50,18 @@ pub(crate) fn compile<T: Real>(
         contacts.ground_links.extend(link.pairs.clone().map(|_| number));
     }
     for pair in &model.self_pairs {
-        let found = [0, 1].map(|side| seats[pair.geoms[side].body]);
-        for seat in &found {
+        let ends = [0, 1].map(|side| seats[pair.geoms[side].body]);
+        for seat in &ends {
             if links[seat.link].touching.is_none() {
                 links[seat.link].touching = Some(touching.len());
                 touching.push((seat.link, home(seat.link).filter(|_| seat.link > 0)));
             }
         }
         let shapes = [0, 1].map(|side| {
-            let pose = links[found[side].link].touching.unwrap_or(0);
-            shape::<T>(&pair.geoms[side], &found[side], pose)
+            let pose = links[ends[side].link].touching.unwrap_or(0);
+            shape::<T>(&pair.geoms[side], &ends[side], pose)
         });
-        let moved = carriers(links, found.map(|seat| seat.link));
+        let moved = carriers(links, ends.map(|seat| seat.link));
         let pair = compile_pair::<T>(pair, settings, shapes, moved.len(), &contacts)?;
         contacts.joints.extend(moved);
         contacts.points = pair.points.end;

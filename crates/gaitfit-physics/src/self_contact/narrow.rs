@@ -146,18 +146,18 @@ fn rods<T: Real>(
     // Parallel: opposite the ends, the first two that touch.
     let places = [(one, r.second(one)), (-one, r.second(-one)), (r.first(one), one), (r.first(-one), -one)];
     let far = T::lit(FAR);
-    let mut found = [Spot { distance: far, ..skew }; MAX_POINTS];
+    let mut spots = [Spot { distance: far, ..skew }; MAX_POINTS];
     let margin = T::k(pair.margin);
     for (x1, x2) in places {
         let spot = balls(axpy(x1, axes[0], centers[0]), axpy(x2, axes[1], centers[1]), radii);
         let touches = T::select_lt(spot.distance, margin, one, T::zero());
-        let none = T::select_lt(found[0].distance, far, T::zero(), one);
-        let single = (one - none) * T::select_lt(found[1].distance, far, T::zero(), one);
-        found[0] = chosen(touches * none, &spot, &found[0]);
-        found[1] = chosen(touches * single, &spot, &found[1]);
+        let none = T::select_lt(spots[0].distance, far, T::zero(), one);
+        let single = (one - none) * T::select_lt(spots[1].distance, far, T::zero(), one);
+        spots[0] = chosen(touches * none, &spot, &spots[0]);
+        spots[1] = chosen(touches * single, &spot, &spots[1]);
     }
     let skewed = T::select_lt(parallel, tiny, T::zero(), one);
-    [chosen(skewed, &skew, &found[0]), chosen(skewed, &Spot { distance: far, ..skew }, &found[1])]
+    [chosen(skewed, &skew, &spots[0]), chosen(skewed, &Spot { distance: far, ..skew }, &spots[1])]
 }
 
 /// The first where `wanted` is above zero.

@@ -23,16 +23,16 @@ separate! {
             let centers = [center(first, poses[0]), center(second, poses[1])];
             let between = sub(centers[1], centers[0]);
             let near = (dot(between, between) - T::k(pair.reach2)).unless_ge(T::zero());
-            let mut found = [Spot::far(); MAX_POINTS];
+            let mut spots_of_pair = [Spot::far(); MAX_POINTS];
             if T::enter(near) {
                 let new = spots(pair, poses, centers);
                 T::leave(near);
                 for k in 0..pair.points.len() {
-                    found[k] = new[k].merge(near, &found[k]);
+                    spots_of_pair[k] = new[k].merge(near, &spots_of_pair[k]);
                 }
             }
-            let mut closest = found[0].distance;
-            for spot in &found[1..pair.points.len()] {
+            let mut closest = spots_of_pair[0].distance;
+            for spot in &spots_of_pair[1..pair.points.len()] {
                 closest = closest.min(spot.distance);
             }
             closest = closest - T::k(pair.margin);
@@ -50,7 +50,7 @@ separate! {
             let weight = params.pairs[tree.pairs.len() + index].translation;
             let inverse_scale = row_scale(tree, pair.condim, friction, weight) * T::k(pair.reference.gain);
             for number in 0..pair.points.len() {
-                point(pass, pair, number, &found[number], inverse_scale, work);
+                point(pass, pair, number, &spots_of_pair[number], inverse_scale, work);
             }
             T::leave(active);
         }

@@ -124,15 +124,15 @@ fn efforts(
     let joints = interface.resolve(model)?;
     let held = interface.resolve_held(model, &joints)?;
     let mut limits = |joints: &[usize]| {
-        let found: Option<Vec<f64>> =
+        let efforts: Option<Vec<f64>> =
             joints.iter().map(|&joint| model.effort(joint).filter(|limit| limit.is_finite())).collect();
-        if found.is_none() {
+        if efforts.is_none() {
             unsaid.push(format!(
                 "{file}: effort limits, as robot `{}` does not limit each of these joints",
                 gaitfit_model::shown(&model.name)
             ));
         }
-        found
+        efforts
     };
     Ok(Efforts { moved: limits(&joints), held: if held.is_empty() { None } else { limits(&held) } })
 }

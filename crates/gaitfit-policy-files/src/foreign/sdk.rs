@@ -96,9 +96,10 @@ pub(crate) fn with_joints<'a>(joints: impl Iterator<Item = &'a str> + Clone) -> 
     let has = |places: &[&str]| joints.clone().all(|joint| places.contains(&joint));
     let motors = |places: &[&str]| places.iter().filter(|name| !name.is_empty()).count();
     let count = joints.clone().count();
-    let mut found: Vec<Places> = robots().into_iter().filter(|(_, places)| has(places)).collect();
-    match found.iter().position(|(_, places)| motors(places) == count) {
-        Some(exact) => Some(found.swap_remove(exact)),
-        None => found.pop(),
+    let mut robots_with_joints: Vec<Places> =
+        robots().into_iter().filter(|(_, places)| has(places)).collect();
+    match robots_with_joints.iter().position(|(_, places)| motors(places) == count) {
+        Some(exact) => Some(robots_with_joints.swap_remove(exact)),
+        None => robots_with_joints.pop(),
     }
 }

@@ -12,7 +12,7 @@ use std::collections::{HashMap, HashSet};
 const CLOSE: f64 = 1e-4;
 
 /// What one node stands for.
-struct Found {
+struct Fused {
     operator: &'static str,
     input: String,
     /// Of a layer norm.
@@ -44,21 +44,21 @@ pub(super) fn fuse(nodes: Vec<Node>, constants: &HashMap<String, Constant>, outp
             all.constants.insert(output.clone(), value);
         }
     }
-    let mut found: HashMap<usize, Found> = HashMap::new();
+    let mut fused: HashMap<usize, Fused> = HashMap::new();
     for (index, node) in nodes.iter().enumerate() {
         let one = match node.op_type.as_str() {
             "Mul" => all.silu(node).or_else(|| all.gelu(index)),
             "Div" => all.layer_norm(node),
             _ => None,
         };
-        found.extend(one.map(|one| (index, one)));
+        fused.extend(one.map(|one| (index, one)));
     }
-    let inner: HashSet<usize> = found.values().flat_map(|one| one.inner.iter().copied()).collect();
+    let inner: HashSet<usize> = fused.values().flat_map(|one| one.inner.iter().copied()).collect();
     // An inner node stays if something outside needs it.
     let mut needed: HashSet<&str> = outputs.iter().map(String::as_str).collect();
     for (index, node) in nodes.iter().enumerate().rev() {
         let gone = inner.contains(&index) && !node.output.iter().any(|name| needed.contains(name.as_str()));
-        match found.get(&index) {
+        match fused.get(&index) {
             _ if gone => {}
             Some(one) => {
                 needed.insert(&one.input);
@@ -69,9 +69,9 @@ pub(super) fn fuse(nodes: Vec<Node>, constants: &HashMap<String, Constant>, outp
     let kept = nodes.iter().enumerate().filter(|(index, node)| {
         !inner.contains(index) || node.output.iter().any(|name| needed.contains(name.as_str()))
     });
-    kept.map(|(index, node)| match found.get(&index) {
+    kept.map(|(index, node)| match fused.get(&index) {
         None => node.clone(),
-        Some(Found { operator, input, epsilon, .. }) => {
+        Some(Fused { operator, input, epsilon, .. }) => {
             let attribute = epsilon.map(|epsilon| {
                 let f = epsilon as f32;
                 Attribute { name: "epsilon".to_owned(), f, ..Attribute::default() }.encode_to_vec()
@@ -111,12 +111,12 @@ impl Nodes<'_> {
     }
 
     /// x σ(x).
-    fn silu(&self, node: &Node) -> Option<Found> {
+    fn silu(&self, node: &Node) -> Option<Fused> {
         let [a, b] = &node.input[..] else { return None };
         [(a, b), (b, a)].into_iter().find_map(|(x, gate)| {
             let sigmoid = self.made_by(gate, "Sigmoid")?;
-            let found = Found { operator: "Silu", input: x.clone(), epsilon: None, inner: vec![sigmoid] };
-            (self.input(sigmoid, 0) == Some(x)).then_some(found)
+            let silu = Fused { operator: "Silu", input: x.clone(), epsilon: None, inner: vec![sigmoid] };
+            (self.input(sigmoid, 0) == Some(x)).then_some(silu)
         })
     }
 
@@ -139,7 +139,7 @@ impl Nodes<'_> {
     }
 
     /// ½ x (1 + erf(x / √2)), or with ½ x (1 + tanh(√(2/π) (x + 0.044715 x³))).
-    fn gelu(&self, index: usize) -> Option<Found> {
+    fn gelu(&self, index: usize) -> Option<Fused> {
         let mut inner = Vec::new();
         let (names, number) = self.factors(index, &mut inner, 2)?;
         let [a, b] = &names[..] else { return None };
@@ -191,12 +191,12 @@ impl Nodes<'_> {
                     (cube && right).then_some("GeluTanh")?
                 }
             };
-            Some(Found { operator, input: x.clone(), epsilon: None, inner })
+            Some(Fused { operator, input: x.clone(), epsilon: None, inner })
         })
     }
 
     /// (x − mean) / √(variance + ε) over the last axis.
-    fn layer_norm(&self, node: &Node) -> Option<Found> {
+    fn layer_norm(&self, node: &Node) -> Option<Fused> {
         let [centred, root] = &node.input[..] else { return None };
         let root = self.made_by(root, "Sqrt")?;
         let sum = self.made_by(self.input(root, 0)?, "Add")?;
@@ -217,9 +217,9 @@ impl Nodes<'_> {
         let x = self.input(difference, 0)?;
         let mean = self.mean(self.input(difference, 1)?)?;
         let inner = vec![root, sum, variance, square, difference, mean];
-        let found =
-            Found { operator: "LayerNormalization", input: x.to_owned(), epsilon: Some(epsilon), inner };
-        (squared && self.input(mean, 0) == Some(x)).then_some(found)
+        let norm =
+            Fused { operator: "LayerNormalization", input: x.to_owned(), epsilon: Some(epsilon), inner };
+        (squared && self.input(mean, 0) == Some(x)).then_some(norm)
     }
 
     /// The node of a mean over the last axis.

@@ -148,7 +148,7 @@ fn slice(constant: &Constant, inputs: &[&Constant], attributes: &Attributes, max
     if cut != ends.len() || cut > MAX_AXES {
         return None;
     }
-    let mut found = constant.clone();
+    let mut slice = constant.clone();
     for number in 0..cut {
         let named = match &axes {
             Some(axes) => *axes.get(number)? as i64,
@@ -156,7 +156,7 @@ fn slice(constant: &Constant, inputs: &[&Constant], attributes: &Attributes, max
         };
         let axis = axis(named, many)?;
         let step = steps.as_ref().map_or(Some(1.0), |steps| steps.get(number).copied())?;
-        let long = found.dims[axis];
+        let long = slice.dims[axis];
         let places: Vec<usize> = match step {
             1.0 => range(starts[number], ends[number], long).collect(),
             step if step > 1.0 => range(starts[number], ends[number], long).step_by(step as usize).collect(),
@@ -168,9 +168,9 @@ fn slice(constant: &Constant, inputs: &[&Constant], attributes: &Attributes, max
             }
             _ => return None,
         };
-        found = taken(&found, axis, &places, max)?;
+        slice = taken(&slice, axis, &places, max)?;
     }
-    Some(found)
+    Some(slice)
 }
 
 /// `Expand`: axes of length one are repeated, and new ones stand before the others.
@@ -180,22 +180,22 @@ fn expand(constant: &Constant, asked: &[f64], max: usize) -> Option<Constant> {
     }
     let asked: Vec<usize> = asked.iter().map(|&length| length as usize).collect();
     let many = asked.len().max(constant.dims.len());
-    let mut found = constant.clone();
-    while found.dims.len() < many {
-        found.dims.insert(0, 1);
+    let mut expanded = constant.clone();
+    while expanded.dims.len() < many {
+        expanded.dims.insert(0, 1);
     }
     for (axis, &length) in (many - asked.len()..).zip(&asked) {
-        match (found.dims[axis], length) {
+        match (expanded.dims[axis], length) {
             (_, 1) => {}
             (own, length) if own == length => {}
             (1, length) => {
-                found.values.len().checked_mul(length).filter(|&count| count <= max)?;
-                found = taken(&found, axis, &vec![0; length], max)?;
+                expanded.values.len().checked_mul(length).filter(|&count| count <= max)?;
+                expanded = taken(&expanded, axis, &vec![0; length], max)?;
             }
             _ => return None,
         }
     }
-    Some(found)
+    Some(expanded)
 }
 
 /// The steps of a slice along an axis of `long` steps: negative limits count from the end, limits beyond it are the end.
@@ -215,13 +215,13 @@ fn gather(constant: &Constant, places: &Constant, axis: usize, max: usize) -> Op
         (0.0..long).contains(&place).then_some(place as usize)
     };
     let listed: Vec<usize> = places.values.iter().map(place).collect::<Option<_>>()?;
-    let mut found = taken(constant, axis, &listed, max)?;
+    let mut rows = taken(constant, axis, &listed, max)?;
     match places.dims.len() {
         0 => {
-            found.dims.remove(axis);
-            Some(found)
+            rows.dims.remove(axis);
+            Some(rows)
         }
-        1 => Some(found),
+        1 => Some(rows),
         _ => None,
     }
 }

@@ -88,7 +88,7 @@ pub(super) fn pairs(model: &Decoded) -> Vec<(String, String)> {
         let starts = ["next_", "new_", "in_", "out_", "input_", "output_"];
         starts.iter().find_map(|start| name.strip_prefix(start)).unwrap_or(&name).to_owned()
     };
-    let mut found = Vec::new();
+    let mut pairs = Vec::new();
     for input in inputs(model).take(MAX_ENDS) {
         let observed =
             ["obs", "observation", "observations", "input", "policy"].contains(&input.name.as_str());
@@ -97,10 +97,10 @@ pub(super) fn pairs(model: &Decoded) -> Vec<(String, String)> {
             .iter()
             .find(|output| output.name != input.name && stem(&output.name) == stem(&input.name));
         if let (Some(output), false) = (output, observed) {
-            found.push((input.name.clone(), output.name.clone()));
+            pairs.push((input.name.clone(), output.name.clone()));
         }
     }
-    found
+    pairs
 }
 
 impl Program {
