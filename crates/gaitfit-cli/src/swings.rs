@@ -22,6 +22,10 @@ pub fn text(found: &SwingFindings, causes: &[Cause], beside: &[Beside]) -> Strin
             "estimates from legs in the air are only for hinges; they leave out these slides: {names}"
         );
     }
+    if !found.coupled.is_empty() {
+        let names = found.coupled.join(", ");
+        let _ = writeln!(text, "estimates from legs in the air leave out these coupled joints: {names}");
+    }
     match (found.best(), &found.why_not) {
         (Some(report), _) => joints(&mut text, found, report, beside),
         (None, Some(why)) => {

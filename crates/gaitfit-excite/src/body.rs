@@ -75,6 +75,12 @@ impl Body {
                 shown(&slide.name)
             )));
         }
+        if let Some(&follower) = moved.iter().find(|&&joint| model.follows(joint)) {
+            return Err(Error::settings(format!(
+                "`joints` (--joints): joint {} follows another joint; leave it out",
+                shown(&model.joints[follower].name)
+            )));
+        }
         let fit = settings.fit.as_deref();
         let given: Option<AdaptConfig> = fit.map(|path| settings::load(Some(path), &[])).transpose()?;
         let looked = if robot::is_go2(&floating) { None } else { gaitfit_world::init::look(&floating).ok() };
@@ -356,18 +362,28 @@ fn turns(model: &Model, moved: &[usize], turns: Turns) -> Vec<Option<usize>> {
     found
 }
 
-/// The joints that chirps turn if none are named: all hinges.
+/// The joints that chirps turn if none are named: all hinges that do not follow others.
 fn hinges(model: &Model, notes: &mut Vec<String>) -> Result<Vec<usize>, Error> {
+    let names = |joints: Vec<usize>| -> Vec<String> {
+        joints.into_iter().map(|joint| model.joints[joint].name.clone()).collect()
+    };
     let (hinges, slides): (Vec<usize>, Vec<usize>) =
         (0..model.joints.len()).partition(|&joint| model.joints[joint].kind.is_hinge());
-    if hinges.is_empty() {
-        return Err(Error::settings("chirps move only hinges, and all joints of this robot are slides"));
+    let (followers, free): (Vec<usize>, Vec<usize>) =
+        hinges.into_iter().partition(|&joint| model.follows(joint));
+    if free.is_empty() {
+        return Err(Error::settings(
+            "chirps move only hinges that do not follow other joints, and this robot has none",
+        ));
     }
     if !slides.is_empty() {
-        let names: Vec<String> = slides.into_iter().map(|joint| model.joints[joint].name.clone()).collect();
-        notes.push(format!("chirps move only hinges; these slides are held: {}", listed(&names)));
+        notes.push(format!("chirps move only hinges; these slides are held: {}", listed(&names(slides))));
     }
-    Ok(hinges)
+    if !followers.is_empty() {
+        let followers = listed(&names(followers));
+        notes.push(format!("chirps do not move joints that follow others: {followers}"));
+    }
+    Ok(free)
 }
 
 /// The body next to the root from which `body` hangs.
@@ -381,9 +397,9 @@ fn usual(settings: &ChirpSettings, model: &Model) -> AdaptConfig {
     let scale = choices::motor_scale(model);
     let joints = if !settings.joints.is_empty() {
         settings.joints.clone()
-    } else if model.has_slides() {
-        let hinges = model.joints.iter().filter(|joint| joint.kind.is_hinge());
-        hinges.map(|joint| joint.name.clone()).collect()
+    } else if model.has_slides() || !model.couplings.is_empty() {
+        let moved = |joint: &usize| model.joints[*joint].kind.is_hinge() && !model.follows(*joint);
+        (0..model.joints.len()).filter(moved).map(|joint| model.joints[joint].name.clone()).collect()
     } else {
         vec!["*".to_owned()]
     };

@@ -1,7 +1,7 @@
 //! Joints that follow another one: MJCF `<equality><joint>`, URDF `<mimic>`.
 //!
-//! All of them are simulated, but for joints that follow each other in a ring: there neither leads. A strict reading refuses
-//! the ring's last coupling, the others drop it.
+//! All of them are simulated, but for joints that follow each other in a ring: there nothing leads. A strict reading refuses
+//! the ring's last coupling, other readings drop it.
 
 use std::collections::HashMap;
 
@@ -17,6 +17,11 @@ impl Model {
     /// Whether joint `index` follows another one or is held by a coupling.
     pub fn follows(&self, index: usize) -> bool {
         self.couplings.iter().any(|coupling| coupling.follower == index)
+    }
+
+    /// Whether a coupling acts on joint `index`: it follows another one, leads one, or is held.
+    pub fn is_coupled(&self, index: usize) -> bool {
+        self.couplings.iter().any(|coupling| coupling.follower == index || coupling.leader == Some(index))
     }
 
     /// Whether joint `index` follows another one, or is held, and has no motor of its own.
@@ -217,8 +222,14 @@ pub(crate) fn resolve(
         };
         if leads_back(follower, leader, &kept) {
             let other = shown(coupling.leader.as_deref().unwrap_or_default());
-            let what = format!("joint \"{name}\" follows \"{other}\", which follows it");
-            ctx.refuse(coupling.at, what, "neither leads", "remove one of the couplings")?;
+            let (what, remedy) = match leader == Some(follower) {
+                true => (format!("joint \"{name}\" follows itself"), "remove the coupling"),
+                false => (
+                    format!("joint \"{name}\" follows \"{other}\", which follows it"),
+                    "remove one of the couplings",
+                ),
+            };
+            ctx.refuse(coupling.at, what, "nothing leads", remedy)?;
             continue;
         }
         kept.push(Coupling { follower, leader, ..coupling.parameters });

@@ -28,8 +28,8 @@ pub struct ReadOptions {
     /// such floor. A URDF always gets one.
     pub add_floor: bool,
     /// Mend what a strict reading refuses and a robot can be simulated without: links without mass get one, impossible
-    /// inertias become possible, unknown parts are dropped. [`Model::changed`] and [`Model::dropped`] list it. The shapes of meshes and visuals are kept in [`Model::outlines`]. Closed loops and ball
-    /// joints are refused as ever.
+    /// inertias become possible, unknown parts are dropped. [`Model::changed`] and [`Model::dropped`] list it. The shapes of
+    /// meshes and visuals are kept in [`Model::outlines`]. Closed loops and ball joints are refused as ever.
     pub mend: bool,
 }
 

@@ -125,7 +125,7 @@ fn couplings_of_nothing_are_errors() {
     for (couplings, words) in [
         (r#"<joint joint1="b" joint2="x"/>"#, "no hinge or slide is called \"x\""),
         (r#"<joint joint2="b"/>"#, "without joint1"),
-        (r#"<joint joint1="b" joint2="b"/>"#, "follows it"),
+        (r#"<joint joint1="b" joint2="b"/>"#, "follows itself"),
         (r#"<joint joint1="b" joint2="a" polycoef="0 1e300"/>"#, "at most 10000"),
         (r#"<joint joint1="b" joint2="a" polycoef="0 nan"/>"#, "polycoef"),
         (r#"<joint joint1="b" joint2="a" class="x"/>"#, "default class"),
@@ -173,9 +173,11 @@ fn a_mimic_is_a_coupling_without_a_motor() {
             && !model.follows(0)
             && model.warnings().iter().all(|said| !said.contains("effort"))
     );
-    for (mimic, words) in
-        [("<mimic multiplier=\"1\"/>", "`joint`"), ("<mimic joint=\"x\"/>", "is called \"x\"")]
-    {
+    for (mimic, words) in [
+        ("<mimic multiplier=\"1\"/>", "`joint`"),
+        ("<mimic joint=\"x\"/>", "is called \"x\""),
+        ("<mimic joint=\"finger_joint\"/><mimic joint=\"toe_joint\"/>", "two <mimic>"),
+    ] {
         let error = read_urdf_str(&robot(mimic), &ReadOptions::default()).unwrap_err().to_string();
         assert!(error.contains(words), "{mimic}: {error}");
     }

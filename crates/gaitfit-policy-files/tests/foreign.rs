@@ -123,14 +123,24 @@ fn deploy_files_that_are_not_understood_are_named() {
             "  joint_vel_rel:\n    params: {asset_cfg: {joint_ids: [1, 0]}}",
             "`joint_vel_rel` has some of the joints, or in another order",
         ),
-        ("observations:\n", "observations:\n  obs: {}\n", "`obs` is a group of observations"),
+        ("observations:\n", "observations:\n  obs: {height: {}}\n", "`obs` is a group of observations"),
+        ("observations:\n", "observations:\n  obs: {}\n", "it observes `obs`"),
+        ("observations:\n", "observations:\n  concatenate_terms: true\n", "`concatenate_terms: true`"),
+        (
+            "  joint_vel_rel:\n    params: {}",
+            "  joint_vel_rel:\n    params: {asset_cfg: {joint_ids: [-1, -2]}}",
+            "neither a term",
+        ),
+        ("  joint_vel_rel:\n    params: {}", "  joint_vel_rel:\n    params: [1, 2]", "neither a term"),
         ("JointPositionAction", "JointVelocityAction", "only JointPositionAction"),
         ("joint_ids_map: [3,", "joint_ids_map: [33,", "do not belong together"),
+        ("joint_ids_map: [3,", "joint_ids_map: [0, 0,", "has place 0 twice"),
         ("stiffness: [25.0, ", "stiffness: [", "gains of 11 joints"),
         ("    clip: null\n    scale: [0.2", "    clip: [-1.0, 1.0]\n    scale: [0.2", "is clipped to"),
-        ("    params: {}\n", "    use_gym_history: true\n", "group of observations"),
+        ("    clip: null\n    scale: [0.2", "    clip: [100.0, 200.0]\n    scale: [0.2", "is clipped to"),
+        ("    params: {}\n", "    use_gym_history: true\n", "neither a term"),
         ("history_length: 5", "history_length: 4", "the actor takes 225"),
-        ("history_length: 5", "history_length: 100000000000", "history of base_angular_velocity"),
+        ("history_length: 5", "history_length: 100000000000", "has a history of 100000000000 frames"),
     ];
     for (from, to, message) in cases {
         let found = deploy(from, to);

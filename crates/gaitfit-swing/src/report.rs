@@ -172,10 +172,11 @@ pub struct SwingReport {
 }
 
 /// Joint groups by the last part of their names: `FL_hip_joint` and `RR_hip_joint` are `hip`. Hinges alone: what counts as a
-/// swing, and as a likely value, is known for rad and N·m.
+/// swing, and as a likely value, is known for rad and N·m. Coupled joints are left out: their equations lack the coupling's torque.
 pub fn usual_groups(model: &Model) -> Vec<(String, Vec<usize>)> {
     let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
-    for (index, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.kind.is_hinge()) {
+    let is_clear = |index: usize| model.joints[index].kind.is_hinge() && !model.is_coupled(index);
+    for (index, joint) in model.joints.iter().enumerate().filter(|(index, _)| is_clear(*index)) {
         let last = group_name(plain(&joint.name));
         match groups.iter_mut().find(|(known, _)| *known == last) {
             Some((_, joints)) => joints.push(index),

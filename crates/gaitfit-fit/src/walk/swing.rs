@@ -30,6 +30,9 @@ pub struct SwingFindings {
     /// Names of the robot's slides. Estimates from legs in the air leave them out.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub slides: Vec<String>,
+    /// Names of the hinges that follow others, lead others, or are held by a coupling. The estimates leave them out too.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub coupled: Vec<String>,
     /// Effects of joints and ground that the model lacks, each alone, see [`super::explain`].
     #[serde(default)]
     pub effects: Vec<Effect>,
@@ -119,9 +122,14 @@ impl SwingFindings {
             Ok(report) => (Some(report), None),
             Err(error) => (None, Some(error.to_string())),
         };
-        let slides = model.joints.iter().filter(|joint| !joint.kind.is_hinge());
-        let slides = slides.map(|joint| joint.name.clone()).collect();
-        (Self { sensors, standing, taken_out, slides, swings, why_not, ..Self::default() }, walks)
+        let named = |wanted: &dyn Fn(usize) -> bool| -> Vec<String> {
+            let joints = (0..model.joints.len()).filter(|&joint| wanted(joint));
+            joints.map(|joint| model.joints[joint].name.clone()).collect()
+        };
+        let is_hinge = |joint: usize| model.joints[joint].kind.is_hinge();
+        let slides = named(&|joint| !is_hinge(joint));
+        let coupled = named(&|joint| is_hinge(joint) && model.is_coupled(joint));
+        (Self { sensors, standing, taken_out, slides, coupled, swings, why_not, ..Self::default() }, walks)
     }
 
     /// The estimates from legs in the air: the corrected ones if there are such.

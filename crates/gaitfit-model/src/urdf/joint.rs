@@ -171,6 +171,9 @@ fn read_child(
             let (mut factor, mut offset) = (1.0, 0.0);
             a.set(ctx, "multiplier", &mut factor)?;
             a.set(ctx, "offset", &mut offset)?;
+            if parts.follows.is_some() {
+                return Err(ctx.invalid(child.at, format!("{label} has two <mimic>"), "remove one of them"));
+            }
             parts.follows = Some(NamedCoupling::mimic(child.at, &parts.joint.name, leader, offset, factor));
         }
         "safety_controller" | "calibration" => {

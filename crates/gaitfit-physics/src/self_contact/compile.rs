@@ -14,7 +14,8 @@ use crate::{PhysicsError, Real, Settings};
 /// Share of a pair's reach for rounding.
 const SLACK: f64 = 1e-3;
 
-/// Compiles the self-contact pairs of `model`. `links` get their place among those that touch. `couplings`: all of the tree, and the number of the first distant one.
+/// Compiles the self-contact pairs of `model`. `links` get their place among those that touch. The last argument: all couplings
+/// of the tree, and the number of the first distant one.
 ///
 /// # Errors
 /// Names the geom whose numbers the step cannot honour.

@@ -24,10 +24,10 @@ impl Sparsity {
         let mut sparsity = Self { joints, below: Vec::new() };
         let mut filled = vec![false; size * (size + 1) / 2];
         for joint in 0..joints {
-            let mut carrier = parents[joint];
-            while let Some(outer) = carrier {
-                filled[sparsity.joints(joint, outer)] = true;
-                carrier = parents[outer];
+            let mut next = parents[joint];
+            while let Some(carrier) = next {
+                filled[sparsity.joints(joint, carrier)] = true;
+                next = parents[carrier];
             }
         }
         for set in coupled {

@@ -12,8 +12,10 @@ use std::path::{Path, PathBuf};
 
 /// Bounds beyond which a clipped observation counts as not clipped.
 const FAR: f64 = 50.0;
-/// Most joints and terms.
+/// Max numbers of joints and of terms.
 const MAX_ENTRIES: usize = 256;
+/// Max frames of a history.
+const MAX_FRAMES: usize = 1 << 20;
 
 #[derive(Deserialize)]
 struct Deploy {
@@ -31,44 +33,52 @@ struct Action {
     clip: Option<Vec<Vec<f64>>>,
     scale: Option<Numbers>,
     offset: Option<Numbers>,
-    joint_ids: Option<Ids>,
+    joint_ids: Option<JointIds>,
 }
 
-/// Numbers of joints; nulls where Isaac Lab has a slice of all.
+/// Numbers of joints, or the start, stop and step of a Python slice of them.
 #[derive(Deserialize)]
-struct Ids(Vec<Option<usize>>);
+struct JointIds(Vec<Option<usize>>);
 
-impl Ids {
+impl JointIds {
     /// Whether these are all of `count` joints, in their order.
     fn are_all(ids: Option<&Self>, count: usize) -> bool {
-        ids.is_none_or(|Self(ids)| {
-            ids.iter().all(Option::is_none) || ids.iter().copied().eq((0..count).map(Some))
-        })
+        let slice = |ids: &[Option<usize>]| match ids {
+            [start, stop, step] => {
+                start.is_none_or(|start| start == 0)
+                    && stop.is_none_or(|stop| stop == count)
+                    && step.is_none_or(|step| step == 1)
+            }
+            _ => false,
+        };
+        ids.is_none_or(|Self(ids)| ids.iter().copied().eq((0..count).map(Some)) || slice(ids))
     }
 }
 
-/// What stands under `observations`: a term, a switch of all terms, or a group of both.
+/// What stands under `observations`.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Entry {
-    One(Part),
-    Group(IndexMap<String, Part>),
-    /// A term that lacks `params`.
-    Bare(Settings),
+    /// Of all terms.
+    Switch(bool),
+    Term(Term),
+    Group(IndexMap<String, GroupEntry>),
 }
 
 #[derive(Deserialize)]
 #[serde(untagged)]
-enum Part {
+enum GroupEntry {
     Switch(bool),
     Term(Term),
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Term {
-    params: Params,
-    #[serde(flatten)]
-    settings: Settings,
+    params: Option<Params>,
+    scale: Option<Numbers>,
+    clip: Option<Vec<f64>>,
+    history_length: Option<usize>,
 }
 
 #[derive(Deserialize)]
@@ -78,15 +88,7 @@ struct Params {
 
 #[derive(Deserialize)]
 struct Asset {
-    joint_ids: Option<Ids>,
-}
-
-#[derive(Deserialize)]
-struct Settings {
-    scale: Option<Numbers>,
-    clip: Option<Vec<f64>>,
-    history_length: Option<usize>,
-    use_gym_history: Option<bool>,
+    joint_ids: Option<JointIds>,
 }
 
 #[derive(Deserialize)]
@@ -116,15 +118,26 @@ pub(crate) fn beside(policy: &Path) -> Option<PathBuf> {
 
 /// What the file's text says.
 pub(crate) fn read(text: &str) -> Result<Known, PolicyError> {
-    let deploy: Deploy =
-        serde_saphyr::from_str(text).map_err(|error| invalid(format!("no deploy.yaml: {error}")))?;
+    let deploy: Deploy = serde_saphyr::from_str(text).map_err(|error| unreadable(&error.to_string()))?;
     let count = deploy.joint_ids_map.len();
     let slots = deploy.stiffness.len();
-    if count == 0 || count > MAX_ENTRIES || deploy.observations.len() > MAX_ENTRIES {
+    if count == 0 {
+        return Err(invalid("joint_ids_map is empty"));
+    }
+    if count > MAX_ENTRIES || deploy.observations.len() > MAX_ENTRIES {
         return Err(invalid(format!(
             "{count} joints and {} terms; at most {MAX_ENTRIES}",
             deploy.observations.len()
         )));
+    }
+    if let Some(slot) = (1..count)
+        .find_map(|k| Some(deploy.joint_ids_map[k]).filter(|slot| deploy.joint_ids_map[..k].contains(slot)))
+    {
+        return Err(invalid(format!("joint_ids_map has place {slot} twice")));
+    }
+    if deploy.default_joint_pos.len() != count {
+        let numbers = deploy.default_joint_pos.len();
+        return Err(invalid(format!("default_joint_pos has {numbers} numbers for {count} joints")));
     }
     let Some((robot, sdk)) = sdk::with_places(slots) else {
         return Err(invalid(format!(
@@ -152,10 +165,14 @@ pub(crate) fn read(text: &str) -> Result<Known, PolicyError> {
     if name != "JointPositionAction" {
         return Err(invalid(format!("its action is `{name}`; only JointPositionAction is read")));
     }
-    if action.clip.is_some() || !Ids::are_all(action.joint_ids.as_ref(), count) {
+    if action.clip.is_some() {
         return Err(invalid(
-            "its action clips targets, or moves some of the joints or in another order; describe the policy in a TOML file \
-             (docs/policies.md)",
+            "its action clips targets; describe the policy in a TOML file (docs/policies.md)",
+        ));
+    }
+    if !JointIds::are_all(action.joint_ids.as_ref(), count) {
+        return Err(invalid(
+            "its action moves some of the joints, or in another order; describe the policy in a TOML file (docs/policies.md)",
         ));
     }
     let pose = &deploy.default_joint_pos;
@@ -191,65 +208,77 @@ pub(crate) fn read(text: &str) -> Result<Known, PolicyError> {
     Ok(Known { table, notes })
 }
 
+/// Why the text is no such file, in the file's words.
+fn unreadable(error: &str) -> PolicyError {
+    let reason = match error.contains("did not match any variant") {
+        true => {
+            "an entry of `observations` is neither a term (with `params`, `scale`, `clip` and `history_length`), nor a switch, nor \
+             a group of these"
+        }
+        false => error,
+    };
+    invalid(format!("it cannot be read as unitree_rl_lab's deploy.yaml: {reason}"))
+}
+
 /// The observation of a description, and the order of its history's frames if it is not Isaac Lab's.
 fn observed(
     entries: &IndexMap<String, Entry>,
     joints: usize,
 ) -> Result<(Vec<toml::Value>, Option<&'static str>), PolicyError> {
-    let one_group =
-        |name: &str| invalid(format!("`{name}` is a group of observations; only one group is read"));
-    let mut parts: Vec<(&str, Option<&Part>, Option<&Settings>)> = Vec::new();
+    let (mut observation, mut frames) = (Vec::new(), false);
+    let mut take_switch = |name: &str, on: bool| match name {
+        "use_gym_history" => {
+            frames = on;
+            Ok(())
+        }
+        // Whether it clips before or behind the scale: clips that matter are refused.
+        "scale_first" => Ok(()),
+        _ => Err(invalid(format!("`{name}: {on}` under observations is not known here"))),
+    };
     for (name, entry) in entries {
         match entry {
-            Entry::One(part) => parts.push((name, Some(part), None)),
+            Entry::Switch(on) => take_switch(name, *on)?,
+            Entry::Term(settings) => observation.push(term(name, settings, joints)?),
             Entry::Group(group) if entries.len() == 1 && group.len() <= MAX_ENTRIES => {
-                parts.extend(group.iter().map(|(name, part)| (&name[..], Some(part), None)));
+                for (name, entry) in group {
+                    match entry {
+                        GroupEntry::Switch(on) => take_switch(name, *on)?,
+                        GroupEntry::Term(settings) => observation.push(term(name, settings, joints)?),
+                    }
+                }
             }
-            Entry::Bare(settings) if settings.use_gym_history.is_none() => {
-                parts.push((name, None, Some(settings)));
+            Entry::Group(_) => {
+                return Err(invalid(format!(
+                    "`{name}` is a group of observations beside others; only one group is read"
+                )));
             }
-            Entry::Group(_) | Entry::Bare(_) => return Err(one_group(name)),
         }
     }
-    let (mut observation, mut order) = (Vec::new(), None);
-    for (name, part, bare) in parts {
-        let settings = match (part, bare) {
-            (Some(Part::Switch(frames)), _) if name == "use_gym_history" => {
-                order = frames.then_some("frames");
-                continue;
-            }
-            // Whether it clips before or behind the scale: clips that matter are refused.
-            (Some(Part::Switch(_)), _) if name == "scale_first" => continue,
-            (Some(Part::Term(Term { params, settings })), _) if settings.use_gym_history.is_none() => {
-                let ids = params.asset_cfg.as_ref().and_then(|asset| asset.joint_ids.as_ref());
-                if !Ids::are_all(ids, joints) {
-                    return Err(invalid(format!(
-                        "`{name}` has some of the joints, or in another order; describe the policy in a TOML file \
-                         (docs/policies.md)"
-                    )));
-                }
-                settings
-            }
-            (None, Some(settings)) => settings,
-            _ => return Err(one_group(name)),
-        };
-        observation.push(term(name, settings, joints)?);
-    }
-    Ok((observation, order))
+    Ok((observation, frames.then_some("frames")))
 }
 
 /// A term of a description.
-fn term(name: &str, settings: &Settings, joints: usize) -> Result<toml::Value, PolicyError> {
+fn term(name: &str, settings: &Term, joints: usize) -> Result<toml::Value, PolicyError> {
     let quantity = Quantity::from_foreign(name).ok_or_else(|| invalid(terms::unknown(name)))?;
-    if let Some(clip) = settings.clip.as_ref().filter(|clip| clip.iter().any(|x| x.abs() < FAR)) {
+    let asset = settings.params.as_ref().and_then(|params| params.asset_cfg.as_ref());
+    if !JointIds::are_all(asset.and_then(|asset| asset.joint_ids.as_ref()), joints) {
+        return Err(invalid(format!(
+            "`{name}` has some of the joints, or in another order; describe the policy in a TOML file (docs/policies.md)"
+        )));
+    }
+    let is_far = |clip: &[f64]| matches!(clip, [low, high] if *low <= -FAR && *high >= FAR);
+    if let Some(clip) = settings.clip.as_ref().filter(|clip| !is_far(clip)) {
         return Err(invalid(format!("`{name}` is clipped to {clip:?}, which is not known here")));
+    }
+    let history = settings.history_length.unwrap_or(1).max(1);
+    if history > MAX_FRAMES {
+        return Err(invalid(format!("`{name}` has a history of {history} frames; at most {MAX_FRAMES}")));
     }
     let mut term = toml::Table::new();
     term.insert("quantity".into(), quantity.name().into());
     if let Some(scale) = &settings.scale {
         term.insert("scale".into(), numbers(&scale.spread(quantity.width(joints))));
     }
-    let history = settings.history_length.unwrap_or(1).clamp(1, 1 << 20);
     if history > 1 {
         term.insert("history".into(), (history as i64).into());
     }

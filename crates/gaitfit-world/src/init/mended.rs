@@ -1,9 +1,8 @@
 //! A robot file for a first task: as it is if it reads, else mended and written anew.
 //!
-//! What a strict reading refuses is mended where the robot stays the same to walk with: feet that are meshes get simple shapes.
-//! Links without mass get a mass, motors without rotor inertia get one, unknown parts
-//! are left out. The result is a robot file of its own, which every command and MuJoCo read as any other; every change is
-//! listed in it.
+//! What a strict reading refuses is mended where the robot stays the same to walk with: feet that are meshes get simple shapes,
+//! links without mass get a mass, motors without rotor inertia get one, unknown parts are left out. The result is a robot file
+//! of its own, which every command and MuJoCo read as any other; every change is listed in it.
 
 use super::anatomy::made_up;
 use super::feet::{Added, fit_feet};
