@@ -269,13 +269,13 @@ impl<S: OnGpu> Simulator for GpuSimulator<S> {
                 None => None,
             });
         }
-        let mut found: Vec<Option<Evaluation>> = vec![None; jobs.len()];
+        let mut evaluations: Vec<Option<Evaluation>> = vec![None; jobs.len()];
         let (on_gpu, others): (Vec<usize>, Vec<usize>) =
             (0..jobs.len()).partition(|&job| there[jobs[job].cost].is_some());
         if !others.is_empty() {
             let rest: Vec<Job> = others.iter().map(|&job| jobs[job].clone()).collect();
             for (job, evaluation) in others.into_iter().zip(accumulate(self, theta, costs, &rest, cancel)?) {
-                found[job] = Some(evaluation);
+                evaluations[job] = Some(evaluation);
             }
         }
         let rollout = |&job: &usize| {
@@ -293,12 +293,12 @@ impl<S: OnGpu> Simulator for GpuSimulator<S> {
         let robots = self.jobs(theta, &rollouts)?;
         let parts = self.gpu().candidates.parts(self.host.subject(), &robots, &compared, cancel);
         for (&job, parts) in on_gpu.iter().zip(&parts.map_err(failed)?) {
-            found[job] = there[jobs[job].cost].as_ref().map(|pieces| evaluation(pieces, parts));
+            evaluations[job] = there[jobs[job].cost].as_ref().map(|pieces| evaluation(pieces, parts));
         }
         if cancel() {
             return Err(SimulatorError::Cancelled.into());
         }
-        found.into_iter().collect::<Option<Vec<_>>>().ok_or(FitError::Incomplete)
+        evaluations.into_iter().collect::<Option<Vec<_>>>().ok_or(FitError::Incomplete)
     }
 }
 
@@ -389,10 +389,10 @@ mod tests {
                 let wanted = accumulator.finish().unwrap().total;
                 let pieces = cost.pieces().unwrap();
                 let distances = matches!(pieces, Pieces::Distances(_));
-                let found = evaluation(&pieces, &parts(&given, LENGTHS[0], ends, distances));
-                assert_eq!(found.falls, falls);
-                let apart = (found.cost.unwrap() - wanted).abs();
-                assert!(apart < 1e-12, "{}, {ends:?}: {found:?}, not {wanted}", cost.name());
+                let evaluation = evaluation(&pieces, &parts(&given, LENGTHS[0], ends, distances));
+                assert_eq!(evaluation.falls, falls);
+                let apart = (evaluation.cost.unwrap() - wanted).abs();
+                assert!(apart < 1e-12, "{}, {ends:?}: {evaluation:?}, not {wanted}", cost.name());
             }
         }
     }

@@ -190,10 +190,12 @@ impl Filled {
         let samples = (track.base_position.len() / 3).max(1);
         let width = track.position.len() / samples;
         for &row in &self.rows {
-            for (own, log) in [(&mut track.position, &self.position), (&mut track.velocity, &self.velocity)] {
-                let end = ((row + every + 1) * width).min(own.len()).min(log.len());
+            for (simulated, logged) in
+                [(&mut track.position, &self.position), (&mut track.velocity, &self.velocity)]
+            {
+                let end = ((row + every + 1) * width).min(simulated.len()).min(logged.len());
                 let cells = (row * width).min(end)..end;
-                own[cells.clone()].copy_from_slice(&log[cells]);
+                simulated[cells.clone()].copy_from_slice(&logged[cells]);
             }
         }
         track

@@ -126,8 +126,8 @@ impl Suspicion {
             .map(|entry| place(&entry.name).map_or(entry.start, |at| values[at]))
             .collect();
         let problem = Problem { theta: &theta, ..problem };
-        let found = descend(problem, &start, STEPS, TOLERANCE).map_err(Error::failed)?;
-        let Some((found, cost)) = found else { return Ok(None) };
+        let minimum = descend(problem, &start, STEPS, TOLERANCE).map_err(Error::failed)?;
+        let Some((end, cost)) = minimum else { return Ok(None) };
         let mut suspect = Suspect {
             what: self.what.to_owned(),
             remedy: self.remedy.to_owned(),
@@ -135,7 +135,7 @@ impl Suspicion {
             cost,
             moved: values.to_vec(),
         };
-        for (entry, value) in theta.entries().iter().zip(&found) {
+        for (entry, value) in theta.entries().iter().zip(&end) {
             match place(&entry.name) {
                 Some(at) => suspect.moved[at] = *value,
                 None => suspect.values.push((entry.name.clone(), *value)),
