@@ -45,25 +45,25 @@ impl Pair {
 /// See [`crate::effects()`].
 pub(crate) fn effects(scene: &Scene<'_>) -> Vec<Effect> {
     let Some(pairs) = Pairs::new(scene) else { return Vec::new() };
-    let mut found = Vec::new();
+    let mut effects = Vec::new();
     let tilts = pairs.rows(|pair| pair.tilt.to_vec());
     if let Some(base) = pairs.base(&tilts) {
-        found.push(Effect::new(EffectKind::UnevenGround, "", base.scatter(), 1.0));
+        effects.push(Effect::new(EffectKind::UnevenGround, "", base.scatter(), 1.0));
     }
     // The torque of a standing leg's joint rarely changes its sign, so play looks like a wrong zero of its encoder.
     let rows = independent(pairs.rows(|pair| [&pair.tilt[..], &pair.zeros].concat()));
-    let Some(base) = pairs.base(&rows) else { return found };
+    let Some(base) = pairs.base(&rows) else { return effects };
     let mut add = |kind: EffectKind, of: &str, scale: f64, column: Vec<f64>| {
         if let Some((size, share)) = base.added(&column) {
             let size = Estimate { value: scale * size.value, error: scale * size.error };
-            found.push(Effect::new(kind, of, size, share));
+            effects.push(Effect::new(kind, of, size, share));
         }
     };
     for (place, (name, _)) in scene.groups.iter().enumerate() {
         add(EffectKind::Elasticity, name, 1.0, pairs.column(|pair| pair.twist[place]));
         add(EffectKind::Backlash, name, 2.0, pairs.column(|pair| pair.play[place]));
     }
-    found
+    effects
 }
 
 /// See [`crate::tilt_beside_twist()`].

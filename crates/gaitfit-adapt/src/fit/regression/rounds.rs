@@ -110,10 +110,10 @@ pub(super) struct Rounds<'a> {
 }
 
 impl Rounds<'_> {
-    /// All rounds, and the predictions of the last one. The first round is around `found`.
-    pub fn run(&self, found: &[f64]) -> Result<(Vec<Drawn>, Posteriors), NoEstimate> {
+    /// All rounds, and the predictions of the last one. The first round is around `values`.
+    pub fn run(&self, values: &[f64]) -> Result<(Vec<Drawn>, Posteriors), NoEstimate> {
         let entries = self.theta.entries();
-        let mut centre = found.to_vec();
+        let mut centre = values.to_vec();
         let mut half: Vec<f64> = entries.iter().map(|entry| FIRST * entry.deviation).collect();
         let (mut all, mut rounds, mut latest) = (Robots::default(), Vec::<Drawn>::new(), None::<Posteriors>);
         for round in 0..MAX_ROUNDS {
@@ -210,15 +210,15 @@ impl Rounds<'_> {
                 robots.logs.push(logs.clone());
             }
         }
-        let found = near
+        let estimate = near
             .estimate(&self.logs.numbers, &self.logs.groups, self.logs.threads)
             .ok_or_else(|| because("The logs of simulated robots are all alike, or too few."))?;
         let with_priors = |values: &[f64], deviations: &[f64]| {
-            with_priors(self.theta, values, deviations, &found.left_out)
+            with_priors(self.theta, values, deviations, &estimate.left_out)
                 .ok_or_else(|| because("The values of simulated robots cannot be told apart."))
         };
-        let groups = with_priors(&found.values, &found.deviations())?;
-        let together = with_priors(&found.together, &found.deviations_together())?;
+        let groups = with_priors(&estimate.values, &estimate.deviations())?;
+        let together = with_priors(&estimate.together, &estimate.deviations_together())?;
         let drawn = Drawn {
             lower,
             upper,
@@ -227,9 +227,9 @@ impl Rounds<'_> {
             deviation: groups.deviations.clone(),
             together: together.values.clone(),
             together_deviation: together.deviations.clone(),
-            errors: found.errors,
-            scatter: found.scatter,
-            disagreement: found.disagreement,
+            errors: estimate.errors,
+            scatter: estimate.scatter,
+            disagreement: estimate.disagreement,
         };
         Ok((drawn, Posteriors { groups, together, robots: near.len() }))
     }
