@@ -284,7 +284,7 @@ fn play(
     let templates: Vec<Trajectory> = sequences.iter().enumerate().map(template).collect();
     let scripts: Vec<_> = templates.iter().map(|one| script(walker, one)).collect();
     let job = follow::Job { candidate: world.candidate.clone(), reset_every: None, seed };
-    let found = Mutex::new(vec![None; scripts.len()]);
+    let logs = Mutex::new(vec![None; scripts.len()]);
     let keep = |_: usize, number: usize, track: &follow::Track| {
         let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect::<Vec<f64>>();
         let made = Recorded::new(walker, &scripts[number], track);
@@ -294,7 +294,7 @@ fn play(
             base.position = Some(wide(&track.base_position));
             base.linear_velocity = Some(wide(&track.base_velocity));
         }
-        found.lock().unwrap_or_else(PoisonError::into_inner)[number] = Some((log, fell_at));
+        logs.lock().unwrap_or_else(PoisonError::into_inner)[number] = Some((log, fell_at));
     };
     let amount = Amount { what: "log", parts: "logs", total: scripts.len(), pieces: scripts.len() };
     watch.shared(amount, |done| {
@@ -306,7 +306,7 @@ fn play(
             watch.stop()
         })
     })?;
-    let found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let logs = logs.into_inner().unwrap_or_else(PoisonError::into_inner);
     let cut = |(number, one): (usize, Option<(Trajectory, Option<usize>)>)| {
         // What is missing was not simulated: the watch stopped it.
         let (log, fell_at) = one?;
@@ -316,7 +316,7 @@ fn play(
         let fell = fell_at.is_some();
         Some(Recording { trajectory: Trajectory { time, fell, ..trajectory }, fell })
     };
-    Ok(found.into_iter().enumerate().filter_map(cut).collect())
+    Ok(logs.into_iter().enumerate().filter_map(cut).collect())
 }
 
 /// Refuses logs without a row, or of more rows than memory holds. `key`: the setting; `period`: of control, s.
