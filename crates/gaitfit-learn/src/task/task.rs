@@ -331,9 +331,9 @@ fn velocity_joints(model: &Model, wanted: &[String], moved: &[usize]) -> Result<
         return Ok(Vec::new());
     }
     let names: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
-    let found = patterns::covered(wanted, &model.name, &names)
+    let joints = patterns::covered(wanted, &model.name, &names)
         .or_else(|error| refuse("policy.velocity_joints", format!("is wrong: {error}")))?;
-    match found.iter().find(|joint| !moved.contains(joint)) {
+    match joints.iter().find(|joint| !moved.contains(joint)) {
         Some(&joint) => {
             let what = format!(
                 "covers `{}`, which the policy does not move; add it to policy.joints",
@@ -341,7 +341,7 @@ fn velocity_joints(model: &Model, wanted: &[String], moved: &[usize]) -> Result<
             );
             refuse("policy.velocity_joints", what)
         }
-        None => Ok(found),
+        None => Ok(joints),
     }
 }
 

@@ -71,9 +71,9 @@ pub trait Engine: Send + Sync {
         let recordings = replay.recordings().len();
         let all = Mutex::new(vec![f64::NAN; candidates.len() * recordings]);
         let consume = |candidate: usize, recording: usize, signals: &JointSignals| {
-            let found = cost(recording, signals);
+            let value = cost(recording, signals);
             let mut all = all.lock().unwrap_or_else(PoisonError::into_inner);
-            all[candidate * recordings + recording] = found;
+            all[candidate * recordings + recording] = value;
         };
         self.replay(replay, candidates, &consume, cancel)?;
         Ok(all.into_inner().unwrap_or_else(PoisonError::into_inner))

@@ -112,8 +112,8 @@ impl Devices {
 
     /// Why the processor computes instead, if `auto` found these devices and they do not do what is asked.
     pub fn instead(&self, error: &Error) -> Option<String> {
-        let found = self.0.iter().all(|device| matches!(device, Device::Found(_)));
-        let reason = error.refusal().filter(|_| found)?;
+        let automatic = self.0.iter().all(|device| matches!(device, Device::Found(_)));
+        let reason = error.refusal().filter(|_| automatic)?;
         Some(format!("the CPU computes, not {self}: {reason}"))
     }
 
