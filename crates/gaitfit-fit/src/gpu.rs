@@ -156,7 +156,7 @@ fn measured(reference: &Reference, samples: usize, dimensions: usize) -> Measure
     let (joints, recordings) = (reference.joints().len(), reference.recordings());
     let counted = reference.counted();
     let mut sorted = vec![0.0; dimensions * counted];
-    let mut all = vec![0.0; recordings * samples * dimensions];
+    let mut recorded = vec![0.0; recordings * samples * dimensions];
     for signal in Signal::ALL {
         let (first, width) = (place(signal, joints), signal.width(joints));
         if first + width > dimensions {
@@ -169,11 +169,11 @@ fn measured(reference: &Reference, samples: usize, dimensions: usize) -> Measure
             let rows = reference.recorded(signal, recording).unwrap_or_default().chunks_exact(width);
             for (row, values) in rows.enumerate() {
                 let at = (recording * samples + reference.skip() + row) * dimensions + first;
-                all[at..at + width].copy_from_slice(values);
+                recorded[at..at + width].copy_from_slice(values);
             }
         }
     }
-    Measured { skip: reference.skip(), sorted, samples: all }
+    Measured { skip: reference.skip(), sorted, samples: recorded }
 }
 
 /// Why a GPU could not simulate.
@@ -211,8 +211,8 @@ impl<S: OnGpu> Simulator for GpuSimulator<S> {
         cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
         let numbered = |there: bool| -> (Vec<usize>, Vec<Rollout>) {
-            let all = candidates.iter().cloned().enumerate();
-            all.filter(|(_, rollout)| self.host.resets(rollout.resets) == there).unzip()
+            let numbered = candidates.iter().cloned().enumerate();
+            numbered.filter(|(_, rollout)| self.host.resets(rollout.resets) == there).unzip()
         };
         let (places, rollouts) = numbered(false);
         if !rollouts.is_empty() {

@@ -115,8 +115,9 @@ impl Pairs {
             return None;
         }
         let standing = scene.grounds.iter().flat_map(|ground| &ground.feet);
-        let all: usize = standing.map(|feet| pairs_of(feet.iter().filter(|foot| stands(foot)).count())).sum();
-        let every = all.div_ceil(MAX_PAIRS).max(1);
+        let count: usize =
+            standing.map(|feet| pairs_of(feet.iter().filter(|foot| stands(foot)).count())).sum();
+        let every = count.div_ceil(MAX_PAIRS).max(1);
         let pairs: Vec<Pair> = (0..scene.walks.len()).flat_map(|log| scene.pairs(log, every)).collect();
         Some(Self {
             weights: vec![1.0; pairs.len()],

@@ -106,8 +106,8 @@ fn tilt(model: &Model, logs: &[&Trajectory], threads: usize) -> Result<Option<[E
     });
     for (number, walk) in walks.into_iter().enumerate() {
         let (walk, ground) = walk?;
-        let all = ground.feet.first().map_or(0, Vec::len);
-        if all < MIN_FEET {
+        let feet = ground.feet.first().map_or(0, Vec::len);
+        if feet < MIN_FEET {
             return Ok(None);
         }
         for point in (0..walk.points()).filter(|&point| walk.valid[point]) {

@@ -27,11 +27,11 @@ fn fingerprint(path: &Path) -> Result<String, Error> {
     if parts.is_empty() {
         return Ok(whole);
     }
-    let mut all = vec![whole];
+    let mut hashes = vec![whole];
     for part in &parts {
-        all.push(hash_file(part)?);
+        hashes.push(hash_file(part)?);
     }
-    Ok(hash(all.concat().as_bytes()))
+    Ok(hash(hashes.concat().as_bytes()))
 }
 
 /// `asked` with the robot file of the policy's training, where it names none, and what to know of that. If it names the

@@ -260,19 +260,19 @@ fn play(
     };
     let samples = period(options.seconds).max(1);
     let template = |(number, sequence): (usize, &Sequence)| {
-        let all = shift(number) + samples;
+        let rows = shift(number) + samples;
         Trajectory {
             source: None,
             robot: Some(walker.model().name.clone()),
             joints: interface.joints.clone(),
             velocity_joints: interface.velocity_joints.clone(),
-            time: (0..all).map(|sample| sample as f64 * dt).collect(),
+            time: (0..rows).map(|sample| sample as f64 * dt).collect(),
             rate_hz: 1.0 / dt,
-            position: interface.default_pose.repeat(all),
-            velocity: vec![0.0; all * interface.joints.len()],
+            position: interface.default_pose.repeat(rows),
+            velocity: vec![0.0; rows * interface.joints.len()],
             target: None,
             action: None,
-            command: Some((0..all).flat_map(|sample| sequence.at(sample as f64 * dt)).collect()),
+            command: Some((0..rows).flat_map(|sample| sequence.at(sample as f64 * dt)).collect()),
             motion: None,
             base: None,
             gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),

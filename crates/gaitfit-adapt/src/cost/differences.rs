@@ -50,7 +50,7 @@ impl<'a> Differences<'a> {
         let reference = self.reference;
         let width = self.width();
         let rows = reference.samples(recording) - reference.skip();
-        let mut all = vec![0.0f32; rows * width];
+        let mut differences = vec![0.0f32; rows * width];
         let mut column = 0;
         for signal in self.weights.signals() {
             let joints = signal.width(reference.joints().len());
@@ -70,7 +70,7 @@ impl<'a> Differences<'a> {
                 dimensions.iter().enumerate().filter_map(|(place, one)| Some((place, one.scale?)))
             {
                 let factor = weight * scale;
-                for (row, numbers) in all.chunks_exact_mut(width).enumerate() {
+                for (row, numbers) in differences.chunks_exact_mut(width).enumerate() {
                     let at = row * joints + dimension;
                     numbers[column] = match counted.matrix.get(at) {
                         Some(&number) => (factor * of(f64::from(number), measured[at])) as f32,
@@ -80,6 +80,6 @@ impl<'a> Differences<'a> {
                 column += 1;
             }
         }
-        Ok(all)
+        Ok(differences)
     }
 }

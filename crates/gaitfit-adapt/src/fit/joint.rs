@@ -62,8 +62,9 @@ pub(super) fn joint(
     }
     let ones = moves_of_one(&free);
     let twos = moves_of_two(&free);
-    let all: Vec<Vec<f64>> = ones.iter().chain(&twos).map(|moved| around.moved(&free, moved)).collect();
-    let Some(costs) = around.costs(around.simulator, views, &all)? else { return Ok(()) };
+    let candidates: Vec<Vec<f64>> =
+        ones.iter().chain(&twos).map(|moved| around.moved(&free, moved)).collect();
+    let Some(costs) = around.costs(around.simulator, views, &candidates)? else { return Ok(()) };
     let (single, double) = costs.split_at(ones.len());
     let curvature = curvature(around.centre[0].powi(2), single, double, free.len());
     let Some((inverse, flat)) = inverse(&curvature) else { return Ok(()) };
@@ -80,7 +81,7 @@ pub(super) fn joint(
     let mut shifts: Vec<f64> = (0..free.len()).map(along).collect();
     let whole = Views::whole(views.cost(), around.simulator.recordings());
     for alternative in alternatives {
-        let singles = &all[..ones.len()];
+        let singles = &candidates[..ones.len()];
         let Some(costs) = around.costs(alternative.simulator, &whole, singles)? else { continue };
         let step = -(&inverse * (slope(&costs, 0) - &here));
         shifts.iter_mut().zip(step.iter()).for_each(|(sum, step)| *sum += step * step);

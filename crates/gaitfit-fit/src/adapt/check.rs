@@ -69,8 +69,8 @@ pub(super) fn checks(setup: &Setup, first: &CostFit, doubts: &[Doubt], fitted: &
         checks.push(Check::holds("converged", first.converged, &evidence));
     }
     if check.sound {
-        let all = doubts.iter().map(|doubt| format!("{}: {}", doubt.kind.headline(), doubt.text));
-        let evidence = all.collect::<Vec<_>>().join(" ");
+        let texts = doubts.iter().map(|doubt| format!("{}: {}", doubt.kind.headline(), doubt.text));
+        let evidence = texts.collect::<Vec<_>>().join(" ");
         checks.push(Check::holds("sound", doubts.is_empty(), &evidence));
     }
     if let Some(limit) = check.cost {

@@ -142,8 +142,9 @@ fn mean_error_percent(parameters: &[Parameter]) -> Option<f64> {
 /// Widens the interval of a load's mass by the interval of its distance. Walks show the load's moment, mass × distance,
 /// better than either factor. But the interval of the mass is measured at one distance.
 fn widen_load_mass(parameters: &mut [Parameter]) {
-    let place =
-        |kind: RobotNumber, all: &[Parameter]| all.iter().position(|one| one.found.name == kind.name());
+    let place = |kind: RobotNumber, parameters: &[Parameter]| {
+        parameters.iter().position(|one| one.found.name == kind.name())
+    };
     let places = [RobotNumber::PayloadMass, RobotNumber::PayloadX].map(|kind| place(kind, parameters));
     let [Some(mass), Some(distance)] = places else { return };
     let (x, ends) = (parameters[distance].found.value, parameters[distance].interval);

@@ -111,8 +111,8 @@ impl Comparison {
     fn over(policy: &Policy, logs: &[&Trajectory], shift: isize, max: usize) -> Self {
         let interface = &policy.interface;
         let joints = interface.joints.len();
-        let all: usize = logs.iter().map(|log| log.len()).sum();
-        let every = all.div_ceil(max).max(1);
+        let samples: usize = logs.iter().map(|log| log.len()).sum();
+        let every = samples.div_ceil(max).max(1);
         let spread = spread(logs, joints);
         let mut this =
             Self { joints, samples: Vec::new(), logged: Vec::new(), predicted: Vec::new(), exact: true };
@@ -246,11 +246,12 @@ fn mean(values: &[f64], joints: usize) -> Vec<f64> {
 
 /// Standard deviation of each joint's actions over all logs; 1 where they stand still.
 pub fn spread(logs: &[&Trajectory], joints: usize) -> Vec<f64> {
-    let all: Vec<f64> = logs.iter().flat_map(|log| log.action.iter().flatten().copied()).collect();
-    let rows = (all.len() / joints).max(1) as f64;
-    let mean = mean(&all, joints);
+    let actions: Vec<f64> = logs.iter().flat_map(|log| log.action.iter().flatten().copied()).collect();
+    let rows = (actions.len() / joints).max(1) as f64;
+    let mean = mean(&actions, joints);
     let spread_of_joint = |joint: usize| {
-        let squares = all.iter().skip(joint).step_by(joints).map(|x| (x - mean[joint]).powi(2)).sum::<f64>();
+        let squares =
+            actions.iter().skip(joint).step_by(joints).map(|x| (x - mean[joint]).powi(2)).sum::<f64>();
         let spread = (squares / rows).sqrt();
         if spread > 1e-9 { spread } else { 1.0 }
     };

@@ -129,10 +129,10 @@ impl Recorder {
         let begins = |job: &follow::Job| -> Vec<Beginning> {
             self.scripts.iter().map(|script| (0, script.begins(job.seed).clone())).collect()
         };
-        let all = |robot: usize, tracks: Vec<Track>| {
+        let keep_all = |robot: usize, tracks: Vec<Track>| {
             tracks.iter().enumerate().for_each(|(number, track)| keep(robot, number, track));
         };
-        let left = self.on_gpu(gpu.as_ref(), &jobs, &|robot| begins(&jobs[robot]), &all, cancel);
+        let left = self.on_gpu(gpu.as_ref(), &jobs, &|robot| begins(&jobs[robot]), &keep_all, cancel);
         let rest: Vec<follow::Job> = left.iter().map(|&robot| jobs[robot].clone()).collect();
         let pass = |robot: usize, number: usize, track: &Track| keep(left[robot], number, track);
         follow::follow(&task.walker, policy, &self.scripts, &rest, *threads, &pass, cancel)?;
@@ -185,10 +185,10 @@ impl Recorder {
             self.walk_gpu.get_or_init(|| GpuLogs::new(&self.walking, &self.plain, self.max_samples_before()));
         let jobs: Vec<follow::Job> = (0..robots.len()).map(job).collect();
         let begins = |robot: usize| self.unknown_starts(seed, number(robot));
-        let all = |robot: usize, tracks: Vec<Track>| {
+        let take_all = |robot: usize, tracks: Vec<Track>| {
             keep(robot, tracks.iter().map(|track| kept(track, joints, 0)).collect());
         };
-        let left = self.on_gpu(gpu.as_ref(), &jobs, &begins, &all, cancel);
+        let left = self.on_gpu(gpu.as_ref(), &jobs, &begins, &take_all, cancel);
         let failed: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
         let one = |robot: usize| {
             let begins = begins(robot);

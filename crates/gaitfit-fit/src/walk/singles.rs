@@ -49,9 +49,9 @@ pub fn examine(
 /// Settings for further examinations of the same logs: the clearance of the first one, the next lower and the next higher one. A
 /// spring does not change when feet touch the ground.
 fn near(first: &SwingReport, settings: &SwingSettings) -> SwingSettings {
-    let all = &settings.clearances_m;
-    let place = all.iter().position(|&clearance| clearance >= first.clearance_m).unwrap_or_default();
-    let clearances_m = all[place.saturating_sub(1)..all.len().min(place + 2)].to_vec();
+    let clearances = &settings.clearances_m;
+    let place = clearances.iter().position(|&clearance| clearance >= first.clearance_m).unwrap_or_default();
+    let clearances_m = clearances[place.saturating_sub(1)..clearances.len().min(place + 2)].to_vec();
     SwingSettings { clearances_m, ..settings.clone() }
 }
 

@@ -148,7 +148,7 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
             kinds.push(kind);
         }
     }
-    let mut all = Vec::new();
+    let mut summaries = Vec::new();
     for (kind, direction) in kinds {
         for level in 0..settings.levels {
             let here = || {
@@ -163,7 +163,7 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
                 (0..settings.columns).find(|&column| place(Cell { level, column }) == (kind, direction));
             let cell = Cell { level, column: column.unwrap_or_default() };
             let speeds: Vec<f64> = here().map(|one| one.distance / one.seconds.max(1e-9)).collect();
-            all.push(CrossingSummary {
+            summaries.push(CrossingSummary {
                 kind,
                 direction,
                 level,
@@ -175,5 +175,5 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
             });
         }
     }
-    all
+    summaries
 }

@@ -52,9 +52,9 @@ impl Task {
         check_pose(model, &pose)?;
         let name = |&joint: &usize| model.joints[joint].name.clone();
         let moved = moved(model, &policy.joints)?;
-        let all: Vec<usize> = (0..model.joints.len()).collect();
-        let kp = policy.kp.of_joints(model, &all, "policy.kp")?;
-        let kd = policy.kd.of_joints(model, &all, "policy.kd")?;
+        let joints: Vec<usize> = (0..model.joints.len()).collect();
+        let kp = policy.kp.of_joints(model, &joints, "policy.kp")?;
+        let kd = policy.kd.of_joints(model, &joints, "policy.kd")?;
         let clip = match &policy.action_clip {
             None => None,
             Some(JointNumber::All(clip)) => Some(ActionClip::All(*clip)),
@@ -63,7 +63,7 @@ impl Task {
         let velocities = velocity_joints(model, &policy.velocity_joints, &moved)?;
         let unseen: Vec<bool> = moved.iter().map(|joint| velocities.contains(joint)).collect();
         let seen = |terms: &[Term]| terms.iter().map(|term| without_angles(term, &unseen)).collect();
-        let held = all.iter().filter(|joint| !moved.contains(joint) && !model.only_follows(**joint));
+        let held = joints.iter().filter(|joint| !moved.contains(joint) && !model.only_follows(**joint));
         let held = held.map(|&joint| Held {
             joint: name(&joint),
             position: pose[joint],

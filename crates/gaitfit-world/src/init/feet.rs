@@ -193,20 +193,20 @@ impl Sight {
         soles: bool,
     ) -> Option<(Fitted, usize)> {
         let (body, _) = *self.points.iter().min_by(|(_, a), (_, b)| a[2].total_cmp(&b[2]))?;
-        let all: Vec<Vec3> = self.points.iter().map(|(_, point)| *point).collect();
+        let points: Vec<Vec3> = self.points.iter().map(|(_, point)| *point).collect();
         let last = &model.joints[*limb.path.last()?];
         let turns = last.kind.is_hinge() && last.range.is_none_or(|[low, high]| high - low > WHEEL_RANGE);
         if turns && !self.guess {
             let frame = &frames[last.body];
             let axis = rotate(frame.quaternion, last.axis);
-            if let Some(wheel) = wheel(&all, frame.point(last.pos), axis) {
+            if let Some(wheel) = wheel(&points, frame.point(last.pos), axis) {
                 return Some((wheel, last.body));
             }
         }
         // The foot's own mesh, without the shank that it is fixed to.
         let of_body: Vec<Vec3> =
             self.points.iter().filter(|(other, _)| *other == body).map(|(_, point)| *point).collect();
-        foot(&of_body, leg, soles).or_else(|| foot(&all, leg, soles)).map(|foot| (foot, body))
+        foot(&of_body, leg, soles).or_else(|| foot(&points, leg, soles)).map(|foot| (foot, body))
     }
 }
 

@@ -246,9 +246,9 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
         now[2] - before[2]
     };
     let coupled = |angles: &[f64]| {
-        let mut all = angles.to_vec();
-        model.couple(&mut all);
-        body_frames(model, &Frame::WORLD, &all)
+        let mut coupled = angles.to_vec();
+        model.couple(&mut coupled);
+        body_frames(model, &Frame::WORLD, &coupled)
     };
     let cost = |angles: &[f64]| {
         let frames = coupled(angles);

@@ -44,8 +44,8 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
         watch.note("without the robot there is one round");
     }
     let mut stages = Stages::new(setup, folder, target, watch)?;
-    let all = count(setup, max, stages.target.as_ref());
-    stages = stages.counted(all);
+    let stage_count = count(setup, max, stages.target.as_ref());
+    stages = stages.counted(stage_count);
     let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
     let mut evaluations = Vec::new();
     evaluations.extend(measurement(TARGET, stages.on_target("policy-0", &first)?));

@@ -314,9 +314,9 @@ impl Inputs<'_> {
         // Hinges and slides have rules of their own.
         parameters.dedup();
         let numbers = setup.config.number.iter().map(|rule| rule.kind.name());
-        let all: Vec<&str> = parameters.into_iter().chain(numbers).collect();
-        let delay = if all.contains(&"delay") { "" } else { "; the delay is taken as 0" };
-        add("fitted", format!("{}{delay}", all.join(", ")));
+        let fitted: Vec<&str> = parameters.into_iter().chain(numbers).collect();
+        let delay = if fitted.contains(&"delay") { "" } else { "; the delay is taken as 0" };
+        add("fitted", format!("{}{delay}", fitted.join(", ")));
         if let Some(delay) = self::delay(setup) {
             add("delay", delay);
         }

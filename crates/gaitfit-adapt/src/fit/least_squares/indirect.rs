@@ -111,8 +111,8 @@ impl Round {
     /// Standard deviation of that mean.
     fn noise(&self) -> Vec<f64> {
         let standard_error = |at: usize| {
-            let all: Vec<f64> = self.fits.iter().map(|fit| fit[at]).collect();
-            gaitfit_sim::stats::deviation(&all).unwrap_or(0.0) / (all.len().max(1) as f64).sqrt()
+            let values: Vec<f64> = self.fits.iter().map(|fit| fit[at]).collect();
+            gaitfit_sim::stats::deviation(&values).unwrap_or(0.0) / (values.len().max(1) as f64).sqrt()
         };
         (0..self.values.len()).map(standard_error).collect()
     }
@@ -299,8 +299,8 @@ impl Inference<'_> {
         });
         let spread = |at: usize| {
             let variance = |round: &&Round| {
-                let all: Vec<f64> = round.fits.iter().map(|fit| fit[at]).collect();
-                gaitfit_sim::stats::deviation(&all).unwrap_or(0.0).powi(2)
+                let values: Vec<f64> = round.fits.iter().map(|fit| fit[at]).collect();
+                gaitfit_sim::stats::deviation(&values).unwrap_or(0.0).powi(2)
             };
             mean(last.iter().map(variance)).sqrt()
         };

@@ -28,9 +28,9 @@ pub(super) struct Loss {
 impl Loss {
     /// With the elbow that suits `residuals`.
     pub fn new(residuals: &Residuals) -> Self {
-        let mut all: Vec<f32> =
+        let mut sizes: Vec<f32> =
             residuals.recordings.iter().flatten().map(|residual| residual.abs()).collect();
-        let median = quantile(&mut all, 0.5);
+        let median = quantile(&mut sizes, 0.5);
         Self { elbow: (ELBOW * f64::from(median)).max(ROUNDING) }
     }
 
@@ -173,9 +173,9 @@ impl Normal {
 
     /// Of all samples.
     pub fn whole(jacobian: &Jacobian, residuals: &Residuals, loss: Loss) -> Self {
-        let mut all = Self::zero(jacobian.entries());
+        let mut sum = Self::zero(jacobian.entries());
         for (recording, of_recording) in residuals.recordings.iter().enumerate() {
-            all.add(&Self::new(
+            sum.add(&Self::new(
                 jacobian,
                 residuals,
                 loss,
@@ -183,7 +183,7 @@ impl Normal {
                 0..of_recording.len() / jacobian.width.max(1),
             ));
         }
-        all
+        sum
     }
 
     /// The step that lowers the loss of the local quadratic model most, with `damping` times the diagonal added

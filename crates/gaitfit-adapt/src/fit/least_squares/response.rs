@@ -47,12 +47,12 @@ impl Response {
         let last = robots.last()?;
         let weights: Vec<f64> =
             robots.iter().map(|robot| 1.0 / (1.0 + (robot - last).norm_squared())).collect();
-        let all: f64 = weights.iter().sum();
+        let sum_of_weights: f64 = weights.iter().sum();
         let entries = scale.len();
         let middle = |of: &[DVector<f64>]| {
             of.iter()
                 .zip(&weights)
-                .fold(DVector::zeros(entries), |sum, (one, weight)| sum + one * (weight / all))
+                .fold(DVector::zeros(entries), |sum, (one, weight)| sum + one * (weight / sum_of_weights))
         };
         let (robot, fit) = (middle(&robots), middle(&fits));
         let noises = || rounds.iter().flat_map(|round| scaled(&round.noise).as_slice().to_vec());

@@ -188,9 +188,9 @@ struct Scaled {
 impl Scaled {
     fn new(robots: &[Vec<f64>], logs: &[f64], range: Range<usize>) -> Option<Self> {
         let varies = |at: usize| {
-            let all: Vec<f64> = robots.iter().map(|one| one[at]).collect();
-            let size = stats::deviation(&all)?;
-            (size > STEADY).then(|| (at, stats::mean(&all).unwrap_or(0.0), size))
+            let values: Vec<f64> = robots.iter().map(|one| one[at]).collect();
+            let size = stats::deviation(&values)?;
+            (size > STEADY).then(|| (at, stats::mean(&values).unwrap_or(0.0), size))
         };
         let numbers: Vec<(usize, f64, f64)> = range.filter_map(varies).collect();
         if numbers.is_empty() {

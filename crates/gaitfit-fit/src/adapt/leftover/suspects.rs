@@ -64,7 +64,7 @@ pub(super) fn suspicions(setup: &Setup) -> Vec<Suspicion> {
     let rule = |kind, per| ParameterRule { per, ..ParameterRule::new(kind) };
     let within = |lower, upper, rule| ParameterRule { lower: Some(lower), upper: Some(upper), ..rule };
     let scale = |kind| within(0.1, 10.0, ParameterRule::new(kind));
-    let all = [
+    let suspicions = [
         Suspicion {
             what: "a delay",
             remedy: "add a [[parameter]] of kind \"delay\"",
@@ -106,7 +106,7 @@ pub(super) fn suspicions(setup: &Setup) -> Vec<Suspicion> {
         one.numbers.retain(|rule| !fitted_number(rule.kind));
         (!(one.rules.is_empty() && one.numbers.is_empty())).then_some(one)
     };
-    all.into_iter().filter_map(open).collect()
+    suspicions.into_iter().filter_map(open).collect()
 }
 
 impl Suspicion {

@@ -10,8 +10,9 @@ pub(super) fn write(predictions: &[Vec<Predicted>]) -> Vec<u8> {
         let fell = one.fell_at.map_or(0, |sample| sample as u64 + 1);
         bytes.extend(fell.to_le_bytes());
         let optional = [&one.action, &one.base_position, &one.base_velocity];
-        let all = [Some(&one.position), Some(&one.velocity)].into_iter().chain(optional.map(Option::as_ref));
-        for matrix in all {
+        let matrices =
+            [Some(&one.position), Some(&one.velocity)].into_iter().chain(optional.map(Option::as_ref));
+        for matrix in matrices {
             bytes.extend(matrix.map_or(0, |matrix| matrix.len() as u64 + 1).to_le_bytes());
             matrix.into_iter().flatten().for_each(|number| bytes.extend(number.to_le_bytes()));
         }

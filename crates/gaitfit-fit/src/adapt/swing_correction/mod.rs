@@ -165,8 +165,8 @@ impl Robot<'_> {
             rows.gains.get_or_insert_with(|| gains.clone());
             rows
         };
-        let all: Vec<Trajectory> = logs.iter().map(rows).collect();
-        let real = with_strengths(&all.iter().collect::<Vec<_>>(), singles);
+        let with_gains: Vec<Trajectory> = logs.iter().map(rows).collect();
+        let real = with_strengths(&with_gains.iter().collect::<Vec<_>>(), singles);
         let (real, effects) = shown(&with_springs(self.model, singles), &real, &settings, true)?;
         if !groups_of(&real).eq(groups_of(report)) {
             return Err("other joints swing at the policy's rate than at that of the logs".to_owned());
@@ -184,7 +184,7 @@ impl Robot<'_> {
             left -= log.duration();
             first.then(|| log.clone())
         };
-        let logs: Vec<Trajectory> = all.iter().map_while(short).collect();
+        let logs: Vec<Trajectory> = with_gains.iter().map_while(short).collect();
         let recorder = Recorder::new(Arc::new(walking), self.base.clone(), &logs.iter().collect::<Vec<_>>());
         let groups = groups_of(&real).map(str::to_owned).collect();
         let counting = watch.begin(Work {

@@ -69,10 +69,10 @@ impl Kinds {
     /// Kind of each of `count` columns, and its number among those of its kind.
     pub(super) fn columns(&self, count: usize) -> Vec<(TerrainKind, usize)> {
         let shares = self.shares();
-        let all: f64 = shares.iter().map(|(_, share)| share).sum();
+        let sum: f64 = shares.iter().map(|(_, share)| share).sum();
         let mut columns: Vec<(TerrainKind, usize)> = Vec::with_capacity(count);
         for column in 0..count {
-            let place = (column as f64 + 0.5) / count as f64 * all;
+            let place = (column as f64 + 0.5) / count as f64 * sum;
             let mut so_far = 0.0;
             let chosen = shares.iter().find(|(_, share)| {
                 so_far += share;
