@@ -45,7 +45,7 @@ pub(super) struct Free {
     pub(super) size: f64,
 }
 
-/// Widens the intervals `identifications` to joint ones. Those of parameters that rest on a bound, or that the logs do not
+/// Widens the intervals of `identifications` to joint ones. Those of parameters that rest on a bound, or that the logs do not
 /// identify alone, stay; all do, if more than [`MAX_FREE`] are left or the simulation of a move diverges.
 ///
 /// # Errors

@@ -15,7 +15,8 @@ use nalgebra::DVector;
 /// Max steps to either side; the last is 2¹⁵ of a parameter's own interval.
 const STEPS: i32 = 16;
 
-/// Widens the intervals `identifications` as far as the values can move along `direction`, in units of the `free` parameters' sizes.
+/// Widens the intervals of `identifications` as far as the values can move along `direction`, in units of the `free`
+/// parameters' sizes.
 ///
 /// # Errors
 /// As [`super::evaluate`].

@@ -115,7 +115,7 @@ const TOO_ODD: f64 = 3.0;
 /// A motor that lacks more than this part of its torque does not swing a leg. A larger lack has another cause.
 const WEAKEST: f64 = -0.9;
 
-/// The causes that `findings` shows, the largest weight first.
+/// The causes that `findings` show, the largest weight first.
 pub fn causes(findings: &SwingFindings) -> Vec<Cause> {
     let mut causes = sensors(findings);
     let (swings, others): (Vec<&Effect>, Vec<&Effect>) =

@@ -12,8 +12,8 @@ use gaitfit_swing::{Effect, EffectKind, Walk, estimate_walks};
 /// Max number of times that logs are examined again with the springs and strengths that were found.
 const SINGLE_ROUNDS: usize = 4;
 
-/// Looks for springs and strengths of single joints in `findings`, which come from these walks, and examines the walks again with
-/// the largest one, until there are no more.
+/// Looks for springs and strengths of single joints in `findings`, which come from these walks, and examines the walks again
+/// with the largest one, until there are no more.
 pub fn examine(
     findings: &mut SwingFindings,
     model: &Model,

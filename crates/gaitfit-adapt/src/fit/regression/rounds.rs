@@ -187,8 +187,8 @@ impl Rounds<'_> {
         (0..count).map(robot).collect()
     }
 
-    /// Simulates the robots `drawn` of a round and adds them to `robots`. Learns the values from them and from the earlier robots
-    /// between the bounds.
+    /// Simulates the robots `drawn` of a round and adds them to `robots`. Learns the values from them and from the earlier
+    /// robots between the bounds.
     fn learn(
         &self,
         robots: &mut Robots,
