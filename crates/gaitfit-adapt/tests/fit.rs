@@ -157,8 +157,8 @@ fn both_costs_find_the_truth_and_agree() {
         move |values: &[Vec<f64>]| {
             let jobs: Vec<Job> =
                 values.iter().map(|values| Job { cost, values: values.clone(), draw: 0 }).collect();
-            let found = evaluate(simulator, theta, costs, &FallPenalty::NONE, &jobs, &never)?;
-            Ok(found.into_iter().map(|found| found.cost).collect())
+            let evaluations = evaluate(simulator, theta, costs, &FallPenalty::NONE, &jobs, &never)?;
+            Ok(evaluations.into_iter().map(|evaluation| evaluation.cost).collect())
         }
     };
     let agreements = compare(&outcomes[0], &outcomes[1], on(0), on(1)).unwrap();

@@ -200,8 +200,8 @@ fn privileged_costs_are_sharp_at_the_truth() {
         while fit.step(&never).unwrap().is_some() {}
         // MatchR does not look at the base, which alone shows the second value.
         let shown = if name.starts_with("matchr") { 1 } else { 2 };
-        for (found, truth) in fit.outcomes()[0].values().iter().zip(TRUTH).take(shown) {
-            assert!((found / truth - 1.0).abs() < 1e-3, "{name}: {found} {truth}");
+        for (value, truth) in fit.outcomes()[0].values().iter().zip(TRUTH).take(shown) {
+            assert!((value / truth - 1.0).abs() < 1e-3, "{name}: {value} {truth}");
         }
     }
 }

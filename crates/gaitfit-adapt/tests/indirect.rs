@@ -156,20 +156,26 @@ fn correction(outcome: &CostOutcome) -> &Correction {
 fn attenuation_and_the_noise_that_makes_it_are_found() {
     let (outcome, refused) = fitted(0.4, 1, &Toy::new(1.0));
     assert_eq!(refused, None);
-    let found = correction(&outcome);
+    let corrected = correction(&outcome);
     // Least squares take noise of the readings for a loss of memory.
-    assert!(found.uncorrected[0] < 0.97 * TRUTH[0] && found.uncorrected[1] > 1.06 * TRUTH[1], "{found:?}");
-    assert!((found.torque_noise / 0.4 - 1.0).abs() < 0.2, "{}", found.torque_noise);
+    assert!(
+        corrected.uncorrected[0] < 0.97 * TRUTH[0] && corrected.uncorrected[1] > 1.06 * TRUTH[1],
+        "{corrected:?}"
+    );
+    assert!((corrected.torque_noise / 0.4 - 1.0).abs() < 0.2, "{}", corrected.torque_noise);
     for (value, truth) in outcome.values().iter().zip(TRUTH) {
         assert!((value / truth - 1.0).abs() < 0.05, "{value} for {truth}");
     }
-    assert_eq!(outcome.parameters[0].uncorrected, Some(found.uncorrected[0]));
+    assert_eq!(outcome.parameters[0].uncorrected, Some(corrected.uncorrected[0]));
     // The cost is that of the corrected values: they predict the readings worse.
     assert!(outcome.best_cost > outcome.runs[0].best_cost);
     // A process without noise is left where it is.
     let (outcome, _) = fitted(0.0, 2, &Toy::new(1.0));
-    let found = correction(&outcome);
-    assert!(found.by().iter().zip(&found.spread).all(|(by, spread)| by.abs() < 3.0 * spread), "{found:?}");
+    let corrected = correction(&outcome);
+    assert!(
+        corrected.by().iter().zip(&corrected.spread).all(|(by, spread)| by.abs() < 3.0 * spread),
+        "{corrected:?}"
+    );
 }
 
 #[test]
@@ -205,11 +211,14 @@ fn how_a_fit_answers_to_the_robot_is_learnt() {
     // With twice the noise a fit moves by one and a half of what the process moves by.
     let (outcome, refused) = fitted(0.8, 7, &Toy::new(1.0));
     assert_eq!(refused, None);
-    let found = correction(&outcome);
-    assert!(found.uncorrected[0] < 0.9 * TRUTH[0] && found.uncorrected[1] > 1.25 * TRUTH[1], "{found:?}");
-    assert!(found.response[0][0] < 0.8, "{:?}", found.response);
+    let corrected = correction(&outcome);
+    assert!(
+        corrected.uncorrected[0] < 0.9 * TRUTH[0] && corrected.uncorrected[1] > 1.25 * TRUTH[1],
+        "{corrected:?}"
+    );
+    assert!(corrected.response[0][0] < 0.8, "{:?}", corrected.response);
     // Four rounds are not enough where the first ones go too far.
-    assert!((5..=10).contains(&found.rounds.len()), "{}", found.rounds.len());
+    assert!((5..=10).contains(&corrected.rounds.len()), "{}", corrected.rounds.len());
     let uncertainty = outcome.uncertainty.as_ref().unwrap();
     for ((value, truth), [low, high]) in outcome.values().iter().zip(TRUTH).zip(&uncertainty.interval) {
         assert!((value / truth - 1.0).abs() < 0.03, "{value} for {truth}");
@@ -221,17 +230,20 @@ fn how_a_fit_answers_to_the_robot_is_learnt() {
 fn a_change_that_fits_answer_weakly_to_is_followed_far() {
     let (outcome, refused) = fitted(0.0, 3, &Toy { shown: 0.2, ..Toy::new(1.0) });
     assert_eq!(refused, None);
-    let found = correction(&outcome);
-    assert!(found.uncorrected[0] < 0.9 * TRUTH[0] && found.uncorrected[1] < 0.7 * TRUTH[1], "{found:?}");
+    let corrected = correction(&outcome);
+    assert!(
+        corrected.uncorrected[0] < 0.9 * TRUTH[0] && corrected.uncorrected[1] < 0.7 * TRUTH[1],
+        "{corrected:?}"
+    );
     // The fifth round goes a deviation beyond where the others are, to learn the answer.
-    let moved = |at: usize| (found.rounds[at].values[1] - found.rounds[at - 1].values[1]) / 0.05;
-    assert!(moved(4) > 0.8 && moved(5) < -0.8 && moved(3) < 0.5, "{:?}", found.rounds);
+    let moved = |at: usize| (corrected.rounds[at].values[1] - corrected.rounds[at - 1].values[1]) / 0.05;
+    assert!(moved(4) > 0.8 && moved(5) < -0.8 && moved(3) < 0.5, "{:?}", corrected.rounds);
     // Its own noise does not count.
-    let noise: Vec<f64> = [5, 7].map(|at| found.rounds[at].torque_noise).to_vec();
-    assert!((found.torque_noise - 0.5 * (noise[0] + noise[1])).abs() < 1e-12, "{:?}", found.rounds);
+    let noise: Vec<f64> = [5, 7].map(|at| corrected.rounds[at].torque_noise).to_vec();
+    assert!((corrected.torque_noise - 0.5 * (noise[0] + noise[1])).abs() < 1e-12, "{:?}", corrected.rounds);
     let uncertainty = outcome.uncertainty.as_ref().unwrap();
-    let found = outcome.values().into_iter().zip(&found.uncorrected).zip(TRUTH).zip(&uncertainty.interval);
-    for (((value, before), truth), [low, high]) in found {
+    let rows = outcome.values().into_iter().zip(&corrected.uncorrected).zip(TRUTH).zip(&uncertainty.interval);
+    for (((value, before), truth), [low, high]) in rows {
         assert!((value - truth).abs() < 0.6 * (before - truth).abs(), "{before}, then {value}, for {truth}");
         assert!((*low..=*high).contains(&truth) && high - low > 0.05, "{low} to {high}");
     }

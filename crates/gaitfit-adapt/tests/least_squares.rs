@@ -104,7 +104,7 @@ fn options(method: Method) -> FitOptions {
     FitOptions { method, generations: 40, tolerance: 1e-5, ..FitOptions::default() }
 }
 
-fn found(reference: &Arc<Reference>, upper: f64) -> (Vec<f64>, Option<Stop>, usize) {
+fn fitted(reference: &Arc<Reference>, upper: f64) -> (Vec<f64>, Option<Stop>, usize) {
     let (simulator, theta, costs) = (simulator(0.0), theta(upper), costs("matchr1", reference));
     let mut fit = Fit::new(&simulator, &theta, &costs, options(Method::Auto)).unwrap();
     let mut evaluations = 0;
@@ -117,19 +117,19 @@ fn found(reference: &Arc<Reference>, upper: f64) -> (Vec<f64>, Option<Stop>, usi
 
 #[test]
 fn a_linear_simulator_is_solved_in_a_few_steps_and_wild_samples_hardly_count() {
-    let (values, stop, evaluations) = found(&reference(0.0, 0, 1), 0.5);
+    let (values, stop, evaluations) = fitted(&reference(0.0, 0, 1), 0.5);
     assert!(matches!(stop, Some(Stop::Tolerance | Stop::Converged)), "{stop:?}");
     assert!(evaluations < 80, "{evaluations}");
     let off = |values: &[f64]| values.iter().zip(TRUTH).map(|(x, t)| (x - t).abs()).fold(0.0, f64::max);
     assert!(off(&values) < 1e-5, "{values:?}");
     // Least squares without robust weights would be 0.03 off.
-    let (values, _, _) = found(&reference(1e-3, 20, 1), 0.5);
+    let (values, _, _) = fitted(&reference(1e-3, 20, 1), 0.5);
     assert!(off(&values) < 3e-3, "{values:?}");
 }
 
 #[test]
 fn bounds_hold_and_the_rest_goes_on() {
-    let (values, stop, _) = found(&reference(1e-3, 0, 2), 0.1);
+    let (values, stop, _) = fitted(&reference(1e-3, 0, 2), 0.1);
     assert_eq!(values[0], 0.1);
     assert!(values[1] > 0.05 && values[1] < 0.09, "{values:?}");
     assert!(stop.is_some());
@@ -182,12 +182,12 @@ fn intervals_of_many_fits_cover_the_truth_as_they_say() {
     let (mut inside, mut all) = (0, 0);
     for seed in 0..100 {
         let reference = reference(3e-2, 0, 100 + seed);
-        let (values, _, _) = found(&reference, 0.5);
+        let (values, _, _) = fitted(&reference, 0.5);
         let costs = costs("matchr1", &reference);
-        let found =
+        let uncertainty =
             uncertainty(problem(&simulator(0.0), &theta, costs[0].as_ref()), &[], &values, None).unwrap();
-        let found = found.unwrap();
-        for ((interval, truth), draw) in found.interval.iter().zip(TRUTH).zip(&found.draws[0]) {
+        let uncertainty = uncertainty.unwrap();
+        for ((interval, truth), draw) in uncertainty.interval.iter().zip(TRUTH).zip(&uncertainty.draws[0]) {
             inside += usize::from((interval[0]..=interval[1]).contains(&truth));
             all += 1;
             assert!((0.0..=0.5).contains(draw));
@@ -201,17 +201,17 @@ fn intervals_of_many_fits_cover_the_truth_as_they_say() {
 fn another_simulator_shows_how_far_its_error_moves_the_result() {
     let (theta, reference) = (theta(0.5), reference(1e-3, 0, 5));
     let costs = costs("matchr1", &reference);
-    let (values, _, _) = found(&reference, 0.5);
+    let (values, _, _) = fitted(&reference, 0.5);
     let same = Alternative { what: "none".to_owned(), simulator: &simulator(0.0) };
     let other = Alternative { what: "offset".to_owned(), simulator: &simulator(1e-2) };
     let cost = costs[0].as_ref();
-    let found =
+    let uncertainty =
         uncertainty(problem(&simulator(0.0), &theta, cost), &[same, other], &values, None).unwrap().unwrap();
-    assert!(found.shifts[1].by.iter().all(|by| by.abs() < 1e-6), "{:?}", found.shifts);
-    assert!(found.shifts[2].by.iter().any(|by| by.abs() > 1e-5), "{:?}", found.shifts);
-    for (at, shift) in found.shifts[2].by.iter().enumerate() {
-        let expected = found.sampling[at].hypot(*shift).hypot(found.shifts[0].by[at]);
-        assert!((found.deviation[at] - expected).abs() < 1e-3 * expected);
+    assert!(uncertainty.shifts[1].by.iter().all(|by| by.abs() < 1e-6), "{:?}", uncertainty.shifts);
+    assert!(uncertainty.shifts[2].by.iter().any(|by| by.abs() > 1e-5), "{:?}", uncertainty.shifts);
+    for (at, shift) in uncertainty.shifts[2].by.iter().enumerate() {
+        let expected = uncertainty.sampling[at].hypot(*shift).hypot(uncertainty.shifts[0].by[at]);
+        assert!((uncertainty.deviation[at] - expected).abs() < 1e-3 * expected);
     }
     let mut fit = Fit::new(&simulator(0.0), &theta, &costs, options(Method::Auto)).unwrap().outcomes();
     assert!(fit.is_empty(), "nothing has been found yet");
@@ -245,8 +245,8 @@ fn what_the_logs_do_not_show_is_not_identified_and_what_rests_on_a_bound_stays_t
     let draws = &outcome.uncertainty.as_ref().unwrap().draws;
     assert!(draws.iter().all(|draw| draw[0] == 0.1), "{draws:?}");
     let mean = draws.iter().map(|draw| draw[1]).sum::<f64>() / draws.len() as f64;
-    let found = outcome.parameters[1].value;
-    assert!((mean - found).abs() < 1e-3, "{mean} beside {found}");
+    let value = outcome.parameters[1].value;
+    assert!((mean - value).abs() < 1e-3, "{mean} beside {value}");
     let damping: Vec<f64> = draws.iter().map(|draw| draw[2]).collect();
     assert!(damping.iter().any(|x| *x < 0.5) && damping.iter().any(|x| *x > 1.5), "{damping:?}");
 }

@@ -62,7 +62,7 @@ fn real(toy: &Toy) -> Logs {
     Logs { numbers: toy.logs(&TRUTH, u32::MAX), groups, threads: 2 }
 }
 
-fn found(toy: &Toy, logs: &Logs) -> Regression {
+fn regressed(toy: &Toy, logs: &Logs) -> Regression {
     regress(&theta(), &FOUND, logs, toy, EACH, toy.seed, &never).unwrap().unwrap()
 }
 
@@ -71,7 +71,7 @@ fn values_far_off_are_corrected_and_their_intervals_cover() {
     let (mut inside, mut all, mut unexplained) = (0, 0, 0);
     for seed in 0..40 {
         let toy = Toy { seed, ..Toy::default() };
-        let regression = found(&toy, &real(&toy));
+        let regression = regressed(&toy, &real(&toy));
         for (at, truth) in TRUTH.iter().enumerate() {
             let [low, high] = regression.interval[at];
             inside += usize::from(low <= *truth && *truth <= high);
@@ -102,7 +102,7 @@ fn values_far_off_are_corrected_and_their_intervals_cover() {
 #[test]
 fn a_value_without_an_effect_may_be_anything() {
     let toy = Toy { seen: false, ..Toy::default() };
-    let regression = found(&toy, &real(&toy));
+    let regression = regressed(&toy, &real(&toy));
     let ([low, high], [least, most]) = (regression.interval[0], regression.interval[1]);
     assert!(high - low > 0.4, "{regression:?}");
     assert!(most - least < 0.02, "{regression:?}");
@@ -111,12 +111,12 @@ fn a_value_without_an_effect_may_be_anything() {
 #[test]
 fn logs_unlike_those_of_any_robot_widen_the_intervals() {
     let toy = Toy::default();
-    let like = found(&toy, &real(&toy));
+    let like = regressed(&toy, &real(&toy));
     let mut logs = real(&toy);
     // The last group says 0.1 N·m more.
     logs.numbers[9] += 0.1;
     logs.numbers[11] += 0.1;
-    let unlike = found(&toy, &logs);
+    let unlike = regressed(&toy, &logs);
     assert!(!like.unlike(0) && unlike.unlike(0), "{like:?} {unlike:?}");
     assert!(unlike.deviation[0] > 2.0 * like.deviation[0]);
     // Robots with such values do not make such logs, so the intervals are wider.
@@ -148,7 +148,7 @@ fn a_small_error_of_the_values_is_no_missing_effect() {
 #[test]
 fn robots_that_fall_are_left_out_or_said() {
     let toy = Toy { stands: 0.35, ..Toy::default() };
-    let some = found(&toy, &real(&toy));
+    let some = regressed(&toy, &real(&toy));
     assert!(some.rounds[0].walked < EACH);
     assert!((some.corrected[0] - TRUTH[0]).abs() < 0.05, "{some:?}");
     let toy = Toy { stands: 0.1, ..Toy::default() };
@@ -160,8 +160,8 @@ fn robots_that_fall_are_left_out_or_said() {
 fn the_same_seed_gives_the_same_bits_and_a_cancelled_one_nothing() {
     let toy = Toy::default();
     let logs = real(&toy);
-    let regression = found(&toy, &logs);
-    assert_eq!(regression, found(&toy, &logs));
+    let regression = regressed(&toy, &logs);
+    assert_eq!(regression, regressed(&toy, &logs));
     let other = regress(&theta(), &FOUND, &logs, &toy, EACH, 2, &never).unwrap().unwrap();
     assert_ne!(regression.corrected, other.corrected);
     let cancelled = regress(&theta(), &FOUND, &logs, &toy, EACH, 1, &|| true);

@@ -43,9 +43,9 @@ fn values(theta: &Theta) -> Vec<f64> {
 
 fn file(model: &Model) -> ThetaFile {
     let theta = theta(model);
-    let found: Vec<Found> =
+    let estimates: Vec<Found> =
         values(&theta).into_iter().map(|value| Found { value, spread: Some(0.01) }).collect();
-    ThetaFile::new(&theta, &found, "legs", "wass", 0.25)
+    ThetaFile::new(&theta, &estimates, "legs", "wass", 0.25)
 }
 
 #[test]
@@ -100,12 +100,12 @@ fn an_unknown_key_and_an_edit_under_the_checksum_are_refused() {
     }
     // The comment above the checksum, and spaces at the ends of lines.
     assert!(unseen < 80, "{unseen}");
-    for (key, found) in
+    for (key, unknown) in
         [("upper", "u0per"), ("robot", "robto"), ("weights", "wieghts"), ("position_scale", "scale")]
     {
-        let changed = text.replacen(&format!("{key} = "), &format!("{found} = "), 1);
+        let changed = text.replacen(&format!("{key} = "), &format!("{unknown} = "), 1);
         let error = ThetaFile::parse(&changed).unwrap_err().to_string();
-        assert!(error.contains("line ") && error.contains(&format!("unknown field `{found}`")), "{error}");
+        assert!(error.contains("line ") && error.contains(&format!("unknown field `{unknown}`")), "{error}");
     }
     let text = "format = 2\n[[number]]\nname = \"soft\"\nkind = \"ground_softness\"\nvalue = 0.1\n";
     let error = ThetaFile::parse(text).unwrap_err().to_string();
@@ -233,9 +233,9 @@ fn joints_may_be_patterns() {
     let robot = |joints: &str| {
         ThetaFile::parse(&text(joints)).unwrap().candidate(&model).map(|candidate| candidate.robot)
     };
-    let found = robot("\"*_hip\"").unwrap();
-    assert_eq!(found.no_load_speed, [30.0, 30.0]);
-    assert_eq!(found.stall_torque[0], 25.0);
+    let candidate = robot("\"*_hip\"").unwrap();
+    assert_eq!(candidate.no_load_speed, [30.0, 30.0]);
+    assert_eq!(candidate.stall_torque[0], 25.0);
     assert_eq!(robot("\"right*\"").unwrap().no_load_speed, [f64::INFINITY, 30.0]);
     // All that a pattern may have, names beside it, and patterns that overlap.
     let all = ["\"{left,right}_hip\"", "\"lef?_hip\", \"[r]ight_hip\"", "\"*\", \"left_hip\", \"*_hip*\""];

@@ -156,7 +156,7 @@ fn measured(reference: &Reference, samples: usize, dimensions: usize) -> Measure
     let (joints, recordings) = (reference.joints().len(), reference.recordings());
     let counted = reference.counted();
     let mut sorted = vec![0.0; dimensions * counted];
-    let mut all = vec![0.0; recordings * samples * dimensions];
+    let mut recorded = vec![0.0; recordings * samples * dimensions];
     for signal in Signal::ALL {
         let (first, width) = (place(signal, joints), signal.width(joints));
         if first + width > dimensions {
@@ -169,11 +169,11 @@ fn measured(reference: &Reference, samples: usize, dimensions: usize) -> Measure
             let rows = reference.recorded(signal, recording).unwrap_or_default().chunks_exact(width);
             for (row, values) in rows.enumerate() {
                 let at = (recording * samples + reference.skip() + row) * dimensions + first;
-                all[at..at + width].copy_from_slice(values);
+                recorded[at..at + width].copy_from_slice(values);
             }
         }
     }
-    Measured { skip: reference.skip(), sorted, samples: all }
+    Measured { skip: reference.skip(), sorted, samples: recorded }
 }
 
 /// Why a GPU could not simulate.
@@ -211,8 +211,8 @@ impl<S: OnGpu> Simulator for GpuSimulator<S> {
         cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
         let numbered = |there: bool| -> (Vec<usize>, Vec<Rollout>) {
-            let all = candidates.iter().cloned().enumerate();
-            all.filter(|(_, rollout)| self.host.resets(rollout.resets) == there).unzip()
+            let numbered = candidates.iter().cloned().enumerate();
+            numbered.filter(|(_, rollout)| self.host.resets(rollout.resets) == there).unzip()
         };
         let (places, rollouts) = numbered(false);
         if !rollouts.is_empty() {
@@ -269,13 +269,13 @@ impl<S: OnGpu> Simulator for GpuSimulator<S> {
                 None => None,
             });
         }
-        let mut found: Vec<Option<Evaluation>> = vec![None; jobs.len()];
+        let mut evaluations: Vec<Option<Evaluation>> = vec![None; jobs.len()];
         let (on_gpu, others): (Vec<usize>, Vec<usize>) =
             (0..jobs.len()).partition(|&job| there[jobs[job].cost].is_some());
         if !others.is_empty() {
             let rest: Vec<Job> = others.iter().map(|&job| jobs[job].clone()).collect();
             for (job, evaluation) in others.into_iter().zip(accumulate(self, theta, costs, &rest, cancel)?) {
-                found[job] = Some(evaluation);
+                evaluations[job] = Some(evaluation);
             }
         }
         let rollout = |&job: &usize| {
@@ -293,12 +293,12 @@ impl<S: OnGpu> Simulator for GpuSimulator<S> {
         let robots = self.jobs(theta, &rollouts)?;
         let parts = self.gpu().candidates.parts(self.host.subject(), &robots, &compared, cancel);
         for (&job, parts) in on_gpu.iter().zip(&parts.map_err(failed)?) {
-            found[job] = there[jobs[job].cost].as_ref().map(|pieces| evaluation(pieces, parts));
+            evaluations[job] = there[jobs[job].cost].as_ref().map(|pieces| evaluation(pieces, parts));
         }
         if cancel() {
             return Err(SimulatorError::Cancelled.into());
         }
-        found.into_iter().collect::<Option<Vec<_>>>().ok_or(FitError::Incomplete)
+        evaluations.into_iter().collect::<Option<Vec<_>>>().ok_or(FitError::Incomplete)
     }
 }
 
@@ -389,10 +389,10 @@ mod tests {
                 let wanted = accumulator.finish().unwrap().total;
                 let pieces = cost.pieces().unwrap();
                 let distances = matches!(pieces, Pieces::Distances(_));
-                let found = evaluation(&pieces, &parts(&given, LENGTHS[0], ends, distances));
-                assert_eq!(found.falls, falls);
-                let apart = (found.cost.unwrap() - wanted).abs();
-                assert!(apart < 1e-12, "{}, {ends:?}: {found:?}, not {wanted}", cost.name());
+                let evaluation = evaluation(&pieces, &parts(&given, LENGTHS[0], ends, distances));
+                assert_eq!(evaluation.falls, falls);
+                let apart = (evaluation.cost.unwrap() - wanted).abs();
+                assert!(apart < 1e-12, "{}, {ends:?}: {evaluation:?}, not {wanted}", cost.name());
             }
         }
     }

@@ -82,9 +82,9 @@ mod with_cuda {
                 (&mut track.base_quaternion, 4),
                 (&mut track.base_rates, 3),
             ] {
-                let (own, behind) = rest.split_at(width);
-                signal.extend_from_slice(own);
-                rest = behind;
+                let (values, others) = rest.split_at(width);
+                signal.extend_from_slice(values);
+                rest = others;
             }
         }
         track

@@ -97,20 +97,20 @@ mod tests {
 
     #[test]
     fn errors_refuse_unless_they_are_allowed_or_cut() {
-        let all = vec![
+        let findings = vec![
             finding(FindingKind::VelocityMismatch, Severity::Warning),
             finding(FindingKind::SuspectUnit, Severity::Error),
             finding(FindingKind::Fallen, Severity::Error),
         ];
         let path = Path::new("a.csv");
-        let text = refuse(&all, path, &[FindingKind::Fallen])
+        let text = refuse(&findings, path, &[FindingKind::Fallen])
             .map_or_else(|error| error.to_string(), |()| String::new());
         assert!(
             text.starts_with("a.csv: suspect-unit: something is wrong. ")
                 && text.contains("[\"suspect-unit\"]"),
             "{text}"
         );
-        let permitted = allowed(all, &[FindingKind::SuspectUnit], &[]);
+        let permitted = allowed(findings, &[FindingKind::SuspectUnit], &[]);
         assert!(refuse(&permitted, path, &[FindingKind::Fallen]).is_ok());
         assert!(refuse(&permitted, path, &[]).is_err());
         assert!(refuse(&allowed(permitted, &[], &[FindingKind::Fallen]), path, &[]).is_ok());

@@ -83,8 +83,9 @@ type Block = [f64; 4];
 /// within.
 fn blocks(rows: impl ExactSizeIterator<Item = (f64, f64, f64)>, seconds: f64) -> Vec<Block> {
     let length = (rows.len() as f64 * BLOCK_S / seconds).ceil().max(1.0) as usize;
-    let all: Vec<Block> = rows.map(|(w, speed, x)| [w, speed, (speed / SLIDES).tanh(), x]).collect();
-    all.chunks(length)
+    let samples: Vec<Block> = rows.map(|(w, speed, x)| [w, speed, (speed / SLIDES).tanh(), x]).collect();
+    samples
+        .chunks(length)
         .map(|block| {
             std::array::from_fn(|k| block.iter().map(|row| row[k]).sum::<f64>() / block.len() as f64)
         })

@@ -60,9 +60,9 @@ fn a_mirrored_joint_is_named_and_a_right_one_is_not() {
         negate(&mut mirrored.position);
         negate(&mut mirrored.velocity);
         mirrored.target.iter_mut().for_each(negate);
-        let found = signs(&mirrored, &model);
-        let named: Vec<&String> = found.iter().flat_map(|finding| &finding.joints).collect();
-        assert_eq!(named, [&right.joints[joint]], "{found:?}");
+        let findings = signs(&mirrored, &model);
+        let named: Vec<&String> = findings.iter().flat_map(|finding| &finding.joints).collect();
+        assert_eq!(named, [&right.joints[joint]], "{findings:?}");
     }
     // Without gains, or of a robot that walks, nothing is said.
     assert_eq!(signs(&Trajectory { gains: None, ..right.clone() }, &model), []);

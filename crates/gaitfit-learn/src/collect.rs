@@ -107,11 +107,11 @@ fn collect_tile(
         }
         player.step(step)?;
         let targets = player.environment.targets();
-        let all = targets.len() / count;
+        let width = targets.len() / count;
         for index in 0..count {
             let action = &player.action[index * actions..(index + 1) * actions];
             let fell = matches!(player.ended[index], Ended::Fall | Ended::Diverged);
-            recorder.act(index, step, action, &targets[index * all..(index + 1) * all], fell);
+            recorder.act(index, step, action, &targets[index * width..(index + 1) * width], fell);
         }
     }
     Ok(recorder.finish())

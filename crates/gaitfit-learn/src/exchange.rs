@@ -24,15 +24,15 @@ impl Training<'_> {
 
     /// All environments as they are.
     pub fn snapshots(&mut self) -> Vec<Snapshot> {
-        let mut all = Vec::new();
+        let mut snapshots = Vec::new();
         for runner in &mut self.runners {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
             for index in 0..runner.environment.count() {
                 let returns = runner.returns[index];
-                all.push(Snapshot { returns, ..runner.environment.snapshot(index) });
+                snapshots.push(Snapshot { returns, ..runner.environment.snapshot(index) });
             }
         }
-        all
+        snapshots
     }
 
     /// Goes on from environments, an iteration and commands' growth that were reached elsewhere; the learner takes its state by
@@ -66,12 +66,12 @@ impl Training<'_> {
 
     /// What the actor and the critic remember of each environment, a row an environment; empty without memories.
     pub fn memories(&mut self) -> [Vec<f32>; 2] {
-        let mut all = [Vec::new(), Vec::new()];
+        let mut memories = [Vec::new(), Vec::new()];
         for runner in &mut self.runners {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
-            runner.recorder.append_memories(&self.learner, runner.environment.count(), &mut all);
+            runner.recorder.append_memories(&self.learner, runner.environment.count(), &mut memories);
         }
-        all
+        memories
     }
 
     /// Takes up what [`Training::memories`] gave elsewhere.

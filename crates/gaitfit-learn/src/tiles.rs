@@ -26,9 +26,9 @@ pub(crate) fn in_tiles<T: Send>(
         failed.fetch_or(done.is_err(), Ordering::Relaxed);
         done
     };
-    let mut all = Vec::with_capacity(count);
+    let mut results = Vec::with_capacity(count);
     for result in pool::map(count.div_ceil(tile), threads, one) {
-        all.extend(result?);
+        results.extend(result?);
     }
-    Ok(all)
+    Ok(results)
 }

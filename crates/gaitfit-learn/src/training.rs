@@ -407,8 +407,8 @@ impl<'a> Training<'a> {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
             tally.add(&runner.tally);
             terms_failed |= runner.terms_failed;
-            let found = runner.divergence.take();
-            first = first.or(found.map(|one| (tile * TILE + one.environment, one)));
+            let divergence = runner.divergence.take();
+            first = first.or(divergence.map(|one| (tile * TILE + one.environment, one)));
         }
         if terms_failed {
             return Err(TrainingError::UserTerms { iteration: number });

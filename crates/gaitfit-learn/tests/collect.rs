@@ -175,14 +175,14 @@ fn logs_one_by_one_are_those_of_all_together() {
         Subject { task: &scene, policy: &policy, candidate: None, seed: 5, cancel: None, moved: None };
     let options = CollectOptions { count: 70, seconds: 0.1, ..OPTIONS };
     let all = collect(&subject, &options, 2).unwrap();
-    let found = std::sync::Mutex::new(vec![None; 70]);
+    let logs = std::sync::Mutex::new(vec![None; 70]);
     collect_each::<TaskError>(&subject, &options, 2, |number, log| {
-        assert!(found.lock().unwrap()[number].replace(log).is_none());
+        assert!(logs.lock().unwrap()[number].replace(log).is_none());
         Ok(())
     })
     .unwrap();
-    let found: Vec<_> = found.into_inner().unwrap().into_iter().flatten().collect();
-    assert!(found == all && all[0] != all[65]);
+    let logs: Vec<_> = logs.into_inner().unwrap().into_iter().flatten().collect();
+    assert!(logs == all && all[0] != all[65]);
     // The first error ends it.
     let ended = collect_each(&subject, &options, 1, |number, _| match number {
         3 => Err(TaskError::Interrupted),

@@ -53,10 +53,10 @@ fn script(scene: &Task, log: &Trajectory) -> Script {
 }
 
 fn tracks(scene: &Task, policy: &Policy, scripts: &[Script], job: Job, threads: usize) -> Vec<Track> {
-    let found = Mutex::new(vec![Track::default(); scripts.len()]);
-    let keep = |_: usize, script: usize, track: &Track| found.lock().unwrap()[script] = track.clone();
+    let tracks = Mutex::new(vec![Track::default(); scripts.len()]);
+    let keep = |_: usize, script: usize, track: &Track| tracks.lock().unwrap()[script] = track.clone();
     follow(&scene.walker, policy, scripts, &[job], threads, &keep, &|| false).unwrap();
-    found.into_inner().unwrap()
+    tracks.into_inner().unwrap()
 }
 
 fn job(candidate: &Candidate, reset_every: Option<usize>) -> Job {
@@ -192,19 +192,19 @@ fn sensors_keep_the_true_robot_near_the_log() {
     let tracks = |candidate: &Candidate, every: usize, threads: usize| {
         let jobs =
             [predict::Job { candidate: candidate.clone(), every, feet_trust: predict::FEET_TRUST, seed: 0 }];
-        let found = Mutex::new(vec![Track::default(); courses.len()]);
-        let keep = |_: usize, course: usize, track: &Track| found.lock().unwrap()[course] = track.clone();
+        let tracks = Mutex::new(vec![Track::default(); courses.len()]);
+        let keep = |_: usize, course: usize, track: &Track| tracks.lock().unwrap()[course] = track.clone();
         predict(&scene.walker, &courses, &jobs, threads, &keep, &|| false).unwrap();
-        found.into_inner().unwrap()
+        tracks.into_inner().unwrap()
     };
     // Mean absolute errors after the first half second.
     let mean =
         |tracks: &[Track], of: &dyn Fn(&Track) -> Vec<f32>, logged: &dyn Fn(&Trajectory) -> Vec<f64>| {
             let (mut sum, mut count) = (0.0, 0.0);
             for (track, log) in tracks.iter().zip(&logs) {
-                let (found, read) = (of(track), logged(&log.trajectory));
-                assert_eq!(found.len(), read.len());
-                for (a, b) in found.iter().zip(&read).skip(found.len() / 3) {
+                let (simulated, read) = (of(track), logged(&log.trajectory));
+                assert_eq!(simulated.len(), read.len());
+                for (a, b) in simulated.iter().zip(&read).skip(simulated.len() / 3) {
                     sum += (f64::from(*a) - b).abs();
                     count += 1.0;
                 }
@@ -216,13 +216,13 @@ fn sensors_keep_the_true_robot_near_the_log() {
         let read = |log: &Trajectory| log.base.as_ref().unwrap().linear_velocity.clone().unwrap();
         mean(tracks, &|track| track.base_velocity.clone(), &read)
     };
-    let found = tracks(&truth, 1, 2);
-    assert_eq!(found, tracks(&truth, 1, 1));
+    let walked = tracks(&truth, 1, 2);
+    assert_eq!(walked, tracks(&truth, 1, 1));
     let mut other = truth.clone();
     other.robot.frictionloss.fill(0.3);
-    let (near, far) = (velocity(&found), velocity(&tracks(&other, 1, 2)));
+    let (near, far) = (velocity(&walked), velocity(&tracks(&other, 1, 2)));
     assert!(near < 0.4 * far, "joint velocities are off by {near} and {far} rad/s");
-    assert!(base(&found) < 0.02, "the base's velocity is off by {} m/s", base(&found));
+    assert!(base(&walked) < 0.02, "the base's velocity is off by {} m/s", base(&walked));
     // Longer predictions go further astray.
     assert!(velocity(&tracks(&truth, 5, 2)) > near);
     // Without the biased encoder's bias its leg is elsewhere.
@@ -253,11 +253,11 @@ fn a_pilot_that_senses_what_a_log_says_repeats_its_actions_bit_for_bit() {
                 sensed.joint_velocity[joint] = log.velocity[sample * joints + joint] as f32;
             }
             let (action, targets) = pilot.step(&mut sensed);
-            for (found, logged) in [(action, &log.action), (targets, &log.target)] {
+            for (repeated, logged) in [(action, &log.action), (targets, &log.target)] {
                 let logged = &logged.as_ref().unwrap()[sample * joints..(sample + 1) * joints];
                 assert!(
-                    found.iter().zip(logged).all(|(x, y)| f64::from(*x) == *y),
-                    "{sample}: {found:?} {logged:?}"
+                    repeated.iter().zip(logged).all(|(x, y)| f64::from(*x) == *y),
+                    "{sample}: {repeated:?} {logged:?}"
                 );
             }
         }

@@ -101,11 +101,11 @@ fn a_recurrent_policy_walks_is_followed_and_trained() {
             }
         }
         assert!(worst < 1e-5, "{name}: {worst}");
-        let found = Mutex::new(vec![Track::default(); 2]);
-        let keep = |_: usize, script: usize, track: &Track| found.lock().unwrap()[script] = track.clone();
+        let tracks = Mutex::new(vec![Track::default(); 2]);
+        let keep = |_: usize, script: usize, track: &Track| tracks.lock().unwrap()[script] = track.clone();
         let job = Job { candidate: Candidate::nominal(walker.model()), reset_every: None, seed: 0 };
         follow(walker, &policy, &scripts, std::slice::from_ref(&job), 2, &keep, &|| false).unwrap();
-        for (track, script) in found.lock().unwrap().iter().zip(&scripts) {
+        for (track, script) in tracks.lock().unwrap().iter().zip(&scripts) {
             assert_eq!(track.action, script.actions, "{name}");
         }
         let reset = [Job { reset_every: Some(5), ..job }];

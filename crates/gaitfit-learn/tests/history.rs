@@ -116,10 +116,10 @@ fn a_training_with_history_is_taken_up_again_with_the_same_bits_and_its_policy_i
 
 fn tracks(scene: &Task, policy: &Policy, script: &Script, reset_every: Option<usize>) -> Track {
     let job = Job { candidate: Candidate::nominal(scene.walker.model()), reset_every, seed: 0 };
-    let found = Mutex::new(Track::default());
-    let keep = |_: usize, _: usize, track: &Track| *found.lock().unwrap() = track.clone();
+    let kept = Mutex::new(Track::default());
+    let keep = |_: usize, _: usize, track: &Track| *kept.lock().unwrap() = track.clone();
     follow(&scene.walker, policy, std::slice::from_ref(script), &[job], 1, &keep, &|| false).unwrap();
-    found.into_inner().unwrap()
+    kept.into_inner().unwrap()
 }
 
 #[test]

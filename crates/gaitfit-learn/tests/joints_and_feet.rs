@@ -122,8 +122,8 @@ fn joints_with_velocity_targets_turn_at_the_velocity_asked_for() {
         tile.step(&targets, &[], &mut motion);
     }
     for &hip in &hips {
-        let found = motion.joint_velocity[hip];
-        assert!((found - 1.5).abs() < 0.2, "joint {hip} turns at {found} rad/s");
+        let velocity = motion.joint_velocity[hip];
+        assert!((velocity - 1.5).abs() < 0.2, "joint {hip} turns at {velocity} rad/s");
         assert!(motion.joint_position[hip] > 1.0, "joint {hip} has not turned");
     }
 }

@@ -71,11 +71,11 @@ fn repeats(yaw: f64) {
         assert!(action.iter().any(|x| x.abs() > 0.1));
         for reset_every in [None, Some(1), Some(7)] {
             let job = Job { candidate: Candidate::nominal(scene.walker.model()), reset_every, seed: 0 };
-            let found = Mutex::new(Track::default());
-            let keep = |_: usize, _: usize, track: &Track| *found.lock().unwrap() = track.clone();
+            let kept = Mutex::new(Track::default());
+            let keep = |_: usize, _: usize, track: &Track| *kept.lock().unwrap() = track.clone();
             follow(&scene.walker, &policy, std::slice::from_ref(&script), &[job], 1, &keep, &|| false)
                 .unwrap();
-            let track = found.into_inner().unwrap();
+            let track = kept.into_inner().unwrap();
             assert_eq!(track.action.len(), action.len());
             let off = |(a, b): (&f32, &f32)| (a - b).abs();
             let worst = track.action.iter().zip(&action).map(off).fold(0.0, f32::max);
@@ -88,19 +88,19 @@ fn repeats(yaw: f64) {
         // With the motion a control period late the actions are others.
         let mut late = script.clone();
         late.motion.iter_mut().for_each(|place| place.time += 0.02);
-        let found = Mutex::new(Track::default());
-        let keep = |_: usize, _: usize, track: &Track| *found.lock().unwrap() = track.clone();
+        let kept = Mutex::new(Track::default());
+        let keep = |_: usize, _: usize, track: &Track| *kept.lock().unwrap() = track.clone();
         let job = Job { candidate: Candidate::nominal(scene.walker.model()), reset_every: Some(1), seed: 0 };
         follow(&scene.walker, &policy, &[late], &[job], 1, &keep, &|| false).unwrap();
-        let track = found.into_inner().unwrap();
+        let track = kept.into_inner().unwrap();
         let worst = track.action.iter().zip(&action).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(worst > 1e-3, "{worst}");
     }
     if yaw == 0.0 {
         return;
     }
-    let found = summarise(&run_trials(&subject, 4, 0.4, 1).unwrap()).motion_error.unwrap();
-    assert!(found.mean > 0.0 && found.mean < 1.0, "{found:?}");
+    let error = summarise(&run_trials(&subject, 4, 0.4, 1).unwrap()).motion_error.unwrap();
+    assert!(error.mean > 0.0 && error.mean < 1.0, "{error:?}");
     // A robot's state carries the angle of its motion.
     let mut environments = [3, 4].map(|seed| Environment::new(&scene, None, seed, 0, 1).unwrap());
     let [one, other] = &mut environments;

@@ -163,11 +163,11 @@ fn walks_of_the_true_unit_repeat_the_log_and_others_do_not() {
     let off = |truth: &Candidate, candidate: &Candidate, reset_every| {
         let logs = logs(&scene, &policy, truth);
         let scripts: Vec<Script> = logs.iter().map(script).collect();
-        let found = Mutex::new(vec![Track::default(); scripts.len()]);
-        let keep = |_: usize, script: usize, track: &Track| found.lock().unwrap()[script] = track.clone();
+        let tracks = Mutex::new(vec![Track::default(); scripts.len()]);
+        let keep = |_: usize, script: usize, track: &Track| tracks.lock().unwrap()[script] = track.clone();
         let job = Job { candidate: candidate.clone(), reset_every, seed: 0 };
         follow(&scene.walker, &policy, &scripts, &[job], 1, &keep, &|| false).unwrap();
-        let tracks = found.into_inner().unwrap();
+        let tracks = tracks.into_inner().unwrap();
         let signals = tracks.iter().zip(&logs).map(|(track, log)| {
             let base = log.base.as_ref().unwrap();
             [

@@ -82,12 +82,15 @@ impl Imu {
     /// All of it for kernels, [`IMU_NUMBERS`] numbers: 1, `turn`, the three `axes`, `bias`. A robot whose unit has no
     /// errors has 0 there first.
     pub fn numbers(imu: Option<&Self>) -> [f32; IMU_NUMBERS] {
-        let mut all = [0.0; IMU_NUMBERS];
+        let mut numbers = [0.0; IMU_NUMBERS];
         if let Some(Self { turn, axes, bias }) = imu {
-            let numbers = turn.iter().chain(axes.iter().flatten()).chain(bias);
-            all.iter_mut().zip(std::iter::once(&1.0).chain(numbers)).for_each(|(to, &number)| *to = number);
+            let errors = turn.iter().chain(axes.iter().flatten()).chain(bias);
+            numbers
+                .iter_mut()
+                .zip(std::iter::once(&1.0).chain(errors))
+                .for_each(|(to, &number)| *to = number);
         }
-        all
+        numbers
     }
 }
 

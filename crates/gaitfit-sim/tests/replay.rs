@@ -248,8 +248,8 @@ fn slow_sensors_read_filtered_velocities_and_the_motion_is_the_same() {
     for play in [0.0, 0.02] {
         let quick = Robot { play: vec![play; 12], ..quick.clone() };
         let slow = Robot { velocity_lag: 0.008, ..quick.clone() };
-        let found = run(&replay, &[quick, slow], 1);
-        let [quick, slow] = [&found[0][0], &found[1][0]];
+        let signals = run(&replay, &[quick, slow], 1);
+        let [quick, slow] = [&signals[0][0], &signals[1][0]];
         assert_eq!(quick.position, slow.position);
         let mut reading: Vec<f64> = quick.velocity[..12].iter().map(|&v| f64::from(v)).collect();
         assert_eq!(quick.velocity[..12], slow.velocity[..12]);

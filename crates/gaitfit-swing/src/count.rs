@@ -28,18 +28,18 @@ impl<'a, 'b> Count<'a, 'b> {
         threads: usize,
         regression: impl Fn(usize, usize) -> Option<T> + Sync,
     ) -> Vec<Option<T>> {
-        let mut found = Vec::with_capacity(regressions);
-        while found.len() < regressions {
-            let first = found.len();
+        let mut results = Vec::with_capacity(regressions);
+        while results.len() < regressions {
+            let first = results.len();
             let count = threads.clamp(1, regressions - first);
             self.stopped = self.stopped || (self.progress)(self.done, self.total).is_break();
             let one = |number: usize| {
                 if self.stopped { None } else { regression(first + number, (threads / count).max(1)) }
             };
-            found.extend(gaitfit_pool::map(count, threads, one));
+            results.extend(gaitfit_pool::map(count, threads, one));
             self.done = (self.done + count).min(self.total);
         }
-        found
+        results
     }
 
     /// An error if the caller stopped the work: the results are then incomplete.

@@ -378,8 +378,12 @@ mod tests {
         let (here, _) = at(start, t).momentum();
         for joint in 0..count {
             let rate = (after[joint].momentum - before[joint].momentum) / (2.0 * h);
-            let found = rate + here[joint].rest;
-            assert!((found - torques[joint]).abs() < 1e-5, "joint {joint}: {found}, not {}", torques[joint]);
+            let torque = rate + here[joint].rest;
+            assert!(
+                (torque - torques[joint]).abs() < 1e-5,
+                "joint {joint}: {torque}, not {}",
+                torques[joint]
+            );
         }
         let push: Vec3 = [0.3, -0.2, 0.5];
         let [q, dq, ddq] = joints(t, count);

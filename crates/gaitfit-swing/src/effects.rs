@@ -137,18 +137,18 @@ pub fn effects(model: &Model, walks: &[Walk], swings: &SwingReport, settings: &S
     let seen: Vec<Window> = gaitfit_pool::map(walks.len(), settings.threads, of_log).concat();
     let law = crate::FrictionLaw::ALL.iter().position(|law| *law == swings.law).unwrap_or_default();
     let steps = (delay - settings.delay_range_s[0]) / settings.delay_step_s;
-    let (mut found, mut of_joints) = (Vec::new(), Singles::default());
+    let (mut effects, mut of_joints) = (Vec::new(), Singles::default());
     for (name, joints) in groups {
         let in_air =
             |window: &&Window| window.clearance > swings.clearance_m && joints.contains(&window.joint);
         let group = Group::new(seen.iter().filter(in_air).collect(), law);
-        found.extend(of_swings(model, name, joints, &group, steps, law));
+        effects.extend(of_swings(model, name, joints, &group, steps, law));
         let seen = singles::seen(&seen, joints, settings, swings.clearance_m);
         of_joints.add(name, joints, &Group::new(seen, law), steps);
     }
-    found.extend(of_joints.odd(model));
-    found.extend(stance::effects(&scene));
-    found
+    effects.extend(of_joints.odd(model));
+    effects.extend(stance::effects(&scene));
+    effects
 }
 
 /// The tilt of the IMU about the base's x and y axes, rad, that remains in the walks if the joints of `group` twist under load.
@@ -177,11 +177,11 @@ fn of_swings(
     let motor = |window: &Window| window.motor + window.driven_at(steps);
     let column =
         |of: &dyn Fn(&Window) -> f64| -> Vec<f64> { group.windows.iter().map(|window| of(window)).collect() };
-    let mut found = Vec::new();
+    let mut effects = Vec::new();
     let mut add = |kind: EffectKind, of: &str, column: &[f64], scale: f64| {
         if let Some((size, share)) = base.added(column) {
             let size = Estimate { value: scale * size.value, error: scale.abs() * size.error };
-            found.push(Effect::new(kind, of, size, share));
+            effects.push(Effect::new(kind, of, size, share));
         }
     };
     add(EffectKind::LoadFriction, name, &column(&|one| one.signs[law] * motor(one).abs()), 1.0);
@@ -193,9 +193,9 @@ fn of_swings(
             let (size, share) = base.added(&friction)?;
             Some(Effect::new(EffectKind::OddFriction, &model.joints[joint].name, size, share))
         };
-        found.extend(joints.iter().filter_map(|&joint| odd(joint)));
+        effects.extend(joints.iter().filter_map(|&joint| odd(joint)));
     }
-    found
+    effects
 }
 
 /// The equations of a group's swings at a delay.

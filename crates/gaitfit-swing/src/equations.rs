@@ -101,7 +101,7 @@ pub(crate) fn windows(
     let skip = (settings.skip_s / walk.step).round() as usize;
     let min = settings.clearances_m.first().copied().unwrap_or_default();
     let delays: Vec<f64> = settings.delays().collect();
-    let mut found = Vec::new();
+    let mut windows = Vec::new();
     for joint in (0..joints).filter(|&joint| walk.gains[joint].iter().all(|gain| gain.is_finite())) {
         let [kp, kd] = walk.gains[joint];
         let limit = model.effort(joint).unwrap_or(f64::INFINITY);
@@ -168,7 +168,7 @@ pub(crate) fn windows(
                     let torque = |delay: &f64| kp * driven(walk, &bump, joint, window.at, *delay);
                     window.driven = delays.iter().map(torque).collect();
                     if window.driven.iter().all(|torque| torque.is_finite()) {
-                        found.push(window);
+                        windows.push(window);
                     }
                 }
                 centre += hop;
@@ -176,5 +176,5 @@ pub(crate) fn windows(
             begin = end;
         }
     }
-    found
+    windows
 }

@@ -92,15 +92,15 @@ impl<'a> Singles<'a> {
     /// The effects that the same joints of other legs do not have. A joint has one of them: a weak motor also looks like a
     /// spring.
     pub fn odd(&self, model: &Model) -> Vec<Effect> {
-        let mut found = odd(model, &self.springs, EffectKind::OddSpring);
+        let mut effects = odd(model, &self.springs, EffectKind::OddSpring);
         for strength in odd(model, &self.strengths, EffectKind::OddStrength) {
-            match found.iter_mut().find(|spring| spring.of == strength.of) {
+            match effects.iter_mut().find(|spring| spring.of == strength.of) {
                 Some(spring) if spring.share < strength.share => *spring = strength,
                 Some(_) => {}
-                None => found.push(strength),
+                None => effects.push(strength),
             }
         }
-        found
+        effects
     }
 }
 

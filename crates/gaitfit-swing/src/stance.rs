@@ -45,25 +45,25 @@ impl Pair {
 /// See [`crate::effects()`].
 pub(crate) fn effects(scene: &Scene<'_>) -> Vec<Effect> {
     let Some(pairs) = Pairs::new(scene) else { return Vec::new() };
-    let mut found = Vec::new();
+    let mut effects = Vec::new();
     let tilts = pairs.rows(|pair| pair.tilt.to_vec());
     if let Some(base) = pairs.base(&tilts) {
-        found.push(Effect::new(EffectKind::UnevenGround, "", base.scatter(), 1.0));
+        effects.push(Effect::new(EffectKind::UnevenGround, "", base.scatter(), 1.0));
     }
     // The torque of a standing leg's joint rarely changes its sign, so play looks like a wrong zero of its encoder.
     let rows = independent(pairs.rows(|pair| [&pair.tilt[..], &pair.zeros].concat()));
-    let Some(base) = pairs.base(&rows) else { return found };
+    let Some(base) = pairs.base(&rows) else { return effects };
     let mut add = |kind: EffectKind, of: &str, scale: f64, column: Vec<f64>| {
         if let Some((size, share)) = base.added(&column) {
             let size = Estimate { value: scale * size.value, error: scale * size.error };
-            found.push(Effect::new(kind, of, size, share));
+            effects.push(Effect::new(kind, of, size, share));
         }
     };
     for (place, (name, _)) in scene.groups.iter().enumerate() {
         add(EffectKind::Elasticity, name, 1.0, pairs.column(|pair| pair.twist[place]));
         add(EffectKind::Backlash, name, 2.0, pairs.column(|pair| pair.play[place]));
     }
-    found
+    effects
 }
 
 /// See [`crate::tilt_beside_twist()`].
@@ -115,8 +115,9 @@ impl Pairs {
             return None;
         }
         let standing = scene.grounds.iter().flat_map(|ground| &ground.feet);
-        let all: usize = standing.map(|feet| pairs_of(feet.iter().filter(|foot| stands(foot)).count())).sum();
-        let every = all.div_ceil(MAX_PAIRS).max(1);
+        let count: usize =
+            standing.map(|feet| pairs_of(feet.iter().filter(|foot| stands(foot)).count())).sum();
+        let every = count.div_ceil(MAX_PAIRS).max(1);
         let pairs: Vec<Pair> = (0..scene.walks.len()).flat_map(|log| scene.pairs(log, every)).collect();
         Some(Self {
             weights: vec![1.0; pairs.len()],

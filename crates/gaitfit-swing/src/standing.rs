@@ -106,8 +106,8 @@ fn tilt(model: &Model, logs: &[&Trajectory], threads: usize) -> Result<Option<[E
     });
     for (number, walk) in walks.into_iter().enumerate() {
         let (walk, ground) = walk?;
-        let all = ground.feet.first().map_or(0, Vec::len);
-        if all < MIN_FEET {
+        let feet = ground.feet.first().map_or(0, Vec::len);
+        if feet < MIN_FEET {
             return Ok(None);
         }
         for point in (0..walk.points()).filter(|&point| walk.valid[point]) {
@@ -187,10 +187,10 @@ mod tests {
             let noise = 0.1 * (k as f64 * 12.9898).sin();
             blocks.add(k / 50, [1.0, x], 0.3 - 0.7 * x + noise);
         }
-        let found = blocks.estimate().unwrap_or([Estimate { value: f64::NAN, error: 0.0 }; 2]);
-        for (found, truth) in found.iter().zip([0.3, -0.7]) {
-            assert!((found.value - truth).abs() < 3.0 * found.error + 1e-6, "{found:?}");
-            assert!(found.error < 0.02, "{found:?}");
+        let estimates = blocks.estimate().unwrap_or([Estimate { value: f64::NAN, error: 0.0 }; 2]);
+        for (estimate, truth) in estimates.iter().zip([0.3, -0.7]) {
+            assert!((estimate.value - truth).abs() < 3.0 * estimate.error + 1e-6, "{estimate:?}");
+            assert!(estimate.error < 0.02, "{estimate:?}");
         }
     }
 }

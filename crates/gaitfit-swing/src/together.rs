@@ -207,20 +207,20 @@ impl<'a> Equations<'a> {
             scales: self.current.variances.iter().map(|variance| variance.sqrt()).collect(),
             values: self.current.values,
         })
-        .filter(|found| found.values.iter().all(|value| value.is_finite()))
+        .filter(|together| together.values.iter().all(|value| value.is_finite()))
     }
 
     /// One pass over all rows at the present values, which keeps what is left of each row in it.
     fn sums(&mut self) -> Option<Sums> {
         let length = self.moments.len().div_ceil(PARTS).max(1);
-        let mut found: Vec<Option<Sums>> = self.moments.chunks(length).map(|_| None).collect();
+        let mut parts: Vec<Option<Sums>> = self.moments.chunks(length).map(|_| None).collect();
         let mut workers = vec![(); self.threads.clamp(1, PARTS)];
-        let jobs = self.moments.chunks_mut(length).zip(&mut found);
+        let jobs = self.moments.chunks_mut(length).zip(&mut parts);
         let (current, groups) = (&self.current, self.groups.len());
         share(&mut workers, jobs, |(), (moments, sums)| *sums = current.sums(groups, moments));
-        let mut found = found.into_iter();
-        let mut sums = found.next()??;
-        for part in found {
+        let mut parts = parts.into_iter();
+        let mut sums = parts.next()??;
+        for part in parts {
             sums.add(part?);
         }
         sums.normal.fill_upper_triangle_with_lower_triangle();

@@ -103,10 +103,10 @@ impl Walk {
         let joints = model.joints.len();
         let mut column = vec![None; joints];
         for (place, joint) in log.joints.iter().enumerate() {
-            let Some(found) = model.find_joint(joint) else {
+            let Some(number) = model.find_joint(joint) else {
                 return Err(SwingError::NoSuchJoint { log: name(), joint: joint.clone() });
             };
-            column[found] = Some(place);
+            column[number] = Some(place);
         }
         let width = log.joints.len();
         let samples = log.len();

@@ -86,7 +86,7 @@ fn joints_of_a_clamped_robot_come_out_as_they_were_put_in() {
     assert_eq!(report.law, FrictionLaw::Coulomb);
     assert_eq!(report.groups.len(), 3);
     for (k, group) in report.groups.iter().enumerate() {
-        let near = |found: f64, truth: f64| (found - truth).abs() < 0.05 * truth;
+        let near = |value: f64, truth: f64| (value - truth).abs() < 0.05 * truth;
         assert!(near(group.friction.value, FRICTION[k]), "{group:?}");
         assert!(near(group.damping.value, DAMPING[k]), "{group:?}");
         assert!(near(group.armature.value, ARMATURE[k]), "{group:?}");
@@ -105,9 +105,9 @@ fn weak_motors_show_their_strength_and_what_joints_resist_with_it() {
     assert!(report.strength.error < 0.05, "{:?}", report.strength);
     for (k, group) in report.groups.iter().enumerate() {
         let truths = [FRICTION[k], DAMPING[k], ARMATURE[k]];
-        let found = [group.friction.value, group.damping.value, group.armature.value];
-        for ((truth, found), slope) in truths.into_iter().zip(found).zip(group.by_strength) {
-            let moved = found + slope * (STRENGTH - 1.0);
+        let values = [group.friction.value, group.damping.value, group.armature.value];
+        for ((truth, value), slope) in truths.into_iter().zip(values).zip(group.by_strength) {
+            let moved = value + slope * (STRENGTH - 1.0);
             assert!((moved - truth).abs() < 0.08 * truth, "{truth}: {moved}, {group:?}");
         }
     }

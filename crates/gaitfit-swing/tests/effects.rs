@@ -26,7 +26,7 @@ fn friction(model: &Model, logs: &[Trajectory]) -> (f64, f64) {
     (calf.friction.value, calf.by_load[0])
 }
 
-fn found(model: &Model, logs: &[Trajectory]) -> Vec<Effect> {
+fn effects_of(model: &Model, logs: &[Trajectory]) -> Vec<Effect> {
     let settings = settings(model);
     let logs: Vec<&Trajectory> = logs.iter().collect();
     let report = estimate(model, &logs, &settings).unwrap();
@@ -52,7 +52,7 @@ fn torque(log: &Trajectory, sample: usize, joint: usize) -> f64 {
 fn friction_under_load_is_measured() {
     let model = gaitfit_model::builtin::go2().unwrap();
     let mut logs = logs();
-    let before = effect(&found(&model, &logs), EffectKind::LoadFriction, "calf");
+    let before = effect(&effects_of(&model, &logs), EffectKind::LoadFriction, "calf");
     let (dry, by_load) = friction(&model, &logs);
     for log in &mut logs {
         let width = log.joints.len();
@@ -67,7 +67,7 @@ fn friction_under_load_is_measured() {
             .collect();
         log.target.as_mut().unwrap().iter_mut().zip(more).for_each(|(target, more)| *target += more);
     }
-    let after = effect(&found(&model, &logs), EffectKind::LoadFriction, "calf");
+    let after = effect(&effects_of(&model, &logs), EffectKind::LoadFriction, "calf");
     let change = after.size.value - before.size.value;
     // A torque that is put in at 50 Hz is a part of one that a joint takes at every moment.
     assert!((0.04..0.2).contains(&change), "{before:?} and {after:?}");
@@ -83,7 +83,7 @@ fn friction_under_load_is_measured() {
 fn joints_that_twist_are_seen_where_feet_stand() {
     let model = gaitfit_model::builtin::go2().unwrap();
     let mut logs = logs();
-    let before = effect(&found(&model, &logs), EffectKind::Elasticity, "calf");
+    let before = effect(&effects_of(&model, &logs), EffectKind::Elasticity, "calf");
     for log in &mut logs {
         let width = log.joints.len();
         let twist = |place: usize| {
@@ -95,7 +95,7 @@ fn joints_that_twist_are_seen_where_feet_stand() {
         // The same torque from a motor that is further round.
         log.target.as_mut().unwrap().iter_mut().zip(&twists).for_each(|(target, twist)| *target += twist);
     }
-    let after = effect(&found(&model, &logs), EffectKind::Elasticity, "calf");
+    let after = effect(&effects_of(&model, &logs), EffectKind::Elasticity, "calf");
     assert!((0.002..0.008).contains(&(after.size.value - before.size.value)), "{before:?} and {after:?}");
     // Soft contacts look like a little twist, once the encoders' zeros are unknowns too.
     assert!(after.share > 0.3 && before.share < 0.1, "{before:?} and {after:?}");
@@ -104,7 +104,7 @@ fn joints_that_twist_are_seen_where_feet_stand() {
 #[test]
 fn play_is_seen_where_feet_stand_and_a_wrong_zero_is_no_play() {
     let model = gaitfit_model::builtin::go2().unwrap();
-    let play = |logs: &[Trajectory]| effect(&found(&model, logs), EffectKind::Backlash, "thigh").size;
+    let play = |logs: &[Trajectory]| effect(&effects_of(&model, logs), EffectKind::Backlash, "thigh").size;
     let before = play(&logs());
     let (mut slack, mut wrong_zero) = (logs(), logs());
     for log in &mut slack {
@@ -133,7 +133,7 @@ fn play_is_seen_where_feet_stand_and_a_wrong_zero_is_no_play() {
     let slack = play(&slack);
     assert!((0.01..0.03).contains(&(slack.value - before.value)), "{before:?} and {slack:?}");
     // Knees of standing legs push one way all the time, so their play would look like a wrong zero.
-    let calves = found(&model, &wrong_zero);
+    let calves = effects_of(&model, &wrong_zero);
     let is_play = |one: &&Effect| one.kind == EffectKind::Backlash && one.of == "calf" && one.sure() > 4.0;
     assert_eq!(calves.iter().find(is_play), None);
 }
@@ -141,7 +141,7 @@ fn play_is_seen_where_feet_stand_and_a_wrong_zero_is_no_play() {
 #[test]
 fn ground_that_gives_way_and_steps_show_in_the_heights() {
     let model = gaitfit_model::builtin::go2().unwrap();
-    let level = effect(&found(&model, &logs()), EffectKind::UnevenGround, "");
+    let level = effect(&effects_of(&model, &logs()), EffectKind::UnevenGround, "");
     assert!(level.size.value < 0.006 && level.sure() > 8.0, "{level:?}");
 }
 
@@ -153,9 +153,9 @@ fn the_spring_of_one_calf_is_found_and_no_other_joint_has_one() {
     let springs = |model: &Model| -> Vec<Effect> {
         let settings = SwingSettings { clearances_m: vec![0.03], ..SwingSettings::default() };
         let report = estimate(model, &logs, &settings).unwrap();
-        let mut found = effects(model, &Walk::all(model, &logs, 1).unwrap(), &report, &settings);
-        found.retain(|effect| effect.kind == EffectKind::OddSpring && effect.share > 0.08);
-        found
+        let mut effects = effects(model, &Walk::all(model, &logs, 1).unwrap(), &report, &settings);
+        effects.retain(|effect| effect.kind == EffectKind::OddSpring && effect.share > 0.08);
+        effects
     };
     // examples/go2-ground/robot.toml
     let [spring] = springs(&model).try_into().unwrap();
@@ -172,11 +172,11 @@ fn the_spring_of_one_calf_is_found_and_no_other_joint_has_one() {
 fn a_motor_that_is_weaker_than_its_siblings_is_no_spring() {
     let model = gaitfit_model::builtin::go2().unwrap();
     let odd = |logs: &[Trajectory]| -> Vec<Effect> {
-        let mut found = found(&model, logs);
-        found.retain(|one| {
+        let mut effects = effects_of(&model, logs);
+        effects.retain(|one| {
             matches!(one.kind, EffectKind::OddSpring | EffectKind::OddStrength) && one.share > 0.08
         });
-        found
+        effects
     };
     let mut logs = logs();
     assert_eq!(odd(&logs), []);

@@ -48,9 +48,12 @@ fn a_level_unit_is_level_and_a_tilted_one_is_turned_back() {
             quaternion.copy_from_slice(&turned);
         }
     }
-    let found = tilt(&logs);
-    assert!((found[0].value - roll).abs() < 0.007 && (found[1].value - pitch).abs() < 0.007, "{found:?}");
-    let standing = Standing { tilt: Some(found) };
+    let estimate = tilt(&logs);
+    assert!(
+        (estimate[0].value - roll).abs() < 0.007 && (estimate[1].value - pitch).abs() < 0.007,
+        "{estimate:?}"
+    );
+    let standing = Standing { tilt: Some(estimate) };
     let level: Vec<Trajectory> = logs.iter().map(|log| standing.corrected(log).0).collect();
     assert!(tilt(&level).iter().all(|axis| axis.value.abs() < 0.006), "{:?}", tilt(&level));
 }

@@ -42,10 +42,10 @@ pub fn together<T: Send>(
     });
     let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
     results.sort_by_key(|(number, _)| *number);
-    let (mut found, mut failure) = (Vec::with_capacity(results.len()), None::<Error>);
+    let (mut outputs, mut failure) = (Vec::with_capacity(results.len()), None::<Error>);
     for (_, result) in results {
         match result {
-            Ok(one) => found.push(one),
+            Ok(one) => outputs.push(one),
             Err(error) => {
                 let graver = failure.as_ref().is_none_or(|known| {
                     known.kind() == ErrorKind::Interrupted && error.kind() != ErrorKind::Interrupted
@@ -56,7 +56,7 @@ pub fn together<T: Send>(
             }
         }
     }
-    failure.map_or(Ok(found), Err)
+    failure.map_or(Ok(outputs), Err)
 }
 
 /// What a cell says, with its name.
@@ -114,13 +114,13 @@ mod tests {
             ControlFlow::Continue(())
         };
         let watch = Watch::new(&callback);
-        let found = together(&["a", "b", "c", "d"], 2, &watch, &|number, worker, watch| {
+        let outputs = together(&["a", "b", "c", "d"], 2, &watch, &|number, worker, watch| {
             // Nobody passes alone.
             both.wait();
             watch.note("here");
             Ok((number, worker < 2))
         });
-        assert_eq!(found.unwrap(), [(0, true), (1, true), (2, true), (3, true)]);
+        assert_eq!(outputs.unwrap(), [(0, true), (1, true), (2, true), (3, true)]);
         let mut said = said.into_inner().unwrap();
         said.sort();
         assert_eq!(said, ["a: here", "b: here", "c: here", "d: here"]);

@@ -18,7 +18,7 @@ pub fn beside(theta: &Path) -> PathBuf {
     theta.with_file_name(NAME)
 }
 
-/// The robots of the file at `path`, one a row: `base` of `model` with what `found`, the fit of `theta`, says, and the
+/// The robots of the file at `path`, one a row: `base` of `model` with what `fit`, the fit of `theta`, says, and the
 /// row's numbers in place of its own.
 ///
 /// # Errors
@@ -27,7 +27,7 @@ pub fn beside(theta: &Path) -> PathBuf {
 pub fn candidates(
     path: &Path,
     base: &Candidate,
-    found: &ThetaFile,
+    fit: &ThetaFile,
     theta: &Path,
     model: &Model,
 ) -> Result<Vec<Candidate>, Error> {
@@ -45,7 +45,7 @@ pub fn candidates(
     let Some((_, header)) = lines.next() else {
         return Err(wrong("it is empty; a header with the names of parameters comes first".to_owned()));
     };
-    let columns = columns(header, found).map_err(wrong)?;
+    let columns = columns(header, fit).map_err(wrong)?;
     let mut robots = Vec::new();
     for (number, line) in lines {
         if robots.len() == MAX_ROWS {
@@ -53,7 +53,7 @@ pub fn candidates(
         }
         let values =
             row(line, columns.len()).map_err(|problem| wrong(format!("line {}: {problem}", number + 1)))?;
-        let mut drawn = found.clone();
+        let mut drawn = fit.clone();
         for (column, value) in columns.iter().zip(values) {
             let Some(column) = *column else { continue };
             let parameter = &mut drawn.parameter[column];
@@ -71,13 +71,13 @@ pub fn candidates(
 
 /// The parameter of each column; none of the weights of networks, which all robots of a training share. All of the fit's
 /// parameters must be there, each once.
-fn columns(header: &str, found: &ThetaFile) -> Result<Vec<Option<usize>>, String> {
-    let names = || found.parameter.iter().map(|one| one.name.as_str()).collect::<Vec<_>>().join(", ");
+fn columns(header: &str, fit: &ThetaFile) -> Result<Vec<Option<usize>>, String> {
+    let names = || fit.parameter.iter().map(|one| one.name.as_str()).collect::<Vec<_>>().join(", ");
     let mut columns = Vec::new();
     for name in header.split(',').map(str::trim) {
         let weight = |kind: &str| name.strip_prefix(kind).is_some_and(|rest| rest.starts_with('_'));
-        let Some(place) = found.parameter.iter().position(|one| one.name == name) else {
-            if found.network.iter().any(|network| weight(network.kind.name())) {
+        let Some(place) = fit.parameter.iter().position(|one| one.name == name) else {
+            if fit.network.iter().any(|network| weight(network.kind.name())) {
                 columns.push(None);
                 continue;
             }
@@ -92,8 +92,8 @@ fn columns(header: &str, found: &ThetaFile) -> Result<Vec<Option<usize>>, String
         }
         columns.push(Some(place));
     }
-    match (0..found.parameter.len()).find(|&place| !columns.contains(&Some(place))) {
-        Some(missing) => Err(format!("it has no column `{}`", shown(&found.parameter[missing].name))),
+    match (0..fit.parameter.len()).find(|&place| !columns.contains(&Some(place))) {
+        Some(missing) => Err(format!("it has no column `{}`", shown(&fit.parameter[missing].name))),
         None => Ok(columns),
     }
 }
@@ -131,8 +131,8 @@ mod tests {
             std::fs::write(&path, text).unwrap();
         }
         let model = crate::robot::go2().unwrap();
-        let found = ThetaFile::parse(THETA).unwrap();
-        candidates(&path, &Candidate::nominal(&model), &found, &theta, &model)
+        let fit = ThetaFile::parse(THETA).unwrap();
+        candidates(&path, &Candidate::nominal(&model), &fit, &theta, &model)
             .map_err(|error| error.to_string())
     }
 

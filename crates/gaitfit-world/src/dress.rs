@@ -53,8 +53,8 @@ fn corners(place: &Look, mesh: &ThinMesh) -> Vec<Vec3> {
 /// The foot whose geoms a mesh hides: all of the mesh lies within or near their box. The mesh then shows the contact.
 fn foot_within(robot: &ReplayRobot, body: usize, corners: &[Vec3]) -> Option<usize> {
     let geoms = |foot: usize| {
-        let own = move |geom: &&Geom| geom.body == body && geom.foot == Some(foot);
-        robot.geoms.iter().filter(own)
+        let of_foot = move |geom: &&Geom| geom.body == body && geom.foot == Some(foot);
+        robot.geoms.iter().filter(of_foot)
     };
     (0..robot.feet.len()).find(|&foot| {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
@@ -115,19 +115,19 @@ mod tests {
         write("r.xml", &text(&(visual("sole") + &visual("shank"))));
         let read = |name: &str| gaitfit_model::read(&folder.path().join(name), &Default::default()).unwrap();
         let drawn = shape("r", &read("r.xml"), &["foot".to_owned()]);
-        let found: Vec<_> = drawn.geoms.iter().map(|geom| (geom.body, geom.shape, geom.foot)).collect();
+        let geoms: Vec<_> = drawn.geoms.iter().map(|geom| (geom.body, geom.shape, geom.foot)).collect();
         let ball = |radius| Shape::Sphere { radius };
         let mesh = |mesh| Shape::Mesh { mesh };
         // The sole hides the foot's ball: it shows the contact too.
         assert_eq!(
-            found,
+            geoms,
             [(0, ball(0.1), None), (1, ball(0.02), Some(0)), (1, mesh(0), Some(0)), (1, mesh(1), None)]
         );
         // A shank hides it too, and is no foot: the ball shows through.
         write("shank.xml", &text(&visual("shank")));
         let drawn = shape("r", &read("shank.xml"), &["foot".to_owned()]);
-        let found: Vec<_> = drawn.geoms.iter().map(|geom| (geom.shape, geom.foot)).collect();
-        assert_eq!(found, [(ball(0.1), None), (ball(0.022), Some(0)), (mesh(0), None)]);
+        let geoms: Vec<_> = drawn.geoms.iter().map(|geom| (geom.shape, geom.foot)).collect();
+        assert_eq!(geoms, [(ball(0.1), None), (ball(0.022), Some(0)), (mesh(0), None)]);
         write("bare.xml", &text(""));
         std::fs::remove_file(folder.path().join("m.obj")).unwrap();
         assert_eq!(

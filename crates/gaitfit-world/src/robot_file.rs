@@ -27,11 +27,11 @@ fn fingerprint(path: &Path) -> Result<String, Error> {
     if parts.is_empty() {
         return Ok(whole);
     }
-    let mut all = vec![whole];
+    let mut hashes = vec![whole];
     for part in &parts {
-        all.push(hash_file(part)?);
+        hashes.push(hash_file(part)?);
     }
-    Ok(hash(all.concat().as_bytes()))
+    Ok(hash(hashes.concat().as_bytes()))
 }
 
 /// `asked` with the robot file of the policy's training, where it names none, and what to know of that. If it names the
@@ -71,8 +71,8 @@ pub fn model(policy: &Policy, path: &Path, asked: Option<&Path>, lenient: bool) 
             robot::read(asked, lenient, Hold::File)
         }
         (None, Some(recorded)) => {
-            let (found, _) = find(path, recorded, &policy.interface.robot)?;
-            robot::read(&found, lenient || recorded.lenient, Hold::File)
+            let (file, _) = find(path, recorded, &policy.interface.robot)?;
+            robot::read(&file, lenient || recorded.lenient, Hold::File)
         }
         (None, None) => robot::go2(),
     }
@@ -148,13 +148,13 @@ fn places(policy: &Path, was: &Path) -> Vec<PathBuf> {
     let absolute = std::path::absolute(policy).unwrap_or_else(|_| policy.to_owned());
     let parts: Vec<_> = was.components().skip(1).collect();
     let from = parts.len().saturating_sub(MAX_DEPTH);
-    let mut found = Vec::new();
+    let mut places = Vec::new();
     for start in from..parts.len() {
         let end: PathBuf = parts[start..].iter().collect();
-        found.push(end.clone());
-        found.extend(absolute.ancestors().skip(1).take(MAX_DEPTH).map(|folder| folder.join(&end)));
+        places.push(end.clone());
+        places.extend(absolute.ancestors().skip(1).take(MAX_DEPTH).map(|folder| folder.join(&end)));
     }
-    found
+    places
 }
 
 #[cfg(test)]

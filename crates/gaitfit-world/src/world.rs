@@ -84,10 +84,10 @@ pub struct World {
 impl World {
     /// Reads everything the arguments name.
     pub fn open(args: &WorldSettings) -> Result<Self, Error> {
-        let found = policy_file::find(&args.policy)?;
-        let args = WorldSettings { policy: found.path, ..args.clone() };
+        let policy_file = policy_file::find(&args.policy)?;
+        let args = WorldSettings { policy: policy_file.path, ..args.clone() };
         let mut world = Self::new(&args, gaitfit_policy_files::read(&args.policy)?)?;
-        world.warnings.splice(0..0, found.note);
+        world.warnings.splice(0..0, policy_file.note);
         Ok(world)
     }
 

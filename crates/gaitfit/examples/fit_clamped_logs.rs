@@ -27,8 +27,8 @@ pub fn fit(root: &Path, runs: &Path, changes: &[&str]) -> Result<f64, Box<dyn st
     let results = adapt::fit(&mut setup, &folder, &Watch::new(&callback))?;
 
     for parameter in &results.parameters {
-        let found = &parameter.found;
-        println!("{} = {:.4} {}", found.name, found.value, found.unit);
+        let estimate = &parameter.found;
+        println!("{} = {:.4} {}", estimate.name, estimate.value, estimate.unit);
     }
     println!("cost {:.5}, report {}/report.html", results.cost, results.run_folder);
     Ok(results.cost)

@@ -28,7 +28,7 @@ impl Accumulator for Sums<'_> {
     fn add(&mut self, _recording: usize, simulated: Signals<'_>) -> Result<(), CostError> {
         let wide: Vec<f64> = simulated.velocity.iter().map(|&x| f64::from(x)).collect();
         let pairs = rms(&wide, self.0.len()).zip(self.0);
-        self.1 += pairs.map(|(found, robot)| (found / robot - 1.0).abs()).sum::<f64>();
+        self.1 += pairs.map(|(simulated, robot)| (simulated / robot - 1.0).abs()).sum::<f64>();
         Ok(())
     }
 

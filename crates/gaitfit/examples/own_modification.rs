@@ -50,8 +50,8 @@ pub fn main() -> Result<(), Box<dyn std::error::Error>> {
     let options = FitOptions { generations: 12, ..FitOptions::default() };
     let mut fit = Fit::new(simulator, &theta, &setup.costs, options)?;
     while fit.step(&never)?.is_some() {}
-    let found = fit.outcomes()[0].values()[0];
-    println!("the gearboxes are at {found:.1} °C");
-    assert!(found > 0.0 && found < 80.0);
+    let celsius = fit.outcomes()[0].values()[0];
+    println!("the gearboxes are at {celsius:.1} °C");
+    assert!(celsius > 0.0 && celsius < 80.0);
     Ok(())
 }

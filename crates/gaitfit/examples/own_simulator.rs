@@ -48,8 +48,8 @@ pub fn main() -> Result<(), Box<dyn std::error::Error>> {
     let costs = [CostKind::Wass.build(&reference, &pendulum)?];
     let mut fit = Fit::new(&pendulum, &theta, &costs, FitOptions::default())?;
     while fit.step(&never)?.is_some() {}
-    let found = fit.outcomes()[0].values();
-    println!("{found:.4?} for a truth of {truth:?}");
-    assert!(found.iter().zip(truth).all(|(found, truth)| (found - truth).abs() < 1e-3));
+    let values = fit.outcomes()[0].values();
+    println!("{values:.4?} for a truth of {truth:?}");
+    assert!(values.iter().zip(truth).all(|(value, truth)| (value - truth).abs() < 1e-3));
     Ok(())
 }

@@ -260,19 +260,19 @@ fn play(
     };
     let samples = period(options.seconds).max(1);
     let template = |(number, sequence): (usize, &Sequence)| {
-        let all = shift(number) + samples;
+        let rows = shift(number) + samples;
         Trajectory {
             source: None,
             robot: Some(walker.model().name.clone()),
             joints: interface.joints.clone(),
             velocity_joints: interface.velocity_joints.clone(),
-            time: (0..all).map(|sample| sample as f64 * dt).collect(),
+            time: (0..rows).map(|sample| sample as f64 * dt).collect(),
             rate_hz: 1.0 / dt,
-            position: interface.default_pose.repeat(all),
-            velocity: vec![0.0; all * interface.joints.len()],
+            position: interface.default_pose.repeat(rows),
+            velocity: vec![0.0; rows * interface.joints.len()],
             target: None,
             action: None,
-            command: Some((0..all).flat_map(|sample| sequence.at(sample as f64 * dt)).collect()),
+            command: Some((0..rows).flat_map(|sample| sequence.at(sample as f64 * dt)).collect()),
             motion: None,
             base: None,
             gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
@@ -284,7 +284,7 @@ fn play(
     let templates: Vec<Trajectory> = sequences.iter().enumerate().map(template).collect();
     let scripts: Vec<_> = templates.iter().map(|one| script(walker, one)).collect();
     let job = follow::Job { candidate: world.candidate.clone(), reset_every: None, seed };
-    let found = Mutex::new(vec![None; scripts.len()]);
+    let logs = Mutex::new(vec![None; scripts.len()]);
     let keep = |_: usize, number: usize, track: &follow::Track| {
         let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect::<Vec<f64>>();
         let made = Recorded::new(walker, &scripts[number], track);
@@ -294,7 +294,7 @@ fn play(
             base.position = Some(wide(&track.base_position));
             base.linear_velocity = Some(wide(&track.base_velocity));
         }
-        found.lock().unwrap_or_else(PoisonError::into_inner)[number] = Some((log, fell_at));
+        logs.lock().unwrap_or_else(PoisonError::into_inner)[number] = Some((log, fell_at));
     };
     let amount = Amount { what: "log", parts: "logs", total: scripts.len(), pieces: scripts.len() };
     watch.shared(amount, |done| {
@@ -306,7 +306,7 @@ fn play(
             watch.stop()
         })
     })?;
-    let found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let logs = logs.into_inner().unwrap_or_else(PoisonError::into_inner);
     let cut = |(number, one): (usize, Option<(Trajectory, Option<usize>)>)| {
         // What is missing was not simulated: the watch stopped it.
         let (log, fell_at) = one?;
@@ -316,7 +316,7 @@ fn play(
         let fell = fell_at.is_some();
         Some(Recording { trajectory: Trajectory { time, fell, ..trajectory }, fell })
     };
-    Ok(found.into_iter().enumerate().filter_map(cut).collect())
+    Ok(logs.into_iter().enumerate().filter_map(cut).collect())
 }
 
 /// Refuses logs without a row, or of more rows than memory holds. `key`: the setting; `period`: of control, s.

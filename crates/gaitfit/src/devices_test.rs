@@ -19,9 +19,9 @@ fn policies(devices: &Devices) -> Vec<Vec<u8>> {
     let mut setup = training("seeds=[3, 1, 2]", &Device::Cpu.into()).unwrap();
     setup.devices = devices.clone();
     let folder = RunFolder::only(runs.path(), "walk").unwrap();
-    let found = crate::train::train_in(&setup, &folder, &Watch::silent()).unwrap();
-    assert_eq!(found.seeds.iter().map(|one| one.seed).collect::<Vec<_>>(), [3, 1, 2]);
-    found.seeds.iter().map(|one| std::fs::read(&one.policy).unwrap()).collect()
+    let results = crate::train::train_in(&setup, &folder, &Watch::silent()).unwrap();
+    assert_eq!(results.seeds.iter().map(|one| one.seed).collect::<Vec<_>>(), [3, 1, 2]);
+    results.seeds.iter().map(|one| std::fs::read(&one.policy).unwrap()).collect()
 }
 
 #[test]
@@ -79,12 +79,12 @@ fn gpu_a_fit_in_two_sessions_has_the_bits_of_one() {
         let mut setup =
             crate::adapt::Opening::new(&config, &file).threads(4).devices(devices).open().unwrap();
         let folder = RunFolder::only(runs.path(), name).unwrap();
-        let found = crate::adapt::fit(&mut setup, &folder, &Watch::silent()).unwrap();
-        let mut found = serde_json::to_value(found).unwrap();
+        let results = crate::adapt::fit(&mut setup, &folder, &Watch::silent()).unwrap();
+        let mut results = serde_json::to_value(results).unwrap();
         for key in ["wall_seconds", "run_folder"] {
-            found.as_object_mut().unwrap().remove(key);
+            results.as_object_mut().unwrap().remove(key);
         }
-        found
+        results
     };
     let one = fit("one", &Device::Cuda(0).into());
     let two = fit("two", &Devices::new(Device::Cuda(0), [Device::Cuda(0)]));

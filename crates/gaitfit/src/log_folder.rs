@@ -172,8 +172,8 @@ pub fn check_recorded(folder: &Path) -> Result<(), String> {
         let path = entry.path();
         let name = escaped(&entry.file_name().to_string_lossy(), 200);
         let link = entry.file_type().map_err(unreadable)?.is_symlink();
-        let found = match fs::metadata(&path) {
-            Ok(found) => found.file_type(),
+        let file_type = match fs::metadata(&path) {
+            Ok(metadata) => metadata.file_type(),
             Err(error) if link => {
                 let leads = fs::read_link(&path).unwrap_or_default();
                 return Err(format!(
@@ -184,11 +184,11 @@ pub fn check_recorded(folder: &Path) -> Result<(), String> {
             }
             Err(error) => return Err(format!("it left `{name}`, which cannot be read: {error}")),
         };
-        if !(found.is_file() || found.is_dir() && !is_csv(&path)) {
+        if !(file_type.is_file() || file_type.is_dir() && !is_csv(&path)) {
             let leads = if link { "a symbolic link to " } else { "" };
             return Err(format!(
                 "it left `{name}`, {leads}{}: only regular files can be logs. Write the log itself into {{folder}}.",
-                kind(found)
+                kind(file_type)
             ));
         }
     }
@@ -196,13 +196,13 @@ pub fn check_recorded(folder: &Path) -> Result<(), String> {
 }
 
 #[cfg(unix)]
-fn kind(found: fs::FileType) -> &'static str {
+fn kind(file_type: fs::FileType) -> &'static str {
     use std::os::unix::fs::FileTypeExt;
-    if found.is_fifo() {
+    if file_type.is_fifo() {
         "a pipe"
-    } else if found.is_socket() {
+    } else if file_type.is_socket() {
         "a socket"
-    } else if found.is_dir() {
+    } else if file_type.is_dir() {
         "a folder"
     } else {
         "a device"
@@ -210,8 +210,8 @@ fn kind(found: fs::FileType) -> &'static str {
 }
 
 #[cfg(not(unix))]
-fn kind(found: fs::FileType) -> &'static str {
-    if found.is_dir() { "a folder" } else { "no file" }
+fn kind(file_type: fs::FileType) -> &'static str {
+    if file_type.is_dir() { "a folder" } else { "no file" }
 }
 
 fn is_csv(path: &Path) -> bool {

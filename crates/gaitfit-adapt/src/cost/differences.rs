@@ -28,7 +28,7 @@ impl<'a> Differences<'a> {
     /// # Errors
     /// [`CostError::NotFinite`] if a sample is NaN or infinite; shapes that do not fit.
     pub fn compute(&self, recording: usize, simulated: Signals<'_>) -> Result<Vec<f32>, CostError> {
-        self.numbers(recording, simulated, |found, measured| found - measured, LOST)
+        self.numbers(recording, simulated, |simulated, measured| simulated - measured, LOST)
     }
 
     /// How they change where the simulated signals change by `slopes`: as [`Self::compute`], of the change itself.
@@ -36,7 +36,7 @@ impl<'a> Differences<'a> {
     /// # Errors
     /// As [`Self::compute`].
     pub fn slopes(&self, recording: usize, slopes: Signals<'_>) -> Result<Vec<f32>, CostError> {
-        self.numbers(recording, slopes, |found, _| found, 0.0)
+        self.numbers(recording, slopes, |slope, _| slope, 0.0)
     }
 
     /// Scaled and weighted numbers that `of` makes of a simulated and a recorded one; `lost` where a fall left none.
@@ -50,7 +50,7 @@ impl<'a> Differences<'a> {
         let reference = self.reference;
         let width = self.width();
         let rows = reference.samples(recording) - reference.skip();
-        let mut all = vec![0.0f32; rows * width];
+        let mut differences = vec![0.0f32; rows * width];
         let mut column = 0;
         for signal in self.weights.signals() {
             let joints = signal.width(reference.joints().len());
@@ -70,16 +70,16 @@ impl<'a> Differences<'a> {
                 dimensions.iter().enumerate().filter_map(|(place, one)| Some((place, one.scale?)))
             {
                 let factor = weight * scale;
-                for (row, numbers) in all.chunks_exact_mut(width).enumerate() {
+                for (row, numbers) in differences.chunks_exact_mut(width).enumerate() {
                     let at = row * joints + dimension;
                     numbers[column] = match counted.matrix.get(at) {
-                        Some(&found) => (factor * of(f64::from(found), measured[at])) as f32,
+                        Some(&number) => (factor * of(f64::from(number), measured[at])) as f32,
                         None => (weight * lost) as f32,
                     };
                 }
                 column += 1;
             }
         }
-        Ok(all)
+        Ok(differences)
     }
 }

@@ -239,15 +239,15 @@ impl Reference {
     /// The dimensions that are constant on the robot and therefore left out, as (signal, name of the joint or
     /// axis).
     pub fn constant(&self) -> Vec<(Signal, &str)> {
-        let mut found = Vec::new();
+        let mut columns = Vec::new();
         for signal in Signal::ALL {
             for (column, dimension) in self.dimensions(signal).unwrap_or_default().iter().enumerate() {
                 if dimension.is_constant() {
-                    found.push((signal, signal.column(&self.joints, column)));
+                    columns.push((signal, signal.column(&self.joints, column)));
                 }
             }
         }
-        found
+        columns
     }
 
     /// Recorded matrix without the pre-roll.

@@ -146,8 +146,11 @@ mod tests {
     fn columns_are_compared_one_by_one_and_the_first_bad_one_is_named() {
         // Columns {1, 0} and {5, 5} against {2, 0, 1} and {6, 4, 5}.
         let (a, mut b) = ([1.0, 5.0, 0.0, 5.0], [2.0, 6.0, 0.0, 4.0, 1.0, 5.0]);
-        let found = wasserstein1_of_columns(&a, &b, 2).expect("all values are finite");
-        assert!((found[0] - 0.5).abs() < 1e-15 && (found[1] - 2.0 / 3.0).abs() < 1e-15, "{found:?}");
+        let distances = wasserstein1_of_columns(&a, &b, 2).expect("all values are finite");
+        assert!(
+            (distances[0] - 0.5).abs() < 1e-15 && (distances[1] - 2.0 / 3.0).abs() < 1e-15,
+            "{distances:?}"
+        );
         b[3] = f64::NAN;
         assert_eq!(wasserstein1_of_columns(&a, &b, 2), Err(1));
     }

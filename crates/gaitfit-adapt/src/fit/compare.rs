@@ -48,9 +48,9 @@ pub fn compare(
     };
     let verdicts: Vec<Option<bool>> = pairs.iter().map(verdict).collect();
     let apart: Vec<usize> = (0..pairs.len()).filter(|&index| verdicts[index] == Some(false)).collect();
-    let swapped = |own: &CostOutcome, other: &CostOutcome| -> Vec<Vec<f64>> {
+    let swapped = |outcome: &CostOutcome, other: &CostOutcome| -> Vec<Vec<f64>> {
         let swap = |&index: &usize| {
-            let mut values = own.values();
+            let mut values = outcome.values();
             values[index] = other.parameters[index].value;
             values
         };
@@ -62,8 +62,8 @@ pub fn compare(
     let mut agreements = Vec::with_capacity(pairs.len());
     for (index, (a, b)) in pairs.iter().enumerate() {
         let reason = apart.iter().position(|&one| one == index).map(|at| {
-            let rise = |found: &[Option<f64>], best: f64| {
-                found.get(at).copied().flatten().map(|cost| cost / best - 1.0)
+            let rise = |costs: &[Option<f64>], best: f64| {
+                costs.get(at).copied().flatten().map(|cost| cost / best - 1.0)
             };
             reason(
                 first,

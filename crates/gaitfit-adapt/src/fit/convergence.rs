@@ -86,7 +86,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
 fn elsewhere(outcome: &CostOutcome) -> Option<String> {
     outcome.uncertainty.as_ref().filter(|_| outcome.runs.len() > 1)?;
     let far = |one: &ParameterOutcome, value: f64| {
-        let flat = one.identification.as_ref().is_some_and(|found| !found.identified);
+        let flat = one.identification.as_ref().is_some_and(|identification| !identification.identified);
         !flat && (value - one.value).abs() > APART * (one.upper - one.lower)
     };
     let agrees = |run: &usize| !outcome.parameters.iter().any(|one| far(one, one.per_run[*run]));
@@ -117,7 +117,7 @@ fn spread(one: &ParameterOutcome) -> String {
 
 fn apart(one: &ParameterOutcome) -> bool {
     let range = one.upper - one.lower;
-    let flat = one.identification.as_ref().is_some_and(|found| !found.identified);
+    let flat = one.identification.as_ref().is_some_and(|identification| !identification.identified);
     !flat && one.spread.is_some_and(|spread| spread > APART * range)
 }
 
@@ -213,14 +213,14 @@ mod tests {
             one
         };
         let least_squares = |values: &[f64]| {
-            let found = crate::fit::Uncertainty {
+            let uncertainty = crate::fit::Uncertainty {
                 sampling: vec![0.01],
                 shifts: Vec::new(),
                 deviation: vec![0.01],
                 interval: vec![[0.48, 0.52]],
                 draws: Vec::new(),
             };
-            CostOutcome { uncertainty: Some(found), ..seeds(values) }
+            CostOutcome { uncertainty: Some(uncertainty), ..seeds(values) }
         };
         let apart = unsettled(&least_squares(&[0.5, 0.8]), &[]);
         assert!(apart.len() == 1 && apart[0].contains("1.00000 to 2.00000: p 0.5000"), "{apart:?}");
@@ -231,7 +231,7 @@ mod tests {
 
     #[test]
     fn what_the_logs_do_not_identify_may_lie_apart_and_a_better_value_never_converged() {
-        let found = |identified, better| Identification {
+        let identification = |identified, better| Identification {
             lower: 0.0,
             upper: 1.0,
             rise: 0.1,
@@ -240,10 +240,10 @@ mod tests {
             better,
         };
         let mut one = outcome(Some(Stop::Generations), 0.2);
-        one.parameters[0].identification = Some(found(false, None));
+        one.parameters[0].identification = Some(identification(false, None));
         assert!(unsettled(&one, &[1.0, 1.0]).is_empty());
         let mut one = outcome(Some(Stop::Tolerance), 0.0);
-        one.parameters[0].identification = Some(found(true, Some(0.7)));
+        one.parameters[0].identification = Some(identification(true, Some(0.7)));
         assert_eq!(unsettled(&one, &[]), ["p = 0.7000 fits better than the value found."]);
     }
 }

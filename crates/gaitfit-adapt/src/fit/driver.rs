@@ -291,7 +291,7 @@ impl<'a> Fit<'a> {
                 draw: self.options.random_numbers.draw(seed, generation, candidate),
             }));
         }
-        let found = evaluate(self.simulator, self.theta, self.costs, &self.options.falls, &jobs, cancel)?;
+        let results = evaluate(self.simulator, self.theta, self.costs, &self.options.falls, &jobs, cancel)?;
         let recordings = self.simulator.recordings();
         let generation = self.generation + 1;
         let mut reports = Vec::with_capacity(active.len());
@@ -303,7 +303,7 @@ impl<'a> Fit<'a> {
             let run = &mut self.runs[index];
             let cost = self.costs[run.cost].as_ref();
             let price = self.options.falls.risk_price(cost, recordings);
-            reports.push((index, run.tell(cost.name(), &found[batch], price, recordings, &self.options)?));
+            reports.push((index, run.tell(cost.name(), &results[batch], price, recordings, &self.options)?));
         }
         for (index, moved, (report, simulated)) in stepped {
             self.runs[index] = moved;

@@ -50,18 +50,18 @@ pub fn evaluate(
         return Ok(Vec::new());
     }
     let recordings = simulator.recordings();
-    let mut found = simulator.costs(theta, costs, jobs, cancel)?;
-    if found.len() != jobs.len() {
+    let mut evaluations = simulator.costs(theta, costs, jobs, cancel)?;
+    if evaluations.len() != jobs.len() {
         return Err(FitError::Incomplete);
     }
-    for (found, job) in found.iter_mut().zip(jobs) {
-        let charge = falls.charge(costs[job.cost].as_ref(), found.falls, recordings);
-        let charged = found
+    for (evaluation, job) in evaluations.iter_mut().zip(jobs) {
+        let charge = falls.charge(costs[job.cost].as_ref(), evaluation.falls, recordings);
+        let charged = evaluation
             .cost
             .map(|cost| cost + charge + theta.regularisation(&job.values) + theta.prior_cost(&job.values));
-        found.cost = charged.filter(|cost| cost.is_finite());
+        evaluation.cost = charged.filter(|cost| cost.is_finite());
     }
-    Ok(found)
+    Ok(evaluations)
 }
 
 /// Simulates every job and compares its signals. [`Simulator::costs`] does this by default.
@@ -141,10 +141,10 @@ pub fn simulate_rollout(
     rollout: Rollout,
     cancel: &Cancel<'_>,
 ) -> Result<Vec<Predicted>, FitError> {
-    let found: Vec<Mutex<Option<Predicted>>> =
+    let predictions: Vec<Mutex<Option<Predicted>>> =
         (0..simulator.recordings()).map(|_| Mutex::new(None)).collect();
     let consume = |_: usize, recording: usize, signals: Signals<'_>| {
-        if let Some(slot) = found.get(recording) {
+        if let Some(slot) = predictions.get(recording) {
             *slot.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) =
                 Some(Predicted::from_signals(&signals));
         }
@@ -153,5 +153,5 @@ pub fn simulate_rollout(
     let take = |slot: Mutex<Option<Predicted>>| {
         slot.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()).ok_or(FitError::Incomplete)
     };
-    found.into_iter().map(take).collect()
+    predictions.into_iter().map(take).collect()
 }

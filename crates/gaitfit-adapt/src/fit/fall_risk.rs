@@ -44,13 +44,15 @@ impl FallRisk {
     }
 
     /// Remembers the candidates of a generation that were simulated to the end.
-    pub fn remember(&mut self, candidates: &[Vec<f64>], found: &[Evaluation]) {
+    pub fn remember(&mut self, candidates: &[Vec<f64>], evaluations: &[Evaluation]) {
         if candidates.first().is_none_or(|values| values.len() > MAX_ENTRIES) {
             return;
         }
-        let simulated = candidates.iter().zip(found).filter(|(_, found)| found.cost.is_some());
-        self.seen
-            .extend(simulated.map(|(values, found)| Seen { values: values.clone(), fell: found.falls > 0 }));
+        let simulated =
+            candidates.iter().zip(evaluations).filter(|(_, evaluation)| evaluation.cost.is_some());
+        self.seen.extend(
+            simulated.map(|(values, evaluation)| Seen { values: values.clone(), fell: evaluation.falls > 0 }),
+        );
         self.seen.drain(..self.seen.len().saturating_sub(REMEMBERED));
         if self.seen.iter().all(|one| !one.fell) {
             self.seen.clear();
@@ -148,7 +150,7 @@ mod tests {
     use super::*;
     use gaitfit_random::{Purpose, Stream};
 
-    fn found(falls: usize) -> Evaluation {
+    fn evaluation(falls: usize) -> Evaluation {
         Evaluation { cost: Some(0.1), falls }
     }
 
@@ -161,7 +163,7 @@ mod tests {
                 (0..32).map(|at| vec![draws.normal(3 * at), 0.1, draws.normal(3 * at + 1)]).collect();
             let falls = |(at, values): (usize, &Vec<f64>)| {
                 let chance = (1.0 + (-logit(values[0])).exp()).recip();
-                found(usize::from(draws.uniform(3 * at as u32 + 2) < chance))
+                evaluation(usize::from(draws.uniform(3 * at as u32 + 2) < chance))
             };
             let falls: Vec<Evaluation> = candidates.iter().enumerate().map(falls).collect();
             risk.remember(&candidates, &falls);
@@ -195,7 +197,7 @@ mod tests {
     fn if_all_fall_the_risk_is_large_and_finite() {
         let mut risk = FallRisk::default();
         let candidates = vec![vec![1.0, 2.0]; 8];
-        risk.remember(&candidates, &[found(40); 8]);
+        risk.remember(&candidates, &[evaluation(40); 8]);
         let falls = risk.expected_falls(&candidates, 48);
         assert!(falls.iter().all(|falls| (3.0..48.0).contains(falls)), "{falls:?}");
         assert!(risk.expected_falls(&candidates, 1).iter().all(|falls| *falls <= 1.0));
@@ -206,7 +208,7 @@ mod tests {
         let mut risk = learned(40, |value| value);
         assert_eq!(risk.seen.len(), REMEMBERED);
         for _ in 0..REMEMBERED {
-            risk.remember(&[vec![0.0; 3]], &[found(0)]);
+            risk.remember(&[vec![0.0; 3]], &[evaluation(0)]);
         }
         assert!(risk.is_empty(), "the falls are forgotten");
     }

@@ -124,11 +124,11 @@ pub fn identify(
         };
         verdict(entry, values[at], &rises, noise, charged)
     };
-    let mut found: Vec<Identification> = theta.entries().iter().enumerate().map(of_entry).collect();
+    let mut identifications: Vec<Identification> = theta.entries().iter().enumerate().map(of_entry).collect();
     let around =
         Around { simulator, theta, values, views: &views, centre: &centre, draw, rise: &rise, cancel };
-    joint(&around, alternatives, &mut found)?;
-    Ok(found)
+    joint(&around, alternatives, &mut identifications)?;
+    Ok(identifications)
 }
 
 /// Standard error of `cost` at `values`: jackknife over groups of recordings. `None` of a single recording, and if the

@@ -45,7 +45,7 @@ pub(super) struct Free {
     pub(super) size: f64,
 }
 
-/// Widens the intervals `found` to joint ones. Those of parameters that rest on a bound, or that the logs do not
+/// Widens the intervals of `identifications` to joint ones. Those of parameters that rest on a bound, or that the logs do not
 /// identify alone, stay; all do, if more than [`MAX_FREE`] are left or the simulation of a move diverges.
 ///
 /// # Errors
@@ -53,17 +53,18 @@ pub(super) struct Free {
 pub(super) fn joint(
     around: &Around<'_>,
     alternatives: &[Alternative<'_>],
-    found: &mut [Identification],
+    identifications: &mut [Identification],
 ) -> Result<(), FitError> {
     let Around { theta, values, views, .. } = *around;
-    let free = free(theta, values, found);
+    let free = free(theta, values, identifications);
     if free.is_empty() || free.len() > MAX_FREE {
         return Ok(());
     }
     let ones = moves_of_one(&free);
     let twos = moves_of_two(&free);
-    let all: Vec<Vec<f64>> = ones.iter().chain(&twos).map(|moved| around.moved(&free, moved)).collect();
-    let Some(costs) = around.costs(around.simulator, views, &all)? else { return Ok(()) };
+    let candidates: Vec<Vec<f64>> =
+        ones.iter().chain(&twos).map(|moved| around.moved(&free, moved)).collect();
+    let Some(costs) = around.costs(around.simulator, views, &candidates)? else { return Ok(()) };
     let (single, double) = costs.split_at(ones.len());
     let curvature = curvature(around.centre[0].powi(2), single, double, free.len());
     let Some((inverse, flat)) = inverse(&curvature) else { return Ok(()) };
@@ -80,7 +81,7 @@ pub(super) fn joint(
     let mut shifts: Vec<f64> = (0..free.len()).map(along).collect();
     let whole = Views::whole(views.cost(), around.simulator.recordings());
     for alternative in alternatives {
-        let singles = &all[..ones.len()];
+        let singles = &candidates[..ones.len()];
         let Some(costs) = around.costs(alternative.simulator, &whole, singles)? else { continue };
         let step = -(&inverse * (slope(&costs, 0) - &here));
         shifts.iter_mut().zip(step.iter()).for_each(|(sum, step)| *sum += step * step);
@@ -96,10 +97,10 @@ pub(super) fn joint(
         };
         let half = quantile * (sampling * sampling + shifts[at]).sqrt() * free.size;
         if half.is_finite() {
-            found[free.entry].widen(&theta.entries()[free.entry], values[free.entry], half);
+            identifications[free.entry].widen(&theta.entries()[free.entry], values[free.entry], half);
         }
     }
-    flat.iter().try_for_each(|direction| reach(around, &free, direction, found))
+    flat.iter().try_for_each(|direction| reach(around, &free, direction, identifications))
 }
 
 impl Around<'_> {
@@ -129,13 +130,15 @@ impl Around<'_> {
 }
 
 /// Parameters that the logs identify and that do not rest on a bound.
-fn free(theta: &Theta, values: &[f64], found: &[Identification]) -> Vec<Free> {
-    let entries = theta.entries().iter().zip(values).zip(found).enumerate();
-    let free_entry = |(entry, ((one, value), found)): (usize, ((&crate::Entry, &f64), &Identification))| {
-        let room = (value - one.lower).min(one.upper - value);
-        let size = (0.5 * (found.upper - found.lower)).min(room);
-        (found.identified && size > ROOM * (one.upper - one.lower)).then_some(Free { entry, size })
-    };
+fn free(theta: &Theta, values: &[f64], identifications: &[Identification]) -> Vec<Free> {
+    let entries = theta.entries().iter().zip(values).zip(identifications).enumerate();
+    let free_entry =
+        |(entry, ((one, value), identification)): (usize, ((&crate::Entry, &f64), &Identification))| {
+            let room = (value - one.lower).min(one.upper - value);
+            let size = (0.5 * (identification.upper - identification.lower)).min(room);
+            (identification.identified && size > ROOM * (one.upper - one.lower))
+                .then_some(Free { entry, size })
+        };
     entries.filter_map(free_entry).collect()
 }
 
@@ -210,13 +213,13 @@ mod tests {
         let free = [Free { entry: 0, size: 1.0 }, Free { entry: 1, size: 1.0 }];
         let evaluated = |moves: Vec<Vec<f64>>| moves.iter().map(|u| vec![f(u)]).collect::<Vec<_>>();
         let (single, double) = (evaluated(moves_of_one(&free)), evaluated(moves_of_two(&free)));
-        let found = curvature(3.0, &single, &double, 2);
+        let curvature = curvature(3.0, &single, &double, 2);
         let (back, flat) =
-            inverse(&found).map(|(inverse, flat)| (inverse * &found, flat)).unwrap_or_default();
+            inverse(&curvature).map(|(inverse, flat)| (inverse * &curvature, flat)).unwrap_or_default();
         assert!(flat.is_empty());
         for (a, row) in h.iter().enumerate() {
             for (b, value) in row.iter().enumerate() {
-                assert!((found[(a, b)] - value).abs() < 1e-14);
+                assert!((curvature[(a, b)] - value).abs() < 1e-14);
                 assert!((back[(a, b)] - f64::from(u8::from(a == b))).abs() < 1e-13);
             }
         }

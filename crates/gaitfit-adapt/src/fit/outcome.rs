@@ -81,8 +81,8 @@ pub struct ParameterOutcome {
 impl ParameterOutcome {
     /// The longer side of the interval; absent where it was not measured.
     pub fn half(&self) -> Option<f64> {
-        let found = self.identification.as_ref()?;
-        Some((self.value - found.lower).max(found.upper - self.value).max(0.0))
+        let identification = self.identification.as_ref()?;
+        Some((self.value - identification.lower).max(identification.upper - self.value).max(0.0))
     }
 }
 
@@ -173,9 +173,9 @@ impl CostOutcome {
         if theta.len() > MAX_SCANNED {
             return Ok(false);
         }
-        let found = identify(simulator, theta, cost, &self.values(), alternatives, draw, cancel)?;
-        for (parameter, found) in self.parameters.iter_mut().zip(found) {
-            parameter.identification = Some(found);
+        let identifications = identify(simulator, theta, cost, &self.values(), alternatives, draw, cancel)?;
+        for (parameter, identification) in self.parameters.iter_mut().zip(identifications) {
+            parameter.identification = Some(identification);
         }
         Ok(true)
     }
@@ -206,10 +206,10 @@ impl CostOutcome {
             self.parameters.iter_mut().zip(theta.entries()).zip(shown)
         {
             let value = parameter.value;
-            if let Some(found) = &mut parameter.identification {
-                found.widen(entry, value, 2.0 * deviation);
+            if let Some(identification) = &mut parameter.identification {
+                identification.widen(entry, value, 2.0 * deviation);
                 for end in *interval {
-                    found.reach(entry, end);
+                    identification.reach(entry, end);
                 }
             }
         }
@@ -219,8 +219,8 @@ impl CostOutcome {
     fn reach(&mut self, theta: &Theta, values: &[f64]) {
         let entries = theta.entries().iter().zip(values);
         for (parameter, (entry, &value)) in self.parameters.iter_mut().zip(entries) {
-            if let Some(found) = &mut parameter.identification {
-                found.reach(entry, value);
+            if let Some(identification) = &mut parameter.identification {
+                identification.reach(entry, value);
             }
         }
     }
@@ -245,11 +245,11 @@ impl CostOutcome {
             Ok(correction) => correction,
             Err(reason) => return Ok(Some(reason)),
         };
-        let Some(found) = problem.residuals(std::slice::from_ref(&correction.corrected))?.pop().flatten()
+        let Some(residuals) = problem.residuals(std::slice::from_ref(&correction.corrected))?.pop().flatten()
         else {
             return Ok(Some("The simulation of the corrected values diverges.".to_owned()));
         };
-        self.best_cost = found.cost;
+        self.best_cost = residuals.cost;
         self.take(problem.theta, &correction.corrected);
         self.correction = Some(correction);
         Ok(None)
@@ -290,9 +290,9 @@ impl CostOutcome {
         }
         let entries = problem.theta.entries().iter().zip(&regression.interval);
         for (parameter, (entry, interval)) in self.parameters.iter_mut().zip(entries) {
-            let mut found = Identification::of_interval(entry, *interval, NoiseSource::Robots);
-            found.reach(entry, parameter.value);
-            parameter.identification = Some(found);
+            let mut identification = Identification::of_interval(entry, *interval, NoiseSource::Robots);
+            identification.reach(entry, parameter.value);
+            parameter.identification = Some(identification);
         }
         self.regression = Some(Regression { taken, ..regression.clone() });
         Ok(None)
@@ -317,9 +317,9 @@ impl CostOutcome {
         let correction = self.correction.as_ref();
         let values = correction.map_or_else(|| self.values(), |correction| correction.uncorrected.clone());
         self.uncertainty = uncertainty(problem, alternatives, &values, correction)?;
-        let Some(found) = &self.uncertainty else { return Ok(()) };
+        let Some(uncertainty) = &self.uncertainty else { return Ok(()) };
         let theta = problem.theta;
-        let entries = theta.entries().iter().zip(&found.interval);
+        let entries = theta.entries().iter().zip(&uncertainty.interval);
         for (parameter, (entry, interval)) in self.parameters.iter_mut().zip(entries) {
             parameter.identification =
                 Some(Identification::of_interval(entry, *interval, NoiseSource::Refits));
@@ -358,23 +358,24 @@ mod tests {
         let mut outcome = CostOutcome::new("wass".into(), &theta, vec![run]).unwrap();
         for (parameter, entry) in outcome.parameters.iter_mut().zip(theta.entries()) {
             let interval = [parameter.value - 0.01, parameter.value + 0.01];
-            let found = Identification::of_interval(entry, interval, NoiseSource::Recordings);
-            parameter.identification = Some(found);
+            let identification = Identification::of_interval(entry, interval, NoiseSource::Recordings);
+            parameter.identification = Some(identification);
         }
         let others = [(0.55, [0.3, 0.1]), (0.51, [0.2, 0.4]), (0.7, [0.0, 0.0])];
         outcome.widen(&theta, others.iter().map(|(cost, values)| (*cost, &values[..])), 0.1);
-        let found = |at: usize| outcome.parameters[at].identification.clone().unwrap();
+        let identification = |at: usize| outcome.parameters[at].identification.clone().unwrap();
         let reaches = |at: usize, lower: f64, upper: f64| {
-            (found(at).lower - lower).abs() < 1e-12 && (found(at).upper - upper).abs() < 1e-12
+            (identification(at).lower - lower).abs() < 1e-12
+                && (identification(at).upper - upper).abs() < 1e-12
         };
-        assert!(reaches(0, 0.19, 0.3) && found(0).identified, "{:?}", found(0));
-        assert!(reaches(1, 0.09, 0.4) && !found(1).identified, "{:?}", found(1));
+        assert!(reaches(0, 0.19, 0.3) && identification(0).identified, "{:?}", identification(0));
+        assert!(reaches(1, 0.09, 0.4) && !identification(1).identified, "{:?}", identification(1));
         outcome.runs[0].deviations = vec![0.08, 0.001];
         outcome.widen(&theta, std::iter::empty(), 0.1);
-        let found = outcome.parameters[0].identification.clone().unwrap();
+        let identification = outcome.parameters[0].identification.clone().unwrap();
         assert!(
-            (found.lower - 0.04).abs() < 1e-12 && (found.upper - 0.36).abs() < 1e-12,
-            "two deviations: {found:?}"
+            (identification.lower - 0.04).abs() < 1e-12 && (identification.upper - 0.36).abs() < 1e-12,
+            "two deviations: {identification:?}"
         );
     }
 

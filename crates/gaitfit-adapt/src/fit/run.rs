@@ -136,7 +136,7 @@ impl Run {
     pub fn tell(
         &mut self,
         name: &str,
-        found: &[Evaluation],
+        evaluations: &[Evaluation],
         risk_price: Option<f64>,
         recordings: usize,
         options: &FitOptions,
@@ -147,16 +147,17 @@ impl Run {
         let By::CmaEs { search, asked } = &mut self.by else { return Err(all_diverged()) };
         let sigma = search.current().sigma();
         let population = asked.take().unwrap_or_else(|| search.ask());
-        let mut costs: Vec<f64> = found.iter().map(|found| found.cost.unwrap_or(f64::INFINITY)).collect();
+        let mut costs: Vec<f64> =
+            evaluations.iter().map(|evaluation| evaluation.cost.unwrap_or(f64::INFINITY)).collect();
         if let Some(price) = risk_price {
-            self.risk.remember(population.x(), found);
+            self.risk.remember(population.x(), evaluations);
             let risks = self.risk.expected_falls(population.x(), recordings);
             costs.iter_mut().zip(risks).for_each(|(cost, falls)| *cost += price * falls);
         }
         let finite: Vec<f64> = costs.iter().copied().filter(|cost| cost.is_finite()).collect();
         let restarted = search.tell(&population, &costs).map_err(FitError::Optimizer)?.is_some();
-        let diverged = found.len() - finite.len();
-        let falls = found.iter().map(|found| found.falls).sum();
+        let diverged = evaluations.len() - finite.len();
+        let falls = evaluations.iter().map(|evaluation| evaluation.falls).sum();
         self.diverged += diverged;
         self.falls += falls;
         if finite.is_empty() {
@@ -184,7 +185,7 @@ impl Run {
             mean: finite.iter().sum::<f64>() / finite.len() as f64,
             sigma,
             diverged,
-            fallen: found.iter().filter(|found| found.falls > 0).count(),
+            fallen: evaluations.iter().filter(|evaluation| evaluation.falls > 0).count(),
             falls,
             best_so_far: best.cost,
             best_values: best.x.clone(),

@@ -15,7 +15,8 @@ use nalgebra::DVector;
 /// Max steps to either side; the last is 2¹⁵ of a parameter's own interval.
 const STEPS: i32 = 16;
 
-/// Widens the intervals `found` as far as the values can move along `direction`, in units of the `free` parameters' sizes.
+/// Widens the intervals of `identifications` as far as the values can move along `direction`, in units of the `free`
+/// parameters' sizes.
 ///
 /// # Errors
 /// As [`super::evaluate`].
@@ -23,7 +24,7 @@ pub(super) fn reach(
     around: &Around<'_>,
     free: &[Free],
     direction: &DVector<f64>,
-    found: &mut [Identification],
+    identifications: &mut [Identification],
 ) -> Result<(), FitError> {
     let entries = around.theta.entries();
     for sign in [-1.0, 1.0] {
@@ -57,7 +58,7 @@ pub(super) fn reach(
             .collect();
         let far = end(&rises).0;
         for (one, by) in free.iter().zip(&along) {
-            found[one.entry].reach(&entries[one.entry], around.values[one.entry] + far * by);
+            identifications[one.entry].reach(&entries[one.entry], around.values[one.entry] + far * by);
         }
     }
     Ok(())

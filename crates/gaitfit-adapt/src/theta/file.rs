@@ -293,7 +293,7 @@ const READERS: [Reader; 2] = [joint_parameters::read, robot_numbers::read];
 
 impl ThetaFile {
     /// The file of what a fit of `theta` found, one an entry.
-    pub fn new(theta: &Theta, found: &[Found], robot: &str, cost_name: &str, cost: f64) -> Self {
+    pub fn new(theta: &Theta, estimates: &[Found], robot: &str, cost_name: &str, cost: f64) -> Self {
         let mut file = Self {
             robot: robot.to_owned(),
             cost_name: cost_name.to_owned(),
@@ -301,8 +301,8 @@ impl ThetaFile {
             ..Self::nominal()
         };
         for (modification, part) in theta.parts() {
-            if let Some(found) = found.get(part) {
-                modification.save(found, &mut file);
+            if let Some(estimates) = estimates.get(part) {
+                modification.save(estimates, &mut file);
             }
         }
         file

@@ -212,11 +212,11 @@ impl Modification for JointParameters {
     }
 
     fn apply(&self, values: &[f64], joints: &[String], candidate: &mut Candidate) {
-        let all = candidate.robot.joints_mut(self.parameter);
+        let of_joints = candidate.robot.joints_mut(self.parameter);
         for (entry, &value) in self.entries.iter().zip(values) {
             for name in &entry.joints {
                 if let Some(joint) = joints.iter().position(|joint| joint == name) {
-                    all[joint] = value;
+                    of_joints[joint] = value;
                 }
             }
         }

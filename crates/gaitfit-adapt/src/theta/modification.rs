@@ -59,17 +59,17 @@ pub trait Modification: Debug + Send + Sync {
     }
 
     /// Writes the result, one for each entry, into a file that [`ThetaFile::candidate`] reads.
-    fn save(&self, found: &[Found], file: &mut ThetaFile) {
-        file.parameter.extend(self.entries().iter().zip(found).map(|(entry, found)| SavedParameter {
+    fn save(&self, estimates: &[Found], file: &mut ThetaFile) {
+        file.parameter.extend(self.entries().iter().zip(estimates).map(|(entry, estimate)| SavedParameter {
             name: entry.name.clone(),
             kind: entry.kind.to_owned(),
             joints: entry.joints.clone(),
-            value: found.value,
+            value: estimate.value,
             unit: entry.unit.clone(),
-            spread: found.spread,
+            spread: estimate.spread,
             lower: Some(entry.lower),
             upper: Some(entry.upper),
-            at_bound: Some(entry.at_bound(found.value)),
+            at_bound: Some(entry.at_bound(estimate.value)),
             interval: None,
             identified: None,
         }));

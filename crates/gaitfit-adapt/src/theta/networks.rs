@@ -320,9 +320,9 @@ impl Modification for Networks {
         self.rule.regularisation * sum / self.networks.len() as f64
     }
 
-    fn save(&self, found: &[Found], file: &mut ThetaFile) {
-        for (shared, found) in self.networks.iter().zip(found.chunks_exact(self.searched())) {
-            let values: Vec<f64> = found.iter().map(|found| found.value).collect();
+    fn save(&self, estimates: &[Found], file: &mut ThetaFile) {
+        for (shared, estimates) in self.networks.iter().zip(estimates.chunks_exact(self.searched())) {
+            let values: Vec<f64> = estimates.iter().map(|estimate| estimate.value).collect();
             let weights = self.weights(&values);
             file.network.extend(shared.iter().map(|(joint, rest)| SavedNetwork {
                 name: format!("{}_{}", self.rule.kind.name(), plain(joint)),

@@ -72,7 +72,7 @@ impl Theta {
     /// [`ThetaError::Prior`] of an entry that θ does not have, and of numbers that are not finite or a deviation that is
     /// not positive.
     pub fn with_priors(mut self, priors: &BTreeMap<String, Prior>, weight: f64) -> Result<Self, ThetaError> {
-        let mut found = vec![None; self.entries.len()];
+        let mut of_entries = vec![None; self.entries.len()];
         for (name, prior) in priors {
             let refused = |why: &str| ThetaError::Prior { name: name.clone(), why: why.to_owned() };
             let Some(at) = self.entries.iter().position(|entry| entry.name == *name) else {
@@ -90,11 +90,11 @@ impl Theta {
             let range = entry.upper - entry.lower;
             entry.start = prior.value.clamp(entry.lower, entry.upper);
             entry.deviation = prior.deviation.clamp(STEPS[0] * range, STEPS[1] * range).min(entry.deviation);
-            found[at] = Some(*prior);
+            of_entries[at] = Some(*prior);
         }
         self.strengths = (0..self.entries.len()).map(|at| self.strength(at)).collect();
         self.loads = (0..self.entries.len()).map(|at| self.load(at)).collect();
-        self.priors = found;
+        self.priors = of_entries;
         // The search begins at the estimates for the strength and the friction under load with which it begins.
         let starts: Vec<f64> = self.entries.iter().map(|entry| entry.start).collect();
         for at in 0..self.entries.len() {

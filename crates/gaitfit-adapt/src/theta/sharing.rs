@@ -55,7 +55,7 @@ impl Sharing {
                 .map(|joint| Share { name: plain(joint).to_owned(), joints: vec![joint] })
                 .collect()),
             Self::Group => {
-                let mut found: Vec<Share<'a>> = Vec::new();
+                let mut shares: Vec<Share<'a>> = Vec::new();
                 let compiled: Vec<(&str, Vec<Pattern>)> = groups
                     .iter()
                     .map(|(name, patterns)| Ok((name.as_str(), compile(patterns).map_err(wrong)?)))
@@ -70,12 +70,12 @@ impl Sharing {
                         let found = if groups.is_empty() { "none".to_owned() } else { groups.join(" and ") };
                         return Err(ThetaError::Group { kind, joint: joint.clone(), found });
                     };
-                    match found.iter_mut().find(|share| share.name == group) {
+                    match shares.iter_mut().find(|share| share.name == group) {
                         Some(share) => share.joints.push(joint),
-                        None => found.push(Share { name: group.to_owned(), joints: vec![joint] }),
+                        None => shares.push(Share { name: group.to_owned(), joints: vec![joint] }),
                     }
                 }
-                Ok(found)
+                Ok(shares)
             }
         }
     }

@@ -206,8 +206,8 @@ fn of_features_only_the_last_layer_is_searched_and_whole_networks_are_simulated_
     let weights = networks.weights.chunks_exact(97).nth(thigh).unwrap();
     assert_eq!(weights[92..96], values[5..9]);
     assert!(weights[..92].iter().any(|weight| *weight != 0.0));
-    let found: Vec<Found> = values.iter().map(|&value| Found { value, spread: None }).collect();
-    let saved = ThetaFile::new(&theta, &found, "legs", "wass", 0.1);
+    let estimates: Vec<Found> = values.iter().map(|&value| Found { value, spread: None }).collect();
+    let saved = ThetaFile::new(&theta, &estimates, "legs", "wass", 0.1);
     let of_thigh = saved.network.iter().find(|network| network.joint == "FL_thigh").unwrap();
     assert_eq!(of_thigh.weights, weights);
 }

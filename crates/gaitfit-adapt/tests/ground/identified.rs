@@ -12,11 +12,11 @@ fn what_the_data_cannot_tell_is_not_identified() {
     let mut outcomes = fit.outcomes();
     let outcome = &mut outcomes[0];
     assert!(outcome.identify(&simulator, &theta, costs[0].as_ref(), &[], 5, &never).unwrap());
-    let found: Vec<_> =
+    let identifications: Vec<_> =
         outcome.parameters.iter().map(|parameter| parameter.identification.clone().unwrap()).collect();
-    assert!(found.iter().all(|one| one.noise == NoiseSource::Recordings));
+    assert!(identifications.iter().all(|one| one.noise == NoiseSource::Recordings));
     // The damping shows in the joint; the base and the idle number do not.
-    let [damping, base, idle] = &found[..] else { unreachable!() };
+    let [damping, base, idle] = &identifications[..] else { unreachable!() };
     assert!(damping.identified && damping.lower < damping.upper, "{damping:?}");
     assert!(damping.lower - 0.3 < TRUTH[0] && TRUTH[0] < damping.upper + 0.3, "{damping:?}");
     for flat in [base, idle] {
@@ -33,9 +33,12 @@ fn identification_without_noise_and_away_from_the_minimum() {
     let simulator = Pendulum::new(2, 0.0);
     let theta = theta(&["a", "b"], 1.0);
     let cost = simulator.cost("matchs");
-    let found = identify(&simulator, &theta, cost.as_ref(), &TRUTH, &[], 0, &never).unwrap();
-    assert!(found.iter().all(|one| one.identified && one.upper - one.lower < 1e-3), "{found:?}");
-    assert!(found.iter().all(|one| one.better.is_none()), "{found:?}");
+    let identifications = identify(&simulator, &theta, cost.as_ref(), &TRUTH, &[], 0, &never).unwrap();
+    assert!(
+        identifications.iter().all(|one| one.identified && one.upper - one.lower < 1e-3),
+        "{identifications:?}"
+    );
+    assert!(identifications.iter().all(|one| one.better.is_none()), "{identifications:?}");
     let away = identify(&simulator, &theta, cost.as_ref(), &[0.7, TRUTH[1]], &[], 0, &never).unwrap();
     assert!(away[0].better.is_some_and(|better| (better - TRUTH[0]).abs() < 0.1), "{away:?}");
     let one = Pendulum::new(1, 0.0);
@@ -61,9 +64,10 @@ fn identification_takes_a_draw_in_which_the_robot_stays_up() {
     simulator.reach = 0.5 * (heights[worst] + heights[worst + 1]);
     let theta = theta(&["a", "b"], 1.0);
     let cost = simulator.cost("wass");
-    let found = identify(&simulator, &theta, cost.as_ref(), &TRUTH, &[], worst as u64, &never).unwrap();
+    let identifications =
+        identify(&simulator, &theta, cost.as_ref(), &TRUTH, &[], worst as u64, &never).unwrap();
     assert_eq!(simulator.draws.lock().unwrap().last(), Some(&(worst as u64 + 1)));
-    assert!(found[0].identified, "{found:?}");
+    assert!(identifications[0].identified, "{identifications:?}");
 }
 
 /// The pendulum with other parameters: its damping is the sum of the first two values times `parts` and of `more`, the third
@@ -101,17 +105,17 @@ fn parameters_that_make_up_for_each_other_have_wide_intervals() {
     let cost = simulator.pendulum.cost("matchs");
     let values = [TRUTH[0], TRUTH[0], TRUTH[1]];
     let both = theta(&["one", "other", "b"], 1.0);
-    let found = identify(&simulator, &both, cost.as_ref(), &values, &[], 0, &never).unwrap();
+    let identifications = identify(&simulator, &both, cost.as_ref(), &values, &[], 0, &never).unwrap();
     let one = theta(&["a", "b"], 1.0);
     let alone = identify(&simulator.pendulum, &one, cost.as_ref(), &TRUTH, &[], 0, &never).unwrap();
     let width = |one: &gaitfit_adapt::fit::Identification| one.upper - one.lower;
     // Alone each would seem twice as uncertain as their mean.
-    for half in &found[..2] {
+    for half in &identifications[..2] {
         assert!(width(half) > 4.0 * width(&alone[0]), "{half:?} {:?}", alone[0]);
         // Each may be anything from 0 to the whole sum, because the other compensates it.
         assert!(half.lower < 0.05 && half.upper > 2.0 * TRUTH[0] - 0.05, "{half:?}");
     }
-    assert!(width(&found[2]) < 1.5 * width(&alone[1]), "{found:?} {alone:?}");
+    assert!(width(&identifications[2]) < 1.5 * width(&alone[1]), "{identifications:?} {alone:?}");
 }
 
 /// A simulator with more damping would find less: the interval reaches there.
@@ -123,11 +127,11 @@ fn intervals_hold_what_other_simulators_would_find() {
     let cost = simulator.pendulum.cost("matchs");
     let theta = theta(&["one", "other", "b"], 1.0);
     let values = [TRUTH[0], TRUTH[0], TRUTH[1]];
-    let found = |others: &[Alternative<'_>]| {
+    let identified = |others: &[Alternative<'_>]| {
         identify(&simulator, &theta, cost.as_ref(), &values, others, 0, &never).unwrap()
     };
     let other = Alternative { what: "more damping".to_owned(), simulator: &damped };
-    let (plain, held) = (found(&[]), found(&[other]));
+    let (plain, held) = (identified(&[]), identified(&[other]));
     let less = TRUTH[0] - 0.1;
     assert!(plain[0].lower > less && held[0].lower < less, "{plain:?} {held:?}");
     assert!(held[2].lower > TRUTH[1] - 0.1, "{held:?}");

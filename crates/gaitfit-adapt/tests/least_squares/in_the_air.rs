@@ -58,10 +58,13 @@ fn air(model: &Model, samples: usize, preset: Preset) -> ReplaySimulator {
 }
 
 fn logged(simulator: &ReplaySimulator, theta: &Theta) -> Arc<Reference> {
-    let found: Predicted = simulate_one(simulator, theta, &TRUE, Resets::Never).unwrap().remove(0);
+    let predicted: Predicted = simulate_one(simulator, theta, &TRUE, Resets::Never).unwrap().remove(0);
     let wide = |all: Vec<f32>| all.into_iter().map(f64::from).collect();
-    let recorded =
-        Recorded { position: wide(found.position), velocity: wide(found.velocity), ..Recorded::default() };
+    let recorded = Recorded {
+        position: wide(predicted.position),
+        velocity: wide(predicted.velocity),
+        ..Recorded::default()
+    };
     Arc::new(Reference::new(simulator.joints().to_vec(), &[recorded], 0).unwrap())
 }
 
@@ -77,8 +80,8 @@ fn delays_count_from_the_stamps_of_targets() {
     let want = positions(&simulator, 0.0073);
     let late = simulator.late(0.003);
     let apart = |delay: f64| {
-        let found = positions(&late, delay);
-        found.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        let shifted = positions(&late, delay);
+        shifted.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
     };
     assert!(apart(0.0043) < 1e-5 && apart(0.0073) > 1e-3, "{} {}", apart(0.0043), apart(0.0073));
 }
@@ -91,8 +94,8 @@ fn a_replays_derivatives_are_those_of_its_signals_also_on_bounds() {
     let mut values = TRUE;
     values[9] = 0.02;
     let slopes = Mutex::new(vec![Vec::new(); theta.len()]);
-    let keep = |entry: usize, _: usize, found: Signals<'_>| {
-        slopes.lock().unwrap()[entry] = found.position.to_vec();
+    let keep = |entry: usize, _: usize, signals: Signals<'_>| {
+        slopes.lock().unwrap()[entry] = signals.position.to_vec();
     };
     let rollout = Rollout { values: values.to_vec(), ..Rollout::default() };
     assert!(simulator.differentiate(&theta, &rollout, &keep, &never).unwrap());
@@ -101,8 +104,8 @@ fn a_replays_derivatives_are_those_of_its_signals_also_on_bounds() {
         values[entry] = value;
         simulate_one(&simulator, &theta, &values, Resets::Never).unwrap().remove(0).position
     };
-    let found = slopes.lock().unwrap().clone();
-    for (number, (entry, slopes)) in theta.entries().iter().zip(found).enumerate() {
+    let slopes = slopes.lock().unwrap().clone();
+    for (number, (entry, slopes)) in theta.entries().iter().zip(slopes).enumerate() {
         let Entry { name, lower, upper, .. } = entry;
         let by = 2e-2 * values[number];
         let (up, down) = ((values[number] + by).min(*upper), (values[number] - by).max(*lower));
@@ -137,17 +140,17 @@ fn the_truth_is_found_in_a_few_steps_and_the_log_tells_all_of_it() {
     let outcome = fit.outcomes().remove(0);
     println!("{evaluations} simulations, {:?}", outcome.values());
     assert!(evaluations < 400, "{evaluations}");
-    for ((entry, found), truth) in theta.entries().iter().zip(outcome.values()).zip(TRUE) {
-        assert!((found / truth - 1.0).abs() < 1e-4, "{}: {found} and not {truth}", entry.name);
+    for ((entry, value), truth) in theta.entries().iter().zip(outcome.values()).zip(TRUE) {
+        assert!((value / truth - 1.0).abs() < 1e-4, "{}: {value} and not {truth}", entry.name);
     }
     let problem =
         Problem { simulator: &simulator, theta: &theta, cost: costs[0].as_ref(), draw: 0, cancel: &never };
-    let found = sensitivity(problem, &TRUE, Some(1e-3)).unwrap().unwrap();
-    assert_eq!(found.difference, 1e-3);
+    let sensitivity = sensitivity(problem, &TRUE, Some(1e-3)).unwrap().unwrap();
+    assert_eq!(sensitivity.difference, 1e-3);
     for (at, entry) in theta.entries().iter().enumerate() {
-        let (deviation, alone) = (found.deviation[at].unwrap(), found.alone[at].unwrap());
+        let (deviation, alone) = (sensitivity.deviation[at].unwrap(), sensitivity.alone[at].unwrap());
         assert!(deviation >= alone && deviation < entry.deviation, "{}: {deviation}", entry.name);
-        assert!((found.correlation[at][at] - 1.0).abs() < 1e-9);
+        assert!((sensitivity.correlation[at][at] - 1.0).abs() < 1e-9);
     }
 }
 
@@ -161,17 +164,20 @@ fn promised_deviations_are_those_of_many_fits() {
     let promised =
         sensitivity(problem(&simulator, &theta, costs_of[0].as_ref()), &TRUTH, None).unwrap().unwrap();
     assert!(promised.together < 1.3, "{}", promised.together);
-    let fits: Vec<Vec<f64>> = (0..60).map(|seed| found(&reference(3e-2, 0, 400 + seed), 0.5).0).collect();
+    let fits: Vec<Vec<f64>> = (0..60).map(|seed| fitted(&reference(3e-2, 0, 400 + seed), 0.5).0).collect();
     for at in 0..TRUTH.len() {
-        let own: Vec<f64> = fits.iter().map(|fit| fit[at]).collect();
-        let scatter = gaitfit_sim::stats::deviation(&own).unwrap();
+        let values: Vec<f64> = fits.iter().map(|fit| fit[at]).collect();
+        let scatter = gaitfit_sim::stats::deviation(&values).unwrap();
         let ratio = promised.deviation[at].unwrap() / scatter;
         assert!((0.7..1.4).contains(&ratio), "entry {at}: promised over found {ratio}");
     }
     let rule = |kind| ParameterRule { per: Sharing::All, ..ParameterRule::new(kind) };
     let rules = [JointParameter::FrictionLoss, JointParameter::Armature, JointParameter::Damping].map(rule);
     let more = Theta::from_rules(&rules, &[], simulator.joints()).unwrap();
-    let found = sensitivity(problem(&simulator, &more, costs_of[0].as_ref()), &[0.2, 0.07, 0.1], None);
-    let found = found.unwrap().unwrap();
-    assert!(found.deviation[0].is_some() && found.deviation[2].is_none(), "the damping has no effect");
+    let sensitivity = sensitivity(problem(&simulator, &more, costs_of[0].as_ref()), &[0.2, 0.07, 0.1], None);
+    let sensitivity = sensitivity.unwrap().unwrap();
+    assert!(
+        sensitivity.deviation[0].is_some() && sensitivity.deviation[2].is_none(),
+        "the damping has no effect"
+    );
 }

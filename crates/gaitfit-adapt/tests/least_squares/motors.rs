@@ -53,23 +53,24 @@ fn fitted(rules: &[ParameterRule], truth: &[f64]) -> (Theta, Vec<f64>, Vec<Optio
     let costs = vec!["matcho".parse::<CostKind>().unwrap().build(&reference, &simulator).unwrap()];
     let mut fit = Fit::new(&simulator, &theta, &costs, options(Method::LeastSquares)).unwrap();
     while fit.step(&never).unwrap().is_some() {}
-    let found = fit.outcomes().remove(0).values();
+    let values = fit.outcomes().remove(0).values();
     let problem =
         Problem { simulator: &simulator, theta: &theta, cost: costs[0].as_ref(), draw: 0, cancel: &never };
-    let told = sensitivity(problem, truth, Some(1e-3)).unwrap().unwrap();
-    for (((entry, found), truth), deviation) in
-        theta.entries().iter().zip(&found).zip(truth).zip(&told.deviation)
+    let uncertainty = sensitivity(problem, truth, Some(1e-3)).unwrap().unwrap();
+    for (((entry, value), truth), deviation) in
+        theta.entries().iter().zip(&values).zip(truth).zip(&uncertainty.deviation)
     {
-        println!("{}: {found:.5} {} ({truth}), deviation {deviation:?}", entry.name, entry.unit);
+        println!("{}: {value:.5} {} ({truth}), deviation {deviation:?}", entry.name, entry.unit);
     }
-    (theta, found, told.deviation)
+    (theta, values, uncertainty.deviation)
 }
 
 /// Every entry is found, and the logs tell it.
 fn check(rules: &[ParameterRule], truth: &[f64]) {
-    let (theta, found, told) = fitted(rules, truth);
-    for (((entry, found), truth), deviation) in theta.entries().iter().zip(found).zip(truth).zip(told) {
-        assert!((found / truth - 1.0).abs() < 2e-3, "{}: {found} and not {truth}", entry.name);
+    let (theta, values, deviations) = fitted(rules, truth);
+    for (((entry, value), truth), deviation) in theta.entries().iter().zip(values).zip(truth).zip(deviations)
+    {
+        assert!((value / truth - 1.0).abs() < 2e-3, "{}: {value} and not {truth}", entry.name);
         assert!(deviation.unwrap() < entry.deviation, "{}: {deviation:?}", entry.name);
     }
 }

@@ -52,21 +52,21 @@ impl Audit {
     /// The errors of the predictions of a set of logs without the first `skip` samples of each; `None` if there are too few samples.
     pub(super) fn new(set: &LogSet, predicted: &[Predicted], skip: usize) -> Option<Self> {
         let joints = set.logs.first()?.joints.len();
-        let mut found: Vec<(String, Joint)> = Vec::new();
+        let mut by_joint: Vec<(String, Joint)> = Vec::new();
         for joint in 0..joints {
             let name = set.logs.first()?.joints.get(joint)?.clone();
             let logs = set.logs.iter().zip(predicted);
             let series: Vec<Series> =
                 logs.filter_map(|(log, walk)| Series::new(log, walk, joint, joints, skip)).collect();
-            found.extend(Joint::new(&series).map(|one| (name, one)));
+            by_joint.extend(Joint::new(&series).map(|one| (name, one)));
         }
-        let mean = |of: &dyn Fn(&Joint) -> f64| {
-            stats::mean(&found.iter().map(|(_, joint)| of(joint)).collect::<Vec<_>>())
+        let mean = |measure: &dyn Fn(&Joint) -> f64| {
+            stats::mean(&by_joint.iter().map(|(_, joint)| measure(joint)).collect::<Vec<_>>())
         };
         let sizes = (0..MOTIONS.len()).map(|motion| mean(&|joint| joint.correlations[motion].abs()));
         let known = sizes.enumerate().filter_map(|(motion, size)| Some((motion, size?)));
         let (motion, size) = known.max_by(|a, b| a.1.total_cmp(&b.1))?;
-        let worst = found.iter().max_by(|a, b| a.1.explained.total_cmp(&b.1.explained))?;
+        let worst = by_joint.iter().max_by(|a, b| a.1.explained.total_cmp(&b.1.explained))?;
         Some(Self {
             memory: mean(&|joint| joint.memory)?,
             explained: mean(&|joint| joint.explained)?,
@@ -201,18 +201,18 @@ mod tests {
 
     #[test]
     fn noise_goes_with_nothing() {
-        let found = Joint::new(&series(0.0, 0.0)).unwrap();
-        assert!(found.explained < 0.01 && found.memory.abs() < 0.06, "{} {}", found.explained, found.memory);
+        let joint = Joint::new(&series(0.0, 0.0)).unwrap();
+        assert!(joint.explained < 0.01 && joint.memory.abs() < 0.06, "{} {}", joint.explained, joint.memory);
     }
 
     #[test]
     fn what_goes_with_the_velocity_or_the_error_before_is_seen() {
         // Of noise of variance 1 and half the velocity a fifth is explained.
-        let found = Joint::new(&series(0.5, 0.0)).unwrap();
-        assert!((found.explained - 0.2).abs() < 0.04, "{}", found.explained);
-        assert!((found.correlations[0] - 0.2f64.sqrt()).abs() < 0.05 && found.correlations[1].abs() < 0.06);
-        let found = Joint::new(&series(0.0, 0.6)).unwrap();
-        assert!((found.memory - 0.6).abs() < 0.07, "{}", found.memory);
+        let joint = Joint::new(&series(0.5, 0.0)).unwrap();
+        assert!((joint.explained - 0.2).abs() < 0.04, "{}", joint.explained);
+        assert!((joint.correlations[0] - 0.2f64.sqrt()).abs() < 0.05 && joint.correlations[1].abs() < 0.06);
+        let joint = Joint::new(&series(0.0, 0.6)).unwrap();
+        assert!((joint.memory - 0.6).abs() < 0.07, "{}", joint.memory);
     }
 
     #[test]

@@ -61,17 +61,17 @@ pub(super) fn checks(setup: &Setup, first: &CostFit, doubts: &[Doubt], fitted: &
     let check = &setup.config.check;
     let mut checks = Vec::new();
     if check.better_than_nominal {
-        let found = evidence_of(doubts, DoubtKind::WorseThanNominal);
-        checks.push(Check::holds("better than the nominal robot", found.is_empty(), &found));
+        let evidence = evidence_of(doubts, DoubtKind::WorseThanNominal);
+        checks.push(Check::holds("better than the nominal robot", evidence.is_empty(), &evidence));
     }
     if check.converged {
-        let found = evidence_of(doubts, DoubtKind::NotConverged);
-        checks.push(Check::holds("converged", first.converged, &found));
+        let evidence = evidence_of(doubts, DoubtKind::NotConverged);
+        checks.push(Check::holds("converged", first.converged, &evidence));
     }
     if check.sound {
-        let all = doubts.iter().map(|doubt| format!("{}: {}", doubt.kind.headline(), doubt.text));
-        let found = all.collect::<Vec<_>>().join(" ");
-        checks.push(Check::holds("sound", doubts.is_empty(), &found));
+        let texts = doubts.iter().map(|doubt| format!("{}: {}", doubt.kind.headline(), doubt.text));
+        let evidence = texts.collect::<Vec<_>>().join(" ");
+        checks.push(Check::holds("sound", doubts.is_empty(), &evidence));
     }
     if let Some(limit) = check.cost {
         checks.push(Check::at_most("cost", limit, Some(first.cost)));

@@ -25,9 +25,9 @@ fn evaluated(
 ) -> Result<Option<Evaluation>, Error> {
     let jobs = [Job { cost, values, draw: 0 }];
     let simulator = setup.searched().simulator.as_ref();
-    let found =
+    let evaluations =
         evaluate(simulator, theta, &setup.costs, &FallPenalty::NONE, &jobs, &never).map_err(Error::failed)?;
-    Ok(found.into_iter().next())
+    Ok(evaluations.into_iter().next())
 }
 
 /// The fit of cost number `cost`. `course`: the generations of its runs. `left`: what remains unexplained in its errors.
@@ -52,14 +52,14 @@ pub(super) fn fit(
     let has = |kind| doubts.iter().any(|doubt| doubt.kind == kind);
     let wider = audit.as_ref().map_or(1.0, widening);
     let parameter = |at: usize, prior: Option<Prior>| {
-        let found = &outcome.parameters[at];
+        let estimate = &outcome.parameters[at];
         let mut parameter = Parameter {
-            truth: config.truth.get(&found.name).copied(),
-            published: config.published.get(&found.name).copied(),
+            truth: config.truth.get(&estimate.name).copied(),
+            published: config.published.get(&estimate.name).copied(),
             prior,
-            interval: found.identification.as_ref().map(|one| [one.lower, one.upper]),
-            identified: found.identification.as_ref().map(|one| one.identified),
-            found: found.clone(),
+            interval: estimate.identification.as_ref().map(|one| [one.lower, one.upper]),
+            identified: estimate.identification.as_ref().map(|one| one.identified),
+            found: estimate.clone(),
         };
         parameter.widen(wider);
         if let Some(left) = &left {
@@ -142,8 +142,9 @@ fn mean_error_percent(parameters: &[Parameter]) -> Option<f64> {
 /// Widens the interval of a load's mass by the interval of its distance. Walks show the load's moment, mass × distance,
 /// better than either factor. But the interval of the mass is measured at one distance.
 fn widen_load_mass(parameters: &mut [Parameter]) {
-    let place =
-        |kind: RobotNumber, all: &[Parameter]| all.iter().position(|one| one.found.name == kind.name());
+    let place = |kind: RobotNumber, parameters: &[Parameter]| {
+        parameters.iter().position(|one| one.found.name == kind.name())
+    };
     let places = [RobotNumber::PayloadMass, RobotNumber::PayloadX].map(|kind| place(kind, parameters));
     let [Some(mass), Some(distance)] = places else { return };
     let (x, ends) = (parameters[distance].found.value, parameters[distance].interval);
@@ -189,8 +190,8 @@ pub(super) fn beside(
             let jobs: Vec<Job> =
                 candidates.iter().map(|values| Job { cost, values: values.clone(), draw: 0 }).collect();
             let (simulator, falls) = (setup.searched().simulator.as_ref(), &setup.options.falls);
-            let found = evaluate(simulator, &setup.theta, &setup.costs, falls, &jobs, &never)?;
-            Ok(found.into_iter().map(|found| found.cost).collect())
+            let evaluations = evaluate(simulator, &setup.theta, &setup.costs, falls, &jobs, &never)?;
+            Ok(evaluations.into_iter().map(|evaluation| evaluation.cost).collect())
         }
     };
     compare(first, other, cost_of(&first.cost), cost_of(&other.cost)).map_err(Error::failed)

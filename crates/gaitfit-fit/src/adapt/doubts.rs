@@ -97,10 +97,10 @@ pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
 /// Which parameters the logs do not identify, and from where to where each fits as well.
 fn unidentified(fit: &CostFit) -> Option<String> {
     let range = |parameter: &Parameter| {
-        let found = &parameter.found;
+        let estimate = &parameter.found;
         let [lower, upper] = parameter.interval.filter(|_| parameter.identified == Some(false))?;
-        let unit = if found.unit == "-" { String::new() } else { format!(" {}", found.unit) };
-        Some(format!("{} (anything from {lower:.3} to {upper:.3}{unit} is possible)", found.name))
+        let unit = if estimate.unit == "-" { String::new() } else { format!(" {}", estimate.unit) };
+        Some(format!("{} (anything from {lower:.3} to {upper:.3}{unit} is possible)", estimate.name))
     };
     let ranges: Vec<String> = fit.parameters.iter().filter_map(range).collect();
     (!ranges.is_empty()).then(|| format!("the logs do not identify {}", ranges.join(", ")))
@@ -118,15 +118,20 @@ pub fn uncorrected(outcome: &CostOutcome, reason: &str) -> String {
 /// The values that a correction moved, in words.
 fn moves(fit: &CostFit) -> String {
     let far = |parameter: &&Parameter| {
-        let found = &parameter.found;
-        let before = found.uncorrected.unwrap_or(found.value);
-        let min = (LITTLE.0 * before.abs()).max(LITTLE.1 * (found.upper - found.lower));
-        (found.value - before).abs() > min
+        let estimate = &parameter.found;
+        let before = estimate.uncorrected.unwrap_or(estimate.value);
+        let min = (LITTLE.0 * before.abs()).max(LITTLE.1 * (estimate.upper - estimate.lower));
+        (estimate.value - before).abs() > min
     };
     let far: Vec<String> = (fit.parameters.iter().filter(far))
         .map(|one| {
-            let found = &one.found;
-            format!("{} {:.4} to {:.4}", found.name, found.uncorrected.unwrap_or(found.value), found.value)
+            let estimate = &one.found;
+            format!(
+                "{} {:.4} to {:.4}",
+                estimate.name,
+                estimate.uncorrected.unwrap_or(estimate.value),
+                estimate.value
+            )
         })
         .collect();
     let mut by = far[..far.len().min(NAMED)].join(", ");
@@ -207,15 +212,15 @@ fn moved(fit: &CostFit) -> impl Iterator<Item = String> {
         .flat_map(|uncertainty| &uncertainty.shifts);
     shifts.filter_map(|shift| {
         let far = |(parameter, by): (&Parameter, &f64)| {
-            let found = &parameter.found;
-            let min = (MOVED.0 * found.value.abs()).max(MOVED.1 * (found.upper - found.lower));
+            let estimate = &parameter.found;
+            let min = (MOVED.0 * estimate.value.abs()).max(MOVED.1 * (estimate.upper - estimate.lower));
             let flat = parameter.identified == Some(false);
             (by.abs() > min && !flat).then(|| {
                 format!(
                     "{} {:.3} instead of {:.3}",
-                    found.name,
-                    (found.value + by).clamp(found.lower, found.upper),
-                    found.value
+                    estimate.name,
+                    (estimate.value + by).clamp(estimate.lower, estimate.upper),
+                    estimate.value
                 )
             })
         };

@@ -89,15 +89,15 @@ fn draws(results: &AdaptResults, uncertainty: &Uncertainty) -> String {
 }
 
 fn theta(setup: &Setup, results: &AdaptResults) -> ThetaFile {
-    let found =
+    let estimate =
         |parameter: &Parameter| Found { value: parameter.found.value, spread: parameter.found.spread };
-    let found: Vec<Found> = results.parameters.iter().map(found).collect();
+    let estimates: Vec<Found> = results.parameters.iter().map(estimate).collect();
     let held = results.held_out.as_ref().filter(|_| results.standing == Standing::Contradicted);
     let mut file = ThetaFile {
         physics_step: setup.method.physics_step(),
         self_contact: setup.method.self_contact(),
         contradicted: held.map(super::held_out::HeldOut::sentence),
-        ..ThetaFile::new(&setup.theta, &found, &results.robot, &results.cost_name, results.cost)
+        ..ThetaFile::new(&setup.theta, &estimates, &results.robot, &results.cost_name, results.cost)
     };
     for saved in &mut file.parameter {
         if let Some(known) = results.parameters.iter().find(|known| known.found.name == saved.name) {

@@ -133,9 +133,9 @@ impl Logs {
         let mut doubts = Vec::new();
         let mut falling = notes.as_ref().map_or_else(Falling::default, |notes| notes.falling);
         if !config.validate.is_empty() {
-            let found = validation(&config.validate, config, config_path, method)?;
-            (validate, doubts) = (found.sets, found.doubts);
-            falling = falling.and(found.falling);
+            let validation = validation(&config.validate, config, config_path, method)?;
+            (validate, doubts) = (validation.sets, validation.doubts);
+            falling = falling.and(validation.falling);
         }
         for log in validate.iter().flatten() {
             if fit.iter().any(|fitted| fitted.path == log.path) {
@@ -202,9 +202,9 @@ fn clamped_logs(
     let gains = if validation { config.validate_gains.as_slice() } else { &[] };
     let (mut logs, mut doubts) = (Vec::with_capacity(named.len()), Vec::new());
     for named in named {
-        let (log, found) = air_logs::read(named, config_path, config, &clamped.model, gains)?;
+        let (log, log_doubts) = air_logs::read(named, config_path, config, &clamped.model, gains)?;
         logs.push(log);
-        doubts.extend(found);
+        doubts.extend(log_doubts);
     }
     Ok((logs, doubts))
 }

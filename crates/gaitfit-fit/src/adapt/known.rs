@@ -103,11 +103,11 @@ mod tests {
             );
             replaced(&ThetaFile::parse(&text).unwrap(), Path::new("mine.toml"), &theta)
         };
-        let found = known("frictionloss", "['*_calf']");
-        assert_eq!(found.len(), 1);
+        let messages = known("frictionloss", "['*_calf']");
+        assert_eq!(messages.len(), 1);
         assert!(
-            found[0].contains("mine.toml") && found[0].contains("searches frictionloss_FL_calf:"),
-            "{found:?}"
+            messages[0].contains("mine.toml") && messages[0].contains("searches frictionloss_FL_calf:"),
+            "{messages:?}"
         );
         assert_eq!(known("armature", "['*_calf']"), Vec::<String>::new(), "it is not searched");
         assert_eq!(known("frictionloss", "['*_thigh']"), Vec::<String>::new(), "another joint's");
@@ -137,13 +137,13 @@ mod tests {
             measured(JointParameter::Delay, &[], 0.009, f64::NAN),
             measured(JointParameter::Delay, &[], 0.008, 0.002),
         ];
-        let found = priors(&theta, &all, &BTreeMap::new());
-        assert_eq!(found["frictionloss_hip"], Prior::new(-0.01, 0.05));
-        assert_eq!(found["frictionloss_calf"], Prior::new(0.55, 0.0025), "half a hundredth of [0, 0.5]");
-        assert_eq!(found["delay"], Prior::new(0.008, 0.002));
+        let estimates = priors(&theta, &all, &BTreeMap::new());
+        assert_eq!(estimates["frictionloss_hip"], Prior::new(-0.01, 0.05));
+        assert_eq!(estimates["frictionloss_calf"], Prior::new(0.55, 0.0025), "half a hundredth of [0, 0.5]");
+        assert_eq!(estimates["delay"], Prior::new(0.008, 0.002));
         assert!(
-            !found.contains_key("armature"),
-            "one value for all joints, measured of hips alone: {found:?}"
+            !estimates.contains_key("armature"),
+            "one value for all joints, measured of hips alone: {estimates:?}"
         );
         let swings = [
             measured(JointParameter::FrictionLoss, &[2, 3], 39.0, 14.6),
@@ -152,8 +152,8 @@ mod tests {
         ];
         let damped = [rules[0].clone(), ParameterRule::new(JointParameter::Damping)];
         let theta_of_swings = Theta::from_rules(&damped, &groups, &joints).unwrap();
-        let found = priors(&theta_of_swings, &swings, &BTreeMap::new());
-        assert_eq!(found.keys().collect::<Vec<_>>(), ["frictionloss_hip"], "39 N·m is no friction");
+        let estimates = priors(&theta_of_swings, &swings, &BTreeMap::new());
+        assert_eq!(estimates.keys().collect::<Vec<_>>(), ["frictionloss_hip"], "39 N·m is no friction");
         let stated = BTreeMap::from([("delay".to_owned(), Prior::new(0.02, 0.001))]);
         assert_eq!(priors(&theta, &all, &stated)["delay"], stated["delay"]);
         // Errors of sensors are of no joint.
@@ -166,9 +166,9 @@ mod tests {
             ..SwingFindings::default()
         };
         let all: Vec<SwingNumber> = all.into_iter().chain(sensor_numbers(&shown, Some(0.005))).collect();
-        let found = priors(&theta, &all, &BTreeMap::new());
-        assert_eq!(found["imu_pitch"], Prior::new(0.02, 0.003));
-        assert!((found["velocity_lag"].value - 0.0035).abs() < 1e-12, "less half a step: {found:?}");
-        assert_eq!((found["velocity_lag"].deviation, found.len()), (0.002, 2));
+        let estimates = priors(&theta, &all, &BTreeMap::new());
+        assert_eq!(estimates["imu_pitch"], Prior::new(0.02, 0.003));
+        assert!((estimates["velocity_lag"].value - 0.0035).abs() < 1e-12, "less half a step: {estimates:?}");
+        assert_eq!((estimates["velocity_lag"].deviation, estimates.len()), (0.002, 2));
     }
 }

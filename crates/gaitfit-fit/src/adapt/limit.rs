@@ -63,7 +63,7 @@ pub(super) fn within<T>(
     };
     match work(&Watch::new(&callback)) {
         Err(FitError::Cancelled) if !watch.stop() => Ok(None),
-        found => found.map(Some),
+        result => result.map(Some),
     }
 }
 

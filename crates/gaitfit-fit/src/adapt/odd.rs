@@ -85,10 +85,10 @@ pub(super) fn find(
         }
         error => Error::failed(error),
     })?;
-    let mut found = compare(setup, &theta, &outcome);
-    found.wall_seconds = begun.elapsed().as_secs_f64();
-    folder.write_json(FILE, &Saved { inputs: inputs.clone(), found: found.clone() })?;
-    Ok(found)
+    let mut odd = compare(setup, &theta, &outcome);
+    odd.wall_seconds = begun.elapsed().as_secs_f64();
+    folder.write_json(FILE, &Saved { inputs: inputs.clone(), found: odd.clone() })?;
+    Ok(odd)
 }
 
 /// Fits `theta` by least squares from its start, with the first cost.
@@ -129,8 +129,8 @@ fn compare(setup: &Setup, theta: &Theta, outcome: &CostOutcome) -> OddJoints {
         let place = theta.entries().iter().position(|entry| {
             entry.kind == gaitfit_adapt::JointParameter::Stiffness.name() && entry.joints == [joint]
         });
-        let found = outcome.uncertainty.as_ref().zip(place);
-        found.map_or(f64::INFINITY, |(found, place)| found.deviation[place])
+        let known = outcome.uncertainty.as_ref().zip(place);
+        known.map_or(f64::INFINITY, |(uncertainty, place)| uncertainty.deviation[place])
     };
     let groups = groups(setup);
     let gains = setup.method.walking().map(|walking| walking.task.walker.interface.kp.as_slice());
@@ -147,14 +147,14 @@ fn compare(setup: &Setup, theta: &Theta, outcome: &CostOutcome) -> OddJoints {
         .collect();
     let judged = Judged::new(&stiffness);
     let odd = judged.odd().into_iter().map(|at| springs[at].joint.clone()).collect();
-    let found = springs.iter().enumerate().map(|(at, spring)| JointSpring {
+    let compared = springs.iter().enumerate().map(|(at, spring)| JointSpring {
         joint: spring.joint.clone(),
         stiffness: spring.stiffness,
         deviation: stiffness[at].deviation,
         off: judged.off[at],
         limit: judged.limit[at],
     });
-    OddJoints { springs: found.collect(), odd, wall_seconds: 0.0 }
+    OddJoints { springs: compared.collect(), odd, wall_seconds: 0.0 }
 }
 
 /// Groups of joints with their patterns.

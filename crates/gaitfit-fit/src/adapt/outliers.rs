@@ -46,13 +46,10 @@ mod tests {
 
     #[test]
     fn a_joint_of_wrong_sign_is_named_and_uneven_joints_are_not() {
-        let found =
+        let text =
             doubt(&errors(&[0.0004, 0.1002, 0.0004, 0.0005])).map(|doubt| doubt.text).unwrap_or_default();
-        assert!(
-            found.starts_with("j1 is predicted far worse than the other joints: by 0.1002 rad"),
-            "{found}"
-        );
-        assert_eq!(sentence(&[Doubt::new(DoubtKind::Misfit, found.clone())]), Some(found));
+        assert!(text.starts_with("j1 is predicted far worse than the other joints: by 0.1002 rad"), "{text}");
+        assert_eq!(sentence(&[Doubt::new(DoubtKind::Misfit, text.clone())]), Some(text));
         assert!(doubt(&errors(&[0.004, 0.012, 0.02, 0.006])).is_none());
         assert!(doubt(&errors(&[0.0001, 0.003, 0.0001, 0.0002])).is_none());
         assert!(doubt(&errors(&[0.3])).is_none() && doubt(&[]).is_none());

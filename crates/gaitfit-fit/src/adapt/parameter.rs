@@ -71,7 +71,7 @@ impl Parameter {
 
     /// Takes another interval.
     fn take(&mut self, ends: [f64; 2]) {
-        if self.interval.is_some_and(|own| own != ends) {
+        if self.interval.is_some_and(|interval| interval != ends) {
             self.interval = Some(ends);
             self.identified = Some(ends[1] - ends[0] < NARROW * (self.found.upper - self.found.lower));
         }

@@ -175,10 +175,10 @@ impl Robots<'_> {
                 logs.push(Log { trajectory, ..log.clone() });
             }
         }
-        let all = fit.logs.len();
-        if (logs.len() as f64) < WALKED * all as f64 {
-            let fell = all - logs.len();
-            return Err(format!("The simulated robot falls in {fell} of {all} logs."));
+        let count = fit.logs.len();
+        if (logs.len() as f64) < WALKED * count as f64 {
+            let fell = count - logs.len();
+            return Err(format!("The simulated robot falls in {fell} of {count} logs."));
         }
         let base = &self.replicas.base;
         let set = LogSet::new(config, method, base, logs).map_err(|error| error.to_string())?.scaled_as(fit);

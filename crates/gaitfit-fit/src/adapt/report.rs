@@ -92,7 +92,7 @@ fn predicted(
 }
 
 /// Held-out logs as the page shows them.
-pub fn held_out_shown(found: &HeldOut) -> ShownHeldOut {
+pub fn held_out_shown(held_out: &HeldOut) -> ShownHeldOut {
     let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
     let row = |one: &Distance| {
         let signal = match one.signal {
@@ -103,10 +103,11 @@ pub fn held_out_shown(found: &HeldOut) -> ShownHeldOut {
         let (nominal, fitted, floor) = (number(one.nominal), number(one.fitted), number(one.floor));
         JointDistance { joint: one.joint.clone(), signal, nominal, fitted, floor }
     };
-    let explained = (found.verdict() != Verdict::Unknown).then(|| found.verdict() == Verdict::Explained);
-    let distances = found.distances.iter().map(row).collect();
-    let gain = found.nominal_cost.zip(found.cost).map(|(nominal, fitted)| nominal / fitted);
-    ShownHeldOut { sentence: sentence(&found.sentence()), explained, gain, distances }
+    let explained =
+        (held_out.verdict() != Verdict::Unknown).then(|| held_out.verdict() == Verdict::Explained);
+    let distances = held_out.distances.iter().map(row).collect();
+    let gain = held_out.nominal_cost.zip(held_out.cost).map(|(nominal, fitted)| nominal / fitted);
+    ShownHeldOut { sentence: sentence(&held_out.sentence()), explained, gain, distances }
 }
 
 /// With a capital letter and a full stop.
@@ -141,13 +142,13 @@ fn log(setup: &Setup, results: &AdaptResults) -> Option<LogSummary> {
 }
 
 fn fits(results: &AdaptResults, course: &[RunGeneration]) -> Vec<Fit> {
-    let fit = |found: &CostFit| {
-        let shown = if found.parameters.len() <= MAX_SHOWN { found.parameters.as_slice() } else { &[] };
+    let fit = |fit: &CostFit| {
+        let shown = if fit.parameters.len() <= MAX_SHOWN { fit.parameters.as_slice() } else { &[] };
         Fit {
-            cost_name: found.cost_name.clone(),
-            nominal_cost: unknown(found.nominal_cost),
-            fitted_cost: found.cost,
-            runs: runs(&found.cost_name, &found.runs, course),
+            cost_name: fit.cost_name.clone(),
+            nominal_cost: unknown(fit.nominal_cost),
+            fitted_cost: fit.cost,
+            runs: runs(&fit.cost_name, &fit.runs, course),
             parameters: shown.iter().map(parameter).collect(),
         }
     };
@@ -171,21 +172,24 @@ fn runs(cost: &str, runs: &[RunOutcome], course: &[RunGeneration]) -> Vec<Optimi
 }
 
 fn parameter(parameter: &Parameter) -> Shown {
-    let found = &parameter.found;
-    let bound =
-        if found.value - found.lower < found.upper - found.value { Bound::Lower } else { Bound::Upper };
+    let estimate = &parameter.found;
+    let bound = if estimate.value - estimate.lower < estimate.upper - estimate.value {
+        Bound::Lower
+    } else {
+        Bound::Upper
+    };
     let published =
         |[lower, upper]: [f64; 2]| PublishedRange { lower, upper, source: "[published]".to_owned() };
     Shown {
-        name: found.name.clone(),
-        unit: if found.unit == "-" { String::new() } else { found.unit.clone() },
-        value: found.value,
-        lower: found.lower,
-        upper: found.upper,
-        start: found.start,
-        spread: unknown(found.spread),
-        per_run: found.per_run.clone(),
-        at_bound: found.at_bound.then_some(bound),
+        name: estimate.name.clone(),
+        unit: if estimate.unit == "-" { String::new() } else { estimate.unit.clone() },
+        value: estimate.value,
+        lower: estimate.lower,
+        upper: estimate.upper,
+        start: estimate.start,
+        spread: unknown(estimate.spread),
+        per_run: estimate.per_run.clone(),
+        at_bound: estimate.at_bound.then_some(bound),
         published: parameter.published.map(published),
         identified: parameter.identified,
         interval: parameter.interval,
@@ -234,17 +238,17 @@ fn comparison(first: &str, other: &CostFit) -> Comparison {
 /// Failed checks, the doubts of further costs, what to know of the fit, then of its inputs, and what it found besides.
 fn warnings(setup: &Setup, results: &AdaptResults) -> Vec<String> {
     let failed = results.checks.iter().filter(|check| !check.passed);
-    let mut found: Vec<String> = failed.map(|check| format!("a check failed: {}", check.text())).collect();
+    let mut warnings: Vec<String> = failed.map(|check| format!("a check failed: {}", check.text())).collect();
     for fit in results.fits.iter().skip(1) {
         let doubts = fit.doubts.iter();
-        found.extend(
+        warnings.extend(
             doubts.map(|doubt| format!("{}: {}: {}", fit.cost_name, doubt.kind.headline(), doubt.text)),
         );
     }
     for of_inputs in [false, true] {
         let about = results.warnings.iter().filter(|one| setup.warnings.contains(one) == of_inputs);
-        found.extend(about.cloned());
+        warnings.extend(about.cloned());
     }
-    found.extend(results.springs_in_words());
-    found
+    warnings.extend(results.springs_in_words());
+    warnings
 }

@@ -342,7 +342,7 @@ fn cost_fits(
     watch: &Watch<'_>,
 ) -> Result<(Vec<CostFit>, Vec<String>), Error> {
     let mut fits: Vec<CostFit> = Vec::with_capacity(outcomes.len());
-    let mut found: Vec<CostOutcome> = Vec::with_capacity(outcomes.len());
+    let mut finished: Vec<CostOutcome> = Vec::with_capacity(outcomes.len());
     let mut uncorrected: Vec<String> = Vec::new();
     for outcome in outcomes {
         let Some(cost) = setup.costs.iter().position(|cost| cost.name() == outcome.cost) else { continue };
@@ -360,11 +360,11 @@ fn cost_fits(
             false => error,
         })?;
         let mut fit = fit(setup, cost, &outcome, course, left)?;
-        if let Some(first) = found.first().filter(|_| setup.theta.len() <= MAX_SHOWN) {
+        if let Some(first) = finished.first().filter(|_| setup.theta.len() <= MAX_SHOWN) {
             fit.comparison = beside(setup, first, &outcome)?;
         }
         fits.push(fit);
-        found.push(outcome);
+        finished.push(outcome);
     }
     if let Some(fit) = fits.first_mut().filter(|_| setup.aligned() && setup.method.walking().is_none()) {
         let (values, given) = (fit.values(), setup.config.costs[0].given());

@@ -61,10 +61,10 @@ pub fn correct(
     let seed = setup.config.optimizer.seed;
     let done = AtomicUsize::new(0);
     let world = World { setup, replicas, distributions, seed, watch, counting: &counting, done };
-    let (theta, found) = (&setup.theta, outcome.values());
+    let (theta, values) = (&setup.theta, outcome.values());
     let threads = setup.method.walking().map_or(1, |walking| walking.threads);
     let logs = Logs { numbers: distributions.recorded(), groups: distributions.groups(), threads };
-    match regress(theta, &found, &logs, &world, each, seed, problem.cancel)? {
+    match regress(theta, &values, &logs, &world, each, seed, problem.cancel)? {
         Ok(regression) => {
             let refused = outcome.adopt(problem, &regression)?;
             Ok(refused.map(|why| Refused { why, regression: Some(regression) }))
@@ -86,10 +86,10 @@ struct World<'a> {
 impl Walks for World<'_> {
     fn walk(&self, robots: &[Vec<f64>], first: u32) -> Result<Vec<Option<Vec<f64>>>, String> {
         let Self { distributions, watch, counting, done, .. } = self;
-        let found: Mutex<Vec<Option<Vec<f64>>>> = Mutex::new(vec![None; robots.len()]);
+        let per_robot: Mutex<Vec<Option<Vec<f64>>>> = Mutex::new(vec![None; robots.len()]);
         let keep = |robot: usize, logs: Vec<Predicted>| {
             let numbers = distributions.simulated(&logs);
-            if let Some(slot) = found.lock().unwrap_or_else(PoisonError::into_inner).get_mut(robot) {
+            if let Some(slot) = per_robot.lock().unwrap_or_else(PoisonError::into_inner).get_mut(robot) {
                 *slot = numbers;
             }
             counting.step(done.fetch_add(1, Ordering::Relaxed) + 1, 1, "");
@@ -98,6 +98,6 @@ impl Walks for World<'_> {
         recorder
             .walk(theta, robots, [self.seed, u64::from(first)], &keep, &|| watch.stop())
             .map_err(|error| format!("A robot with drawn values cannot be simulated: {error}."))?;
-        Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
+        Ok(per_robot.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 }

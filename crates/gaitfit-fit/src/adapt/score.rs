@@ -92,7 +92,7 @@ impl Robot<'_> {
                 let message = "stopped before the end".to_owned();
                 Err(gaitfit_run::Error::Interrupted { message, kept: None }.into())
             }
-            found => found.map_err(Error::failed),
+            result => result.map_err(Error::failed),
         }
     }
 }
@@ -151,7 +151,7 @@ pub(super) fn validation(
     fitted: impl Fn(&LogSet) -> Result<Vec<Predicted>, Error>,
     nominal: impl Fn(&LogSet) -> Result<Vec<Predicted>, Error>,
 ) -> Result<Vec<Validation>, Error> {
-    let mut found = Vec::new();
+    let mut validations = Vec::new();
     for set in sets {
         let cost = free_running(kind, set)?;
         let (fitted, plain) = (fitted(set)?, nominal(set)?);
@@ -165,7 +165,7 @@ pub(super) fn validation(
             let joints = error.iter().flat_map(|error| error.per_joint.iter().copied());
             let compared = log.joints.iter().cloned().zip(joints).filter(|(_, error)| !error.is_nan());
             let nominal = nominal.get(number).and_then(Option::as_ref).filter(|_| aligned);
-            found.push(Validation {
+            validations.push(Validation {
                 file: log.name.clone(),
                 cost: one(&fitted),
                 nominal_cost: one(&plain),
@@ -176,7 +176,7 @@ pub(super) fn validation(
             });
         }
     }
-    Ok(found)
+    Ok(validations)
 }
 
 /// A cost against a set; `None` if it resets the simulation, which validation lets run.
@@ -249,7 +249,7 @@ pub(super) fn baselines(setup: &Setup, nominal_cost: Option<f64>) -> Result<Vec<
     let theta = Theta::default();
     let nominal = Robot { theta: &theta, values: &[] };
     let given = setup.config.costs[0].given();
-    let mut found = vec![score("nominal model", setup, nominal_cost, |set| {
+    let mut scores = vec![score("nominal model", setup, nominal_cost, |set| {
         nominal.simulate(set.simulator.as_ref(), given)
     })?];
     if setup.method.walking().is_some() {
@@ -259,9 +259,9 @@ pub(super) fn baselines(setup: &Setup, nominal_cost: Option<f64>) -> Result<Vec<
                 set.logs.iter().filter_map(|log| last_value(log, &joints, horizon)).collect()
             };
             let cost = setup.costs.first().and_then(|cost| cost_of(cost.as_ref(), &held(&setup.fit)));
-            found.push(score(LAST_VALUE, setup, cost, |set| Ok(held(set)))?);
+            scores.push(score(LAST_VALUE, setup, cost, |set| Ok(held(set)))?);
         }
-        return Ok(found);
+        return Ok(scores);
     }
     let late = |set: &LogSet, delay: f64| predictors::late(&set.logs, delay);
     let error = |delay: f64| rmse([&setup.fit], &[late(&setup.fit, delay)]).unwrap_or(f64::INFINITY);
@@ -270,8 +270,8 @@ pub(super) fn baselines(setup: &Setup, nominal_cost: Option<f64>) -> Result<Vec<
         let cost = setup.costs.first().and_then(|cost| cost_of(cost.as_ref(), &late(&setup.fit, delay)));
         score(name, setup, cost, |set| Ok(late(set, delay)))
     };
-    found.push(late_score("echo of the target", 0.0)?);
+    scores.push(late_score("echo of the target", 0.0)?);
     let name = format!("best pure delay ({:.0} ms)", 1e3 * best);
-    found.push(Score { delay_seconds: Some(best), ..late_score(&name, best)? });
-    Ok(found)
+    scores.push(Score { delay_seconds: Some(best), ..late_score(&name, best)? });
+    Ok(scores)
 }

@@ -292,8 +292,8 @@ mod tests {
         Opening::new(&settings::load(Some(&file), &changes).unwrap(), &file).threads(2).open().unwrap()
     }
 
-    fn values(found: &crate::adapt::AdaptResults) -> Vec<f64> {
-        found.parameters.iter().map(|one| one.found.value).collect()
+    fn values(results: &crate::adapt::AdaptResults) -> Vec<f64> {
+        results.parameters.iter().map(|one| one.found.value).collect()
     }
 
     #[test]

@@ -125,7 +125,7 @@ pub fn sensitivity(
     }
     let simulator = setup.fit.simulator.as_ref();
     let problem = Problem { simulator, theta: &setup.theta, cost, draw: 0, cancel: &gaitfit_adapt::never };
-    let (found, parameters) = sensitivities(problem, &values, difference)?.ok_or_else(|| {
+    let (sensitivity, parameters) = sensitivities(problem, &values, difference)?.ok_or_else(|| {
         Error::failed(
             "the simulation of these values diverges: give others with --theta, or a smaller simulation.timestep",
         )
@@ -135,8 +135,8 @@ pub fn sensitivity(
         robot: setup.method.model().name.clone(),
         cost_name: cost.name().to_owned(),
         logs: setup.fit.logs.len(),
-        difference: found.difference,
-        together_seconds: found.together * dt,
+        difference: sensitivity.difference,
+        together_seconds: sensitivity.together * dt,
         parameters,
         warnings: setup.warnings.clone(),
     })
@@ -152,25 +152,27 @@ pub fn sensitivities(
     difference: Option<f64>,
 ) -> Result<Option<(Sensitivity, Vec<ParameterSensitivity>)>, Error> {
     let entries = problem.theta.entries();
-    let Some(found) = measured(problem, values, difference).map_err(Error::failed)? else { return Ok(None) };
+    let Some(sensitivity) = measured(problem, values, difference).map_err(Error::failed)? else {
+        return Ok(None);
+    };
     let of_entry = |at: usize| {
         let entry = &entries[at];
-        let deviation = found.deviation[at];
+        let deviation = sensitivity.deviation[at];
         let correlations =
-            found.correlation[at].iter().copied().enumerate().filter(|(other, _)| *other != at);
+            sensitivity.correlation[at].iter().copied().enumerate().filter(|(other, _)| *other != at);
         let like = correlations.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
         ParameterSensitivity {
             name: entry.name.clone(),
             unit: entry.unit.clone(),
             value: values[at],
             deviation,
-            alone: found.alone[at],
+            alone: sensitivity.alone[at],
             identified: deviation.is_some_and(|one| identifies(entry, one)),
             like: like
                 .filter(|(_, correlation)| correlation.abs() > ALIKE)
                 .map(|(other, correlation)| (entries[other].name.clone(), correlation)),
         }
     };
-    let all = (0..entries.len()).map(of_entry).collect();
-    Ok(Some((found, all)))
+    let parameters = (0..entries.len()).map(of_entry).collect();
+    Ok(Some((sensitivity, parameters)))
 }

@@ -270,10 +270,10 @@ fn what_logs_show(
     feet: Option<usize>,
 ) -> (Vec<SwingNumber>, Option<String>) {
     let priors = swings.filter(|_| config.swings);
-    let mut numbers = priors.map_or_else(Vec::new, |found| swing::numbers_of(method, found));
+    let mut numbers = priors.map_or_else(Vec::new, |findings| swing::numbers_of(method, findings));
     let mut note = None;
-    if let Some(found) = swings.filter(|_| config.effects) {
-        let remedies = Remedies::new(found, theta, base);
+    if let Some(findings) = swings.filter(|_| config.effects) {
+        let remedies = Remedies::new(findings, theta, base);
         let remedies = if config.odd_joints { remedies.without_springs() } else { remedies };
         remedies.extend(config, joints);
         remedies.widen_priors(&mut numbers);
@@ -406,12 +406,12 @@ pub(super) fn aligned(config: &AdaptConfig) -> bool {
 
 /// Settings that name something this run does not have: harmless, or a slip of the pen.
 fn unused(config: &AdaptConfig, theta: &Theta, validate: &[Vec<Log>]) -> Result<Vec<String>, Error> {
-    let mut found = Vec::new();
+    let mut warnings = Vec::new();
     let fitted = |name: &String| theta.entries().iter().any(|entry| entry.name == *name);
     let known = config.truth.keys().map(|name| ("truth", name));
     for (table, name) in known.chain(config.published.keys().map(|name| ("published", name))) {
         if !fitted(name) {
-            found.push(format!("[{table}] has `{name}`, which is not fitted"));
+            warnings.push(format!("[{table}] has `{name}`, which is not fitted"));
         }
     }
     for entry in &config.validate_gains {
@@ -420,8 +420,8 @@ fn unused(config: &AdaptConfig, theta: &Theta, validate: &[Vec<Log>]) -> Result<
             used |= air_logs::matching(std::slice::from_ref(entry), &log.name, &log.path)?.is_some();
         }
         if !used {
-            found.push(format!("validate_gains for {:?} matches no validation log", entry.files));
+            warnings.push(format!("validate_gains for {:?} matches no validation log", entry.files));
         }
     }
-    Ok(found)
+    Ok(warnings)
 }

@@ -84,6 +84,6 @@ pub fn distributions(
 
 /// Wasserstein-1 distance of simulated and measured samples; NaN where one is not finite.
 fn distance(simulated: &[f64], measured: &[f64]) -> f64 {
-    let found = gaitfit_adapt::cost::wasserstein1_of_columns(simulated, measured, 1);
-    found.ok().and_then(|found| found.first().copied()).unwrap_or(f64::NAN)
+    let distances = gaitfit_adapt::cost::wasserstein1_of_columns(simulated, measured, 1);
+    distances.ok().and_then(|distances| distances.first().copied()).unwrap_or(f64::NAN)
 }

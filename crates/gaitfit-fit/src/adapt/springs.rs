@@ -35,28 +35,28 @@ pub struct FoundSpring {
 impl FoundSpring {
     /// Those that `values` of `theta` put on joints.
     pub(super) fn all(theta: &Theta, values: &[f64], uncertainty: Option<&Uncertainty>) -> Vec<Self> {
-        let draws = uncertainty.map(|found| found.draws.as_slice()).unwrap_or_default();
+        let draws = uncertainty.map(|uncertainty| uncertainty.draws.as_slice()).unwrap_or_default();
         let draws: Vec<Vec<LinearSpring>> = draws.iter().map(|draw| theta.springs(draw)).collect();
         let springs = theta.springs(values).into_iter().enumerate();
         springs.map(|(at, spring)| Self::with_draws(&spring, draws.iter().map(|draw| &draw[at]))).collect()
     }
 
-    fn with_draws<'a>(found: &LinearSpring, draws: impl Iterator<Item = &'a LinearSpring> + Clone) -> Self {
+    fn with_draws<'a>(spring: &LinearSpring, draws: impl Iterator<Item = &'a LinearSpring> + Clone) -> Self {
         let around = |value: f64, draws: Vec<f64>| {
             let half = HALF * stats::deviation(&draws)?;
             Some([value - half, value + half])
         };
-        let stiffness_interval = around(found.stiffness, draws.clone().map(|one| one.stiffness).collect());
+        let stiffness_interval = around(spring.stiffness, draws.clone().map(|one| one.stiffness).collect());
         let sure = match stiffness_interval {
             Some([low, high]) => low > 0.0 || high < 0.0,
-            None => found.stiffness != 0.0,
+            None => spring.stiffness != 0.0,
         };
-        let rest = Some(found.rest()).filter(|rest| sure && rest.is_finite());
+        let rest = Some(spring.rest()).filter(|rest| sure && rest.is_finite());
         let rest_interval = rest.and_then(|rest| around(rest, draws.map(LinearSpring::rest).collect()));
         Self {
-            joint: found.joint.clone(),
-            kind: found.kind,
-            stiffness: found.stiffness,
+            joint: spring.joint.clone(),
+            kind: spring.kind,
+            stiffness: spring.stiffness,
             stiffness_interval,
             rest,
             rest_interval,
@@ -112,12 +112,12 @@ mod tests {
         // Two draws each side: a standard deviation of 0.5 · √(8 / 3) N·m/rad about 75, all at rest at −1.9 rad.
         let draws: Vec<LinearSpring> =
             [74.5, 75.5, 74.0, 76.0].into_iter().map(|k: f64| spring(k, -1.9 * k)).collect();
-        let found = FoundSpring::with_draws(&spring(75.0, -142.5), draws.iter());
-        let [low, high] = found.stiffness_interval.unwrap();
+        let spring = FoundSpring::with_draws(&spring(75.0, -142.5), draws.iter());
+        let [low, high] = spring.stiffness_interval.unwrap();
         let half = HALF * (2.5f64 / 3.0).sqrt();
         assert!((low - (75.0 - half)).abs() < 1e-9 && (high - (75.0 + half)).abs() < 1e-9, "{low} {high}");
-        assert!((found.rest.unwrap() + 1.9).abs() < 1e-12);
-        let text = found.text();
+        assert!((spring.rest.unwrap() + 1.9).abs() < 1e-12);
+        let text = spring.text();
         assert!(
             text.starts_with("75.00 N·m/rad, at rest at -1.900 rad (95 %: 73.11 to 76.89 N·m/rad, -1.9"),
             "{text}"
@@ -127,9 +127,9 @@ mod tests {
     #[test]
     fn a_spring_that_may_be_none_has_no_rest_angle() {
         let draws = [spring(-0.3, 0.1), spring(0.4, 0.2), spring(0.1, 0.0)];
-        let found = FoundSpring::with_draws(&spring(0.1, 0.1), draws.iter());
-        assert_eq!((found.rest, found.rest_interval), (None, None));
-        assert!(found.text().starts_with("0.10 N·m/rad (95 %: "), "{}", found.text());
+        let uncertain = FoundSpring::with_draws(&spring(0.1, 0.1), draws.iter());
+        assert_eq!((uncertain.rest, uncertain.rest_interval), (None, None));
+        assert!(uncertain.text().starts_with("0.10 N·m/rad (95 %: "), "{}", uncertain.text());
         let unmeasured = FoundSpring::with_draws(&spring(10.0, 5.0), [].iter());
         assert_eq!(unmeasured.text(), "10.00 N·m/rad, at rest at 0.500 rad");
     }

@@ -103,16 +103,17 @@ fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
         ("cost on the fitted logs", |score| score.cost),
     ];
     let guesses = evidence.baselines.iter().skip(1);
-    let (what, fitted, guess, found) = guesses
+    let (what, fitted, guess, guessed) = guesses
         .filter_map(|guess| {
-            let (what, fitted, of) =
-                measures.iter().find_map(|(what, of)| Some((*what, of(evidence.fitted)?, of(guess)?)))?;
-            Some((what, fitted, &guess.name, of))
+            let (what, fitted, guessed) = measures
+                .iter()
+                .find_map(|(what, measure)| Some((*what, measure(evidence.fitted)?, measure(guess)?)))?;
+            Some((what, fitted, &guess.name, guessed))
         })
         .min_by(|a, b| a.3.total_cmp(&b.3))?;
-    (found < fitted).then(|| {
+    (guessed < fitted).then(|| {
         let text = format!(
-            "\"{guess}\" needs no simulator and predicts the logs better: {found:.5} against {fitted:.5} ({what}). Do \
+            "\"{guess}\" needs no simulator and predicts the logs better: {guessed:.5} against {fitted:.5} ({what}). Do \
              not use this fit: check targets, gains and joint order with `gaitfit inspect`, and fit further parameters."
         );
         Doubt::new(DoubtKind::Trivial, text)
@@ -273,22 +274,22 @@ fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
 /// Whether a value would have gone on but for a bound of its search. 0 is an end of many quantities and no such bound; see
 /// [`wants_nothing`].
 pub(super) fn stopped_by_bound(parameter: &Parameter) -> bool {
-    let found = &parameter.found;
-    let upper = found.value - found.lower >= found.upper - found.value;
-    found.at_bound && (upper || found.lower != 0.0)
+    let estimate = &parameter.found;
+    let upper = estimate.value - estimate.lower >= estimate.upper - estimate.value;
+    estimate.at_bound && (upper || estimate.lower != 0.0)
 }
 
 /// Whether friction or delay, of which every real robot has some, rests at 0 and the logs exclude more. Where it is known to be 0,
 /// nothing is wrong. `measured`: by the interval as it was measured, before it was widened for what the simulator lacks.
 pub(super) fn wants_nothing(parameter: &Parameter, measured: bool) -> bool {
-    let found = &parameter.found;
-    let real = ["frictionloss", "delay"].iter().any(|kind| found.name.starts_with(kind));
-    let narrow = |[_, upper]: [f64; 2]| upper - found.lower < TIGHT * (found.upper - found.lower);
-    real && found.at_bound
-        && found.lower == 0.0
-        && found.value < 0.5 * found.upper
+    let estimate = &parameter.found;
+    let real = ["frictionloss", "delay"].iter().any(|kind| estimate.name.starts_with(kind));
+    let narrow = |[_, upper]: [f64; 2]| upper - estimate.lower < TIGHT * (estimate.upper - estimate.lower);
+    real && estimate.at_bound
+        && estimate.lower == 0.0
+        && estimate.value < 0.5 * estimate.upper
         && parameter.truth != Some(0.0)
-        && found
+        && estimate
             .identification
             .as_ref()
             .filter(|_| measured)

@@ -25,8 +25,8 @@ const NOT_CORRECTED: f64 = 2.0;
 
 /// The estimates from legs in the air, if there are any, and those of sensors, converted to the fit's simulation.
 pub fn numbers_of(method: &Method, findings: &SwingFindings) -> Vec<SwingNumber> {
-    let found = findings.best().zip(targets_step(method));
-    let mut joints = found.map_or_else(Vec::new, |(report, step)| numbers(report, step));
+    let best = findings.best().zip(targets_step(method));
+    let mut joints = best.map_or_else(Vec::new, |(report, step)| numbers(report, step));
     if findings.corrected.is_none() {
         joints.iter_mut().for_each(|one| one.estimate.error *= NOT_CORRECTED);
     }
@@ -47,8 +47,8 @@ pub fn compared(
     theta: &Theta,
     parameters: &[Parameter],
 ) -> Vec<Beside> {
-    let found = findings.best().zip(targets_step(&setup.method));
-    let Some((report, step)) = found else { return Vec::new() };
+    let best = findings.best().zip(targets_step(&setup.method));
+    let Some((report, step)) = best else { return Vec::new() };
     let fitted = |parameter: &Parameter| {
         let entry = theta.entries().iter().find(|entry| entry.name == parameter.found.name)?;
         let value = parameter.found.value;

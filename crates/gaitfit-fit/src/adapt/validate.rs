@@ -134,7 +134,7 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
     // For each set one simulation for the cost and one for the errors, each with the robot after and before the fit.
     let total = 4 * after.len() + after.first().map_or(0, |set| 2 * simulations(&method, set));
     let amount = Amount { what: "simulation of the logs", parts: "simulations", total, pieces: total };
-    let (cost, nominal_cost, found, held_out) = watch.shared(amount, |done| {
+    let (cost, nominal_cost, validations, held_out) = watch.shared(amount, |done| {
         let predict = |set: &LogSet| {
             let predicted = itself.simulate_until(set.simulator.as_ref(), kind.given(), &stop)?;
             done(1);
@@ -146,20 +146,22 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
         };
         let cost = cost_of_sets(kind, &after, predict)?;
         let nominal_cost = cost_of_sets(kind, &before, predict)?;
-        let found = validation(kind, &after, aligned(&config), predict, nominal)?;
+        let validations = validation(kind, &after, aligned(&config), predict, nominal)?;
         let held_out = match (after.first(), before.first()) {
             (Some(fitted), Some(nominal)) => {
                 held_out(&config, &method, [(fitted, itself), (nominal, itself)], &[], (&stop, done))?
             }
             _ => None,
         };
-        Ok::<_, Error>((cost, nominal_cost, found, held_out))
+        Ok::<_, Error>((cost, nominal_cost, validations, held_out))
     })?;
-    let rmse_rad = mean(found.iter().map(|log| log.rmse_rad));
-    let nominal_rmse_rad = mean(found.iter().map(|log| log.nominal_rmse_rad));
+    let rmse_rad = mean(validations.iter().map(|log| log.rmse_rad));
+    let nominal_rmse_rad = mean(validations.iter().map(|log| log.nominal_rmse_rad));
     // If the robot sometimes falls, chance decides the cost of one simulation. The held-out comparison has several.
-    let several = held_out.as_ref().filter(|found| kind == CostKind::Wass && found.robot_fall_rate > 0.0);
-    let (cost, nominal_cost) = several.map_or((cost, nominal_cost), |found| (found.cost, found.nominal_cost));
+    let several =
+        held_out.as_ref().filter(|held_out| kind == CostKind::Wass && held_out.robot_fall_rate > 0.0);
+    let (cost, nominal_cost) =
+        several.map_or((cost, nominal_cost), |held_out| (held_out.cost, held_out.nominal_cost));
     let mut results = ValidateResults {
         theta: request.theta.clone(),
         robot: method.model().name.clone(),
@@ -172,8 +174,8 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
         nominal_cost,
         rmse_rad,
         nominal_rmse_rad,
-        checks: validation_checks(&config.check, &found, cost),
-        validation: found,
+        checks: validation_checks(&config.check, &validations, cost),
+        validation: validations,
         verdict: held_out.as_ref().map(HeldOut::verdict),
         held_out,
         warnings,
@@ -228,15 +230,15 @@ fn headline(results: &ValidateResults, numbers: &str) -> String {
     }
     match &results.held_out {
         None => format!("{numbers}."),
-        Some(found) if found.verdict() == Verdict::Misfit => {
-            format!("Misfit: {}. {numbers}.", found.sentence())
+        Some(held_out) if held_out.verdict() == Verdict::Misfit => {
+            format!("Misfit: {}. {numbers}.", held_out.sentence())
         }
-        Some(found) if found.verdict() == Verdict::WorseThanNominal => {
-            format!("Whole walks worse than the nominal robot's: {}. {numbers}.", found.sentence())
+        Some(held_out) if held_out.verdict() == Verdict::WorseThanNominal => {
+            format!("Whole walks worse than the nominal robot's: {}. {numbers}.", held_out.sentence())
         }
-        Some(found) if found.verdict() == Verdict::Falls => {
-            format!("Falls where the robot walks: {}. {numbers}.", found.sentence())
+        Some(held_out) if held_out.verdict() == Verdict::Falls => {
+            format!("Falls where the robot walks: {}. {numbers}.", held_out.sentence())
         }
-        Some(found) => format!("{numbers}. On whole walks {}.", found.sentence()),
+        Some(held_out) => format!("{numbers}. On whole walks {}.", held_out.sentence()),
     }
 }

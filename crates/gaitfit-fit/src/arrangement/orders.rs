@@ -93,20 +93,20 @@ impl Limbs {
             let backward = (0..count).rev().collect();
             return vec![forward, swapped, backward];
         }
-        let mut all: Vec<Vec<usize>> = vec![Vec::new()];
+        let mut sequences: Vec<Vec<usize>> = vec![Vec::new()];
         for _ in 0..count {
             let longer = |sequence: &Vec<usize>| {
                 let rest = (0..count).filter(|limb| !sequence.contains(limb));
                 rest.map(|limb| [sequence.clone(), vec![limb]].concat()).collect::<Vec<_>>()
             };
-            all = all.iter().flat_map(longer).collect();
+            sequences = sequences.iter().flat_map(longer).collect();
         }
         // Orders that have names of their own come first: of two that fit alike the first is taken.
-        all.sort_by_key(|sequence| {
+        sequences.sort_by_key(|sequence| {
             let legs: Vec<String> = sequence.iter().map(|&limb| self.label(limb)).collect();
             !["FR FL RR RL", "FL FR RL RR"].contains(&legs.join(" ").as_str())
         });
-        all
+        sequences
     }
 
     /// A limb's name: what the names of its joints begin with alike, or its first joint's name.

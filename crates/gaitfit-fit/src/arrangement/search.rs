@@ -29,8 +29,9 @@ pub(super) fn search(
     for taken in 0..MAX_CHANGES {
         let mut tried: Vec<Arrangement> = Vec::new();
         for (arrangement, _) in &followed {
-            let all = changes(&arrangement.interface, limbs, with_logs).into_iter().chain(more(arrangement));
-            tried.extend(all.map(|change| arrangement.with(&change, derived)));
+            let changes =
+                changes(&arrangement.interface, limbs, with_logs).into_iter().chain(more(arrangement));
+            tried.extend(changes.map(|change| arrangement.with(&change, derived)));
         }
         let measured = measure(&tried);
         let mut ranked: Vec<(Arrangement, f64)> =

@@ -24,7 +24,7 @@ const LEG_BY_LEG: [&str; 12] = [
 /// The logs as the wrong policy's reader would have them: columns by its names.
 fn read_by(policy: &Policy, logs: &[Trajectory]) -> Vec<Trajectory> {
     let named = |name: &String, log: &Trajectory| {
-        log.joints.iter().find(|own| own.starts_with(name.as_str())).unwrap().clone()
+        log.joints.iter().find(|joint| joint.starts_with(name.as_str())).unwrap().clone()
     };
     let names =
         |log: &Trajectory| policy.interface.joints.iter().map(|name| named(name, log)).collect::<Vec<_>>();
@@ -103,15 +103,18 @@ fn a_permuted_policy_is_put_right_by_its_logs() {
     let right = policy(&scene, 3);
     let recorded = logs(&scene, &right, true);
     assert_eq!(diagnosed(&right, &recorded), None, "nothing to put right");
-    let own: Vec<&str> =
+    let joints: Vec<&str> =
         right.interface.joints.iter().map(|name| gaitfit_model::patterns::plain(name)).collect();
-    assert_eq!(own, LEG_BY_LEG);
+    assert_eq!(joints, LEG_BY_LEG);
     // The file names the joints in the order of Unitree's motors.
     let wrong = misnamed(&right, &[3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8].map(|joint| LEG_BY_LEG[joint]));
-    let found = diagnosed(&wrong, &read_by(&wrong, &recorded)).unwrap();
-    assert!(found.measure[1] < 0.01 && found.measure[0] > 0.3, "{found:?}");
-    let listed: Vec<String> = own.iter().map(|name| format!("{name:?}")).collect();
-    assert!(found.settings[0].starts_with(&format!("`joints = [{}]`", listed.join(", "))), "{found:?}");
+    let diagnosis = diagnosed(&wrong, &read_by(&wrong, &recorded)).unwrap();
+    assert!(diagnosis.measure[1] < 0.01 && diagnosis.measure[0] > 0.3, "{diagnosis:?}");
+    let listed: Vec<String> = joints.iter().map(|name| format!("{name:?}")).collect();
+    assert!(
+        diagnosis.settings[0].starts_with(&format!("`joints = [{}]`", listed.join(", "))),
+        "{diagnosis:?}"
+    );
 }
 
 #[test]
@@ -130,8 +133,8 @@ fn scales_and_signs_are_named() {
     let was = term.scale.clone();
     assert!(was == [0.05] || was.is_empty(), "{was:?}");
     term.scale = if was.is_empty() { vec![0.05] } else { Vec::new() };
-    let found = diagnosed(&unscaled, &recorded).unwrap();
-    assert!(found.text().contains("joint_velocity") && found.measure[1] < 0.01, "{found:?}");
+    let diagnosis = diagnosed(&unscaled, &recorded).unwrap();
+    assert!(diagnosis.text().contains("joint_velocity") && diagnosis.measure[1] < 0.01, "{diagnosis:?}");
     // Logged actions of the hips with the other sign.
     let hips: Vec<bool> = right.interface.joints.iter().map(|name| name.contains("hip")).collect();
     let mut turned = recorded.clone();
@@ -143,17 +146,20 @@ fn scales_and_signs_are_named() {
             }
         }
     }
-    let found = diagnosed(&right, &turned).unwrap();
-    assert!(found.changes[0].contains("FL_hip") && found.changes[0].contains("reversed"), "{found:?}");
-    assert!(found.measure[1] < 0.05, "{found:?}");
+    let diagnosis = diagnosed(&right, &turned).unwrap();
+    assert!(
+        diagnosis.changes[0].contains("FL_hip") && diagnosis.changes[0].contains("reversed"),
+        "{diagnosis:?}"
+    );
+    assert!(diagnosis.measure[1] < 0.05, "{diagnosis:?}");
     // Actions that were logged in another unit.
     let mut scaled = recorded.clone();
     for log in &mut scaled {
         log.target = None;
         log.action.as_mut().unwrap().iter_mut().for_each(|action| *action *= 0.25);
     }
-    let found = diagnosed(&right, &scaled).unwrap();
-    assert!(found.settings[0].contains("divided by 0.25"), "{found:?}");
+    let diagnosis = diagnosed(&right, &scaled).unwrap();
+    assert!(diagnosis.settings[0].contains("divided by 0.25"), "{diagnosis:?}");
     // Another policy is not explained by any arrangement.
     assert_eq!(diagnosed(&policy(&scene, 4), &recorded), None);
 }
@@ -169,20 +175,24 @@ fn terms_in_another_order_and_gravity_that_points_up_are_named() {
     let (gravity, command) = (place(Quantity::ProjectedGravity), place(Quantity::Command));
     let mut swapped = right.clone();
     swapped.interface.observation.swap(gravity, command);
-    let found = diagnosed(&swapped, &recorded).unwrap();
+    let diagnosis = diagnosed(&swapped, &recorded).unwrap();
     let names: Vec<&str> = right.interface.observation.iter().map(|term| term.quantity.name()).collect();
-    assert_eq!(found.settings, [format!("`observation` in the order {}", names.join(", "))], "{found:?}");
-    assert!(found.measure[0] > 0.2 && found.measure[1] < 0.01, "{found:?}");
+    assert_eq!(
+        diagnosis.settings,
+        [format!("`observation` in the order {}", names.join(", "))],
+        "{diagnosis:?}"
+    );
+    assert!(diagnosis.measure[0] > 0.2 && diagnosis.measure[1] < 0.01, "{diagnosis:?}");
     let mut upwards = right.clone();
     upwards.interface.observation[gravity].scale = vec![-1.0];
-    let found = diagnosed(&upwards, &recorded).unwrap();
-    assert_eq!(found.settings, ["`scale = [1]` of projected_gravity in `observation`"], "{found:?}");
+    let diagnosis = diagnosed(&upwards, &recorded).unwrap();
+    assert_eq!(diagnosis.settings, ["`scale = [1]` of projected_gravity in `observation`"], "{diagnosis:?}");
     // The network saw its last action as the change of the target.
     let mut scaled = right.clone();
     let last = place(Quantity::LastAction);
     scaled.interface.observation[last].scale = vec![right.interface.action_scale[0] as f32];
-    let found = diagnosed(&scaled, &recorded).unwrap();
-    assert_eq!(found.settings, ["`scale = [1]` of last_action in `observation`"], "{found:?}");
+    let diagnosis = diagnosed(&scaled, &recorded).unwrap();
+    assert_eq!(diagnosis.settings, ["`scale = [1]` of last_action in `observation`"], "{diagnosis:?}");
 }
 
 #[test]
@@ -210,10 +220,10 @@ fn a_policy_that_falls_for_its_joint_order_is_put_right() {
         threads: None,
     };
     let world = World::new(&settings, policy).unwrap();
-    let found = of_walk(&world, 1, 2, &crate::watch::Watch::silent()).unwrap();
+    let diagnosis = of_walk(&world, 1, 2, &crate::watch::Watch::silent()).unwrap();
     let listed: Vec<String> = joints.iter().map(|name| format!("{name:?}")).collect();
-    assert!(found.settings[0].contains(&listed.join(", ")), "{found:?}");
-    assert!(found.measure[0] > 0.7 && found.measure[1] < WALKS_WELL, "{found:?}");
+    assert!(diagnosis.settings[0].contains(&listed.join(", ")), "{diagnosis:?}");
+    assert!(diagnosis.measure[0] > 0.7 && diagnosis.measure[1] < WALKS_WELL, "{diagnosis:?}");
 }
 
 /// Measure of a policy that hardly falls and follows its commands.

@@ -231,15 +231,15 @@ fn replay(shown: &Shown, rows: &std::ops::Range<usize>) -> Replay {
     let every = (1.0 / (dt * MAX_FRAME_HZ) - 0.01).ceil().max(1.0) as usize;
     let shape = crate::replay::shape("", &shown.model, &[]);
     let whole = |position: &[f64]| -> Vec<f64> {
-        let mut all = Vec::with_capacity(rows.len() * shown.rest.len());
+        let mut positions = Vec::with_capacity(rows.len() * shown.rest.len());
         for row in position.chunks_exact(shown.joints.len()) {
             let mut angles = shown.rest.clone();
             for (&joint, &angle) in shown.joints.iter().zip(row) {
                 angles[joint] = angle;
             }
-            all.extend(angles);
+            positions.extend(angles);
         }
-        all
+        positions
     };
     let commands = shown.log.command.as_deref().filter(|_| !shown.clamped);
     let robot = |name: &str, motion: Motion| {

@@ -183,9 +183,9 @@ impl Both {
             });
         }
         let simulator = self.method.simulator(candidate.clone(), std::slice::from_ref(&self.log))?;
-        let found =
+        let predictions =
             simulate_one(simulator.as_ref(), &Theta::default(), &[], Resets::Never).map_err(Error::failed)?;
-        let found = found.into_iter().next().unwrap_or_default();
-        Ok(Simulated { position: wide(&found.position), base: Vec::new(), fell_at: found.fell_at })
+        let predicted = predictions.into_iter().next().unwrap_or_default();
+        Ok(Simulated { position: wide(&predicted.position), base: Vec::new(), fell_at: predicted.fell_at })
     }
 }

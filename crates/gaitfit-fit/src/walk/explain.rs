@@ -115,12 +115,12 @@ const TOO_ODD: f64 = 3.0;
 /// A motor that lacks more than this part of its torque does not swing a leg. A larger lack has another cause.
 const WEAKEST: f64 = -0.9;
 
-/// The causes that `found` shows, the largest weight first.
-pub fn causes(found: &SwingFindings) -> Vec<Cause> {
-    let mut causes = sensors(found);
+/// The causes that `findings` show, the largest weight first.
+pub fn causes(findings: &SwingFindings) -> Vec<Cause> {
+    let mut causes = sensors(findings);
     let (swings, others): (Vec<&Effect>, Vec<&Effect>) =
-        found.effects.iter().partition(|effect| effect.kind == EffectKind::Strength);
-    causes.extend(others.into_iter().filter_map(|effect| of_effect(effect, found)));
+        findings.effects.iter().partition(|effect| effect.kind == EffectKind::Strength);
+    causes.extend(others.into_iter().filter_map(|effect| of_effect(effect, findings)));
     // Friction under load makes a joint look as if it had play. If joints twist, the robot leans, and any joint can look so.
     let others: Vec<(CauseKind, String)> = causes
         .iter()
@@ -134,7 +134,7 @@ pub fn causes(found: &SwingFindings) -> Vec<Cause> {
     // group seldom rubs alone.
     if others.is_empty() {
         let is_new = |play: &Cause| !causes.iter().any(|old| old.kind == play.kind && old.of == play.of);
-        let plays = swings.into_iter().filter_map(|effect| of_effect(effect, found));
+        let plays = swings.into_iter().filter_map(|effect| of_effect(effect, findings));
         let plays: Vec<Cause> = plays.filter(is_new).collect();
         causes.extend(plays);
     }
@@ -143,18 +143,18 @@ pub fn causes(found: &SwingFindings) -> Vec<Cause> {
 }
 
 /// The joint group whose twist under load the logs show most surely, if they show any.
-pub fn twisting(found: &SwingFindings) -> Option<String> {
+pub fn twisting(findings: &SwingFindings) -> Option<String> {
     let twists =
-        |effect: &&Effect| effect.kind == EffectKind::Elasticity && of_effect(effect, found).is_some();
+        |effect: &&Effect| effect.kind == EffectKind::Elasticity && of_effect(effect, findings).is_some();
     let surest = |a: &&Effect, b: &&Effect| a.sure().total_cmp(&b.sure());
-    found.effects.iter().filter(twists).max_by(surest).map(|effect| effect.of.clone())
+    findings.effects.iter().filter(twists).max_by(surest).map(|effect| effect.of.clone())
 }
 
 /// Springs and strengths of single joints among the causes.
-pub fn singles(found: &SwingFindings) -> impl Iterator<Item = &Effect> {
-    let is_cause = |effect: &&Effect| of_effect(effect, found).is_some();
+pub fn singles(findings: &SwingFindings) -> impl Iterator<Item = &Effect> {
+    let is_cause = |effect: &&Effect| of_effect(effect, findings).is_some();
     let is_single = |effect: &&Effect| matches!(effect.kind, EffectKind::OddSpring | EffectKind::OddStrength);
-    found.effects.iter().filter(is_single).filter(is_cause)
+    findings.effects.iter().filter(is_single).filter(is_cause)
 }
 
 /// A sentence about the effects that the fitted simulator lacks; absent if it lacks none. `base`: the robot that θ changes,
@@ -213,13 +213,13 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate) -> bool {
 /// Causes that a doubt names.
 const NAMED: usize = 3;
 
-fn sensors(found: &SwingFindings) -> Vec<Cause> {
+fn sensors(findings: &SwingFindings) -> Vec<Cause> {
     let mut causes = Vec::new();
     let mut add = |kind, size: Estimate, unit: &str, matters: f64, text: String| {
         let weight = size.value.abs() / matters;
         causes.push(Cause { kind, of: String::new(), size, unit: unit.to_owned(), weight, text });
     };
-    let sensors = &found.sensors;
+    let sensors = &findings.sensors;
     if let Some(lag) = sensors.velocity_lag.filter(|lag| lag.matters(matters::LAG)) {
         let text = format!(
             "joint velocities lag positions by {:.1} ms (a filter, or a late reading; fit it: velocity_lag)",
@@ -239,7 +239,7 @@ fn sensors(found: &SwingFindings) -> Vec<Cause> {
             add(CauseKind::GyroBias, max, "rad/s", matters::GYRO, text);
         }
     }
-    if let Some(tilt) = found.tilt() {
+    if let Some(tilt) = findings.tilt() {
         let max = largest(tilt);
         if max.value.abs() > matters::TILT && max.value.abs() > SUREST * max.error {
             let [roll, pitch] = tilt.map(|axis| axis.value.to_degrees());
@@ -258,7 +258,7 @@ fn sensors(found: &SwingFindings) -> Vec<Cause> {
     causes
 }
 
-fn of_effect(effect: &Effect, found: &SwingFindings) -> Option<Cause> {
+fn of_effect(effect: &Effect, findings: &SwingFindings) -> Option<Cause> {
     let Estimate { value, error } = effect.beyond();
     let (of, part) = (&effect.of, 100.0 * effect.share);
     // The part belongs to the whole size.
@@ -269,7 +269,7 @@ fn of_effect(effect: &Effect, found: &SwingFindings) -> Option<Cause> {
     let enough =
         |min: f64, sure: f64, share: f64| value > min && effect.sure() > sure && effect.share > share;
     let group_friction = || {
-        let groups = &found.swings.as_ref()?.groups;
+        let groups = &findings.swings.as_ref()?.groups;
         groups.iter().find(|group| group.joints.contains(of)).map(|group| group.friction.value)
     };
     let (kind, unit, min, text) = match effect.kind {

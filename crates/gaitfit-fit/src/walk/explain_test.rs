@@ -31,9 +31,12 @@ fn a_cause_is_sure_large_and_explains_something() {
 #[test]
 fn effects_count_beyond_those_of_robots_without_them() {
     let beside = |kind, size, without: [f64; 2]| {
-        let mut found = findings(&[(kind, "thigh", size, 0.002, 0.2)]);
-        found.effects[0].without = Some(Estimate { value: without[0], error: without[1] });
-        causes(&found).iter().map(|cause| (cause.kind, (1e3 * cause.size.value).round())).collect::<Vec<_>>()
+        let mut findings = findings(&[(kind, "thigh", size, 0.002, 0.2)]);
+        findings.effects[0].without = Some(Estimate { value: without[0], error: without[1] });
+        causes(&findings)
+            .iter()
+            .map(|cause| (cause.kind, (1e3 * cause.size.value).round()))
+            .collect::<Vec<_>>()
     };
     assert_eq!(beside(EffectKind::Backlash, 0.035, [0.005, 0.001]), [(CauseKind::Backlash, 30.0)]);
     assert_eq!(beside(EffectKind::Backlash, 0.035, [0.028, 0.001]), []);
@@ -47,16 +50,16 @@ fn effects_count_beyond_those_of_robots_without_them() {
 fn swings_show_much_play_if_feet_do_not() {
     let strength = (EffectKind::Strength, "calf", -0.5, 0.03, 0.6);
     let kinds = |effects: &[_], without: f64| -> Vec<(CauseKind, String)> {
-        let mut found = findings(effects);
+        let mut findings = findings(effects);
         let compared = |effect: &mut Effect| effect.without = Some(Estimate { value: without, error: 0.02 });
-        found.effects.iter_mut().filter(|effect| effect.kind == EffectKind::Strength).for_each(compared);
+        findings.effects.iter_mut().filter(|effect| effect.kind == EffectKind::Strength).for_each(compared);
         let play = (EffectKind::Backlash, Some(Estimate { value: 0.0, error: 0.001 }));
-        found
+        findings
             .effects
             .iter_mut()
             .filter(|effect| effect.kind == play.0)
             .for_each(|effect| effect.without = play.1);
-        causes(&found).into_iter().map(|cause| (cause.kind, cause.unit)).collect()
+        causes(&findings).into_iter().map(|cause| (cause.kind, cause.unit)).collect()
     };
     assert_eq!(kinds(&[strength], -0.1), [(CauseKind::Backlash, "-".to_owned())]);
     assert_eq!(kinds(&[strength], -0.4), [], "simulated robots respond as little");
@@ -71,9 +74,9 @@ fn swings_show_much_play_if_feet_do_not() {
 fn what_looks_like_play_hides_it() {
     let play = (EffectKind::Backlash, "thigh", 0.035, 0.002, 0.03);
     let kinds = |other: (EffectKind, &str, f64, f64, f64)| -> Vec<CauseKind> {
-        let mut found = findings(&[play, other]);
-        found.effects[0].without = Some(Estimate { value: 0.005, error: 0.001 });
-        causes(&found).iter().map(|cause| cause.kind).collect()
+        let mut findings = findings(&[play, other]);
+        findings.effects[0].without = Some(Estimate { value: 0.005, error: 0.001 });
+        causes(&findings).iter().map(|cause| cause.kind).collect()
     };
     let twist = (EffectKind::Elasticity, "calf", 0.005, 0.0001, 0.9);
     assert_eq!(kinds(twist), [CauseKind::Elasticity], "a robot on soft joints leans");
@@ -85,24 +88,25 @@ fn what_looks_like_play_hides_it() {
 #[test]
 fn the_tilt_depends_on_whether_joints_twist() {
     let tilt = |pitch| Standing { tilt: Some([0.0, pitch].map(|value| Estimate { value, error: 0.0005 })) };
-    let mut found = findings(&[(EffectKind::Elasticity, "calf", 0.005, 0.0001, 0.9)]);
-    (found.standing, found.beside_twist) = (tilt(0.012), Some(tilt(0.001)));
-    let kinds = |found: &SwingFindings| causes(found).iter().map(|cause| cause.kind).collect::<Vec<_>>();
-    assert_eq!(kinds(&found), [CauseKind::Elasticity]);
+    let mut findings = findings(&[(EffectKind::Elasticity, "calf", 0.005, 0.0001, 0.9)]);
+    (findings.standing, findings.beside_twist) = (tilt(0.012), Some(tilt(0.001)));
+    let kinds =
+        |findings: &SwingFindings| causes(findings).iter().map(|cause| cause.kind).collect::<Vec<_>>();
+    assert_eq!(kinds(&findings), [CauseKind::Elasticity]);
     // Simulated robots that do not twist show the same.
-    found.effects[0].without = Some(Estimate { value: 0.005, error: 0.0001 });
-    assert_eq!(kinds(&found), [CauseKind::Tilt]);
+    findings.effects[0].without = Some(Estimate { value: 0.005, error: 0.0001 });
+    assert_eq!(kinds(&findings), [CauseKind::Tilt]);
 }
 
 #[test]
 fn what_is_fitted_or_known_is_not_missing() {
     let model = crate::robot::go2().unwrap();
     let base = Candidate::nominal(&model);
-    let found = causes(&findings(&[
+    let of_effects = causes(&findings(&[
         (EffectKind::LoadFriction, "calf", 0.09, 0.003, 0.7),
         (EffectKind::UnevenGround, "", 0.009, 0.0003, 1.0),
     ]));
-    let text = missing(&found, &Theta::default(), &base).unwrap_or_default();
+    let text = missing(&of_effects, &Theta::default(), &base).unwrap_or_default();
     assert!(text.contains("grows by 0.090") && text.contains("9 mm apart"), "{text}");
     assert_eq!(missing(&[], &Theta::default(), &base), None);
     // A simulator whose unit is tilted does not lack the tilt.

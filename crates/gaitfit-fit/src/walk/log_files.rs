@@ -101,18 +101,18 @@ fn matching(entry: &str, config_path: &Path) -> Result<Vec<PathBuf>, Error> {
         let depth =
             if text.contains("**") { 16 } else { pattern.components().count() - root.components().count() };
         let matcher = glob.compile_matcher();
-        let mut found = Vec::new();
+        let mut paths = Vec::new();
         walk(&root, depth, &mut 0, &mut |path, linked_folder| {
             if linked_folder {
                 passed_over.get_or_insert_with(|| path.to_owned());
             } else if matcher.is_match(path) {
-                found.push(path.to_owned());
+                paths.push(path.to_owned());
             }
         })?;
-        found.iter().try_for_each(|path| check_entry(path)).map_err(Error::failed)?;
-        if !found.is_empty() {
-            found.sort();
-            return Ok(found);
+        paths.iter().try_for_each(|path| check_entry(path)).map_err(Error::failed)?;
+        if !paths.is_empty() {
+            paths.sort();
+            return Ok(paths);
         }
     }
     let link = passed_over.map_or_else(String::new, |link| {

@@ -197,9 +197,9 @@ fn open_all(
     warnings.extend(reads.iter().filter_map(|read| read.motion.clone()));
     warnings.extend(mounting::settle(&mut reads, policy));
     // Judged after `mounting::settle`, which may have corrected a turned unit.
-    let found =
+    let checked =
         pool::map(reads.len(), machine::threads(), |at| check(&reads[at].trajectory, &CheckSpec::default()));
-    for (read, findings) in reads.iter().zip(found) {
+    for (read, findings) in reads.iter().zip(checked) {
         let turned = |finding: &&Finding| finding.kind == FindingKind::ImuMounting;
         let findings: Vec<Finding> = findings.iter().filter(turned).cloned().collect();
         log_check::refuse(&log_check::allowed(findings, &config.allow, &read.allowed), &read.file.path, &[])?;
@@ -265,10 +265,10 @@ fn follow(
         false => arrangement::of_logs(policy, scene.walker.batch.model(), &trajectories),
     };
     warnings.extend(judged.map_err(|error| match &diagnosis {
-        Some(found) => error.advised(found.text()),
+        Some(diagnosis) => error.advised(diagnosis.text()),
         None => error,
     })?);
-    warnings.extend(diagnosis.map(|found| found.text()));
+    warnings.extend(diagnosis.map(|diagnosis| diagnosis.text()));
     Ok(policy_match)
 }
 

@@ -41,9 +41,9 @@ pub fn settle(reads: &mut [Read], policy: &Policy) -> Option<String> {
     if here < AGREES {
         return None;
     }
-    let mut all: Vec<([f64; 3], f64)> = turns().filter_map(|turn| Some((turn, turned(turn)?))).collect();
-    all.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let (&(mounting, best), &(_, second)) = (all.first()?, all.get(1)?);
+    let mut ranked: Vec<([f64; 3], f64)> = turns().filter_map(|turn| Some((turn, turned(turn)?))).collect();
+    ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let (&(mounting, best), &(_, second)) = (ranked.first()?, ranked.get(1)?);
     if best > AGREES || here < CLEARLY * best || second < CLEARLY * best {
         return None;
     }

@@ -111,8 +111,8 @@ impl Comparison {
     fn over(policy: &Policy, logs: &[&Trajectory], shift: isize, max: usize) -> Self {
         let interface = &policy.interface;
         let joints = interface.joints.len();
-        let all: usize = logs.iter().map(|log| log.len()).sum();
-        let every = all.div_ceil(max).max(1);
+        let samples: usize = logs.iter().map(|log| log.len()).sum();
+        let every = samples.div_ceil(max).max(1);
         let spread = spread(logs, joints);
         let mut this =
             Self { joints, samples: Vec::new(), logged: Vec::new(), predicted: Vec::new(), exact: true };
@@ -174,13 +174,13 @@ impl Comparison {
         let settled = (SETTLE_S / interface.control_dt).round() as usize;
         let layout = Layout::new(interface, &interface.observation);
         let (mut memory, mut past) = (policy.memory(1), Past::new(&layout, 1));
-        let (mut row, mut found) = (vec![0.0; layout.width()], vec![0.0; joints]);
+        let (mut row, mut predicted) = (vec![0.0; layout.width()], vec![0.0; joints]);
         let mut scratch = Scratch::default();
         let mut last = vec![0.0; joints];
         for sample in 0..log.len() {
             let given = Given::from_log(log, sample);
             observation::write(&layout, interface, log, sample, &last, &given, 0.0, past.row(0), &mut row);
-            policy.act_with(1, &row, &mut memory, &mut found, &mut scratch);
+            policy.act_with(1, &row, &mut memory, &mut predicted, &mut scratch);
             past.take(&row);
             last.copy_from_slice(&action[sample * joints..(sample + 1) * joints]);
             *seen += 1;
@@ -188,7 +188,7 @@ impl Comparison {
             if let Some(at) = at.filter(|_| sample >= settled && seen.is_multiple_of(every)) {
                 let logged = &action[at * joints..(at + 1) * joints];
                 self.logged.extend(clipped(interface, logged.iter().copied()));
-                self.predicted.extend(clipped(interface, found.iter().map(|&x| f64::from(x))));
+                self.predicted.extend(clipped(interface, predicted.iter().map(|&x| f64::from(x))));
                 self.samples.push(number);
             }
         }
@@ -215,13 +215,13 @@ impl Comparison {
 
     fn slope(&self) -> f64 {
         let (logged, predicted) = (mean(&self.logged, self.joints), mean(&self.predicted, self.joints));
-        let (mut both, mut own) = (0.0, 0.0);
+        let (mut covariance, mut variance) = (0.0, 0.0);
         for (place, (a, b)) in self.logged.iter().zip(&self.predicted).enumerate() {
             let (a, b) = (a - logged[place % self.joints], b - predicted[place % self.joints]);
-            both += a * b;
-            own += b * b;
+            covariance += a * b;
+            variance += b * b;
         }
-        both / own
+        covariance / variance
     }
 
     fn correlation(&self, names: &[String]) -> Vec<(String, f64)> {
@@ -246,11 +246,12 @@ fn mean(values: &[f64], joints: usize) -> Vec<f64> {
 
 /// Standard deviation of each joint's actions over all logs; 1 where they stand still.
 pub fn spread(logs: &[&Trajectory], joints: usize) -> Vec<f64> {
-    let all: Vec<f64> = logs.iter().flat_map(|log| log.action.iter().flatten().copied()).collect();
-    let rows = (all.len() / joints).max(1) as f64;
-    let mean = mean(&all, joints);
+    let actions: Vec<f64> = logs.iter().flat_map(|log| log.action.iter().flatten().copied()).collect();
+    let rows = (actions.len() / joints).max(1) as f64;
+    let mean = mean(&actions, joints);
     let spread_of_joint = |joint: usize| {
-        let squares = all.iter().skip(joint).step_by(joints).map(|x| (x - mean[joint]).powi(2)).sum::<f64>();
+        let squares =
+            actions.iter().skip(joint).step_by(joints).map(|x| (x - mean[joint]).powi(2)).sum::<f64>();
         let spread = (squares / rows).sqrt();
         if spread > 1e-9 { spread } else { 1.0 }
     };

@@ -135,9 +135,9 @@ mod tests {
         lost.position.extend(end.position);
         lost.velocity.extend(end.velocity);
         lost.action.as_mut().unwrap().extend(end.action.unwrap());
-        let found = to_control(&lost, 0.02).unwrap();
+        let resampled = to_control(&lost, 0.02).unwrap();
         // Samples 97 to 111 are missing: the rows of 100 and 110.
-        assert_eq!(found.filled, [10, 11]);
+        assert_eq!(resampled.filled, [10, 11]);
         assert!(to_control(&whole, 0.02).unwrap().filled.is_empty());
     }
 

@@ -89,15 +89,15 @@ impl Recorder {
         let Walking { policy, task, threads, .. } = self.walking.as_ref();
         let candidate = self.candidate(&Theta::default(), &[]);
         let job = follow::Job { candidate, reset_every: None, seed: 0 };
-        let found = Mutex::new(vec![Track::default(); self.scripts.len()]);
+        let tracks = Mutex::new(vec![Track::default(); self.scripts.len()]);
         let keep = |_: usize, number: usize, track: &Track| {
-            let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Some(slot) = found.get_mut(number) {
+            let mut tracks = tracks.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(slot) = tracks.get_mut(number) {
                 slot.clone_from(track);
             }
         };
         follow::follow(&task.walker, policy, &self.scripts, &[job], *threads, &keep, &|| false)?;
-        Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
+        Ok(tracks.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// The logs of each robot.
@@ -117,11 +117,11 @@ impl Recorder {
             seed: robot.seed,
         };
         let jobs: Vec<follow::Job> = robots.iter().map(job).collect();
-        let found = Mutex::new(vec![vec![Recorded::default(); self.scripts.len()]; robots.len()]);
+        let logs = Mutex::new(vec![vec![Recorded::default(); self.scripts.len()]; robots.len()]);
         let keep = |robot: usize, number: usize, track: &Track| {
             let recorded = Recorded::new(&task.walker, &self.scripts[number], track);
-            let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Some(slot) = found.get_mut(robot).and_then(|set| set.get_mut(number)) {
+            let mut logs = logs.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(slot) = logs.get_mut(robot).and_then(|set| set.get_mut(number)) {
                 *slot = recorded;
             }
         };
@@ -129,14 +129,14 @@ impl Recorder {
         let begins = |job: &follow::Job| -> Vec<Beginning> {
             self.scripts.iter().map(|script| (0, script.begins(job.seed).clone())).collect()
         };
-        let all = |robot: usize, tracks: Vec<Track>| {
+        let keep_all = |robot: usize, tracks: Vec<Track>| {
             tracks.iter().enumerate().for_each(|(number, track)| keep(robot, number, track));
         };
-        let left = self.on_gpu(gpu.as_ref(), &jobs, &|robot| begins(&jobs[robot]), &all, cancel);
+        let left = self.on_gpu(gpu.as_ref(), &jobs, &|robot| begins(&jobs[robot]), &keep_all, cancel);
         let rest: Vec<follow::Job> = left.iter().map(|&robot| jobs[robot].clone()).collect();
         let pass = |robot: usize, number: usize, track: &Track| keep(left[robot], number, track);
         follow::follow(&task.walker, policy, &self.scripts, &rest, *threads, &pass, cancel)?;
-        Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
+        Ok(logs.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Makes the logs of `jobs` on a GPU, if there is one. `begins(job)`: how the robot of the job begins each recording.
@@ -185,10 +185,10 @@ impl Recorder {
             self.walk_gpu.get_or_init(|| GpuLogs::new(&self.walking, &self.plain, self.max_samples_before()));
         let jobs: Vec<follow::Job> = (0..robots.len()).map(job).collect();
         let begins = |robot: usize| self.unknown_starts(seed, number(robot));
-        let all = |robot: usize, tracks: Vec<Track>| {
+        let take_all = |robot: usize, tracks: Vec<Track>| {
             keep(robot, tracks.iter().map(|track| kept(track, joints, 0)).collect());
         };
-        let left = self.on_gpu(gpu.as_ref(), &jobs, &begins, &all, cancel);
+        let left = self.on_gpu(gpu.as_ref(), &jobs, &begins, &take_all, cancel);
         let failed: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
         let one = |robot: usize| {
             let begins = begins(robot);
@@ -198,15 +198,15 @@ impl Recorder {
                 .zip(&begins)
                 .map(|(script, begin)| self.begun_earlier(script, begin))
                 .collect();
-            let found = Mutex::new(vec![Predicted::default(); scripts.len()]);
+            let predicted = Mutex::new(vec![Predicted::default(); scripts.len()]);
             let take = |_: usize, log: usize, track: &Track| {
-                let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
-                if let Some(slot) = found.get_mut(log) {
+                let mut predicted = predicted.lock().unwrap_or_else(PoisonError::into_inner);
+                if let Some(slot) = predicted.get_mut(log) {
                     *slot = kept(track, joints, begins[log].0);
                 }
             };
             follow::follow(walker, policy, &scripts, std::slice::from_ref(&jobs[robot]), 1, &take, cancel)?;
-            Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
+            Ok(predicted.into_inner().unwrap_or_else(PoisonError::into_inner))
         };
         pool::for_each(
             left.len(),

@@ -36,11 +36,11 @@ impl Remedies {
         self
     }
 
-    /// Remedies for the effects in `found`, except those that `theta` or `base` covers.
-    pub fn new(found: &SwingFindings, theta: &Theta, base: &Candidate) -> Self {
+    /// Remedies for the effects in `findings`, except those that `theta` or `base` covers.
+    pub fn new(findings: &SwingFindings, theta: &Theta, base: &Candidate) -> Self {
         let mut remedies = Self::default();
-        for cause in causes(found).iter().filter(|cause| !covered(cause, theta, base)) {
-            if remedies.add(cause, found) {
+        for cause in causes(findings).iter().filter(|cause| !covered(cause, theta, base)) {
+            if remedies.add(cause, findings) {
                 remedies.effects.push((cause.kind, cause.effect().to_owned()));
             }
         }
@@ -48,7 +48,7 @@ impl Remedies {
     }
 
     /// Adds the remedy for a cause. Returns false if the cause has none.
-    fn add(&mut self, cause: &Cause, found: &SwingFindings) -> bool {
+    fn add(&mut self, cause: &Cause, findings: &SwingFindings) -> bool {
         use RobotNumber::{GroundSoftness, GyroBiasX, GyroBiasY, GyroBiasZ, ImuPitch, ImuRoll, VelocityLag};
         match cause.kind {
             CauseKind::Backlash => self.joints(JointParameter::Play),
@@ -60,20 +60,24 @@ impl Remedies {
             CauseKind::Ground => self.numbers(&[GroundSoftness]),
             // If one joint of a leg differs, its other joints may differ too, but the logs show them less well.
             CauseKind::OddFriction => {
-                let groups = found.swings.as_ref().map_or(&[][..], |report| report.groups.as_slice());
-                let all = causes(found);
+                let groups = findings.swings.as_ref().map_or(&[][..], |report| report.groups.as_slice());
+                let causes = causes(findings);
                 let largest = |group: &GroupEstimate| {
                     let is_odd_friction = |other: &&Cause| {
                         other.kind == CauseKind::OddFriction && group.joints.contains(&other.of)
                     };
-                    all.iter().filter(is_odd_friction).map(|other| other.size.value.abs()).fold(0.0, f64::max)
+                    causes
+                        .iter()
+                        .filter(is_odd_friction)
+                        .map(|other| other.size.value.abs())
+                        .fold(0.0, f64::max)
                 };
                 self.split_groups =
                     groups.iter().map(|group| (group.joints.clone(), largest(group))).collect();
             }
             CauseKind::OddSpring | CauseKind::OddStrength => {
                 let of_joint = |number: &SwingNumber| number.joints == [cause.of.as_str()];
-                self.singles.extend(single_numbers(found).into_iter().filter(of_joint));
+                self.singles.extend(single_numbers(findings).into_iter().filter(of_joint));
             }
             CauseKind::EncoderStep => return false,
         }
@@ -293,8 +297,8 @@ mod tests {
         let twist = (EffectKind::Elasticity, "thigh", 0.005, 0.0001, 0.9);
         let load = (EffectKind::LoadFriction, "calf", 0.09, 0.003, 0.7);
         let tilted = Standing { tilt: Some([estimate(0.03, 0.001), estimate(0.0, 0.001)]) };
-        let found = SwingFindings { standing: tilted, ..findings(&[ground, twist, load]) };
-        let remedies = Remedies::new(&found, &before, &base);
+        let effects = SwingFindings { standing: tilted, ..findings(&[ground, twist, load]) };
+        let remedies = Remedies::new(&effects, &before, &base);
         remedies.extend(&mut config, &joints);
         let after = theta(&config, &joints);
         let new: Vec<&str> = after
@@ -317,7 +321,7 @@ mod tests {
         assert_eq!(sorted.0, sorted.1, "friction under load is a default parameter");
         let note = remedies.note().unwrap();
         assert!(note.contains("9 mm apart") && note.contains("ground_softness"), "{note}");
-        assert_eq!(Remedies::new(&found, &after, &base).note(), None, "effects are not added twice");
+        assert_eq!(Remedies::new(&effects, &after, &base).note(), None, "effects are not added twice");
         let mut soft = base.clone();
         soft.robot.ground_softness = 1.0;
         let known = Remedies::new(&findings(&[ground]), &before, &soft);
@@ -353,14 +357,14 @@ mod tests {
     fn a_spring_brings_its_stiffness_and_torque_around_their_estimates() {
         let (mut config, before, base, joints) = defaults();
         let spring = EffectKind::OddSpring;
-        let found = |share: f64| SwingFindings {
+        let of_share = |share: f64| SwingFindings {
             effects: vec![Effect {
                 rest: Some(-1.5),
                 ..Effect::new(spring, "RR_calf_joint", estimate(30.0, 0.4), share)
             }],
             ..findings(&[])
         };
-        let shown = Remedies::new(&found(0.87), &before, &base);
+        let shown = Remedies::new(&of_share(0.87), &before, &base);
         shown.extend(&mut config, &joints);
         let after = theta(&config, &joints);
         let of_spring = |kind: &str| {
@@ -373,9 +377,13 @@ mod tests {
         assert_eq!(shown.single_numbers().len(), 2);
         let note = shown.note().unwrap();
         assert!(note.contains("spring of 30.0 ± 0.4 N·m/rad, at rest at -1.50 rad"), "{note}");
-        assert_eq!(Remedies::new(&found(0.87), &after, &base).note(), None, "it is not added twice");
+        assert_eq!(Remedies::new(&of_share(0.87), &after, &base).note(), None, "it is not added twice");
         assert_eq!(shown.without_springs().single_numbers(), []);
-        assert_eq!(Remedies::new(&found(0.02), &before, &base).note(), None, "it explains next to nothing");
+        assert_eq!(
+            Remedies::new(&of_share(0.02), &before, &base).note(),
+            None,
+            "it explains next to nothing"
+        );
     }
 
     #[test]

@@ -60,17 +60,17 @@ mod tests {
         let mut interface = policy(&scene(), 1).interface;
         let joints = interface.joints.clone();
         let kinds = [JointParameter::KpScale, JointParameter::EncoderBias, JointParameter::Damping];
-        let all = kinds.map(ParameterRule::new);
+        let rules = kinds.map(ParameterRule::new);
         let limited = |rules: &[ParameterRule], interface: &Interface| {
             let mut rules = rules.to_vec();
             limit(&mut rules, interface, &joints).unwrap();
             rules.into_iter().map(|rule| rule.joints).collect::<Vec<_>>()
         };
         let star = vec!["*".to_owned()];
-        assert_eq!(limited(&all, &interface), vec![star.clone(); 3]);
+        assert_eq!(limited(&rules, &interface), vec![star.clone(); 3]);
         interface.velocity_joints = vec![joints[2].clone()];
         let others: Vec<String> = joints.iter().filter(|name| **name != joints[2]).cloned().collect();
-        assert_eq!(limited(&all, &interface), [others.clone(), others, star.clone()]);
+        assert_eq!(limited(&rules, &interface), [others.clone(), others, star.clone()]);
         let named =
             ParameterRule { joints: vec![joints[2].clone()], ..ParameterRule::new(JointParameter::KpScale) };
         let error = limit(&mut [named.clone()], &interface, &joints).unwrap_err().to_string();
@@ -78,7 +78,7 @@ mod tests {
         interface.velocity_joints.clear();
         assert_eq!(limited(&[named], &interface), [vec![joints[2].clone()]]);
         interface.joints.truncate(8);
-        let one = ParameterRule { per: Sharing::All, ..all[2].clone() };
-        assert_eq!(limited(&[all[2].clone(), one], &interface), [interface.joints.clone(), star]);
+        let one = ParameterRule { per: Sharing::All, ..rules[2].clone() };
+        assert_eq!(limited(&[rules[2].clone(), one], &interface), [interface.joints.clone(), star]);
     }
 }

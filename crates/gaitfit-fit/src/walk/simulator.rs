@@ -190,10 +190,12 @@ impl Filled {
         let samples = (track.base_position.len() / 3).max(1);
         let width = track.position.len() / samples;
         for &row in &self.rows {
-            for (own, log) in [(&mut track.position, &self.position), (&mut track.velocity, &self.velocity)] {
-                let end = ((row + every + 1) * width).min(own.len()).min(log.len());
+            for (simulated, logged) in
+                [(&mut track.position, &self.position), (&mut track.velocity, &self.velocity)]
+            {
+                let end = ((row + every + 1) * width).min(simulated.len()).min(logged.len());
                 let cells = (row * width).min(end)..end;
-                own[cells.clone()].copy_from_slice(&log[cells]);
+                simulated[cells.clone()].copy_from_slice(&logged[cells]);
             }
         }
         track
@@ -277,13 +279,13 @@ fn unit(quaternion: [f32; 4]) -> [f32; 4] {
 /// model's order.
 pub(super) fn in_model(walker: &Walker, values: &[f64], others: &[f32]) -> Vec<f32> {
     let rows = values.chunks_exact(walker.joints.len());
-    let mut all = others.repeat(rows.len());
-    for (row, values) in all.chunks_exact_mut(others.len()).zip(rows) {
+    let mut in_model = others.repeat(rows.len());
+    for (row, values) in in_model.chunks_exact_mut(others.len()).zip(rows) {
         for (&joint, &value) in walker.joints.iter().zip(values) {
             row[joint] = value as f32;
         }
     }
-    all
+    in_model
 }
 
 /// The script of the simulated robot: the log's commands, from the log's first joint angles and velocities. The base has the
@@ -295,11 +297,11 @@ pub fn script(walker: &Walker, log: &Trajectory) -> Script {
     let command = log.command.as_deref().unwrap_or_default();
     let commands = (0..samples).map(|row| std::array::from_fn(|k| command[3 * row + k] as f32)).collect();
     let model_order = |values: &[f64], row: usize, others: &[f64]| -> Vec<f64> {
-        let mut all = others.to_vec();
+        let mut in_model = others.to_vec();
         for (&joint, &value) in walker.joints.iter().zip(&values[row * joints..]) {
-            all[joint] = value;
+            in_model[joint] = value;
         }
-        all
+        in_model
     };
     let (home, still) =
         (walker.default_pose.iter().map(|&angle| f64::from(angle)), walker.default_pose.len());

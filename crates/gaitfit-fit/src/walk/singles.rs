@@ -12,21 +12,21 @@ use gaitfit_swing::{Effect, EffectKind, Walk, estimate_walks};
 /// Max number of times that logs are examined again with the springs and strengths that were found.
 const SINGLE_ROUNDS: usize = 4;
 
-/// Looks for springs and strengths of single joints in `found`, which come from these walks, and examines the walks again with
-/// the largest one, until there are no more.
+/// Looks for springs and strengths of single joints in `findings`, which come from these walks, and examines the walks again
+/// with the largest one, until there are no more.
 pub fn examine(
-    found: &mut SwingFindings,
+    findings: &mut SwingFindings,
     model: &Model,
     mut walks: Vec<Walk>,
     settings: &SwingSettings,
     watch: &Watch<'_>,
 ) {
     let mut singles: Vec<Effect> = Vec::new();
-    let Some(first) = &found.swings else { return };
+    let Some(first) = &findings.swings else { return };
     let again = near(first, settings);
     for _ in 0..SINGLE_ROUNDS {
         // One at a time: a joint with a spring changes what its siblings seem to have.
-        let more = explain::singles(found).max_by(|a, b| a.share.total_cmp(&b.share)).cloned();
+        let more = explain::singles(findings).max_by(|a, b| a.share.total_cmp(&b.share)).cloned();
         let Some(more) = more else { break };
         // A strength changes the gains of the walks, a spring the model. The walks keep the strengths of earlier rounds.
         let joint = model.joints.iter().position(|joint| joint.name == more.of);
@@ -38,20 +38,20 @@ pub fn examine(
         let report = watch
             .counted("regression", "regressions", |count| estimate_walks(&sprung, &walks, &again, count));
         let Ok(report) = report else { break };
-        found.swings = Some(report);
-        found.effects = found.effects_of(&sprung, &walks, settings);
+        findings.swings = Some(report);
+        findings.effects = findings.effects_of(&sprung, &walks, settings);
     }
     let is_single = |effect: &Effect| matches!(effect.kind, EffectKind::OddSpring | EffectKind::OddStrength);
-    found.effects.retain(|effect| !is_single(effect));
-    found.effects.extend(singles);
+    findings.effects.retain(|effect| !is_single(effect));
+    findings.effects.extend(singles);
 }
 
 /// Settings for further examinations of the same logs: the clearance of the first one, the next lower and the next higher one. A
 /// spring does not change when feet touch the ground.
 fn near(first: &SwingReport, settings: &SwingSettings) -> SwingSettings {
-    let all = &settings.clearances_m;
-    let place = all.iter().position(|&clearance| clearance >= first.clearance_m).unwrap_or_default();
-    let clearances_m = all[place.saturating_sub(1)..all.len().min(place + 2)].to_vec();
+    let clearances = &settings.clearances_m;
+    let place = clearances.iter().position(|&clearance| clearance >= first.clearance_m).unwrap_or_default();
+    let clearances_m = clearances[place.saturating_sub(1)..clearances.len().min(place + 2)].to_vec();
     SwingSettings { clearances_m, ..settings.clone() }
 }
 
@@ -108,7 +108,7 @@ pub fn with_springs(model: &Model, singles: &[Effect]) -> Model {
 const MIN_SINGLE_ERROR: f64 = 0.1;
 
 /// What single joints have by themselves: stiffness and torque at angle 0 of a spring, or the strength of the motor.
-pub fn single_numbers(found: &SwingFindings) -> Vec<SwingNumber> {
+pub fn single_numbers(findings: &SwingFindings) -> Vec<SwingNumber> {
     let number = |single: &Effect, kind: JointParameter, value: f64, error: f64| SwingNumber {
         kind: kind.name(),
         joints: vec![single.of.clone()],
@@ -129,5 +129,5 @@ pub fn single_numbers(found: &SwingFindings) -> Vec<SwingNumber> {
             number(single, JointParameter::SpringTorque, torque_of(single), of_torque),
         ]
     };
-    explain::singles(found).flat_map(of_single).collect()
+    explain::singles(findings).flat_map(of_single).collect()
 }

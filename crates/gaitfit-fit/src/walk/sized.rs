@@ -89,10 +89,11 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
         let scale = Scale::new(model, &covered, rule.joint_kind).joint(rule.kind);
         let bare = ParameterRule { joint_kind: rule.joint_kind, ..ParameterRule::new(rule.kind) };
         let given = if usual.parameter.contains(given) { &bare } else { given };
-        let mut own: Vec<f64> = covered.iter().filter_map(|&joint| value(model, rule.kind, joint)).collect();
-        own.sort_by(f64::total_cmp);
-        let middle = own.get(own.len() / 2).copied().unwrap_or_default();
-        let largest = own.last().copied().unwrap_or_default();
+        let mut values: Vec<f64> =
+            covered.iter().filter_map(|&joint| value(model, rule.kind, joint)).collect();
+        values.sort_by(f64::total_cmp);
+        let middle = values.get(values.len() / 2).copied().unwrap_or_default();
+        let largest = values.last().copied().unwrap_or_default();
         let upper = rule.upper.unwrap_or_default();
         let wider = (upper * scale).max(OWN * largest);
         if given.upper.is_none() {

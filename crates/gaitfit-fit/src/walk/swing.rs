@@ -52,17 +52,17 @@ impl SwingFindings {
     /// The findings from logs as they were recorded. Faults of sensors are taken out first. The delay counts from rows, as in a
     /// walk's fit, even if the log has the times at which targets were sent. If the caller stops the work, the findings are incomplete.
     pub fn new(model: &Model, logs: &[&Trajectory], settings: &SwingSettings, watch: &Watch<'_>) -> Self {
-        let (mut found, walks) = Self::without_effects(model, logs, settings, watch);
-        found.effects = found.effects_of(model, &walks, settings);
-        if let (Some(group), Some(swings)) = (explain::twisting(&found), &found.swings) {
+        let (mut findings, walks) = Self::without_effects(model, logs, settings, watch);
+        findings.effects = findings.effects_of(model, &walks, settings);
+        if let (Some(group), Some(swings)) = (explain::twisting(&findings), &findings.swings) {
             let left = tilt_beside_twist(model, &walks, swings, settings, &group);
-            found.beside_twist = left.map(|left| found.standing.with_left(left));
+            findings.beside_twist = left.map(|left| findings.standing.with_left(left));
         }
-        singles::examine(&mut found, model, walks, settings, watch);
+        singles::examine(&mut findings, model, walks, settings, watch);
         // Both would be gears, and gears are simulated only in robots without slides.
         let gear = |effect: &Effect| matches!(effect.kind, EffectKind::Elasticity | EffectKind::Backlash);
-        found.effects.retain(|effect| !(model.has_slides() && gear(effect)));
-        found
+        findings.effects.retain(|effect| !(model.has_slides() && gear(effect)));
+        findings
     }
 
     /// The tilt of the IMU about the base's x and y axes, rad. If joints twist, the one that was estimated together with their
@@ -239,7 +239,7 @@ const MIN_LAG_ERROR: f64 = 2e-3;
 
 /// The errors of sensors that a fit can have among its parameters, converted to a simulation with physics steps of `step` s.
 /// In a semi-implicit step, velocities belong to a time half a step before the positions.
-pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumber> {
+pub fn sensor_numbers(findings: &SwingFindings, step: Option<f64>) -> Vec<SwingNumber> {
     let number = |kind: RobotNumber, estimate: &Estimate| SwingNumber {
         kind: kind.name(),
         joints: Vec::new(),
@@ -248,15 +248,15 @@ pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumb
         by_load: 0.0,
     };
     let careful = |tilt: Estimate| Estimate { error: tilt.error.max(MIN_TILT_ERROR), ..tilt };
-    let tilt = found.tilt().into_iter().flatten().map(careful);
+    let tilt = findings.tilt().into_iter().flatten().map(careful);
     let tilt = [RobotNumber::ImuRoll, RobotNumber::ImuPitch].into_iter().zip(tilt);
     let bias = [RobotNumber::GyroBiasX, RobotNumber::GyroBiasY, RobotNumber::GyroBiasZ];
-    let bias = bias.into_iter().zip(found.sensors.gyro_bias.iter().flatten().copied());
+    let bias = bias.into_iter().zip(findings.sensors.gyro_bias.iter().flatten().copied());
     let sensor_lag = |lag: Estimate, step: f64| Estimate {
         value: (lag.value - step / 2.0).max(0.0),
         error: lag.error.max(MIN_LAG_ERROR),
     };
-    let lag = found
+    let lag = findings
         .sensors
         .velocity_lag
         .zip(step)
@@ -266,7 +266,7 @@ pub fn sensor_numbers(found: &SwingFindings, step: Option<f64>) -> Vec<SwingNumb
 
 /// The numbers as the table `[prior]` of a fit with physics steps of `step` s. Numbers of sensors are comments, because no fit
 /// has them by default. The user must leave out the lines of parameters that the fit does not change.
-pub fn prior_toml(found: &SwingFindings, report: &SwingReport, step: f64) -> String {
+pub fn prior_toml(findings: &SwingFindings, report: &SwingReport, step: f64) -> String {
     let mut text = format!("[prior] # by legs in the air, for physics steps of {} ms\n", 1e3 * step);
     let mut line = |kind: JointParameter, group: &str, one: Estimate, slope: f64, by_load: f64| {
         let Estimate { value, error } = one;
@@ -289,7 +289,8 @@ pub fn prior_toml(found: &SwingFindings, report: &SwingReport, step: f64) -> Str
         line(JointParameter::Damping, &group.group, group.damping, group.by_strength[1], group.by_load[1]);
     }
     line(JointParameter::Delay, "", delay(report, step), report.delay_by_strength, 0.0);
-    for SwingNumber { kind, estimate: Estimate { value, error }, .. } in sensor_numbers(found, Some(step)) {
+    for SwingNumber { kind, estimate: Estimate { value, error }, .. } in sensor_numbers(findings, Some(step))
+    {
         text += &format!("# {kind} = {{ value = {value:.5}, deviation = {:.5} }}\n", error.max(1e-5));
     }
     text

@@ -33,8 +33,8 @@ fn report() -> SwingReport {
 #[test]
 fn swings_are_priors_that_settings_read() {
     let tilt = Some([Estimate { value: 0.02, error: 0.0001 }; 2]);
-    let found = SwingFindings { standing: Standing { tilt }, ..SwingFindings::default() };
-    let text = prior_toml(&found, &report(), 0.005);
+    let findings = SwingFindings { standing: Standing { tilt }, ..SwingFindings::default() };
+    let text = prior_toml(&findings, &report(), 0.005);
     assert!(text.contains("# imu_pitch = { value = 0.02000, deviation = 0.00300 }"), "{text}");
     let settings: crate::settings::AdaptConfig = toml::from_str(&text).unwrap();
     let calf = settings.prior["frictionloss_calf"];

@@ -42,8 +42,8 @@ pub fn falls(policy: &Policy, log: &Trajectory, spread: &[f64]) -> Vec<Range<usi
             let last = &action[(sample - 1) * joints..sample * joints];
             let logged = &action[sample * joints..(sample + 1) * joints];
             let given = Given::from_log(log, sample);
-            let (_, found) = search.nearest(log, sample, last, &given, clock, logged);
-            let [x, y, _] = found.get(Quantity::ProjectedGravity).unwrap_or_default();
+            let (_, nearest) = search.nearest(log, sample, last, &given, clock, logged);
+            let [x, y, _] = nearest.get(Quantity::ProjectedGravity).unwrap_or_default();
             (sample, x.hypot(y).min(1.0).asin().to_degrees())
         })
         .collect();
@@ -106,10 +106,10 @@ mod tests {
             let action = hidden.action.as_ref().unwrap();
             for sample in (1..hidden.len()).step_by(7) {
                 let row = |sample: usize| &action[12 * sample..12 * sample + 12];
-                let (_, found) =
+                let (_, nearest) =
                     search.nearest(hidden, sample, row(sample - 1), &Given::default(), 0.0, row(sample));
-                let (truth, found) = (gravity(&Given::from_log(known, sample)), gravity(&found));
-                off.push((truth[0] - found[0]).hypot(truth[1] - found[1]));
+                let (truth, estimate) = (gravity(&Given::from_log(known, sample)), gravity(&nearest));
+                off.push((truth[0] - estimate[0]).hypot(truth[1] - estimate[1]));
                 looks += 1;
             }
         }

@@ -102,18 +102,18 @@ fn predictions_at_lost_rows_are_what_the_log_has() {
     let mut whole = logs.clone();
     whole[0].filled.clear();
     for every in [1, 3] {
-        let (found, plain) = (track(&logs, every), track(&whole, every));
+        let (predicted, plain) = (track(&logs, every), track(&whole, every));
         for row in 0..logs[0].trajectory.len() {
             let at = row * 12..(row + 1) * 12;
             let measured: Vec<f32> =
                 logs[0].trajectory.position[at.clone()].iter().map(|&x| x as f32).collect();
             if (10..=10 + every).contains(&row) {
-                assert_eq!(found.position[at], measured, "{every} {row}");
+                assert_eq!(predicted.position[at], measured, "{every} {row}");
             } else {
-                assert_eq!(found.position[at.clone()], plain.position[at], "{every} {row}");
+                assert_eq!(predicted.position[at.clone()], plain.position[at], "{every} {row}");
             }
         }
-        assert_ne!(found.position, plain.position);
+        assert_ne!(predicted.position, plain.position);
     }
 }
 

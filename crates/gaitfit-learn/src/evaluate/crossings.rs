@@ -104,12 +104,13 @@ fn tile(
     };
     let starts: Vec<[f64; 2]> = (0..count).map(|index| place(&environment, index)).collect();
     let cells = (0..count).map(|index| environment.cell(index).unwrap_or_default());
-    let mut found: Vec<Crossing> = cells.map(|cell| Crossing { cell, ..Crossing::default() }).collect();
+    let mut crossings: Vec<Crossing> = cells.map(|cell| Crossing { cell, ..Crossing::default() }).collect();
     let mut player = Player::new(subject, environment);
     let half = 0.5 * course.size();
     for step in 1..=steps {
         player.step(step)?;
-        for (index, crossing) in found.iter_mut().enumerate().filter(|(_, one)| !one.crossed && !one.fell) {
+        for (index, crossing) in crossings.iter_mut().enumerate().filter(|(_, one)| !one.crossed && !one.fell)
+        {
             crossing.fell = matches!(player.ended[index], Ended::Fall | Ended::Diverged);
             crossing.seconds = f64::from(step) * task.walker.interface.control_dt;
             if player.ended[index] == Ended::Diverged {
@@ -120,12 +121,12 @@ fn tile(
             crossing.distance = (x - starts[index][0]).hypot(y - starts[index][1]);
             crossing.crossed = !crossing.fell && (x - middle[0]).abs().max((y - middle[1]).abs()) > half;
         }
-        if found.iter().all(|one| one.crossed || one.fell) {
+        if crossings.iter().all(|one| one.crossed || one.fell) {
             player.skip(steps - step);
             break;
         }
     }
-    Ok(found)
+    Ok(crossings)
 }
 
 /// Means by kind, direction and level, in the columns' order, easy ground first.
@@ -147,7 +148,7 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
             kinds.push(kind);
         }
     }
-    let mut all = Vec::new();
+    let mut summaries = Vec::new();
     for (kind, direction) in kinds {
         for level in 0..settings.levels {
             let here = || {
@@ -162,7 +163,7 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
                 (0..settings.columns).find(|&column| place(Cell { level, column }) == (kind, direction));
             let cell = Cell { level, column: column.unwrap_or_default() };
             let speeds: Vec<f64> = here().map(|one| one.distance / one.seconds.max(1e-9)).collect();
-            all.push(CrossingSummary {
+            summaries.push(CrossingSummary {
                 kind,
                 direction,
                 level,
@@ -174,5 +175,5 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
             });
         }
     }
-    all
+    summaries
 }

@@ -108,9 +108,9 @@ fn gradient_through_time_is_that_of_central_differences() {
     ] {
         let settings = settings(cell);
         let mut parameters = parameters(&settings);
-        let (found, sums) = gradient::<f64>(&settings, &parameters, with_memory);
+        let (analytic, sums) = gradient::<f64>(&settings, &parameters, with_memory);
         assert!(sums.clipped > 2.0 && sums.clipped < ROWS as f64, "{}", sums.clipped);
-        let greatest = found.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+        let greatest = analytic.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         for index in 0..parameters.len() {
             let (at, h) = (parameters[index], 1e-6);
             let mut loss_at = |x: f64| {
@@ -121,9 +121,9 @@ fn gradient_through_time_is_that_of_central_differences() {
             let difference = (loss_at(at + h) - loss_at(at - h)) / (2.0 * h);
             parameters[index] = at;
             assert!(
-                (difference - found[index]).abs() < 1e-7 * greatest,
+                (difference - analytic[index]).abs() < 1e-7 * greatest,
                 "{cell:?} {with_memory:?}, parameter {index}: {} by hand, {difference} by differences",
-                found[index]
+                analytic[index]
             );
         }
     }

@@ -98,7 +98,7 @@ impl Learner {
         tensor: impl Fn(&str) -> Option<&'a [f32]>,
         scalars: &Scalars,
     ) -> Result<(), StateError> {
-        let mut found = Vec::new();
+        let mut sources = Vec::new();
         let tensors = self.tensors().into_iter().map(|(name, values)| (name.to_owned(), values));
         for (name, mine) in tensors.chain(self.memory_tensors()) {
             let Some(values) = tensor(&name) else { return Err(StateError::Missing(name)) };
@@ -110,7 +110,7 @@ impl Learner {
             if let Some(&value) = values.iter().find(|&&x| !(x.is_finite() && x >= min)) {
                 return Err(StateError::Number { name, value: f64::from(value) });
             }
-            found.push(values);
+            sources.push(values);
         }
         let rate = scalars.learning_rate;
         if !(rate > 0.0 && rate.is_finite()) {
@@ -135,7 +135,7 @@ impl Learner {
         for memory in [&mut self.actor_memory, &mut self.critic_memory].into_iter().flatten() {
             targets.extend(memory.parameters_mut().map(|(_, values)| values));
         }
-        for (target, values) in targets.into_iter().zip(found) {
+        for (target, values) in targets.into_iter().zip(sources) {
             target.copy_from_slice(values);
         }
         self.seed = scalars.seed;

@@ -331,9 +331,9 @@ impl<'a> Environment<'a> {
         let feet = task.walker.feet.len();
         let geoms = task.walker.batch.contact_geoms().len();
         let dt = task.walker.interface.control_dt as f32;
-        for (k, own) in task.walker.feet.iter().enumerate() {
+        for (k, contact) in task.walker.feet.iter().enumerate() {
             let forces = &self.motion.normal_force[index * geoms..(index + 1) * geoms];
-            let force: f32 = own.geoms.iter().map(|&geom| forces[geom]).sum();
+            let force: f32 = contact.geoms.iter().map(|&geom| forces[geom]).sum();
             let at = 3 * (index * feet + k);
             let place = [self.motion.tracked[at], self.motion.tracked[at + 1], self.motion.tracked[at + 2]];
             let foot = &mut self.feet[index * feet + k];

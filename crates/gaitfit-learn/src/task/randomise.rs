@@ -30,6 +30,6 @@ pub(super) fn randomised(
     robot.frictionloss.iter_mut().for_each(|loss| *loss += friction);
     robot.armature.iter_mut().for_each(|inertia| *inertia += armature);
     let delay = within(stream, 9, settings.delay);
-    robot.delay.iter_mut().for_each(|own| *own += delay);
+    robot.delay.iter_mut().for_each(|time| *time += delay);
     robot.params(model)
 }

@@ -52,9 +52,9 @@ impl Task {
         check_pose(model, &pose)?;
         let name = |&joint: &usize| model.joints[joint].name.clone();
         let moved = moved(model, &policy.joints)?;
-        let all: Vec<usize> = (0..model.joints.len()).collect();
-        let kp = policy.kp.of_joints(model, &all, "policy.kp")?;
-        let kd = policy.kd.of_joints(model, &all, "policy.kd")?;
+        let joints: Vec<usize> = (0..model.joints.len()).collect();
+        let kp = policy.kp.of_joints(model, &joints, "policy.kp")?;
+        let kd = policy.kd.of_joints(model, &joints, "policy.kd")?;
         let clip = match &policy.action_clip {
             None => None,
             Some(JointNumber::All(clip)) => Some(ActionClip::All(*clip)),
@@ -63,7 +63,7 @@ impl Task {
         let velocities = velocity_joints(model, &policy.velocity_joints, &moved)?;
         let unseen: Vec<bool> = moved.iter().map(|joint| velocities.contains(joint)).collect();
         let seen = |terms: &[Term]| terms.iter().map(|term| without_angles(term, &unseen)).collect();
-        let held = all.iter().filter(|joint| !moved.contains(joint) && !model.only_follows(**joint));
+        let held = joints.iter().filter(|joint| !moved.contains(joint) && !model.only_follows(**joint));
         let held = held.map(|&joint| Held {
             joint: name(&joint),
             position: pose[joint],
@@ -331,9 +331,9 @@ fn velocity_joints(model: &Model, wanted: &[String], moved: &[usize]) -> Result<
         return Ok(Vec::new());
     }
     let names: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
-    let found = patterns::covered(wanted, &model.name, &names)
+    let joints = patterns::covered(wanted, &model.name, &names)
         .or_else(|error| refuse("policy.velocity_joints", format!("is wrong: {error}")))?;
-    match found.iter().find(|joint| !moved.contains(joint)) {
+    match joints.iter().find(|joint| !moved.contains(joint)) {
         Some(&joint) => {
             let what = format!(
                 "covers `{}`, which the policy does not move; add it to policy.joints",
@@ -341,7 +341,7 @@ fn velocity_joints(model: &Model, wanted: &[String], moved: &[usize]) -> Result<
             );
             refuse("policy.velocity_joints", what)
         }
-        None => Ok(found),
+        None => Ok(joints),
     }
 }
 

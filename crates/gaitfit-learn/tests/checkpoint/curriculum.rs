@@ -18,13 +18,13 @@ fn growing(tracking: Option<f64>, iterations: Option<u32>) -> Task {
 
 /// The ends of what robots are commanded.
 fn extremes(training: &mut Training<'_>) -> [Interval; 3] {
-    let mut found = [[f64::MAX, f64::MIN]; 3];
+    let mut extremes = [[f64::MAX, f64::MIN]; 3];
     for robot in training.snapshots() {
-        for ([low, high], command) in found.iter_mut().zip(robot.command.map(f64::from)) {
+        for ([low, high], command) in extremes.iter_mut().zip(robot.command.map(f64::from)) {
             (*low, *high) = (low.min(command), high.max(command));
         }
     }
-    found
+    extremes
 }
 
 #[test]
@@ -45,12 +45,12 @@ fn robots_are_commanded_what_the_iteration_has() {
     let scene = growing(None, Some(4));
     let mut training = training(&scene);
     let mut widest = Vec::new();
-    let found = extremes(&mut training);
-    for ([low, high], [least, most]) in found.into_iter().zip(FIRST) {
-        assert!(low >= least - 1e-6 && high <= most + 1e-6, "{found:?}");
+    let first = extremes(&mut training);
+    for ([low, high], [least, most]) in first.into_iter().zip(FIRST) {
+        assert!(low >= least - 1e-6 && high <= most + 1e-6, "{first:?}");
         assert!(
             most - least < 0.1 || high - low > 0.9 * (most - least),
-            "all of a range is drawn: {found:?}"
+            "all of a range is drawn: {first:?}"
         );
     }
     while !training.finished() {

@@ -199,8 +199,8 @@ fn robots_start_within_their_ranges() {
         // Roll and pitch of at most 5° each, about the task's posture; headings all around.
         let mut quadrants = [0; 4];
         for quaternion in motion.base_quaternion.chunks_exact(4) {
-            let found = to_body(quaternion, [0.0, 0.0, 1.0]);
-            let cos: f64 = (0..3).map(|k| found[k] * up[k]).sum();
+            let turned = to_body(quaternion, [0.0, 0.0, 1.0]);
+            let cos: f64 = (0..3).map(|k| turned[k] * up[k]).sum();
             assert!(cos > (7.1f64).to_radians().cos(), "{name}: tilted by {}°", cos.acos().to_degrees());
             let q: [f64; 4] = std::array::from_fn(|k| f64::from(quaternion[k]));
             let left = rotate(q, [0.0, 1.0, 0.0]);

@@ -69,14 +69,14 @@ pub trait Engine: Send + Sync {
         cancel: &Cancel<'_>,
     ) -> Result<Vec<f64>, SimError> {
         let recordings = replay.recordings().len();
-        let all = Mutex::new(vec![f64::NAN; candidates.len() * recordings]);
+        let costs = Mutex::new(vec![f64::NAN; candidates.len() * recordings]);
         let consume = |candidate: usize, recording: usize, signals: &JointSignals| {
-            let found = cost(recording, signals);
-            let mut all = all.lock().unwrap_or_else(PoisonError::into_inner);
-            all[candidate * recordings + recording] = found;
+            let value = cost(recording, signals);
+            let mut costs = costs.lock().unwrap_or_else(PoisonError::into_inner);
+            costs[candidate * recordings + recording] = value;
         };
         self.replay(replay, candidates, &consume, cancel)?;
-        Ok(all.into_inner().unwrap_or_else(PoisonError::into_inner))
+        Ok(costs.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// One tile: a robot for each of `robots`, all at rest at the world's origin until placed. The networks act on all

@@ -38,9 +38,9 @@ fn second_period(batch: &Batch, params: &[Params<f64>], truth: Option<&Motion>) 
 
 /// The median error of velocities after a period of `batch`, from what the sensors of `truth` read.
 fn error(batch: &Batch, params: &[Params<f64>], truth: &[Motion; 2]) -> f64 {
-    let found = &second_period(batch, params, Some(&truth[0]))[1];
+    let motion = &second_period(batch, params, Some(&truth[0]))[1];
     let errors =
-        found.joint_velocity.iter().zip(&truth[1].joint_velocity).map(|(a, b)| f64::from(a - b).abs());
+        motion.joint_velocity.iter().zip(&truth[1].joint_velocity).map(|(a, b)| f64::from(a - b).abs());
     let mut errors: Vec<f64> = errors.collect();
     errors.sort_by(f64::total_cmp);
     errors[errors.len() / 2]

@@ -54,13 +54,13 @@ fn derivatives_are_those_of_the_signals() {
     let directions: Vec<Direction> = CHANGES.iter().map(direction).collect();
     let options = ReplayOptions { preset: Preset::Accurate, substeps: 2, ..options(0.02) };
     let replay = Replay::new(&model, recordings, options).unwrap();
-    let found = along(&replay, &directions, 1);
-    assert!(all_bits(&along(&replay, &directions, 3)) == all_bits(&found), "threads matter");
+    let slopes = along(&replay, &directions, 1);
+    assert!(all_bits(&along(&replay, &directions, 3)) == all_bits(&slopes), "threads matter");
     let near: Vec<Robot> =
         CHANGES.iter().flat_map(|&(_, by, change)| [by, -by].map(|by| moved(&robot, change, by))).collect();
     let near = run(&replay, &near, 1);
     for (at, (name, by, _)) in CHANGES.iter().enumerate() {
-        for (recording, slopes) in found[at].iter().enumerate() {
+        for (recording, slopes) in slopes[at].iter().enumerate() {
             let (up, down) = (&near[2 * at][recording], &near[2 * at + 1][recording]);
             for (signal, slope, up, down) in [
                 ("position", &slopes.position, &up.position, &down.position),

@@ -44,8 +44,13 @@ pub fn compare(on: &str, policy: &Evaluation, against: &Evaluation) -> Compariso
         && policy.drawn == against.drawn
         && !policy.errors.is_empty()
         && policy.errors.len() == against.errors.len();
-    let found = if same { paired(policy, against) } else { independent(policy, against) };
-    Comparison { policy: policy.policy.clone(), against: against.policy.clone(), on: on.to_owned(), ..found }
+    let comparison = if same { paired(policy, against) } else { independent(policy, against) };
+    Comparison {
+        policy: policy.policy.clone(),
+        against: against.policy.clone(),
+        on: on.to_owned(),
+        ..comparison
+    }
 }
 
 fn paired(policy: &Evaluation, against: &Evaluation) -> Comparison {
@@ -112,13 +117,15 @@ fn paired_motion(policy: &Evaluation, against: &Evaluation) -> Option<Estimate> 
 
 /// Mean and half the 95 % confidence interval of a few independent values; what is unknown is NaN.
 pub fn of_few(values: &[f64]) -> Estimate {
-    let found = stats::Estimate::of_few(values);
-    found.map_or_else(Estimate::default, |of| Estimate { mean: of.mean, ci95: of.ci95.unwrap_or(f64::NAN) })
+    let estimate = stats::Estimate::of_few(values);
+    estimate
+        .map_or_else(Estimate::default, |one| Estimate { mean: one.mean, ci95: one.ci95.unwrap_or(f64::NAN) })
 }
 
 fn estimate(values: &[f64]) -> Estimate {
-    let found = stats::Estimate::from_values(values);
-    found.map_or_else(Estimate::default, |of| Estimate { mean: of.mean, ci95: of.ci95.unwrap_or(f64::NAN) })
+    let estimate = stats::Estimate::from_values(values);
+    estimate
+        .map_or_else(Estimate::default, |one| Estimate { mean: one.mean, ci95: one.ci95.unwrap_or(f64::NAN) })
 }
 
 /// Which of two is better, as far as an interval tells.
@@ -214,10 +221,13 @@ mod tests {
     #[test]
     fn pairs_show_a_difference_that_independent_means_hide() {
         let (one, other) = (evaluation("a", 0.0, true), evaluation("b", 0.02, true));
-        let found = compare("target", &one, &other);
-        assert!(found.paired && found.trajectories == 400);
-        assert!((found.linear_velocity_error.mean + 0.02).abs() < 0.003, "{found:?}");
-        assert!(found.linear_velocity_error.ci95 < 0.002 && found.better() == Better::Policy, "{found:?}");
+        let comparison = compare("target", &one, &other);
+        assert!(comparison.paired && comparison.trajectories == 400);
+        assert!((comparison.linear_velocity_error.mean + 0.02).abs() < 0.003, "{comparison:?}");
+        assert!(
+            comparison.linear_velocity_error.ci95 < 0.002 && comparison.better() == Better::Policy,
+            "{comparison:?}"
+        );
         assert_eq!(compare("target", &other, &one).better(), Better::Other);
         let same = compare("target", &one, &one);
         assert_eq!(same.better(), Better::Neither);
@@ -225,7 +235,7 @@ mod tests {
         assert!((same.fall_rate.ci95 - 0.009512).abs() < 1e-5 && same.fall_rate.mean == 0.0, "{same:?}");
         let plain = compare("target", &one, &Evaluation { errors: Vec::new(), ..other.clone() });
         assert!(!plain.paired && plain.better() == Better::Neither, "{plain:?}");
-        assert!((plain.linear_velocity_error.mean - found.linear_velocity_error.mean).abs() < 1e-12);
+        assert!((plain.linear_velocity_error.mean - comparison.linear_velocity_error.mean).abs() < 1e-12);
         // Other trajectories are no pairs.
         assert!(!compare("target", &one, &Evaluation { seed: 8, ..other.clone() }).paired);
         // Commands or starts that another task drew are no pairs either.
@@ -246,10 +256,17 @@ mod tests {
             Evaluation { motion_error: Some(mean), motion_errors: distances, ..plain }
         };
         let (near, far) = (follower("near", 0.05), follower("far", 0.09));
-        let found = compare("target", &near, &far);
-        assert!((found.motion_error.map_or(f64::NAN, |one| one.mean) + 0.04).abs() < 1e-9, "{found:?}");
-        assert_eq!(found.better(), Better::Policy);
-        assert!(found.numbers().starts_with("distance from the motion -0.0400"), "{}", found.numbers());
+        let comparison = compare("target", &near, &far);
+        assert!(
+            (comparison.motion_error.map_or(f64::NAN, |one| one.mean) + 0.04).abs() < 1e-9,
+            "{comparison:?}"
+        );
+        assert_eq!(comparison.better(), Better::Policy);
+        assert!(
+            comparison.numbers().starts_with("distance from the motion -0.0400"),
+            "{}",
+            comparison.numbers()
+        );
         let walker = evaluation("walks", 0.0, true);
         assert_eq!(compare("target", &near, &walker).motion_error, None);
     }
@@ -258,8 +275,8 @@ mod tests {
     fn what_diverged_counts_as_a_fall_and_in_no_error() {
         let (mut one, other) = (evaluation("a", 0.0, true), evaluation("b", 0.0, true));
         one.errors[1] = None;
-        let found = compare("target", &one, &other);
-        assert_eq!(found.trajectories, 399);
-        assert!((found.fall_rate.mean - 1.0 / 400.0).abs() < 1e-12, "{found:?}");
+        let comparison = compare("target", &one, &other);
+        assert_eq!(comparison.trajectories, 399);
+        assert!((comparison.fall_rate.mean - 1.0 / 400.0).abs() < 1e-12, "{comparison:?}");
     }
 }

@@ -122,21 +122,21 @@ pub struct GroundResult {
 }
 
 impl GroundResult {
-    fn new(found: CrossingSummary) -> Self {
-        let estimate = |of: Option<gaitfit_sim::stats::Estimate>| {
-            of.map_or_else(Estimate::default, |of| Estimate {
-                mean: of.mean,
-                ci95: of.ci95.unwrap_or(f64::NAN),
+    fn new(summary: CrossingSummary) -> Self {
+        let estimate = |estimate: Option<gaitfit_sim::stats::Estimate>| {
+            estimate.map_or_else(Estimate::default, |one| Estimate {
+                mean: one.mean,
+                ci95: one.ci95.unwrap_or(f64::NAN),
             })
         };
         Self {
-            ground: format!("{} {}", found.kind.name(), found.direction).trim_end().to_owned(),
-            level: found.level,
-            difficulty: found.difficulty,
-            robots: found.robots,
-            crossed: estimate(found.crossed),
-            fall_rate: estimate(found.fell),
-            speed: estimate(found.speed),
+            ground: format!("{} {}", summary.kind.name(), summary.direction).trim_end().to_owned(),
+            level: summary.level,
+            difficulty: summary.difficulty,
+            robots: summary.robots,
+            crossed: estimate(summary.crossed),
+            fall_rate: estimate(summary.fell),
+            speed: estimate(summary.speed),
         }
     }
 
@@ -202,14 +202,14 @@ pub(super) fn measure(
     let subject = Subject { cancel: Some(&cancel), ..world.subject(seed) };
     let periods = crossing_periods(&world.scene, robots, speed);
     let period = world.scene.walker.interface.control_dt;
-    let found = watch
+    let crossings = watch
         .shared(Amount::simulated("uneven ground: simulated second", periods, period), |moved| {
             crossings(&Subject { moved: Some(moved), ..subject }, robots, speed, threads)
         });
     super::go_on(watch)?;
-    let found = found?;
+    let crossings = crossings?;
     let results = match &world.scene.course {
-        Some(course) => summarise_crossings(course, &found).into_iter().map(GroundResult::new).collect(),
+        Some(course) => summarise_crossings(course, &crossings).into_iter().map(GroundResult::new).collect(),
         None => Vec::new(),
     };
     Ok(OnGround { world, results, speed })

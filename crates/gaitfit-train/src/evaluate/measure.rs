@@ -130,10 +130,10 @@ impl Evaluation {
         if let Some(row) = self.errors.iter().flatten().find(|row| impossible(row)) {
             return Some(format!("`errors` has the entry {row:?}"));
         }
-        errors.into_iter().find_map(|(name, found, max)| {
+        errors.into_iter().find_map(|(name, estimate, max)| {
             let impossible =
-                !(0.0..=max).contains(&found.mean) || found.mean.is_infinite() || found.ci95 < 0.0;
-            impossible.then(|| format!("`{name}` is {} ± {}", found.mean, found.ci95))
+                !(0.0..=max).contains(&estimate.mean) || estimate.mean.is_infinite() || estimate.ci95 < 0.0;
+            impossible.then(|| format!("`{name}` is {} ± {}", estimate.mean, estimate.ci95))
         })
     }
 }

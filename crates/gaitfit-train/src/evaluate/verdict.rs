@@ -30,33 +30,34 @@ pub struct Verdict {
 
 /// The verdict on a measurement under commands of these ranges; none where nothing can be said: some robots
 /// diverge, or the task asks for no walking.
-pub fn verdict(found: &Evaluation, command: &CommandSettings) -> Option<Verdict> {
-    let (error, falls) = (found.linear_velocity_error.mean, found.fall_rate.mean);
+pub fn verdict(evaluation: &Evaluation, command: &CommandSettings) -> Option<Verdict> {
+    let (error, falls) = (evaluation.linear_velocity_error.mean, evaluation.fall_rate.mean);
     if !falls.is_finite() {
         return None;
     }
     // Those that diverge count as falls.
-    let or_not = if found.diverged > 0 { " or diverge" } else { "" };
+    let or_not = if evaluation.diverged > 0 { " or diverge" } else { "" };
     let fallen = format!("{:.2} % of the trajectories end in a fall{or_not}", 100.0 * falls);
     if falls > FEW_FALLS {
-        let does = if found.motion_error.is_some() { "follows its motion" } else { "walks" };
+        let does = if evaluation.motion_error.is_some() { "follows its motion" } else { "walks" };
         let text = format!("{fallen}; a policy that {does} falls in at most {:.0} %.", 100.0 * FEW_FALLS);
         let by_error = error / (FOLLOWS * standing_error(command));
         return Some(Verdict { walks: false, shortfall: (falls / FEW_FALLS).max(by_error), text });
     }
-    if found.diverged > 0 {
+    if evaluation.diverged > 0 {
         return None;
     }
-    if let Some(motion) = found.motion_error {
-        let rest = found.motion_error_at_rest?;
+    if let Some(motion) = evaluation.motion_error {
+        let rest = evaluation.motion_error_at_rest?;
         return follows_motion(motion.mean, rest, &fallen);
     }
     let still = standing_error(command);
     if still == 0.0 || !error.is_finite() {
         return None;
     }
-    let against =
-        goes_nowhere(error, command).or_else(|| follows_badly(error, still)).or_else(|| drifts(&found.drift));
+    let against = goes_nowhere(error, command)
+        .or_else(|| follows_badly(error, still))
+        .or_else(|| drifts(&evaluation.drift));
     let shortfall = (falls / FEW_FALLS).max(error / (FOLLOWS * still));
     Some(match against {
         Some(text) => Verdict { walks: false, shortfall, text: format!("{text}.") },
@@ -143,10 +144,10 @@ mod tests {
         let said = |error, falls, diverged| {
             let document = r#"{"trajectories": 10, "linear_velocity_error": {"mean": 0.0, "ci95": 0.0},
                 "angular_velocity_error": {"mean": 0.0, "ci95": 0.0}, "fall_rate": {"mean": 0.0, "ci95": 0.0}}"#;
-            let mut found: Evaluation = serde_json::from_str(document).unwrap();
-            (found.linear_velocity_error, found.fall_rate) = (estimate(error), estimate(falls));
-            found.diverged = diverged;
-            verdict(&found, &ranges)
+            let mut evaluation: Evaluation = serde_json::from_str(document).unwrap();
+            (evaluation.linear_velocity_error, evaluation.fall_rate) = (estimate(error), estimate(falls));
+            evaluation.diverged = diverged;
+            verdict(&evaluation, &ranges)
         };
         let walks = said(0.2, 0.0125, 0).unwrap();
         assert!(walks.walks && walks.text.contains("20 %") && walks.text.contains("1.25 %"), "{walks:?}");

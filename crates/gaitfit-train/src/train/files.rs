@@ -137,12 +137,12 @@ fn not_learnt(setup: &Setup, trained: &[Trained]) -> Option<Doubt> {
         let error = Some(result.linear_velocity_error).filter(|_| command.curriculum.is_none());
         error.and_then(|error| goes_nowhere(error, command))
     };
-    let found: Vec<String> = trained
+    let sentences: Vec<String> = trained
         .iter()
         .filter_map(|seed| Some(format!("Seed {}: {}.", seed.result.seed, why(seed)?)))
         .collect();
-    (!found.is_empty()).then(|| {
-        Doubt::new(DoubtKind::NotLearnt, format!("{} Train longer (train.iterations).", found.join(" ")))
+    (!sentences.is_empty()).then(|| {
+        Doubt::new(DoubtKind::NotLearnt, format!("{} Train longer (train.iterations).", sentences.join(" ")))
     })
 }
 

@@ -38,9 +38,9 @@ pub(super) fn check(scene: &Task, candidates: &[Candidate], learner: &Learner) -
 
 impl Device {
     /// The first GPU that a search has found, if driver, GPU and compiler are there, else the processor.
-    pub fn among(found: &Found) -> Self {
-        let usable = found.problems.is_empty() && found.nvrtc.is_some();
-        found.gpus.first().filter(|_| usable).map_or(Self::Cpu, |gpu| Self::Found(gpu.ordinal))
+    pub fn among(search: &Found) -> Self {
+        let usable = search.problems.is_empty() && search.nvrtc.is_some();
+        search.gpus.first().filter(|_| usable).map_or(Self::Cpu, |gpu| Self::Found(gpu.ordinal))
     }
 }
 
@@ -156,8 +156,8 @@ mod tests {
         assert_eq!(Device::Found(0).for_training(&task, &[], &learner).unwrap(), (Device::Found(0), None));
         let ppo = ppo::Settings { memory: Some(ppo::MemorySettings::default()), ..Default::default() };
         let remembers = gaitfit_learn::Training::fresh_learner(&task, &ppo, 1).unwrap();
-        let found = Device::Found(0).for_training(&task, &[], &remembers).unwrap();
-        assert_eq!(found, (Device::Found(0), None));
+        let choice = Device::Found(0).for_training(&task, &[], &remembers).unwrap();
+        assert_eq!(choice, (Device::Found(0), None));
         let own = task.with_term("own", 1.0, |_| 0.0).unwrap();
         let (device, note) = Device::Found(0).for_training(&own, &[], &learner).unwrap();
         assert_eq!(device, Device::Cpu);

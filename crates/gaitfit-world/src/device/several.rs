@@ -26,15 +26,15 @@ impl FromStr for Devices {
                 .map(Self::from)
                 .map_err(|wrong| format!("{wrong}; several GPUs are, for example, cuda:0,1"));
         };
-        let mut all = Vec::new();
+        let mut devices = Vec::new();
         for number in numbers.split(',') {
             let device = format!("cuda:{number}").parse()?;
-            if all.contains(&device) {
+            if devices.contains(&device) {
                 return Err(format!("it names the GPU {number} twice: name each once, as in cuda:0,1"));
             }
-            all.push(device);
+            devices.push(device);
         }
-        Ok(Self(all))
+        Ok(Self(devices))
     }
 }
 
@@ -112,8 +112,8 @@ impl Devices {
 
     /// Why the processor computes instead, if `auto` found these devices and they do not do what is asked.
     pub fn instead(&self, error: &Error) -> Option<String> {
-        let found = self.0.iter().all(|device| matches!(device, Device::Found(_)));
-        let reason = error.refusal().filter(|_| found)?;
+        let automatic = self.0.iter().all(|device| matches!(device, Device::Found(_)));
+        let reason = error.refusal().filter(|_| automatic)?;
         Some(format!("the CPU computes, not {self}: {reason}"))
     }
 

@@ -107,15 +107,15 @@ impl Anatomy {
         if !(height > 0.0 && height.is_finite()) {
             return Err(InitError::NoLegs { robot: robot() });
         }
-        let all: Vec<Vec<usize>> = legs.iter().map(|leg| leg.path.clone()).collect();
+        let leg_paths: Vec<Vec<usize>> = legs.iter().map(|leg| leg.path.clone()).collect();
         for (index, leg) in legs.iter_mut().enumerate() {
             let shared = |joint: &usize| {
-                all.iter().enumerate().any(|(other, path)| other != index && path.contains(joint))
+                leg_paths.iter().enumerate().any(|(other, path)| other != index && path.contains(joint))
             };
             leg.joints = leg.path.iter().copied().filter(|joint| !shared(joint)).collect();
         }
         let wheels: Vec<usize> = legs.iter().filter_map(|leg| wheel(model, leg, &frames)).collect();
-        let of_leg = |joint: &usize| all.iter().any(|path| path.contains(joint));
+        let of_leg = |joint: &usize| leg_paths.iter().any(|path| path.contains(joint));
         let of_legs = || (0..model.joints.len()).filter(of_leg);
         let driven = |joint: &usize| model.actuators.iter().any(|actuator| actuator.joint == *joint);
         let some_driven = of_legs().any(|joint| driven(&joint));

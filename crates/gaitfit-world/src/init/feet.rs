@@ -103,14 +103,14 @@ fn fit_in(model: &mut Model, angles: &[f64], anew: bool) -> (usize, Vec<Added>) 
 fn limbs(model: &Model) -> Vec<Limb> {
     let paths: Vec<Vec<usize>> = (0..model.bodies.len()).map(|body| path(model, body)).collect();
     let mut limbs: Vec<Limb> = Vec::new();
-    for (body, own) in paths.iter().enumerate() {
-        let longer = |other: &Vec<usize>| other.len() > own.len() && other.starts_with(own);
-        if own.is_empty() || paths.iter().any(longer) {
+    for (body, path) in paths.iter().enumerate() {
+        let longer = |other: &Vec<usize>| other.len() > path.len() && other.starts_with(path);
+        if path.is_empty() || paths.iter().any(longer) {
             continue;
         }
-        match limbs.iter_mut().find(|limb| limb.path == *own) {
+        match limbs.iter_mut().find(|limb| limb.path == *path) {
             Some(limb) => limb.bodies.push(body),
-            None => limbs.push(Limb { bodies: vec![body], path: own.clone() }),
+            None => limbs.push(Limb { bodies: vec![body], path: path.clone() }),
         }
     }
     limbs
@@ -129,8 +129,8 @@ impl Sight {
     fn new(model: &Model, limb: &Limb, frames: &[Frame]) -> Option<Self> {
         let outlines = |colliding: bool| {
             let of_limb = |outline: &&Outline| limb.bodies.contains(&outline.body);
-            let found = model.outlines.iter().filter(of_limb);
-            found.filter(move |outline| outline.colliding == colliding).take(MAX_SHAPES)
+            let outlines = model.outlines.iter().filter(of_limb);
+            outlines.filter(move |outline| outline.colliding == colliding).take(MAX_SHAPES)
         };
         let mut missing: Option<String> = None;
         for colliding in [true, false] {
@@ -138,9 +138,11 @@ impl Sight {
             let mut names: Vec<String> = Vec::new();
             for outline in outlines(colliding) {
                 match outline.points() {
-                    Ok(found) => {
+                    Ok(vertices) => {
                         points.extend(
-                            found.into_iter().map(|point| (outline.body, frames[outline.body].point(point))),
+                            vertices
+                                .into_iter()
+                                .map(|point| (outline.body, frames[outline.body].point(point))),
                         );
                         names.push(match &outline.form {
                             Form::Mesh(mesh) => {
@@ -191,20 +193,20 @@ impl Sight {
         soles: bool,
     ) -> Option<(Fitted, usize)> {
         let (body, _) = *self.points.iter().min_by(|(_, a), (_, b)| a[2].total_cmp(&b[2]))?;
-        let all: Vec<Vec3> = self.points.iter().map(|(_, point)| *point).collect();
+        let points: Vec<Vec3> = self.points.iter().map(|(_, point)| *point).collect();
         let last = &model.joints[*limb.path.last()?];
         let turns = last.kind.is_hinge() && last.range.is_none_or(|[low, high]| high - low > WHEEL_RANGE);
         if turns && !self.guess {
             let frame = &frames[last.body];
             let axis = rotate(frame.quaternion, last.axis);
-            if let Some(found) = wheel(&all, frame.point(last.pos), axis) {
-                return Some((found, last.body));
+            if let Some(wheel) = wheel(&points, frame.point(last.pos), axis) {
+                return Some((wheel, last.body));
             }
         }
         // The foot's own mesh, without the shank that it is fixed to.
         let of_body: Vec<Vec3> =
             self.points.iter().filter(|(other, _)| *other == body).map(|(_, point)| *point).collect();
-        foot(&of_body, leg, soles).or_else(|| foot(&all, leg, soles)).map(|found| (found, body))
+        foot(&of_body, leg, soles).or_else(|| foot(&points, leg, soles)).map(|foot| (foot, body))
     }
 }
 

@@ -102,11 +102,11 @@ fn mend(path: &Path, how: Preparation) -> Result<Prepared, Error> {
     let mut rotors = rotors(&model).map_err(|error| looked(path, &error))?;
     if let Some(rotors) = &mut rotors {
         rotors.write(&mut model);
-        let found = format!(
+        let text = format!(
             "rotor inertia of {:?} kg·m² in every joint that has a motor and no rotor in the file (a guess)",
             rotors.smallest
         );
-        mended.push(Guess { what: "rotors", found });
+        mended.push(Guess { what: "rotors", found: text });
     }
     let mut comments = vec![
         format!("Written by `gaitfit init` from {}: one file without includes and meshes.", shown_path(path)),
@@ -158,8 +158,8 @@ fn name_geoms(model: &mut Model) {
 
 /// What was mended, things of one kind together.
 fn changes(model: &Model, added: &[Added]) -> Vec<Guess> {
-    let mut found = Vec::new();
-    let mut say = |what: &'static str, found_: String| found.push(Guess { what, found: found_ });
+    let mut guesses = Vec::new();
+    let mut say = |what: &'static str, text: String| guesses.push(Guess { what, found: text });
     for shape in added.iter().filter(|shape| shape.foot) {
         say("foot", format!("{}: {}", shown(&shape.geom), shape.how));
     }
@@ -174,7 +174,7 @@ fn changes(model: &Model, added: &[Added]) -> Vec<Guess> {
     for group in model.left_out().iter().filter(|group| !group.harmless) {
         say("left out", format!("{}: {}", group.what, group.why));
     }
-    found
+    guesses
 }
 
 /// Changes of one kind together: those whose words but for the names are the same.

@@ -91,18 +91,18 @@ fn package(text: &str, with_mesh: bool) -> (tempfile::TempDir, PathBuf) {
 #[test]
 fn feet_that_are_meshes_get_balls_on_four_legs_and_soles_on_two() {
     let (_folder, file) = package(&walker(&FOUR, false, 20.0), true);
-    let found = prepare(&file, Preparation::default()).unwrap();
+    let prepared = prepare(&file, Preparation::default()).unwrap();
     assert_eq!(
-        found.look.settings.feet,
+        prepared.look.settings.feet,
         ["FL_shank_foot", "FR_shank_foot", "RL_shank_foot", "RR_shank_foot"]
     );
-    assert_eq!(found.look.settings.gait.len(), 2);
-    assert_eq!(found.look.settings.fall.contacts, ["trunk_base"]);
-    let foot = found.model.geoms.iter().find(|geom| geom.name == "FL_shank_foot").unwrap();
+    assert_eq!(prepared.look.settings.gait.len(), 2);
+    assert_eq!(prepared.look.settings.fall.contacts, ["trunk_base"]);
+    let foot = prepared.model.geoms.iter().find(|geom| geom.name == "FL_shank_foot").unwrap();
     let Shape::Sphere { radius } = foot.shape else { panic!("{foot:?}") };
     // As low as the mesh, and about as wide.
     assert!((foot.pos[2] - radius + 0.2).abs() < 1e-6 && (0.01..0.04).contains(&radius), "{foot:?}");
-    let text = found.file.as_ref().unwrap();
+    let text = prepared.file.as_ref().unwrap();
     for words in ["fitted to block.stl", "FL_shank_foot", "gaitfit init"] {
         assert!(text.contains(words), "{words}: {text}");
     }
@@ -110,9 +110,11 @@ fn feet_that_are_meshes_get_balls_on_four_legs_and_soles_on_two() {
     let again = read_mjcf_str(text, &ReadOptions::default()).unwrap();
     let mut settings = look(&again).unwrap().settings;
     // It has the smallest rotor of the training, which adds to it.
-    let added =
-        std::mem::replace(&mut settings.randomisation.armature, found.look.settings.randomisation.armature);
-    assert_eq!(settings, found.look.settings);
+    let added = std::mem::replace(
+        &mut settings.randomisation.armature,
+        prepared.look.settings.randomisation.armature,
+    );
+    assert_eq!(settings, prepared.look.settings);
     let range = settings.randomisation.armature;
     let smallest = again.joints[0].armature;
     assert!(
@@ -122,9 +124,14 @@ fn feet_that_are_meshes_get_balls_on_four_legs_and_soles_on_two() {
     assert!(text.contains("rotor inertia of"), "{text}");
 
     let (_folder, file) = package(&walker(&TWO, true, 20.0), true);
-    let found = prepare(&file, Preparation::default()).unwrap();
-    let soles: Vec<&Shape> =
-        found.model.geoms.iter().filter(|geom| geom.name.ends_with("foot")).map(|geom| &geom.shape).collect();
+    let prepared = prepare(&file, Preparation::default()).unwrap();
+    let soles: Vec<&Shape> = prepared
+        .model
+        .geoms
+        .iter()
+        .filter(|geom| geom.name.ends_with("foot"))
+        .map(|geom| &geom.shape)
+        .collect();
     assert!(
         soles.len() == 2
             && soles
@@ -132,22 +139,26 @@ fn feet_that_are_meshes_get_balls_on_four_legs_and_soles_on_two() {
                 .all(|shape| matches!(shape, Shape::Box { half_size } if (half_size[0] - 0.08).abs() < 1e-6)),
         "{soles:?}"
     );
-    assert_eq!(found.model.joints.len(), 6);
+    assert_eq!(prepared.model.joints.len(), 6);
 }
 
 #[test]
 fn without_the_mesh_the_foot_is_a_guess_that_names_the_file() {
     let (_folder, file) = package(&walker(&FOUR, false, 20.0), false);
-    let found = prepare(&file, Preparation::default()).unwrap();
-    let feet: Vec<&str> =
-        found.mended.iter().filter(|guess| guess.what == "foot").map(|guess| guess.found.as_str()).collect();
-    assert_eq!(feet.len(), 4, "{:?}", found.mended);
+    let prepared = prepare(&file, Preparation::default()).unwrap();
+    let feet: Vec<&str> = prepared
+        .mended
+        .iter()
+        .filter(|guess| guess.what == "foot")
+        .map(|guess| guess.found.as_str())
+        .collect();
+    assert_eq!(feet.len(), 4, "{:?}", prepared.mended);
     assert!(
         feet.iter()
             .all(|foot| foot.contains("a guess from the link's inertia") && foot.contains("block.stl")),
         "{feet:?}"
     );
-    let foot = found.model.geoms.iter().find(|geom| geom.name == "FL_shank_foot").unwrap();
+    let foot = prepared.model.geoms.iter().find(|geom| geom.name == "FL_shank_foot").unwrap();
     let Shape::Sphere { radius } = foot.shape else { panic!("{foot:?}") };
     assert!(
         (foot.pos[2] - radius + 0.2).abs() < 1e-3,
@@ -161,14 +172,14 @@ fn a_mended_robot_is_drawn_in_its_own_meshes() {
     let (folder, file) = package(&walker(&FOUR, false, 20.0), true);
     let tasks = folder.path().join("tasks");
     fs::create_dir(&tasks).unwrap();
-    let found = prepare(&file, Preparation { folder: Some(&tasks), ..Preparation::default() }).unwrap();
-    let text = found.file.as_ref().unwrap();
+    let prepared = prepare(&file, Preparation { folder: Some(&tasks), ..Preparation::default() }).unwrap();
+    let text = prepared.file.as_ref().unwrap();
     assert!(text.contains("data=\"../walker/urdf/walker.urdf\""), "{text}");
     let file = tasks.join("walker.xml");
     fs::write(&file, text).unwrap();
     let again = gaitfit_model::read(&file, &ReadOptions::default()).unwrap();
-    for model in [&found.model, &again] {
-        let robot = &found.look.stance(model).robots[0];
+    for model in [&prepared.model, &again] {
+        let robot = &prepared.look.stance(model).robots[0];
         // The trunk and the shanks are meshes, of two sizes; the thighs have nothing but bones.
         let count = |is: fn(&Drawn) -> bool| robot.geoms.iter().filter(|geom| is(&geom.shape)).count();
         assert_eq!(count(|shape| matches!(shape, Drawn::Mesh { .. })), 5);
@@ -206,17 +217,17 @@ fn a_foot_whose_name_was_made_up_has_its_links() {
     let rest: String =
         parts.iter().map(|part| format!("{ball}{}", part.split_once("</collision>").unwrap().1)).collect();
     let (_folder, file) = package(&(first + &rest), false);
-    let found = prepare(&file, Preparation::default()).unwrap();
-    assert!(found.file.is_none());
-    assert_eq!(found.look.settings.feet, ["FL_shank", "FR_shank", "RL_shank", "RR_shank"]);
+    let prepared = prepare(&file, Preparation::default()).unwrap();
+    assert!(prepared.file.is_none());
+    assert_eq!(prepared.look.settings.feet, ["FL_shank", "FR_shank", "RL_shank", "RR_shank"]);
 }
 
 #[test]
 fn limits_that_nobody_meant_are_flagged_with_a_guess() {
     let said = |effort: f64| {
         let (_folder, file) = package(&walker(&FOUR, false, effort), true);
-        let found = prepare(&file, Preparation::default()).unwrap();
-        found
+        let prepared = prepare(&file, Preparation::default()).unwrap();
+        prepared
             .look
             .guesses
             .iter()
@@ -285,16 +296,16 @@ fn iterations_are_written_over_those_of_two_legs_and_beside_the_task_of_four() {
 #[test]
 fn other_guesses_differ_from_the_first_in_their_gains() {
     let (_folder, file) = package(&walker(&FOUR, false, 20.0), true);
-    let found = prepare(&file, Preparation::default()).unwrap();
-    let others = other_guesses(&found.model, &found.look);
+    let prepared = prepare(&file, Preparation::default()).unwrap();
+    let others = other_guesses(&prepared.model, &prepared.look);
     // No servos: softer and stiffer than by size.
     assert_eq!(others.len(), 2);
     let kp = |look: &super::Look| look.settings.policy.clone();
     assert!(
-        others
-            .iter()
-            .all(|other| kp(other) != kp(&found.look) && other.settings.feet == found.look.settings.feet)
+        others.iter().all(
+            |other| kp(other) != kp(&prepared.look) && other.settings.feet == prepared.look.settings.feet
+        )
     );
-    let page = gaitfit_view::replay_html(&found.look.stance(&found.model)).unwrap();
+    let page = gaitfit_view::replay_html(&prepared.look.stance(&prepared.model)).unwrap();
     assert!(page.contains("stance and gait"));
 }

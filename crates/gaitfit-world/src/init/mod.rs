@@ -193,14 +193,14 @@ pub fn look(model: &Model) -> Result<Look, InitError> {
 /// softer and stiffer gains by size. The result has neither the first guess nor guesses that cannot be simulated.
 pub fn other_guesses(model: &Model, first: &Look) -> Vec<Look> {
     let sources = [Source::Servos, Source::Size(1.0), Source::Size(0.6), Source::Size(1.6)];
-    let mut found: Vec<Look> = Vec::new();
+    let mut looks: Vec<Look> = Vec::new();
     for look in sources.iter().filter_map(|&source| look_with(model, source, first.rotors).ok()) {
         let same = |other: &Look| other.settings.policy == look.settings.policy;
-        if !same(first) && !found.iter().any(same) {
-            found.push(look);
+        if !same(first) && !looks.iter().any(same) {
+            looks.push(look);
         }
     }
-    found
+    looks
 }
 
 /// The pose in which a robot stands, its legs, and its sizes.
@@ -246,17 +246,17 @@ fn look_with(model: &Model, source: Source, written: Option<Rotors>) -> Result<L
 /// legs on the ground. Some keyframes have joints of another sign.
 fn first_look(model: &Model) -> Result<(Pose, Anatomy), InitError> {
     let start = pose::start(model);
-    let found = Anatomy::find(model, &start.angles);
+    let anatomy = Anatomy::find(model, &start.angles);
     if start.keyframe.is_some() {
         let drawn = Pose { angles: pose::drawn(model), keyframe: None };
         let legs =
-            |found: &Result<Anatomy, InitError>| found.as_ref().map_or(0, |anatomy| anatomy.legs.len());
+            |anatomy: &Result<Anatomy, InitError>| anatomy.as_ref().map_or(0, |anatomy| anatomy.legs.len());
         let other = Anatomy::find(model, &drawn.angles);
-        if legs(&other) > legs(&found) {
+        if legs(&other) > legs(&anatomy) {
             return other.map(|anatomy| (drawn, anatomy));
         }
     }
-    found.map(|anatomy| (start, anatomy))
+    anatomy.map(|anatomy| (start, anatomy))
 }
 
 /// The task of a configuration that names no robot: as another robot than the Go2 has it.
@@ -270,7 +270,7 @@ fn read(text: &str) -> Result<TaskSettings, String> {
 
 fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: &Gains) -> Vec<Guess> {
     let mut guesses = Vec::new();
-    let mut say = |what: &'static str, found: String| guesses.push(Guess { what, found });
+    let mut say = |what: &'static str, text: String| guesses.push(Guess { what, found: text });
     let legs = &anatomy.legs;
     let feet: Vec<String> = legs.iter().map(|leg| shown(&leg.foot)).collect();
     let links = anatomy.links(model).map(|links| format!(", {links}")).unwrap_or_default();

@@ -34,13 +34,13 @@ fn of_kind(model: &Model, anatomy: &Anatomy, sizes: &Sizes, kind: JointKind) -> 
         JointKind::Slide => kind.like("rad", MAX_RANGE) * sizes.length().max(1.0),
     };
     let moved = || anatomy.moved.iter().copied().filter(|&joint| model.joints[joint].kind == kind);
-    let mut found = Vec::new();
+    let mut doubts = Vec::new();
     let strong: Vec<usize> = moved()
         .filter(|&joint| model.effort(joint).is_some_and(|effort| effort > MAX_EFFORT * unit))
         .collect();
     if let Some(&first) = strong.first() {
         let effort = model.effort(first).unwrap_or_default();
-        found.push(format!(
+        doubts.push(format!(
             "{torque} limits of {} look like placeholders: {} {} is {:.0} {unit_name}, and legs have about {USUAL_EFFORT:.0}. A \
              guess is {:?} {}: write what the motor and its gear give into the robot's file (URDF: <limit effort>, MJCF: \
              `forcerange` of the actuator)",
@@ -57,7 +57,7 @@ fn of_kind(model: &Model, anatomy: &Anatomy, sizes: &Sizes, kind: JointKind) -> 
     let fast: Vec<usize> = fast.collect();
     if let Some(&first) = fast.first() {
         let speed = model.joints[first].velocity_limit.unwrap_or_default();
-        found.push(format!(
+        doubts.push(format!(
             "speed limits of {} look like placeholders: {} {}, where legs have {} to {}. Simulations do not use them",
             named(model, &fast),
             tidy(speed),
@@ -71,7 +71,7 @@ fn of_kind(model: &Model, anatomy: &Anatomy, sizes: &Sizes, kind: JointKind) -> 
     let wide: Vec<usize> = wide.collect();
     if let Some(&first) = wide.first() {
         let [low, high] = model.joints[first].range.unwrap_or_default();
-        found.push(format!(
+        doubts.push(format!(
             "ranges of {} look like placeholders: {:?} to {:?} {} bounds nothing. Write where the joint stops into the \
              robot's file (`range`; URDF: <limit lower upper>)",
             named(model, &wide),
@@ -80,7 +80,7 @@ fn of_kind(model: &Model, anatomy: &Anatomy, sizes: &Sizes, kind: JointKind) -> 
             kind.unit("rad")
         ));
     }
-    found
+    doubts
 }
 
 fn named(model: &Model, joints: &[usize]) -> String {

@@ -87,8 +87,8 @@ fn rover(wheel_joint: &str) -> Model {
 #[test]
 fn wheels_get_velocities_and_roll() {
     let model = rover("continuous");
-    let found = look(&model).unwrap();
-    let settings = &found.settings;
+    let known = look(&model).unwrap();
+    let settings = &known.settings;
     assert_eq!(settings.policy.velocity_joints, ["FL_roll", "FR_roll", "RL_roll", "RR_roll"]);
     assert!(settings.policy.joints.is_empty(), "the policy moves all joints: {:?}", settings.policy.joints);
     assert_eq!([settings.rewards["foot_slip"], settings.rewards["gait"]], [0.0; 2]);
@@ -102,7 +102,7 @@ fn wheels_get_velocities_and_roll() {
     assert!((0.08 * scale / settings.command.x[1] - 1.0).abs() < 0.05, "{scale}");
     assert!((scale * interface.kd[wheel] / 10.0 - 1.0).abs() < 0.1, "{}", interface.kd[wheel]);
     assert_eq!(varied(&model, settings), Ok(300));
-    assert!(found.text.contains("wheels: their targets are velocities"), "{}", found.text);
+    assert!(known.text.contains("wheels: their targets are velocities"), "{}", known.text);
 
     // With limits it is a round foot.
     let feet = look(&rover("revolute")).unwrap().settings;
@@ -113,9 +113,9 @@ fn wheels_get_velocities_and_roll() {
 #[test]
 fn legs_in_a_plane_get_no_commands_to_the_side() {
     let model = robot(1.0, 0.0, BALL);
-    let found = look(&model).unwrap();
-    assert_eq!((found.settings.command.y, found.settings.command.x[1] > 0.5), ([0.0; 2], true));
-    assert!(found.text.contains("no joint moves a foot sideways"), "{}", found.text);
+    let known = look(&model).unwrap();
+    assert_eq!((known.settings.command.y, known.settings.command.x[1] > 0.5), ([0.0; 2], true));
+    assert!(known.text.contains("no joint moves a foot sideways"), "{}", known.text);
     let mut turned = model;
     turned.joints[0].axis = [1.0, 0.0, 0.0];
     assert!(look(&turned).unwrap().settings.command.y[1] > 0.1);
@@ -145,14 +145,14 @@ fn a_keyframe_with_folded_legs_is_no_standing_pose() {
         (0..4).for_each(|_| qpos.extend([thigh, knee]));
         let (qvel, ctrl) = (vec![0.0; model.nv()], Vec::new());
         model.keyframes.push(gaitfit_model::Keyframe { name: "home".into(), qpos, qvel, ctrl });
-        let found = look(&model).unwrap();
-        (found.settings.height, found.text.contains("keyframe `home`"))
+        let known = look(&model).unwrap();
+        (known.settings.height, known.text.contains("keyframe `home`"))
     };
-    let (stands, own) = height(0.8, -1.6);
-    assert!(own && stands > 0.25, "{stands}");
+    let (stands, by_keyframe) = height(0.8, -1.6);
+    assert!(by_keyframe && stands > 0.25, "{stands}");
     // As in Unitree's own B2: feet a fifth of the legs' length below the hips.
-    let (stood_up, own) = height(1.15, -2.45);
-    assert!(!own && stood_up > 0.25, "{stood_up}");
+    let (stood_up, by_keyframe) = height(1.15, -2.45);
+    assert!(!by_keyframe && stood_up > 0.25, "{stood_up}");
 }
 
 #[test]

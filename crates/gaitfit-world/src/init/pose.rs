@@ -115,12 +115,12 @@ fn draw_in(model: &Model, leg: &Leg, angles: &mut [f64]) {
     let slides = leg.joints.iter().filter(|&&joint| model.joints[joint].kind == JointKind::Slide);
     for &joint in slides {
         let frames = body_frames(model, &Frame::WORLD, angles);
-        let (own, at) = (&model.joints[joint], foot(model, leg, &frames));
+        let (slide, at) = (&model.joints[joint], foot(model, leg, &frames));
         let hip = leg.joints.first().map_or(at, |&hip| anchor(model, hip, &frames));
-        let rise = own.axis_at(&frames[own.body]).lever(at)[2];
+        let rise = slide.axis_at(&frames[slide.body]).lever(at)[2];
         let by = (1.0 - LIFTED) * (hip[2] - at[2]);
         if rise.abs() > 0.5 {
-            angles[joint] = within(own, angles[joint] + by / rise);
+            angles[joint] = within(slide, angles[joint] + by / rise);
             return;
         }
     }
@@ -140,14 +140,14 @@ const LIFTED: f64 = 0.88;
 
 /// A stance with some legs lifted: their feet are nearer to their hips, as far as the legs bend. `angles`: rad, model order.
 pub fn lifted(model: &Model, anatomy: &Anatomy, legs: &[usize], angles: &[f64]) -> Vec<f64> {
-    let mut found = angles.to_vec();
+    let mut lifted = angles.to_vec();
     for leg in legs.iter().map(|&leg| &anatomy.legs[leg]) {
         match share_of(model, leg, angles) {
-            Some(share) => bend(model, leg, LIFTED * share, anatomy.biped(), &mut found),
-            None => draw_in(model, leg, &mut found),
+            Some(share) => bend(model, leg, LIFTED * share, anatomy.biped(), &mut lifted),
+            None => draw_in(model, leg, &mut lifted),
         }
     }
-    found
+    lifted
 }
 
 /// A leg as far as it bends in the vertical plane.
@@ -168,9 +168,9 @@ impl Chain {
         let sideways = |joint: &usize| {
             model.joints[*joint].kind.is_hinge() && axis(model, *joint, frames)[1].abs() > 0.7
         };
-        let own = |joint: &usize| leg.joints.contains(joint) || model.only_follows(*joint);
+        let of_leg = |joint: &usize| leg.joints.contains(joint) || model.only_follows(*joint);
         let pitch: Vec<usize> =
-            leg.path.iter().copied().filter(|joint| own(joint) && sideways(joint)).collect();
+            leg.path.iter().copied().filter(|joint| of_leg(joint) && sideways(joint)).collect();
         let free: Vec<usize> = pitch.iter().copied().filter(|&joint| !model.only_follows(joint)).collect();
         if pitch.len() < 2 || free.is_empty() {
             return None;
@@ -246,9 +246,9 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
         now[2] - before[2]
     };
     let coupled = |angles: &[f64]| {
-        let mut all = angles.to_vec();
-        model.couple(&mut all);
-        body_frames(model, &Frame::WORLD, &all)
+        let mut coupled = angles.to_vec();
+        model.couple(&mut coupled);
+        body_frames(model, &Frame::WORLD, &coupled)
     };
     let cost = |angles: &[f64]| {
         let frames = coupled(angles);
@@ -265,20 +265,20 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
     let forward = drawn.unwrap_or(forward);
     let mut best: Option<(f64, Vec<f64>)> = None;
     for sign in [1.0, -1.0] {
-        let mut found = angles.to_vec();
+        let mut bent = angles.to_vec();
         for (place, &joint) in pitch.iter().enumerate().filter(|(_, joint)| chain.free.contains(joint)) {
             let turn = [0.6, -1.2, 0.6][place.min(2)] * sign * axis(joint)[1].signum();
-            found[joint] = well_within(&model.joints[joint], angles[joint] + turn);
+            bent[joint] = well_within(&model.joints[joint], angles[joint] + turn);
         }
-        let reached = descend(model, &chain.free, &mut found, cost);
-        let wrong_way = (knee_ahead(&found) > 0.0) != forward;
+        let reached = descend(model, &chain.free, &mut bent, cost);
+        let wrong_way = (knee_ahead(&bent) > 0.0) != forward;
         let rated = reached + if wrong_way { 1e-3 } else { 0.0 };
         if best.as_ref().is_none_or(|(other, _)| rated < *other) {
-            best = Some((rated, found));
+            best = Some((rated, bent));
         }
     }
-    if let Some((_, found)) = best {
-        angles.copy_from_slice(&found);
+    if let Some((_, bent)) = best {
+        angles.copy_from_slice(&bent);
         model.couple(angles);
     }
 }
@@ -301,9 +301,9 @@ fn descend(model: &Model, joints: &[usize], angles: &mut [f64], cost: impl Fn(&[
             let mut better = false;
             for sign in [1.0, -1.0] {
                 angles[joint] = well_within(&model.joints[joint], before + sign * *step);
-                let found = cost(angles);
-                if found < best {
-                    (best, better) = (found, true);
+                let value = cost(angles);
+                if value < best {
+                    (best, better) = (value, true);
                     break;
                 }
                 angles[joint] = before;

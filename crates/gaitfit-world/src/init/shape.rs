@@ -49,13 +49,13 @@ struct Footprint {
 /// Extents of points along a direction and across it: lowest and highest of both.
 fn extents(points: &[Vec3], yaw: f64) -> [[f64; 2]; 2] {
     let (sine, cosine) = yaw.sin_cos();
-    let mut found = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+    let mut extents = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
     for [x, y, _] in points {
-        for ([low, high], value) in found.iter_mut().zip([cosine * x + sine * y, cosine * y - sine * x]) {
+        for ([low, high], value) in extents.iter_mut().zip([cosine * x + sine * y, cosine * y - sine * x]) {
             (*low, *high) = (low.min(value), high.max(value));
         }
     }
-    found
+    extents
 }
 
 impl Footprint {
@@ -65,8 +65,8 @@ impl Footprint {
         let yaws = (0..DIRECTIONS).map(|step| quarter * step as f64 / DIRECTIONS as f64);
         // Rectangles along the axes come first: among equals they are what a file means.
         let best = yaws.fold((0.0, f64::INFINITY), |(best, least), yaw| {
-            let found = area(yaw);
-            if found < 0.98 * least { (yaw, found) } else { (best, least) }
+            let area = area(yaw);
+            if area < 0.98 * least { (yaw, area) } else { (best, least) }
         });
         Self::along(points, best.0)
     }
@@ -232,25 +232,25 @@ mod tests {
     #[test]
     #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
     fn a_ball_a_rod_and_a_sole_are_told_apart() {
-        let found = foot(&ball(0.02), 0.4, true).unwrap();
-        let Shape::Sphere { radius } = found.shape else { panic!("{found:?}") };
-        assert!((radius - 0.02).abs() < 0.002 && (found.pos[2] - radius + 0.3).abs() < 1e-4, "{found:?}");
+        let fitted = foot(&ball(0.02), 0.4, true).unwrap();
+        let Shape::Sphere { radius } = fitted.shape else { panic!("{fitted:?}") };
+        assert!((radius - 0.02).abs() < 0.002 && (fitted.pos[2] - radius + 0.3).abs() < 1e-4, "{fitted:?}");
 
         let rod: Vec<Vec3> = [-0.05, 0.0, 0.05]
             .iter()
             .flat_map(|y| ball(0.02).into_iter().map(move |p| [p[0], p[1] + y, p[2]]))
             .collect();
-        let found = foot(&rod, 0.4, true).unwrap();
-        let Shape::Capsule { radius, half_length } = found.shape else { panic!("{found:?}") };
-        assert!((radius - 0.02).abs() < 0.004 && (half_length - 0.045).abs() < 0.01, "{found:?}");
-        assert!(gaitfit_model::rotation::axes(found.quat)[2][1].abs() > 0.99, "{found:?}");
+        let fitted = foot(&rod, 0.4, true).unwrap();
+        let Shape::Capsule { radius, half_length } = fitted.shape else { panic!("{fitted:?}") };
+        assert!((radius - 0.02).abs() < 0.004 && (half_length - 0.045).abs() < 0.01, "{fitted:?}");
+        assert!(gaitfit_model::rotation::axes(fitted.quat)[2][1].abs() > 0.99, "{fitted:?}");
 
         let sole = block([0.1, 0.04, 0.03]);
-        let found = foot(&sole, 0.8, true).unwrap();
-        let Shape::Box { half_size: [a, b, c] } = found.shape else { panic!("{found:?}") };
+        let fitted = foot(&sole, 0.8, true).unwrap();
+        let Shape::Box { half_size: [a, b, c] } = fitted.shape else { panic!("{fitted:?}") };
         assert!(
-            (a - 0.1).abs() < 1e-9 && (b - 0.04).abs() < 1e-9 && (found.pos[2] - c + 0.3).abs() < 1e-9,
-            "{found:?}"
+            (a - 0.1).abs() < 1e-9 && (b - 0.04).abs() < 1e-9 && (fitted.pos[2] - c + 0.3).abs() < 1e-9,
+            "{fitted:?}"
         );
         // Four legs stand on balls.
         assert!(matches!(foot(&sole, 0.4, false).unwrap().shape, Shape::Sphere { .. }));
@@ -265,9 +265,9 @@ mod tests {
                 .map(move |k| [radius * (k as f64 * 0.131).cos(), y, radius * (k as f64 * 0.131).sin() - 0.3])
         };
         let points: Vec<Vec3> = ring(0.08, -0.02).chain(ring(0.08, 0.02)).collect();
-        let found = wheel(&points, [0.0, 0.0, -0.3], [0.0, 1.0, 0.0]).unwrap();
-        let Shape::Cylinder { radius, half_length } = found.shape else { panic!("{found:?}") };
-        assert!((radius - 0.08).abs() < 1e-9 && (half_length - 0.02).abs() < 1e-9, "{found:?}");
+        let fitted = wheel(&points, [0.0, 0.0, -0.3], [0.0, 1.0, 0.0]).unwrap();
+        let Shape::Cylinder { radius, half_length } = fitted.shape else { panic!("{fitted:?}") };
+        assert!((radius - 0.08).abs() < 1e-9 && (half_length - 0.02).abs() < 1e-9, "{fitted:?}");
         assert_eq!(wheel(&block([0.1, 0.02, 0.03]), [0.0, 0.0, -0.27], [0.0, 1.0, 0.0]), None);
         assert_eq!(wheel(&points, [0.05, 0.0, -0.3], [0.0, 1.0, 0.0]), None, "not about its middle");
     }

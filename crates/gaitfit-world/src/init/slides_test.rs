@@ -14,19 +14,19 @@ fn telescope() -> Model {
 #[test]
 fn telescopic_legs_get_a_task_in_metres() {
     let model = telescope();
-    let found = look(&model).unwrap();
-    let policy = &found.settings.policy;
-    assert_eq!(found.settings.feet, ["FL_foot", "FR_foot", "RL_foot", "RR_foot"]);
+    let look = look(&model).unwrap();
+    let policy = &look.settings.policy;
+    assert_eq!(look.settings.feet, ["FL_foot", "FR_foot", "RL_foot", "RR_foot"]);
     let joints: Vec<&str> = policy.joints.iter().map(String::as_str).collect();
     let legs = ["FL", "FR", "RL", "RR"].map(|leg| [format!("{leg}_hip"), format!("{leg}_slide")]).concat();
     assert_eq!(joints, legs);
-    let text = found.configuration("telescope.xml", false);
+    let text = look.configuration("telescope.xml", false);
     for words in
         ["rad (slides: m) per unit action", "N·m/rad (slides: N/m)", "rad (slides: m): keyframe `home`"]
     {
         assert!(text.contains(words), "{words}: {text}");
     }
-    assert_eq!(found.settings.start.joint_position, 0.01);
+    assert_eq!(look.settings.start.joint_position, 0.01);
     assert!(text.contains("\"FL_slide\" = 0.03") && text.contains("\"RR_slide\" = 0.05"), "{text}");
 }
 
@@ -36,13 +36,13 @@ fn legs_without_a_keyframe_stand_on_slides_that_are_half_out() {
     let mut model = telescope();
     model.keyframes.clear();
     model.actuators.clear();
-    let found = look(&model).unwrap();
+    let look = look(&model).unwrap();
     let slide = model.joint("FL_slide").unwrap();
-    assert!((found.angles[slide] - 0.02).abs() < 1e-12, "{:?}", found.angles);
-    let text = found.configuration("telescope.xml", false);
+    assert!((look.angles[slide] - 0.02).abs() < 1e-12, "{:?}", look.angles);
+    let text = look.configuration("telescope.xml", false);
     assert!(text.contains("slides: 10 m g / l ="), "{text}");
     // The page of the gait lifts the feet by the slides.
-    let stance = found.stance(&model);
+    let stance = look.stance(&model);
     let frames = &stance.robots[0].frames;
     let moved = frames.iter().map(|frame| frame.joints[slide]).fold(0.0, |least: f64, q| least.min(q - 0.02));
     assert!(moved < -0.01, "{moved}");

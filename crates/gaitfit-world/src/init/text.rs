@@ -134,13 +134,20 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
         );
         text.push_str(&biped_observations());
     }
-    let all: Vec<usize> = (0..model.joints.len()).collect();
+    let joints: Vec<usize> = (0..model.joints.len()).collect();
     let rolls = if anatomy.wheels.is_empty() { "" } else { "; wheels: rad/s" };
     let unit = format!("{} per unit action{rolls}", model.units("rad"));
     numbers(&mut text, model, &acting, "action_scale", &gains.scale, &unit);
-    numbers(&mut text, model, &all, "kp", &gains.kp, &format!("{}: {}", model.units("N·m/rad"), gains.how));
+    numbers(
+        &mut text,
+        model,
+        &joints,
+        "kp",
+        &gains.kp,
+        &format!("{}: {}", model.units("N·m/rad"), gains.how),
+    );
     let guessed = if gains.how.contains("(a guess)") { " (a guess)" } else { "" };
-    numbers(&mut text, model, &all, "kd", &gains.kd, &format!("{}{guessed}", model.units("N·m·s/rad")));
+    numbers(&mut text, model, &joints, "kd", &gains.kd, &format!("{}{guessed}", model.units("N·m·s/rad")));
     let _ = writeln!(text, "\n[task.policy.default_pose]       # {}: {}", model.units("rad"), pose.how());
     let stated = model.joints.iter().zip(&pose.angles).enumerate();
     for (index, (joint, angle)) in stated.filter(|(index, _)| !model.only_follows(*index)) {

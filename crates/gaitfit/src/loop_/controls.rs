@@ -90,24 +90,24 @@ pub fn comparisons(after: &str, evaluations: &[Measurement]) -> Vec<Comparison> 
 /// What the fit bought over the best that there is without logs: over randomisation, or else over the nominal simulator.
 pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option<String> {
     let against = |name: &str| comparisons.iter().find(|one| one.against == name);
-    let (found, than) = against(RANDOMISED)
-        .map(|found| (found, "domain randomisation"))
-        .or_else(|| against(NOMINAL).map(|found| (found, "the nominal simulator")))?;
+    let (comparison, than) = against(RANDOMISED)
+        .map(|comparison| (comparison, "domain randomisation"))
+        .or_else(|| against(NOMINAL).map(|comparison| (comparison, "the nominal simulator")))?;
     let error = |policy: &str| -> Option<f64> {
-        let measured = |one: &&Measurement| one.on == found.on && one.evaluation.policy == policy;
+        let measured = |one: &&Measurement| one.on == comparison.on && one.evaluation.policy == policy;
         evaluations.iter().find(measured).map(|one: &Measurement| tracking_error(&one.evaluation))
     };
-    let (fitted, other) = (error(&found.policy)?, error(&found.against)?);
+    let (fitted, other) = (error(&comparison.policy)?, error(&comparison.against)?);
     let less = |small: f64, large: f64| {
         let share = 100.0 * (1.0 - small / large);
         if share.is_finite() { format!("{share:.0} % ") } else { String::new() }
     };
-    let numbers = found.numbers();
-    Some(match found.better() {
+    let numbers = comparison.numbers();
+    Some(match comparison.better() {
         Better::Policy => {
             format!("The fit gave {}less tracking error than {than}: {numbers}.", less(fitted, other))
         }
-        Better::Neither => match less_of(found) {
+        Better::Neither => match less_of(comparison) {
             Some(which) => format!(
                 "The fit gave less {which} error than {than}, but the sum of both errors does not differ from \
                  chance: {numbers}."
@@ -125,9 +125,9 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
 }
 
 /// Of which error alone there is less beyond chance.
-fn less_of(found: &Comparison) -> Option<&'static str> {
-    let less = |of: Estimate| of.mean + of.ci95 < 0.0;
-    match (less(found.linear_velocity_error), less(found.angular_velocity_error)) {
+fn less_of(comparison: &Comparison) -> Option<&'static str> {
+    let less = |difference: Estimate| difference.mean + difference.ci95 < 0.0;
+    match (less(comparison.linear_velocity_error), less(comparison.angular_velocity_error)) {
         (true, _) => Some("linear"),
         (_, true) => Some("angular"),
         _ => None,
@@ -176,10 +176,10 @@ mod tests {
             measured(NOMINAL, TARGET, |k| hard(k) + 0.2),
             measured(RANDOMISED, TARGET, hard),
         ];
-        let found = comparisons("π₁", &evaluations);
-        assert_eq!(found.len(), 3, "the same place, each once");
-        assert!(found.iter().all(|one| one.paired && one.on == TARGET));
-        (bought(&found, &evaluations), found.iter().filter_map(warning).collect())
+        let comparisons = comparisons("π₁", &evaluations);
+        assert_eq!(comparisons.len(), 3, "the same place, each once");
+        assert!(comparisons.iter().all(|one| one.paired && one.on == TARGET));
+        (bought(&comparisons, &evaluations), comparisons.iter().filter_map(warning).collect())
     }
 
     #[test]

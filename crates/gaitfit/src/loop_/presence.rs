@@ -24,11 +24,11 @@ pub fn target(
     let theta = files::truth(folder);
     let words = words(target);
     let run = |python: Option<&str>| -> Result<Option<Target>, Error> {
-        let found = setup.target(target, theta.clone(), python)?;
-        if let Target::Command(command) = &found {
+        let target = setup.target(target, theta.clone(), python)?;
+        if let Target::Command(command) = &target {
             command.check_programs()?;
         }
-        Ok(Some(found))
+        Ok(Some(target))
     };
     if words.is_empty() {
         return Ok((run(None)?, None));
@@ -38,11 +38,11 @@ pub fn target(
         watch.note(&format!("this run began without its robot ({why}) and ends without it"));
         return Ok((None, Some(why)));
     }
-    let found = probe(&words, target.timeout_seconds, watch);
+    let answer = probe(&words, target.timeout_seconds, watch);
     if watch.stop() {
         return Err(Error::interrupted_with_nothing("interrupted"));
     }
-    let why = match found {
+    let why = match answer {
         Ok(python) => {
             folder.write_json(PRESENCE, &Presence { there: true, why: String::new() })?;
             return Ok((run(python.as_deref())?, None));

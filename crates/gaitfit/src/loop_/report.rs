@@ -59,7 +59,7 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
 
 /// That robots diverged, which is to be said first.
 fn divergence(results: &Results) -> Option<Doubt> {
-    results.divergence().map(|found| Doubt::new(DoubtKind::Diverged, format!("{found}.")))
+    results.divergence().map(|divergence| Doubt::new(DoubtKind::Diverged, format!("{divergence}.")))
 }
 
 /// That the robot was not there, or that it is the program's own simulator.

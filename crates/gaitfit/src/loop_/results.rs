@@ -157,19 +157,19 @@ impl Results {
 
     /// What was measured of a policy in a simulator.
     pub fn measured(&self, policy: &str, on: &str) -> Option<&Evaluation> {
-        let found = self.evaluations.iter().find(|one| one.on == on && one.evaluation.policy == policy);
-        found.map(|one| &one.evaluation)
+        let measurement = self.evaluations.iter().find(|one| one.on == on && one.evaluation.policy == policy);
+        measurement.map(|one| &one.evaluation)
     }
 }
 
 /// See [`Results::divergence`].
 pub(super) fn divergence(evaluations: &[Measurement]) -> Option<String> {
     let note = |one: &Measurement| {
-        let found = one.evaluation.divergence()?;
-        Some(format!("{} on {}: {found}", one.evaluation.policy, one.on))
+        let divergence = one.evaluation.divergence()?;
+        Some(format!("{} on {}: {divergence}", one.evaluation.policy, one.on))
     };
-    let found: Vec<String> = evaluations.iter().filter_map(note).collect();
-    (!found.is_empty()).then(|| found.join(". "))
+    let divergences: Vec<String> = evaluations.iter().filter_map(note).collect();
+    (!divergences.is_empty()).then(|| divergences.join(". "))
 }
 
 /// Sum of both tracking errors, m/s and rad/s.

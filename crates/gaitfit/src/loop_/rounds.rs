@@ -44,8 +44,8 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
         watch.note("without the robot there is one round");
     }
     let mut stages = Stages::new(setup, folder, target, watch)?;
-    let all = count(setup, max, stages.target.as_ref());
-    stages = stages.counted(all);
+    let stage_count = count(setup, max, stages.target.as_ref());
+    stages = stages.counted(stage_count);
     let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
     let mut evaluations = Vec::new();
     evaluations.extend(measurement(TARGET, stages.on_target("policy-0", &first)?));
@@ -269,8 +269,8 @@ fn helped(setup: &Setup, rounds: &[RoundResult], evaluations: &[Measurement]) ->
 }
 
 fn measured<'a>(evaluations: &'a [Measurement], policy: &str) -> Option<&'a Evaluation> {
-    let found = evaluations.iter().find(|one| one.on == TARGET && one.evaluation.policy == policy);
-    found.map(|one| &one.evaluation)
+    let measurement = evaluations.iter().find(|one| one.on == TARGET && one.evaluation.policy == policy);
+    measurement.map(|one| &one.evaluation)
 }
 
 fn has_reference(setup: &Setup) -> bool {
@@ -333,20 +333,20 @@ fn warnings(
     evaluations: &[Measurement],
     comparisons: &[Comparison],
 ) -> Vec<String> {
-    let mut found = Vec::from_iter(results::divergence(evaluations));
+    let mut warnings = Vec::from_iter(results::divergence(evaluations));
     let elsewhere =
         |round: &RoundResult| round.fallback.as_ref().map(|why| format!("round {}: {why}", round.round));
-    found.extend(rounds.iter().filter_map(elsewhere));
-    found.extend(comparisons.iter().filter_map(controls::warning));
+    warnings.extend(rounds.iter().filter_map(elsewhere));
+    warnings.extend(comparisons.iter().filter_map(controls::warning));
     for round in rounds {
         let (before, after) = (measured(evaluations, &round.before), measured(evaluations, &round.after));
         let (Some(before), Some(after)) = (before, after) else { continue };
         if compare(TARGET, after, before).better() != Better::Policy {
-            found.push(format!("{} tracks no better than {} on the target", round.after, round.before));
+            warnings.push(format!("{} tracks no better than {} on the target", round.after, round.before));
         }
         let (falls, fell) = (after.fall_rate, before.fall_rate);
         if falls.mean - falls.ci95 > fell.mean + fell.ci95 {
-            found.push(format!("{} falls more often than {} on the target", round.after, round.before));
+            warnings.push(format!("{} falls more often than {} on the target", round.after, round.before));
         }
     }
     let which = |round: &RoundResult| match rounds.len() {
@@ -355,23 +355,24 @@ fn warnings(
     };
     for round in rounds {
         let said = round.finetune.doubts.iter();
-        found.extend(said.map(|doubt| format!("{}{}: {}", which(round), doubt.kind.headline(), doubt.text)));
-        found.extend(round.finetune.warnings.iter().map(|warning| format!("{}{warning}", which(round))));
+        warnings
+            .extend(said.map(|doubt| format!("{}{}: {}", which(round), doubt.kind.headline(), doubt.text)));
+        warnings.extend(round.finetune.warnings.iter().map(|warning| format!("{}{warning}", which(round))));
     }
     let last = rounds.last().map(|round| round.round);
     for round in rounds.iter().filter(|round| Some(round.round) != last) {
         let doubts = &round.adapt.doubts;
         let said =
             doubts.iter().map(|doubt| format!("{}{}: {}", which(round), doubt.kind.headline(), doubt.text));
-        found.extend(said);
+        warnings.extend(said);
     }
     for of_logs in [false, true] {
         for (round, fit) in rounds.iter().zip(fits) {
             let about = round.adapt.warnings.iter().filter(|one| fit.warnings.contains(one) == of_logs);
-            found.extend(about.map(|warning| format!("{}{warning}", which(round))));
+            warnings.extend(about.map(|warning| format!("{}{warning}", which(round))));
         }
     }
-    found
+    warnings
 }
 
 #[cfg(test)]

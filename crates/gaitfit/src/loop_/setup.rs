@@ -73,9 +73,9 @@ impl Setup {
         let mut logs = Vec::new();
         let mut doubts = Vec::new();
         if !config.logs.is_empty() {
-            let (found, warnings) = log_files::find(&config.logs, config_path)?;
+            let (log_files, warnings) = log_files::find(&config.logs, config_path)?;
             doubts.extend(warnings);
-            logs.extend(found.into_iter().map(|file| file.path));
+            logs.extend(log_files.into_iter().map(|file| file.path));
             files.extend(logs.iter().cloned());
         }
         let policy = gaitfit_policy_files::read(&policy_path)?;
@@ -109,8 +109,8 @@ impl Setup {
         }
         let truth = match &config.target {
             Some(target) if target.kind == TargetKind::Simulated => {
-                let (truth, found) = target::truth(target, config_path, &model)?;
-                doubts.extend(found);
+                let (truth, target_doubts) = target::truth(target, config_path, &model)?;
+                doubts.extend(target_doubts);
                 Some(truth)
             }
             _ => None,

@@ -248,23 +248,24 @@ impl<'a> Stages<'a> {
         robot: &TrainingRobot,
         mut trained: Vec<(u64, Vec<u8>)>,
     ) -> Result<(u64, Vec<u8>), Error> {
-        let mut found = Vec::with_capacity(trained.len());
+        let mut evaluations = Vec::with_capacity(trained.len());
         for (seed, bytes) in trained.iter().filter(|_| trained.len() > 1) {
             let policy = weights::read(bytes)?;
             let (spring, torque_noise) = (robot.spring.clone(), robot.torque_noise);
             let arguments = self.setup.world_arguments(robot.theta.clone());
             let world = self.setup.world(&policy, &WorldSettings { spring, torque_noise, ..arguments })?;
             let name = format!("seed {seed}");
-            found.push(measure(&world, &name, &self.setup.choice_of_trainings(), self.watch)?.evaluation);
+            evaluations
+                .push(measure(&world, &name, &self.setup.choice_of_trainings(), self.watch)?.evaluation);
         }
-        let error = |number: usize| found.get(number).map_or(f64::INFINITY, tracking_error);
+        let error = |number: usize| evaluations.get(number).map_or(f64::INFINITY, tracking_error);
         let best = (0..trained.len()).min_by(|a, b| error(*a).total_cmp(&error(*b))).unwrap_or_default();
-        if found.len() > 1 {
+        if evaluations.len() > 1 {
             let each: Vec<String> =
-                found.iter().map(|one| format!("{} {:.4}", one.policy, tracking_error(one))).collect();
+                evaluations.iter().map(|one| format!("{} {:.4}", one.policy, tracking_error(one))).collect();
             self.watch.note(&format!(
                 "{stage}: the policy of {} is taken; tracking errors where they were trained (m/s and rad/s added): {}",
-                found[best].policy,
+                evaluations[best].policy,
                 each.join(", ")
             ));
         }
@@ -293,9 +294,9 @@ impl<'a> Stages<'a> {
         let Some(target) = self.target.take_if(|target| target.measures()) else { return Ok(None) };
         let watch = self.watch;
         let what = format!("{} on the target, {}", policy.name, target.description());
-        let found = self.evaluation(name, &what, || target.evaluate(policy, &plan, watch));
+        let evaluation = self.evaluation(name, &what, || target.evaluate(policy, &plan, watch));
         self.target = Some(target);
-        found
+        evaluation
     }
 
     /// What is measured of a policy in the simulator of a fit.
@@ -310,8 +311,8 @@ impl<'a> Stages<'a> {
         let what = format!("{} in the simulator of round {round}", policy.name);
         self.evaluation(&format!("{stem}-adapted-{round}"), &what, || {
             let world = setup.adapted(policy, theta.to_owned())?;
-            let found = measure(&world, &policy.name, &setup.plan(), watch)?.evaluation;
-            Ok(Some(Evaluation { simulator: format!("the simulator of round {round}"), ..found }))
+            let evaluation = measure(&world, &policy.name, &setup.plan(), watch)?.evaluation;
+            Ok(Some(Evaluation { simulator: format!("the simulator of round {round}"), ..evaluation }))
         })
     }
 
@@ -335,12 +336,12 @@ impl<'a> Stages<'a> {
         let plan = self.setup.plan();
         self.announce(&format!("evaluations: {what}, {} trajectories", plan.trajectories));
         let begun = Instant::now();
-        let found = make()?;
-        if let Some(found) = &found {
-            self.folder.write_json(&file, found)?;
+        let evaluation = make()?;
+        if let Some(evaluation) = &evaluation {
+            self.folder.write_json(&file, evaluation)?;
             self.times.set(&format!("evaluations/{name}"), begun.elapsed().as_secs_f64())?;
         }
-        Ok(found)
+        Ok(evaluation)
     }
 
     /// Writes a stage's configuration, as the stage's own command reads it.

@@ -62,7 +62,7 @@ pub struct Written {
 }
 
 /// What the configuration is made from.
-struct Found<'a> {
+struct Inputs<'a> {
     settings: &'a NewSettings,
     out: &'a Path,
     model: Model,
@@ -166,9 +166,9 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
     }
     let gains = if policy.is_some() { None } else { gains(settings, &model, &logs)? };
     let groups = groups::by_name(&crate::robot::joint_names(&model));
-    let found = Found { settings, out, model, policy, logs, gains, groups };
-    files::write(out, found.text().as_bytes())?;
-    let mut written = found.checked();
+    let inputs = Inputs { settings, out, model, policy, logs, gains, groups };
+    files::write(out, inputs.text().as_bytes())?;
+    let mut written = inputs.checked();
     written.warnings.splice(0..0, moved);
     Ok(written)
 }
@@ -232,7 +232,7 @@ fn gains(settings: &NewSettings, model: &Model, logs: &Logs) -> Result<Option<Ga
     Ok(Some(Gains { kp: named(0), kd: named(1), source: "the robot file's position actuators" }))
 }
 
-impl Found<'_> {
+impl Inputs<'_> {
     /// The command's name, and its whole line.
     fn next(&self) -> String {
         let command = if self.trains() { "loop" } else { "fit" };
@@ -297,14 +297,14 @@ impl Found<'_> {
         }
         let Some(setup) = setup else { return lines };
         if let (Some(policy), Some(notes)) = (&self.policy, &setup.notes) {
-            let found = &notes.policy_match;
+            let policy_match = &notes.policy_match;
             let rate = 1.0 / policy.interface.control_dt;
-            let verdict = if found.agrees() { "it walked in these logs" } else { "see the warnings" };
+            let verdict = if policy_match.agrees() { "it walked in these logs" } else { "see the warnings" };
             add(
                 "policy",
                 format!(
                     "{rate:.0} Hz; differs from the logged actions by {:.3} of their spread: {verdict}",
-                    found.mismatch
+                    policy_match.mismatch
                 ),
             );
         }
@@ -314,9 +314,9 @@ impl Found<'_> {
         // Hinges and slides have rules of their own.
         parameters.dedup();
         let numbers = setup.config.number.iter().map(|rule| rule.kind.name());
-        let all: Vec<&str> = parameters.into_iter().chain(numbers).collect();
-        let delay = if all.contains(&"delay") { "" } else { "; the delay is taken as 0" };
-        add("fitted", format!("{}{delay}", all.join(", ")));
+        let fitted: Vec<&str> = parameters.into_iter().chain(numbers).collect();
+        let delay = if fitted.contains(&"delay") { "" } else { "; the delay is taken as 0" };
+        add("fitted", format!("{}{delay}", fitted.join(", ")));
         if let Some(delay) = self::delay(setup) {
             add("delay", delay);
         }

@@ -1,6 +1,6 @@
 //! The configuration as commented TOML.
 
-use super::{BOARD_SECONDS, Found, quoted};
+use super::{BOARD_SECONDS, Inputs, quoted};
 use crate::air::choices;
 use crate::world::trained_task;
 use gaitfit_log::PerJoint;
@@ -19,7 +19,7 @@ const IN_THE_AIR: [Parameter; 4] = [
 /// Name, what shares it, and what it is with its unit for hinges.
 type Parameter = (&'static str, &'static str, (&'static str, Option<&'static str>));
 
-impl Found<'_> {
+impl Inputs<'_> {
     /// The whole file.
     pub(super) fn text(&self) -> String {
         let walks = self.policy.is_some();
@@ -173,11 +173,11 @@ fn line(text: &mut String, key: &str, value: &str, comment: &str) {
 }
 
 /// A list of files, one a line.
-fn list(text: &mut String, key: &str, files: &[PathBuf], found: &Found<'_>, comment: &str) {
+fn list(text: &mut String, key: &str, files: &[PathBuf], inputs: &Inputs<'_>, comment: &str) {
     let comment = if comment.is_empty() { String::new() } else { format!("  # {comment}") };
     let _ = writeln!(text, "{key} = [{comment}");
     for file in files {
-        let _ = writeln!(text, "    {},", quoted(file, found.out));
+        let _ = writeln!(text, "    {},", quoted(file, inputs.out));
     }
     text.push_str("]\n");
 }

@@ -219,17 +219,17 @@ impl Run<'_> {
             setup.config.adapt(1, first.safetensors.display().to_string(), vec![logs.display().to_string()]);
         adapt.runs = stages.path(round).display().to_string();
         add_truth(&setup, &mut adapt);
-        let (fitted, found, theta) = stages.adapt(round, &adapt)?;
+        let (fitted, results, theta) = stages.adapt(round, &adapt)?;
         let mut result = SeedResult {
             seed,
-            fit: found.fits.first().map(|fit| SeedFit::new(fit, found.wall_seconds)),
+            fit: results.fits.first().map(|fit| SeedFit::new(fit, results.wall_seconds)),
             walk: None,
-            seconds: found.wall_seconds,
-            warnings: found.notes().into_iter().filter(|one| !fitted.warnings.contains(one)).collect(),
+            seconds: results.wall_seconds,
+            warnings: results.notes().into_iter().filter(|one| !fitted.warnings.contains(one)).collect(),
             run_folder: folder.path().display().to_string(),
         };
         if self.kind == Kind::Finetuning {
-            let robot = TrainingRobot::fitted(theta.clone(), settled::of_fit(&found, &theta)?);
+            let robot = TrainingRobot::fitted(theta.clone(), settled::of_fit(&results, &theta)?);
             let (trained, _, bytes) = stages.finetune(round, &first, &robot)?;
             let policy = stages.keep(&policy_name(1), "policy-1", &bytes)?;
             result.walk = stages.on_target("policy-1", &policy)?.as_ref().map(Walk::from);

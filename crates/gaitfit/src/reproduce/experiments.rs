@@ -46,12 +46,12 @@ pub fn read(
     for cell in &table.cells {
         let selected = matcher.as_ref().is_none_or(|matcher| matcher.is_match(&cell.name));
         // The paper's method takes values as its search finds them; --set can ask for more.
-        let mut all = vec!["adapt.optimizer.replicates=0".to_owned()];
+        let mut changes = vec!["adapt.optimizer.replicates=0".to_owned()];
         if full {
-            all.extend(paper.full(cell));
+            changes.extend(paper.full(cell));
         }
-        all.extend_from_slice(sets);
-        experiments.push(one(cell, folder, &all, selected)?);
+        changes.extend_from_slice(sets);
+        experiments.push(one(cell, folder, &changes, selected)?);
     }
     if let (Some(pattern), false) = (only, experiments.iter().any(|one| one.selected)) {
         let names: Vec<&str> = table.cells.iter().map(|cell| cell.name.as_str()).collect();

@@ -153,22 +153,22 @@ impl SeedFit {
 }
 
 impl From<&Evaluation> for Walk {
-    fn from(found: &Evaluation) -> Self {
+    fn from(evaluation: &Evaluation) -> Self {
         Self {
-            reward: found.reward,
-            linear_velocity_error: found.linear_velocity_error,
-            angular_velocity_error: found.angular_velocity_error,
-            fall_rate: found.fall_rate,
-            drift: drift(found),
+            reward: evaluation.reward,
+            linear_velocity_error: evaluation.linear_velocity_error,
+            angular_velocity_error: evaluation.angular_velocity_error,
+            fall_rate: evaluation.fall_rate,
+            drift: drift(evaluation),
         }
     }
 }
 
 /// Mean over the commands under which any robot stood to the end; the paper's hardware tables have one robot, so there is
 /// no interval.
-fn drift(found: &Evaluation) -> Option<Estimate> {
+fn drift(evaluation: &Evaluation) -> Option<Estimate> {
     let distances: Vec<f64> =
-        found.drift.iter().map(DriftResult::distance).filter(|distance| distance.is_finite()).collect();
+        evaluation.drift.iter().map(DriftResult::distance).filter(|distance| distance.is_finite()).collect();
     let mean = gaitfit_sim::stats::mean(&distances)?;
     Some(Estimate { mean, ci95: f64::NAN })
 }
@@ -268,8 +268,8 @@ mod tests {
     #[test]
     fn an_interval_over_seeds_is_students() {
         // Deviation 1, three values: 4.303 / √3.
-        let found = of_few(&[1.0, 2.0, 3.0]);
-        assert!((found.mean - 2.0).abs() < 1e-12 && (found.ci95 - 2.4843).abs() < 1e-3, "{found:?}");
+        let estimate = of_few(&[1.0, 2.0, 3.0]);
+        assert!((estimate.mean - 2.0).abs() < 1e-12 && (estimate.ci95 - 2.4843).abs() < 1e-3, "{estimate:?}");
         assert!(of_few(&[2.0]).ci95.is_nan());
     }
 

@@ -250,8 +250,9 @@ fn walked(results: &Value, run: &mut Run) {
         false => evaluations.last().and_then(|one| one["on"].as_str()),
     };
     let error = |policy: &Value| {
-        let found = evaluations.iter().find(|one| one["policy"] == *policy && one["on"].as_str() == place)?;
-        found["linear_velocity_error"]["mean"].as_f64()
+        let evaluation =
+            evaluations.iter().find(|one| one["policy"] == *policy && one["on"].as_str() == place)?;
+        evaluation["linear_velocity_error"]["mean"].as_f64()
     };
     run.linear_velocity_error = [error(&results["before"]), error(&results["after"])];
     run.summary = match run.linear_velocity_error {

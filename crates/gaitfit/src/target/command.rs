@@ -132,7 +132,7 @@ impl Command {
             ],
         );
         let out = run(&words, "target.evaluate", self.timeout_seconds, watch)?;
-        let mut found: Evaluation = serde_json::from_slice(&out).map_err(|error| {
+        let mut evaluation: Evaluation = serde_json::from_slice(&out).map_err(|error| {
             let start = String::from_utf8_lossy(&out[..out.len().min(4 * MAX_SHOWN)]);
             let problem = format!(
                 "it printed no document such as `gaitfit evaluate --json` does: {error}. It begins: {}",
@@ -140,11 +140,11 @@ impl Command {
             );
             program_error("target.evaluate", &words, problem)
         })?;
-        if let Some(wrong) = found.wrong() {
+        if let Some(wrong) = evaluation.wrong() {
             return Err(program_error("target.evaluate", &words, format!("{wrong}, which cannot be")));
         }
-        found.policy = policy.name.clone();
-        Ok(Some(found))
+        evaluation.policy = policy.name.clone();
+        Ok(Some(evaluation))
     }
 
     /// Whether there is a program that measures.

@@ -104,8 +104,8 @@ impl Robot {
                     .unwrap_or_else(|| Error::failed("the robot made fewer walks than asked for."));
                 return Err(match made.len() {
                     0 => error,
-                    found => error.advised(format!(
-                        "{found} of {} walks are in {}; --resume asks for the others.",
+                    count => error.advised(format!(
+                        "{count} of {} walks are in {}; --resume asks for the others.",
                         self.trajectories,
                         sessions.display()
                     )),
@@ -177,7 +177,7 @@ impl Robot {
 /// The walks of all sessions, the first one first. A log too short for anything, the last of a session that was stopped,
 /// is none.
 fn made(sessions: &Path) -> Result<Vec<PathBuf>, Error> {
-    let mut found = Vec::new();
+    let mut logs = Vec::new();
     for number in 1.. {
         let session = sessions.join(number.to_string());
         if !session.is_dir() {
@@ -185,11 +185,11 @@ fn made(sessions: &Path) -> Result<Vec<PathBuf>, Error> {
         }
         for log in csv_files(&session)? {
             if seconds(&log)? >= SHORTEST {
-                found.push(log);
+                logs.push(log);
             }
         }
     }
-    Ok(found)
+    Ok(logs)
 }
 
 /// A folder for the next session.

@@ -170,9 +170,9 @@ impl Simulated {
         plan: &Plan,
         watch: &Watch<'_>,
     ) -> Result<Evaluation, Error> {
-        let found = measure(&self.world(policy)?, &policy.name, plan, watch)?.evaluation;
+        let evaluation = measure(&self.world(policy)?, &policy.name, plan, watch)?.evaluation;
         // Not where its file of numbers lies: documents are the same wherever the run's folder is.
-        Ok(Evaluation { simulator: self.description(), ..found })
+        Ok(Evaluation { simulator: self.description(), ..evaluation })
     }
 
     /// The policy under a row of commands (seconds, command).

@@ -111,8 +111,8 @@ impl Round {
     /// Standard deviation of that mean.
     fn noise(&self) -> Vec<f64> {
         let standard_error = |at: usize| {
-            let all: Vec<f64> = self.fits.iter().map(|fit| fit[at]).collect();
-            gaitfit_sim::stats::deviation(&all).unwrap_or(0.0) / (all.len().max(1) as f64).sqrt()
+            let values: Vec<f64> = self.fits.iter().map(|fit| fit[at]).collect();
+            gaitfit_sim::stats::deviation(&values).unwrap_or(0.0) / (values.len().max(1) as f64).sqrt()
         };
         (0..self.values.len()).map(standard_error).collect()
     }
@@ -154,10 +154,10 @@ pub fn correct(
     let loss = Loss::new(&here.residuals);
     let entries = problem.theta.entries().iter().zip(silent(problem.theta, &here, loss));
     let moving: Vec<bool> = entries.map(|(entry, silent)| !silent && world.shares(entry)).collect();
-    let Some((reference, own)) = further(problem, values, here, loss, &moving)? else {
+    let Some((reference, real)) = further(problem, values, here, loss, &moving)? else {
         return Ok(Err("The logs do not say which way the values found could move.".to_owned()));
     };
-    match (Inference { problem, world, found: values, values: &reference, loss, moving, own, replicates })
+    match (Inference { problem, world, fitted: values, values: &reference, loss, moving, real, replicates })
         .rounds()
     {
         _ if (problem.cancel)() => Err(FitError::Cancelled),
@@ -181,11 +181,11 @@ fn further(
         let step = Normal::whole(&here.jacobian, &here.residuals, loss).step(RIDGE, moving)?;
         Some(Comparison { left: Loss::new(&here.residuals).bulk(), step: step.as_slice().to_vec() })
     };
-    let Some(mut own) = compared(&here) else { return Ok(None) };
+    let Some(mut real) = compared(&here) else { return Ok(None) };
     let max = loss.mean(&here.residuals) * (1.0 + RISE);
     let mut at = values.to_vec();
     for _ in 0..FURTHER {
-        let entries = problem.theta.entries().iter().zip(&at).zip(own.step.iter());
+        let entries = problem.theta.entries().iter().zip(&at).zip(real.step.iter());
         let next: Vec<f64> = entries
             .map(|((entry, from), by)| {
                 let by = by.clamp(-entry.deviation, entry.deviation);
@@ -197,9 +197,9 @@ fn further(
         }
         let there = around(&problem, &next)?.filter(|there| loss.mean(&there.residuals) <= max);
         let Some(there) = there.as_ref().and_then(compared) else { break };
-        (at, own) = (next, there);
+        (at, real) = (next, there);
     }
-    Ok(Some((at, own)))
+    Ok(Some((at, real)))
 }
 
 struct Inference<'a> {
@@ -207,14 +207,14 @@ struct Inference<'a> {
     problem: Problem<'a>,
     world: &'a dyn World,
     /// Values of their fit.
-    found: &'a [f64],
+    fitted: &'a [f64],
     /// Where the slope of their loss ends.
     values: &'a [f64],
     loss: Loss,
     /// Entries that have an effect.
     moving: Vec<bool>,
     /// The answer of the real logs.
-    own: Comparison,
+    real: Comparison,
     replicates: u32,
 }
 
@@ -239,7 +239,7 @@ impl Inference<'_> {
                 let said = "Noise on the simulated robot's torques does not make its logs harder to predict.";
                 return Err(Failure::Said(said.to_owned()));
             }
-            let torque_noise = ((self.own.left - quiet) / rise).max(0.0).sqrt().min(MAX_NOISE);
+            let torque_noise = ((self.real.left - quiet) / rise).max(0.0).sqrt().min(MAX_NOISE);
             let drawn: Vec<u32> = numbers.by_ref().take(self.replicates as usize).collect();
             let compared = self.compared(&simulated, torque_noise, &drawn)?;
             if torque_noise > TELLING * FIRST_NOISE {
@@ -291,23 +291,23 @@ impl Inference<'_> {
     /// The correction by `rounds`. Those with the numbers `far` were far from the estimate.
     fn correction(&self, rounds: Vec<Round>, far: &[usize], response: &Response) -> Correction {
         let entries = self.problem.theta.entries().iter().enumerate();
-        let found = response.robot_of(self.values);
+        let robot = response.robot_of(self.values);
         let near = rounds.iter().enumerate().filter(|(number, _)| !far.contains(number));
         let last: Vec<&Round> = near.map(|(_, round)| round).rev().take(LAST).collect();
         let corrected = entries.map(|(at, entry)| {
-            if self.moving[at] { found[at].clamp(entry.lower, entry.upper) } else { self.found[at] }
+            if self.moving[at] { robot[at].clamp(entry.lower, entry.upper) } else { self.fitted[at] }
         });
         let spread = |at: usize| {
             let variance = |round: &&Round| {
-                let all: Vec<f64> = round.fits.iter().map(|fit| fit[at]).collect();
-                gaitfit_sim::stats::deviation(&all).unwrap_or(0.0).powi(2)
+                let values: Vec<f64> = round.fits.iter().map(|fit| fit[at]).collect();
+                gaitfit_sim::stats::deviation(&values).unwrap_or(0.0).powi(2)
             };
             mean(last.iter().map(variance)).sqrt()
         };
         Correction {
-            uncorrected: self.found.to_vec(),
+            uncorrected: self.fitted.to_vec(),
             corrected: corrected.collect(),
-            spread: (0..self.found.len()).map(spread).collect(),
+            spread: (0..self.fitted.len()).map(spread).collect(),
             torque_noise: mean(last.iter().map(|round| round.torque_noise)),
             replicates: last.iter().map(|round| round.fits.len()).sum(),
             response: response.rows(),
@@ -349,8 +349,8 @@ impl Inference<'_> {
 
     /// Where a fit of logs would end.
     fn fit(&self, compared: &Comparison) -> Vec<f64> {
-        let steps = compared.step.iter().zip(self.own.step.iter());
-        self.values.iter().zip(steps).map(|(value, (step, own))| value + step - own).collect()
+        let steps = compared.step.iter().zip(self.real.step.iter());
+        self.values.iter().zip(steps).map(|(value, (step, real))| value + step - real).collect()
     }
 
     /// The answers of some sets of logs of the robot `simulated` about the fitted values.

@@ -169,9 +169,9 @@ impl GaussNewton {
         let losses = tried.iter().enumerate().filter_map(|(at, one)| Some((at, loss.mean(one.as_ref()?))));
         let lowest = losses.min_by(|a, b| a.1.total_cmp(&b.1));
         let costs: Vec<f64> = tried.iter().flatten().map(|one| one.cost).collect();
-        let all = tried.iter().flatten().chain([&here.residuals]);
-        let (fallen, falls) =
-            all.fold((0, 0), |(fallen, falls), one| (fallen + usize::from(one.falls > 0), falls + one.falls));
+        let residuals = tried.iter().flatten().chain([&here.residuals]);
+        let (fallen, falls) = residuals
+            .fold((0, 0), |(fallen, falls), one| (fallen + usize::from(one.falls > 0), falls + one.falls));
         self.generation += 1;
         let mut stepped = Stepped {
             cost: here.residuals.cost,

@@ -28,8 +28,9 @@ pub(super) struct Loss {
 impl Loss {
     /// With the elbow that suits `residuals`.
     pub fn new(residuals: &Residuals) -> Self {
-        let mut all: Vec<f32> = residuals.recordings.iter().flatten().map(|found| found.abs()).collect();
-        let median = quantile(&mut all, 0.5);
+        let mut sizes: Vec<f32> =
+            residuals.recordings.iter().flatten().map(|residual| residual.abs()).collect();
+        let median = quantile(&mut sizes, 0.5);
         Self { elbow: (ELBOW * f64::from(median)).max(ROUNDING) }
     }
 
@@ -46,8 +47,8 @@ impl Loss {
 
     /// Its mean over all differences.
     pub fn mean(&self, residuals: &Residuals) -> f64 {
-        let huber = |found: &f32| {
-            let off = f64::from(*found).abs();
+        let huber = |residual: &f32| {
+            let off = f64::from(*residual).abs();
             if off <= self.elbow { 0.5 * off * off } else { self.elbow * (off - 0.5 * self.elbow) }
         };
         let count: usize = residuals.recordings.iter().map(Vec::len).sum();
@@ -56,8 +57,8 @@ impl Loss {
     }
 
     /// Weight of a difference in the normal equations.
-    fn weight(&self, found: f64) -> f64 {
-        let off = found.abs();
+    fn weight(&self, residual: f64) -> f64 {
+        let off = residual.abs();
         if off <= self.elbow { 1.0 } else { self.elbow / off }
     }
 }
@@ -141,10 +142,10 @@ impl Normal {
     ) -> Self {
         let (entries, width) = (jacobian.entries(), jacobian.width);
         let mut normal = Self::zero(entries);
-        let found = &residuals.recordings[recording];
+        let of_recording = &residuals.recordings[recording];
         let mut row = vec![0.0f64; entries];
         for at in rows.start * width..rows.end * width {
-            let off = f64::from(found[at]);
+            let off = f64::from(of_recording[at]);
             let weight = loss.weight(off);
             for (number, column) in row.iter_mut().zip(&jacobian.columns) {
                 *number = f64::from(column[recording][at]);
@@ -172,11 +173,17 @@ impl Normal {
 
     /// Of all samples.
     pub fn whole(jacobian: &Jacobian, residuals: &Residuals, loss: Loss) -> Self {
-        let mut all = Self::zero(jacobian.entries());
-        for (recording, found) in residuals.recordings.iter().enumerate() {
-            all.add(&Self::new(jacobian, residuals, loss, recording, 0..found.len() / jacobian.width.max(1)));
+        let mut sum = Self::zero(jacobian.entries());
+        for (recording, of_recording) in residuals.recordings.iter().enumerate() {
+            sum.add(&Self::new(
+                jacobian,
+                residuals,
+                loss,
+                recording,
+                0..of_recording.len() / jacobian.width.max(1),
+            ));
         }
-        all
+        sum
     }
 
     /// The step that lowers the loss of the local quadratic model most, with `damping` times the diagonal added
@@ -198,7 +205,7 @@ impl Normal {
             }
         }
         // Entries have units that differ by orders of magnitude.
-        let scale = matrix.diagonal().map(|own| 1.0 / own.sqrt());
+        let scale = matrix.diagonal().map(|value| 1.0 / value.sqrt());
         let scaled = DMatrix::from_fn(free.len(), free.len(), |i, j| matrix[(i, j)] * scale[i] * scale[j]);
         let solved = scaled.cholesky()?.solve(&slope.component_mul(&scale));
         let step = -solved.component_mul(&scale);

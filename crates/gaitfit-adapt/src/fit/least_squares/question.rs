@@ -104,8 +104,8 @@ pub fn answers<W: World + ?Sized>(
     let answer = |logs: Replicate| {
         let problem = Problem { simulator: logs.simulator.as_ref(), cost: logs.cost.as_ref(), ..problem };
         let Some(Slope { loss, moving }) = &question.step else {
-            let found = problem.residuals(std::slice::from_ref(&question.values))?.pop().flatten();
-            let left = found.map(|residuals| Loss::new(&residuals).bulk()).ok_or_else(diverged)?;
+            let residuals = problem.residuals(std::slice::from_ref(&question.values))?.pop().flatten();
+            let left = residuals.map(|residuals| Loss::new(&residuals).bulk()).ok_or_else(diverged)?;
             return Ok(Comparison { left, step: Vec::new() });
         };
         let here = around(&problem, &question.values)?.ok_or_else(diverged)?;

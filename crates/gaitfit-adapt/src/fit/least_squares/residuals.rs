@@ -120,7 +120,7 @@ impl Problem<'_> {
         {
             Ok(slopes) => {
                 let mut columns = columns.lock().unwrap_or_else(PoisonError::into_inner);
-                if let Some(slot) = columns.get_mut(entry).and_then(|own| own.get_mut(recording)) {
+                if let Some(slot) = columns.get_mut(entry).and_then(|of_entry| of_entry.get_mut(recording)) {
                     *slot = Some(slopes);
                 }
             }

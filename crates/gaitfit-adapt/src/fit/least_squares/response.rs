@@ -47,12 +47,12 @@ impl Response {
         let last = robots.last()?;
         let weights: Vec<f64> =
             robots.iter().map(|robot| 1.0 / (1.0 + (robot - last).norm_squared())).collect();
-        let all: f64 = weights.iter().sum();
+        let sum_of_weights: f64 = weights.iter().sum();
         let entries = scale.len();
         let middle = |of: &[DVector<f64>]| {
             of.iter()
                 .zip(&weights)
-                .fold(DVector::zeros(entries), |sum, (one, weight)| sum + one * (weight / all))
+                .fold(DVector::zeros(entries), |sum, (one, weight)| sum + one * (weight / sum_of_weights))
         };
         let (robot, fit) = (middle(&robots), middle(&fits));
         let noises = || rounds.iter().flat_map(|round| scaled(&round.noise).as_slice().to_vec());
@@ -122,8 +122,8 @@ mod tests {
     fn one_round_is_answered_one_to_one() {
         let response = Response::learnt(&[shown([0.5, 3.0], 0.01)], &SCALE).unwrap();
         let wanted = [shown([0.5, 3.0], 0.0).fit[0] + 0.1, shown([0.5, 3.0], 0.0).fit[1] - 1.0];
-        let found = response.robot_of(&wanted);
-        assert!((found[0] - 0.6).abs() < 1e-12 && (found[1] - 2.0).abs() < 1e-12, "{found:?}");
+        let robot = response.robot_of(&wanted);
+        assert!((robot[0] - 0.6).abs() < 1e-12 && (robot[1] - 2.0).abs() < 1e-12, "{robot:?}");
         assert_eq!(response.rows(), [[1.0, 0.0], [0.0, 1.0]]);
         assert!(Response::learnt(&[], &SCALE).is_none());
         assert!(Response::learnt(&[shown([f64::NAN, 3.0], 0.01)], &SCALE).is_none());
@@ -133,8 +133,8 @@ mod tests {
     fn a_weak_answer_is_learnt_and_undone() {
         let rounds = [[0.2, 1.0], [0.5, 3.0], [0.3, 6.0], [0.6, 4.5]].map(|robot| shown(robot, 0.0));
         let response = Response::learnt(&rounds, &SCALE).unwrap();
-        let found = response.robot_of(&shown([0.9, 8.0], 0.0).fit);
-        assert!((found[0] - 0.9).abs() < 0.01 && (found[1] - 8.0).abs() < 0.1, "{found:?}");
+        let robot = response.robot_of(&shown([0.9, 8.0], 0.0).fit);
+        assert!((robot[0] - 0.9).abs() < 0.01 && (robot[1] - 8.0).abs() < 0.1, "{robot:?}");
         let (rows, by) = (response.rows(), [0.1, 1.0]);
         let moved = rows[0][0] * by[0] + rows[0][1] * by[1];
         assert!((moved - 0.5).abs() < 0.02, "five times as far: {moved}");

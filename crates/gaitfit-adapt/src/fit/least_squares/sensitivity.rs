@@ -79,15 +79,18 @@ pub fn sensitivity(
 pub(super) fn inverse(curvature: &DMatrix<f64>) -> Vec<Vec<f64>> {
     let count = curvature.nrows();
     // Entries have units that differ by orders of magnitude.
-    let scale: Vec<f64> =
-        curvature.diagonal().iter().map(|own| if *own > 0.0 { 1.0 / own.sqrt() } else { 0.0 }).collect();
+    let scale: Vec<f64> = curvature
+        .diagonal()
+        .iter()
+        .map(|value| if *value > 0.0 { 1.0 / value.sqrt() } else { 0.0 })
+        .collect();
     let scaled = DMatrix::from_fn(count, count, |i, j| {
         if scale[i] * scale[j] == 0.0 { 0.0 } else { curvature[(i, j)] * scale[i] * scale[j] }
     });
-    let found = SymmetricEigen::new(scaled);
-    let min = MIN_EFFECT * found.eigenvalues.iter().copied().fold(0.0, f64::max);
+    let eigen = SymmetricEigen::new(scaled);
+    let min = MIN_EFFECT * eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
     let (mut identified, mut total) = (vec![true; count], DMatrix::<f64>::zeros(count, count));
-    for (value, vector) in found.eigenvalues.iter().zip(found.eigenvectors.column_iter()) {
+    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
         if *value > min {
             total += vector * vector.transpose() / *value;
         } else {
@@ -138,12 +141,12 @@ mod tests {
             4,
             &[4.0, 2.0, 0.0, 0.0, 2.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1e-8, 0.0, 0.0, 0.0, 0.0, 0.0],
         );
-        let found = inverse(&curvature);
-        assert!(found[0].is_empty() && found[1].is_empty() && found[3].is_empty());
-        assert!((found[2][2] / 1e8 - 1.0).abs() < 1e-9);
+        let inverted = inverse(&curvature);
+        assert!(inverted[0].is_empty() && inverted[1].is_empty() && inverted[3].is_empty());
+        assert!((inverted[2][2] / 1e8 - 1.0).abs() < 1e-9);
         let whole = DMatrix::from_row_slice(2, 2, &[4.0, 2.0, 2.0, 3.0]);
-        let found = inverse(&whole);
-        assert!((found[0][0] - 3.0 / 8.0).abs() < 1e-12 && (found[0][1] + 2.0 / 8.0).abs() < 1e-12);
+        let inverted = inverse(&whole);
+        assert!((inverted[0][0] - 3.0 / 8.0).abs() < 1e-12 && (inverted[0][1] + 2.0 / 8.0).abs() < 1e-12);
     }
 
     #[test]

@@ -82,8 +82,8 @@ pub fn uncertainty(
     }
     for alternative in alternatives {
         let other = Problem { simulator: alternative.simulator, ..problem };
-        let Some(found) = other.residuals(&[values.to_vec()])?.pop().flatten() else { continue };
-        let slope = Normal::whole(&here.jacobian, &found, loss).slope;
+        let Some(residuals) = other.residuals(&[values.to_vec()])?.pop().flatten() else { continue };
+        let slope = Normal::whole(&here.jacobian, &residuals, loss).slope;
         if let Some(by) = estimate.step(&(slope - &estimate.whole.slope)) {
             shifts.push(Shift { what: alternative.what.clone(), by });
         }
@@ -244,8 +244,8 @@ impl<'a> Estimate<'a> {
 /// Recordings, or pieces of them where they are few.
 fn pieces(residuals: &Residuals, width: usize) -> Vec<(usize, Range<usize>)> {
     let each = PIECES.div_ceil(residuals.recordings.len().max(1));
-    let blocks = |(recording, found): (usize, &Vec<f32>)| {
-        let samples = found.len() / width.max(1);
+    let blocks = |(recording, of_recording): (usize, &Vec<f32>)| {
+        let samples = of_recording.len() / width.max(1);
         let length = samples.div_ceil(each).max(MIN_SAMPLES);
         (0..samples)
             .step_by(length)

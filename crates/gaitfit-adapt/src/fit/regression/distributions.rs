@@ -85,7 +85,7 @@ impl<'a> Distributions<'a> {
         if logs.is_empty() || (kept as f64) < (1.0 - MAX_LOST) * self.counted() as f64 {
             return None;
         }
-        let mut all = Vec::new();
+        let mut numbers = Vec::new();
         for (signal, column, scale) in self.dimensions() {
             let mut pool = Vec::with_capacity(kept);
             for log in logs {
@@ -94,9 +94,9 @@ impl<'a> Distributions<'a> {
                 pool.extend(rows.map(|row| f64::from(row[column])));
             }
             pool.sort_unstable_by(f64::total_cmp);
-            all.extend(parts(&pool, scale));
+            numbers.extend(parts(&pool, scale));
         }
-        all.iter().all(|value| value.is_finite()).then_some(all)
+        numbers.iter().all(|value| value.is_finite()).then_some(numbers)
     }
 }
 

@@ -39,9 +39,10 @@ impl Likeness {
             let others = robots.iter().enumerate().filter(|(other, _)| *other != at);
             self::distance(&robots[at], &others.map(|(_, one)| one).collect::<Vec<_>>())
         };
-        let mut all: Vec<f64> = (0..robots.len()).map(apart).collect::<Option<_>>()?;
-        all.sort_by(f64::total_cmp);
-        let (typical, above) = (all[all.len() / 2], all[(ONE_DEVIATION * all.len() as f64) as usize]);
+        let mut distances: Vec<f64> = (0..robots.len()).map(apart).collect::<Option<_>>()?;
+        distances.sort_by(f64::total_cmp);
+        let (typical, above) =
+            (distances[distances.len() / 2], distances[(ONE_DEVIATION * distances.len() as f64) as usize]);
         let by_chance = typical * (above / typical).powi(2);
         (typical > 0.0).then_some(Self { distance, typical, by_chance, robots: robots.len() })
     }
@@ -61,8 +62,8 @@ impl Likeness {
 /// How much further `logs` are from the robots `others` than from `robots`: the ratio of the mean square distances from their
 /// means. Each number counts in units of the mean variance of both. `None` as in [`Likeness::new`].
 pub fn further(logs: &[f64], others: &[Vec<f64>], robots: &[Vec<f64>]) -> Option<f64> {
-    let all = || others.iter().chain(robots);
-    if others.len() < MIN_ROBOTS || robots.len() < MIN_ROBOTS || all().any(|one| one.len() != logs.len()) {
+    let both = || others.iter().chain(robots);
+    if others.len() < MIN_ROBOTS || robots.len() < MIN_ROBOTS || both().any(|one| one.len() != logs.len()) {
         return None;
     }
     let (mut to_others, mut to_robots) = (0.0, 0.0);
@@ -87,8 +88,8 @@ fn distance(logs: &[f64], robots: &[&Vec<f64>]) -> Option<f64> {
         let variance = robots.iter().map(|one| (one[at] - mean).powi(2)).sum::<f64>() / (count - 1.0);
         (variance > STEADY).then(|| (logs[at] - mean).powi(2) / (variance * (1.0 + 1.0 / count)))
     };
-    let all: Vec<f64> = (0..logs.len()).filter_map(of_number).collect();
-    stats::mean(&all)
+    let distances: Vec<f64> = (0..logs.len()).filter_map(of_number).collect();
+    stats::mean(&distances)
 }
 
 #[cfg(test)]

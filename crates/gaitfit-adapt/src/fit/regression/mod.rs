@@ -135,14 +135,14 @@ pub struct Logs {
     pub threads: usize,
 }
 
-/// Estimates the values of the robot that made `logs` from `each` simulated robots a round. `found`: the result of the search
+/// Estimates the values of the robot that made `logs` from `each` simulated robots a round. `values`: the result of the search
 /// over `theta`. `Ok(Err)`: why there is no estimate, in a sentence.
 ///
 /// # Errors
 /// [`FitError::Cancelled`].
 pub fn regress(
     theta: &Theta,
-    found: &[f64],
+    values: &[f64],
     logs: &Logs,
     world: &dyn Walks,
     each: usize,
@@ -150,15 +150,15 @@ pub fn regress(
     cancel: &Cancel<'_>,
 ) -> Result<Result<Regression, String>, FitError> {
     let rounds = Rounds { theta, logs, world, each, seed, cancel };
-    match estimate(&rounds, found) {
+    match estimate(&rounds, values) {
         Ok(regression) => Ok(Ok(regression)),
         Err(NoEstimate::Because(reason)) => Ok(Err(reason)),
         Err(NoEstimate::Cancelled) => Err(FitError::Cancelled),
     }
 }
 
-/// The estimate around `found`, the search's values.
-fn estimate(source: &Rounds<'_>, found: &[f64]) -> Result<Regression, NoEstimate> {
+/// The estimate around `values`, the search's values.
+fn estimate(source: &Rounds<'_>, values: &[f64]) -> Result<Regression, NoEstimate> {
     let entries = source.theta.entries();
     if entries.len() > MAX_REGRESSED {
         return Err(NoEstimate::Because(format!(
@@ -166,7 +166,7 @@ fn estimate(source: &Rounds<'_>, found: &[f64]) -> Result<Regression, NoEstimate
             entries.len()
         )));
     }
-    let (rounds, posteriors) = source.run(found)?;
+    let (rounds, posteriors) = source.run(values)?;
     let Posteriors { groups, together, .. } = &posteriors;
     let middle: Vec<f64> = groups.values.iter().zip(&together.values).map(|(a, b)| 0.5 * (a + b)).collect();
     let corrected = within(entries, &middle);
@@ -179,13 +179,13 @@ fn estimate(source: &Rounds<'_>, found: &[f64]) -> Result<Regression, NoEstimate
     };
     let numbers = &source.logs.numbers;
     let of_corrected = walk(&vec![corrected.clone(); WITH_VALUES])?;
-    let of_found = walk(&vec![found.to_vec(); WITH_VALUES])?;
+    let of_found = walk(&vec![values.to_vec(); WITH_VALUES])?;
     let with_errors = source.with_errors(&corrected, together, WITH_ERRORS);
     let likeness = Likeness::new(numbers, &walk(&with_errors)?);
     let wider = likeness.map_or(1.0, |likeness| likeness.ratio());
     let (interval, deviation) = intervals(entries, &posteriors, wider);
     Ok(Regression {
-        uncorrected: found.to_vec(),
+        uncorrected: values.to_vec(),
         corrected,
         taken: true,
         deviation,

@@ -74,7 +74,7 @@ impl Robots {
         .into_iter();
         let whole = learnt.next()??;
         let parts: Vec<Vec<Prediction>> = learnt.flatten().collect();
-        let mut found = Estimate {
+        let mut estimate = Estimate {
             values: Vec::new(),
             together: whole.iter().map(|one| one.value).collect(),
             errors: Vec::new(),
@@ -86,12 +86,12 @@ impl Robots {
             let predictions: Vec<&Prediction> = parts.iter().map(|part| &part[entry]).collect();
             let (value, scatter, disagreement) =
                 if predictions.len() < 2 { (whole[entry].value, 0.0, 0.0) } else { mean(&predictions) };
-            found.disagreement.push(disagreement);
-            found.values.push(value);
-            found.errors.push(whole[entry].error);
-            found.scatter.push(scatter);
+            estimate.disagreement.push(disagreement);
+            estimate.values.push(value);
+            estimate.errors.push(whole[entry].error);
+            estimate.scatter.push(scatter);
         }
-        Some(found)
+        Some(estimate)
     }
 
     /// Predicts each value from the numbers in `range`, with the penalty that has the smallest leave-one-out error.
@@ -188,9 +188,9 @@ struct Scaled {
 impl Scaled {
     fn new(robots: &[Vec<f64>], logs: &[f64], range: Range<usize>) -> Option<Self> {
         let varies = |at: usize| {
-            let all: Vec<f64> = robots.iter().map(|one| one[at]).collect();
-            let size = stats::deviation(&all)?;
-            (size > STEADY).then(|| (at, stats::mean(&all).unwrap_or(0.0), size))
+            let values: Vec<f64> = robots.iter().map(|one| one[at]).collect();
+            let size = stats::deviation(&values)?;
+            (size > STEADY).then(|| (at, stats::mean(&values).unwrap_or(0.0), size))
         };
         let numbers: Vec<(usize, f64, f64)> = range.filter_map(varies).collect();
         if numbers.is_empty() {
@@ -239,9 +239,10 @@ mod tests {
         let logs = |one: &Vec<f64>| vec![one[0] + one[1], one[0] - 2.0 * one[1], 3.0, one[1]];
         let robots = Robots { logs: values.iter().map(logs).collect(), values };
         let asked = logs(&vec![0.77, 2.5]);
-        let found = robots.estimate(&asked, &[0..2, 2..4], 2);
-        let (values, together, errors) =
-            found.map(|found| (found.values, found.together, found.errors)).unwrap_or_default();
+        let estimate = robots.estimate(&asked, &[0..2, 2..4], 2);
+        let (values, together, errors) = estimate
+            .map(|estimate| (estimate.values, estimate.together, estimate.errors))
+            .unwrap_or_default();
         assert!((together[0] - 0.77).abs() < 1e-4 && (together[1] - 2.5).abs() < 1e-4, "{together:?}");
         assert!(
             (values[1] - 2.5).abs() < 1e-4 && errors.iter().all(|error| *error < 1e-3),

@@ -110,19 +110,20 @@ pub(super) struct Rounds<'a> {
 }
 
 impl Rounds<'_> {
-    /// All rounds, and the predictions of the last one. The first round is around `found`.
-    pub fn run(&self, found: &[f64]) -> Result<(Vec<Drawn>, Posteriors), NoEstimate> {
+    /// All rounds, and the predictions of the last one. The first round is around `values`.
+    pub fn run(&self, values: &[f64]) -> Result<(Vec<Drawn>, Posteriors), NoEstimate> {
         let entries = self.theta.entries();
-        let mut centre = found.to_vec();
+        let mut centre = values.to_vec();
         let mut half: Vec<f64> = entries.iter().map(|entry| FIRST * entry.deviation).collect();
-        let (mut all, mut rounds, mut latest) = (Robots::default(), Vec::<Drawn>::new(), None::<Posteriors>);
+        let (mut walked, mut rounds, mut latest) =
+            (Robots::default(), Vec::<Drawn>::new(), None::<Posteriors>);
         for round in 0..MAX_ROUNDS {
             let bounds = around(entries, &centre, &half);
             let robots = match &latest {
                 None => self.evenly(&bounds, round),
                 Some(latest) => self.correlated(&latest.groups, &centre, &half, round),
             };
-            let (drawn, posteriors) = self.learn(&mut all, robots, bounds, round)?;
+            let (drawn, posteriors) = self.learn(&mut walked, robots, bounds, round)?;
             for (at, entry) in entries.iter().enumerate() {
                 // Beyond what was drawn the regression is a guess: the next round looks there.
                 let beyond = 0.5 * (drawn.upper[at] - drawn.lower[at]);
@@ -186,11 +187,11 @@ impl Rounds<'_> {
         (0..count).map(robot).collect()
     }
 
-    /// Simulates the robots `drawn` of a round and adds them to `all`. Learns the values from them and from the earlier robots
-    /// between the bounds.
+    /// Simulates the robots `drawn` of a round and adds them to `robots`. Learns the values from them and from the earlier
+    /// robots between the bounds.
     fn learn(
         &self,
-        all: &mut Robots,
+        robots: &mut Robots,
         drawn: Vec<Vec<f64>>,
         (lower, upper): (Vec<f64>, Vec<f64>),
         round: usize,
@@ -202,23 +203,23 @@ impl Rounds<'_> {
             let fallen = self.each - count;
             return Err(NoEstimate::Because(format!("{fallen} of {} simulated robots fall.", self.each)));
         }
-        let mut near = all.between(&lower, &upper);
+        let mut near = robots.between(&lower, &upper);
         for (values, logs) in drawn.into_iter().zip(walked) {
             let Some(logs) = logs else { continue };
-            for robots in [&mut *all, &mut near] {
+            for robots in [&mut *robots, &mut near] {
                 robots.values.push(values.clone());
                 robots.logs.push(logs.clone());
             }
         }
-        let found = near
+        let estimate = near
             .estimate(&self.logs.numbers, &self.logs.groups, self.logs.threads)
             .ok_or_else(|| because("The logs of simulated robots are all alike, or too few."))?;
         let with_priors = |values: &[f64], deviations: &[f64]| {
-            with_priors(self.theta, values, deviations, &found.left_out)
+            with_priors(self.theta, values, deviations, &estimate.left_out)
                 .ok_or_else(|| because("The values of simulated robots cannot be told apart."))
         };
-        let groups = with_priors(&found.values, &found.deviations())?;
-        let together = with_priors(&found.together, &found.deviations_together())?;
+        let groups = with_priors(&estimate.values, &estimate.deviations())?;
+        let together = with_priors(&estimate.together, &estimate.deviations_together())?;
         let drawn = Drawn {
             lower,
             upper,
@@ -227,9 +228,9 @@ impl Rounds<'_> {
             deviation: groups.deviations.clone(),
             together: together.values.clone(),
             together_deviation: together.deviations.clone(),
-            errors: found.errors,
-            scatter: found.scatter,
-            disagreement: found.disagreement,
+            errors: estimate.errors,
+            scatter: estimate.scatter,
+            disagreement: estimate.disagreement,
         };
         Ok((drawn, Posteriors { groups, together, robots: near.len() }))
     }

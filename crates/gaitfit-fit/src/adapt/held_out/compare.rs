@@ -150,12 +150,12 @@ impl Block {
 
 /// A log's own signals as if they had been simulated.
 fn recorded(log: &Log, joints: &[String]) -> Option<Predicted> {
-    let found = Recorded::from_trajectory(&log.trajectory, joints, 0).ok()?;
+    let recorded = Recorded::from_trajectory(&log.trajectory, joints, 0).ok()?;
     let single = |values: &[f64]| values.iter().map(|&value| value as f32).collect();
     Some(Predicted {
-        position: single(&found.position),
-        velocity: single(&found.velocity),
-        action: found.action.as_deref().map(single),
+        position: single(&recorded.position),
+        velocity: single(&recorded.velocity),
+        action: recorded.action.as_deref().map(single),
         ..Predicted::default()
     })
 }
@@ -194,12 +194,12 @@ fn trials(
 
 /// The cost against blocks, each a recording; `None` if they cannot be compared.
 fn cost_against(
-    own: &[Predicted],
+    blocks: &[Predicted],
     joints: &[String],
     set: &LogSet,
 ) -> Option<(Arc<Reference>, Box<dyn Cost>)> {
     let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect();
-    let recorded: Vec<Recorded> = own
+    let recorded: Vec<Recorded> = blocks
         .iter()
         .map(|block| Recorded {
             position: wide(&block.position),
@@ -257,19 +257,19 @@ fn halves(draw: u32, logs: &[usize]) -> (Vec<usize>, Vec<usize>) {
 /// simulations; and the draws. `logs`: the log of each block.
 fn floor(
     cost: &dyn Cost,
-    own: &[Predicted],
+    recorded: &[Predicted],
     after: &[Vec<Predicted>],
     logs: &[usize],
 ) -> (Option<Floor>, Vec<Breakdown>) {
     let (mut drawn, mut fitted) = (Vec::new(), Vec::new());
-    for draw in (0..DRAWS).take_while(|_| own.len() >= MIN_BLOCKS) {
+    for draw in (0..DRAWS).take_while(|_| recorded.len() >= MIN_BLOCKS) {
         let (one, other) = halves(draw, logs);
         let Some(against) = cost.subset(&one) else { break };
-        drawn.extend(chosen_blocks(against.as_ref(), own, &other));
+        drawn.extend(chosen_blocks(against.as_ref(), recorded, &other));
         let simulated = after.iter().map(|walk| total(&chosen_blocks(against.as_ref(), walk, &other)));
         fitted.extend(mean(simulated));
     }
-    let totals: Vec<f64> = drawn.iter().map(|found| found.total).collect();
+    let totals: Vec<f64> = drawn.iter().map(|breakdown| breakdown.total).collect();
     let floor = stats::mean(&totals).zip(stats::deviation(&totals)).map(|(mean, deviation)| Floor {
         mean,
         range95: RANGE * deviation,
@@ -284,8 +284,8 @@ fn distances(
     [fitted, nominal]: [&Option<Breakdown>; 2],
     drawn: &[Breakdown],
 ) -> Vec<Distance> {
-    let scaled = |found: &Breakdown, signal: Signal, joint: usize| -> Option<f64> {
-        let group = found.groups.iter().find(|group| group.signal == signal)?;
+    let scaled = |breakdown: &Breakdown, signal: Signal, joint: usize| -> Option<f64> {
+        let group = breakdown.groups.iter().find(|group| group.signal == signal)?;
         group.per_joint.get(joint).copied().flatten().filter(|distance| distance.is_finite())
     };
     let mut rows = Vec::new();
@@ -293,10 +293,14 @@ fn distances(
         let dimensions = reference.dimensions(signal).unwrap_or_default();
         for (joint, (name, dimension)) in reference.joints().iter().zip(dimensions).enumerate() {
             let Some(scale) = dimension.scale else { continue };
-            let relative = |found: &Option<Breakdown>| {
-                found.as_ref().and_then(|found| scaled(found, signal, joint)).map(|distance| distance / scale)
+            let relative = |breakdown: &Option<Breakdown>| {
+                breakdown
+                    .as_ref()
+                    .and_then(|breakdown| scaled(breakdown, signal, joint))
+                    .map(|distance| distance / scale)
             };
-            let floor: Vec<f64> = drawn.iter().filter_map(|found| scaled(found, signal, joint)).collect();
+            let floor: Vec<f64> =
+                drawn.iter().filter_map(|breakdown| scaled(breakdown, signal, joint)).collect();
             rows.push(Distance {
                 joint: name.clone(),
                 signal,
@@ -367,8 +371,8 @@ mod tests {
 
     #[test]
     fn blocks_cover_what_counts_and_know_of_falls() {
-        let found = blocks([10, 23, 4].into_iter(), 3, 5);
-        let ends: Vec<_> = found.iter().map(|block| (block.log, block.start, block.end)).collect();
+        let blocks = blocks([10, 23, 4].into_iter(), 3, 5);
+        let ends: Vec<_> = blocks.iter().map(|block| (block.log, block.start, block.end)).collect();
         assert_eq!(ends, [(0, 3, 10), (1, 3, 8), (1, 8, 13), (1, 13, 18), (1, 18, 23)]);
         let walk = Predicted {
             position: (0..46).map(|x| x as f32).collect(),
@@ -376,9 +380,9 @@ mod tests {
             fell_at: Some(10),
             ..Predicted::default()
         };
-        let block = found[2].cut(&walk, 2);
+        let block = blocks[2].cut(&walk, 2);
         assert_eq!((block.position[0], block.position.len(), block.fell_at), (16.0, 10, Some(2)));
-        assert_eq!((found[1].cut(&walk, 2).fell_at, found[3].cut(&walk, 2).fell_at), (None, Some(0)));
+        assert_eq!((blocks[1].cut(&walk, 2).fell_at, blocks[3].cut(&walk, 2).fell_at), (None, Some(0)));
     }
 
     #[test]

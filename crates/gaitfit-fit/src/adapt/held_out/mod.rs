@@ -214,7 +214,7 @@ impl HeldOut {
 mod tests {
     use super::*;
 
-    fn found(cost: f64, nominal: f64, floor: Option<(f64, f64)>) -> HeldOut {
+    fn example(cost: f64, nominal: f64, floor: Option<(f64, f64)>) -> HeldOut {
         HeldOut {
             logs: 16,
             seconds: 48.0,
@@ -234,30 +234,30 @@ mod tests {
     fn the_sentence_says_worse_where_it_is_worse() {
         let floor = Some((0.0118, 0.0009));
         let said = |one: HeldOut| (one.verdict(), one.sentence(), one.doubt().map(|doubt| doubt.kind));
-        let (verdict, text, doubt) = said(found(0.0121, 0.2, floor));
+        let (verdict, text, doubt) = said(example(0.0121, 0.2, floor));
         assert!(verdict == Verdict::Explained && doubt.is_none());
         assert!(text.contains("as well as") && text.contains("0.0121 against 0.0118 ± 0.0009"), "{text}");
-        let (verdict, text, doubt) = said(found(0.0177, 0.2, floor));
+        let (verdict, text, doubt) = said(example(0.0177, 0.2, floor));
         assert!(
             verdict == Verdict::Worse && doubt.is_none() && text.contains("1.5 times as far off"),
             "{text}"
         );
-        let (verdict, _, doubt) = said(found(0.0236, 0.2, floor));
+        let (verdict, _, doubt) = said(example(0.0236, 0.2, floor));
         assert!(verdict == Verdict::Misfit && doubt == Some(DoubtKind::Misfit), "twice as far as the robot");
-        let (verdict, ..) = said(found(0.0177, 0.022, floor));
+        let (verdict, ..) = said(example(0.0177, 0.022, floor));
         assert_eq!(
             verdict,
             Verdict::Misfit,
             "more than half of what the robot before the fit was off by is left"
         );
-        let (verdict, _, doubt) = said(found(0.1, 0.2, floor));
+        let (verdict, _, doubt) = said(example(0.1, 0.2, floor));
         assert!(verdict == Verdict::Misfit && doubt == Some(DoubtKind::Misfit));
-        let (verdict, text, doubt) = said(found(0.3, 0.2, floor));
+        let (verdict, text, doubt) = said(example(0.3, 0.2, floor));
         assert!(verdict == Verdict::WorseThanNominal && doubt == Some(DoubtKind::WorseThanNominal));
         assert!(text.contains("worse than the robot before the fit does: 0.3000 against 0.2000"), "{text}");
-        let (verdict, text, _) = said(found(0.1, 0.2, None));
+        let (verdict, text, _) = said(example(0.1, 0.2, None));
         assert!(verdict == Verdict::Unknown && text.contains("too short"), "{text}");
-        let falls = |falls, nominal_falls| HeldOut { falls, nominal_falls, ..found(0.0121, 0.2, floor) };
+        let falls = |falls, nominal_falls| HeldOut { falls, nominal_falls, ..example(0.0121, 0.2, floor) };
         let (verdict, text, doubt) = said(falls(1, 0));
         assert!(verdict == Verdict::Falls && doubt == Some(DoubtKind::Falls) && falls(1, 0).contradicts());
         assert!(text.contains("falls in 1 of 16 held-out logs"), "{text}");
@@ -265,15 +265,15 @@ mod tests {
         // A robot that falls in a quarter of its logs falls in 4 of 16. It was seen to fall four times: by chance in up to
         // 4 + 2 √(4 + 4) = 9.7.
         let falling =
-            |falls| HeldOut { falls, robot_fall_rate: 0.25, robot_falls: 4, ..found(0.0121, 0.2, floor) };
+            |falls| HeldOut { falls, robot_fall_rate: 0.25, robot_falls: 4, ..example(0.0121, 0.2, floor) };
         assert_eq!((falling(10).verdict(), falling(11).verdict()), (Verdict::Explained, Verdict::Falls));
         let trials = Trials { pairs: 12, itself: [0.04, 0.29], fitted: [0.035, 0.2] };
-        let (verdict, text, _) = said(HeldOut { trials: Some(trials), ..found(0.1, 0.2, floor) });
+        let (verdict, text, _) = said(HeldOut { trials: Some(trials), ..example(0.1, 0.2, floor) });
         assert!(
             verdict == Verdict::Explained && text.contains("another trial of the same commands"),
             "{text}"
         );
-        let diverged = HeldOut { cost: None, ..found(0.1, 0.2, floor) };
+        let diverged = HeldOut { cost: None, ..example(0.1, 0.2, floor) };
         assert_eq!(diverged.verdict(), Verdict::WorseThanNominal);
     }
 }

@@ -43,8 +43,8 @@ pub(super) fn pairs(held: &[Log], others: &[Log]) -> Vec<(usize, usize)> {
         let other = others.iter().position(|other| same(log, other))?;
         Some((number, other))
     };
-    let found: Vec<(usize, usize)> = held.iter().enumerate().filter_map(pair).collect();
-    if found.len() < MIN_PAIRS { Vec::new() } else { found }
+    let pairs: Vec<(usize, usize)> = held.iter().enumerate().filter_map(pair).collect();
+    if pairs.len() < MIN_PAIRS { Vec::new() } else { pairs }
 }
 
 /// Whether two logs have the same commands, sample by sample as far as both go.

@@ -149,11 +149,11 @@ pub(super) fn leftover(
     // A search that was left early must not look like a simulator that lacks something.
     let end = descend(problem, values, STEPS, TOLERANCE).map_err(Error::failed)?;
     let (end, min) = end.filter(|(_, min)| *min < cost).unwrap_or((values.to_vec(), cost));
-    let Some(found) = unexplained(problem, &end).map_err(Error::failed)? else { return Ok(None) };
+    let Some(unexplained) = unexplained(problem, &end).map_err(Error::failed)? else { return Ok(None) };
     let mut left = Leftover {
-        error: found.error,
-        memory: found.memory,
-        reach: found.reach,
+        error: unexplained.error,
+        memory: unexplained.memory,
+        reach: unexplained.reach,
         end: end.clone(),
         cost: min,
         noise_alone,
@@ -261,7 +261,7 @@ mod tests {
     fn a_simulator_that_lacks_nothing_leaves_noise() {
         let left = left(str::to_owned, true);
         assert!(left.memory < 0.15 && left.doubt().is_none() && left.suspect.is_none(), "{left:?}");
-        let off = left.end.iter().zip(TRUTH).map(|(found, truth)| (found / truth - 1.0).abs());
+        let off = left.end.iter().zip(TRUTH).map(|(value, truth)| (value / truth - 1.0).abs());
         assert!(off.fold(0.0, f64::max) < 0.1, "{:?}", left.end);
     }
 

@@ -44,8 +44,8 @@ pub(super) fn ramped(
     let set = LogSet::new(&setup.config, &setup.method, &setup.base, logs)?.scaled_as(&setup.fit);
     let costs = set.costs(&setup.config)?;
     let problem = Problem { simulator: set.simulator.as_ref(), cost: costs[number].as_ref(), ..problem };
-    let found = descend(problem, values, STEPS, TOLERANCE).map_err(Error::failed)?;
-    Ok(found.map(|(moved, cost)| Suspect {
+    let minimum = descend(problem, values, STEPS, TOLERANCE).map_err(Error::failed)?;
+    Ok(minimum.map(|(moved, cost)| Suspect {
         what: "targets that move smoothly from one to the next".to_owned(),
         remedy: "the robot got targets more often than the log shows; record every target at the rate at which it is \
                  sent"

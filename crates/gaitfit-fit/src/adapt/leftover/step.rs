@@ -16,8 +16,8 @@ pub(super) fn finer(setup: &Setup, problem: Problem<'_>, values: &[f64]) -> Resu
     let logs = &setup.fit.logs;
     let Ok(simulator) = clamped.finer(setup.base.clone(), logs, PARTS) else { return Ok(None) };
     let step = clamped.step(logs) / PARTS as f64;
-    let found = descend(Problem { simulator: &simulator, ..problem }, values, STEPS, TOLERANCE);
-    Ok(found.map_err(Error::failed)?.map(|(moved, cost)| Suspect {
+    let minimum = descend(Problem { simulator: &simulator, ..problem }, values, STEPS, TOLERANCE);
+    Ok(minimum.map_err(Error::failed)?.map(|(moved, cost)| Suspect {
         what: format!("physics steps of {:.2} ms", 1e3 * step),
         remedy: format!(
             "the fit's steps of {:.2} ms are too long for this robot; set simulation.timestep = {}",

@@ -64,7 +64,7 @@ pub(super) fn suspicions(setup: &Setup) -> Vec<Suspicion> {
     let rule = |kind, per| ParameterRule { per, ..ParameterRule::new(kind) };
     let within = |lower, upper, rule| ParameterRule { lower: Some(lower), upper: Some(upper), ..rule };
     let scale = |kind| within(0.1, 10.0, ParameterRule::new(kind));
-    let all = [
+    let suspicions = [
         Suspicion {
             what: "a delay",
             remedy: "add a [[parameter]] of kind \"delay\"",
@@ -106,7 +106,7 @@ pub(super) fn suspicions(setup: &Setup) -> Vec<Suspicion> {
         one.numbers.retain(|rule| !fitted_number(rule.kind));
         (!(one.rules.is_empty() && one.numbers.is_empty())).then_some(one)
     };
-    all.into_iter().filter_map(open).collect()
+    suspicions.into_iter().filter_map(open).collect()
 }
 
 impl Suspicion {
@@ -126,8 +126,8 @@ impl Suspicion {
             .map(|entry| place(&entry.name).map_or(entry.start, |at| values[at]))
             .collect();
         let problem = Problem { theta: &theta, ..problem };
-        let found = descend(problem, &start, STEPS, TOLERANCE).map_err(Error::failed)?;
-        let Some((found, cost)) = found else { return Ok(None) };
+        let minimum = descend(problem, &start, STEPS, TOLERANCE).map_err(Error::failed)?;
+        let Some((end, cost)) = minimum else { return Ok(None) };
         let mut suspect = Suspect {
             what: self.what.to_owned(),
             remedy: self.remedy.to_owned(),
@@ -135,7 +135,7 @@ impl Suspicion {
             cost,
             moved: values.to_vec(),
         };
-        for (entry, value) in theta.entries().iter().zip(&found) {
+        for (entry, value) in theta.entries().iter().zip(&end) {
             match place(&entry.name) {
                 Some(at) => suspect.moved[at] = *value,
                 None => suspect.values.push((entry.name.clone(), *value)),

@@ -22,12 +22,12 @@ pub struct Helper {
 pub(super) fn mark(setup: &Setup) -> Result<String, Error> {
     let job = |cost: usize| Job { cost, values: setup.theta.start(0), draw: 0 };
     let jobs: Vec<Job> = (0..setup.costs.len()).map(job).collect();
-    let found =
+    let evaluations =
         setup.searched().simulator.costs(&setup.theta, &setup.costs, &jobs, &never).map_err(Error::failed)?;
-    let shown = setup.costs.iter().zip(found).map(|(cost, found)| {
+    let shown = setup.costs.iter().zip(evaluations).map(|(cost, evaluation)| {
         let bits =
-            found.cost.map_or_else(|| "diverges".to_owned(), |cost| format!("{:016x}", cost.to_bits()));
-        format!("{} {bits}, {} falls", cost.name(), found.falls)
+            evaluation.cost.map_or_else(|| "diverges".to_owned(), |cost| format!("{:016x}", cost.to_bits()));
+        format!("{} {bits}, {} falls", cost.name(), evaluation.falls)
     });
     Ok(shown.collect::<Vec<_>>().join("; "))
 }
@@ -102,7 +102,7 @@ impl Helper {
                 let problem = Problem { simulator, theta, cost, draw, cancel };
                 let Some(replicas) = &self.setup.replicas else { return Err(unknown()) };
                 bytes(&match replicas.answer(&self.setup, number, problem, &question, set) {
-                    Ok(found) => Answered::Compared(found),
+                    Ok(comparison) => Answered::Compared(comparison),
                     Err(Failure::Fit(FitError::Cancelled)) => return Err(FitError::Cancelled),
                     // As the fit says it of its own.
                     Err(Failure::Fit(error)) => {
@@ -132,15 +132,15 @@ fn predicted(
     rollouts: &[Rollout],
     cancel: &Cancel<'_>,
 ) -> Result<Vec<Vec<Predicted>>, FitError> {
-    let found: Vec<Vec<Mutex<Option<Predicted>>>> =
+    let predictions: Vec<Vec<Mutex<Option<Predicted>>>> =
         rollouts.iter().map(|_| (0..simulator.recordings()).map(|_| Mutex::new(None)).collect()).collect();
     let keep = |rollout: usize, recording: usize, signals: Signals<'_>| {
-        if let Some(slot) = found.get(rollout).and_then(|one| one.get(recording)) {
+        if let Some(slot) = predictions.get(rollout).and_then(|one| one.get(recording)) {
             *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(Predicted::from_signals(&signals));
         }
     };
     simulator.simulate(theta, rollouts, &keep, cancel)?;
     let take = |slot: Mutex<Option<Predicted>>| slot.into_inner().unwrap_or_else(PoisonError::into_inner);
     let whole = |one: Vec<Mutex<Option<Predicted>>>| one.into_iter().map(take).collect::<Option<Vec<_>>>();
-    found.into_iter().map(whole).collect::<Option<Vec<_>>>().ok_or(FitError::Incomplete)
+    predictions.into_iter().map(whole).collect::<Option<Vec<_>>>().ok_or(FitError::Incomplete)
 }

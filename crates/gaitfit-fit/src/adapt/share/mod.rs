@@ -105,7 +105,7 @@ impl Shares {
         };
         self.crew.work(&tasks, &mut done, problem.cancel).map_err(FitError::from)?;
         let answer = |answer: Option<Answered>| match answer {
-            Some(Answered::Compared(found)) => Ok(found),
+            Some(Answered::Compared(comparison)) => Ok(comparison),
             Some(Answered::Said(reason)) => Err(Failure::Said(reason)),
             None => Err(Failure::Fit(FitError::Incomplete)),
         };

@@ -67,15 +67,15 @@ fn pieces(count: usize, recordings: usize, places: usize) -> Vec<Range<usize>> {
 /// Puts the answers for a piece where they belong.
 fn put<T>(into: &mut [Option<T>], piece: Range<usize>, answers: Vec<T>) -> Result<(), SimulatorError> {
     if answers.len() != piece.len() {
-        let (found, needed) = (answers.len(), piece.len());
-        return Err(SimulatorError::failed(format!("{found} answers came for {needed} candidates")));
+        let (count, needed) = (answers.len(), piece.len());
+        return Err(SimulatorError::failed(format!("{count} answers came for {needed} candidates")));
     }
     into[piece].iter_mut().zip(answers).for_each(|(slot, answer)| *slot = Some(answer));
     Ok(())
 }
 
-fn all<T>(found: Vec<Option<T>>) -> Result<Vec<T>, FitError> {
-    found.into_iter().collect::<Option<_>>().ok_or(FitError::Incomplete)
+fn all<T>(answers: Vec<Option<T>>) -> Result<Vec<T>, FitError> {
+    answers.into_iter().collect::<Option<_>>().ok_or(FitError::Incomplete)
 }
 
 impl Simulator for Shared {
@@ -95,8 +95,8 @@ impl Simulator for Shared {
             return self.local.simulate(theta, candidates, consume, cancel);
         }
         let take = |piece: Range<usize>, answer: &[u8]| {
-            signals::read(answer, piece.len(), self.recordings(), |rollout, recording, found| {
-                consume(piece.start + rollout, recording, found.signals());
+            signals::read(answer, piece.len(), self.recordings(), |rollout, recording, predicted| {
+                consume(piece.start + rollout, recording, predicted.signals());
             })
         };
         self.done(theta, &pieces, |piece| Work::Signals(candidates[piece].to_vec()), take, cancel)
@@ -120,11 +120,11 @@ impl Simulator for Shared {
             return self.local.costs(theta, costs, jobs, cancel);
         };
         let named = |job: &Job| Job { cost: numbers[job.cost], ..job.clone() };
-        let mut found: Vec<Option<Evaluation>> = vec![None; jobs.len()];
-        let take = |piece, answer: &[u8]| put(&mut found, piece, read(answer)?);
+        let mut evaluations: Vec<Option<Evaluation>> = vec![None; jobs.len()];
+        let take = |piece, answer: &[u8]| put(&mut evaluations, piece, read(answer)?);
         let work = |piece: Range<usize>| Work::Costs(jobs[piece].iter().map(named).collect());
         self.done(theta, &pieces, work, take, cancel)?;
-        all(found)
+        all(evaluations)
     }
 
     fn views(
@@ -140,15 +140,15 @@ impl Simulator for Shared {
             return self.local.views(theta, views, rollouts, notify, cancel);
         };
         let whole = views.count() == 1;
-        let mut found: Vec<Option<Costs>> = vec![None; rollouts.len()];
+        let mut costs: Vec<Option<Costs>> = vec![None; rollouts.len()];
         let take = |piece: Range<usize>, answer: &[u8]| {
             piece.clone().for_each(|_| notify());
-            put(&mut found, piece, read(answer)?)
+            put(&mut costs, piece, read(answer)?)
         };
         let work = |piece: Range<usize>| Work::Views { cost, whole, rollouts: rollouts[piece].to_vec() };
         self.done(theta, &pieces, work, take, cancel)?;
         // Signals stay where they were simulated.
-        Ok((all(found)?, 0))
+        Ok((all(costs)?, 0))
     }
 }
 
@@ -167,11 +167,11 @@ mod tests {
             (1000, 8, 3, 9),
             (0, 4, 2, 1),
         ] {
-            let found = pieces(count, recordings, places);
-            assert_eq!(found.len(), expected, "{count} candidates, {recordings} logs, {places} places");
-            assert_eq!((found[0].start, found[expected - 1].end), (0, count));
-            assert!(found.windows(2).all(|pair| pair[0].end == pair[1].start));
-            let sizes = found.iter().map(ExactSizeIterator::len);
+            let pieces = pieces(count, recordings, places);
+            assert_eq!(pieces.len(), expected, "{count} candidates, {recordings} logs, {places} places");
+            assert_eq!((pieces[0].start, pieces[expected - 1].end), (0, count));
+            assert!(pieces.windows(2).all(|pair| pair[0].end == pair[1].start));
+            let sizes = pieces.iter().map(ExactSizeIterator::len);
             assert!(sizes.clone().max().unwrap_or(0) - sizes.min().unwrap_or(0) <= 1);
         }
     }

@@ -4,14 +4,15 @@ use gaitfit_adapt::SimulatorError;
 use gaitfit_adapt::fit::Predicted;
 
 /// The signals of rollouts, one list of recordings each.
-pub(super) fn write(found: &[Vec<Predicted>]) -> Vec<u8> {
+pub(super) fn write(predictions: &[Vec<Predicted>]) -> Vec<u8> {
     let mut bytes = Vec::new();
-    for one in found.iter().flatten() {
+    for one in predictions.iter().flatten() {
         let fell = one.fell_at.map_or(0, |sample| sample as u64 + 1);
         bytes.extend(fell.to_le_bytes());
         let optional = [&one.action, &one.base_position, &one.base_velocity];
-        let all = [Some(&one.position), Some(&one.velocity)].into_iter().chain(optional.map(Option::as_ref));
-        for matrix in all {
+        let matrices =
+            [Some(&one.position), Some(&one.velocity)].into_iter().chain(optional.map(Option::as_ref));
+        for matrix in matrices {
             bytes.extend(matrix.map_or(0, |matrix| matrix.len() as u64 + 1).to_le_bytes());
             matrix.into_iter().flatten().for_each(|number| bytes.extend(number.to_le_bytes()));
         }
@@ -83,15 +84,16 @@ mod tests {
         };
         let sent = vec![vec![one(1.0, None), one(2.0, Some(0))], vec![one(3.0, Some(7)), one(4.0, None)]];
         let bytes = write(&sent);
-        let mut found = Vec::new();
-        read(&bytes, 2, 2, |rollout, recording, one| found.push((rollout, recording, one.clone()))).unwrap();
+        let mut received = Vec::new();
+        read(&bytes, 2, 2, |rollout, recording, one| received.push((rollout, recording, one.clone())))
+            .unwrap();
         let bits = |one: &Predicted| {
             (format!("{one:?}"), one.position.iter().map(|x| x.to_bits()).collect::<Vec<_>>())
         };
-        for (rollout, recording, one) in &found {
+        for (rollout, recording, one) in &received {
             assert_eq!(bits(one), bits(&sent[*rollout][*recording]));
         }
-        assert_eq!(found.len(), 4);
+        assert_eq!(received.len(), 4);
         for wrong in [&bytes[..bytes.len() - 1], &[bytes.as_slice(), &[0]].concat(), &[255; 64]] {
             assert!(read(wrong, 2, 2, |_, _, _| ()).is_err());
         }

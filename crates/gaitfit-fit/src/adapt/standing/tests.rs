@@ -51,8 +51,8 @@ fn kinds(fit: &CostFit, baselines: &[Score], fitted: &Score) -> Vec<(DoubtKind, 
 #[test]
 fn a_fit_without_doubts_is_sound() {
     let sound = fit(vec![parameter("frictionloss_hip", 0.2, [0.1, 0.3])]);
-    let found = kinds(&sound, &[score("nominal", 0.2, None)], &score("fitted", 0.1, None));
-    assert!(found.is_empty(), "{found:?}");
+    let doubts = kinds(&sound, &[score("nominal", 0.2, None)], &score("fitted", 0.1, None));
+    assert!(doubts.is_empty(), "{doubts:?}");
     assert_eq!(standing(&[], None), Standing::Sound);
     assert_eq!(standing(&[Doubt::new(DoubtKind::Misfit, "")], None), Standing::Doubtful);
 }
@@ -73,9 +73,9 @@ fn a_guess_that_predicts_better_is_said_first() {
     let doubted = CostFit { doubts: vec![Doubt::new(DoubtKind::NotConverged, "so")], ..fit(Vec::new()) };
     let guesses =
         [score("nominal", 0.2, Some(0.3)), score("echo", 0.5, Some(0.08)), score("late", 0.5, Some(0.04))];
-    let found = kinds(&doubted, &guesses, &score("fitted", 0.1, Some(0.06)));
-    assert!(found[0].0 == DoubtKind::Trivial && found[0].1.contains("\"late\""), "{found:?}");
-    assert!(found[0].1.contains("0.04000 against 0.06000"), "errors count, not costs: {found:?}");
+    let doubts = kinds(&doubted, &guesses, &score("fitted", 0.1, Some(0.06)));
+    assert!(doubts[0].0 == DoubtKind::Trivial && doubts[0].1.contains("\"late\""), "{doubts:?}");
+    assert!(doubts[0].1.contains("0.04000 against 0.06000"), "errors count, not costs: {doubts:?}");
     let better = kinds(&fit(Vec::new()), &guesses, &score("fitted", 0.1, Some(0.02)));
     assert!(better.is_empty(), "{better:?}");
 }
@@ -91,17 +91,17 @@ fn errors_that_go_with_motion_are_a_doubt_and_widen_intervals() {
     assert_eq!(widening(&audit), 6.0);
     let lacking =
         CostFit { audit: Some(audit.clone()), ..fit(vec![parameter("frictionloss_hip", 0.4, [0.38, 0.42])]) };
-    let found = kinds(&lacking, &[], &score("fitted", 0.1, None));
-    assert!(found.len() == 1 && found[0].0 == DoubtKind::Unexplained, "{found:?}");
-    let text = &found[0].1;
+    let doubts = kinds(&lacking, &[], &score("fitted", 0.1, None));
+    assert!(doubts.len() == 1 && doubts[0].0 == DoubtKind::Unexplained, "{doubts:?}");
+    let text = &doubts[0].1;
     assert!(
         text.contains("25 %") && text.contains("change of the target") && text.contains("\"delay\""),
         "{text}"
     );
     assert!(!text.contains("odd_joints"), "{text}");
     let one = Audit { worst_joint: ("RR_calf".to_owned(), 0.8), ..audit.clone() };
-    let found = kinds(&CostFit { audit: Some(one), ..fit(Vec::new()) }, &[], &score("f", 0.1, None));
-    assert!(found[0].1.contains("RR_calf is not like the other joints: `odd_joints"), "{found:?}");
+    let doubts = kinds(&CostFit { audit: Some(one), ..fit(Vec::new()) }, &[], &score("f", 0.1, None));
+    assert!(doubts[0].1.contains("RR_calf is not like the other joints: `odd_joints"), "{doubts:?}");
     let quiet = Audit { explained: 0.03, ..audit };
     assert_eq!(widening(&quiet), 1.0);
     assert!(
@@ -112,12 +112,12 @@ fn errors_that_go_with_motion_are_a_doubt_and_widen_intervals() {
 #[test]
 fn more_torque_noise_than_motors_have_is_a_doubt() {
     let with_noise = |noise| {
-        let found = example("torque_noise", noise, [0.0, 10.0], [noise - 0.2, noise + 0.2]);
-        kinds(&fit(vec![found]), &[], &score("fitted", 0.1, None))
+        let parameter = example("torque_noise", noise, [0.0, 10.0], [noise - 0.2, noise + 0.2]);
+        kinds(&fit(vec![parameter]), &[], &score("fitted", 0.1, None))
     };
-    let found = with_noise(2.9);
-    assert!(found.len() == 1 && found[0].0 == DoubtKind::Unexplained, "{found:?}");
-    assert!(found[0].1.contains("2.9 N·m, 12 % of"), "{found:?}");
+    let doubts = with_noise(2.9);
+    assert!(doubts.len() == 1 && doubts[0].0 == DoubtKind::Unexplained, "{doubts:?}");
+    assert!(doubts[0].1.contains("2.9 N·m, 12 % of"), "{doubts:?}");
     assert!(with_noise(1.3).is_empty());
 }
 
@@ -170,10 +170,10 @@ fn walks_that_contradict_what_was_known_say_so() {
     let reached = |value| {
         fit(vec![Parameter { prior, ..parameter("frictionloss_calf", value, [value - 0.1, value + 0.1]) }])
     };
-    let found = kinds(&reached(1.25), &[], &score("f", 0.1, None));
+    let doubts = kinds(&reached(1.25), &[], &score("f", 0.1, None));
     assert!(
-        found[0].0 == DoubtKind::Disagreement && found[0].1.contains("1.2500 for 0.5500 ± 0.1000"),
-        "{found:?}"
+        doubts[0].0 == DoubtKind::Disagreement && doubts[0].1.contains("1.2500 for 0.5500 ± 0.1000"),
+        "{doubts:?}"
     );
     assert!(kinds(&reached(0.7), &[], &score("f", 0.1, None)).is_empty());
 }

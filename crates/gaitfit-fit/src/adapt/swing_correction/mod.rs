@@ -77,19 +77,19 @@ pub struct Robot<'a> {
     pub gpus: Vec<Gpu>,
 }
 
-/// Corrects the estimates from legs in the air in `found`, which come from `logs`. Stores the corrected ones there, or the
+/// Corrects the estimates from legs in the air in `findings`, which come from `logs`. Stores the corrected ones there, or the
 /// reason why there are none. Adds to its effects what simulated robots without them show.
 ///
 /// # Errors
 /// An interruption.
 pub fn correct(
-    found: &mut SwingFindings,
+    findings: &mut SwingFindings,
     robot: &Robot<'_>,
     logs: &[Log],
     watch: &Watch<'_>,
 ) -> Result<(), Error> {
-    let Some(report) = &found.swings else { return Ok(()) };
-    let singles: Vec<Effect> = explain::singles(found).cloned().collect();
+    let Some(report) = &findings.swings else { return Ok(()) };
+    let singles: Vec<Effect> = explain::singles(findings).cloned().collect();
     let (corrected, compared) = match robot.world(logs, report, &singles, watch) {
         Ok((world, real)) => (world.corrected(report, &real.0), world.compared(real.1)),
         Err(why) => (Err(why), Vec::new()),
@@ -99,18 +99,18 @@ pub fn correct(
     }
     let is_compared = !compared.is_empty();
     for effect in compared {
-        if let Some(slot) = found.effects.iter_mut().find(|other| other.is_same(&effect)) {
+        if let Some(slot) = findings.effects.iter_mut().find(|other| other.is_same(&effect)) {
             *slot = effect;
         }
     }
     let of_joints = |cause: &Cause| LACKING.contains(&cause.kind);
-    match (explain::causes(found).into_iter().find(of_joints), corrected) {
-        (_, Err(why)) if !is_compared => found.not_corrected = Some(why),
+    match (explain::causes(findings).into_iter().find(of_joints), corrected) {
+        (_, Err(why)) if !is_compared => findings.not_corrected = Some(why),
         (Some(cause), _) => {
-            found.not_corrected = Some(format!("simulated joints lack this effect: {}", cause.text));
+            findings.not_corrected = Some(format!("simulated joints lack this effect: {}", cause.text));
         }
-        (None, Ok(report)) => found.corrected = Some(report),
-        (None, Err(why)) => found.not_corrected = Some(why),
+        (None, Ok(report)) => findings.corrected = Some(report),
+        (None, Err(why)) => findings.not_corrected = Some(why),
     }
     Ok(())
 }
@@ -137,7 +137,7 @@ struct World<'a> {
 }
 
 impl Robot<'_> {
-    /// Robots like that of `found` for simulation under the commands of `logs`, and what the real logs show at the policy's
+    /// Robots like that of `report` for simulation under the commands of `logs`, and what the real logs show at the policy's
     /// rate. `singles`: springs and strengths of single joints of the real robot, which simulated ones do not have.
     ///
     /// # Errors
@@ -145,14 +145,14 @@ impl Robot<'_> {
     fn world<'a>(
         &'a self,
         logs: &[Log],
-        found: &SwingReport,
+        report: &SwingReport,
         singles: &[Effect],
         watch: &'a Watch<'a>,
     ) -> Result<(World<'a>, Shown), String> {
         // Simulated logs are shorter than real ones, so they may have more windows for their time. This does not shift estimates.
         let settings = SwingSettings {
-            clearances_m: vec![found.clearance_m],
-            law: Some(found.law),
+            clearances_m: vec![report.clearance_m],
+            law: Some(report.law),
             bounded: false,
             others: false,
             threads: self.threads,
@@ -165,10 +165,10 @@ impl Robot<'_> {
             rows.gains.get_or_insert_with(|| gains.clone());
             rows
         };
-        let all: Vec<Trajectory> = logs.iter().map(rows).collect();
-        let real = with_strengths(&all.iter().collect::<Vec<_>>(), singles);
+        let with_gains: Vec<Trajectory> = logs.iter().map(rows).collect();
+        let real = with_strengths(&with_gains.iter().collect::<Vec<_>>(), singles);
         let (real, effects) = shown(&with_springs(self.model, singles), &real, &settings, true)?;
-        if !groups_of(&real).eq(groups_of(found)) {
+        if !groups_of(&real).eq(groups_of(report)) {
             return Err("other joints swing at the policy's rate than at that of the logs".to_owned());
         }
         let theta = theta_of(&real, self.model).map_err(|error| error.to_string())?;
@@ -184,7 +184,7 @@ impl Robot<'_> {
             left -= log.duration();
             first.then(|| log.clone())
         };
-        let logs: Vec<Trajectory> = all.iter().map_while(short).collect();
+        let logs: Vec<Trajectory> = with_gains.iter().map_while(short).collect();
         let recorder = Recorder::new(Arc::new(walking), self.base.clone(), &logs.iter().collect::<Vec<_>>());
         let groups = groups_of(&real).map(str::to_owned).collect();
         let counting = watch.begin(Work {
@@ -212,13 +212,13 @@ impl Robot<'_> {
 }
 
 impl World<'_> {
-    /// `found`, whose estimates at the policy's rate are `real`, corrected.
+    /// `report`, whose estimates at the policy's rate are `real`, corrected.
     ///
     /// # Errors
     /// Why there is no correction.
-    fn corrected(&self, found: &SwingReport, real: &SwingReport) -> Result<SwingReport, String> {
+    fn corrected(&self, report: &SwingReport, real: &SwingReport) -> Result<SwingReport, String> {
         let estimates = self.correct(real)?;
-        let mut corrected = found.clone();
+        let mut corrected = report.clone();
         for (slot, Estimate { value, error }) in slots(&mut corrected).zip(estimates) {
             // The recorded logs show how much other choices of swings change an estimate.
             *slot = Estimate { value, error: error.hypot(slot.error) };
@@ -264,13 +264,13 @@ impl World<'_> {
                 response.estimates.push(with_residual(&report));
                 response.values.push(robot);
             }
-            let found = response.answer(&observed, &half).ok_or(ALIKE)?;
+            let corrected = response.answer(&observed, &half).ok_or(ALIKE)?;
             for (((centre, value), half), least) in
-                centre.iter_mut().zip(&found.values).zip(&half).zip(&least)
+                centre.iter_mut().zip(&corrected.values).zip(&half).zip(&least)
             {
                 *centre = value.clamp(*centre - 2.0 * half, *centre + 2.0 * half).max(*least);
             }
-            answer = Some(found);
+            answer = Some(corrected);
         }
         let Answer { values, errors } = answer.ok_or(ALIKE)?;
         if errors.iter().zip(&half).any(|(error, half)| *error > MAX_ERROR * half) {
@@ -408,9 +408,9 @@ fn shown(
     effects: bool,
 ) -> Result<Shown, String> {
     let logs: Vec<&Trajectory> = logs.iter().collect();
-    let (found, walks) = SwingFindings::without_effects(model, &logs, settings, &Watch::silent());
-    let effects = if effects { found.effects_of(model, &walks, settings) } else { Vec::new() };
-    Ok((found.swings.ok_or_else(|| found.why_not.unwrap_or_default())?, effects))
+    let (findings, walks) = SwingFindings::without_effects(model, &logs, settings, &Watch::silent());
+    let effects = if effects { findings.effects_of(model, &walks, settings) } else { Vec::new() };
+    Ok((findings.swings.ok_or_else(|| findings.why_not.unwrap_or_default())?, effects))
 }
 
 /// Robots of a round, for `count` numbers of each.

@@ -70,11 +70,11 @@ impl Response {
         }
         let inverse = slopes.try_inverse()?;
         let asked = DVector::from_fn(width, |at, _| estimate[at] / units[at] - said[at]);
-        let found = &inverse * asked;
+        let solution = &inverse * asked;
         let scatter = left.transpose() * &left / count as f64;
         let covariance = &inverse * scatter * inverse.transpose();
         let answer = Answer {
-            values: (0..width).map(|at| (found[at] + middle[at]) * units[at]).collect(),
+            values: (0..width).map(|at| (solution[at] + middle[at]) * units[at]).collect(),
             errors: (0..width).map(|at| covariance[(at, at)].max(0.0).sqrt() * units[at]).collect(),
         };
         let finite = answer.values.iter().chain(&answer.errors).all(|one| one.is_finite());

@@ -8,11 +8,11 @@ use gaitfit_physics::Preset;
 use gaitfit_policy::{Quantity, Term};
 
 fn judged(policy: &Policy, logs: &[Trajectory]) -> (PolicyMatch, Result<Vec<String>, Error>) {
-    let found = check(policy, &logs.iter().collect::<Vec<_>>());
+    let policy_match = check(policy, &logs.iter().collect::<Vec<_>>());
     let names: Vec<String> = (0..logs.len()).map(|k| format!("log-{k}.csv")).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let verdict = found.judge("walk.safetensors", &names);
-    (found, verdict)
+    let verdict = policy_match.judge("walk.safetensors", &names);
+    (policy_match, verdict)
 }
 
 /// Logs whose actions are changed row by row: `change(row, actions of the log)`.
@@ -29,11 +29,11 @@ fn changed(logs: &[Trajectory], change: impl Fn(usize, &[f64]) -> Vec<f64>) -> V
 fn the_policy_that_walked_is_known() {
     let scene = scene();
     let policy = policy(&scene, 3);
-    let (found, verdict) = judged(&policy, &logs(&scene, &policy, true));
-    assert!(found.exact && found.mismatch < 1e-4, "{found:?}");
+    let (policy_match, verdict) = judged(&policy, &logs(&scene, &policy, true));
+    assert!(policy_match.exact && policy_match.mismatch < 1e-4, "{policy_match:?}");
     assert!(verdict.unwrap().is_empty());
-    let (found, verdict) = judged(&policy, &logs(&scene, &policy, false));
-    assert!(!found.exact && found.mismatch < 0.5 * DOUBTFUL, "{found:?}");
+    let (policy_match, verdict) = judged(&policy, &logs(&scene, &policy, false));
+    assert!(!policy_match.exact && policy_match.mismatch < 0.5 * DOUBTFUL, "{policy_match:?}");
     assert!(verdict.unwrap().is_empty());
 }
 
@@ -42,9 +42,9 @@ fn another_policy_is_refused_by_name() {
     let scene = scene();
     let (walked, other) = (policy(&scene, 3), policy(&scene, 4));
     for privileged in [true, false] {
-        let (found, verdict) = judged(&other, &logs(&scene, &walked, privileged));
+        let (policy_match, verdict) = judged(&other, &logs(&scene, &walked, privileged));
         let text = verdict.unwrap_err().to_string();
-        assert!(text.contains("walk.safetensors") && text.contains("log-"), "{text} {found:?}");
+        assert!(text.contains("walk.safetensors") && text.contains("log-"), "{text} {policy_match:?}");
     }
 }
 
@@ -57,8 +57,8 @@ fn joints_in_another_order_are_refused() {
         row.rotate_left(3);
         row
     });
-    let (found, verdict) = judged(&policy, &swapped);
-    assert!(verdict.is_err(), "{found:?}");
+    let (policy_match, verdict) = judged(&policy, &swapped);
+    assert!(verdict.is_err(), "{policy_match:?}");
 }
 
 #[test]
@@ -68,8 +68,8 @@ fn actions_in_another_unit_are_told() {
     let scaled = changed(&logs(&scene, &policy, false), |row, action| {
         action[12 * row..12 * row + 12].iter().map(|x| 0.25 * x).collect()
     });
-    let (found, verdict) = judged(&policy, &scaled);
-    assert!(verdict.is_err(), "{found:?}");
+    let (policy_match, verdict) = judged(&policy, &scaled);
+    assert!(verdict.is_err(), "{policy_match:?}");
 }
 
 #[test]
@@ -82,10 +82,10 @@ fn actions_a_sample_late_are_told() {
             let row = row.saturating_add_signed(offset).min(last);
             action[12 * row..12 * row + 12].to_vec()
         });
-        let (found, verdict) = judged(&policy, &moved);
+        let (policy_match, verdict) = judged(&policy, &moved);
         let warnings = verdict.unwrap();
         let expected = format!("one sample {word} than");
-        assert!(warnings[0].contains(&expected), "{warnings:?} {found:?}");
+        assert!(warnings[0].contains(&expected), "{warnings:?} {policy_match:?}");
     }
 }
 
@@ -96,8 +96,11 @@ fn a_policy_that_sees_the_past_is_known_by_whole_logs_alone() {
     let scene = Task::new(&crate::robot::go2().unwrap(), &settings, Preset::Fast).unwrap();
     let (walked, other) = (policy(&scene, 3), policy(&scene, 4));
     let whole = logs(&scene, &walked, true);
-    let (found, verdict) = judged(&walked, &whole);
-    assert!(found.exact && found.mismatch < 1e-4 && found.samples > 100, "{found:?}");
+    let (policy_match, verdict) = judged(&walked, &whole);
+    assert!(
+        policy_match.exact && policy_match.mismatch < 1e-4 && policy_match.samples > 100,
+        "{policy_match:?}"
+    );
     assert!(verdict.unwrap().is_empty());
     assert!(judged(&other, &whole).1.is_err());
     let (_, verdict) = judged(&walked, &logs(&scene, &walked, false));
@@ -112,8 +115,11 @@ fn a_policy_that_sees_the_action_before_the_last_is_known_by_whole_logs() {
         settings.policy.observation.iter_mut().for_each(|term| term.history = history);
         let scene = Task::new(&crate::robot::go2().unwrap(), &settings, Preset::Fast).unwrap();
         let walked = policy(&scene, 3);
-        let (found, verdict) = judged(&walked, &logs(&scene, &walked, true));
-        assert!(found.exact && found.mismatch < 1e-4 && found.samples > 100, "{found:?}");
+        let (policy_match, verdict) = judged(&walked, &logs(&scene, &walked, true));
+        assert!(
+            policy_match.exact && policy_match.mismatch < 1e-4 && policy_match.samples > 100,
+            "{policy_match:?}"
+        );
         assert!(verdict.unwrap().is_empty());
     }
 }
@@ -134,8 +140,8 @@ fn policies_with_a_memory_or_a_graph_are_known_along_whole_logs() {
     for name in others {
         let (walked, scene) = foreign(name);
         let whole = logs(&scene, &walked, true);
-        let (found, verdict) = judged(&walked, &whole);
-        assert!(found.mismatch < 1e-3 && found.samples > 40, "{name}: {found:?}");
+        let (policy_match, verdict) = judged(&walked, &whole);
+        assert!(policy_match.mismatch < 1e-3 && policy_match.samples > 40, "{name}: {policy_match:?}");
         assert!(verdict.unwrap().is_empty());
         let (other, _) = foreign("gru.toml");
         assert!(judged(&other, &whole).1.is_err());

@@ -127,8 +127,8 @@ impl Node {
     /// The row of its elements at `places`; a single number stays as it is.
     fn picked(self, places: &[usize]) -> Self {
         match self {
-            Self::Quantity(quantity, own) if own.len() != 1 => {
-                let places = places.iter().filter_map(|&place| own.get(place).copied());
+            Self::Quantity(quantity, elements) if elements.len() != 1 => {
+                let places = places.iter().filter_map(|&place| elements.get(place).copied());
                 Self::Quantity(quantity, places.collect())
             }
             Self::One(operator, node) => Self::One(operator, Box::new(node.picked(places))),

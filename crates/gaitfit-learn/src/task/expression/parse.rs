@@ -69,16 +69,16 @@ impl Parser<'_> {
 
     /// Takes a sign, if it is next.
     fn take(&mut self, sign: &str) -> bool {
-        let found = matches!(self.token(), Token::Sign(own) if *own == sign);
-        self.next += usize::from(found);
-        found
+        let matches = matches!(self.token(), Token::Sign(next) if *next == sign);
+        self.next += usize::from(matches);
+        matches
     }
 
     /// Takes a word, if it is next.
     fn take_word(&mut self, word: &str) -> bool {
-        let found = matches!(self.token(), Token::Word(own) if own == word);
-        self.next += usize::from(found);
-        found
+        let matches = matches!(self.token(), Token::Word(next) if next == word);
+        self.next += usize::from(matches);
+        matches
     }
 
     fn expect(&mut self, sign: &str) -> Read<()> {
@@ -182,8 +182,8 @@ impl Parser<'_> {
     }
 
     fn comparison(&mut self) -> Option<Two> {
-        let found = Two::COMPARISONS.iter().find(|(sign, _)| *self.token() == Token::Sign(sign));
-        found.map(|(_, operator)| *operator)
+        let comparison = Two::COMPARISONS.iter().find(|(sign, _)| *self.token() == Token::Sign(sign));
+        comparison.map(|(_, operator)| *operator)
     }
 
     fn compared(&mut self) -> Read<Part> {

@@ -252,8 +252,8 @@ mod tests {
         assert_eq!(next(&course, 0, 0.0, 0.0, 4.0, true, 9), 0);
         assert_eq!(next(&course, 2, 0.1, 0.0, 0.0, false, 9), 2, "it was to stand");
         // Whoever passes the last one starts at any.
-        let found: Vec<usize> = (0..40).map(|step| next(&course, 3, 2.1, 3.0, 4.0, false, step)).collect();
-        assert!((0..4).all(|level| found.contains(&level)), "{found:?}");
+        let levels: Vec<usize> = (0..40).map(|step| next(&course, 3, 2.1, 3.0, 4.0, false, step)).collect();
+        assert!((0..4).all(|level| levels.contains(&level)), "{levels:?}");
     }
 
     #[test]
@@ -264,8 +264,8 @@ mod tests {
             first.contains(&0) && first.contains(&1) && first.iter().all(|level| *level < 2),
             "{first:?}"
         );
-        let found: Vec<usize> = (0..40).map(|step| next(&drawn, 0, 0.0, 0.0, 4.0, true, step)).collect();
-        assert!((0..4).all(|level| found.contains(&level)), "{found:?}");
+        let levels: Vec<usize> = (0..40).map(|step| next(&drawn, 0, 0.0, 0.0, 4.0, true, step)).collect();
+        assert!((0..4).all(|level| levels.contains(&level)), "{levels:?}");
     }
 
     #[test]

@@ -74,13 +74,13 @@ impl<'a> Shape<'a> {
             }
             TerrainKind::Stairs => {
                 let depth = at_level(self.settings.step_depth, self.fraction);
-                let all = ((half - inner) / depth + ROUNDING).floor();
+                let steps = ((half - inner) / depth + ROUNDING).floor();
                 let taken = if out < inner - ROUNDING {
                     0.0
                 } else {
                     ((out - inner) / depth + ROUNDING).floor() + 1.0
                 };
-                self.sign * at_level(self.settings.step_height, self.fraction) * (all - taken).max(0.0)
+                self.sign * at_level(self.settings.step_height, self.fraction) * (steps - taken).max(0.0)
             }
             TerrainKind::Rough => {
                 let amplitude = at_level(self.settings.roughness, self.fraction);

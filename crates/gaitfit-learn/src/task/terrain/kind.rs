@@ -42,8 +42,8 @@ impl FromStr for TerrainKind {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let known = || Self::ALL.map(Self::name).join(", ");
-        let found = Self::ALL.into_iter().find(|kind| kind.name() == text);
-        found.ok_or_else(|| format!("`{}` is no kind of terrain; the kinds are {}", shown(text), known()))
+        let kind = Self::ALL.into_iter().find(|kind| kind.name() == text);
+        kind.ok_or_else(|| format!("`{}` is no kind of terrain; the kinds are {}", shown(text), known()))
     }
 }
 
@@ -69,16 +69,16 @@ impl Kinds {
     /// Kind of each of `count` columns, and its number among those of its kind.
     pub(super) fn columns(&self, count: usize) -> Vec<(TerrainKind, usize)> {
         let shares = self.shares();
-        let all: f64 = shares.iter().map(|(_, share)| share).sum();
+        let sum: f64 = shares.iter().map(|(_, share)| share).sum();
         let mut columns: Vec<(TerrainKind, usize)> = Vec::with_capacity(count);
         for column in 0..count {
-            let place = (column as f64 + 0.5) / count as f64 * all;
+            let place = (column as f64 + 0.5) / count as f64 * sum;
             let mut so_far = 0.0;
-            let found = shares.iter().find(|(_, share)| {
+            let chosen = shares.iter().find(|(_, share)| {
                 so_far += share;
                 place < so_far
             });
-            let kind = found.or(shares.last()).map_or(TerrainKind::Flat, |(kind, _)| *kind);
+            let kind = chosen.or(shares.last()).map_or(TerrainKind::Flat, |(kind, _)| *kind);
             columns.push((kind, columns.iter().filter(|(other, _)| *other == kind).count()));
         }
         columns

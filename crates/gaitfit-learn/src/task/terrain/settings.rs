@@ -96,7 +96,7 @@ impl TerrainSettings {
     /// Refuses numbers out of range, by setting.
     pub(in crate::task) fn check(&self) -> Result<(), TaskError> {
         // What only one kind uses may be anything where that kind is not: its default need not fit other settings.
-        let has = |kind| self.kind.shares().iter().any(|(own, share)| *own == kind && *share > 0.0);
+        let has = |kind| self.kind.shares().iter().any(|(other, share)| *other == kind && *share > 0.0);
         let (rough, stairs) = (has(TerrainKind::Rough), has(TerrainKind::Stairs));
         for (setting, value, [low, high], counts) in [
             ("terrain.size", self.size, [0.5, 100.0], true),
