@@ -106,8 +106,8 @@ fn note_taken(source: &mut Source, mapping: &Mapping) {
 pub(crate) fn all_taken(sources: &[Source], mapping: &Mapping) -> Result<(), ImportError> {
     let missing = |wanted: &&String| !sources.iter().any(|source| source.taken.contains(wanted));
     let Some(wanted) = mapping.streams.take.iter().find(missing) else { return Ok(()) };
-    let all = sources.iter().flat_map(|source| &source.takeable).take(MAX_SHOWN);
-    let found = all.map(|name| shown(name)).collect::<Vec<_>>().join(", ");
+    let names = sources.iter().flat_map(|source| &source.takeable).take(MAX_SHOWN);
+    let found = names.map(|name| shown(name)).collect::<Vec<_>>().join(", ");
     Err(ImportError::NoSuchStream { wanted: wanted.clone(), found })
 }
 
@@ -370,17 +370,18 @@ pub(crate) fn convert(source: &mut Source, mapping: &Mapping) -> Result<(), Impo
                 Some(unit) => TimeUnit::from(unit),
                 None => match TimeUnit::ALL.into_iter().find(|unit| name.ends_with(suffix(*unit))) {
                     Some(unit) => unit,
-                    None => match recognise_time_unit(&table.time, mapping.rate_hz, || None)
-                        .map_err(problem)?
-                    {
-                        Some(found) => {
-                            source
-                                .assumed
-                                .push(format!("{}: times are {}: {}", table.name, found.unit, found.because));
-                            found.unit
+                    None => {
+                        match recognise_time_unit(&table.time, mapping.rate_hz, || None).map_err(problem)? {
+                            Some(converted) => {
+                                source.assumed.push(format!(
+                                    "{}: times are {}: {}",
+                                    table.name, converted.unit, converted.because
+                                ));
+                                converted.unit
+                            }
+                            None => TimeUnit::Seconds,
                         }
-                        None => TimeUnit::Seconds,
-                    },
+                    }
                 },
             };
             table.time.iter_mut().for_each(|time| *time /= unit.per_second());

@@ -71,10 +71,10 @@ pub fn gains(
             shown_number(time[row])
         );
         let span = Span { start: row, end: time.len(), from_s: time[row], to_s: time[time.len() - 1] };
-        let mut found =
+        let mut finding =
             finding(FindingKind::GainsChange, Severity::Error, vec![joints[joint].clone()], message);
-        found.span = Some(span);
-        findings.push(found);
+        finding.span = Some(span);
+        findings.push(finding);
     }
     let first = |values: &[f64]| values[..width].to_vec();
     let logged = Gains { kp: first(&columns.kp), kd: first(&columns.kd) };
