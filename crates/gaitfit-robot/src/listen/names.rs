@@ -102,14 +102,14 @@ mod tests {
 
     #[test]
     fn names_are_ros_2s_in_dds_and_back() {
-        let found = topics(&table(&[
+        let topics = topics(&table(&[
             ("/robot/joint_states", "sensor_msgs/msg/JointState"),
             ("imu", "sensor_msgs/Imu"),
             ("rt/lowstate", "unitree_go/msg/LowState"),
         ]));
-        let found = found.unwrap();
+        let topics = topics.unwrap();
         let names: Vec<(String, String)> =
-            found.iter().map(|topic| (topic.dds_name(), topic.dds_type())).collect();
+            topics.iter().map(|topic| (topic.dds_name(), topic.dds_type())).collect();
         let wanted = [
             ("rt/robot/joint_states", "sensor_msgs::msg::dds_::JointState_"),
             ("rt/imu", "sensor_msgs::msg::dds_::Imu_"),
@@ -118,7 +118,7 @@ mod tests {
         for (name, kind) in wanted {
             assert!(names.contains(&(name.to_owned(), kind.to_owned())), "{name} {names:?}");
         }
-        for topic in &found {
+        for topic in &topics {
             assert_eq!(Topic::from_dds(&topic.dds_name(), &topic.dds_type()).as_ref(), Some(topic));
         }
         assert_eq!(Topic::from_dds("ros_discovery_info", "rmw_dds_common::msg::dds_::X_"), None);

@@ -158,26 +158,27 @@ fn joint(
 ) -> Option<(JointMotion, Option<Carried>)> {
     let window = window(sampled, motor)?;
     let rows = &sampled.rows;
-    let travelled = |of: usize| span(rows[window.clone()].iter().map(|row| f64::from(row.state.q[of])));
-    let others = (0..robot.motors.len()).filter(|of| *of != motor).map(|of| (of, travelled(of)));
+    let travelled = |index: usize| span(rows[window.clone()].iter().map(|row| f64::from(row.state.q[index])));
+    let others =
+        (0..robot.motors.len()).filter(|index| *index != motor).map(|index| (index, travelled(index)));
     let other = others.max_by(|a, b| a.1.total_cmp(&b.1));
-    let found = response(sampled, window.clone(), motor, (2.0 * SLOW / DT) as usize);
-    let equation = found.and_then(|found| found.equation);
+    let response = response(sampled, window.clone(), motor, (2.0 * SLOW / DT) as usize);
+    let equation = response.and_then(|response| response.equation);
     let carried = file.zip(equation).and_then(|(file, equation)| {
         Some(Carried { load: weigh(sampled, robot, &window, motor, file)?, equation })
     });
-    let torque = found.and_then(|found| found.torque);
+    let torque = response.and_then(|response| response.torque);
     let motion = JointMotion {
         joint: robot.motors[motor].joint.clone(),
         moved: travelled(motor),
         asked: 2.0 * f64::from(plan.amplitude()[motor]),
-        other: other.map(|(of, far)| (robot.motors[of].joint.clone(), far)),
-        follows: found.map(|found| found.follows),
-        delay: equation.and_then(|found| found.delay),
+        other: other.map(|(index, far)| (robot.motors[index].joint.clone(), far)),
+        follows: response.map(|response| response.follows),
+        delay: equation.and_then(|equation| equation.delay),
         torque_delay: torque.map(|torque| torque.delay),
-        friction: equation.map(|found| found.friction),
-        damping: equation.map(|found| found.damping),
-        inertia: equation.and_then(|found| found.inertia),
+        friction: equation.map(|equation| equation.friction),
+        damping: equation.map(|equation| equation.damping),
+        inertia: equation.and_then(|equation| equation.inertia),
         armature: None,
         torque_gain: torque.map(|torque| torque.gain),
         zero: None,

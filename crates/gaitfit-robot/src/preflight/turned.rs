@@ -127,12 +127,12 @@ mod tests {
             let of_base = from_rpy(a, b, c);
             // What the unit reads of a turn about each axis of the base.
             let read = axes(inverse(of_base));
-            let found = mounting(read).unwrap();
-            let away = turn_between(found, of_base);
-            assert!(dot(away, away).sqrt() < 1e-9, "{degrees:?}: {found:?}");
-            let (nearest, off) = nearest_quarter_turns(found);
+            let turn = mounting(read).unwrap();
+            let away = turn_between(turn, of_base);
+            assert!(dot(away, away).sqrt() < 1e-9, "{degrees:?}: {turn:?}");
+            let (nearest, off) = nearest_quarter_turns(turn);
             assert!(off < 1e-6 && nearest == degrees, "{nearest:?} {degrees:?}");
-            assert!(angle(rotate(found, read[1]), [0.0, 1.0, 0.0]) < 1e-9);
+            assert!(angle(rotate(turn, read[1]), [0.0, 1.0, 0.0]) < 1e-9);
         }
         assert_eq!(mounting([[1.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.0, 0.0, 1.0]]), None);
     }
