@@ -276,7 +276,7 @@ impl Session {
         squares: bool,
     ) -> Result<(Vec<f64>, Vec<f64>, Vec<u32>), FitError> {
         let mut comparison = self.comparison.take();
-        let found = match (&mut comparison, self.results()) {
+        let results = match (&mut comparison, self.results()) {
             (Some(comparison), Some((signals, ends))) => {
                 if distances > 0 {
                     comparison.start_distances(stream, signals, ends, distances, compared)?;
@@ -289,6 +289,6 @@ impl Session {
             _ => Default::default(),
         };
         self.comparison = comparison;
-        Ok(found)
+        Ok(results)
     }
 }

@@ -195,7 +195,7 @@ impl Batch {
     /// No list, or one of another length; a failure of the GPU.
     pub fn write_memory(&mut self, stream: &Stream, values: &[Vec<f64>]) -> Result<(), DeviceError> {
         let count = self.period.memory.iter().filter(|&&asked| asked).count();
-        if let Some(found) = values.iter().map(Vec::len).find(|&found| found != count) {
+        if let Some(found) = values.iter().map(Vec::len).find(|&length| length != count) {
             let must = format!("lists of {count} numbers, one at least");
             return Err(DeviceError::Count { what: "memory", must, found });
         }
@@ -225,7 +225,7 @@ impl Batch {
         count: usize,
         values: &[Vec<f64>],
     ) -> Result<(), DeviceError> {
-        let wrong = values.iter().map(Vec::len).find(|&found| found != count);
+        let wrong = values.iter().map(Vec::len).find(|&length| length != count);
         if values.is_empty() || wrong.is_some() {
             let must = format!("lists of {count} numbers, one at least");
             return Err(DeviceError::Count { what, must, found: wrong.unwrap_or(0) });
