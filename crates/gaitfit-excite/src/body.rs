@@ -338,10 +338,10 @@ fn torques(settings: &ChirpSettings, model: &Model, moved: &[usize]) -> Result<V
 
 /// When each joint moves.
 fn turns(model: &Model, moved: &[usize], turns: Turns) -> Vec<Option<usize>> {
-    let mut found = vec![None; model.joints.len()];
+    let mut slots = vec![None; model.joints.len()];
     let mut limbs: Vec<usize> = Vec::new();
     for (order, &joint) in moved.iter().enumerate() {
-        found[joint] = Some(match turns {
+        slots[joint] = Some(match turns {
             Turns::All => 0,
             Turns::Joints => order,
             Turns::Limbs => {
@@ -353,7 +353,7 @@ fn turns(model: &Model, moved: &[usize], turns: Turns) -> Vec<Option<usize>> {
             }
         });
     }
-    found
+    slots
 }
 
 /// The joints that chirps turn if none are named: all hinges.

@@ -156,11 +156,12 @@ mod tests {
         let usual = ranges();
         let pool = Pool::new(&usual, 1.0, 4.0, 3);
         let one = Sequence { steps: vec![(0.0, [1.0, 0.0, -0.5]), (2.0, [0.5, 0.4, 0.0])] };
-        let found = pool.variants(&[&one], 100, 40);
-        assert!(found.iter().all(|variant| variant.steps[1].0 == 2.0 && *variant != one));
-        let commands = || found.iter().flat_map(|variant| variant.steps.iter().map(|(_, command)| *command));
+        let variants = pool.variants(&[&one], 100, 40);
+        assert!(variants.iter().all(|variant| variant.steps[1].0 == 2.0 && *variant != one));
+        let commands =
+            || variants.iter().flat_map(|variant| variant.steps.iter().map(|(_, command)| *command));
         assert!(commands().all(|command| within(command, [usual.x, usual.y, usual.yaw])));
-        let mean = found.iter().map(|variant| variant.steps[0].1[2]).sum::<f64>() / 40.0;
+        let mean = variants.iter().map(|variant| variant.steps[0].1[2]).sum::<f64>() / 40.0;
         assert!((mean + 0.5).abs() < 0.15, "{mean}");
         assert!(pool.variants(&[], 0, 40).is_empty());
     }

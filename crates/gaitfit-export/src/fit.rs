@@ -37,8 +37,8 @@ impl Fit {
         if self.config.robot.is_empty() {
             return Ok(None);
         }
-        let found = paths::find(&self.config.robot, "robot", &self.path).map_err(advised)?;
-        Ok(Some((found, settings.lenient || self.config.lenient)))
+        let path = paths::find(&self.config.robot, "robot", &self.path).map_err(advised)?;
+        Ok(Some((path, settings.lenient || self.config.lenient)))
     }
 
     /// The gains of the robot's joints, and where they are stated: in the first log, in the configuration, or by the policy.
