@@ -80,15 +80,15 @@ pub fn topics(table: &BTreeMap<String, String>) -> Result<Vec<Topic>, RobotError
     if table.len() > MAX_TOPICS {
         return refuse(format!("{} of them; {MAX_TOPICS} at most", table.len()));
     }
-    let mut all: Vec<Topic> = Vec::with_capacity(table.len());
+    let mut topics: Vec<Topic> = Vec::with_capacity(table.len());
     for (name, kind) in table {
         let topic = Topic::new(name, kind).map_err(RobotError::Topics)?;
-        if all.iter().any(|other| other.name == topic.name) {
+        if topics.iter().any(|other| other.name == topic.name) {
             return refuse(format!("`{}` is there twice; name each topic once", topic.name));
         }
-        all.push(topic);
+        topics.push(topic);
     }
-    Ok(all)
+    Ok(topics)
 }
 
 #[cfg(test)]

@@ -111,13 +111,13 @@ pub fn moved(
     let (mut joints, mut mass_factor) = (Vec::new(), None);
     if let Some(plan) = &flown.plan {
         let vertical = mean_attitude(&flown.heard).map(up).filter(|up| up[2] > LEVEL);
-        let all = plan.order().iter().filter_map(|&motor| {
+        let motions = plan.order().iter().filter_map(|&motor| {
             let (one, carried) = joint(sampled, robot, plan, motor, model.zip(vertical))?;
             Some((one, carried, f64::from(plan.kp()[motor])))
         });
-        let all: Vec<_> = all.collect();
-        mass_factor = heavier(all.iter().filter_map(|(_, carried, _)| carried.as_ref()));
-        for (mut one, carried, kp) in all {
+        let motions: Vec<_> = motions.collect();
+        mass_factor = heavier(motions.iter().filter_map(|(_, carried, _)| carried.as_ref()));
+        for (mut one, carried, kp) in motions {
             if let (Some(carried), Some(factor)) = (carried, mass_factor) {
                 (one.zero, one.armature) = carried.zero(factor);
             }
@@ -136,8 +136,8 @@ pub fn moved(
 }
 
 /// The delay of all joints, from the delays of each.
-fn together(all: impl Iterator<Item = Measured>) -> Option<Measured> {
-    let delays: Vec<f64> = all.filter(|one| one.error < WORST_ERROR).map(|one| one.value).collect();
+fn together(measured: impl Iterator<Item = Measured>) -> Option<Measured> {
+    let delays: Vec<f64> = measured.filter(|one| one.error < WORST_ERROR).map(|one| one.value).collect();
     let Measured { value, error } = robust(&delays);
     (delays.len() >= 3).then_some(Measured { value, error: error.max(LEAST_ERROR) })
 }
@@ -212,9 +212,9 @@ struct Carried {
 }
 
 /// Weight of the links over that of the file: the middle of all joints.
-fn heavier<'c>(all: impl Iterator<Item = &'c Carried>) -> Option<f64> {
+fn heavier<'c>(loads: impl Iterator<Item = &'c Carried>) -> Option<f64> {
     let mut none = true;
-    let factors: Vec<f64> = all
+    let factors: Vec<f64> = loads
         .inspect(|_| none = false)
         .filter(|one| one.load.torque.abs() > CARRIED)
         .map(|one| one.equation.weight.value / one.load.torque)
@@ -237,8 +237,10 @@ impl Carried {
             error: error / slope.abs().max(1e-6),
         };
         let links = factor * links;
-        let armature =
-            inertia.map(|all| Measured { value: all.value - links, error: all.error.hypot(WEIGHT * links) });
+        let armature = inertia.map(|inertia| Measured {
+            value: inertia.value - links,
+            error: inertia.error.hypot(WEIGHT * links),
+        });
         (zero.value.is_finite().then_some(zero), armature)
     }
 }

@@ -12,9 +12,9 @@ pub(super) fn orientation(quaternion: [f32; 4]) -> Option<Quat> {
 }
 
 /// The mean of orientations that are near each other.
-pub(super) fn mean_orientation(all: impl IntoIterator<Item = Quat>) -> Option<Quat> {
+pub(super) fn mean_orientation(orientations: impl IntoIterator<Item = Quat>) -> Option<Quat> {
     let mut sum = [0.0f64; 4];
-    for q in all {
+    for q in orientations {
         let along: f64 = sum.iter().zip(&q).map(|(a, b)| a * b).sum();
         let sign = if along < 0.0 { -1.0 } else { 1.0 };
         sum.iter_mut().zip(&q).for_each(|(sum, x)| *sum += sign * x);
