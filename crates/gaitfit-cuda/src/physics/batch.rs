@@ -243,8 +243,8 @@ impl Batch {
     /// Another number of candidates or weights; a failure of the GPU.
     pub fn write_weights(&mut self, stream: &Stream, candidates: &[Vec<f64>]) -> Result<(), DeviceError> {
         let layout = &self.period.layout;
-        let all = layout.inputs.iter().copied().filter(|place| place.class == Class::Weights);
-        let asked = all.zip(&self.period.weights).filter(|(_, asked)| **asked);
+        let weights = layout.inputs.iter().copied().filter(|place| place.class == Class::Weights);
+        let asked = weights.zip(&self.period.weights).filter(|(_, asked)| **asked);
         let places: Vec<Place> = asked.map(|(place, _)| place).collect();
         let count = self.environments / self.per_candidate;
         let lengths = candidates.iter().all(|own| own.len() == places.len());
@@ -324,7 +324,7 @@ impl Batch {
 
 /// The numbers that a visit adds.
 fn listed(visit: impl FnOnce(&mut dyn FnMut(Slot, f64))) -> Vec<f64> {
-    let mut all = Vec::new();
-    visit(&mut |_, number| all.push(number));
-    all
+    let mut numbers = Vec::new();
+    visit(&mut |_, number| numbers.push(number));
+    numbers
 }
