@@ -282,9 +282,9 @@ fn gains(
         notes.push("gains are those of the fit's configuration".to_owned());
         return resolved(kp, kd);
     }
-    let all: Vec<usize> = (0..names.len()).collect();
+    let joints: Vec<usize> = (0..names.len()).collect();
     if let Some((policy, source)) = task.map(|(task, source)| (&task.policy, source)) {
-        let resolved = |gain: &gaitfit_learn::task::JointNumber, what| gain.of_joints(model, &all, what);
+        let resolved = |gain: &gaitfit_learn::task::JointNumber, what| gain.of_joints(model, &joints, what);
         if let (Ok(kp), Ok(kd)) = (resolved(&policy.kp, "kp"), resolved(&policy.kd, "kd")) {
             notes.push(format!(
                 "gains are those that `gaitfit init` computes ({source}); give your robot's own with --kp and --kd"
@@ -293,7 +293,7 @@ fn gains(
         }
     }
     let servos: Option<Vec<[f64; 2]>> =
-        all.iter().map(|&joint| gaitfit_world::init::servo(model, joint)).collect();
+        joints.iter().map(|&joint| gaitfit_world::init::servo(model, joint)).collect();
     match servos {
         Some(servos) => {
             notes.push(

@@ -380,16 +380,16 @@ fn asked(patterns: &[String], theta: &Theta) -> Result<Option<Vec<usize>>, Error
 
 /// Entries that logs with these deviations do not identify; all if there are no logs, or they identify all.
 fn unidentified(theta: &Theta, deviation: &[f64], recorded: bool, notes: &mut Vec<String>) -> Vec<usize> {
-    let all = 0..theta.len();
+    let entries = 0..theta.len();
     let left: Vec<usize> =
-        all.clone().filter(|&at| !identifies(&theta.entries()[at], deviation[at])).collect();
+        entries.clone().filter(|&at| !identifies(&theta.entries()[at], deviation[at])).collect();
     if !left.is_empty() {
         return left;
     }
     if recorded {
         notes.push("the configuration's logs identify every parameter: all count".to_owned());
     }
-    all.collect()
+    entries.collect()
 }
 
 /// Geometric mean of each parameter's deviation over random sets of the usual sequences, beside the logs `known`.

@@ -43,8 +43,8 @@ impl<'a> Pool<'a> {
         (0..count).map(one).collect()
     }
 
-    /// `count` variants of the sequences `of`, in turn, clear of those with smaller numbers than `first`.
-    pub fn variants(&self, of: &[&Sequence], first: usize, count: usize) -> Vec<Sequence> {
+    /// `count` variants of `sequences`, in turn, clear of those with smaller numbers than `first`.
+    pub fn variants(&self, sequences: &[&Sequence], first: usize, count: usize) -> Vec<Sequence> {
         let one = |number: usize| {
             let stream = self.stream(first + number);
             let step = |(at, (time, command)): (usize, &(f64, [f64; 3]))| {
@@ -55,9 +55,11 @@ impl<'a> Pool<'a> {
                 };
                 (*time, std::array::from_fn(moved))
             };
-            Sequence { steps: of[number % of.len()].steps.iter().enumerate().map(step).collect() }
+            Sequence {
+                steps: sequences[number % sequences.len()].steps.iter().enumerate().map(step).collect(),
+            }
         };
-        (0..if of.is_empty() { 0 } else { count }).map(one).collect()
+        (0..if sequences.is_empty() { 0 } else { count }).map(one).collect()
     }
 
     fn stream(&self, number: usize) -> Stream {

@@ -140,7 +140,7 @@ fn is_said(known: &str, mapping: &Mapping) -> bool {
 /// What the mapping's `[columns]` makes of the columns that there are.
 fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>, ImportError> {
     let mut out = IndexMap::new();
-    let all: Vec<&String> = tables.iter().flat_map(|table| table.columns.keys()).collect();
+    let present: Vec<&String> = tables.iter().flat_map(|table| table.columns.keys()).collect();
     let refuse = |problem: String| Err(ImportError::Mapping { problem });
     for (role, names) in named(&mapping.columns) {
         match names {
@@ -151,7 +151,7 @@ fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>,
                     return refuse(format!("columns: {} names are not the right number of them", list.len()));
                 };
                 for (name, column) in list.iter().zip(columns) {
-                    if !all.contains(&name) {
+                    if !present.contains(&name) {
                         return refuse(format!("no column `{}` in the file", shown(name)));
                     }
                     if out.insert(name.clone(), column).is_some() {
@@ -161,17 +161,18 @@ fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>,
             }
             Some(Names::One(pattern)) => {
                 let before = out.len();
-                for name in &all {
+                for name in &present {
                     if let Some(column) = by_pattern(pattern, name, role) {
                         out.insert((*name).clone(), column);
                     }
                 }
-                let is_array = all.iter().any(|name| canonical(name).is_some()) && role.prefix().is_some();
+                let is_array =
+                    present.iter().any(|name| canonical(name).is_some()) && role.prefix().is_some();
                 if out.len() == before && !is_array {
                     return refuse(format!(
                         "no column fits `{}`; the file has {}",
                         shown(pattern),
-                        listed(&all)
+                        listed(&present)
                     ));
                 }
             }

@@ -144,10 +144,10 @@ pub fn fold(
     }
     let without: Vec<usize> = (0..width).filter(|&joint| gains.kp[joint] <= 0.0 && driven(joint)).collect();
     if !without.is_empty() {
-        let all: Vec<String> = without.iter().map(|&joint| joints[joint].clone()).collect();
-        let list = names(all.iter().map(String::as_str));
+        let joint_names: Vec<String> = without.iter().map(|&joint| joints[joint].clone()).collect();
+        let list = names(joint_names.iter().map(String::as_str));
         return refuse(
-            all,
+            joint_names,
             format!(
                 "{list} have no position gain: a simulation needs a PD controller; record with kp above 0"
             ),

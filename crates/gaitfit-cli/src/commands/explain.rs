@@ -158,7 +158,7 @@ fn without_simulation(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<Look
     let ExplainInput { logs, robot, lenient, .. } = input;
     let path = Some(robot);
     let model = robot::named(robot, lenient)?;
-    let (all, used) = if logs.is_dir() {
+    let (count, used) = if logs.is_dir() {
         let spec = |log: &Trajectory| CheckSpec::of_robot(&model, &log.joints);
         let read = |count: &mut Count<'_>| summarise_folder(logs, &ReadOptions::default(), &spec, count);
         let summary = watch.counted("log", "logs", read).map_err(Failure::failed)?;
@@ -187,7 +187,7 @@ fn without_simulation(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<Look
     Ok(Looked {
         read: used.len(),
         seconds: used.iter().map(seconds).sum(),
-        left_out: all.saturating_sub(used.len()),
+        left_out: count.saturating_sub(used.len()),
         warnings: Vec::new(),
         findings,
     })

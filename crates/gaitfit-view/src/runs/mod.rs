@@ -175,8 +175,8 @@ pub fn runs_html(report: &RunsReport) -> Result<String, ReportError> {
     page::render(include_str!("runs.html"), page)
 }
 
-fn last<T>(all: &[T], count: usize) -> &[T] {
-    &all[all.len().saturating_sub(count)..]
+fn last<T>(items: &[T], count: usize) -> &[T] {
+    &items[items.len().saturating_sub(count)..]
 }
 
 fn run(run: &Run) -> RunRow {

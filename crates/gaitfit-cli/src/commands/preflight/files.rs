@@ -99,9 +99,9 @@ fn fit(args: &Preflight, robot: &Robot, document: &Document, has_log: bool) -> S
 
 /// Joint groups that a fit has by itself, if they cover all joints of the robot.
 fn groups(robot: &Robot) -> Option<[&'static str; 3]> {
-    let all = ["hip", "thigh", "calf"];
-    let covered = |joint: &str| all.iter().any(|group| joint.ends_with(&format!("_{group}")));
-    robot.motors.iter().all(|motor| covered(&motor.joint)).then_some(all)
+    let groups = ["hip", "thigh", "calf"];
+    let covered = |joint: &str| groups.iter().any(|group| joint.ends_with(&format!("_{group}")));
+    robot.motors.iter().all(|motor| covered(&motor.joint)).then_some(groups)
 }
 
 /// The fitted parameters: friction, armature, damping and the delay.
