@@ -264,15 +264,12 @@ fn commands_are_chosen_and_played() {
     };
     let output = choose("commands.csv", &["--threads", "1"]);
     assert!(output.status.success(), "{}", errors(&output));
-    let report = json(&output);
-    assert!(report["ratio"].as_f64().unwrap() < 1.0, "{report}");
+    let plan = json(&output);
+    assert!(plan["ratio"].as_f64().unwrap() < 1.0, "{plan}");
     // Friction and armature of three groups and the delay; two rounds of three variants.
-    assert_eq!((report["parameters"].as_array().unwrap().len(), &report["pool"]), (7, &18.into()));
-    assert!(report["parameters"][0]["chosen"].as_f64().unwrap() > 0.0);
-    assert!(
-        report["recorded_seconds"].is_null() && report["parameters"][0]["recorded"].is_null(),
-        "{report}"
-    );
+    assert_eq!((plan["parameters"].as_array().unwrap().len(), &plan["pool"]), (7, &18.into()));
+    assert!(plan["parameters"][0]["chosen"].as_f64().unwrap() > 0.0);
+    assert!(plan["recorded_seconds"].is_null() && plan["parameters"][0]["recorded"].is_null(), "{plan}");
     let text = std::fs::read_to_string(at("commands.csv")).unwrap();
     // The same whatever the threads; others for friction alone and from another seed.
     assert!(choose("again.csv", &["--threads", "2"]).status.success());
@@ -317,7 +314,7 @@ fn commands_are_chosen_and_played() {
     let more = json(&more);
     assert!((more["recorded_seconds"].as_f64().unwrap() - 2.36).abs() < 0.1, "{more}");
     for (alone, both) in
-        report["parameters"].as_array().unwrap().iter().zip(more["parameters"].as_array().unwrap())
+        plan["parameters"].as_array().unwrap().iter().zip(more["parameters"].as_array().unwrap())
     {
         let of = |of: &serde_json::Value, key: &str| of[key].as_f64().unwrap();
         let (recorded, chosen) = (of(both, "recorded"), of(both, "chosen"));

@@ -219,11 +219,7 @@ fn keys_of_a_terminal_steer_and_leave_it_as_it_was() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("out");
         let terminal = nix::pty::openpty(None, None).unwrap();
-        let flags = || {
-            tcgetattr(&terminal.slave)
-                .map(|attributes| (attributes.local_flags, attributes.input_flags))
-                .unwrap()
-        };
+        let flags = || tcgetattr(&terminal.slave).map(|mode| (mode.local_flags, mode.input_flags)).unwrap();
         let before: (LocalFlags, InputFlags) = flags();
         let mut command = program();
         command.args([
